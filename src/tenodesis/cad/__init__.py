@@ -7,31 +7,22 @@ Needs the extra ``[cad]`` (build123d, trimesh). Solids are the kernel's, in mm; 
     tn.cad.tip_inertia(model)                   # kg·m², for dynamics.tip_inertia
 """
 
-from tenodesis.cad.assembly import (
-    Inertia,
-    Mass,
-    Overlap,
-    Placed,
-    assembled,
-    inertias,
-    interference,
-    masses,
-    mesh_play,
-    tendon_length,
-    tip_inertia,
-    tip_place,
-)
+from tenodesis.cad.assembly import Overlap, Placed, assembled, interference, mesh_play
 from tenodesis.cad.body_parts import Hardware
 from tenodesis.cad.checks import Agreement, Printable, agreement
 from tenodesis.cad.drawing import Row, draw_part, rows, write_drawings
+from tenodesis.cad.masses import Inertia, Mass, inertias, masses, tip_inertia
 from tenodesis.cad.model import Model, build
-from tenodesis.cad.pack import FILES, Checks, check, write
+from tenodesis.cad.pack import FILES, FOLDERS, Checks, check, write
 from tenodesis.cad.parts import Dimension, Part
 from tenodesis.cad.picture import draw_assembly, draw_exploded
 from tenodesis.cad.process import PROCESSES, Process
+from tenodesis.cad.routes import tendon_lengths, tip_places
+from tenodesis.cad.urdf import urdf
 
 __all__ = [
     "FILES",
+    "FOLDERS",
     "PROCESSES",
     "Agreement",
     "Checks",
@@ -58,9 +49,10 @@ __all__ = [
     "masses",
     "mesh_play",
     "rows",
-    "tendon_length",
+    "tendon_lengths",
     "tip_inertia",
-    "tip_place",
+    "tip_places",
+    "urdf",
     "write",
     "write_drawings",
 ]

@@ -1,7 +1,7 @@
-"""The assembly at given angles, and what its solids say: interference, masses, inertias, tendons, the tip."""
+"""The assembly at given angles: where its parts are, whether they overlap, and whether its gears mesh."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from tenodesis import kinematics
 from tenodesis.cad import kernel as k
 from tenodesis.cad.backbone_parts import Backbone, arc_place, bent_rod
+from tenodesis.cad.gear_joint import GearJoint
 from tenodesis.cad.kernel import Location, Solid
 from tenodesis.cad.model import Model
 from tenodesis.cad.parts import Part
@@ -19,6 +20,8 @@ from tenodesis.run import Array
 _TOUCHING = 1e-3
 """Shared volume, mm³, below which parts count as touching only."""
 Progress = Callable[[float, float, str], None]
+Placing = Callable[[Part, Location], Location]
+"""The place of a part's body, by the part and its place in it."""
 
 
 class Placed(NamedTuple):
@@ -45,15 +48,6 @@ class Overlap(NamedTuple):
     handle_angle: float
 
 
-class Mass(NamedTuple):
-    """Mass, kg, of all pieces of a part, and its volume, m³."""
-
-    part: str
-    pieces: int
-    mass: float
-    volume: float
-
-
 def assembled(
     model: Model, output_angle: float = 0.0, handle_angle: float | None = None, *, exploded: float = 0.0
 ) -> list[Placed]:
@@ -62,13 +56,14 @@ def assembled(
     Without a handle angle it is that of the output angle without a load (eq. 18). A share `exploded` moves parts apart.
     Raises ValueError if the handle cannot bend as far.
     """
-    frame = _frames(model, output_angle, handle_angle)
+    frame = frames_of(model, output_angle, handle_angle)
     found = []
     for part in model.parts:
-        away = k.at(*(exploded * one for one in part.away))
+        x, y, z = part.away
+        away = k.at(exploded * x, exploded * y, exploded * z)
         for number, place in enumerate(part.places):
-            solid = bent_rod(_backbone(model), output_angle) if part.body == "rod" else part.solid
-            found.append(Placed(part, number, frame(part, place) * away * _own(place, part) * solid))
+            solid = bent_rod(backbone_of(model), output_angle) if part.body == "rod" else part.solid
+            found.append(Placed(part, number, frame(part, place) * away * own_place(place, part) * solid))
     return found
 
 
@@ -85,9 +80,13 @@ def interference(
         if progress is not None:
             progress(done, len(postures), "interference")
         placed = assembled(model, output, handle)
+        boxes = [k.bounds(one.solid) for one in placed]
         at_tip = done < len(output_angles)
         for number, one in enumerate(placed):
-            for other in placed[number + 1 :]:
+            for beyond, other in enumerate(placed[number + 1 :], start=number + 1):
+                (low, high), (least, most) = boxes[number], boxes[beyond]
+                if (low >= most).any() or (high <= least).any():
+                    continue
                 fixed = one.part.body == other.part.body and one.part.body != "arc"
                 if done and (fixed or not (_moves(one, at_tip) or _moves(other, at_tip))):
                     continue
@@ -97,10 +96,10 @@ def interference(
     return found
 
 
-def mesh_play(model: Model, output_angle: float, *, tip: bool = True, step: float = 2e-4) -> tuple[float, float]:
+def mesh_play(model: Model, output_angle: float, *, tip: bool = True) -> tuple[float, float]:
     """Return how far a gear pair's far body can turn about its axis either way until its teeth touch, rad.
 
-    The two angles are the backlash that the solids have; found to `step` by bisection with the kernel. Raises
+    The two angles are the backlash that the solids have; found by bisection to a twentieth of the process's backlash. Raises
     ValueError if the joint is no gear pair.
     """
     names = ("tip_gear_near", "tip_gear_far") if tip else ("handle_gear_near", "handle_gear_far")
@@ -108,197 +107,28 @@ def mesh_play(model: Model, output_angle: float, *, tip: bool = True, step: floa
         raise ArgumentError(key="model", value=model.instrument.joint_type, allowed="an instrument of gear pairs")
     angles = (output_angle, 0.0) if tip else (0.0, output_angle)
     near, far = (next(one for one in assembled(model, *angles) if one.name == name) for name in names)
-    frame = _frames(model, *angles)(far.part, k.at())
-    back = frame.inverse() * far.solid
+    frame = frames_of(model, *angles)(far.part, k.at())
+    # Only the teeth about the point of contact matter.
+    joint = model.joints[0 if tip else 1]
+    assert isinstance(joint, GearJoint)
+    reach = 3 * joint.gear.module
+    window = k.at(z=(1 if tip else -1) * joint.gear.pitch_radius) * k.box(*[(-reach, reach)] * 3)
+    window = frames_of(model, *angles)(model.part("tip_link" if tip else "handle_link"), k.at()) * window
+    teeth = k.common(near.solid, window)
+    back = frame.inverse() * k.common(far.solid, window)
     found = []
     for side in (1, -1):
-        free, stuck = 0.0, 0.2
-        while stuck - free > step:
+        usual = joint.gear.backlash / (2 * joint.gear.pitch_radius)
+        free, stuck = 0.0, 3 * usual
+        while stuck - free > usual / 20:
             middle = (free + stuck) / 2
             turned = frame * k.turned_about_y(side * middle) * back
-            free, stuck = (free, middle) if k.common_volume(near.solid, turned) > 1e-4 else (middle, stuck)
+            free, stuck = (free, middle) if k.common_volume(teeth, turned) > 1e-4 else (middle, stuck)
         found.append(free)
     return found[0], found[1]
 
 
-def masses(model: Model) -> list[Mass]:
-    """Return the mass of every part, from its solid and its density."""
-    return [
-        Mass(
-            part.name,
-            len(part.places),
-            part.solid.volume * 1e-9 * part.density * len(part.places),
-            part.solid.volume * 1e-9 * len(part.places),
-        )
-        for part in model.parts
-    ]
-
-
-class Inertia(NamedTuple):
-    """Mass, kg; centre of mass, m; and inertia about it, kg·m² (3, 3): of a body in its own frame."""
-
-    mass: float
-    centre: Array
-    about_centre: Array
-
-    def about(self, point: Array) -> Array:
-        """Return the inertia about a point, kg·m² (3, 3)."""
-        arm = np.asarray(point) - self.centre
-        moved: Array = self.about_centre + self.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-        return moved
-
-
-def inertias(model: Model) -> dict[str, Inertia]:
-    """Return the inertia of each moving body of the instrument, by the names of :func:`tenodesis.kinematics.frames`.
-
-    Bodies of the bench and the load rig are left out; the backbone and its discs count as one body, straight.
-    """
-    found: dict[str, Inertia] = {}
-    bench = ("bench", "rig_bar")
-    for body in dict.fromkeys(part.body for part in model.parts if part.body not in bench):
-        pieces = []
-        for part in model.parts:
-            if part.body != body:
-                continue
-            solid = part.solid
-            centre = np.array([*solid.center(k.kernel().CenterOf.MASS)])
-            own = np.array(solid.matrix_of_inertia) * part.density * 1e-15
-            for place in part.places:
-                matrix = _matrix(place)
-                turn, shift = matrix[:3, :3], matrix[:3, 3]
-                mass = solid.volume * 1e-9 * part.density
-                pieces.append(Inertia(mass, (turn @ centre + shift) * 1e-3, turn @ own @ turn.T))
-        found[body] = _joined(pieces)
-    return found
-
-
-def tip_inertia(model: Model) -> float:
-    """Return the inertia about the output angle of what turns with the tip, kg·m², for the twin's dynamics.tip_inertia.
-
-    A gear pair's far body goes round the near axis as well: at a straight joint it is as if it turned about the line of
-    centres' middle, and the links turn by half the angle. A backbone's discs count by their share of the angle.
-    """
-    bodies = inertias(model)
-    joint = model.joints[0]
-    far = bodies["yaw_far"]
-    if isinstance(joint, Backbone):
-        arc = sum(
-            one.solid.volume * 1e-9 * one.density * (place.position.Z * 1e-3 / 2) ** 2 * (place.position.Z / joint.length) ** 2
-            for one in model.parts
-            if one.body == "arc"
-            for place in one.places
-        )
-        return float(far.about(np.array([0.0, 0.0, -joint.length * 1e-3 / 2]))[1, 1]) + arc
-    apart = 2e-3 * joint.gear.pitch_radius if hasattr(joint, "gear") else 0.0
-    own = float(far.about(np.array([0.0, 0.0, -apart / 2]))[1, 1])
-    carrier = bodies.get("yaw_carrier")
-    links = float(carrier.about(np.zeros(3))[1, 1]) / 4 if carrier is not None and apart else 0.0
-    return own + links
-
-
-def tendon_length(model: Model, output_angle: float, handle_angle: float = 0.0) -> tuple[float, float]:
-    """Return the lengths of agonist and antagonist from the handle's far body to the tip's, m, read from the solids.
-
-    Tunnels are the cylindrical faces of the parts, pulleys the round bottoms of their grooves; the tendon goes straight
-    between the tunnels' mouths, on the tunnels' axes, and round a pulley at its groove's bottom plus half a rope.
-    """
-    frame = _frames(model, output_angle, handle_angle)
-    first, second = (
-        _way(model, frame, side, output_angle, handle_angle, tip=True)
-        + _way(model, frame, side, output_angle, handle_angle, tip=False)
-        for side in (1, -1)
-    )
-    return first * 1e-3, second * 1e-3
-
-
-def tip_place(model: Model, output_angle: float) -> Array:
-    """Return where the eye of the end-effector is, from the stem's distal end, m (3,), read from the solid's face."""
-    part = model.part("end_effector")
-    axes = [axis for axis in _bores(part.solid) if abs(axis.way[1]) > 0.999]
-    eye = max(axes, key=lambda axis: axis.middle[2])
-    placed = _matrix(_frames(model, output_angle, 0.0)(part, k.at()))
-    found: Array = (placed @ np.array([eye.middle[0], 0.0, eye.middle[2], 1.0]))[:3] * 1e-3
-    return found
-
-
-class _Bore(NamedTuple):
-    """A cylindrical face: direction, middle and ends of its axis, mm, and its radius."""
-
-    way: Array
-    middle: Array
-    ends: tuple[Array, Array]
-    radius: float
-
-
-def _bores(solid: Solid) -> Iterator[_Bore]:
-    """Yield the cylindrical faces of a solid, with their extent along their axes."""
-    b = k.kernel()
-    for face in solid.faces().filter_by(b.GeomType.CYLINDER):
-        cylinder = k.surface(face).Cylinder()
-        axis, origin = cylinder.Axis().Direction(), cylinder.Axis().Location()
-        way = np.array([axis.X(), axis.Y(), axis.Z()])
-        point = np.array([origin.X(), origin.Y(), origin.Z()])
-        along = [float(np.dot(np.array([*vertex]) - point, way)) for vertex in face.vertices()]
-        ends = (point + min(along) * way, point + max(along) * way)
-        yield _Bore(way, (ends[0] + ends[1]) / 2, ends, cylinder.Radius())
-
-
-def _mouth(part: Part, place: Array, side: int, tunnel: float, *, far: bool = False) -> Array:
-    """Return the mouth of a tunnel toward its part's z, mm, placed; with `far` the mouth at its other end."""
-    found = [
-        bore
-        for bore in _bores(part.solid)
-        if abs(bore.radius - tunnel / 2) < 1e-6 and abs(bore.way[2]) > 0.999 and side * bore.middle[0] > 1e-6
-    ]
-    ends = [end for bore in found for end in bore.ends]
-    chosen = (min if far else max)(ends, key=lambda end: end[2])
-    mouth: Array = (place @ np.append(chosen, 1.0))[:3]
-    return mouth
-
-
-def _way(
-    model: Model, frame: "_Frame", side: int, output_angle: float, handle_angle: float, *, tip: bool
-) -> float:
-    """Return the length of a tendon over one joint, mm, side 1 for the agonist."""
-    joint = model.joints[0 if tip else 1]
-    tunnel = k.MM * (model.instrument.tendon_diameter or 0.0) + k.MM * model.process.bore
-    prefix = "tip" if tip else "handle"
-    if isinstance(joint, Backbone):
-        names = ("tip_socket", "tip_disc", "tip_plate")
-        points = []
-        for name in names:
-            part = model.part(name)
-            for place in part.places:
-                matrix = _matrix(frame(part, place) * _own(place, part))
-                ends = [_mouth(part, matrix, side, tunnel)]
-                if name == "tip_disc":
-                    ends.insert(0, _mouth(part, matrix, side, tunnel, far=True))
-                points += ends
-        return float(sum(np.linalg.norm(two - one) for one, two in zip(points, points[1:], strict=False)))
-    if hasattr(joint, "gear"):
-        mouths = []
-        for name in (f"{prefix}_gear_near", f"{prefix}_gear_far"):
-            part = model.part(name)
-            place = part.places[0]
-            mouths.append(_mouth(part, _matrix(frame(part, place) * _own(place, part)), side, tunnel))
-        return float(np.linalg.norm(mouths[1] - mouths[0]))
-    part = model.part(f"{prefix}_pulley")
-    b = k.kernel()
-    grooves = {}
-    for face in part.solid.faces().filter_by(b.GeomType.TORUS):
-        torus = k.surface(face).Torus()
-        grooves[torus.Axis().Location().Y() > 0] = torus.MajorRadius() - torus.MinorRadius()
-    radius = grooves[side > 0] + k.MM * (model.instrument.tendon_diameter or 0.0) / 2
-    # The tendon meets the pulley where its way from the tunnel, along the stem, touches the circle; bending unwinds the
-    # agonist at the tip and winds it on at the handle.
-    bent = output_angle if tip else -handle_angle
-    return float(radius * (joint.wrap - side * bent))
-
-
-_Frame = Callable[[Part, Location], Location]
-
-
-def _frames(model: Model, output_angle: float, handle_angle: float | None) -> _Frame:
+def frames_of(model: Model, output_angle: float, handle_angle: float | None) -> Placing:
     """Return the function that places a part's body, by the part and its place."""
     inst = model.instrument
     frames = kinematics.frames(inst, Posture(yaw=output_angle, handle_yaw=handle_angle))
@@ -318,22 +148,23 @@ def _frames(model: Model, output_angle: float, handle_angle: float | None) -> _F
     places["rig_bar"] = (0.0, pivot, math.atan2(tip[0], tip[1] - pivot))
 
     def placed(part: Part, place: Location) -> Location:
-        if part.body == "bench" or part.body == "rod":
+        if part.body in ("bench", "rod"):
             return k.at()
         if part.body == "arc":
-            return arc_place(place.position.Z, _backbone(model).length, output_angle)
+            return arc_place(place.position.Z, backbone_of(model).length, output_angle)
         x, z, turn = places[part.body]
         return k.at(x, 0.0, z) * k.turned_about_y(turn)
 
     return placed
 
 
-def _own(place: Location, part: Part) -> Location:
+def own_place(place: Location, part: Part) -> Location:
     """Return a part's place within its body; that along a backbone is already part of its frame."""
     return k.at() if part.body == "arc" else place
 
 
-def _backbone(model: Model) -> Backbone:
+def backbone_of(model: Model) -> Backbone:
+    """Return the backbone of an instrument that has one."""
     joint = model.joints[0]
     assert isinstance(joint, Backbone)
     return joint
@@ -346,13 +177,9 @@ def _moves(one: Placed, at_tip: bool) -> bool:
     return body.startswith("handle_") != at_tip
 
 
-def _matrix(place: Location) -> Array:
+def matrix(place: Location) -> Array:
+    """Return a place as a matrix (4, 4), mm."""
     transformation = place.wrapped.Transformation()
-    return np.array([[transformation.Value(row, column) for column in range(1, 5)] for row in range(1, 4)] + [[0, 0, 0, 1]])
-
-
-def _joined(pieces: Sequence[Inertia]) -> Inertia:
-    mass = sum(one.mass for one in pieces)
-    centre = sum((one.mass * one.centre for one in pieces), np.zeros(3)) / mass
-    total = sum((one.about(centre) for one in pieces), np.zeros((3, 3)))
-    return Inertia(mass, centre, total)
+    return np.array(
+        [[transformation.Value(row, column) for column in range(1, 5)] for row in range(1, 4)] + [[0, 0, 0, 1]]
+    )

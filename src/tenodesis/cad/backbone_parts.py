@@ -25,14 +25,14 @@ class Backbone(NamedTuple):
     """Radius of a disc."""
     disc: float
     """Thickness of a disc."""
-    count: int
-    """Spans between socket, discs and plate."""
+    spans: int
+    """Between socket, discs and plate."""
     collar: float
 
     @property
     def pitch(self) -> float:
         """Distance of the discs along the backbone."""
-        return self.length / self.count
+        return self.length / self.spans
 
 
 def backbone(sizes: Sizes, radius: float, length: float, rod: float, largest: float) -> Backbone:
@@ -46,8 +46,8 @@ def backbone(sizes: Sizes, radius: float, length: float, rod: float, largest: fl
         refuse(
             "distal_tendon_offset",
             radius,
-            f"between a backbone of {rod:.3g} mm and a tunnel of {sizes.tunnel:.3g} mm stays less than the {wall:.3g} mm "
-            f"that process {sizes.process.name} allows",
+            f"between a backbone of {rod:.3g} mm and a tunnel of {sizes.tunnel:.3g} mm stays less than the "
+            f"{wall:.3g} mm that process {sizes.process.name} allows",
             f"at least {least:.3g} mm",
         )
     # A chord is shorter than its arc by a share of (its angle)^2 / 24, on the outside of the bend the most.
@@ -74,7 +74,7 @@ def backbone(sizes: Sizes, radius: float, length: float, rod: float, largest: fl
 def backbone_parts(tip: Backbone, end: End, sizes: Sizes) -> list[Part]:
     """Return the parts of a tip of a backbone; discs are fixed to places along it, body "arc"."""
     density, radius = sizes.process.density, tip.radius
-    discs = tuple(k.at(z=number * tip.pitch) for number in range(1, tip.count))
+    discs = tuple(k.at(z=number * tip.pitch) for number in range(1, tip.spans))
     out = tip.length
     offset = Dimension("tendon's centre to backbone", (0, 0, 0), (radius, 0, 0), "top", 1, "R", end.key)
     return [
@@ -103,7 +103,7 @@ def backbone_parts(tip: Backbone, end: End, sizes: Sizes) -> list[Part]:
                 Dimension("outer diameter", (-tip.outer, 0, 0), (tip.outer, 0, 0), "top", 1, "Ø"),
                 Dimension("thickness", (0, 0, -tip.disc / 2), (0, 0, tip.disc / 2), "front", -1, along="y"),
             ),
-            notes=(f"{tip.count - 1} pieces, glued at a pitch of {tip.pitch:.4g} mm.",),
+            notes=(f"{tip.spans - 1} pieces, glued at a pitch of {tip.pitch:.4g} mm.",),
             away=(0, 0, out / 2),
         ),
         Part(
@@ -118,7 +118,6 @@ def backbone_parts(tip: Backbone, end: End, sizes: Sizes) -> list[Part]:
                 *far_dimensions(end, sizes, -end.far_collar - tip.collar),
             ),
             away=(0, 0, out),
-            upright=(180, 0, 0),
         ),
         Part(
             "backbone",

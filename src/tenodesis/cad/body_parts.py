@@ -70,14 +70,21 @@ def end_effector_part(end: End, sizes: Sizes, length: float, start: float) -> Pa
         (k.at(),),
         density=sizes.process.density,
         dimensions=(
-            Dimension("joint's far axis to the force", (0, 0, 0), (0, 0, length), "front", -1, key="end_effector_length", along="y"),
+            Dimension(
+                "joint's far axis to the force",
+                (0, 0, 0),
+                (0, 0, length),
+                "front",
+                -1,
+                key="end_effector_length",
+                along="y",
+            ),
             Dimension("axis to foot", (0, 0, 0), (0, 0, start), "front", 1, along="y"),
             Dimension("rod", (-end.rod / 2, 0, start), (end.rod / 2, 0, start), "front", -1, "Ø"),
             Dimension("eye", (-TIP_PIN / 2, 0, length), (TIP_PIN / 2, 0, length), "front", 1, "Ø"),
         ),
         notes=("Glued into its socket, then the length to the force is checked.",),
         away=(0, 0, 4 * start + 20),
-        upright=(90, 0, 0),
     )
 
 
@@ -113,13 +120,14 @@ def grip_part(end: End, sizes: Sizes, length: float, start: float) -> Part:
         (k.at(),),
         density=sizes.process.density,
         dimensions=(
-            Dimension("joint's far axis to the hand", (0, 0, 0), (0, 0, -length), "front", -1, key="handle_length", along="y"),
+            Dimension(
+                "joint's far axis to the hand", (0, 0, 0), (0, 0, -length), "front", -1, key="handle_length", along="y"
+            ),
             Dimension("grip", (-radius, 0, -bottom), (radius, 0, -bottom), "front", -1, "Ø"),
             Dimension("shaft", (-end.rod / 2, 0, -start), (end.rod / 2, 0, -start), "front", 1, "Ø"),
             Dimension("length", (0, 0, -start), (0, 0, -bottom), "front", 1, along="y"),
         ),
         away=(0, 0, -4 * start - 40),
-        upright=(0, 0, 0),
     )
 
 
@@ -130,7 +138,7 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float) ->
     """
     rope, groove = sizes.rope, sizes.groove
     bottom = spool - rope / 2
-    rim, half = spool + 2 * rope, 2 * groove + 2 * sizes.wall
+    rim, half = spool + 2 * rope + sizes.wall, 2 * groove + 2 * sizes.wall
     boss = 1e3 * hardware.motor_boss
     bolts, plate = 1e3 * hardware.motor_bolts, 1e3 * hardware.motor_bolts + 12
     height = 1e3 * hardware.motor_length + 10
@@ -139,7 +147,8 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float) ->
     body -= k.ring(centre, 0.0, groove)
     body -= k.rod((0, -groove, 0), (0, groove, 0), rim + 1) - k.rod((0, -groove, 0), (0, groove, 0), centre)
     body -= k.rod((0, -half - 1, 0), (0, half + 1, 0), (1e3 * hardware.motor_shaft + sizes.bore) / 2)
-    body -= k.rod((0.7 * spool, 0, 0), (0.7 * spool, half + 1, 0), sizes.tunnel / 2)
+    anchor = bottom + sizes.tunnel / 2
+    body -= k.rod((anchor, 0, 0), (anchor, half + 1, 0), sizes.tunnel / 2)
     apart, level = plate + 30, half + _MOUNT + 1
     columns = (apart / 2, -apart / 2)
     lead = start - plate / 2 - 60
@@ -156,18 +165,40 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float) ->
             tuple(k.at(x, 0, lead) for x in columns),
             density=sizes.process.density,
             dimensions=(
-                Dimension("radius to the rope's centre", (0, -half, 0), (spool, -half, 0), "front", 1, "R", "drives.spool_radius"),
-                Dimension("radius to the groove's bottom", (0, -half, 0), (bottom, -half, 0), "front", 1, "R", "drives.spool_radius"),
+                Dimension(
+                    "radius to the rope's centre",
+                    (0, -half, 0),
+                    (spool, -half, 0),
+                    "front",
+                    1,
+                    "R",
+                    "drives.spool_radius",
+                ),
+                Dimension(
+                    "radius to the groove's bottom",
+                    (0, -half, 0),
+                    (bottom, -half, 0),
+                    "front",
+                    1,
+                    "R",
+                    "drives.spool_radius",
+                ),
                 Dimension("rim", (-rim, -half, 0), (rim, -half, 0), "front", -1, "Ø"),
-                Dimension("shaft's bore", (-500 * hardware.motor_shaft, -half, 0), (500 * hardware.motor_shaft, -half, 0), "front", -1, "Ø"),
+                Dimension(
+                    "shaft's bore",
+                    (-500 * hardware.motor_shaft, -half, 0),
+                    (500 * hardware.motor_shaft, -half, 0),
+                    "front",
+                    -1,
+                    "Ø",
+                ),
                 Dimension("width", (0, -half, 0), (0, half, 0), "side", 1),
             ),
             notes=(
-                f"For a rope of {rope:.3g} mm; groove's bottom rounded with {groove:.3g} mm; the rope's end goes through "
-                "the hole and is knotted.",
+                f"For a rope of {rope:.3g} mm; groove's bottom rounded with {groove:.3g} mm; the rope's end goes "
+                "through the hole and is knotted.",
             ),
             away=(0, 25, 0),
-            upright=(90, 0, 0),
         ),
         Part(
             "motor_mount",
@@ -183,7 +214,6 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float) ->
                 Dimension("height", (0, 0, 0), (0, -height, 0), "side", -1),
             ),
             notes=(f"Bores Ø{_SCREW:g} for M3.",),
-            upright=(90, 0, 0),
         ),
         Part(
             "load_cell_mount",
@@ -193,7 +223,14 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float) ->
             tuple(k.at(x + spool, 0, lead + plate / 2 + 30) for x in columns),
             density=sizes.process.density,
             dimensions=(
-                Dimension("seat of the cell", (-cell / 2 - sizes.bore / 2, 0, 0), (cell / 2 + sizes.bore / 2, 0, 0), "top", 1, "Ø"),
+                Dimension(
+                    "seat of the cell",
+                    (-cell / 2 - sizes.bore / 2, 0, 0),
+                    (cell / 2 + sizes.bore / 2, 0, 0),
+                    "top",
+                    1,
+                    "Ø",
+                ),
                 Dimension("rope above the base", (0, -cell_height, 0), (0, 0, 0), "side", 1),
                 Dimension("rope's passage", (-passage / 2, 0, 0), (passage / 2, 0, 0), "top", 1, "Ø"),
             ),

@@ -6,10 +6,11 @@ import numpy as np
 
 from tenodesis import kinematics, statics
 from tenodesis.cad import kernel as k
-from tenodesis.cad.assembly import tendon_length, tip_place
+from tenodesis.cad.assembly import matrix
 from tenodesis.cad.kernel import Solid
 from tenodesis.cad.model import Model
 from tenodesis.cad.parts import Part
+from tenodesis.cad.routes import tendon_lengths, tip_places
 from tenodesis.extras import require
 from tenodesis.kinematics import Posture
 from tenodesis.run import Array
@@ -63,30 +64,48 @@ def agreement(model: Model, count: int = ANGLES) -> Agreement:
     handles, angles = handles[chosen], np.asarray(angles)[chosen]
     tensions = np.stack(statics.tensions(tight, handles, force))
     stretch = (tensions - tight.pretension) / stiffness
-    straight = np.array(tendon_length(model, 0.0, 0.0))
-    ways = np.array([tendon_length(model, *pair) for pair in zip(angles, handles, strict=True)])
+    ways = tendon_lengths(model, angles, handles) - tendon_lengths(model, 0.0)
     frames = kinematics.frames(inst, Posture(yaw=angles, handle_yaw=0.0))
     expected = frames.bodies["tip"].position - frames.bodies["stem"].position
-    found = np.array([tip_place(model, angle) for angle in angles])
+    found = tip_places(model, angles)
     return Agreement(
-        count, float(np.abs(ways - straight - stretch.T).max()), float(np.linalg.norm(found - expected, axis=1).max())
+        count, float(np.abs(ways - stretch.T).max()), float(np.linalg.norm(found - expected, axis=1).max())
     )
 
 
-def laid(part: Part) -> Solid:
-    """Return a part as it lies on the printer's bed, mm."""
-    turned = k.at(turn=part.upright) * part.solid
+_LYING: tuple[k.Point, ...] = ((0, 0, 0), (180, 0, 0), (90, 0, 0), (-90, 0, 0), (0, 90, 0), (0, -90, 0))
+"""Turns about x, y and z, deg, in which a part may lie on the bed."""
+
+
+def laid(model: Model, part: Part) -> Solid:
+    """Return a part as it lies on the printer's bed with the least area to support, mm."""
+    points, faces = part.solid.tessellate(0.2, 0.4)
+    corners = np.array([(point.X, point.Y, point.Z) for point in points])[np.array(faces)]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(across, axis=1) / 2
+    normals = across / np.where(areas > 0, 2 * areas, 1)[:, np.newaxis]
+    needed = []
+    for turn in _LYING:
+        # The bed's normal in the part's frame.
+        up = matrix(k.at(turn=turn))[2, :3]
+        needed.append(float(areas[_steep(model, normals @ up, corners.mean(1) @ up, (corners @ up).min())].sum()))
+    turned = k.at(turn=_LYING[int(np.argmin(needed))]) * part.solid
     low = turned.bounding_box().min
     return k.at(-low.X, -low.Y, -low.Z) * turned
+
+
+def _steep(model: Model, upward: Array, heights: Array, bed: float) -> Array:
+    """Return which faces overhang too steeply and are not on the bed."""
+    found: Array = (upward < -np.sin(np.radians(model.process.overhang)) - 1e-6) & (heights > bed + 0.05)
+    return found
 
 
 def printable(model: Model, part: Part, path: str) -> Printable:
     """Return what the mesh of a part says, from its STL file, as :func:`laid` put it."""
     mesh = require("trimesh", "cad").load_mesh(path)
     closed = bool(mesh.is_watertight and mesh.is_winding_consistent and mesh.body_count == 1)
-    limit = -np.sin(np.radians(model.process.overhang))
     middles, normals, areas = mesh.triangles_center, mesh.face_normals, mesh.area_faces
-    steep = (normals[:, 2] < limit - 1e-6) & (middles[:, 2] > 0.05)
+    steep = _steep(model, normals[:, 2], middles[:, 2], 0.0)
     return Printable(
         part.name,
         closed,
@@ -97,9 +116,9 @@ def printable(model: Model, part: Part, path: str) -> Printable:
     )
 
 
-def write_mesh(part: Part, path: str) -> None:
+def write_mesh(model: Model, part: Part, path: str) -> None:
     """Write a part as an STL file, laid on the bed, mm."""
-    k.kernel().export_stl(laid(part), path, tolerance=_CHORD, angular_tolerance=_TURN)
+    k.kernel().export_stl(laid(model, part), path, tolerance=_CHORD, angular_tolerance=_TURN)
 
 
 def _least_wall(triangles: Array, normals: Array, areas: Array) -> float:

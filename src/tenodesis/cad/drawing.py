@@ -149,7 +149,7 @@ def _draw_views(axis: Axes, part: Part) -> float:
     for view, lines in views.items():
         shift = places[view] - scale * lines.bounds[0]
         _draw_lines(axis, lines, scale, shift)
-        _draw_dimensions(axis, part, view, lines, scale, shift)
+        _draw_dimensions(axis, part, view, lines, (scale, shift))
     oblique = projected(part.solid, _EYE, k.UP)
     lowest, highest = oblique.bounds
     factor = min(82 / (highest - lowest)[0], 52 / (highest - lowest)[1])
@@ -174,15 +174,14 @@ def _margins(part: Part, view: View) -> tuple[tuple[float, float], tuple[float, 
 
 
 def _draw_lines(axis: Axes, lines: _Lines, scale: float, shift: Array) -> None:
-    for pieces, look in (
-        (lines.hidden, {"linewidths": 0.35, "linestyles": (0, (4, 2.5)), "colors": style.MUTED}),
-        (lines.visible, {"linewidths": 0.75, "colors": style.INK, "capstyle": "round"}),
-    ):
-        axis.add_collection(LineCollection([scale * piece + shift for piece in pieces], **look))
+    hidden, visible = ([scale * piece + shift for piece in pieces] for pieces in (lines.hidden, lines.visible))
+    axis.add_collection(LineCollection(hidden, linewidths=0.35, linestyles=(0, (4, 2.5)), colors=style.MUTED))
+    axis.add_collection(LineCollection(visible, linewidths=0.75, colors=style.INK, capstyle="round"))
 
 
-def _draw_dimensions(axis: Axes, part: Part, view: View, lines: _Lines, scale: float, shift: Array) -> None:
-    """Draw a view's dimensions, the shortest nearest to it, each on a line of its own."""
+def _draw_dimensions(axis: Axes, part: Part, view: View, lines: _Lines, place: tuple[float, Array]) -> None:
+    """Draw a view's dimensions, the shortest nearest to it, each on a line of its own; place is scale and shift."""
+    scale, shift = place
     low, high = (scale * corner + shift for corner in lines.bounds)
     for along in ("x", "y"):
         for side in (-1, 1):
@@ -206,24 +205,37 @@ def _draw_dimension(axis: Axes, one: Dimension, ends: Sequence[Array], line: Arr
     length = float(np.linalg.norm(feet[1] - feet[0]))
     text = f"{one.sign}{one.value:.4g}"
     outside = length < 2.2 * len(text) + 4
-    arrow = {"arrowstyle": "<|-|>,head_width=0.09,head_length=0.22", "lw": 0.5, "color": style.ACCENT, "shrinkA": 0, "shrinkB": 0}
     first, second = sorted(feet, key=lambda foot: float(foot[along]))
     if length < 5:
         step = np.zeros(2)
         step[along] = 4.0
         for foot, sign in ((first, -1), (second, 1)):
-            axis.annotate("", foot, foot + sign * step, arrowprops=arrow | {"arrowstyle": "-|>,head_width=0.09,head_length=0.22"})
+            _draw_arrow(axis, foot + sign * step, foot, "-|>")
     else:
-        axis.annotate("", first, second, arrowprops=arrow)
+        _draw_arrow(axis, first, second, "<|-|>")
     place = (first + second) / 2
     if outside:
         place = second.copy()
         place[along] += (4.6 if length < 5 else 1.0) + (1.1 * len(text) if along == 1 else 0)
     else:
         place[across] += 1.9 if along == 0 else -1.9
-    rotated = 90 if along == 1 else 0
-    centred = {"ha": "left" if outside and along == 0 else "center", "va": "center"}
-    axis.text(*place, text, rotation=rotated, fontsize=6.5, color=style.INK, **centred, bbox={"fc": "white", "ec": "none", "pad": 0.4})
+    axis.text(
+        float(place[0]),
+        float(place[1]),
+        text,
+        rotation=90 if along == 1 else 0,
+        fontsize=6.5,
+        color=style.INK,
+        ha="left" if outside and along == 0 else "center",
+        va="center",
+        bbox={"fc": "white", "ec": "none", "pad": 0.4},
+    )
+
+
+def _draw_arrow(axis: Axes, start: Array, end: Array, heads: str) -> None:
+    look = {"arrowstyle": f"{heads},head_width=0.09,head_length=0.22", "lw": 0.5, "color": style.ACCENT}
+    first, second = ((float(point[0]), float(point[1])) for point in (end, start))
+    axis.annotate("", first, second, arrowprops=look | {"shrinkA": 0, "shrinkB": 0})
 
 
 def _draw_frame(axis: Axes, model: Model, part: Part, scale: float) -> None:
@@ -253,8 +265,14 @@ def _draw_table(axis: Axes, part: Part, table: Sequence[Row]) -> None:
         axis.text(203, y, row.name, fontsize=6.8, va="center")
         axis.text(259, y, row.label, fontsize=6.8, ha="right", va="center")
         axis.text(
-            289, y, f"± {row.tolerance:.3g}{'' if row.own else ' *'}", fontsize=6.8, ha="right", va="center",
-            color=style.ACCENT if row.own else style.INK, weight="bold" if row.own else "normal",
+            289,
+            y,
+            f"± {row.tolerance:.3g}{'' if row.own else ' *'}",
+            fontsize=6.8,
+            ha="right",
+            va="center",
+            color=style.ACCENT if row.own else style.INK,
+            weight="bold" if row.own else "normal",
         )
     y -= 6.0
     notes = [*part.notes, f"Sizes that are not given: {part.name}.step."]
@@ -262,6 +280,8 @@ def _draw_table(axis: Axes, part: Part, table: Sequence[Row]) -> None:
         notes.append("* General tolerance, ISO 2768-1, class m.")
     for note in notes:
         for number, line in enumerate(wrap(note, 62)):
-            axis.text(203, y, ("– " if number == 0 and not note.startswith("*") else "   ") + line, fontsize=6.2, va="center")
+            axis.text(
+                203, y, ("– " if number == 0 and not note.startswith("*") else "   ") + line, fontsize=6.2, va="center"
+            )
             y -= 3.6
         y -= 0.8

@@ -86,7 +86,7 @@ def gear_joint(sizes: Sizes, key: str, radius: float, gear: Gear, stop: float) -
             key,
             radius,
             f"no pin of {_PINS[0]:g} mm fits between its tendons at {math.degrees(stop):.0f} deg",
-            f"at least {max(_PINS[0] / 0.42, (_PINS[0] / 2 + sizes.rope / 2 + sizes.play) / math.cos(stop / 2)):.3g} mm",
+            f"at least {max(_PINS[0] / 0.42, ((_PINS[0] + sizes.rope) / 2 + sizes.play) / math.cos(stop / 2)):.3g} mm",
         )
     pin = pins[-1]
     if gear.root_radius - (pin + sizes.bore) / 2 < wall:

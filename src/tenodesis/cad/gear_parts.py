@@ -23,7 +23,7 @@ from tenodesis.cad.sizes import Sizes
 def gear_parts(joint: GearJoint, end: End, sizes: Sizes) -> list[Part]:
     """Return the parts of a gear pair at the tip or at the handle."""
     tip = end.tip
-    names = ("tip_gear_near", "tip_gear_far", "tip_link") if tip else ("handle_gear_near", "handle_gear_far", "handle_link")
+    names = tuple(f"{'tip' if tip else 'handle'}_{kind}" for kind in ("gear_near", "gear_far", "link", "pin"))
     titles = (
         ("Gear on the stem", "Gear of the end-effector", "Link of the tip")
         if tip
@@ -46,7 +46,6 @@ def gear_parts(joint: GearJoint, end: End, sizes: Sizes) -> list[Part]:
             density=density,
             dimensions=_half_dimensions(joint, end, sizes, near=True),
             notes=_notes(joint),
-            upright=(90, 0, 0),
         ),
         Part(
             names[1],
@@ -58,7 +57,6 @@ def gear_parts(joint: GearJoint, end: End, sizes: Sizes) -> list[Part]:
             dimensions=_half_dimensions(joint, end, sizes, near=False),
             notes=_notes(joint),
             away=(0, 0, out if tip else -out),
-            upright=(90, 0, 0),
         ),
         Part(
             names[2],
@@ -69,10 +67,9 @@ def gear_parts(joint: GearJoint, end: End, sizes: Sizes) -> list[Part]:
             density=density,
             dimensions=_link_dimensions(joint, sizes, end.key),
             away=(0, out, out / 2 if tip else -out / 2),
-            upright=(90, 0, 0),
         ),
         Part(
-            f"{'tip' if tip else 'handle'}_pin",
+            names[3],
             f"Dowel pin ISO 2338 {joint.pin:g} x {math.ceil(joint.pin_length):g}",
             pin,
             end.carrier,

@@ -1,6 +1,7 @@
 """Flanks of spur gears: involutes and the fillets that a rack leaves, with the backlash taken from the teeth."""
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -55,19 +56,18 @@ class Gear(NamedTuple):
         corner = math.pi * self.module / 4 + self.backlash / 4 - depth * math.tan(PRESSURE_ANGLE)
         along = np.sqrt(np.maximum(radii**2 - (pitch - depth) ** 2, 0.0))
         trochoids = [np.arctan2(sign * along, pitch - depth) - (sign * along - corner) / pitch for sign in (1, -1)]
-        # The rack's corner cuts only while it is within the gear's tips.
         found: Array = np.maximum(involute, np.maximum(*trochoids))
         return found
 
     def flank(self) -> list[Array]:
-        """Return the flank of a space about the x axis from root to tip, in smooth pieces (points, 2): fillet, involute."""
+        """Return the flank of a space about the x axis from root to tip: fillet and involute, each points (n, 2)."""
         fine = np.linspace(self.root_radius, self.tip_radius, 400)
         angles = self.space(fine)
         bends = np.abs(np.diff(angles, 2))
         kink = int(bends[20:-20].argmax()) + 21 if bends.size else 0
         cuts = [0, kink, len(fine) - 1]
         pieces = []
-        for begin, end in zip(cuts, cuts[1:], strict=False):
+        for begin, end in pairwise(cuts):
             # Closer points at the root, where the fillet is round.
             chosen = fine[begin] + (fine[end] - fine[begin]) * np.linspace(0, 1, _POINTS) ** 1.5
             half = self.space(chosen)

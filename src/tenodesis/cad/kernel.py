@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from tenodesis.extras import require
+from tenodesis.run import Array
 
 MM = 1e3
 """Kernel units, mm, per metre."""
@@ -57,7 +58,9 @@ def bar(points: Sequence[tuple[float, float]], low: float, high: float) -> Solid
     """Return a prism along y between two bounds, of a polygon in x and z."""
     b = kernel()
     corners = [(x, high, z) for x, z in points]
-    return prism([b.Edge.make_line(one, two) for one, two in zip(corners, [*corners[1:], corners[0]], strict=True)], high - low)
+    return prism(
+        [b.Edge.make_line(one, two) for one, two in zip(corners, [*corners[1:], corners[0]], strict=True)], high - low
+    )
 
 
 def prism(edges: Sequence[Any], height: float) -> Solid:
@@ -92,19 +95,23 @@ def ring(radius: float, y: float, tube: float) -> Solid:
 
 def surface(face: Any) -> Any:
     """Return a face's surface as the kernel describes it: Cylinder(), Torus() and so on by its type."""
-    from OCP.BRepAdaptor import BRepAdaptor_Surface  # noqa: PLC0415 - part of the extra
+    return require("OCP.BRepAdaptor", "cad").BRepAdaptor_Surface(face.wrapped)
 
-    return BRepAdaptor_Surface(face.wrapped)
+
+def bounds(solid: Solid) -> tuple[Array, Array]:
+    """Return a box about a solid, its least and its greatest corner (3,), not wider than need be by more than a bit."""
+    around = require("OCP.Bnd", "cad").Bnd_Box()
+    require("OCP.BRepBndLib", "cad").BRepBndLib.Add_s(solid.wrapped, around, False)
+    low, high = around.CornerMin(), around.CornerMax()
+    return np.array([low.X(), low.Y(), low.Z()]), np.array([high.X(), high.Y(), high.Z()])
+
+
+def common(one: Solid, other: Solid) -> Solid:
+    """Return what two solids share, a compound that may be empty."""
+    shared = require("OCP.BRepAlgoAPI", "cad").BRepAlgoAPI_Common(one.wrapped, other.wrapped)
+    return kernel().Compound(shared.Shape())
 
 
 def common_volume(one: Solid, other: Solid) -> float:
     """Return the volume that two solids share, mm³."""
-    first, second = one.bounding_box(), other.bounding_box()
-    for low, high, least, most in zip(first.min, first.max, second.min, second.max, strict=True):
-        if low >= most or high <= least:
-            return 0.0
-    b = kernel()
-    from OCP.BRepAlgoAPI import BRepAlgoAPI_Common  # noqa: PLC0415 - part of the extra
-
-    shared = BRepAlgoAPI_Common(one.wrapped, other.wrapped)
-    return float(b.Compound(shared.Shape()).volume) if shared.IsDone() else math.nan
+    return float(common(one, other).volume)

@@ -164,7 +164,7 @@ def gear_of(key: str, radius: float, module: float | None = None) -> tuple[float
             nearest = (off, one, whole)
     assert nearest is not None
     _, one, whole = nearest
-    refuse(
+    return refuse(
         key,
         k.MM * radius,
         "no gear has that pitch radius"
@@ -204,7 +204,11 @@ def _seat(sizes: Sizes, bought: Hardware) -> float:
 
 
 def _ends(
-    inst: Instrument, sizes: Sizes, bought: Hardware, tip: "GearJoint | PulleyJoint | Backbone", hand: "GearJoint | PulleyJoint"
+    inst: Instrument,
+    sizes: Sizes,
+    bought: Hardware,
+    tip: "GearJoint | PulleyJoint | Backbone",
+    hand: "GearJoint | PulleyJoint",
 ) -> tuple[End, End]:
     lengths = kinematics.dimensions(inst)
     stem = k.MM * lengths.stem_diameter / 2
@@ -214,8 +218,8 @@ def _ends(
         refuse(
             "stem_diameter",
             2 * stem,
-            f"tendons of {sizes.rope:.3g} mm at {radius:.4g} mm from its axis leave {max(stem - needed, 0.0):.3g} mm for "
-            "the tube's wall",
+            f"tendons of {sizes.rope:.3g} mm at {radius:.4g} mm from its axis leave {max(stem - needed, 0.0):.3g} mm "
+            "for the tube's wall",
             f"at least {2 * (needed + 0.15):.3g} mm",
         )
     bore = max(needed, stem - max(1.0, 0.05 * stem))
@@ -249,7 +253,18 @@ def _ends(
     common = {"stem_length": stem_length, "stem_radius": stem, "stem_bore": bore, "tendon_radius": radius}
     rod_hand = max(rod for rod in (*_RODS, 10.0) if rod <= max(0.6 * big, _RODS[0]))
     return (
-        End(True, key["distal_radius"], "yaw_carrier", far, **common, near_length=near_tip, far_collar=collar, rod=rods[-1], seat=seat, shift=shift),
+        End(
+            True,
+            key["distal_radius"],
+            "yaw_carrier",
+            far,
+            **common,
+            near_length=near_tip,
+            far_collar=collar,
+            rod=rods[-1],
+            seat=seat,
+            shift=shift,
+        ),
         End(
             False,
             key["proximal_radius"],
@@ -270,7 +285,9 @@ def _foot(joint: "GearJoint | PulleyJoint | Backbone", sizes: Sizes) -> float:
     return (joint.collar if isinstance(joint, Backbone) else joint.depth) + sizes.wall
 
 
-def _rig(inst: Instrument, tip: End, joint: "GearJoint | PulleyJoint | Backbone", hand: "GearJoint | PulleyJoint") -> Rig:
+def _rig(
+    inst: Instrument, tip: End, joint: "GearJoint | PulleyJoint | Backbone", hand: "GearJoint | PulleyJoint"
+) -> Rig:
     angles = np.linspace(-inst.output_range, inst.output_range, 41)
     frames = kinematics.frames(inst, Posture(yaw=angles, handle_yaw=0.0))
     places = k.MM * (frames.bodies["tip"].position - frames.bodies["stem"].position)

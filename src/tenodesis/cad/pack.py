@@ -12,20 +12,13 @@ import numpy as np
 
 from tenodesis import files
 from tenodesis.cad import kernel as k
-from tenodesis.cad.assembly import (
-    Overlap,
-    Progress,
-    assembled,
-    inertias,
-    interference,
-    masses,
-    mesh_play,
-    tip_inertia,
-)
+from tenodesis.cad.assembly import Overlap, Progress, assembled, interference, mesh_play
 from tenodesis.cad.checks import Agreement, Printable, agreement, printable, write_mesh
 from tenodesis.cad.drawing import write_drawings
+from tenodesis.cad.masses import inertias, masses, tip_inertia
 from tenodesis.cad.model import Model
 from tenodesis.cad.picture import colour_of, draw_assembly, draw_exploded
+from tenodesis.cad.urdf import urdf
 from tenodesis.errors import InstrumentError
 from tenodesis.report import style
 
@@ -39,9 +32,11 @@ FILES = (
     "exploded.svg",
     "parts.csv",
     "geometry.json",
+    "instrument.urdf",
 )
 """Files of a pack, beside a STEP file of each part in step/ and an STL file of each part to make in stl/."""
 FOLDERS = ("step", "stl")
+_COLUMNS = ("part", "title", "pieces", "make", "mass each [g]", "volume each [mm3]", "least wall [mm]", "support [mm2]")
 _STEPS = 9  # angles over the working range
 _SAME_VOLUME = 1e-6
 
@@ -72,8 +67,8 @@ def check(model: Model, progress: Progress | None = None, *, steps: int = _STEPS
         one = overlaps[0]
         bent = f"output angle {math.degrees(one.output_angle):.0f} deg, handle {math.degrees(one.handle_angle):.0f} deg"
         raise InstrumentError(
-            f"{inst.name}: {one.first} and {one.second} share {one.volume * 1e9:.3g} mm3 at {bent}; give a larger joint "
-            "radius, a smaller output_range or a process with thinner walls.",
+            f"{inst.name}: {one.first} and {one.second} share {one.volume * 1e9:.3g} mm3 at {bent}; give a larger "
+            "joint radius, a smaller output_range or a process with thinner walls.",
             key=one.first,
             value=one.volume,
             allowed="apart",
@@ -127,7 +122,7 @@ def write_into(
         _write_step(part.solid, folder / "step" / f"{part.name}.step", part.name)
         if part.made:
             path = folder / "stl" / f"{part.name}.stl"
-            write_mesh(part, str(path))
+            write_mesh(model, part, str(path))
             meshes.append(printable(model, part, str(path)))
             if not meshes[-1].watertight:
                 raise InstrumentError(f"{model.instrument.name}: the mesh of {part.name} is not closed.", key=part.name)
@@ -142,14 +137,9 @@ def write_into(
     write_drawings(model, folder / "drawings.pdf", tolerances, progress=report)
     _write_parts(model, found, folder / "parts.csv")
     (folder / "geometry.json").write_text(json.dumps(_summary(model, found), indent=2) + "\n", "utf-8")
+    (folder / "instrument.urdf").write_text(urdf(model), "utf-8")
     report(1, 1, "written")
     return found
-
-
-def file_names(model: Model) -> list[str]:
-    """Return the names of all files of a pack, within its folder."""
-    names = [f"step/{part.name}.step" for part in model.parts]
-    return [*FILES, *names, *(f"stl/{part.name}.stl" for part in model.parts if part.made)]
 
 
 def _silent(done: float, total: float, doing: str) -> None:
@@ -163,7 +153,9 @@ def _write_step(solid: Any, path: Path, label: str) -> None:
     b.export_step(solid, path)
     volume = sum(one.volume for one in b.import_step(path).solids())
     if abs(volume / solid.volume - 1) > _SAME_VOLUME:
-        raise InstrumentError(f"{path.name} reads back with a volume of {volume:.6g} mm3 instead of {solid.volume:.6g}.")
+        raise InstrumentError(
+            f"{path.name} reads back with a volume of {volume:.6g} mm3 instead of {solid.volume:.6g}."
+        )
 
 
 def _write_assembly(model: Model, folder: Path) -> None:
@@ -185,7 +177,16 @@ def _write_parts(model: Model, found: Checks, path: Path) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(
-            ("part", "title", "pieces", "make", "mass each [g]", "volume each [mm3]", "least wall [mm]", "support [mm2]")
+            (
+                "part",
+                "title",
+                "pieces",
+                "make",
+                "mass each [g]",
+                "volume each [mm3]",
+                "least wall [mm]",
+                "support [mm2]",
+            )
         )
         for part in model.parts:
             mesh, pieces = meshes.get(part.name), len(part.places)

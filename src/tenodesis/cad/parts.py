@@ -65,5 +65,3 @@ class Part:
     notes: tuple[str, ...] = ()
     away: Point = field(default=(0.0, 0.0, 0.0))
     """By how much it is moved in the exploded view, in its body's frame, mm."""
-    upright: Point = (0.0, 0.0, 0.0)
-    """Turn about x, y and z that puts it on the printer's bed, deg."""

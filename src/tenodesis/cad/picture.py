@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from tenodesis.cad import kernel as k
 from tenodesis.cad.assembly import Placed, assembled
@@ -21,6 +22,7 @@ _BOUGHT = "#b4bcc4"
 _LIGHT = np.array([-0.2, 0.93, 0.3])
 _EYE = (-0.62, 0.72, 0.33)
 """Direction toward the eye: from above, and from the side that the tip bends away from."""
+_Buffers: TypeAlias = tuple[Array, NDArray[np.int64], Array]
 _FINE = 2  # samples per pixel and direction
 _EDGE = 0.35
 
@@ -34,9 +36,11 @@ def draw_assembly(model: Model, output_angle: float = math.radians(40)) -> Figur
     """Return a picture of the whole assembly, its tip bent to an angle (rad), and of both joints."""
     placed = assembled(model, output_angle)
     fig = style.Drawing(figsize=(11.0, 7.2), layout="constrained")
-    places = [["whole", "whole"], ["tip", "handle"]]
+    places = "AA;BC"
     whole, tip, handle = fig.subplot_mosaic(places, height_ratios=(0.62, 1.0), width_ratios=(1.0, 1.25)).values()
-    groups = dict.fromkeys(one.part.name for one in placed if one.part.body in ("bench", "rig_bar", "stem") or one.part.name == "grip")
+    groups = dict.fromkeys(
+        one.part.name for one in placed if one.part.body in ("bench", "rig_bar", "stem") or one.part.name == "grip"
+    )
     _show(whole, placed, groups, "Assembly on its bench", 2200)
     _show(tip, _near(model, placed, tip=True), None, f"Tip, bent by {math.degrees(output_angle):.0f}°", 1000)
     _show(handle, _near(model, placed, tip=False), None, "Joint of the handle", 1000)
@@ -53,8 +57,8 @@ def draw_exploded(model: Model) -> Figure:
     if rig:
         groups |= {"Load rig, apart, one of each kind": rig, "Drive, apart": drives}
     fig = style.Drawing(figsize=(11.0, 10.5 if rig else 6.5), layout="constrained")
-    places = [["0", "0"], ["1", "1"], ["2", "3"]][: 3 if rig else 2]
-    panels = fig.subplot_mosaic(places, height_ratios=(1.0, 0.9, 1.2)[: len(places)], width_ratios=(1.9, 1.0))
+    places = "AA;BB;CD" if rig else "AA;BB"
+    panels = fig.subplot_mosaic(places, height_ratios=(1.0, 0.9, 1.2)[: 3 if rig else 2], width_ratios=(1.9, 1.0))
     for axis, (title, group) in zip(panels.values(), groups.items(), strict=True):
         _show(axis, group, None, title, 1400)
     return fig
@@ -144,13 +148,13 @@ def rendered(placed: Sequence[Placed], width: int) -> tuple[Array, list[tuple[fl
     columns = int(scale * (high[0] - low[0]) * 1.02) + 4
     depth = np.full((rows, columns), -np.inf)
     owner = np.full((rows, columns), -1)
-    normal = np.zeros((rows, columns, 3), np.float32)
+    normal = np.zeros((rows, columns, 3))
     for number, mesh in enumerate(seen):
         flat = mesh.points.copy()
         flat[:, 0] = (flat[:, 0] - low[0]) * scale + 2
         flat[:, 1] = rows - 2 - (flat[:, 1] - low[1]) * scale
         _fill(flat, mesh.faces, _normals(mesh), number, (depth, owner, normal))
-    image = _shaded(placed, depth, owner, normal, turn @ _LIGHT, scale)
+    image = _shaded(placed, (depth, owner, normal), turn @ _LIGHT, scale)
     centres: list[tuple[float, float] | None] = []
     for number in range(len(placed)):
         at_rows, at_columns = np.nonzero(owner == number)
@@ -175,7 +179,7 @@ def _normals(mesh: _Mesh) -> Array:
     return normals
 
 
-def _fill(flat: Array, faces: Array, normals: Array, number: int, buffers: tuple[Array, Array, Array]) -> None:
+def _fill(flat: Array, faces: Array, normals: Array, number: int, buffers: _Buffers) -> None:
     """Write the triangles of a part that face the eye to the buffers of depth, part and normal."""
     depth, owner, normal = buffers
     for face, way in zip(faces[normals[:, 2] > 0], normals[normals[:, 2] > 0], strict=True):
@@ -210,7 +214,8 @@ def _colours(parts: Iterable[Part]) -> dict[str, tuple[float, float, float]]:
     return found
 
 
-def _shaded(placed: Sequence[Placed], depth: Array, owner: Array, normal: Array, light: Array, scale: float) -> Array:
+def _shaded(placed: Sequence[Placed], buffers: _Buffers, light: Array, scale: float) -> Array:
+    depth, owner, normal = buffers
     colours = _colours(one.part for one in placed)
     palette = np.array([*(colours[one.part.name] for one in placed), (1.0, 1.0, 1.0)])
     bright = np.clip(0.55 + 0.45 * (normal @ light), 0, 1)
@@ -223,7 +228,8 @@ def _shaded(placed: Sequence[Placed], depth: Array, owner: Array, normal: Array,
         bend = np.einsum("ijk,ijk->ij", np.roll(normal, 1, shift), normal) < 0.75
         edge |= other | (step & bend) | (bend & (owner >= 0))
     image[edge] *= _EDGE
-    return image
+    found: Array = image
+    return found
 
 
 def _reduced(image: Array) -> Array:

@@ -108,8 +108,8 @@ def pulley_parts(joint: PulleyJoint, end: End, sizes: Sizes) -> list[Part]:
     pin = k.rod((0, -joint.pin_length / 2, 0), (0, joint.pin_length / 2, 0), joint.pin / 2)
     out = 3 * joint.radius
     notes = (
-        f"Grooves: radius to the rope's centre {joint.radius:.4g} mm, to the groove's bottom {joint.bottom_radius:.4g} mm, "
-        f"for a rope of {sizes.rope:.3g} mm; bottom rounded with {joint.groove:.3g} mm.",
+        f"Grooves: radius to the rope's centre {joint.radius:.4g} mm, to the groove's bottom "
+        f"{joint.bottom_radius:.4g} mm, for a rope of {sizes.rope:.3g} mm; bottom rounded with {joint.groove:.3g} mm.",
     )
     return [
         Part(
@@ -121,7 +121,6 @@ def pulley_parts(joint: PulleyJoint, end: End, sizes: Sizes) -> list[Part]:
             density=density,
             dimensions=_fork_dimensions(joint, end, sizes),
             notes=(f"Tunnels Ø{sizes.tunnel:.3g} for a rope of {sizes.rope:.3g} mm.",),
-            upright=(90, 0, 0),
         ),
         Part(
             far,
@@ -133,7 +132,6 @@ def pulley_parts(joint: PulleyJoint, end: End, sizes: Sizes) -> list[Part]:
             dimensions=_pulley_dimensions(joint, end, sizes),
             notes=notes,
             away=(0, 0, out if tip else -out),
-            upright=(90, 0, 0),
         ),
         Part(
             f"{'tip' if tip else 'handle'}_pin",
@@ -222,8 +220,7 @@ def _pulley_dimensions(joint: PulleyJoint, end: End, sizes: Sizes) -> tuple[Dime
     y = -joint.outside
     return (
         Dimension("radius to the rope's centre", (0, y, 0), (joint.radius, y, 0), "front", 1, "R", end.key),
-        Dimension("radius to the groove's bottom", (0, y, 0), (joint.bottom_radius, y, 0), "front", 1, "R",
-                  end.key),
+        Dimension("radius to the groove's bottom", (0, y, 0), (joint.bottom_radius, y, 0), "front", 1, "R", end.key),
         Dimension("rim", (-joint.rim, y, 0), (joint.rim, y, 0), "front", 1, "Ø"),
         *far_dimensions(end, sizes, -joint.depth - end.far_collar),
         Dimension("width of the pulley", (0, -joint.half, 0), (0, joint.half, 0), "side", 1),
@@ -236,8 +233,15 @@ def _fork_dimensions(joint: PulleyJoint, end: End, sizes: Sizes) -> tuple[Dimens
     inner = joint.outside + joint.play
     low = -joint.depth if end.tip else 0.0
     return (
-        Dimension("tunnels apart", (-joint.radius, -inner, low), (joint.radius, -inner, low), "front", 1,
-                  key=end.key, factor=2),
+        Dimension(
+            "tunnels apart",
+            (-joint.radius, -inner, low),
+            (joint.radius, -inner, low),
+            "front",
+            1,
+            key=end.key,
+            factor=2,
+        ),
         Dimension("axis to collar", (0, -inner, 0), (0, -inner, -joint.depth), "front", -1, along="y"),
         *tube_dimensions(end, sizes),
         Dimension("between the arms", (0, -inner, 0), (0, inner, 0), "side", 1),

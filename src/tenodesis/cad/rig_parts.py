@@ -1,6 +1,5 @@
 """Parts of the load rig of Fig. 13: a pulley about the near gear's axis, two cables with weights, and a slotted bar."""
 
-import math
 from typing import NamedTuple
 
 from tenodesis.cad import kernel as k
@@ -64,7 +63,6 @@ def rig_parts(rig: Rig, sizes: Sizes, hardware: Hardware, stem: float) -> list[P
     screws = 0.5 * (seat + bottom)
     for x in (-screws, screws):
         pulley -= k.rod((x, -half - 1, 0), (x, half + 1, 0), 1.25)
-    where = k.at(0, rig.pulley_level, rig.pivot)
     density = sizes.process.density
     back = rig.pivot - 180.0
     level = rig.base_level
@@ -77,8 +75,24 @@ def rig_parts(rig: Rig, sizes: Sizes, hardware: Hardware, stem: float) -> list[P
             (k.at(0, rig.pulley_level),),
             density=density,
             dimensions=(
-                Dimension("radius to the cable's centre", (0, -half, 0), (rig.cable_radius, -half, 0), "front", 1, "R", "conditions.cable_pulley_radius"),
-                Dimension("radius to the groove's bottom", (0, -half, 0), (bottom, -half, 0), "front", 1, "R", "conditions.cable_pulley_radius"),
+                Dimension(
+                    "radius to the cable's centre",
+                    (0, -half, 0),
+                    (rig.cable_radius, -half, 0),
+                    "front",
+                    1,
+                    "R",
+                    "conditions.cable_pulley_radius",
+                ),
+                Dimension(
+                    "radius to the groove's bottom",
+                    (0, -half, 0),
+                    (bottom, -half, 0),
+                    "front",
+                    1,
+                    "R",
+                    "conditions.cable_pulley_radius",
+                ),
                 Dimension("rim", (-rim, -half, 0), (rim, -half, 0), "front", -1, "Ø"),
                 Dimension("bearing's seat", (-seat, -half, 0), (seat, -half, 0), "front", -1, "Ø"),
                 Dimension("grooves apart", (0, levels[1], 0), (0, levels[0], 0), "side", 1),
@@ -86,7 +100,6 @@ def rig_parts(rig: Rig, sizes: Sizes, hardware: Hardware, stem: float) -> list[P
             ),
             notes=(f"For cables of {CABLE:g} mm; each is knotted through a hole drilled at its groove.",),
             away=(0, -25, 0),
-            upright=(90, 0, 0),
         ),
         _bar(rig, sizes, screws, seat),
         Part(
@@ -102,7 +115,6 @@ def rig_parts(rig: Rig, sizes: Sizes, hardware: Hardware, stem: float) -> list[P
                 Dimension("width", (-_width(rig), 0, back), (_width(rig), 0, back), "front", -1),
             ),
             away=(0, -70, 0),
-            upright=(90, 0, 0),
         ),
         _clamp(rig, sizes, stem),
         _guide(rig, sizes, hardware, back, level),
@@ -148,7 +160,6 @@ def _bar(rig: Rig, sizes: Sizes, screws: float, seat: float) -> Part:
         ),
         notes=("Slot polished: it transmits the tangential force only.",),
         away=(0, -12, 0),
-        upright=(90, 0, 0),
     )
 
 
@@ -214,20 +225,24 @@ def _guide(rig: Rig, sizes: Sizes, hardware: Hardware, back: float, level: float
         dimensions=(
             Dimension("radius to the cable's centre", (0, -half, 0), (_GUIDE, -half, 0), "front", 1, "R"),
             Dimension("radius to the groove's bottom", (0, -half, 0), (bottom, -half, 0), "front", 1, "R"),
-            Dimension("bore", (-500 * hardware.bearing_bore, -half, 0), (500 * hardware.bearing_bore, -half, 0), "front", -1, "Ø"),
+            Dimension(
+                "bore",
+                (-500 * hardware.bearing_bore, -half, 0),
+                (500 * hardware.bearing_bore, -half, 0),
+                "front",
+                -1,
+                "Ø",
+            ),
             Dimension("width", (0, -half, 0), (0, half, 0), "side", 1),
         ),
         away=(0, 0, -30),
-        upright=(90, 0, 0),
     )
 
 
 def _guides(rig: Rig, back: float) -> list[tuple[float, float, float]]:
     """Return the centres of the guide pulleys: their cables are as high as the pulley's grooves."""
     shift = rig.pulley_half / 2
-    return [
-        (side * rig.cable_radius, rig.pulley_level + side * shift - _GUIDE, back - _GUIDE - 6) for side in (1, -1)
-    ]
+    return [(side * rig.cable_radius, rig.pulley_level + side * shift - _GUIDE, back - _GUIDE - 6) for side in (1, -1)]
 
 
 def _bracket(rig: Rig, hardware: Hardware, back: float, level: float) -> Part:

@@ -72,7 +72,9 @@ def far_dimensions(end: End, sizes: Sizes, bottom: float) -> tuple[Dimension, ..
     return (
         Dimension("axis to back", (0, 0, 0), (0, 0, bottom), "front", -1, along="y"),
         Dimension("socket", (-socket_radius, 0, bottom), (socket_radius, 0, bottom), "front", -1, "Ø"),
-        Dimension("socket's depth", (0, 0, bottom), (0, 0, bottom + end.far_collar - sizes.wall), "front", 1, along="y"),
+        Dimension(
+            "socket's depth", (0, 0, bottom), (0, 0, bottom + end.far_collar - sizes.wall), "front", 1, along="y"
+        ),
     )
 
 
@@ -81,7 +83,7 @@ def transition_length(radius: float, tendon_radius: float) -> float:
     return abs(radius - tendon_radius) / math.tan(_STEEPEST)
 
 
-def transition(
+def transition(  # noqa: PLR0917
     end: End,
     sizes: Sizes,
     width: float,

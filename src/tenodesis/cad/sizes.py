@@ -41,4 +41,6 @@ class Sizes(NamedTuple):
 
 def refuse(key: str, value: Any, because: str, allowed: str, *, unit: str = " mm") -> NoReturn:
     """Raise InstrumentError: one sentence with the dimension, its value, why it cannot be, and what would do."""
-    raise InstrumentError(f"{key} is {value:.4g}{unit}: {because}; it must be {allowed}.", key=key, value=value, allowed=allowed)
+    raise InstrumentError(
+        f"{key} is {value:.4g}{unit}: {because}; it must be {allowed}.", key=key, value=value, allowed=allowed
+    )
