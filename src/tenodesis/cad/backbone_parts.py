@@ -73,7 +73,7 @@ def backbone(sizes: Sizes, radius: float, length: float, rod: float, largest: fl
 
 def backbone_parts(tip: Backbone, end: End, sizes: Sizes) -> list[Part]:
     """Return the parts of a tip of a backbone; discs are fixed to places along it, body "arc"."""
-    density, radius = sizes.process.density, tip.radius
+    density, radius, bore = sizes.process.density, tip.radius, (tip.rod + sizes.bore) / 2
     discs = tuple(k.at(z=number * tip.pitch) for number in range(1, tip.spans))
     out = tip.length
     offset = Dimension("tendon's centre to backbone", (0, 0, 0), (radius, 0, 0), "top", 1, "R", end.key)
@@ -88,7 +88,7 @@ def backbone_parts(tip: Backbone, end: End, sizes: Sizes) -> list[Part]:
             dimensions=(
                 offset,
                 *tube_dimensions(end, sizes),
-                Dimension("backbone's bore", (-tip.rod / 2, 0, 0), (tip.rod / 2, 0, 0), "top", -1, "Ø"),
+                Dimension("backbone's bore", (-bore, 0, 0), (bore, 0, 0), "top", -1, "Ø"),
             ),
         ),
         Part(

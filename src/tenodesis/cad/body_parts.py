@@ -142,11 +142,11 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float) ->
     boss = 1e3 * hardware.motor_boss
     bolts, plate = 1e3 * hardware.motor_bolts, 1e3 * hardware.motor_bolts + 12
     height = 1e3 * hardware.motor_length + 10
-    centre = bottom + groove
+    centre, shaft = bottom + groove, (1e3 * hardware.motor_shaft + sizes.bore) / 2
     body = k.rod((0, -half, 0), (0, half, 0), rim)
     body -= k.ring(centre, 0.0, groove)
     body -= k.rod((0, -groove, 0), (0, groove, 0), rim + 1) - k.rod((0, -groove, 0), (0, groove, 0), centre)
-    body -= k.rod((0, -half - 1, 0), (0, half + 1, 0), (1e3 * hardware.motor_shaft + sizes.bore) / 2)
+    body -= k.rod((0, -half - 1, 0), (0, half + 1, 0), shaft)
     anchor = bottom + sizes.tunnel / 2
     body -= k.rod((anchor, 0, 0), (anchor, half + 1, 0), sizes.tunnel / 2)
     apart, level = plate + 30, half + _MOUNT + 1
@@ -186,8 +186,8 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float) ->
                 Dimension("rim", (-rim, -half, 0), (rim, -half, 0), "front", -1, "Ø"),
                 Dimension(
                     "shaft's bore",
-                    (-500 * hardware.motor_shaft, -half, 0),
-                    (500 * hardware.motor_shaft, -half, 0),
+                    (-shaft, -half, 0),
+                    (shaft, -half, 0),
                     "front",
                     -1,
                     "Ø",

@@ -112,7 +112,7 @@ def projected(solid: k.Solid, eye: k.Point, up: k.Point) -> _Lines:
 def _polylines(edges: Sequence[Any]) -> Iterator[Array]:
     line = k.kernel().GeomType.LINE
     for edge in edges:
-        count = 2 if edge.geom_type == line else 33
+        count = 2 if edge.geom_type == line else 65
         yield np.array([(point.X, point.Y) for point in edge.positions(list(np.linspace(0, 1, count)))])
 
 

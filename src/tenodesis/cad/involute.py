@@ -44,8 +44,8 @@ class Gear(NamedTuple):
     def space(self, radii: Array) -> Array:
         """Return half the angle of a space at radii from root to tip, rad.
 
-        It is the envelope of a rack (ISO 53) that rolls on the pitch circle: the involute of its flank, and below it
-        the trochoid of its corner, which undercuts gears of few teeth.
+        It is the envelope of a rack (ISO 53, with sharp corners) that rolls on the pitch circle: the involute of its
+        flank, and below it the trochoid of its corner, which undercuts gears of fewer than 22 teeth.
         """
         pitch, depth = self.pitch_radius, _ROOT * self.module
         base = pitch * math.cos(PRESSURE_ANGLE)

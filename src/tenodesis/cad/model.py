@@ -109,21 +109,11 @@ def build(
             key="tendon_diameter",
             allowed="given",
         )
-    k.kernel()
     sizes = Sizes(chosen, k.MM * planar.tendon_diameter)
     stop = min(planar.output_stop, planar.output_range + math.radians(10))
     teeth = dict(modules or {})
     tip_joint, hand_joint = _joints(planar, sizes, bought, teeth, stop)
     tip, hand = _ends(planar, sizes, bought, tip_joint, hand_joint)
-    parts: list[Part] = []
-    for joint, end in ((tip_joint, tip), (hand_joint, hand)):
-        if isinstance(joint, GearJoint):
-            parts += gear_parts(joint, end, sizes)
-        elif isinstance(joint, PulleyJoint):
-            parts += pulley_parts(joint, end, sizes)
-        else:
-            parts += backbone_parts(joint, end, sizes)
-    parts.append(stem_part(tip, hand))
     foot = _foot(tip_joint, sizes)
     length = k.MM * planar.end_effector_length
     if foot + tip.far_collar + 4 > length:
@@ -133,6 +123,15 @@ def build(
             f"the far half of the joint takes {foot + tip.far_collar:.3g} mm of it",
             f"at least {foot + tip.far_collar + 4:.3g} mm",
         )
+    parts: list[Part] = []
+    for joint, end in ((tip_joint, tip), (hand_joint, hand)):
+        if isinstance(joint, GearJoint):
+            parts += gear_parts(joint, end, sizes)
+        elif isinstance(joint, PulleyJoint):
+            parts += pulley_parts(joint, end, sizes)
+        else:
+            parts += backbone_parts(joint, end, sizes)
+    parts.append(stem_part(tip, hand))
     where = _rig(planar, tip, tip_joint, hand_joint)
     parts.append(end_effector_part(tip, sizes, length, foot))
     parts.append(grip_part(hand, sizes, k.MM * planar.handle_length, _foot(hand_joint, sizes)))

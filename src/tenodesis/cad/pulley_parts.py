@@ -230,7 +230,7 @@ def _pulley_dimensions(joint: PulleyJoint, end: End, sizes: Sizes) -> tuple[Dime
 
 
 def _fork_dimensions(joint: PulleyJoint, end: End, sizes: Sizes) -> tuple[Dimension, ...]:
-    inner = joint.outside + joint.play
+    inner, bore = joint.outside + joint.play, (joint.pin + sizes.bore) / 2
     low = -joint.depth if end.tip else 0.0
     return (
         Dimension(
@@ -246,5 +246,5 @@ def _fork_dimensions(joint: PulleyJoint, end: End, sizes: Sizes) -> tuple[Dimens
         *tube_dimensions(end, sizes),
         Dimension("between the arms", (0, -inner, 0), (0, inner, 0), "side", 1),
         Dimension("over the arms", (0, -inner - joint.fork, 0), (0, inner + joint.fork, 0), "side", 1),
-        Dimension("pin's bore", (-joint.pin / 2, -inner, 0), (joint.pin / 2, -inner, 0), "front", 1, "Ø"),
+        Dimension("pin's bore", (-bore, -inner, 0), (bore, -inner, 0), "front", 1, "Ø"),
     )

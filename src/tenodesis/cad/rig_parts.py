@@ -211,10 +211,11 @@ def _clamp(rig: Rig, sizes: Sizes, stem: float) -> Part:
 
 def _guide(rig: Rig, sizes: Sizes, hardware: Hardware, back: float, level: float) -> Part:
     groove, half, rim = 0.525 * CABLE, 3.0, _GUIDE + 1.5 * CABLE
+    bore = (1e3 * hardware.bearing_bore + sizes.bore) / 2
     bottom = _GUIDE - CABLE / 2
     body = k.turned([(0, -half), (rim, -half), (rim, half), (0, half)], (bottom + groove, 0.0, groove))
     body -= k.rod((0, -groove, 0), (0, groove, 0), rim + 1) - k.rod((0, -groove, 0), (0, groove, 0), bottom + groove)
-    body -= k.rod((0, -half - 1, 0), (0, half + 1, 0), (1e3 * hardware.bearing_bore + sizes.bore) / 2)
+    body -= k.rod((0, -half - 1, 0), (0, half + 1, 0), bore)
     return Part(
         "rig_guide",
         "Guide pulley of a weight's cable",
@@ -227,8 +228,8 @@ def _guide(rig: Rig, sizes: Sizes, hardware: Hardware, back: float, level: float
             Dimension("radius to the groove's bottom", (0, -half, 0), (bottom, -half, 0), "front", 1, "R"),
             Dimension(
                 "bore",
-                (-500 * hardware.bearing_bore, -half, 0),
-                (500 * hardware.bearing_bore, -half, 0),
+                (-bore, -half, 0),
+                (bore, -half, 0),
                 "front",
                 -1,
                 "Ø",

@@ -95,7 +95,10 @@ def transition(  # noqa: PLR0917
     length = -end.near_length - top
     straight = min(0.25 * -length, end.stem_radius)
     low = -end.near_length + straight
-    narrow = end.tendon_radius + sizes.tunnel / 2 + sizes.wall
+    # The walls beside the slanted tunnels are slanted as well.
+    wall = sizes.wall / math.cos(_STEEPEST) + 0.01
+    width = max(width, *(abs(x) + sizes.tunnel / 2 + wall for (x, _), _ in ways))
+    narrow = end.tendon_radius + sizes.tunnel / 2 + wall
     deep = max(middle, 0.4 * end.stem_radius, *(abs(y) + sizes.tunnel / 2 + sizes.wall for way in ways for _, y in way))
     body = k.bar([(-width, top), (-narrow, low), (narrow, low), (width, top)], -deep, deep)
     body += k.rod((0, 0, -end.near_length), (0, 0, low), end.stem_radius)
