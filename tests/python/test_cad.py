@@ -55,19 +55,19 @@ ENDS = [math.radians(-80), 0.0, math.radians(80)]
 @pytest.fixture(scope="module")
 def gears() -> cad.Model:
     pytest.importorskip("build123d", reason="the extra [cad] is not installed")
-    return cad.build("scaled-up", rig=False)
+    return cad.build("scaled-up", process="fdm", rig=False)
 
 
 @pytest.fixture(scope="module")
 def pulley() -> cad.Model:
     pytest.importorskip("build123d", reason="the extra [cad] is not installed")
-    return cad.build(tn.parse(PULLEY))
+    return cad.build(tn.parse(PULLEY), process="fdm")
 
 
 @pytest.fixture(scope="module")
 def continuum() -> cad.Model:
     pytest.importorskip("build123d", reason="the extra [cad] is not installed")
-    return cad.build(tn.parse(CONTINUUM), rig=False)
+    return cad.build(tn.parse(CONTINUUM), process="fdm", rig=False)
 
 
 # What needs no kernel.
@@ -108,13 +108,14 @@ def test_module_and_teeth_are_the_coarsest_of_the_catalogue_that_give_the_radius
         (
             {},
             {"modules": {"distal": 1e-3 / 3}},
-            r"module is 0.3333 mm: teeth of gears of distal_gear_radius are 0.449 mm thick .* at least 0.557 mm",
+            r"module is 0.3333 mm: teeth of gears of distal_gear_radius are 0.449 mm thick .* at least 0.557 mm, or the "
+            "process milled",
         ),
         (
             {"distal_gear_radius": "3 mm", "handle_range": "10 deg", "output_range": "107 deg"},
             {"modules": {"distal": 0.5e-3}, "process": "sla"},
-            r"distal_gear_radius is 3 mm: with tunnels of 0.64 mm .* touch at 95 deg, before its stop at 117 deg; it "
-            r"must be at least",
+            r"distal_gear_radius is 3 mm: with tunnels of 0.64 mm .* touch at 98 deg, before its stop at 117 deg; it "
+            r"must be at least 5.56 mm",
         ),
         ({"stem_diameter": "15.5 mm"}, {}, r"stem_diameter is 15.5 mm: .* leave 0 mm for the tube's wall; .* 15.9 mm"),
         ({"end_effector_length": "10 mm"}, {}, r"end_effector_length is 10 mm: the far half .* at least 1\d.* mm"),
@@ -127,7 +128,7 @@ def test_what_cannot_be_made_is_named_with_what_would_do(
 ) -> None:
     inst = scaled.replace(**changes)
     with pytest.raises(ValueError, match=says):
-        cad.build(inst, **choices)
+        cad.build(inst, **{"process": "fdm"} | choices)
 
 
 def test_a_pulley_too_small_for_its_pin_is_refused() -> None:
@@ -137,7 +138,7 @@ def test_a_pulley_too_small_for_its_pin_is_refused() -> None:
 
 def test_a_backbone_whose_discs_touch_is_refused() -> None:
     with pytest.raises(InstrumentError, match=r"backbone_length is 12 mm: two discs of 0.8 mm touch .* at least \d"):
-        cad.build(tn.parse(CONTINUUM.replace('backbone_length = "80 mm"', 'backbone_length = "12 mm"')))
+        cad.build(tn.parse(CONTINUUM.replace('backbone_length = "80 mm"', 'backbone_length = "12 mm"')), process="fdm")
 
 
 def test_without_the_kernel_one_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,7 +2,7 @@
 
 Needs the extra ``[cad]`` (build123d, trimesh). Solids are the kernel's, in mm; everything else is in SI units::
 
-    model = tn.cad.build("scaled-up", process="fdm")
+    model = tn.cad.build("scaled-up", process="sla")
     tn.cad.write(model, Path("out"))            # STEP, STL, glTF, drawings, pictures
     tn.cad.tip_inertia(model)                   # kg·m², for dynamics.tip_inertia
 """

@@ -8,6 +8,7 @@ import numpy as np
 from tenodesis.cad import kernel as k
 from tenodesis.cad.involute import Gear
 from tenodesis.cad.kernel import Solid
+from tenodesis.cad.process import PROCESSES
 from tenodesis.cad.sizes import Sizes, refuse
 from tenodesis.run import Array
 
@@ -77,7 +78,7 @@ def gear_joint(sizes: Sizes, key: str, radius: float, gear: Gear, stop: float) -
             gear.module,
             f"teeth of gears of {key} are {tooth:.3g} mm thick at the pitch circle, less than the {wall:.3g} mm that "
             f"process {sizes.process.name} allows",
-            f"at least {(wall + gear.backlash / 2) * 2 / math.pi:.3g} mm, so that the radius needs a coarser module",
+            f"at least {(wall + gear.backlash / 2) * 2 / math.pi:.3g} mm{_finer(tooth)}",
         )
     free = radius * math.cos(stop / 2) - sizes.rope / 2 - sizes.play
     pins = [pin for pin in _PINS if pin <= 0.42 * radius and pin / 2 <= free]
@@ -153,6 +154,12 @@ def _plate(joint: GearJoint, outline: list[Array], low: float, high: float) -> S
         points = [(float(x), high, float(z)) for x, z in piece]
         edges.append(b.Edge.make_line(*points) if len(points) == 2 else b.Edge.make_spline(points))
     return k.prism(edges, high - low)
+
+
+def _finer(tooth: float) -> str:
+    """Return the processes that make teeth of a thickness, mm, as the end of a sentence."""
+    names = [name for name, one in PROCESSES.items() if k.MM * one.wall <= tooth]
+    return f", or the process {' or '.join(names)}" if names else ""
 
 
 def _outline(joint: GearJoint, *, tooth_ahead: bool) -> list[Array]:

@@ -65,7 +65,7 @@ class Model:
 def build(
     inst: InstrumentLike,
     *,
-    process: str | Process = "fdm",
+    process: str | Process = "sla",
     axis: str | None = None,
     modules: Mapping[str, float] | None = None,
     hardware: Hardware | None = None,

@@ -1,6 +1,8 @@
 """The command that writes an instrument's solids, drawings and pictures: ``tenodesis cad``."""
 
 import math
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,14 +16,14 @@ from tenodesis.extras import require
 from tenodesis.instrument import Instrument
 from tenodesis.units import Length
 
-_SMALL_MODULES = ("distal", "proximal")
+_ENDS = ("distal", "proximal")
 
 
 def write_cad(  # noqa: PLR0917
     instrument_file: InstrumentFile,
     process: Annotated[
         str, typer.Option(help=f"How parts are made, which sets walls and plays: {', '.join(cad.PROCESSES)}.")
-    ] = "fdm",
+    ] = "sla",
     axis: Annotated[str | None, typer.Option(help="Bending axis. Default: the first.", show_default=False)] = None,
     module: Annotated[
         list[str] | None,
@@ -35,32 +37,41 @@ def write_cad(  # noqa: PLR0917
     overwrite: Overwrite = False,
 ) -> None:
     """Write an instrument on its bench as solids: STEP, STL, glTF, drawings, pictures; checked over its range."""
-    for name in ("build123d", "trimesh"):
-        require(name, "cad")
     inst = load_instrument(instrument_file)
     check_choice("--process", process, cad.PROCESSES)
     if axis is not None:
         check_choice("--axis", axis, inst.axes)
     modules = _modules(module or [])
-    outputs = [("--out", out / file) for file in cad.FILES]
-    with (
-        writing(outputs, [instrument_file], overwrite=overwrite, folder=out, subfolders=cad.FOLDERS),
-        ProgressBar("", None) as bar,
-        write_errors(out),
-    ):
-        checks = write_pack(inst, out, bar, process=process, axis=axis, modules=modules)
+    checks = write_solids(
+        inst, out, [instrument_file], option="--out", overwrite=overwrite, process=process, axis=axis, modules=modules
+    )
     print_checks(checks, process)
     say(f"{out / 'drawings.pdf'}, {out / 'assembly.step'}, {out / 'step'}, {out / 'stl'} and pictures are written.")
 
 
-def write_pack(inst: Instrument, out: Path, bar: ProgressBar, **choices: Any) -> cad.Checks:
-    """Build an instrument's solids and write their pack, with a progress bar."""
+def writing_solids(out: Path, inputs: Sequence[str], *, option: str, overwrite: bool) -> AbstractContextManager[None]:
+    """Return the context in which a pack is written: refused before the work if it must not be."""
+    for name in ("build123d", "trimesh"):
+        require(name, "cad")
+    outputs = [(option, out / file) for file in cad.FILES]
+    return writing(outputs, inputs, overwrite=overwrite, folder=out, subfolders=cad.FOLDERS)
 
-    def report(done: float, total: float, doing: str) -> None:
-        bar(done, total, f"{doing:<20}")
 
-    report(0, 1, "solids")
-    return cad.write(cad.build(inst, **choices), out, progress=report)
+def write_solids(
+    inst: Instrument, out: Path, inputs: Sequence[str], *, option: str, overwrite: bool, **choices: Any
+) -> cad.Checks:
+    """Build an instrument's solids and write their pack, with a progress bar; choices are those of :func:`cad.build`."""
+    with (
+        writing_solids(out, inputs, option=option, overwrite=overwrite),
+        ProgressBar("", None) as bar,
+        write_errors(out),
+    ):
+
+        def report(done: float, total: float, doing: str) -> None:
+            bar(done, total, f"{doing:<20}")
+
+        report(0, 1, "solids")
+        return cad.write(cad.build(inst, **choices), out, progress=report)
 
 
 def print_checks(checks: cad.Checks, process: str) -> None:
@@ -89,7 +100,7 @@ def _modules(given: list[str]) -> dict[str, float]:
     found: dict[str, float] = {}
     for one in given:
         end, equals, value = one.partition("=")
-        if not equals or end.strip() not in _SMALL_MODULES:
+        if not equals or end.strip() not in _ENDS:
             raise CommandError(
                 key="--module", value=one, allowed="distal=LENGTH or proximal=LENGTH, like 'distal=1 mm'"
             )

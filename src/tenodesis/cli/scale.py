@@ -9,7 +9,9 @@ import typer
 from rich.markup import escape
 
 from tenodesis import scaling
-from tenodesis.cli.common import ProgressBar, console, load_instrument, say, table, value_errors
+from tenodesis.cad import PROCESSES
+from tenodesis.cli.cad import print_checks, write_solids, writing_solids
+from tenodesis.cli.common import ProgressBar, check_choice, console, load_instrument, say, table, value_errors
 from tenodesis.cli.outputs import Overwrite, write_errors, writing
 from tenodesis.errors import CommandError
 from tenodesis.extras import require
@@ -61,9 +63,17 @@ def scale(  # noqa: PLR0917
     ] = scaling.COMBINATIONS,
     out: Annotated[Path, typer.Option(help="Folder for instrument file, plan and front.")] = Path("prototype"),
     overwrite: Overwrite = False,
+    solids: Annotated[
+        Path | None,
+        typer.Option("--cad", help="Folder for its solids, drawings and pictures as well.", show_default=False),
+    ] = None,
+    process: Annotated[str, typer.Option("--cad-process", help="How its parts are made, as of tenodesis cad.")] = "sla",
 ) -> None:
     """Design a scale model of an instrument from stock parts: instrument file, test plan, and how similar it is."""
     require("typst", "design")
+    if solids is not None:
+        with writing_solids(solids, [instrument_file, *(catalogue or ())], option="--cad", overwrite=overwrite):
+            check_choice("--cad-process", process, PROCESSES)
     model = load_instrument(instrument_file)
     parts = scaling.load(*(catalogue or ()))
     pins = _pins(factor, pin or [])
@@ -86,6 +96,19 @@ def scale(  # noqa: PLR0917
     _print_front(front, chosen, design, free)
     picture = "a picture of the front without pins" if pins else "its picture"
     say(f"{out / files[0]}, {out / 'plan.html'}, {out / 'plan.pdf'}, {out / 'front.csv'} and {picture} are written.")
+    if solids is not None:
+        _write_solids(design, solids, process, [instrument_file, *(catalogue or ())], overwrite=overwrite)
+
+
+def _write_solids(design: Design, out: Path, process: str, inputs: Sequence[str], *, overwrite: bool) -> None:
+    """Write the solids of a scale model, its gears of the modules that it was designed with."""
+    wheels = {"distal": design.choice.distal, "proximal": design.choice.proximal}
+    modules = {end: wheel.module for end, wheel in wheels.items() if wheel.module is not None}
+    checks = write_solids(
+        design.scaled_up, out, inputs, option="--cad", overwrite=overwrite, process=process, modules=modules
+    )
+    print_checks(checks, process)
+    say(f"Its solids, drawings and pictures are written to {out}.")
 
 
 def _pins(factor: float | None, pins: Sequence[str]) -> dict[str, Any]:
