@@ -108,8 +108,8 @@ def test_module_and_teeth_are_the_coarsest_of_the_catalogue_that_give_the_radius
         (
             {},
             {"modules": {"distal": 1e-3 / 3}},
-            r"module is 0.3333 mm: teeth of gears of distal_gear_radius are 0.449 mm thick .* at least 0.557 mm, or the "
-            "process milled",
+            r"module is 0.3333 mm: teeth of gears of distal_gear_radius are 0.449 mm thick .* at least 0.557 mm, or "
+            "the process milled",
         ),
         (
             {"distal_gear_radius": "3 mm", "handle_range": "10 deg", "output_range": "107 deg"},
@@ -133,7 +133,7 @@ def test_what_cannot_be_made_is_named_with_what_would_do(
 
 def test_a_pulley_too_small_for_its_pin_is_refused() -> None:
     with pytest.raises(InstrumentError, match=r"distal_pulley_radius is 1.5 mm: .* at least \d"):
-        cad.build(tn.parse(PULLEY.replace('"8 mm"', '"1.5 mm"').replace("45 deg", "5 deg")))
+        cad.build(tn.parse(PULLEY.replace('"8 mm"', '"1.5 mm"').replace("45 deg", "5 deg")), process="fdm")
 
 
 def test_a_backbone_whose_discs_touch_is_refused() -> None:

@@ -60,7 +60,7 @@ def writing_solids(out: Path, inputs: Sequence[str], *, option: str, overwrite: 
 def write_solids(
     inst: Instrument, out: Path, inputs: Sequence[str], *, option: str, overwrite: bool, **choices: Any
 ) -> cad.Checks:
-    """Build an instrument's solids and write their pack, with a progress bar; choices are those of :func:`cad.build`."""
+    """Build solids and write their pack, with a progress bar; choices are those of :func:`cad.build`."""
     with (
         writing_solids(out, inputs, option=option, overwrite=overwrite),
         ProgressBar("", None) as bar,
