@@ -4,7 +4,8 @@ import csv
 import json
 import math
 import re
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -142,7 +143,7 @@ def test_a_backbone_whose_discs_touch_is_refused() -> None:
 
 
 def test_without_the_kernel_one_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "build123d", None)
+    monkeypatch.setitem(sys.modules, "build123d", None)
     with pytest.raises(MissingExtraError, match=r"build123d .*: pip install 'tenodesis\[cad\]'"):
         cad.build("scaled-up")
 
@@ -265,3 +266,14 @@ def test_drawings_say_radii_to_the_ropes_centre_and_to_the_grooves_bottom_with_t
     assert (centre.tolerance, bottom.tolerance, centre.own) == (0.02, 0.02, True)
     assert table["rim"].tolerance == general_tolerance(table["rim"].nominal * 1e-3, "m")
     assert not table["rim"].own
+
+
+def test_the_command_says_what_to_install_before_it_writes_anything(
+    tenodesis: Callable[..., tuple[int, str, str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "build123d", None)
+    for words in (("cad", "scaled-up"), ("scale", "real-size", "--cad", "solids")):
+        code, _, wrong = tenodesis(*words)
+        assert code == 1
+        assert "pip install 'tenodesis[cad]'" in wrong
+    assert list(tmp_path.iterdir()) == []

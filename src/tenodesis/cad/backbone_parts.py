@@ -6,7 +6,7 @@ from typing import NamedTuple
 from tenodesis.cad import kernel as k
 from tenodesis.cad.kernel import FLIP, Solid
 from tenodesis.cad.parts import Dimension, Part
-from tenodesis.cad.shared import End, far_dimensions, ferrule_pockets, socket, spigot, tube_dimensions
+from tenodesis.cad.shared import End, far_dimensions, ferrule_collar, ferrule_pockets, socket, spigot, tube_dimensions
 from tenodesis.cad.sizes import Sizes, refuse
 
 _DEVIATION = math.radians(0.25)
@@ -172,7 +172,7 @@ def _disc(tip: Backbone, sizes: Sizes) -> Solid:
 def _plate(tip: Backbone, end: End, sizes: Sizes) -> Solid:
     """Return the plate, whose collar is toward -z."""
     bottom = -tip.collar - end.far_collar
-    body = k.rod((0, 0, bottom), (0, 0, 0), end.stem_radius)
+    body = k.rod((0, 0, bottom), (0, 0, 0), ferrule_collar(tip.radius, end, sizes))
     for x in (-tip.radius, tip.radius):
         body -= k.rod((x, 0, bottom), (x, 0, 0), sizes.tunnel / 2)
     body -= ferrule_pockets(tip.radius, sizes, bottom, end.far_collar)

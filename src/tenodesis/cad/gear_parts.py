@@ -10,6 +10,7 @@ from tenodesis.cad.shared import (
     End,
     far_dimensions,
     ferrule,
+    ferrule_collar,
     ferrule_pockets,
     sheath_seats,
     socket,
@@ -102,7 +103,7 @@ def _far(joint: GearJoint, end: End, sizes: Sizes) -> k.Solid:
     body = toothed_half(joint, tooth_ahead=False)
     bottom = top - end.far_collar
     if end.tip:
-        body += k.rod((0, 0, bottom), (0, 0, top), end.stem_radius)
+        body += k.rod((0, 0, bottom), (0, 0, top), ferrule_collar(radius, end, sizes))
         body = bored(joint, body, sizes, joint.depth + end.far_collar)
         body -= ferrule_pockets(radius, sizes, bottom, end.far_collar)
     else:

@@ -117,6 +117,11 @@ def ferrule(sizes: Sizes) -> tuple[float, float]:
     return 1.25 * sizes.rope + sizes.bore / 2, 4 * sizes.rope
 
 
+def ferrule_collar(radius: float, end: End, sizes: Sizes) -> float:
+    """Return the radius of the collar that holds the ferrules: the stem's, or more where their walls need it."""
+    return max(end.stem_radius, radius + ferrule(sizes)[0] + sizes.wall)
+
+
 def ferrule_pockets(radius: float, sizes: Sizes, bottom: float, collar: float) -> Solid:
     """Return the pockets of the ferrules at the tendons' ends."""
     wide, deep = ferrule(sizes)
