@@ -15,7 +15,7 @@ import pytest
 
 import tenodesis as tn
 from tenodesis import cad
-from tenodesis.cad import pack
+from tenodesis.cad import pack, picture
 from tenodesis.cad.involute import Gear
 from tenodesis.cad.model import gear_of
 from tenodesis.errors import InstrumentError, MissingExtraError
@@ -157,7 +157,7 @@ def test_gears_mesh_and_nothing_collides_over_the_working_range(gears: cad.Model
     joint = gears.joints[0]
     play = cad.mesh_play(gears, 0.0)
     # Teeth hold each other: half a backlash either way, and no further.
-    assert play == pytest.approx([gears.process.backlash * 1e3 / (2 * joint.gear.pitch_radius)] * 2, rel=0.1)  # type: ignore[union-attr]
+    assert play == pytest.approx([gears.process.backlash * 1e3 / (2 * joint.gear.pitch_radius)] * 2, rel=0.2)  # type: ignore[union-attr]
 
 
 @pytest.mark.slow
@@ -206,7 +206,8 @@ def test_the_tips_inertia_is_its_kinetic_energy(gears: cad.Model) -> None:
 @pytest.fixture(scope="module")
 def folder(pulley: cad.Model, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pack, "_STEPS", 2)
+        patch.setattr(pack, "_STEPS", 1)
+        patch.setattr(picture, "_FINE", 1)
         out = tmp_path_factory.mktemp("pack")
         cad.write(pulley, out, {"distal_pulley_radius": 0.02e-3})
         yield out

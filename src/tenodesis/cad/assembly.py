@@ -99,8 +99,8 @@ def interference(
 def mesh_play(model: Model, output_angle: float, *, tip: bool = True) -> tuple[float, float]:
     """Return how far a gear pair's far body can turn about its axis either way until its teeth touch, rad.
 
-    The two angles are the backlash that the solids have; found by bisection, to a twentieth of the process's
-    backlash. Raises ValueError if the joint is no gear pair.
+    The two angles are the backlash that the solids have; found by bisection, to a tenth of the process's backlash.
+    Raises ValueError if the joint is no gear pair.
     """
     names = ("tip_gear_near", "tip_gear_far") if tip else ("handle_gear_near", "handle_gear_far")
     if model.instrument.joint_type != "tendon-gear":
@@ -120,7 +120,7 @@ def mesh_play(model: Model, output_angle: float, *, tip: bool = True) -> tuple[f
     for side in (1, -1):
         usual = joint.gear.backlash / (2 * joint.gear.pitch_radius)
         free, stuck = 0.0, 3 * usual
-        while stuck - free > usual / 20:
+        while stuck - free > usual / 10:
             middle = (free + stuck) / 2
             turned = frame * k.turned_about_y(side * middle) * back
             free, stuck = (free, middle) if k.common_volume(teeth, turned) > 1e-4 else (middle, stuck)
