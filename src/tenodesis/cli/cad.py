@@ -1,7 +1,7 @@
 """The command that writes an instrument's solids, drawings and pictures: ``tenodesis cad``."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Annotated, Any
@@ -58,7 +58,14 @@ def writing_solids(out: Path, inputs: Sequence[str], *, option: str, overwrite: 
 
 
 def write_solids(
-    inst: Instrument, out: Path, inputs: Sequence[str], *, option: str, overwrite: bool, **choices: Any
+    inst: Instrument,
+    out: Path,
+    inputs: Sequence[str],
+    *,
+    option: str,
+    overwrite: bool,
+    tolerances: Mapping[str, float] | None = None,
+    **choices: Any,
 ) -> cad.Checks:
     """Build solids and write their pack, with a progress bar; choices are those of :func:`cad.build`."""
     with (
@@ -71,7 +78,7 @@ def write_solids(
             bar(done, total, f"{doing:<20}")
 
         report(0, 1, "solids")
-        return cad.write(cad.build(inst, **choices), out, progress=report)
+        return cad.write(cad.build(inst, **choices), out, tolerances, report)
 
 
 def print_checks(checks: cad.Checks, process: str) -> None:
