@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tenodesis import (
+        cad,
         control,
         coupled,
         errors,
@@ -68,6 +69,7 @@ __all__ = [
     "TendonGear",
     "TendonPulley",
     "__version__",
+    "cad",
     "control",
     "coupled",
     "errors",

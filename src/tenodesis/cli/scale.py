@@ -10,7 +10,18 @@ import typer
 from rich.markup import escape
 
 from tenodesis import scaling, workshop
-from tenodesis.cli.common import ProgressBar, console, load_instrument, quantity, say, table, value_errors
+from tenodesis.cad import PROCESSES
+from tenodesis.cli.cad import print_checks, write_solids, writing_solids
+from tenodesis.cli.common import (
+    ProgressBar,
+    check_choice,
+    console,
+    load_instrument,
+    quantity,
+    say,
+    table,
+    value_errors,
+)
 from tenodesis.cli.outputs import Overwrite, write_errors, writing
 from tenodesis.errors import CommandError, NoSolutionError, ProtocolError, StudyError
 from tenodesis.extras import require
@@ -81,12 +92,20 @@ def scale(  # noqa: PLR0917
     ] = scaling.COMBINATIONS,
     out: Annotated[Path, typer.Option(help="Folder for instrument file, plan and front.")] = Path("prototype"),
     overwrite: Overwrite = False,
+    solids: Annotated[
+        Path | None,
+        typer.Option("--cad", help="Folder for its solids, drawings and pictures as well.", show_default=False),
+    ] = None,
+    process: Annotated[str, typer.Option("--cad-process", help="How its parts are made, as of tenodesis cad.")] = "sla",
 ) -> None:
     """Design a scale model of an instrument from stock parts: instrument file, test plan, and how similar it is."""
     require("typst", "design")
     if objective is not None and pick is not None:
         raise CommandError(f"--objective is {objective} and --pick is {pick}; give one of them.")
     target = float(np.degrees(quantity("--as-built", as_built, SimilarityError)))
+    if solids is not None:
+        with writing_solids(solids, [instrument_file, *(catalogue or ())], option="--cad", overwrite=overwrite):
+            check_choice("--cad-process", process, PROCESSES)
     model = load_instrument(instrument_file)
     parts = scaling.load(*(catalogue or ()))
     pins = _pins(factor, pin or [])
@@ -120,10 +139,27 @@ def scale(  # noqa: PLR0917
     say(f"{out / files[0]}, {out / 'plan.html'}, {out / 'plan.pdf'}, {out / 'front.csv'} and {picture} are written.")
     if pack is not None:
         say(f"Beside them: {', '.join(workshop.FILES)}.")
-        return
-    left = [name for name in workshop.FILES if (out / name).exists()]
-    if left:
+    elif left := [name for name in workshop.FILES if (out / name).exists()]:
         say(f"warning: of an earlier design are {', '.join(left)} in {out}; delete them.")
+    if solids is not None:
+        checks = write_solids(
+            design.scaled_up,
+            solids,
+            [instrument_file, *(catalogue or ())],
+            option="--cad",
+            overwrite=overwrite,
+            tolerances=None if pack is None else pack.budget.drawn,
+            process=process,
+            modules=_modules(design),
+        )
+        print_checks(checks, process)
+        say(f"Its solids, drawings and pictures are written to {solids}.")
+
+
+def _modules(design: Design) -> dict[str, float]:
+    """Return the modules of the gears that a scale model was designed with, by end, m."""
+    wheels = {"distal": design.choice.distal, "proximal": design.choice.proximal}
+    return {end: wheel.module for end, wheel in wheels.items() if wheel.module is not None}
 
 
 def _pins(factor: float | None, pins: Sequence[str]) -> dict[str, Any]:

@@ -86,6 +86,10 @@ COMMANDS: dict[str, Command | Group] = {
         "Design a scale model of an instrument from stock parts: instrument file, test plan, and how similar it is.",
         "scale.scale",
     ),
+    "cad": Command(
+        "Write an instrument on its bench as solids: STEP, STL, glTF, drawings, pictures; checked over its range.",
+        "cad.write_cad",
+    ),
     "transfer": Command(
         "Carry a recording of a scaled-up instrument to real-size units, and its friction to the real-size file.",
         "transfer.transfer",

@@ -1,0 +1,62 @@
+"""Solid models of a planar instrument on its bench: parts, assembly, drawings, and files for printing and CAD.
+
+Needs the extra ``[cad]`` (build123d, trimesh). Solids are the kernel's, in mm; everything else is in SI units::
+
+    model = tn.cad.build("scaled-up", process="sla")
+    tn.cad.write(model, Path("out"))            # STEP, STL, glTF, drawings, pictures
+    tn.cad.tip_inertia(model)                   # kg·m², for dynamics.tip_inertia
+"""
+
+from tenodesis.cad.assembly import Overlap, Placed, assembled, interference, mesh_play
+from tenodesis.cad.body_parts import Hardware
+from tenodesis.cad.checks import Agreement, Printable, agreement
+from tenodesis.cad.drawing import Row, draw_part, rows, write_drawings
+from tenodesis.cad.masses import Inertia, Mass, inertias, masses, tip_inertia
+from tenodesis.cad.model import Model, build
+from tenodesis.cad.pack import FILES, FOLDERS, Checks, check, write
+from tenodesis.cad.parts import Dimension, Part
+from tenodesis.cad.picture import draw_assembly, draw_exploded
+from tenodesis.cad.process import PROCESSES, Process
+from tenodesis.cad.routes import tendon_lengths, tip_places
+from tenodesis.cad.urdf import urdf
+
+__all__ = [
+    "FILES",
+    "FOLDERS",
+    "PROCESSES",
+    "Agreement",
+    "Checks",
+    "Dimension",
+    "Hardware",
+    "Inertia",
+    "Mass",
+    "Model",
+    "Overlap",
+    "Part",
+    "Placed",
+    "Printable",
+    "Process",
+    "Row",
+    "agreement",
+    "assembled",
+    "build",
+    "check",
+    "draw_assembly",
+    "draw_exploded",
+    "draw_part",
+    "inertias",
+    "interference",
+    "masses",
+    "mesh_play",
+    "rows",
+    "tendon_lengths",
+    "tip_inertia",
+    "tip_places",
+    "urdf",
+    "write",
+    "write_drawings",
+]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,117 @@
+"""Simple solids of the CAD kernel, build123d, in mm; it is imported when the first solid is made."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from tenodesis.extras import require
+from tenodesis.run import Array
+
+MM = 1e3
+"""Kernel units, mm, per metre."""
+
+Solid: TypeAlias = Any
+"""A shape of the kernel, mm."""
+Location: TypeAlias = Any
+"""A position and orientation of the kernel, mm and degrees."""
+Point: TypeAlias = tuple[float, float, float]
+
+UP: Point = (0.0, 0.0, 1.0)
+
+
+def kernel() -> Any:
+    """Return the module build123d. Raises MissingExtraError if it is not installed."""
+    return require("build123d", "cad")
+
+
+def at(x: float = 0.0, y: float = 0.0, z: float = 0.0, turn: Point = (0.0, 0.0, 0.0)) -> Location:
+    """Return a place, and a turn about x, y and z in degrees."""
+    return kernel().Location((x, y, z), turn)
+
+
+def turned_about_y(angle: float) -> Location:
+    """Return a turn about y by an angle in rad, positive from z toward x."""
+    return at(turn=(0.0, math.degrees(angle), 0.0))
+
+
+FLIP: Point = (180.0, 0.0, 0.0)
+"""Turn about x that points a part the other way along z and keeps its x."""
+
+
+def box(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> Solid:
+    """Return a box by its bounds."""
+    sides = [high - low for low, high in (x, y, z)]
+    middle = [(low + high) / 2 for low, high in (x, y, z)]
+    return kernel().Pos(*middle) * kernel().Box(*sides)
+
+
+def rod(start: Point, end: Point, radius: float) -> Solid:
+    """Return a cylinder between two points."""
+    way = np.subtract(end, start)
+    plane = kernel().Plane(origin=start, z_dir=tuple(way))
+    return kernel().Solid.make_cylinder(radius, float(np.linalg.norm(way)), plane)
+
+
+def bar(points: Sequence[tuple[float, float]], low: float, high: float) -> Solid:
+    """Return a prism along y between two bounds, of a polygon in x and z."""
+    b = kernel()
+    corners = [(x, high, z) for x, z in points]
+    return prism(
+        [b.Edge.make_line(one, two) for one, two in zip(corners, [*corners[1:], corners[0]], strict=True)], high - low
+    )
+
+
+def prism(edges: Sequence[Any], height: float) -> Solid:
+    """Return the prism toward -y of a closed outline of edges in a plane square to y."""
+    b = kernel()
+    face = b.Face(b.Wire(edges))
+    return b.Solid.extrude(face, (0, -height, 0))
+
+
+def stadium(length: float, radius: float, low: float, high: float) -> Solid:
+    """Return a plate with round ends about (0, 0) and (0, length) in x and z, between two bounds of y."""
+    body = box((-radius, radius), (low, high), (0.0, length))
+    for z in (0.0, length):
+        body += rod((0, low, z), (0, high, z), radius)
+    return body
+
+
+def turned(profile: Sequence[tuple[float, float]], groove: tuple[float, float, float] | None = None) -> Solid:
+    """Return a solid of revolution about y of a polygon (radius, y), without a groove (radius, y, groove's radius)."""
+    b = kernel()
+    corners = [(radius, y, 0.0) for radius, y in profile]
+    edges = [b.Edge.make_line(one, two) for one, two in zip(corners, [*corners[1:], corners[0]], strict=True)]
+    body = b.Solid.revolve(b.Face(b.Wire(edges)), 360, b.Axis.Y)
+    return body if groove is None else body - ring(*groove)
+
+
+def ring(radius: float, y: float, tube: float) -> Solid:
+    """Return a torus about y."""
+    b = kernel()
+    return b.Solid.make_torus(radius, tube, b.Plane(origin=(0, y, 0), z_dir=(0, 1, 0)))
+
+
+def surface(face: Any) -> Any:
+    """Return a face's surface as the kernel describes it: Cylinder(), Torus() and so on by its type."""
+    return require("OCP.BRepAdaptor", "cad").BRepAdaptor_Surface(face.wrapped)
+
+
+def bounds(solid: Solid) -> tuple[Array, Array]:
+    """Return a box about a solid, its least and its greatest corner (3,), not wider than need be by more than a bit."""
+    around = require("OCP.Bnd", "cad").Bnd_Box()
+    require("OCP.BRepBndLib", "cad").BRepBndLib.Add_s(solid.wrapped, around, False)
+    low, high = around.CornerMin(), around.CornerMax()
+    return np.array([low.X(), low.Y(), low.Z()]), np.array([high.X(), high.Y(), high.Z()])
+
+
+def common(one: Solid, other: Solid) -> Solid:
+    """Return what two solids share, a compound that may be empty."""
+    shared = require("OCP.BRepAlgoAPI", "cad").BRepAlgoAPI_Common(one.wrapped, other.wrapped)
+    return kernel().Compound(shared.Shape())
+
+
+def common_volume(one: Solid, other: Solid) -> float:
+    """Return the volume that two solids share, mm³."""
+    return float(common(one, other).volume)

@@ -1,0 +1,226 @@
+"""The pack of an instrument's solids: STEP, STL, glTF, drawings, pictures, and what was checked."""
+
+import csv
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tenodesis import files
+from tenodesis.cad import kernel as k
+from tenodesis.cad.assembly import Overlap, Progress, assembled, interference, mesh_play
+from tenodesis.cad.checks import Agreement, Printable, agreement, printable, write_mesh
+from tenodesis.cad.drawing import write_drawings
+from tenodesis.cad.masses import inertias, masses, tip_inertia
+from tenodesis.cad.model import Model
+from tenodesis.cad.picture import colour_of, draw_assembly, draw_exploded
+from tenodesis.cad.urdf import urdf
+from tenodesis.errors import InstrumentError
+from tenodesis.report import style
+
+FILES = (
+    "assembly.step",
+    "assembly.glb",
+    "drawings.pdf",
+    "assembly.png",
+    "assembly.svg",
+    "exploded.png",
+    "exploded.svg",
+    "parts.csv",
+    "geometry.json",
+    "instrument.urdf",
+)
+"""Files of a pack, beside a STEP file of each part in step/ and an STL file of each part to make in stl/."""
+FOLDERS = ("step", "stl")
+_COLUMNS = ("part", "title", "pieces", "make", "mass each [g]", "volume each [mm3]", "least wall [mm]", "support [mm2]")
+_STEPS = 9  # angles over the working range
+_SAME_VOLUME = 1e-6
+
+
+@dataclass(frozen=True)
+class Checks:
+    """What was checked of a model's solids."""
+
+    agreement: Agreement
+    overlaps: tuple[Overlap, ...]
+    play: Mapping[str, tuple[float, float]]
+    """Angle by which each gear pair turns either way until its teeth touch, rad."""
+    printable: tuple[Printable, ...]
+    tip_inertia: float
+    """About the output angle, kg·m²."""
+
+
+def check(model: Model, progress: Progress | None = None, *, steps: int = _STEPS) -> Checks:
+    """Check a model's solids over the working range: interference at so many angles, mesh, tendons, tip.
+
+    Raises InstrumentError if parts overlap; the message names the first two, the angle and the volume.
+    """
+    inst = model.instrument
+    outputs = np.linspace(-inst.output_range, inst.output_range, steps)
+    handles = np.linspace(-inst.handle_range, inst.handle_range, steps)
+    overlaps = interference(model, [0.0, *outputs], list(handles), progress)
+    if overlaps:
+        one = overlaps[0]
+        bent = f"output angle {math.degrees(one.output_angle):.0f} deg, handle {math.degrees(one.handle_angle):.0f} deg"
+        raise InstrumentError(
+            f"{inst.name}: {one.first} and {one.second} share {one.volume * 1e9:.3g} mm3 at {bent}; give a larger "
+            "joint radius, a smaller output_range or a process with thinner walls.",
+            key=one.first,
+            value=one.volume,
+            allowed="apart",
+        )
+    play = {}
+    if inst.joint_type == "tendon-gear":
+        if progress is not None:
+            progress(0, 1, "mesh of the gears")
+        play = {"tip": mesh_play(model, 0.0), "handle": mesh_play(model, 0.0, tip=False)}
+    return Checks(agreement(model), tuple(overlaps), play, (), tip_inertia(model))
+
+
+def write(
+    model: Model, folder: Path, tolerances: Mapping[str, float] | None = None, progress: Progress | None = None
+) -> Checks:
+    """Check a model and write its pack to a folder, all of it or nothing.
+
+    Parameters
+    ----------
+    model
+        The solids, from :func:`build`.
+    folder
+        Where the files go; made if absent.
+    tolerances
+        Half widths for the drawings, m, by key of the instrument file; see :func:`rows`.
+    progress
+        Called with how much is done, how much there is, and what is being done.
+
+    Raises
+    ------
+    InstrumentError
+        Parts overlap, or a mesh is not closed.
+    OSError
+        The folder cannot be written.
+    """
+    with files.atomic_files(folder) as new:
+        return write_into(model, new, tolerances, progress)
+
+
+def write_into(
+    model: Model, folder: Path, tolerances: Mapping[str, float] | None = None, progress: Progress | None = None
+) -> Checks:
+    """Write as :func:`write` to an empty folder that is moved later."""
+    report = progress or _silent
+    found = check(model, report)
+    for name in FOLDERS:
+        (folder / name).mkdir()
+    meshes = []
+    for number, part in enumerate(model.parts):
+        report(number, len(model.parts), "STEP and STL files")
+        _write_step(part.solid, folder / "step" / f"{part.name}.step", part.name)
+        if part.made:
+            path = folder / "stl" / f"{part.name}.stl"
+            write_mesh(model, part, str(path))
+            meshes.append(printable(model, part, str(path)))
+            if not meshes[-1].watertight:
+                raise InstrumentError(f"{model.instrument.name}: the mesh of {part.name} is not closed.", key=part.name)
+    found = Checks(found.agreement, found.overlaps, found.play, tuple(meshes), found.tip_inertia)
+    report(0, 3, "assembly")
+    _write_assembly(model, folder)
+    report(1, 3, "pictures")
+    with style.applied():
+        for name, figure in (("assembly", draw_assembly(model)), ("exploded", draw_exploded(model))):
+            figure.savefig(folder / f"{name}.png", dpi=150)
+            figure.savefig(folder / f"{name}.svg", dpi=150, metadata={"Date": None})
+    write_drawings(model, folder / "drawings.pdf", tolerances, progress=report)
+    _write_parts(model, found, folder / "parts.csv")
+    (folder / "geometry.json").write_text(json.dumps(_summary(model, found), indent=2) + "\n", "utf-8")
+    (folder / "instrument.urdf").write_text(urdf(model), "utf-8")
+    report(1, 1, "written")
+    return found
+
+
+def _silent(done: float, total: float, doing: str) -> None:
+    """Report to nobody."""
+
+
+def _write_step(solid: Any, path: Path, label: str) -> None:
+    """Write a STEP file, read it back, and compare the volumes."""
+    b = k.kernel()
+    solid.label = label
+    b.export_step(solid, path)
+    volume = sum(one.volume for one in b.import_step(path).solids())
+    if abs(volume / solid.volume - 1) > _SAME_VOLUME:
+        raise InstrumentError(
+            f"{path.name} reads back with a volume of {volume:.6g} mm3 instead of {solid.volume:.6g}."
+        )
+
+
+def _write_assembly(model: Model, folder: Path) -> None:
+    b = k.kernel()
+    pieces = []
+    for one in assembled(model, 0.0):
+        piece = one.solid
+        piece.label = one.name
+        piece.color = b.Color(*colour_of(model, one.part))
+        pieces.append(piece)
+    whole = b.Compound(label=model.instrument.name, children=pieces)
+    b.export_step(whole, folder / "assembly.step")
+    b.export_gltf(whole, str(folder / "assembly.glb"), binary=True, linear_deflection=0.05, angular_deflection=0.3)
+
+
+def _write_parts(model: Model, found: Checks, path: Path) -> None:
+    meshes = {one.part: one for one in found.printable}
+    weighed = {one.part: one for one in masses(model)}
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(
+            (
+                "part",
+                "title",
+                "pieces",
+                "make",
+                "mass each [g]",
+                "volume each [mm3]",
+                "least wall [mm]",
+                "support [mm2]",
+            )
+        )
+        for part in model.parts:
+            mesh, pieces = meshes.get(part.name), len(part.places)
+            writer.writerow(
+                (
+                    part.name,
+                    part.title,
+                    pieces,
+                    f"{model.process.name}, {model.process.material}" if part.made else "bought",
+                    f"{1e3 * weighed[part.name].mass / pieces:.4g}",
+                    f"{part.solid.volume:.5g}",
+                    "" if mesh is None else f"{1e3 * mesh.least_wall:.3g}",
+                    "" if mesh is None else f"{1e6 * mesh.support:.3g}",
+                )
+            )
+
+
+def _summary(model: Model, found: Checks) -> dict[str, Any]:
+    return {
+        "instrument": model.instrument.name,
+        "process": model.process.name,
+        "tip_inertia": found.tip_inertia,
+        "bodies": {
+            name: {
+                "mass": one.mass,
+                "centre": one.centre.tolist(),
+                "inertia_about_centre": one.about_centre.tolist(),
+            }
+            for name, one in inertias(model).items()
+        },
+        "mesh_play": found.play,
+        "excursion_difference": found.agreement.excursion,
+        "tip_difference": found.agreement.tip,
+        "angles": found.agreement.angles,
+        "overlaps": [one._asdict() for one in found.overlaps],
+        "meshes": [one._asdict() for one in found.printable],
+    }

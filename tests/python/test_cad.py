@@ -1,0 +1,280 @@
+"""Solid models: gears mesh, nothing collides, tendons and tip are where the model has them, files can be made from."""
+
+import csv
+import json
+import math
+import re
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import tenodesis as tn
+from tenodesis import cad
+from tenodesis.cad import pack, picture
+from tenodesis.cad.involute import Gear
+from tenodesis.cad.model import gear_of
+from tenodesis.errors import InstrumentError, MissingExtraError
+from tenodesis.instrument import Instrument
+from tenodesis.tolerance.defaults import general_tolerance
+
+PULLEY = """
+name = "pulley"
+joint_type = "tendon-pulley"
+overall_length = "1000 mm"
+distal_pulley_radius = "8 mm"
+proximal_pulley_radius = "18 mm"
+end_effector_length = "80 mm"
+handle_length = "160 mm"
+tendon_diameter = "0.81 mm"
+tendon_modulus = "50 GPa"
+pretension = "60 N"
+handle_range = "45 deg"
+"""
+CONTINUUM = """
+name = "continuum"
+joint_type = "continuum"
+overall_length = "1000 mm"
+distal_tendon_offset = "8 mm"
+proximal_pulley_radius = "18 mm"
+backbone_length = "80 mm"
+backbone_rigidity = "9000 N*mm^2"
+end_effector_length = "60 mm"
+handle_length = "160 mm"
+tendon_diameter = "0.81 mm"
+tendon_modulus = "50 GPa"
+pretension = "60 N"
+handle_range = "45 deg"
+"""
+ENDS = [math.radians(-80), 0.0, math.radians(80)]
+
+
+@pytest.fixture(scope="module")
+def gears() -> cad.Model:
+    pytest.importorskip("build123d", reason="the extra [cad] is not installed")
+    return cad.build("scaled-up", process="fdm", rig=False)
+
+
+@pytest.fixture(scope="module")
+def pulley() -> cad.Model:
+    pytest.importorskip("build123d", reason="the extra [cad] is not installed")
+    return cad.build(tn.parse(PULLEY), process="fdm")
+
+
+@pytest.fixture(scope="module")
+def continuum() -> cad.Model:
+    pytest.importorskip("build123d", reason="the extra [cad] is not installed")
+    return cad.build(tn.parse(CONTINUUM), process="fdm", rig=False)
+
+
+# What needs no kernel.
+
+
+@pytest.mark.parametrize(("teeth", "undercut"), [(12, True), (18, True), (22, False), (40, False)])
+def test_gears_of_fewer_than_22_teeth_are_undercut(teeth: int, undercut: bool) -> None:
+    gear = Gear(1.0, teeth)
+    base = gear.pitch_radius * math.cos(math.radians(20))
+    spaces = gear.space(np.linspace(max(base, gear.root_radius) * 1.0001, gear.pitch_radius, 400))
+    # An involute's space widens outward; an undercut space is wider below. A rack cuts so where its depth of 1.25
+    # modules is more than half the teeth times the square of sin 20 deg.
+    assert (np.diff(spaces) < 0).any() == undercut
+
+
+def test_tooth_and_space_are_half_a_pitch_and_backlash_is_taken_from_the_teeth() -> None:
+    pitch = 2 * math.pi / 27
+    for backlash in (0.0, 0.15):
+        gear = Gear(1.25, 27, backlash)
+        space = 2 * float(gear.space(np.array([gear.pitch_radius]))[0])
+        assert (space - pitch / 2) * gear.pitch_radius == pytest.approx(backlash / 2, abs=1e-12)
+
+
+def test_module_and_teeth_are_the_coarsest_of_the_catalogue_that_give_the_radius() -> None:
+    assert gear_of("distal_gear_radius", 7.5e-3) == (1.25e-3, 12)
+    assert gear_of("proximal_gear_radius", 16.875e-3) == (1.25e-3, 27)
+
+
+@pytest.mark.parametrize(
+    ("changes", "choices", "says"),
+    [
+        (
+            {"distal_gear_radius": "7.61 mm"},
+            {},
+            r"distal_gear_radius is 7.61 mm: no gear has that pitch radius; it must be half a module .* such as "
+            r"7.6 mm \(module",
+        ),
+        (
+            {},
+            {"modules": {"distal": 1e-3 / 3}},
+            r"module is 0.3333 mm: teeth of gears of distal_gear_radius are 0.449 mm thick .* at least 0.557 mm, or "
+            "the process milled",
+        ),
+        (
+            {"distal_gear_radius": "3 mm", "handle_range": "10 deg", "output_range": "107 deg"},
+            {"modules": {"distal": 0.5e-3}, "process": "sla"},
+            r"distal_gear_radius is 3 mm: with tunnels of 0.64 mm .* touch at 98 deg, before its stop at 117 deg; it "
+            r"must be at least 5.56 mm",
+        ),
+        ({"stem_diameter": "15.5 mm"}, {}, r"stem_diameter is 15.5 mm: .* leave 0 mm for the tube's wall; .* 15.9 mm"),
+        ({"end_effector_length": "10 mm"}, {}, r"end_effector_length is 10 mm: the far half .* at least 1\d.* mm"),
+        ({"tendon_diameter": None, "tendon_stiffness": "11 N/mm"}, {}, "has no tendon_diameter"),
+        ({}, {"process": "casting"}, "process is 'casting'; it must be one of fdm, sla, milled"),
+    ],
+)
+def test_what_cannot_be_made_is_named_with_what_would_do(
+    scaled: Instrument, changes: dict[str, Any], choices: dict[str, Any], says: str
+) -> None:
+    inst = scaled.replace(**changes)
+    with pytest.raises(ValueError, match=says):
+        cad.build(inst, **{"process": "fdm"} | choices)
+
+
+def test_a_pulley_too_small_for_its_pin_is_refused() -> None:
+    with pytest.raises(InstrumentError, match=r"distal_pulley_radius is 1.5 mm: .* at least \d"):
+        cad.build(tn.parse(PULLEY.replace('"8 mm"', '"1.5 mm"').replace("45 deg", "5 deg")), process="fdm")
+
+
+def test_a_backbone_whose_discs_touch_is_refused() -> None:
+    with pytest.raises(InstrumentError, match=r"backbone_length is 12 mm: two discs of 0.8 mm touch .* at least \d"):
+        cad.build(tn.parse(CONTINUUM.replace('backbone_length = "80 mm"', 'backbone_length = "12 mm"')), process="fdm")
+
+
+def test_without_the_kernel_one_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "build123d", None)
+    with pytest.raises(MissingExtraError, match=r"build123d .*: pip install 'tenodesis\[cad\]'"):
+        cad.build("scaled-up")
+
+
+# What the solids say.
+
+
+@pytest.mark.slow
+def test_gears_mesh_and_nothing_collides_over_the_working_range(gears: cad.Model) -> None:
+    assert cad.interference(gears, ENDS, [math.radians(45)]) == []
+    joint = gears.joints[0]
+    play = cad.mesh_play(gears, 0.0)
+    # Teeth hold each other: half a backlash either way, and no further.
+    assert play == pytest.approx([gears.process.backlash * 1e3 / (2 * joint.gear.pitch_radius)] * 2, rel=0.2)  # type: ignore[union-attr]
+
+
+@pytest.mark.slow
+def test_an_overlap_is_named_with_its_parts_and_angle(gears: cad.Model) -> None:
+    beyond = math.radians(130)
+    found = cad.interference(gears, [beyond])
+    assert {"tip_gear_near", "tip_gear_far"} <= {name for one in found for name in one[:2]}
+    assert all(one.output_angle == beyond and one.volume > 0 for one in found)
+
+
+@pytest.mark.slow
+def test_tendons_and_tip_of_gears_and_pulleys_are_where_the_model_has_them(gears: cad.Model, pulley: cad.Model) -> None:
+    for model in (gears, pulley):
+        found = cad.agreement(model)
+        assert found.angles == 50
+        assert found.excursion < 1e-6
+        assert found.tip < 1e-9
+
+
+@pytest.mark.slow
+def test_tendons_between_discs_differ_from_the_arcs_of_the_model_by_less_than_a_quarter_of_a_degree(
+    continuum: cad.Model,
+) -> None:
+    found = cad.agreement(continuum)
+    assert 1e-7 < found.excursion < 8e-3 * math.radians(0.25)
+    assert found.tip < 1e-9
+    assert cad.interference(continuum, ENDS[1:]) == []
+
+
+@pytest.mark.slow
+def test_the_tips_inertia_is_its_kinetic_energy(gears: cad.Model) -> None:
+    rate = 1e-3
+    energy = 0.0
+    two = zip(cad.assembled(gears, -rate, 0.0), cad.assembled(gears, rate, 0.0), strict=True)
+    for before, after in two:
+        if before.part.body not in ("yaw_carrier", "yaw_far"):
+            continue
+        mass = before.part.density * before.solid.volume * 1e-9
+        moved = np.subtract([*after.solid.center()], [*before.solid.center()]) * 1e-3
+        share = 0.5 if before.part.body == "yaw_carrier" else 1.0
+        own = before.part.density * np.array(before.solid.matrix_of_inertia)[1, 1] * 1e-15
+        energy += mass * float(moved @ moved) / (2 * rate) ** 2 + own * share**2
+    assert cad.tip_inertia(gears) == pytest.approx(energy, rel=1e-4)
+
+
+@pytest.fixture(scope="module")
+def folder(pulley: cad.Model, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pack, "_STEPS", 1)
+        patch.setattr(picture, "_FINE", 1)
+        out = tmp_path_factory.mktemp("pack")
+        cad.write(pulley, out, {"distal_pulley_radius": 0.02e-3})
+        yield out
+
+
+@pytest.mark.slow
+def test_a_pack_has_a_step_of_every_part_and_a_closed_mesh_of_every_part_to_make(
+    pulley: cad.Model, folder: Path
+) -> None:
+    assert {path.name for path in folder.iterdir()} == {*cad.FILES, *cad.FOLDERS}
+    assert {path.stem for path in (folder / "step").iterdir()} == {part.name for part in pulley.parts}
+    made = {part.name for part in pulley.parts if part.made}
+    assert {path.stem for path in (folder / "stl").iterdir()} == made
+    found = json.loads((folder / "geometry.json").read_text("utf-8"))
+    assert {one["part"] for one in found["meshes"]} == made
+    assert all(one["watertight"] and abs(one["volume_error"]) < 5e-3 for one in found["meshes"])
+    assert min(one["least_wall"] for one in found["meshes"]) > 0.98 * pulley.process.wall
+    assert found["overlaps"] == []
+    assert (folder / "assembly.glb").read_bytes().startswith(b"glTF")
+    assert len(re.findall(rb"/Type /Page\b", (folder / "drawings.pdf").read_bytes())) == len(made)
+    rows = list(csv.DictReader((folder / "parts.csv").open(encoding="utf-8")))
+    assert [row["part"] for row in rows] == [part.name for part in pulley.parts]
+
+
+@pytest.mark.slow
+def test_urdf_has_the_inertias_of_the_solids(pulley: cad.Model, folder: Path) -> None:
+    bodies = cad.inertias(pulley)
+    root = ElementTree.parse(folder / "instrument.urdf").getroot()
+    weighed = {str(link.get("name")): link.find("inertial/mass") for link in root.iter("link")}
+    masses = {name: float(mass.get("value", "")) for name, mass in weighed.items() if mass is not None}
+    assert masses["yaw_far"] == pytest.approx(bodies["yaw_far"].mass)
+    assert masses["stem"] == pytest.approx(bodies["stem"].mass)
+    assert masses["tip"] < 1e-5
+
+
+@pytest.mark.slow
+def test_a_pack_is_written_whole_or_not_at_all(
+    pulley: cad.Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: Any) -> None:
+        raise OSError("no space")
+
+    monkeypatch.setattr(pack, "check", lambda *_: None)
+    monkeypatch.setattr(pack, "_write_step", fails)
+    with pytest.raises(OSError, match="no space"):
+        cad.write(pulley, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_drawings_say_radii_to_the_ropes_centre_and_to_the_grooves_bottom_with_their_tolerances(
+    pulley: cad.Model,
+) -> None:
+    table = {row.name: row for row in cad.rows(pulley.part("tip_pulley"), {"distal_pulley_radius": 0.02e-3})}
+    centre, bottom = table["radius to the rope's centre"], table["radius to the groove's bottom"]
+    assert (centre.nominal, bottom.nominal) == pytest.approx((8.0, 8.0 - 0.81 / 2))
+    assert (centre.tolerance, bottom.tolerance, centre.own) == (0.02, 0.02, True)
+    assert table["rim"].tolerance == general_tolerance(table["rim"].nominal * 1e-3, "m")
+    assert not table["rim"].own
+
+
+def test_the_command_says_what_to_install_before_it_writes_anything(
+    tenodesis: Callable[..., tuple[int, str, str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "build123d", None)
+    for words in (("cad", "scaled-up"), ("scale", "real-size", "--cad", "solids")):
+        code, _, wrong = tenodesis(*words)
+        assert code == 1
+        assert "pip install 'tenodesis[cad]'" in wrong
+    assert list(tmp_path.iterdir()) == []
