@@ -17,8 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tenodesis as tn
+from tenodesis import _core, plant
 from tenodesis.instrument import Instrument
 from tenodesis.twin import TIME_STEP, Twin, run_many
+from tenodesis.twin.rows import COMMANDS
+from tenodesis.twin.rows import SIGNALS as SIGNAL_NAMES
 from tenodesis.verification import coupled_dynamics, mujoco_dynamics
 
 Array = NDArray[np.float64]
@@ -29,6 +32,9 @@ RUNS = 10_000
 CHUNK = 500
 TARGET_STEPS = 5e6
 TARGET_RATIO = 15.0
+TARGET_LANES = {8: 25e6, 4: 12e6, 2: 12e6}
+TARGET_LANES_RATIO = 60.0
+TARGET_TICKS = 4e6
 TARGET_COUPLED_STEPS = 1.5e6
 TARGET_COUPLED_RATIO = 8.0
 COUPLED_FRICTION = {"law": "capstan", "vertex_coefficient": 0.15, "sheath_coefficient": 0.1, "sheath_bend": 0.35}
@@ -84,6 +90,65 @@ def single(inst: Instrument) -> None:
             f"  {'stepping alone over MuJoCo':<28} mean {mean:5.1f}x            worst {ratios.min():5.1f}x  "
             f"target {TARGET_RATIO:g}x {better}   (MuJoCo {np.mean(theirs) / 1e6:.2f} M steps/s)"
         )
+
+
+def lanes(inst: Instrument) -> None:
+    """Steps per second of many twins on one core, alone and in lanes, and of loops closed by the robust law."""
+    tn.set_threads(1)
+    smooth = inst.replace(friction=None, mismatch=None)
+    runs, steps = 64, 8000
+    coefficients = np.linspace(0.02, 0.3, runs)
+    rows = np.array(
+        [
+            plant.parameter_row(inst.replace(**{"friction.vertex_coefficient": one.item()}), TIME_STEP)
+            for one in coefficients
+        ]
+    )
+    spec, seeds = plant.spec(inst, TIME_STEP, False), np.arange(runs, dtype=np.uint64)
+    out, ends = np.empty((runs, 1, steps // EVERY)), np.zeros((runs, 2), np.int64)
+    signal = [SIGNAL_NAMES.index("output_angle")]
+
+    def speed(commands: Array, most_lanes: int) -> float:
+        twins = _core.TwinBatch(spec, rows, seeds, most_lanes=most_lanes)
+        advance = partial(twins.advance, commands, signal, EVERY, out, ends, 1, [], 1, TIME_STEP)
+        return runs * steps / timeit(advance, number=1)
+
+    widest = _core.TwinBatch(spec, rows[:8], seeds[:8]).together
+    print(f"{inst.name}, {runs} twins with all their friction on one core, {widest} side by side:")
+    for name, (handle, force) in motions(inst).items():
+        commands = np.zeros((1, steps, len(COMMANDS)))
+        commands[0, :, 0], commands[0, :, 1] = handle[:steps], force[:steps]
+        rounds = np.array(
+            [
+                (
+                    mujoco_dynamics.steps_per_second(smooth, **tip(inst), seconds=0.2),
+                    speed(commands, 1),
+                    speed(commands, widest),
+                )
+                for _ in range(ROUNDS)
+            ]
+        )
+        peer, alone, together = rounds.max(0)
+        target = TARGET_LANES[widest]
+        verdict = "reached" if together >= target else "MISSED"
+        better = "reached" if together / peer >= TARGET_LANES_RATIO else "MISSED"
+        print(
+            f"  {name:<28} best {together / 1e6:5.2f} M steps/s   target {target / 1e6:g} {verdict}   "
+            f"{together / alone:.1f}x one by one\n"
+            f"  {'over MuJoCo on one core':<28} best {together / peer:5.1f}x             target "
+            f"{TARGET_LANES_RATIO:g}x {better}   (MuJoCo {peer / 1e6:.2f} M steps/s)"
+        )
+    handle, force = (one[:steps] for one in motions(inst)["cycles under a varying load"])
+    ticks = []
+    for _ in range(3):
+        controllers = [tn.control.Controller(inst) for _ in range(runs)]
+        run = partial(run_many, [inst] * runs, handle, force, controllers=controllers, every=EVERY)
+        ticks.append(runs * steps / timeit(run, number=1))
+    verdict = "reached" if max(ticks) >= TARGET_TICKS else "MISSED"
+    print(
+        f"  {'loops with the robust law':<28} best {max(ticks) / 1e6:5.2f} M ticks/s   "
+        f"target {TARGET_TICKS / 1e6:g} {verdict}"
+    )
 
 
 def coupled_axes() -> None:
@@ -219,15 +284,22 @@ def many(inst: Instrument, runs: int) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=int(os.environ.get("RUNS", RUNS)), help="runs of Fig. 15")
+    parser.add_argument("--only-lanes", action="store_true", help="twins side by side in vectors")
     parser.add_argument("--only-many", action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     scaled = tn.load("scaled-up")
     real = tn.load("real-size").axis("yaw")
+    if arguments.only_lanes:
+        for inst in (scaled, real):
+            lanes(inst)
+        return
     if arguments.only_many:
         many(scaled, arguments.runs)
         return
     for inst in (scaled, real):
         single(inst)
+    for inst in (scaled, real):
+        lanes(inst)
     coupled_axes()
     print("frictionless, at equal accuracy or better:")
     for inst in (scaled, real):
