@@ -63,10 +63,12 @@ class LaneTwins {
     bool measured = job.tick != nullptr;
     for (std::size_t s = 0; s < job.signal_count; ++s) measured = measured || job.signals[s] < measured_signal_count;
     int until_sample = steps_per_sample_;
+    // A copy that nothing else can change, so that what follows from its constants is computed once.
+    const Many twin = many_;
     for (std::size_t i = 0; i < job.steps && any(runs_); ++i) {
       if (job.tick != nullptr && i % std::size_t(job.steps_per_tick) == 0) tick(job, i);
       const Command<L> command = command_at(job, i);
-      step(command, [&](int k, Status status) {
+      step(twin, command, [&](int k, Status status) {
         runs_.set(k, false);
         if (std::size_t(k) >= job.runs) return;
         job.outcomes[2 * k] = std::int64_t(i);
@@ -77,7 +79,7 @@ class LaneTwins {
         // A reading that nobody sees need not be made; the last one is that of the next call.
         const std::size_t kept = (i + job.every) / job.every * job.every - 1;
         if (measured && (job.tick != nullptr || kept < i + std::size_t(steps_per_sample_)))
-          reading_ = readings(many_.sensors, many_.drive, state_[current_]);
+          reading_ = readings(twin.sensors, twin.drive, state_[current_]);
         else
           skip_reading();
       }
@@ -115,8 +117,11 @@ class LaneTwins {
   [[gnu::always_inline]] Command<L> command_at(const tenodesis_lanes::Job& job, std::size_t i) const {
     const double* rows[N];
     for (int k = 0; k < N; ++k) rows[k] = job.commands[std::size_t(k) < job.runs ? k : 0] + i * command_count;
+    bool common = true;
+    for (int k = 1; k < N; ++k) common = common && rows[k] == rows[0];
     const auto column = [&](std::size_t c) {
-      L all;
+      L all(rows[0][c]);
+      if (common) return all;
       for (int k = 0; k < N; ++k) all.set(k, rows[k][c]);
       return all;
     };
@@ -133,10 +138,10 @@ class LaneTwins {
 
   // One step; fails(lane, status) is called for each lane of those that run and cannot.
   template <class Fails>
-  [[gnu::always_inline]] void step(const Command<L>& command, const Fails& fails) {
+  [[gnu::always_inline]] void step(const Many& twin, const Command<L>& command, const Fails& fails) {
     const typename Many::State& now = state_[current_];
     typename Many::State& next = state_[1 - current_];
-    const Mask<double, N> moved = InLanes<Many>{many_}.step(command, runs_, now, next);
+    const Mask<double, N> moved = InLanes<Many>{twin}.step(command, runs_, now, next);
     const Mask<double, N> left = runs_ && !moved;
     if (any(left)) [[unlikely]]
       for (int k = 0; k < N; ++k)
