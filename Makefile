@@ -63,7 +63,7 @@ firmware: build ## Build the controller for a Cortex-M4F and run it in QEMU; nam
 	$(MAKE) -C firmware run
 
 bench: build ## Run the benchmarks, each against a named peer
-	for name in startup accuracy statics twin control homing harm tremor tissue plants faults scaling identification live; do \
+	for name in startup accuracy statics twin environments control homing harm tremor tissue plants faults scaling identification live; do \
 	  $(BIN)/python benchmarks/$$name.py || exit; done
 
 lint: build ## Check style, types, layers and C++
@@ -106,7 +106,7 @@ audit: .venv/.deps
 	for wheel in $(wildcard dist/*abi3*.whl); do $(TOOL) abi3audit --strict $$wheel || exit; done
 
 lock: .venv/.deps ## Pin all dependencies anew
-	$(LOCK) pyproject.toml --extra all --extra cad --group dev --group docs -o requirements.lock
+	$(LOCK) pyproject.toml --extra all --extra cad --extra gym --group dev --group docs -o requirements.lock
 	$(LOCK) --group package -o packaging/requirements.lock
 
 clean: ## Remove .venv, build and out

@@ -4,18 +4,7 @@
 // Under a load on the tip T1 - T2 is given by the load, and of a free tip it is zero, wherever the spools are: tensions
 // do not tell where the tip should be, and a loop on their difference would wind the tip away. Homing therefore winds
 // only common strokes, which leave the tip where the handle has put it, and regulates the mean tension. Beforehand it
-// must know that the strokes are common and that the tip is free:
-//
-//   rest     motors and hand stand still, and all readings are averaged
-//   jog      one motor, then the other, turns by some encoder steps and back: encoders and cells must answer as wired
-//   ease     taut tendons are let out until the looser one carries almost nothing, and friction is almost nothing: a
-//            difference that is left is a load or a cell's error
-//   slacken  if there is one, both are let out a little further, and jogs tell which: a slack tendon does not answer
-//   tighten  both wind until both are tight; one alone may pull the tip by a small travel only
-//   probe    if one does not get tight, it is let out: if it gets tight now, its motor and encoder are reversed
-//   exceed, release, approach
-//            past the pretension, below it and up to it, so that every contact ends on the same edge of its friction
-//   restore  what was let out is wound again before giving up
+// must know that the strokes are common and that the tip is free, by the stages of homing_state.hpp.
 //
 // What the spools have wound is at last held against the tension of each tendon, an independent relation.
 

@@ -60,16 +60,25 @@ struct HomingSettings {
 
 enum class HomingStage : std::uint8_t {
   idle,
+  /// Motors and hand stand still, and all readings are averaged.
   rest,
+  /// One motor, then the other, turns by some encoder steps and back: encoders and cells must answer as wired.
   jog,
+  /// Taut tendons are let out until the looser one carries almost nothing, and friction is almost nothing: a difference
+  /// that is left is a load or a cell's error.
   ease,
+  /// If there is one, both are let out a little further, and jogs tell which: a slack tendon does not answer.
   slacken,
+  /// Both wind until both are tight; one alone may pull the tip by a small travel only.
   tighten,
+  /// If one does not get tight, it is let out: if it gets tight now, its motor and encoder are reversed.
   probe,
+  /// Past the pretension, below it and up to it, so that every contact ends on the same edge of its friction.
   exceed,
   release,
   approach,
   done,
+  /// What was let out is wound again before giving up.
   restore,
   failed,
 };

@@ -277,6 +277,15 @@ struct Twin {
     return {before.output_angle + velocity * time_step, S(0)};
   }
 
+  // Guess of how the torque on the handle falls with its angle.
+  S first_handle_stiffness(const State& before) const {
+    const S arm = axis.proximal.moment_arm(axis.proximal.coordinate(before.handle_angle));
+    return handle_stiffness(hand, step_of_hand(), S(2) * axis.stiffness * arm * arm);
+  }
+
+  // Without inertia and damping a step takes no time.
+  S step_of_hand() const { return quasi_static ? S(0) : time_step; }
+
   S tolerance() const { return friction_tolerance<ValueOf<S>> * tension_scale(); }
 
   // How a tendon's tension at the tip's joint reacts to the length that the joint lets out, under the present guess.
@@ -412,13 +421,7 @@ struct Twin {
   }
 
   // The trapezoidal rule: the mean moment of the step's two ends accelerates the tip, and tissue's over the step.
-  Status push_tip(const Reaction<S>* end, const TipLoad<S>& load, const State& before, Tip<S>& tip) const {
-    Flag<S> open = true;
-    push_tip(end, load, before, tip, open);
-    return any(open) ? Status::no_equilibrium : Status::ok;
-  }
-
-  // The same where it is open, which it is no more where it has converged.
+  // Open is where it has not converged.
   void push_tip(const Reaction<S>* end, const TipLoad<S>& load, const State& before, Tip<S>& tip, Flag<S>& open) const {
     const S slope = axis.distal.excursion_slope();
     const S pull = end[agonist].at_rest - end[antagonist].at_rest;
@@ -453,7 +456,10 @@ struct Twin {
   }
 
   Status correct_tip(const Reaction<S>* end, const TipLoad<S>& load, const State& before, Tip<S>& tip) const {
-    return quasi_static ? balance_tip(end, load, tip) : push_tip(end, load, before, tip);
+    if (quasi_static) return balance_tip(end, load, tip);
+    Flag<S> open = true;
+    push_tip(end, load, before, tip, open);
+    return any(open) ? Status::no_equilibrium : Status::ok;
   }
 
   // Newton's iteration on the moment balance at rest (eq. 1), in the joint's own coordinate.
@@ -481,37 +487,17 @@ struct Twin {
     return Status::no_equilibrium;
   }
 
-  // Guess of how the torque on the handle falls with its angle.
-  S handle_stiffness(const State& before) const {
-    const S arm = axis.proximal.moment_arm(axis.proximal.coordinate(before.handle_angle));
-    const S held = hand.stiffness + S(2) * axis.stiffness * arm * arm;
-    return quasi_static ? held : (held + hand.damping * S(2) * per_second()) * S(0.5) + handle_inertial();
-  }
-
-  S handle_inertial() const { return S(2) * hand.inertia * per_second() * per_second(); }
-
-  // Torque on the handle that is left at an angle, given the tendons there; it goes into the state with the velocity.
-  S unbalanced_handle(const S& angle, const S& wanted, const State& before, State& next) const {
-    const S turned = angle - before.handle_angle;
-    next.net_handle_torque = hand.stiffness * (wanted - angle) - next.handle_moment;
-    if (quasi_static) return next.net_handle_torque;
-    next.handle_velocity = S(2) * per_second() * turned - before.handle_velocity;
-    next.net_handle_torque = next.net_handle_torque - hand.damping * next.handle_velocity;
-    return (next.net_handle_torque + before.net_handle_torque) * S(0.5) -
-           handle_inertial() * (turned - before.handle_velocity * time_step);
-  }
-
   // Finds the handle angle at which hand and tendons are balanced, by the secant method.
   [[gnu::noinline]] Status move_handle(const S& wanted, const TipLoad<S>& load, const State& before,
                                        State& next) const {
-    S stiffness = handle_stiffness(before);
+    S stiffness = first_handle_stiffness(before);
     S angle = before.handle_angle + (quasi_static ? S(0) : before.handle_velocity * time_step);
     S tried(0);
     S missed(0);
     for (int n = 0; n < most_corrections; ++n) {
       const Status found = move_tip(angle, load, before, next);
       if (found != Status::ok) return found;
-      const S off = unbalanced_handle(angle, wanted, before, next);
+      const S off = unbalanced_handle(hand, step_of_hand(), angle, wanted, before, next);
       const S secant = n > 0 ? (missed - off) / (angle - tried) : S(0);
       if (secant > S(0)) stiffness = secant;
       const S correction = off / stiffness;

@@ -88,7 +88,9 @@ struct InLanes {
                   next.drive[1].angle + command.force + command.radial_force + command.weight +
                   command.spool_velocity[0] + command.spool_velocity[1] + command.sheath_bend + command.let_out[0] +
                   command.let_out[1] + command.contact.stiffness + command.contact.damping;
-    return sum - sum == S(0) && abs(command.contact.angle) <= S(pi);
+    // Not of infinities and NaN.
+    const S none = sum - sum;  // NOLINT(misc-redundant-expression)
+    return none == S(0) && abs(command.contact.angle) <= S(pi);
   }
 
   // Moves the tips to the step's end at given handle angles; true in the lanes that have settled.
@@ -130,7 +132,7 @@ struct InLanes {
   // given.
   [[gnu::always_inline]] Flag<S> move_handle(const Flag<S>& held, const S& wanted, const TipLoad<S>& load,
                                              const Flag<S>& runs, const State& before, State& next) const {
-    S stiffness = twin.handle_stiffness(before);
+    S stiffness = twin.first_handle_stiffness(before);
     S angle = where(held, before.handle_angle + before.handle_velocity * twin.time_step, wanted);
     S tried(0);
     S missed(0);
@@ -139,7 +141,7 @@ struct InLanes {
     for (int n = 0; n < most_lane_trials; ++n) {
       moved = move_tip(angle, load, runs, before, next);
       const S velocity = next.handle_velocity;
-      const S off = twin.unbalanced_handle(angle, wanted, before, next);
+      const S off = unbalanced_handle(twin.hand, twin.step_of_hand(), angle, wanted, before, next);
       next.handle_velocity = where(held, next.handle_velocity, velocity);
       next.net_handle_torque = where(held, next.net_handle_torque, before.net_handle_torque);
       const S secant = n > 0 ? (missed - off) / (angle - tried) : S(0);

@@ -102,6 +102,31 @@ struct TwinState {
   S residual_in_parts{-1};        ///< largest of the last step's parts; -1: it was not divided
 };
 
+/// How the torque on the handle falls with its angle in a step, N m/rad, on tendons of that stiffness; time_step: s, 0
+/// leaves inertia and damping out.
+template <class S>
+S handle_stiffness(const Hand<S>& hand, const S& time_step, const S& tendons) {
+  const S held = hand.stiffness + tendons;
+  if (!any(time_step > S(0))) return held;
+  const S rate = S(2) / time_step;
+  return (held + hand.damping * rate) * S(0.5) + hand.inertia * rate / time_step;
+}
+
+/// Torque on the handle that is left when a step has moved it to an angle (rad), against one that the hand wants, N m;
+/// it goes into the next state, with the handle's velocity.
+template <class S, class State>
+S unbalanced_handle(const Hand<S>& hand, const S& time_step, const S& angle, const S& wanted, const State& before,
+                    State& next) {
+  const S turned = angle - before.handle_angle;
+  next.net_handle_torque = hand.stiffness * (wanted - angle) - next.handle_moment;
+  if (!any(time_step > S(0))) return next.net_handle_torque;
+  const S rate = S(2) / time_step;
+  next.handle_velocity = rate * turned - before.handle_velocity;
+  next.net_handle_torque = next.net_handle_torque - hand.damping * next.handle_velocity;
+  return (next.net_handle_torque + before.net_handle_torque) * S(0.5) -
+         hand.inertia * rate / time_step * (turned - before.handle_velocity * time_step);
+}
+
 /// Readings in a state, from which their noise is drawn.
 template <class S, class State>
 Reading<S> readings(const Sensors<S>& sensors, const Drive<S>& drive, State& state) {

@@ -6,6 +6,8 @@
 #include "lane_twins.hpp"
 #include "twin_gradient.hpp"
 
+// Each file that includes this has a namespace of its own.
+// NOLINTBEGIN(misc-anonymous-namespace-in-header,misc-definitions-in-headers)
 namespace tenodesis::engine {
 namespace {
 
@@ -88,3 +90,4 @@ const tenodesis_lanes::Lanes tenodesis_lanes::TENODESIS_PROCESSOR{TENODESIS_LANE
                                                                   tenodesis::engine::advance,
                                                                   tenodesis::engine::release,
                                                                   tenodesis::engine::differentiate_one};
+// NOLINTEND(misc-anonymous-namespace-in-header,misc-definitions-in-headers)

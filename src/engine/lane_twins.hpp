@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <utility>
 
 #include "lane_job.hpp"
 #include "tenodesis/twin_lanes.hpp"
@@ -70,7 +71,7 @@ class LaneTwins {
       const Command<L> command = command_at(job, i);
       step(twin, command, [&](int k, Status status) {
         runs_.set(k, false);
-        if (std::size_t(k) >= job.runs) return;
+        if (std::cmp_greater_equal(k, job.runs)) return;
         job.outcomes[2 * k] = std::int64_t(i);
         job.outcomes[2 * k + 1] = std::int64_t(status);
       });
@@ -97,13 +98,13 @@ class LaneTwins {
     fill(twin, spec_, row, parameters[tendon_length]);
   }
 
-  static void put(int k, const typename One::State& one, typename Many::State& to) {
+  static void put(int k, const One::State& one, Many::State& to) {
     pair_states(to, one, [&](auto& all, const auto& own) { all.set(k, own); });
     to.sweeps.set(k, one.sweeps);
   }
 
   void tick(const tenodesis_lanes::Job& job, std::size_t i) {
-    for (int k = 0; k < int(job.runs); ++k) {
+    for (int k = 0; std::cmp_less(k, job.runs); ++k) {
       if (!runs_[k]) continue;
       const double read[] = {reading_.handle_angle[k], reading_.tension[0][k], reading_.tension[1][k],
                              reading_.spool_angle[0][k], reading_.spool_angle[1][k]};
@@ -116,7 +117,7 @@ class LaneTwins {
   // Lanes without a run of their own repeat the first.
   [[gnu::always_inline]] Command<L> command_at(const tenodesis_lanes::Job& job, std::size_t i) const {
     const double* rows[N];
-    for (int k = 0; k < N; ++k) rows[k] = job.commands[std::size_t(k) < job.runs ? k : 0] + i * command_count;
+    for (int k = 0; k < N; ++k) rows[k] = job.commands[std::cmp_less(k, job.runs) ? k : 0] + i * command_count;
     bool common = true;
     for (int k = 1; k < N; ++k) common = common && rows[k] == rows[0];
     const auto column = [&](std::size_t c) {
@@ -153,8 +154,8 @@ class LaneTwins {
     current_ = 1 - current_;
   }
 
-  [[gnu::noinline, gnu::cold]] Status step_alone(int k, const Command<L>& command, const typename Many::State& now,
-                                                 typename Many::State& next) const {
+  [[gnu::noinline, gnu::cold]] Status step_alone(int k, const Command<L>& command, const Many::State& now,
+                                                 Many::State& next) const {
     typename One::State state{};
     pair_states(now, state, [&](const auto& all, auto& own) { own = all[k]; });
     state.until_sample = std::numeric_limits<int>::max();
@@ -193,17 +194,18 @@ class LaneTwins {
     }
   }
 
-  int steps_per_sample_;
-  TwinSpec spec_{};
-  std::array<L, twin_parameter_count> row_{};
+  // What is aligned most comes first.
+  Mask<double, N> runs_ = false;
+  L velocity_[2]{};
+  Reading<L> reading_{};
   std::array<L, parameter_count> axis_row_{};
-  std::array<One, N> one_{};
+  std::array<L, twin_parameter_count> row_{};
   Many many_{};
   Many::State state_[2]{};
+  TwinSpec spec_{};
+  std::array<One, N> one_{};
   int current_{};
-  Reading<L> reading_{};
-  L velocity_[2]{};
-  Mask<double, N> runs_ = false;
+  int steps_per_sample_;
 };
 
 }  // namespace tenodesis::engine

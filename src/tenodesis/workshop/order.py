@@ -15,7 +15,7 @@ from tenodesis.scaling.plan_text import masses, quantity
 from tenodesis.scaling.practical import is_stock
 from tenodesis.workshop.first_run import MARGIN, Demand
 
-Status: TypeAlias = Known | Literal["ours"]
+Provenance: TypeAlias = Known | Literal["ours"]
 """Whether a designation and its values are looked up, quoted by others, assumed, or of our own making."""
 
 SPARE_TURNS = 3
@@ -38,7 +38,7 @@ class Item(NamedTuple):
     requirement: str
     origin: Literal["bought", "made"]
     lead: Literal["days", "weeks", "workshop"]
-    status: Status
+    status: Provenance
     source: str
 
 
