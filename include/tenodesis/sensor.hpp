@@ -31,7 +31,7 @@ struct NoiseOf {
   constexpr S normal() {
     const Word drawn = bits();
     const S uniform = number_of<S>(drawn & 0xFFFFFFFFU) * S(1.0 / 4294967296.0) - S(0.5);
-    constexpr ValueOf<S> deviation(2.8431203515386634);  // sqrt(32 / 4 + 1 / 12)
+    constexpr auto deviation = ValueOf<S>(2.8431203515386634);  // sqrt(32 / 4 + 1 / 12)
     return (number_of<S>(ones(drawn >> 32U)) - S(16) + uniform) / S(deviation);
   }
 
