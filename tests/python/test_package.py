@@ -136,7 +136,9 @@ def serving(installed: Installation) -> Iterator[bytes]:
 
 
 def modules_of_the_package() -> list[str]:
-    return [info.name for info in pkgutil.walk_packages(tn.__path__, "tenodesis.") if "__main__" not in info.name]
+    """Return those that import without an extra: an environment is one of Gymnasium's classes."""
+    names = [info.name for info in pkgutil.walk_packages(tn.__path__, "tenodesis.")]
+    return [name for name in names if "__main__" not in name and not name.startswith("tenodesis.gym")]
 
 
 def use(installed: Installation, *chapters: str) -> None:

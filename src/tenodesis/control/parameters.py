@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from tenodesis import _core, plant
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument.tension import tension_sensor
 
 FAULTS = tuple(name for name, _, _ in _core.faults())
 """Names of the faults, in the order of their bits."""
@@ -112,9 +113,9 @@ def tension_limit(inst: Instrument) -> float:
     if given is not None:
         return given
     strength = np.inf if inst.breaking_load is None else inst.breaking_load / (1.5 * _FAULT_OVER_LIMIT)
-    return float(
-        min(max(_USUAL_LIMIT, 3 * inst.pretension), strength, inst.tension_sensor.range / (1.1 * _FAULT_OVER_LIMIT))
-    )
+    # Of an instrument whose joints share tendons, too.
+    read = tension_sensor(inst.drives, inst.sensors, inst.pretension).range
+    return float(min(max(_USUAL_LIMIT, 3 * inst.pretension), strength, read / (1.1 * _FAULT_OVER_LIMIT)))
 
 
 def force_limit(inst: Instrument) -> float:
