@@ -106,7 +106,7 @@ audit: .venv/.deps
 	for wheel in $(wildcard dist/*abi3*.whl); do $(TOOL) abi3audit --strict $$wheel || exit; done
 
 lock: .venv/.deps ## Pin all dependencies anew
-	$(LOCK) pyproject.toml --extra all --extra cad --extra gym --group dev --group docs -o requirements.lock
+	$(LOCK) pyproject.toml --extra all --extra gym --group dev --group docs -o requirements.lock
 	$(LOCK) --group package -o packaging/requirements.lock
 
 clean: ## Remove .venv, build and out
