@@ -187,8 +187,13 @@ def _chosen(front: Front, prefer: Preference, pick: int | None) -> tuple[int, De
         if not 1 <= pick <= len(front):
             raise CommandError(key="--pick", value=pick, allowed=f"a row of the front, from 1 to {len(front)}")
         return pick - 1, front[pick - 1]
+    return _first_hung(front, front.ranked(prefer))
+
+
+def _first_hung(front: Front | PracticalFront, ranked: Sequence[int]) -> tuple[int, Design]:
+    """Return the first design, with its index, whose test forces can be hung."""
     problems = []
-    for index in front.ranked(prefer)[:_TRIED]:
+    for index in ranked[:_TRIED]:
         try:
             return index, front[index]
         except scaling.DesignError as problem:
@@ -222,13 +227,7 @@ def _pack(
 def _best(practical: PracticalFront | None, objective: Objective) -> tuple[int, Design]:
     """Return the index on the practical front and the design: the first whose test forces can be hung."""
     assert practical is not None
-    problems = []
-    for index in practical.ranked(objective)[:_TRIED]:
-        try:
-            return index, practical[index]
-        except scaling.DesignError as problem:
-            problems.append(problem)
-    raise problems[0]
+    return _first_hung(practical, practical.ranked(objective))
 
 
 def _write(  # noqa: PLR0917
