@@ -1,7 +1,7 @@
 """How well the observer knows the force at the tip, resting and moving, and whether its interval covers the truth.
 
 On the plants of :mod:`plants`, which share no code with the twin: 1.5 N on the scaled-up instrument in the four states
-of Fig. 15, friction told as 0.7, 1 and 1.3 times what it is.
+of Fig. 15, friction assumed as 0.7, 1 and 1.3 times what it is.
 
 Peer: eq. 1 with the tensions that the load cells read, at the true output angle.
 """

@@ -43,7 +43,7 @@ BEFORE = "before the envelope: 133 of 800 runs worse, worst peak +27.8°, tips o
 
 
 class Work(NamedTuple):
-    """What an instrument is asked to do, and what its controller is told about it."""
+    """What an instrument is asked to do, and what its controller assumes of it."""
 
     seed: tuple[int, int]
     plant: Instrument
@@ -140,9 +140,9 @@ def make_work(inst: Instrument, seed: int, number: int, trial: bool = False) -> 
     random = np.random.default_rng([seed, number, trial])
     count = round(SECONDS / TIME_STEP)
     time = np.arange(1, count + 1, dtype=np.float64) * TIME_STEP
-    friction, told_friction, told_stiffness = random.uniform([0.5, 0.7, 0.7], [1.5, 1.3, 1.3])
+    friction, assumed_friction, assumed_stiffness = random.uniform([0.5, 0.7, 0.7], [1.5, 1.3, 1.3])
     plant = differing(inst, friction)
-    known = differing(plant, told_friction, told_stiffness)
+    known = differing(plant, assumed_friction, assumed_stiffness)
 
     degrees = random.uniform(0, 67 if trial else 80)
     sways = random.random() < (0.5 if trial else 0.75)
@@ -164,7 +164,7 @@ def make_work(inst: Instrument, seed: int, number: int, trial: bool = False) -> 
     words = (
         f"#{number} {inst.name} {degrees:.0f}°, sway {sway:.1f}° {rate:.1f} Hz, tremor {tremor:.2f}°"
         f"{' noise' if tremor and tones > 1 else ''}, load {scale * mean:+.2f} N + {scale * size:.2f} N {beat:.1f} Hz, "
-        f"friction x{friction:.2f} told x{told_friction:.2f}, stiffness told x{told_stiffness:.2f}"
+        f"friction x{friction:.2f} assumed x{assumed_friction:.2f}, stiffness assumed x{assumed_stiffness:.2f}"
     )
     return Work((seed, number), plant, known, handle, force, hand, load, words)
 
@@ -301,9 +301,9 @@ def try_run_away(work: Work, relay: bool) -> Outcome:
 def bound_of(work: Work, fault: FaultInjection, relay: bool) -> float:
     """Return how far (deg) physics lets a motor that runs away take the tip, with the best that its partner can do.
 
-    It must be told first; then the partner, with the same drive, goes along, late by that time. It must stop where the
-    other tendon gets slack, or its own gets to the limit. Where its own is slack, a load takes the tip as far as the
-    motor lets out; at the limit, the motor pulls it. The joint's stop ends this.
+    It must be noticed first; then the partner, with the same drive, goes along, late by that time. It must stop where
+    the other tendon gets slack, or its own gets to the limit. Where its own is slack, a load takes the tip as far as
+    the motor lets out; at the limit, the motor pulls it. The joint's stop ends this.
     """
     own, limits = parameters(work.known).axes[0], parameters(work.known).limits[0]
     common, speed = parameters(work.known).common, abs(fault.value)
@@ -332,11 +332,11 @@ def bound_of(work: Work, fault: FaultInjection, relay: bool) -> float:
         if (tension > partner).any():
             free = partner.min() / stiffness
             beyond = max(end - free, 0.0)
-    told = (path[late:] - path[:-late]).max() / 2
+    unnoticed = (path[late:] - path[:-late]).max() / 2
     stopping = (braking + speed * own["drive_time_constant"]) / 2 if end > free else 0.0
     toward = (1 if side == 0 else -1) * np.sign(fault.value)
     stop = work.plant.output_stop - (toward * healthy["output_angle"]).min()
-    return float(np.degrees(min(max(told + stopping, beyond) * own["spool_radius"] / own["distal_radius"], stop)))
+    return float(np.degrees(min(max(unnoticed + stopping, beyond) * own["spool_radius"] / own["distal_radius"], stop)))
 
 
 def report(target: str, done: Sequence[Any], harm: Callable[[Any], float], most: float) -> None:

@@ -3,7 +3,7 @@
 Peer: the same instrument with its motors standing, from the same state. There is a fault in each of the first starts:
 a load on the tip, a load cell that is not tared, cables swapped or reversed, a gain, a motor without power, a broken or
 jammed tendon; the tip should stay within 3 degrees of the peer's, and the reason be the right one. Healthy starts, with
-friction and stiffness other than the controller was told, should all end at the pretension.
+friction and stiffness other than the controller assumes, should all end at the pretension.
 """
 
 import argparse
@@ -38,7 +38,7 @@ class Start(NamedTuple):
     """An instrument before homing, and what is wrong."""
 
     plant: Instrument
-    told: Instrument
+    known: Instrument
     slack: float
     """Length let out on both tendons, m; 0: at their pretension."""
     bend: float
@@ -75,7 +75,7 @@ def inject(*faults: tuple[str, str, float]) -> tuple[FaultInjection, ...]:
 
 
 def wiring(side: str) -> dict[str, tuple[tuple[FaultInjection, ...], tuple[str, ...]]]:
-    """Faults of cables and gains at one tendon, and their right answers; slack tendons tell less than taut ones."""
+    """Faults of cables and gains at one tendon, and their right answers; slack tendons show less than taut ones."""
     velocity, angle, tension = f"spool_velocity.{side}", f"spool_angle.{side}", f"tension.{side}"
     other = "antagonist" if side == "agonist" else "agonist"
     reverse, swap = ("scale", -1.0), ("swap", 0.0)
@@ -107,7 +107,7 @@ def wiring(side: str) -> dict[str, tuple[tuple[FaultInjection, ...], tuple[str, 
     }
 
 
-def rubbing(inst: Instrument, factor: float) -> Instrument:
+def with_friction(inst: Instrument, factor: float) -> Instrument:
     return inst.replace(
         **{
             f"friction.{name}": getattr(inst.friction, name) * factor
@@ -116,7 +116,7 @@ def rubbing(inst: Instrument, factor: float) -> Instrument:
     )
 
 
-def told(inst: Instrument, factor: float) -> Instrument:
+def assumed(inst: Instrument, factor: float) -> Instrument:
     """Return the instrument with a stiffness that is wrong by a factor."""
     true = inst.tendon_stiffness * inst.mismatch.stiffness_ratio
     return inst.replace(tendon_stiffness=true * factor, mismatch=inst.mismatch.model_dump() | {"stiffness_ratio": 1.0})
@@ -124,9 +124,9 @@ def told(inst: Instrument, factor: float) -> Instrument:
 
 def healthy(inst: Instrument, random: Random) -> Start:
     slack = 0.0 if random.random() < 0.3 else float(np.exp(random.uniform(np.log(0.2e-3), np.log(10e-3))))
-    plant = rubbing(inst, float(np.exp(random.uniform(np.log(0.5), np.log(2)))))
+    plant = with_friction(inst, float(np.exp(random.uniform(np.log(0.5), np.log(2)))))
     bend = float(random.uniform(0, np.pi / 2))
-    known = told(inst, float(random.uniform(0.7, 1.3)))
+    known = assumed(inst, float(random.uniform(0.7, 1.3)))
     return Start(plant, known, slack, bend, int(random.integers(1 << 30)))
 
 
@@ -197,7 +197,7 @@ def home(start: Start) -> End:
     twin.run(np.full(12000, start.handle), start.force, sheath_bend=start.bend, let_out=torn)
     standing = Twin(start.plant, seed=start.seed)
     standing.state = twin.state
-    controller = Controller(start.told, homed=False, enabled=False)
+    controller = Controller(start.known, homed=False, enabled=False)
     injected = [replace(one, start=twin.time) for one in start.faults]
     count = round(PART / TIME_STEP)
     request = np.zeros(count, int)

@@ -615,8 +615,10 @@ ROWS = {
         cell_gain=(1.005, 0.995),
         handle_offset=np.radians(0.05),
     ),
-    "smooth": row("no friction, but told", vertex=0.0, sheath=0.0),
-    "told-none": row("friction, but told to have none", coefficient(0.0), vertex=0.1, sheath=0.1 * np.radians(10)),
+    "smooth": row("no friction, but assumed", vertex=0.0, sheath=0.0),
+    "assumed-none": row(
+        "friction, but assumed to have none", coefficient(0.0), vertex=0.1, sheath=0.1 * np.radians(10)
+    ),
     "hand": row("a hand of 5 N m/rad", hand_stiffness=5.0),
     "bent": row("sheath of 60°, known", BENT),
     "bent-two": row("sheath of 60°, known, two vertices", BENT, **TWO),

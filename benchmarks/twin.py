@@ -212,11 +212,11 @@ def accuracy(inst: Instrument) -> None:
                 for times in (1, 64)
             ]
             error = np.degrees(np.abs(tips[0] - tips[1][63::64]).max())
-            told = f"  {inst.name}, {name}, {kind}: {error:.1e} deg by the step"
+            line = f"  {inst.name}, {name}, {kind}: {error:.1e} deg by the step"
             if one is smooth:
                 peer = mujoco_dynamics.simulate(smooth, angle, load, TIME_STEP, **tip(inst))
-                told += f", {np.degrees(np.abs(tips[0] - peer.output_angle).max()):.1e} deg from MuJoCo"
-            print(told)
+                line += f", {np.degrees(np.abs(tips[0] - peer.output_angle).max()):.1e} deg from MuJoCo"
+            print(line)
 
 
 def equal_accuracy(inst: Instrument) -> None:

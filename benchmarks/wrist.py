@@ -31,7 +31,7 @@ def errors(final: np.ndarray) -> tuple[float, float]:
 def main(name: Annotated[str, typer.Option(help="Instrument, or all.")] = "all") -> None:
     """Print final errors, off and robust, of every instrument."""
     for one in FORCES if name == "all" else (name,):
-        print(f"{one}, {FORCES[one]:g} N in {len(DIRECTIONS)} directions, friction 0.7, 1, 1.3 of what is told")
+        print(f"{one}, {FORCES[one]:g} N in {len(DIRECTIONS)} directions, friction 0.7, 1, 1.3 of what is assumed")
         print(f"{'yaw, pitch':>12}  {'off RMS':>8} {'worst':>6}  {'robust RMS':>10} {'worst':>6}  {'push':>5}  faults")
         whole: dict[str, list[np.ndarray]] = {"off": [], "robust": []}
         pushes = []

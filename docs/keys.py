@@ -149,7 +149,7 @@ def _places(kind: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, type
 
 
 def _tag(table: type[BaseModel]) -> FieldInfo | None:
-    """Return the key that tells a table from others in its place, if it has one."""
+    """Return the key that distinguishes a table from others in its place, if it has one."""
     kind = table.model_fields.get("kind")
     return kind if kind is not None and len(get_args(kind.annotation)) == 1 else None
 

@@ -349,7 +349,7 @@ struct Compensator {
     state.near =
         abs(lag) < dead ? smaller(state.near + dt, settings.settle_time + dt) : larger(state.near - S(3) * dt, S(0));
     const bool near = state.near > settings.settle_time;
-    // What no stroke can tell must not keep the motors awake.
+    // What no stroke can show must not keep the motors awake.
     const bool sure = near && (share * share * memory.doubt < S(9) * dead * dead || state.turns > most_turns);
     const bool far = abs(lag) > settings.far * dead;
     const bool steady = Envelope<A>::steady(state.envelope);

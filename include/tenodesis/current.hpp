@@ -5,7 +5,7 @@
 // Between a tendon and its motor's current lie the spool, a gearbox and the motor's own friction. They let a motor that
 // winds pull harder than its tendon, and one that lets out less: the pull is within [e T - f, T / e + f], with the
 // gearbox's efficiency e in either direction and load-independent friction f. A motor at rest may pull with anything
-// within this band: only motion tells which edge it is.
+// within this band: only motion shows which edge it is.
 
 #include "tenodesis/scalar.hpp"
 

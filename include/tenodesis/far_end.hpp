@@ -16,7 +16,7 @@ namespace tenodesis {
 
 inline constexpr int far_end_pieces = 8;
 
-/// Motor and gearbox, by which a current tells the torque of the near end.
+/// Motor and gearbox, by which a current gives the torque of the near end.
 template <class S>
 struct CurrentDrive {
   S torque_constant{};  ///< at the near end's shaft, N m/A; zero: the near signal is a torque

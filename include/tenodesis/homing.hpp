@@ -2,7 +2,7 @@
 // Homing: proves the wiring, then brings both tendons to their pretension without moving the tip.
 //
 // Under a load on the tip T1 - T2 is given by the load, and of a free tip it is zero, wherever the spools are: tensions
-// do not tell where the tip should be, and a loop on their difference would wind the tip away. Homing therefore winds
+// do not show where the tip should be, and a loop on their difference would wind the tip away. Homing therefore winds
 // only common strokes, which leave the tip where the handle has put it, and regulates the mean tension. Beforehand it
 // must know that the strokes are common and that the tip is free, by the stages of homing_state.hpp.
 //

@@ -67,7 +67,7 @@ enum class HomingStage : std::uint8_t {
   /// Taut tendons are let out until the looser one carries almost nothing, and friction is almost nothing: a difference
   /// that is left is a load or a cell's error.
   ease,
-  /// If there is one, both are let out a little further, and jogs tell which: a slack tendon does not answer.
+  /// If there is one, both are let out a little further, and jogs show which: a slack tendon does not answer.
   slacken,
   /// Both wind until both are tight; one alone may pull the tip by a small travel only.
   tighten,

@@ -233,8 +233,8 @@ struct FrictionObserver {
     const S unseen = larger(memory.freedom[0], memory.freedom[1]);
     const S turned = memory.tip_edge * smaller(unseen / (S(2) * settings.play), S(1));
     const S stretched = off * axis.stiffness;
-    const S rubbed = band * band * (S(1.0 / 3) + turned * turned);
-    estimate.tip_force_std = sqrt(S(4) * stretched * stretched + rubbed) * arm / reach;
+    const S by_friction = band * band * (S(1.0 / 3) + turned * turned);
+    estimate.tip_force_std = sqrt(S(4) * stretched * stretched + by_friction) * arm / reach;
     estimate.friction_scale = memory.scale;
     estimate.friction_scale_std = sqrt(memory.covariance[0][0]);
     return estimate;

@@ -207,14 +207,14 @@ struct Supervisor {
     return clamp(rate * left, -neutral_speed, neutral_speed);
   }
 
-  // A tip that presses on something is let go of after a fault, by what the motors are told, unless they do not obey.
+  // A tip that presses on something is let go of after a fault, by what the motors are commanded, unless they do not obey.
   bool relaxes(const State& state, const CommandState<S>& axis) const {
     const S enough = S(1e-3);  // rad
     return state.operating == OperatingState::fault && state.since >= hold_time && abs(axis.pressing) > enough &&
            (state.first & bit(Fault::motor_not_following)) == 0;
   }
 
-  // A motor that runs away moves the tip, unless the other tendon goes along. The tensions tell whether it really runs:
+  // A motor that runs away moves the tip, unless the other tendon goes along. The tensions show whether it really runs:
   // where its encoder is what is wrong, they stay.
   S following_velocity(int i, const Measurement<S>& measured, const CommandState<S>& axis) const {
     const int other = 1 - i;

@@ -64,7 +64,7 @@ class Run:
         "measured", "N", "Tendon tension by the load cells beside the spools, or by currents", per_tendon=True
     )
     measured_current: Array | None = _signal(
-        "measured", "A", "Motor current, where it tells the measured tension", per_tendon=True
+        "measured", "A", "Motor current, where it gives the measured tension", per_tendon=True
     )
     measured_spool_angle: Array | None = _signal(
         "measured", "rad", "Spool angle by the motors' encoders", per_tendon=True

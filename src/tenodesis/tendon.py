@@ -117,7 +117,7 @@ class FarEnd(NamedTuple):
     hidden_torque: Array
     """How far friction may hide the torque, N·m: where contacts have not slipped since they last reversed."""
     near_torque: Array
-    """Torque of the near end's shaft, which a current tells, N·m."""
+    """Torque of the near end's shaft, which a current gives, N·m."""
 
 
 def far_end(

@@ -270,7 +270,7 @@ void without_friction_the_tendon_is_one_spring() {
       for (int j = 0; j < n; ++j) least += dragged.band[j].drag * std::fabs(dragged.state.slip[j] - dragged.from[j]);
       for (int i = 0; i <= n; ++i) {
         CLAIM_NEAR(free.state.tension[i], expected, 1e-12 * 110);
-        // The least drag tells while it moves, and not at rest.
+        // The least drag shows while it moves, and not at rest.
         CLAIM_NEAR(dragged.state.tension[i], expected, least);
       }
       for (int rest = 0; rest < 3; ++rest) dragged.wind(wound, drawn);

@@ -1,4 +1,4 @@
-"""A CAN bus with a simulated bench on it, for tests: lock-step, on a clock that stands unless it is told to go on."""
+"""A CAN bus with a simulated bench on it, for tests: lock-step, on a clock that stands until it is advanced."""
 
 import itertools
 import time
@@ -36,7 +36,7 @@ _channels = (f"tenodesis test {n}" for n in itertools.count())
 
 
 class Clock:
-    """Stands unless it is told to go on, ns."""
+    """Stands until it is advanced, ns."""
 
     def __init__(self) -> None:
         self.now = 1_000_000_000
@@ -49,7 +49,7 @@ class Clock:
 
 
 class Prompt(can.BusABC):
-    """A bus that tells at once that nothing more comes, once the bench has answered all that it was sent."""
+    """A bus that reports at once that nothing more comes, once the bench has answered all that it was sent."""
 
     def __init__(self, bus: can.BusABC, bench: SimulatedBench) -> None:
         self._bus, self._bench = bus, bench

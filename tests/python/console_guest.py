@@ -1,4 +1,4 @@
-"""A browser without a window: sends the page's server whatever it is told, whether a panel would or not."""
+"""A browser without a window: sends the page's server whatever a test asks for, whether a panel would or not."""
 
 import http.client
 import struct
@@ -43,7 +43,7 @@ class Guest:
         self.parts: dict[str, dict[str, Any]] = {}
         self.texts: dict[str, str] = {}
         """Markdown and HTML of the panel, by identifier."""
-        self.told: list[str] = []
+        self.notices: list[str] = []
         self.reader = threading.Thread(target=self._read, daemon=True)
         self.reader.start()
         # Whoever is sent away at once hears of it here.
@@ -73,8 +73,8 @@ class Guest:
         """Send the first part of a file to a part of the panel, said to be of a size."""
         wait(lambda: label in self.parts)
         common = {"source_component_uuid": self.parts[label]["uuid"], "transfer_uuid": f"{name} {time.monotonic()}"}
-        told = {"filename": name, "mime_type": "", "size_bytes": len(content) if size is None else size}
-        self.send({"type": "FileTransferStartUpload", **common, **told, "part_count": parts})
+        upload = {"filename": name, "mime_type": "", "size_bytes": len(content) if size is None else size}
+        self.send({"type": "FileTransferStartUpload", **common, **upload, "part_count": parts})
         self.send({"type": "FileTransferPart", **common, "part_index": 0, "content": content})
 
     def sees(self, text: str) -> bool:
@@ -95,7 +95,7 @@ class Guest:
     def _note(self, message: dict[str, Any]) -> None:
         props = message.get("props", {})
         if message["type"] == "NotificationShowMessage":
-            self.told.append(props["body"])
+            self.notices.append(props["body"])
         elif "_markdown" in props or "content" in props:
             self.texts[message["uuid"]] = props.get("_markdown", props.get("content"))
         elif "label" in props:

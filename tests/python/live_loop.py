@@ -42,7 +42,7 @@ class Played:
 
 
 class LiveLoop:
-    """The runtime on a twin, without its thread: ticks are taken when it is told to."""
+    """The runtime on a twin, without its thread: ticks are taken on request."""
 
     def __init__(
         self,

@@ -157,7 +157,7 @@ Reply = Callable[[Frame], list[bytes]]
 
 
 class FakeBoard:
-    """Answers as it is told to; without being told, as a board whose controller is disabled.
+    """Answers by its replies; without any, as a board whose controller is disabled.
 
     Parameters
     ----------
@@ -172,10 +172,10 @@ class FakeBoard:
 
     def __call__(self, frame: Frame) -> list[bytes]:
         self.ticks += frame.type == STEP
-        told = self._reply(frame)
+        answer = self._reply(frame)
         if frame.type != HELLO:
             self._last = max(self._last, frame.sequence)
-        return self.good(frame) if told is None else told
+        return self.good(frame) if answer is None else answer
 
     def good(self, frame: Frame) -> list[bytes]:
         match frame.type:
@@ -194,13 +194,13 @@ def output(
     step: Frame, velocity: float = 0.0, *, state: int = 0, phase: int = 0, time: int | None = None, sequence: int = 0
 ) -> Frame:
     """Return the answer to a tick of one axis."""
-    told = struct.unpack("<Q", step.payload[:8])[0] if time is None else time
+    stamp = struct.unpack("<Q", step.payload[:8])[0] if time is None else time
     axis = struct.pack("<8f2I", velocity, velocity, 0.1, 0.01, 0, 0, 1, 0, 0, phase)
     return Frame(
         OUTPUT,
         step.session,
         sequence or step.sequence,
-        struct.pack("<Q6I", told, state, 1, 0, 0, 0, 0) + axis,
+        struct.pack("<Q6I", stamp, state, 1, 0, 0, 0, 0) + axis,
     )
 
 
@@ -286,7 +286,7 @@ def terminal(reply: Reply) -> Iterator[str]:
 
 
 class BadLine:
-    """Stands between PC and board, and does something to every so many frames once it is told to begin."""
+    """Stands between PC and board, and does something to every so many frames once it is started."""
 
     MISCHIEF = ("drop", "twice", "hold", "flip", "noise")
 

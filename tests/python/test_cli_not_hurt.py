@@ -341,13 +341,13 @@ def test_ctrl_c_during_the_work_says_what_is_written_and_leaves_nothing_else(tmp
     first = start_command(tmp_path, "vertices", "--out", "there")
     until((tmp_path / "there").exists, first)
     second = start_command(tmp_path, "vertices", "--out", "there")
-    told = second.communicate(timeout=120)[1]
+    stderr = second.communicate(timeout=120)[1]
     assert second.returncode == 1
-    assert told.startswith("tenodesis: there is being written by another command")
+    assert stderr.startswith("tenodesis: there is being written by another command")
     first.send_signal(signal.SIGINT)
-    told = first.communicate(timeout=120)[1]
+    stderr = first.communicate(timeout=120)[1]
     assert first.returncode in INTERRUPTED
-    assert told.strip() == "tenodesis: interrupted; nothing is written to there."
+    assert stderr.strip() == "tenodesis: interrupted; nothing is written to there."
     assert list(tmp_path.iterdir()) == []
 
 
@@ -360,7 +360,7 @@ def test_ctrl_c_during_the_start_is_a_sentence(tmp_path: Path, module: str) -> N
         if line.rpartition("|")[2].strip().partition(".")[0] == module.partition(".")[0] and module in line:
             break
     process.send_signal(signal.SIGINT)
-    told = [line for line in process.communicate(timeout=120)[1].splitlines() if not line.startswith("import time:")]
+    stderr = [line for line in process.communicate(timeout=120)[1].splitlines() if not line.startswith("import time:")]
     if process.returncode:  # else it was done before the signal came
         assert process.returncode in INTERRUPTED
-        assert [line for line in told if not line.startswith("tenodesis: interrupted")] == []
+        assert [line for line in stderr if not line.startswith("tenodesis: interrupted")] == []

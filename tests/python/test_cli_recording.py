@@ -121,7 +121,7 @@ def test_a_controller_is_recorded_shown_and_replayed(tenodesis: Command, tmp_pat
 
 def test_a_controller_may_be_told_another_instrument(tenodesis: Command, tmp_path: Path) -> None:
     text = (ROOT / "instruments" / "scaled-up.toml").read_text("utf-8")
-    (tmp_path / "told.toml").write_text(text.replace("stiffness_ratio = 0.85", "").replace("50 GPa", "42.5 GPa"))
+    (tmp_path / "known.toml").write_text(text.replace("stiffness_ratio = 0.85", "").replace("50 GPa", "42.5 GPa"))
     tenodesis(
         "record",
         "scaled-up",
@@ -129,7 +129,7 @@ def test_a_controller_may_be_told_another_instrument(tenodesis: Command, tmp_pat
         "--law",
         "robust",
         "--controller-instrument",
-        "told.toml",
+        "known.toml",
         "--out",
         "run.mcap",
     )
@@ -150,10 +150,10 @@ def test_a_replay_on_another_instrument_keeps_what_its_controller_was_told(tenod
 
 
 def test_a_controller_of_both_axes_or_of_one(tenodesis: Command) -> None:
-    told = ("--law", "robust", "--controller-instrument", "real-size")
-    code, out, _ = tenodesis("record", "real-size", "short.toml", *told, "--out", "both.mcap")
+    known = ("--law", "robust", "--controller-instrument", "real-size")
+    code, out, _ = tenodesis("record", "real-size", "short.toml", *known, "--out", "both.mcap")
     assert (code, "; pitch " in out) == (0, True)
-    assert tenodesis("record", "real-size", "short.toml", *told, "--axis", "pitch", "--out", "pitch.mcap")[0] == 0
+    assert tenodesis("record", "real-size", "short.toml", *known, "--axis", "pitch", "--out", "pitch.mcap")[0] == 0
     for file in ("both.mcap", "pitch.mcap"):
         assert "bit by bit" in tenodesis("replay", file)[1]
 
@@ -274,7 +274,7 @@ def test_an_export_without_pandas_says_what_to_install(tenodesis: Command, monke
     assert "pip install 'tenodesis[tables]'" in err
 
 
-def told_of(out: str) -> dict[str, str]:
+def shown_by(out: str) -> dict[str, str]:
     """What is said by what it is about, of the lines that have both."""
     return {line[: line.index("  ")]: line[line.index("  ") :].strip() for line in out.splitlines() if "  " in line}
 
@@ -307,14 +307,14 @@ def test_info_tells_the_events_faults_and_gaps_of_a_live_recording(tenodesis: Co
     live.record(Talking(run, twin.inst, [50, (10, 90), (7, 200)]), tmp_path, tmp_path / "run.mcap")
     code, out, _ = tenodesis("info", "run.mcap")
     assert code == 0
-    told = told_of(out)
-    assert told["in force"] == "law by browser 1"
-    assert told["state"].startswith("FAULT at the end (ENABLED ")
-    assert told["faults"] == f"unseen from 0.04 s, not_a_number from {first:.6g} s"
-    assert told["lost rows"] == f"17: 10 after {run.time[49]:.6g} s, 7 after {run.time[149]:.6g} s"
-    assert told["given up"] == "5: 3 until 0.06 s, 2 until 0.07 s"
-    assert (told["lost events"], told["corrected"]) == ("none", "none")
-    assert told["ended"] == f"the runtime has ended, at {run.time[356]:.6g} s"
+    shown = shown_by(out)
+    assert shown["in force"] == "law by browser 1"
+    assert shown["state"].startswith("FAULT at the end (ENABLED ")
+    assert shown["faults"] == f"unseen from 0.04 s, not_a_number from {first:.6g} s"
+    assert shown["lost rows"] == f"17: 10 after {run.time[49]:.6g} s, 7 after {run.time[149]:.6g} s"
+    assert shown["given up"] == "5: 3 until 0.06 s, 2 until 0.07 s"
+    assert (shown["lost events"], shown["corrected"]) == ("none", "none")
+    assert shown["ended"] == f"the runtime has ended, at {run.time[356]:.6g} s"
     rows = [line.split("  ") for line in out.splitlines()]
     table = [[cell.strip() for cell in row if cell.strip()] for row in rows]
     assert ["hand", "browser 1", "42", "0.01 s", "0.02 s"] in table
@@ -333,13 +333,13 @@ def test_info_of_a_recording_broken_off_says_so_and_of_one_that_is_not_live_noth
         recorder.write(Run(np.arange(10) * 1e-3, ("yaw",), force=np.ones(10)))
         for n in range(7):
             recorder.event(n * 1e-3, {"event": "rows_lost", "origin": "recorder", "rows": 1 + n})
-    told = told_of(tenodesis("info", "live.mcap")[1])
-    assert told["lost rows"].startswith(
+    shown = shown_by(tenodesis("info", "live.mcap")[1])
+    assert shown["lost rows"].startswith(
         "28: 1 after 0 s, 2 after 0.001 s, 3 after 0.002 s, 4 after 0.003 s, 2 times more"
     )
-    assert told["lost rows"].endswith("2 times more, 7 after 0.006 s")
-    assert told["ended"] == "unknown: the recording was broken off"
-    assert told["faults"] == "none"
+    assert shown["lost rows"].endswith("2 times more, 7 after 0.006 s")
+    assert shown["ended"] == "unknown: the recording was broken off"
+    assert shown["faults"] == "none"
 
 
 @pytest.mark.process

@@ -27,7 +27,7 @@ def smooth(inst: Instrument) -> Instrument:
     return alone.replace(friction=None, mismatch=None)
 
 
-def rubbed(inst: Instrument, **more: Any) -> Instrument:
+def with_friction(inst: Instrument, **more: Any) -> Instrument:
     """The first axis with the friction of the paper's instruments, otherwise as its file says it is."""
     return smooth(inst).replace(**FRICTION | more)
 
@@ -120,7 +120,7 @@ def test_exact_gives_all_back_of_a_slack_tendon(any_inst: Instrument) -> None:
 @pytest.mark.parametrize("handle", [-25, 0, 14, 25])
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_robust_gives_the_angle_back_at_either_sign(any_inst: Instrument, handle: float, sign: int) -> None:
-    inst = rubbed(any_inst)
+    inst = with_friction(any_inst)
     run = held(inst, handle, sign * stepped(inst, 10, share=0.3))
     off = held(inst, handle, sign * stepped(inst, 10, share=0.3), law="off")
     assert run["operating_state"][-1] == OperatingState.ENABLED
@@ -130,7 +130,7 @@ def test_robust_gives_the_angle_back_at_either_sign(any_inst: Instrument, handle
 
 def test_robust_is_as_good_mirrored(any_inst: Instrument) -> None:
     """To the last bit but rounding if the noise were mirrored, too; see tests/cpp/test_controller.cpp."""
-    inst = rubbed(any_inst)
+    inst = with_friction(any_inst)
     for handle in (0.0, 14.0):
         ends = [missed(inst, held(inst, sign * handle, sign * stepped(inst, 10)))[-1] for sign in (1, -1)]
         assert ends[0] == pytest.approx(-ends[1], abs=0.5)
@@ -138,7 +138,7 @@ def test_robust_is_as_good_mirrored(any_inst: Instrument) -> None:
 
 @pytest.mark.parametrize("handle", [0, 14, 25])
 def test_robust_does_not_hunt(any_inst: Instrument, handle: float) -> None:
-    inst = rubbed(any_inst)
+    inst = with_friction(any_inst)
     run = held(inst, handle, stepped(inst, 70))
     phase, sent = run["phase"][row(10) :], run["commanded_spool_velocity"][row(10) :]
     assert ((phase[1:] != 0) & (phase[:-1] == 0)).sum() <= 2
@@ -154,7 +154,7 @@ def test_robust_does_not_hunt(any_inst: Instrument, handle: float) -> None:
 def test_robust_is_at_rest_6_s_after_a_load_whatever_the_friction(
     scaled: Instrument, scale: float, handle: float
 ) -> None:
-    nominal = rubbed(scaled, tendon_modulus=0.85 * 50e9)
+    nominal = with_friction(scaled, tendon_modulus=0.85 * 50e9)
     true = nominal.replace(**{"friction.vertex_coefficient": 0.1 * scale, "friction.sheath_coefficient": 0.1 * scale})
     for seed in (1, 2, 3):
         twin = Twin(true, seed=seed)
@@ -166,7 +166,7 @@ def test_robust_is_at_rest_6_s_after_a_load_whatever_the_friction(
 
 
 def test_robust_keeps_still_at_rest_with_the_error_it_knows_within_two_dead_bands(any_inst: Instrument) -> None:
-    inst = rubbed(any_inst)
+    inst = with_friction(any_inst)
     run = held(inst, 14, stepped(inst, 12))
     at_rest = run["phase"] == 0
     assert at_rest[row(8) :].mean() > 0.9
@@ -179,7 +179,7 @@ def test_robust_keeps_still_at_rest_with_the_error_it_knows_within_two_dead_band
 
 
 def test_mean_tension_does_not_grow_over_loads_put_on_and_off(any_inst: Instrument) -> None:
-    inst = rubbed(any_inst)
+    inst = with_friction(any_inst)
     for handle in (0, 14):
         time = clock(120)
         run = held(inst, handle, np.where(time % 4 > 2, load_of(inst, 0.37), 0.0), seed=5)
@@ -192,7 +192,7 @@ def test_mean_tension_does_not_grow_over_loads_put_on_and_off(any_inst: Instrume
 
 
 def test_mean_tension_does_not_grow_over_cycles_of_the_handle(any_inst: Instrument) -> None:
-    inst = rubbed(any_inst)
+    inst = with_friction(any_inst)
     time = clock(200)
     handle = np.radians(13) * (1 - np.cos(2 * np.pi * 0.25 * time))
     run = Twin(inst, seed=7).run(handle, load_of(inst, 0.3), controller=Controller(inst))
@@ -205,7 +205,7 @@ def test_mean_tension_does_not_grow_over_cycles_of_the_handle(any_inst: Instrume
 @pytest.mark.parametrize("handle", [0, 25])
 def test_no_tendon_is_wound_beyond_the_limit(any_inst: Instrument, handle: float) -> None:
     """The load alone stays below it; for 0.1 s after the load fell, its oscillation may add to what the motors wind."""
-    inst = rubbed(any_inst)
+    inst = with_friction(any_inst)
     force = stepped(inst, 14, share=0.45)
     alone = held(inst, handle, force, law="off")["tension"]
     limit = max(1.02 * alone.max(), 1.8 * inst.pretension)
@@ -220,7 +220,7 @@ def test_no_tendon_is_wound_beyond_the_limit(any_inst: Instrument, handle: float
 
 def test_at_the_limit_strokes_do_not_turn_back_at_every_tick(scaled: Instrument) -> None:
     """Between a tendon at its limit and one about to hang no stroke is left."""
-    inst = rubbed(scaled)
+    inst = with_friction(scaled)
     run = held(inst.replace(**{"control.tension_limit": 50.0}), 25, stepped(inst, 20, share=0.8))
     assert run["operating_state"].max() == OperatingState.ENABLED
     last = run["phase"][row(10) :]
@@ -229,7 +229,7 @@ def test_at_the_limit_strokes_do_not_turn_back_at_every_tick(scaled: Instrument)
 
 @pytest.mark.parametrize("share", [0.9, 1.0, 1.1])
 def test_what_is_known_of_friction_survives_a_load_at_the_slack_limit(scaled: Instrument, share: float) -> None:
-    inst = rubbed(scaled)
+    inst = with_friction(scaled)
     for handle in (14, 33.2):
         for seed in (1, 2):
             run = held(inst, handle, stepped(inst, 14, share=share), seed=seed)
@@ -240,7 +240,7 @@ def test_what_is_known_of_friction_survives_a_load_at_the_slack_limit(scaled: In
 
 
 def test_both_tendons_keep_tight_at_rest(any_inst: Instrument) -> None:
-    inst = rubbed(any_inst)
+    inst = with_friction(any_inst)
     run = held(inst, 14, stepped(inst, 12, share=0.6))
     assert run["operating_state"].max() == OperatingState.ENABLED
     assert run["tension"][row(8) :].min() > 0.05 * inst.pretension
@@ -248,13 +248,13 @@ def test_both_tendons_keep_tight_at_rest(any_inst: Instrument) -> None:
 
 @pytest.mark.parametrize("handle", [0, 14, 25])
 def test_a_load_taken_off_lets_the_tip_return_within_3_s(any_inst: Instrument, handle: float) -> None:
-    inst = rubbed(any_inst)
+    inst = with_friction(any_inst)
     run = held(inst, handle, stepped(inst, 14, until=9))
     assert np.abs(missed(inst, run)[row(12) :]).max() < 1
 
 
 def test_a_handle_moved_under_load_is_followed(any_inst: Instrument) -> None:
-    inst = rubbed(any_inst)
+    inst = with_friction(any_inst)
     time = clock(20)
     handle = np.radians(13) * (1 - np.cos(2 * np.pi * 0.25 * time))
     force = np.where(time > 2, load_of(inst, 0.3), 0.0)
@@ -267,7 +267,7 @@ def test_a_handle_moved_under_load_is_followed(any_inst: Instrument) -> None:
 
 @pytest.mark.parametrize("law", ["paper", "exact", "robust"])
 def test_one_motor_is_one_motor(any_inst: Instrument, law: Any) -> None:
-    inst = rubbed(any_inst)
+    inst = with_friction(any_inst)
     run = held(inst, 14, stepped(inst, 8), law=law, actuation="agonist")
     sent = run["commanded_spool_velocity"]
     assert sent[:, 0].any()
@@ -278,7 +278,7 @@ def test_one_motor_is_one_motor(any_inst: Instrument, law: Any) -> None:
 @pytest.mark.parametrize("handle", [0, 14, 25])
 def test_one_motor_lets_no_tendon_go_slack(any_inst: Instrument, handle: float) -> None:
     """Against a load that the antagonist bears the agonist can only give way, and not past its least tension."""
-    inst = rubbed(any_inst)
+    inst = with_friction(any_inst)
     run = held(inst, -handle, -stepped(inst, 10), actuation="agonist")
     off = held(inst, -handle, -stepped(inst, 10), law="off")
     assert run["operating_state"].max() == OperatingState.ENABLED
@@ -287,7 +287,7 @@ def test_one_motor_lets_no_tendon_go_slack(any_inst: Instrument, handle: float) 
 
 @pytest.mark.parametrize("rate", [500.0, 1000.0, 10000.0])
 def test_robust_needs_no_particular_rate(scaled: Instrument, rate: float) -> None:
-    inst = rubbed(scaled, **{"sensors.sampling_rate": rate})
+    inst = with_friction(scaled, **{"sensors.sampling_rate": rate})
     step = min(TIME_STEP, 1 / rate)
     time = np.arange(1, round(10 / step) + 1) * step
     share = np.clip(time / 1.5, 0, 1)

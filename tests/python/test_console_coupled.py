@@ -20,7 +20,7 @@ YAW = "Handle yaw, °"
 
 
 def stepped(inst: coupled.reading.CoupledLike) -> CoupledLink:
-    """Return an operator's connection to a twin that goes on only when it is told to."""
+    """Return an operator's connection to a twin that goes on only on request."""
     loop = CoupledLoop(coupled.load(inst))
     loop.close()
     link = loop.connect("test")
@@ -198,7 +198,7 @@ def test_a_slider_moves_the_twin_and_the_view_while_others_watch(page: CoupledPa
             first.set(YAW, 20.0)
             wait(lambda: np.degrees(loop.rows[-1]["handle_angle"][-1, 0]) == pytest.approx(20))
             second.set(YAW, -10.0)
-            wait(lambda: any("only watches" in told for told in second.told))
+            wait(lambda: any("only watches" in notice for notice in second.notices))
             assert np.degrees(loop.asked.angles[0]) == pytest.approx(20)
             wait(lambda: second.property(YAW, "value") == pytest.approx(20))
             second.set("Take control", True)

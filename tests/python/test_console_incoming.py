@@ -120,7 +120,7 @@ def test_a_watcher_uploads_nothing(page: Page, bench: StandIn) -> None:
         wait(lambda: operates(bench, one) or operates(bench, other))
         watcher = other if operates(bench, one) else one
         watcher.upload("Motion from a CSV file", "a.csv", bytes(LARGEST_MESSAGE // 2), parts=2)
-        wait(lambda: "You only watch; take control first." in watcher.told)
+        wait(lambda: "You only watch; take control first." in watcher.notices)
         for browser in page._browsers.values():
             kept: Any = browser.session.client.gui
             assert kept._current_file_upload_states == {}

@@ -39,7 +39,7 @@ def test_the_second_browser_watches_until_it_takes_over(page: Page, bench: Stand
         wait(lambda: HAND in second.parts)
         wait(lambda: first.property(HAND, "disabled") is False and second.property(HAND, "disabled"))
         second.set(HAND, 20.0)
-        wait(lambda: any("only watches" in told for told in second.told))
+        wait(lambda: any("only watches" in notice for notice in second.notices))
         assert bench.hands[0] == 0
         second.set("Take control", True)
         wait(lambda: operates(bench, second))
@@ -47,8 +47,8 @@ def test_the_second_browser_watches_until_it_takes_over(page: Page, bench: Stand
         second.set(HAND, 21.0)
         wait(lambda: bench.hands[0] == pytest.approx(np.radians(21)))
         first.set(HAND, -10.0)
-        wait(lambda: any("taken over" in told for told in first.told))
-        wait(lambda: any("only watches" in told for told in first.told))
+        wait(lambda: any("taken over" in notice for notice in first.notices))
+        wait(lambda: any("only watches" in notice for notice in first.notices))
         assert bench.hands[0] == pytest.approx(np.radians(21))
         origins = {origin for origin, asked in bench.commands if asked == "hand"}
         assert origins == {bench.operator}
@@ -132,12 +132,12 @@ def test_a_file_that_is_too_large_or_never_ends_is_not_kept(page: Page, bench: S
     with Guest(page) as guest:
         wait(lambda: operates(bench, guest))
         guest.upload("Motion from a CSV file", "large.csv", b"", size=5_000_000_000)
-        wait(lambda: "large.csv has 5000 MB; a file must have at most 8 MB." in guest.told)
+        wait(lambda: "large.csv has 5000 MB; a file must have at most 8 MB." in guest.notices)
         (browser,) = page._browsers.values()
         kept: Any = browser.session.client.gui
         guest.upload("Motion from a CSV file", "longer.csv", bytes(1000), size=10, parts=3)
         guest.upload("Motion from a CSV file", "first.csv", b"time_s,angle_deg\n0,0\n1,5\n")
-        wait(lambda: "first.csv" in guest.told)
+        wait(lambda: "first.csv" in guest.notices)
         for number in range(20):
             guest.upload("Motion from a CSV file", f"{number}.csv", b"", size=1000, parts=2)
         guest.set(HAND, 2.0)
@@ -184,7 +184,7 @@ def test_names_in_files_are_shown_and_not_obeyed(bench: StandIn, page: Page, tmp
         guest.set("Recording", "<img src=x>.mcap")
         guest.set("Open", True)
         wait(lambda: guest.sees("could not be opened"))
-        wait(lambda: any("is no MCAP file" in told for told in guest.told))
+        wait(lambda: any("is no MCAP file" in notice for notice in guest.notices))
         for text in guest.texts.values():
             assert "<iframe" not in text
             assert "<img" not in text
@@ -259,7 +259,7 @@ def test_looking_again_is_not_put_off_by_panels_that_leave_an_upright_picture(pa
 
 
 def test_other_threads_do_not_touch_an_event_of_the_loop() -> None:
-    async def told() -> list[bool]:
+    async def watched() -> list[bool]:
         event = asyncio.Event()
         event.__class__ = LoopOnlyEvent
         await asyncio.to_thread(event.set)
@@ -267,7 +267,7 @@ def test_other_threads_do_not_touch_an_event_of_the_loop() -> None:
         event.set()
         return [*seen, event.is_set()]
 
-    assert asyncio.run(told()) == [False, True]
+    assert asyncio.run(watched()) == [False, True]
 
 
 def test_all_browsers_have_such_an_event(page: Page, bench: StandIn) -> None:
@@ -284,8 +284,8 @@ def test_who_watches_does_not_open_instrument_files(page: Page, bench: StandIn) 
         watcher = second if operates(bench, first) else first
         watcher.set("Path", "/etc/passwd")
         watcher.set("Run the file at this path", True)
-        wait(lambda: "You only watch; take control first." in watcher.told)
-        assert not any("passwd" in told for told in watcher.told)
+        wait(lambda: "You only watch; take control first." in watcher.notices)
+        assert not any("passwd" in notice for notice in watcher.notices)
 
 
 @pytest.mark.parametrize("path", ["/dev/zero", "/tmp", "/etc/passwd", "no such file", "a\0b"])
@@ -295,7 +295,7 @@ def test_what_is_no_instrument_file_is_refused_by_its_name(page: Page, bench: St
         guest.set("Path", path)
         guest.set("Run the file at this path", True)
         known = path.partition("\0")[0]
-        wait(lambda: guest.sees(known) or any(known in told for told in guest.told))
+        wait(lambda: guest.sees(known) or any(known in notice for notice in guest.notices))
         assert asked_by(bench, "load") == []
 
 
@@ -337,5 +337,5 @@ def test_a_recording_says_what_it_is_or_why_it_cannot_be_opened(
         wait(lambda: "whole.mcap" in (guest.property("Recording", "options") or ()))
         guest.set("Recording", name)
         guest.set("Open", True)
-        wait(lambda: guest.sees(says) or any(says in told for told in guest.told))
+        wait(lambda: guest.sees(says) or any(says in notice for notice in guest.notices))
         assert guest.property("Replay in the view", "disabled") is (name not in {"whole.mcap", "cut.mcap"})

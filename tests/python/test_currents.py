@@ -1,4 +1,4 @@
-"""Claims about motor currents in the place of load cells: what they tell, what they hide, and what fails safely."""
+"""Claims about motor currents in the place of load cells: what they show, what they hide, and what fails safely."""
 
 from pathlib import Path
 from typing import Any

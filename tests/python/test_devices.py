@@ -60,7 +60,7 @@ def inst() -> Instrument:
 
 @pytest.fixture(scope="module")
 def wired() -> Instrument:
-    """An instrument whose file tells of its devices."""
+    """An instrument whose file describes its devices."""
     file = (resources.files("tenodesis") / "instruments" / "real-size.toml").read_text("utf-8")
     return instrument.parse(file.replace('axes = ["yaw", "pitch"]', 'axes = ["yaw"]') + TABLES)
 
@@ -229,8 +229,8 @@ def test_a_test_by_command_tells_all_and_fails_by_its_exit_code(
     monkeypatch.setattr(registry, "make", lambda name, inst, address: Quick(inst, EVEN))
     result = CliRunner().invoke(app, ["devices", "test", "real-size", "canopen"], env={"COLUMNS": "200"})
     assert result.exit_code == 1
-    for told in ("2001 measurements", "interval, p50", "0.5 ms", "rate", "losses", "The script has ended."):
-        assert told in result.output
+    for line in ("2001 measurements", "interval, p50", "0.5 ms", "rate", "losses", "The script has ended."):
+        assert line in result.output
 
 
 def test_a_device_is_made_from_its_table(wired: Instrument) -> None:

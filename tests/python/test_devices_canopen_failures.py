@@ -329,7 +329,7 @@ made: list[Careless] = []
 def test_lost_frames_are_missing_and_late_ones_are_counted_and_a_tick_old_at_most(inst: Instrument) -> None:
     count = 2 * pi / inst.drives.encoder_counts / inst.drives.gear_ratio
     speed, missing = 2.0, 0
-    assert speed / RATE > 2 * count  # a tick later is told apart
+    assert speed / RATE > 2 * count  # a tick later would stand out
     # A long heartbeat: bad luck is no loss.
     with served(inst, table(inst, heartbeat=1.0), Careless) as (device, bench, _):
         for _ in range(60):

@@ -177,12 +177,12 @@ def test_a_bench_that_another_program_serves_is_left_alone(inst: Instrument) -> 
 
 def refused(inst: Instrument, settings: CanOpen, named: str, **changes: Any) -> None:
     """Opening fails by that name, with a bench that has the usual table, and moves nothing."""
-    told = settings.model_copy(update={"channel": "tenodesis refused"} | changes)
+    changed = settings.model_copy(update={"channel": "tenodesis refused"} | changes)
     usual = table(inst, channel="tenodesis refused")
     bus = can.Bus(interface="virtual", channel="tenodesis refused")
     try:
         with SimulatedBench(inst, usual, bus) as bench:
-            device = CanOpenDevice(inst, told)
+            device = CanOpenDevice(inst, changed)
             with pytest.raises(DeviceError, match=named):
                 device.open()
             with pytest.raises(DeviceError, match="not open"):
@@ -287,9 +287,9 @@ def test_no_unit_rounds_a_speed_beyond_the_limit(inst: Instrument) -> None:
     unit = inst.drives.motor_speed / 10.7
     planned = layout(inst, table(inst, velocity_unit=unit))
     for drive, sign in zip(planned.drives, (1, -1), strict=True):
-        told = drive.velocity(planned.speed_limit)
-        assert told == sign * 10  # 10.7 would be rounded to 11
-        assert drive.velocity(-planned.speed_limit) == -told
+        commanded = drive.velocity(planned.speed_limit)
+        assert commanded == sign * 10  # 10.7 would be rounded to 11
+        assert drive.velocity(-planned.speed_limit) == -commanded
 
 
 def test_what_is_more_than_any_number_is_not_a_number() -> None:

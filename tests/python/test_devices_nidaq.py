@@ -1,4 +1,4 @@
-"""The bench at a data acquisition device: volts, samples, and the tasks that the driver is told."""
+"""The bench at a data acquisition device: volts, samples, and the tasks that the driver is given."""
 
 import inspect
 from collections.abc import Callable, Sequence
@@ -48,14 +48,14 @@ def settings(inst: Instrument) -> NiDaq:
 
 
 class FakeTasks:
-    """Samples as they are given; keeps what it is told."""
+    """Samples as they are given; keeps what is written."""
 
     stops_alone = inf
     unwatched = "It has no watchdog."
 
     def __init__(self, samples: Sequence[Samples | DeviceError | None] = ()) -> None:
         self.samples = list(samples)
-        self.told: list[tuple[list[float], int]] = []
+        self.written: list[tuple[list[float], int]] = []
         self.state = ""
         self.fails = False
 
@@ -71,7 +71,7 @@ class FakeTasks:
     def write(self, volts: Array, count: int) -> None:
         if self.fails:
             raise DeviceError("The device Dev2 takes no commands: underflow.")
-        self.told.append((volts.tolist(), count))
+        self.written.append((volts.tolist(), count))
 
     def close(self) -> None:
         self.state = "at standstill"
@@ -97,10 +97,10 @@ def test_the_file_and_the_arguments_mean_the_same_table(settings: NiDaq) -> None
     file = (resources.files("tenodesis") / "instruments" / "real-size.toml").read_text("utf-8")
     wired = instrument.parse(file.replace('axes = ["yaw", "pitch"]', 'axes = ["yaw"]') + TABLES)
     assert wired.devices.nidaq is not None
-    told, given = wired.devices.nidaq.model_dump(), settings.model_dump()
-    for name, value in told["yaw"]["handle_angle"].items():
+    read, given = wired.devices.nidaq.model_dump(), settings.model_dump()
+    for name, value in read["yaw"]["handle_angle"].items():
         assert given["yaw"]["handle_angle"][name] == (value if isinstance(value, str) else pytest.approx(value))
-    assert told["yaw"]["antagonist"] == given["yaw"]["antagonist"]
+    assert read["yaw"]["antagonist"] == given["yaw"]["antagonist"]
     assert wired.devices.canopen is not None
     assert wired.devices.canopen.velocity_unit == pytest.approx(0.001 * 2 * np.pi / 60)
 
@@ -116,7 +116,7 @@ def test_speeds_become_volts_within_the_limits_and_not_a_number_is_standstill(
             device.write(np.array([speeds]))
         with pytest.raises(ValueError, match="shape"):
             device.write(np.zeros(2))
-    volts = np.array([one for one, _ in tasks.told])
+    volts = np.array([one for one, _ in tasks.written])
     assert volts[0] == pytest.approx([0.5, 0.02 - 0.5])
     assert volts[1].tolist() == [0.0, 0.02]
     assert volts[2] == pytest.approx([fastest * 5 / MOTOR, 0.02 + fastest * 5 / MOTOR])
@@ -128,7 +128,7 @@ def test_no_command_is_beyond_the_outputs_limit(inst: Instrument, settings: NiDa
     tasks = FakeTasks()
     with NiDaqDevice(inst, weak, tasks=tasks) as device:
         device.write(np.array([[99.0, 99.0]]))
-    assert tasks.told[0][0] == [1.0, -1.0]
+    assert tasks.written[0][0] == [1.0, -1.0]
 
 
 def test_as_many_commands_wait_as_are_told_whatever_was_missed(inst: Instrument, settings: NiDaq) -> None:
@@ -141,7 +141,7 @@ def test_as_many_commands_wait_as_are_told_whatever_was_missed(inst: Instrument,
         device.write(np.zeros((1, 2)))  # the second for one sample adds none
         assert device.counts["missing"] == 4 + AHEAD - 1
         assert device.capabilities.latency == pytest.approx((1 + AHEAD) * PERIOD_NS / 1e9)
-    counts = [count for _, count in tasks.told]
+    counts = [count for _, count in tasks.written]
     assert AHEAD + np.cumsum(counts[:-1]) == pytest.approx(np.array(numbers) + 1 + AHEAD)
     assert counts[-1] == 0
 
@@ -183,13 +183,13 @@ def test_a_gain_that_tells_nothing_is_refused(settings: NiDaq, gain: float) -> N
 
 @pytest.mark.parametrize("signed", [True, False])
 def test_a_motor_turns_on_where_its_counter_begins_anew(inst: Instrument, settings: NiDaq, signed: bool) -> None:
-    """A counter of 32 bits, told with a sign or without one, that both motors drive over its ends and back."""
+    """A counter of 32 bits, read with a sign or without one, that both motors drive over its ends and back."""
     count = 2 * pi / inst.drives.encoder_counts
     counts = np.concatenate([np.linspace(0, 3e9, 5), np.linspace(3e9, -6e9, 9)]).round().astype(np.int64)
     turned = np.stack([counts, -counts], axis=1)
-    told = turned % 2**32
-    told[(told >= 2**31) & signed] -= 2**32
-    samples = [Samples(n, np.ones(4), row * count) for n, row in enumerate(told)]
+    counted = turned % 2**32
+    counted[(counted >= 2**31) & signed] -= 2**32
+    samples = [Samples(n, np.ones(4), row * count) for n, row in enumerate(counted)]
     with NiDaqDevice(inst, settings, tasks=FakeTasks(samples)) as device:
         measured = [device.read(1.0) for _ in samples]
         spools = np.array([one.spool_angle[0] for one in measured if one is not None])
@@ -216,7 +216,7 @@ def test_a_device_that_fails_is_put_to_standstill(inst: Instrument, settings: Ni
         assert tasks.state == "at standstill"
         with pytest.raises(DeviceError, match=named):
             device.write(np.ones((1, 2)))
-    assert not tasks.told
+    assert not tasks.written
 
 
 def test_without_its_driver_one_sentence_says_so(inst: Instrument, settings: NiDaq) -> None:
@@ -433,8 +433,8 @@ def test_a_watchdog_is_armed_where_there_is_one(settings: NiDaq) -> None:
     tasks.open()
     assert not ni.watchdog.start.called  # it would expire before the first command
     (states,) = ni.watchdog.cfg_watchdog_ao_expir_states.call_args.args
-    told = {state.physical_channel: state.expiration_state for state in states}
-    assert told == {"Dev2/ao0": 0, "Dev2/ao1": 0.02}
+    written = {state.physical_channel: state.expiration_state for state in states}
+    assert written == {"Dev2/ao0": 0, "Dev2/ao1": 0.02}
     assert tasks.stops_alone == settings.watchdog and not tasks.unwatched
     tasks.read(1.0)
     assert ni.watchdog.start.called

@@ -186,8 +186,10 @@ def test_tensions_that_cannot_be_gram_force_are_converted_together(
 ) -> None:
     rows = sheath(peak=peak)
     run = tendon_sheath.load(write_sheath(tmp_path, rows, unit=newton))
-    told = f"proximal_tension and distal_tension taken as {name}, not gram-force: their values have a spread of up to"
-    assert told in said(run)
+    warning = (
+        f"proximal_tension and distal_tension taken as {name}, not gram-force: their values have a spread of up to"
+    )
+    assert warning in said(run)
     assert run["distal_tension"] == pytest.approx(rows[:, 2], abs=0.02)
 
 
@@ -312,9 +314,11 @@ def test_a_sensor_that_stays_the_same_while_others_move_is_said(tmp_path: Path, 
     assert "frozen" not in said(FORMATS[kind].load(put(tmp_path, rows)))
     begin = np.flatnonzero(np.abs(np.diff(rows[:, sensor])) > 0)[len(rows) // 3]
     rows[begin : begin + round(0.25 * len(rows)), sensor] = rows[begin, sensor]
-    told = said(FORMATS[kind].load(put(tmp_path, rows)))
-    found = re.search(r"exactly the same from (\S+) s to \S+ s while \w+ moves: a frozen sensor, unless it was", told)
-    assert found, told
+    warning = said(FORMATS[kind].load(put(tmp_path, rows)))
+    found = re.search(
+        r"exactly the same from (\S+) s to \S+ s while \w+ moves: a frozen sensor, unless it was", warning
+    )
+    assert found, warning
     assert float(found[1]) == pytest.approx(rows[begin, 0], abs=2 * (rows[1, 0] - rows[0, 0]))
 
 

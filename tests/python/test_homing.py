@@ -34,7 +34,7 @@ def known(inst: Instrument) -> Instrument:
     )
 
 
-def rubbing(inst: Instrument, factor: float) -> Instrument:
+def with_friction(inst: Instrument, factor: float) -> Instrument:
     friction = inst.friction
     return inst.replace(
         **{
@@ -130,7 +130,7 @@ def test_homing_knows_neither_friction_nor_bend_and_ends_at_the_pretension(
     controller = unhomed(inst)
     for seed in range(5):
         controller.reset()
-        run, _ = home(rubbing(inst, friction), controller, slack=1e-3 * (1 + seed), seed=seed, sheath_bend=bend)
+        run, _ = home(with_friction(inst, friction), controller, slack=1e-3 * (1 + seed), seed=seed, sheath_bend=bend)
         assert run["operating_state"][-1] == OperatingState.PAUSED
         assert np.abs(run["tension"][-1] / inst.pretension - 1).max() < REPEATABLE
         assert abs(run["output_angle"][-1]) < np.radians(0.2)
@@ -140,7 +140,7 @@ def test_homing_knows_neither_friction_nor_bend_and_ends_at_the_pretension(
 def test_homing_stays_far_below_the_tension_limit(name: str) -> None:
     inst = instrument(name)
     for friction, bend in ((1.0, 0.0), (1.5, np.pi / 2)):
-        run, _ = home(rubbing(inst, friction), unhomed(inst), sheath_bend=bend)
+        run, _ = home(with_friction(inst, friction), unhomed(inst), sheath_bend=bend)
         assert run["tension"].max() < 1.2 * inst.pretension < parameters(inst).common["tension_limit"]
 
 

@@ -14,7 +14,7 @@ from tenodesis.run import Run
 from tenodesis.simulate import FaultInjection
 from tenodesis.twin import TIME_STEP, Twin
 
-from .test_homing import INSTRUMENTS, LOADS, failure, home, instrument, known, rubbing, unhomed
+from .test_homing import INSTRUMENTS, LOADS, failure, home, instrument, known, unhomed, with_friction
 
 Array = NDArray[np.float64]
 
@@ -111,8 +111,8 @@ def test_a_cell_that_is_not_tared_is_named_and_nothing_wound(name: str, slack: f
 SIDE = "antagonist"
 VELOCITY, ANGLE, TENSION = f"spool_velocity.{SIDE}", f"spool_angle.{SIDE}", f"tension.{SIDE}"
 BOTH = ("spool_velocity.agonist", VELOCITY, "spool_angle.agonist", ANGLE)
-# What is wrong, and what homing calls it from tight and, where it differs, from slack tendons: these cannot tell a
-# motor from its encoder.
+# What is wrong, and what homing calls it from tight and, where it differs, from slack tendons: these cannot
+# distinguish a motor from its encoder.
 WIRING: dict[str, tuple[list[FaultInjection], *tuple[str, ...]]] = {
     "cells swapped": (inject((TENSION, "swap", 0)), "cells_swapped"),
     "motors with encoders swapped": (inject((VELOCITY, "swap", 0), (ANGLE, "swap", 0)), "cells_swapped"),
@@ -141,7 +141,7 @@ def test_every_fault_of_the_wiring_is_named_before_the_tip_has_moved_far(
     inst = instrument(name)
     faults, from_tight, *from_slack = WIRING[wrong]
     controller = Controller(known(inst), homed=False, enabled=False)
-    run = home_on(settled(rubbing(inst, friction), slack), controller, faults=faults)
+    run = home_on(settled(with_friction(inst, friction), slack), controller, faults=faults)
     mask = int(np.bitwise_or.reduce(run["faults"].astype(int)))
     answer = failure(run) or next(fault for n, fault in enumerate(FAULTS) if mask >> n & 1)
     assert answer == (from_slack[0] if slack and from_slack else from_tight)
@@ -164,7 +164,7 @@ def test_swapped_cables_are_seen_without_any_friction_by_the_tips_inertia(
 @pytest.fixture(scope="module")
 def any_frictionless() -> dict[str, Instrument]:
     """The paper's instruments and those of the other mechanisms, without friction."""
-    made = {name: rubbing(instrument(name), 0.0) for name in INSTRUMENTS}
+    made = {name: with_friction(instrument(name), 0.0) for name in INSTRUMENTS}
     for name in ("pulley", "continuum"):
         inst = tn.load(f"examples/{name}.toml")
         made[name] = inst.replace(**{"friction.law": "none"})

@@ -47,15 +47,15 @@ def compared(run: InstrumentRun, only: Sequence[str] = ()) -> ArrangementCompari
 )
 def test_a_recording_asks_for_its_arrangement_and_has_its_coefficients(changes: dict[str, float], name: str) -> None:
     built = TRUE.replace(**{"mismatch.pretension_ratio": None, "mismatch.output_encoder_offset": None}, **changes)
-    told = compared(recorded(built), NAMES)
-    assert told.chosen == name
-    assert told.fits
+    comparison = compared(recorded(built), NAMES)
+    assert comparison.chosen == name
+    assert comparison.fits
     for key in ASKED:
-        assert told.result.values[key] == pytest.approx(TRUTH[key], rel=0.02), key
-    assert told.result.train_rmse["output_angle_deg"] < 0.1
-    assert told.statements[0].startswith("The recordings ask for" if changes else "Of 4 arrangements")
+        assert comparison.result.values[key] == pytest.approx(TRUTH[key], rel=0.02), key
+    assert comparison.result.train_rmse["output_angle_deg"] < 0.1
+    assert comparison.statements[0].startswith("The recordings ask for" if changes else "Of 4 arrangements")
     if changes:
-        wrong = told["one vertex a joint"]
+        wrong = comparison["one vertex a joint"]
         assert wrong.bic > 100
         low, high = wrong.fit.interval_95["friction.vertex_coefficient"]
         assert not low < TRUTH["friction.vertex_coefficient"] < high
@@ -64,16 +64,16 @@ def test_a_recording_asks_for_its_arrangement_and_has_its_coefficients(changes: 
 def test_where_no_arrangement_fits_it_is_said_and_intervals_are_those_of_all() -> None:
     rubbing = {"friction.law": "stribeck", "friction.constant": 2.0, "friction.static_ratio": 2.0}
     run = recorded(TRUE.replace(**{"friction.stribeck_speed": 1e-3}, **rubbing))
-    told = compared(run, NAMES)
-    assert not told.fits
-    assert "No arrangement fits" in told.statements[1]
-    assert set(told.statements) <= set(told.result.warnings)
-    for row in told.rows:
+    comparison = compared(run, NAMES)
+    assert not comparison.fits
+    assert "No arrangement fits" in comparison.statements[1]
+    assert set(comparison.statements) <= set(comparison.result.warnings)
+    for row in comparison.rows:
         for key in ASKED:
-            low, high = told.result.interval_95[key]
+            low, high = comparison.result.interval_95[key]
             assert low <= row.fit.interval_95[key][0] and row.fit.interval_95[key][1] <= high
     key = "friction.vertex_coefficient"
-    assert np.ptp(told.result.interval_95[key]) > 1.4 * np.ptp(told[told.chosen].fit.interval_95[key])
+    assert np.ptp(comparison.result.interval_95[key]) > 1.4 * np.ptp(comparison[comparison.chosen].fit.interval_95[key])
 
 
 def test_an_arrangement_is_not_asked_for_without_friction_nor_where_the_stem_would_have_no_compliance() -> None:

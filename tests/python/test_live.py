@@ -21,7 +21,7 @@ from tenodesis.twin import Twin
 INST = tn.load("scaled-up")
 
 
-def told(loop, folder):
+def commanded(loop, folder):
     """Write what a runtime's folder holds beside the ring."""
     (folder / folders.INSTRUMENT).write_text(to_toml(loop.inst), "utf-8")
     has = loop.capabilities
@@ -33,7 +33,7 @@ def told(loop, folder):
 
 
 def looped(folder, inst=INST, device=None, **choices):
-    return told(LiveLoop(inst, folder, Choices(**{"real_time": False} | choices), device=device), folder)
+    return commanded(LiveLoop(inst, folder, Choices(**{"real_time": False} | choices), device=device), folder)
 
 
 def states(reader):
@@ -283,7 +283,7 @@ def test_the_law_can_be_changed_on_the_way(tmp_path):
 
 
 class Bench:
-    """A device that Python serves: the twin, told of what may go wrong with it."""
+    """A device that Python serves: the twin, which knows what may go wrong with it."""
 
     def __init__(self, inst=INST, rate=200.0):
         self.twin = Twin(inst, seed=1)

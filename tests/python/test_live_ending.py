@@ -1,4 +1,4 @@
-"""Claims about ends: a process that is told to end does, whatever it is at, and what it leaves is tidied up."""
+"""Claims about ends: a process that is asked to end does, whatever it is at, and what it leaves is tidied up."""
 
 import os
 import signal

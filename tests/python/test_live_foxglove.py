@@ -116,8 +116,8 @@ def test_topics_schemas_and_values_are_those_of_a_recording(
         for schema, channel, message in make_reader(file).iter_messages():
             assert schema is not None
             held.setdefault(channel.topic, []).append((message.log_time, message.data))
-            told = (schema.name, schema.encoding, schema.data.decode(), channel.message_encoding)
-            described[channel.topic] = told
+            topic = (schema.name, schema.encoding, schema.data.decode(), channel.message_encoding)
+            described[channel.topic] = topic
     advertised = {
         one["topic"]: (one["schemaName"], one["schemaEncoding"], one["schema"], one["encoding"])
         for one in watcher.channels.values()

@@ -1,4 +1,4 @@
-"""Claims about the file of events: it does not grow for ever, and nobody loses an event without being told."""
+"""Claims about the file of events: it does not grow for ever, and nobody loses an event without a notice."""
 
 import errno
 import json
@@ -31,7 +31,7 @@ def all_of(tail: Tail) -> list[RuntimeEvent]:
     return found
 
 
-def told(events: list[RuntimeEvent], event: str, what: str) -> list[Any]:
+def contents(events: list[RuntimeEvent], event: str, what: str) -> list[Any]:
     return [one.content[what] for one in events if one.content["event"] == event]
 
 
@@ -63,10 +63,10 @@ def test_who_comes_late_is_told_what_is_in_force_and_how_many_events_were_left_o
     for n in range(5000):
         journal.write("order", "one", n=n)
     found = all_of(Tail(tmp_path / FILE))
-    assert told(found, "law", "law") == ["off"]
-    orders = told(found, "order", "n")
+    assert contents(found, "law", "law") == ["off"]
+    orders = contents(found, "order", "n")
     assert orders == list(range(5000 - len(orders), 5000))
-    assert told(found, "events_lost", "events") == [5000 - len(orders)]
+    assert contents(found, "events_lost", "events") == [5000 - len(orders)]
     assert found[0].content["event"] == "events_lost"
 
 
@@ -76,19 +76,19 @@ def test_who_falls_behind_is_told_how_many_events_it_missed(journal: Journal, tm
     for n in range(30):
         journal.write("order", "one", n=n)
     found = all_of(tail)
-    assert told(found, "order", "n") == list(range(30))
+    assert contents(found, "order", "n") == list(range(30))
     for n in range(30, 3000):
         journal.write("order", "one", n=n)
     found = all_of(tail)
-    orders = told(found, "order", "n")
-    # The rest of the file that it had open, and the file that is there now; the law is not told again.
+    orders = contents(found, "order", "n")
+    # The rest of the file that it had open, and the file that is there now; the law is not written again.
     assert orders[0] == 30
     assert orders == sorted(set(orders))
     assert orders[-1] == 2999
-    (lost,) = told(found, "events_lost", "events")
+    (lost,) = contents(found, "events_lost", "events")
     assert lost > 1000
     assert len(orders) + lost == 3000 - 30
-    assert told(found, "law", "law") == []
+    assert contents(found, "law", "law") == []
 
 
 def test_an_event_that_is_too_long_for_a_line_is_told_with_its_length(journal: Journal, tmp_path: Path) -> None:
@@ -128,7 +128,7 @@ def test_events_that_cannot_be_written_are_counted_and_leave_no_torn_line(
     journal.write("order", "one", n=3)
     found = all_of(tail)
     assert [event.content["event"] for event in found] == ["events_missing", "order"]
-    assert told(found, "events_missing", "events") == [4]
+    assert contents(found, "events_missing", "events") == [4]
     assert journal.problem is None
 
 
@@ -143,13 +143,13 @@ def test_the_bound_holds_where_the_file_cannot_begin_anew(
         for n in range(3000):
             journal.write("order", "one", n=n)
     assert (tmp_path / FILE).stat().st_size <= MOST
-    written = told(all_of(tail := Tail(tmp_path / FILE)), "order", "n")
+    written = contents(all_of(tail := Tail(tmp_path / FILE)), "order", "n")
     assert written == list(range(len(written)))
     journal.write("order", "one", n=3000)
     found = all_of(tail)
-    assert told(found, "events_missing", "events") == [3000 - len(written)]
-    assert told(found, "order", "n") == [3000]
-    assert told(found, "events_lost", "events") == []
+    assert contents(found, "events_missing", "events") == [3000 - len(written)]
+    assert contents(found, "order", "n") == [3000]
+    assert contents(found, "events_lost", "events") == []
 
 
 def test_a_recording_has_every_event_though_the_file_begins_anew(tmp_path: Path) -> None:
@@ -158,12 +158,12 @@ def test_a_recording_has_every_event_though_the_file_begins_anew(tmp_path: Path)
     run = Run(times, ("yaw",), force=np.sin(times))
 
     class Talking(Played):
-        told = 0
+        count = 0
 
         def read(self, most: int = 2000) -> tuple[Run, int]:
             for _ in range(100 if self._blocks else 0):
-                journal.write("order", "one", n=self.told)
-                self.told += 1
+                journal.write("order", "one", n=self.count)
+                self.count += 1
             return super().read(most)
 
     live.record(Talking(run, tn.load("scaled-up"), [10] * 40), tmp_path, tmp_path / "run.mcap")

@@ -52,7 +52,7 @@ def events(folder):
 
 
 def waiting(monkeypatch, place, name):
-    """Let a function wait; returns what tells that it does, and what lets it go on."""
+    """Let a function wait; returns what says that it does, and what lets it go on."""
     reached, go = threading.Event(), threading.Event()
     function = getattr(place, name)
 
@@ -190,7 +190,7 @@ def test_there_is_always_room_for_one_who_stops_and_the_operator_stays(served, s
     # Who was sent away comes back by asking.
     assert watcher.status().state == "PAUSED"
     watcher.stop()
-    # Who was there first without saying more than others was sent away first, and that is told.
+    # Who was there first without saying more than others was sent away first, and everybody is notified.
     while crowd[0].recv(10_000):
         pass
     until(lambda: any(event["event"] == "sent_away" for event in events(folder)))
@@ -261,9 +261,9 @@ def test_a_recording_tells_that_the_runtime_ended_and_which_ticks_were_given_up(
         path = one.record(True)
         until(lambda: server.runtime.recorder.status().get("rows", 0) > 100)
         server.finish()
-    told = [event.content for event in Recording.open(path).events]
-    assert [content["event"] for content in told][-2:] == ["ended", "recording_ended"]
-    missed = [content for content in told if content["event"] == "ticks_missed"]
+    events = [event.content for event in Recording.open(path).events]
+    assert [content["event"] for content in events][-2:] == ["ended", "recording_ended"]
+    missed = [content for content in events if content["event"] == "ticks_missed"]
     assert all(one["in_all"] - before["in_all"] == one["ticks"] for before, one in pairwise(missed))
     assert missed[-1]["in_all"] >= 7
 

@@ -1,4 +1,4 @@
-"""Claims about the recorder process: what it was given is in the file, and what is missing is told."""
+"""Claims about the recorder process: what it was given is in the file, and what is missing is reported."""
 
 import io
 import json
@@ -73,7 +73,7 @@ sys.exit(recorder.supervise(lambda stop: recorder.record(Source(), folder, path,
     return subprocess.Popen([sys.executable, "-c", program], stderr=subprocess.PIPE, text=True, cwd=ROOT)
 
 
-def told(folder: Path, enough: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+def status_when(folder: Path, enough: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
     """Wait until the recorder says that it is far enough."""
     until = time.monotonic() + 60
     while time.monotonic() < until:
@@ -197,8 +197,8 @@ def test_rows_whose_time_does_not_go_on_are_kept_and_told(run: Run, tmp_path: Pa
     right = np.setdiff1d(np.arange(400), [*range(10, 13), *range(50, 60), 100, *range(390, 400)])
     assert recorded.time[right].tolist() == run.time[right].tolist()
     assert (np.diff(recorded.time) > 0).all()
-    told = [event.content for event in Recording.open(tmp_path / "run.mcap").events]
-    assert [event["rows"] for event in told if event["event"] == "time_corrected"] == [8, 16]
+    events = [event.content for event in Recording.open(tmp_path / "run.mcap").events]
+    assert [event["rows"] for event in events if event["event"] == "time_corrected"] == [8, 16]
 
 
 @pytest.mark.process
@@ -206,7 +206,7 @@ def test_a_killed_recorder_leaves_all_it_said_was_safe(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     (tmp_path / "events.jsonl").write_text('{"time": 0, "event": "law", "law": "robust"}\n')
     with slow(tmp_path, path, seconds=600) as process:
-        status = told(tmp_path, lambda status: status.get("rows", 0) > 1500)
+        status = status_when(tmp_path, lambda status: status.get("rows", 0) > 1500)
         process.kill()
     recording = Recording.open(path)
     assert recording.damage is not None
@@ -225,7 +225,7 @@ def test_a_killed_recorder_leaves_all_it_said_was_safe(tmp_path: Path) -> None:
 def test_a_signal_closes_the_recording(number: signal.Signals, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with slow(tmp_path, path, seconds=600) as process:
-        told(tmp_path, lambda status: status.get("rows", 0) > 500)
+        status_when(tmp_path, lambda status: status.get("rows", 0) > 500)
         process.send_signal(number)
         _, said = process.communicate(timeout=60)
     recording = Recording.open(path)
@@ -235,7 +235,7 @@ def test_a_signal_closes_the_recording(number: signal.Signals, tmp_path: Path) -
     last = recording.events[-1].content
     assert (last["event"], last["why"], last["rows"]) == ("recording_ended", "on request", len(recording.run))
     assert said == f"tenodesis: {last['lost']} rows are missing, for the recorder was too slow.\n"
-    status = told(tmp_path, lambda status: status["ended"])
+    status = status_when(tmp_path, lambda status: status["ended"])
     assert (status["rows"], status["problem"]) == (len(recording.run), None)
 
 
@@ -256,7 +256,7 @@ def test_a_disk_that_fills_up_ends_it_with_a_sentence_and_what_was_written(tmp_p
     check_slow(recording.run)
     promised = int(said.split("at least ")[1].split()[0])
     assert 0 < promised <= len(recording.run)
-    status = told(tmp_path, lambda status: status["ended"])
+    status = status_when(tmp_path, lambda status: status["ended"])
     assert f"tenodesis: {status['problem']}\n" == said
 
 

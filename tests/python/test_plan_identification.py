@@ -201,13 +201,13 @@ def _drawn(count: int, width: int) -> list[Information]:
 
 @pytest.mark.parametrize("name", ["D", "A"])
 def test_choice_is_as_good_as_the_best_of_all_choices(name: CriterionName) -> None:
-    told, seconds, duration = _drawn(7, 4), [1.0, 2.0, 1.5, 3.0, 1.0, 2.5, 2.0], 5.0
+    information, seconds, duration = _drawn(7, 4), [1.0, 2.0, 1.5, 3.0, 1.0, 2.5, 2.0], 5.0
     criterion = Criterion(name, [0, 1, 2, 3], [1, 2])
 
     def aim(choice: Sequence[int]) -> float:
-        return criterion.one(sum((told[one] for one in choice[1:]), told[choice[0]]))
+        return criterion.one(sum((information[one] for one in choice[1:]), information[choice[0]]))
 
-    chosen = choose(told, seconds, duration, criterion, most=1)
+    chosen = choose(information, seconds, duration, criterion, most=1)
     assert sum(seconds[one] for one in chosen) <= duration
     every = [
         choice
@@ -220,8 +220,8 @@ def test_choice_is_as_good_as_the_best_of_all_choices(name: CriterionName) -> No
 
 def test_criterion_counts_the_others_as_unknown() -> None:
     curvature = np.array([[1e4, 9.9e3], [9.9e3, 1e4]])
-    told = Information(curvature, curvature)
-    alone, among = (Criterion("D", free, [0]).one(told) for free in ([0], [0, 1]))
+    information = Information(curvature, curvature)
+    alone, among = (Criterion("D", free, [0]).one(information) for free in ([0], [0, 1]))
     schur = curvature[0, 0] - curvature[0, 1] ** 2 / curvature[1, 1]
     assert alone == pytest.approx(-np.log(curvature[0, 0]) / 2, rel=1e-3)
     assert among == pytest.approx(-np.log(schur) / 2, rel=1e-2)

@@ -34,9 +34,9 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def chunk(content: bytes, size: int | None = None, compression: str = "zstd") -> bytes:
     """Return the record of a chunk that says it holds so many bytes."""
     packed = zstandard.compress(content) if compression == "zstd" else lz4.frame.compress(content)
-    told = len(content) if size is None else size
+    stated = len(content) if size is None else size
     name = compression.encode()
-    body = struct.pack("<QQQII", 0, 0, told, 0, len(name)) + name + struct.pack("<Q", len(packed)) + packed
+    body = struct.pack("<QQQII", 0, 0, stated, 0, len(name)) + name + struct.pack("<Q", len(packed)) + packed
     return struct.pack("<BQ", Opcode.CHUNK, len(body)) + body
 
 

@@ -77,7 +77,7 @@ def test_none_of_a_million_scale_models_beats_one_of_the_front() -> None:
     for index in range(0, len(front), 17):
         ours = front.objectives[index]
         for rival in front.rivals(ours):
-            # Better by less than a bench could tell.
+            # Better by less than a bench could resolve.
             assert rival.objectives.similarity_error > ours.similarity_error - ERROR_STEP
             for theirs, own in zip(rival.objectives[1:], ours[1:], strict=True):
                 assert theirs == pytest.approx(own, rel=RELATIVE_STEP)
@@ -278,7 +278,7 @@ def test_a_rope_that_would_break_is_named_with_what_it_would_take() -> None:
 
 
 def test_two_limits_that_no_model_meets_together_are_named() -> None:
-    """A rope thick enough for so short a model pulls more than any load cell tells."""
+    """A rope thick enough for so short a model pulls more than any load cell measures."""
     short = changed(scaling.load(), overall_length=(0.4, 1.2), spool_torque=None)
     message = (
         r"tension_margin and load_cell_margin contradict each other: of \d+ scale models \d+ meet the one .* none both"

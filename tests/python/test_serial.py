@@ -250,8 +250,8 @@ def test_a_board_that_hears_nothing_stops_by_itself(tmp_path: Path, scaled: Inst
 
 def test_a_board_with_sensors_measures_steps_and_sends_by_itself(tmp_path: Path, scaled: Instrument) -> None:
     with sb.qemu(tmp_path, by_instructions=False) as (address, _):
-        told = scaled.replace(**{"control.watchdog": 0.5})
-        with SerialController(address, told, own_clock=True, **PATIENT) as there:
+        other = scaled.replace(**{"control.watchdog": 0.5})
+        with SerialController(address, other, own_clock=True, **PATIENT) as there:
             image = there.core.parameters()
         with sb.connected(address) as line:
             parameters = Frame(sb.PARAMETERS, 9, 100, struct.pack("<2I", 0, 0) + image)
@@ -308,12 +308,12 @@ LIES: dict[str, tuple[str, Callable[[Frame], list[bytes]]]] = {
 
 @pytest.mark.parametrize("lie", LIES)
 def test_a_board_that_lies_moves_no_motor(lie: str, scaled: Instrument) -> None:
-    name, told = LIES[lie]
+    name, lying = LIES[lie]
 
     def reply(frame: Frame) -> list[bytes] | None:
         if frame.type != sb.STEP:
             return None
-        return told(frame) if fake.ticks > 10 else [sb.output(frame, 0.01, state=1).encoded()]
+        return lying(frame) if fake.ticks > 10 else [sb.output(frame, 0.01, state=1).encoded()]
 
     fake = sb.FakeBoard(reply)
     with sb.served(fake) as address, SerialController(address, scaled, timeout=1.0, repetitions=1) as there:
@@ -416,9 +416,9 @@ def test_the_image_of_the_parameters_is_what_the_compiler_makes_of_the_exported_
         with sb.served(fake) as address:
             SerialController(address, inst, "exact", "exact", homed=False, own_clock=True, timeout=2.0).close()
         tn.control.export_header(
-            inst, tmp_path / "told.h", "told", observer="exact", law="exact", homed=False, own_clock=True
+            inst, tmp_path / "other.h", "other", observer="exact", law="exact", homed=False, own_clock=True
         )
-        source = '#include <cstdio>\n#include "told.h"\nint main() { std::fwrite(&told, sizeof told, 1, stdout); }\n'
+        source = '#include <cstdio>\n#include "other.h"\nint main() { std::fwrite(&other, sizeof other, 1, stdout); }\n'
         (tmp_path / "image.cpp").write_text(source)
         program = str(tmp_path / name)
         include = str(EXAMPLES.parent / "include")

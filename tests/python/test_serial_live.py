@@ -31,7 +31,7 @@ from tenodesis.run import Run, concatenate
 
 from . import serial_board as sb
 from .serial_board import Frame, Streamed
-from .test_live import told, until
+from .test_live import commanded, until
 
 pytestmark = pytest.mark.process
 
@@ -52,7 +52,7 @@ def streaming(scaled: Instrument) -> Instrument:
 def looped(inst: Instrument, folder: Path, address: str, late_bound: float = 2.0) -> Iterator[tuple[LiveLoop, Reader]]:
     folder.mkdir(exist_ok=True)
     choices = Choices(device="serial", address=address, real_time=False, late_bound=late_bound)
-    loop = told(LiveLoop(inst, folder, choices), folder)
+    loop = commanded(LiveLoop(inst, folder, choices), folder)
     try:
         yield loop, Reader(folder)
     finally:
@@ -104,7 +104,7 @@ def test_the_live_loop_with_its_controller_on_a_board_is_that_without_to_the_las
 
     monkeypatch.setattr(loops, "Controller", partial(Controller, precision="single"))
     (tmp_path / "here").mkdir()
-    here = told(LiveLoop(scaled, tmp_path / "here", Choices(real_time=False)), tmp_path / "here")
+    here = commanded(LiveLoop(scaled, tmp_path / "here", Choices(real_time=False)), tmp_path / "here")
     expected = played(here, Reader(tmp_path / "here"))
     inst = with_board(scaled, "twin", timeout=10.0)
     with sb.qemu(tmp_path) as (address, _), looped(inst, tmp_path / "there", address) as (loop, reader):
@@ -224,7 +224,7 @@ def test_requests_arrive_once_over_a_line_that_loses_doubles_and_damages(tmp_pat
 
 
 class StreamingBoard:
-    """Streams ticks of a motor that turns, and from one on what it is told to.
+    """Streams ticks of a motor that turns, and from one on what it is given.
 
     Parameters
     ----------
@@ -289,7 +289,7 @@ class StreamingBoard:
 
     @property
     def kept_going(self) -> float:
-        """For how long it was told to go on after it had begun to lie, s."""
+        """For how long it was to go on after it had begun to lie, s."""
         keeps = [at for at, frame in self.heard if frame.type == sb.KEEP and _rest(frame) == 0]
         return max(keeps) - self.lied_at
 

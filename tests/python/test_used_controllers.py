@@ -53,13 +53,13 @@ def test_a_controller_that_was_stepped_elsewhere_is_refused(scaled: Instrument) 
 
 def test_a_fault_is_warned_about_once_where_the_run_is_returned(scaled: Instrument) -> None:
     silent = scaled.replace(**{"sensors.load_cell_noise": 0.0})
-    with pytest.warns(FaultWarning, match=r"faulted at .* s: load_cell_stuck; .* have no noise") as told:
+    with pytest.warns(FaultWarning, match=r"faulted at .* s: load_cell_stuck; .* have no noise") as caught:
         tn.twin.Twin(silent).run(np.zeros(2000), controller=tn.control.Controller(scaled))
-    assert told[0].filename == __file__
+    assert caught[0].filename == __file__
     protocol = tn.simulate.parse('name = "still"\n[[phases]]\nkind = "hold"\nduration = "3 s"\n')
-    with pytest.warns(FaultWarning) as told:
+    with pytest.warns(FaultWarning) as caught:
         execute(tn.twin.Twin(silent), protocol, tn.control.Controller(scaled))
-    assert len(told) == 1
+    assert len(caught) == 1
 
 
 def test_a_run_without_a_fault_is_not_warned_about(scaled: Instrument) -> None:

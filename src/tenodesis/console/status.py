@@ -88,7 +88,7 @@ HOMING_REMEDIES = {
     "cells_swapped": "Check which load cell, and which motor with its encoder, belongs to which tendon.",
     "cell_gains_apart": "Calibrate both load cells; see whether one tendon rubs.",
     "motor_dead": "Check the power and the cables of the motor and of its encoder.",
-    "motor_reversed": "Reverse the motor or its encoder; homing from tight tendons tells which.",
+    "motor_reversed": "Reverse the motor or its encoder; homing from tight tendons shows which.",
     "motors_swapped": "Exchange the motors' cables, or those of their encoders.",
     "encoder_reversed": "Reverse the encoder's direction.",
     "encoders_swapped": "Exchange the cables of the spool encoders.",

@@ -101,7 +101,7 @@ def tension_from_current(inst: InstrumentLike, current: ArrayLike) -> NDArray[np
     sensor = as_instrument(inst).planar[0].tension_sensor
     if not sensor.per_current:
         raise ArgumentError(
-            "inst has load cells; its sensors.kind must be current to tell tensions by currents.", key="inst"
+            "inst has load cells; its sensors.kind must be current to measure tensions by currents.", key="inst"
         )
     convert = np.vectorize(_core.tension_from_current, otypes=[float], excluded=(1, 2))
     return np.asarray(convert(current, sensor.per_current, sensor.range / sensor.per_current))
@@ -250,7 +250,7 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
 def _before_handle(inst: Instrument, share: float, at_pretension: float) -> tuple[float, float, float]:
     """Return coefficient and bend of what lies before the handle's joint, and the compliance share up to it.
 
-    The friction of a drive whose current tells the tension is at the spool: with that of the sheath it makes one
+    The friction of a drive whose current measures the tension is at the spool: with that of the sheath it makes one
     contact, in their middle weighted by friction.
     """
     friction, drive = inst.friction, inst.tension_sensor.friction
@@ -267,7 +267,7 @@ def _limits(inst: Instrument, period: float) -> dict[str, tuple[float, float]]:
     pretension, sensors, sensor = inst.pretension, inst.sensors, inst.tension_sensor
     speed = inst.drives.motor_speed / inst.drives.gear_ratio
     # A cell without noise does not flicker, and one that is sampled slower than ticks stands still between samples.
-    # By a drive that reverses, whose current tells the tension.
+    # By a drive that reverses, whose current measures the tension.
     reversal = 2 * np.sinh(sensor.friction) * pretension
     stuck = 0.3 * sensor.noise if sensor.noise > 2 * sensor.resolution else 0.0
     sample = max(period, 1 / sensors.sampling_rate)

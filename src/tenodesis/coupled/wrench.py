@@ -1,4 +1,4 @@
-"""The wrench at the tip, as far as the moments about the joints tell it."""
+"""The wrench at the tip, as far as the moments about the joints determine it."""
 
 from typing import NamedTuple
 
@@ -48,7 +48,7 @@ def tip_wrench(
     *,
     usual: ArrayLike = USUAL,
 ) -> TipWrench:
-    """Return the wrench at the tip from moments about the joints, and what these do not tell, by its covariance.
+    """Return the wrench at the tip from moments about the joints; its covariance is large where they do not determine it.
 
     Joints of a wrist are fewer than the six components, so that some follow from what wrenches usually are: a normal
     distribution about zero, which the moments narrow (Bayes).

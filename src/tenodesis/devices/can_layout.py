@@ -190,7 +190,7 @@ def layout(inst: Instrument, settings: CanOpen) -> Layout:
 
 
 def sources_of(inst: Instrument, settings: CanOpen, axis: CanAxis) -> dict[str, CanAngle | CanTension]:
-    """Return the sensors of an axis by what they measure; where its drives' currents tell the tensions, these."""
+    """Return the sensors of an axis by what they measure; where its drives' currents measure the tensions, these."""
     if inst.sensors.kind == "load-cell":
         return axis.sources
     drives = inst.drives

@@ -175,8 +175,8 @@ class TendonEnv(gymnasium.Env[Observations, NDArray[np.float32]]):
         observed, rewards, terminated, truncated, info = self._many.step(np.asarray(action)[np.newaxis])
         done = bool(terminated[0] or truncated[0])
         last = info["final_obs"][0] if done else observed[0]
-        told = {"error": float(info["error"][0]), "aim": float(info["aim"][0])}
-        return last, float(rewards[0]), bool(terminated[0]), bool(truncated[0]), told
+        details = {"error": float(info["error"][0]), "aim": float(info["aim"][0])}
+        return last, float(rewards[0]), bool(terminated[0]), bool(truncated[0]), details
 
 
 def _steps(period: float, per_sample: int) -> int:

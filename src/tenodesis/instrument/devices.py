@@ -141,7 +141,9 @@ class CanOpen(FileTable):
         if self.yaw is None and self.pitch is None:
             raise ValueError("neither yaw nor pitch is given; give one table for each axis of the instrument")
         if self.rated_current is not None and self.rated_torque is not None:
-            raise ValueError("rated_current and rated_torque are both given; a drive tells its current by one of them")
+            raise ValueError(
+                "rated_current and rated_torque are both given; a drive reports its current by one of them"
+            )
         seen: dict[int, str] = {self.master: "master"}
         for place, drive in self.drives():
             if drive.node in seen:

@@ -232,7 +232,7 @@ class Sensors(FileTable):
     """Analogue joint encoders, load cells or motor currents, and how often they are sampled."""
 
     kind: Literal["load-cell", "current"] = Field(
-        default="load-cell", description="What tells the tensions: load-cell, or the motors' current"
+        default="load-cell", description="What measures the tensions: load-cell, or the motors' current"
     )
     sampling_rate: Rate = Field(default=2000.0, description="Samples per second")
     encoder_bits: Bits = Field(default=12, description="Bits of the converter of a joint encoder")

@@ -53,7 +53,7 @@ AxisName = Literal["yaw", "pitch"]
 
 
 _NAMED = ("overall_length", "pretension", "tendon_stiffness", "handle_range", "output_range")
-"""Dimensions that tell instruments of a joint type apart."""
+"""Dimensions by which instruments of a joint type differ."""
 _STOP_BEYOND_RANGE = 4 / 3
 _FARTHEST_STOP = 2.9  # rad; half a turn is the end of every mechanism
 
@@ -146,7 +146,7 @@ class Instrument(FileTable):
 
     @cached_property
     def tension_sensor(self) -> TensionSensor:
-        """What tells the tensions of the first axis."""
+        """What measures the tensions of the first axis."""
         return tension_sensor(self.drives, self.sensors, self.pretension)
 
     @cached_property

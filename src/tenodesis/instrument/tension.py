@@ -1,4 +1,4 @@
-"""What tells the tensions: load cells, or the motors' currents as tensions with the drives' friction still in them."""
+"""What measures tensions: load cells, or the motors' currents as tensions with the drives' friction still in them."""
 
 from math import hypot, log, sqrt
 from typing import NamedTuple
@@ -28,7 +28,7 @@ class TensionSensor(NamedTuple):
 
 
 def tension_sensor(drives: Drives, sensors: Sensors, pretension: float) -> TensionSensor:
-    """Return what tells the tensions.
+    """Return what measures the tensions.
 
     A motor's pull at a tension T is within T e - f and T / e + f, with the gearbox's efficiency e and its constant
     friction f. At the pretension this is a band from g T exp(-x) to g T exp(x): friction x, and a gain g that the

@@ -17,7 +17,7 @@ _TO_END = 15.0
 _TO_STOP = 0.8
 """Longest wait for the answer to a stop, and then for its effect, s."""
 _SILENT = 0.2
-"""Time without a tick after which a loop that was told to end has ended, s."""
+"""Time without a tick after which a loop that was asked to end has ended, s."""
 
 
 class RuntimeProcess:
@@ -112,7 +112,7 @@ class RuntimeProcess:
                 pipe.close()
 
     def _rests(self) -> bool:
-        """Return whether the loop has stopped the motors although no answer came, or ended as it was told to."""
+        """Return whether the loop has stopped the motors although no answer came, or ended as it was asked to."""
         try:
             reader = Reader(self.folder)
         except LiveError:

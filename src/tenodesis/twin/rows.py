@@ -91,7 +91,7 @@ def as_run(
 
 
 def with_currents(run: Run, inst: Instrument) -> Run:
-    """Return a run with the motors' currents, where these tell the tensions of its instrument."""
+    """Return a run with the motors' currents, where these give the tensions of its instrument."""
     if inst.sensors.kind != "current" or run.measured_tension is None:
         return run
     per_current = np.array([axis.tension_sensor.per_current for axis in inst.planar])

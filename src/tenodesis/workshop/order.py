@@ -238,11 +238,11 @@ def _drives(design: Design, demand: Demand) -> Iterator[Item]:
     for n, kind in enumerate(("drive", "acquisition"), 1):
         for found in _kind(design, kind)[:1]:
             many = str(count) if kind == "drive" else "1"
-            told = (
+            rating = (
                 "one per motor, speed set point" if kind == "drive" else "instead of these drives, as the paper had it"
             )
             yield Item(
-                many, f"amplifiers, alternative {n}", found.name, told, "bought", "weeks", found.known, found.source
+                many, f"amplifiers, alternative {n}", found.name, rating, "bought", "weeks", found.known, found.source
             )
 
 

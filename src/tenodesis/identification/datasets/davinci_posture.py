@@ -4,7 +4,7 @@ O'Neill, Stephens and Kowalewski, IEEE RA-L 3(4):3027-3034, 2018. Files as `davi
 the pitch in degrees: pitch+60_000.TXT.
 
 The jaw's tendons run over pulleys on the pitch axis, on either side of it. Pitch draws them, so that the jaw's zero
-moves by the wrist's coupling. The sign of the coupling tells on which side the tendon runs that the load stretches:
+moves by the wrist's coupling. The sign of the coupling shows on which side the tendon runs that the load stretches:
 pitch to one side bends it over its pulley, to the other side it leaves the pulley. What drags on it and what gives way
 grow with the bend in the same proportion, g:
 

@@ -73,13 +73,13 @@ def to_json(plan: Plan) -> dict[str, Any]:
                 "wanted": one.name in plan.wanted,
                 "std": json_number(plan.proposed.std[one.name]),
                 "interval_95": list(plan.interval_95[one.name]),
-                "told": plan.identifiable(one.name),
+                "identifiable": plan.identifiable(one.name),
             }
             for one in plan.parameters
             if one.name in plan.open
         },
         "baselines": {one.name: _prediction(one) for one in plan.baselines},
-        "not_told_by_any": dict(plan.unidentifiable),
+        "not_identifiable_by_any": dict(plan.unidentifiable),
         "left_out": dict(plan.left_out),
         "warnings": [*plan.warnings, OPTIMISTIC],
     }

@@ -92,7 +92,7 @@ class ForceModel:
         return math.sqrt(max(float(self.covariance[at, at]), 0.0))
 
     def undetermined(self) -> tuple[str, ...]:
-        """Return the fitted parameters of which the recordings told less than the prior: three quarters are left."""
+        """Return the fitted parameters that the recordings determine less than the prior: three quarters are left."""
         return tuple(name for name in self.free if self.std(name) > 0.75 * self.prior_spread[name])
 
     def estimate(self, run: MeasuredRun) -> Estimate:
