@@ -207,7 +207,8 @@ struct Supervisor {
     return clamp(rate * left, -neutral_speed, neutral_speed);
   }
 
-  // A tip that presses on something is let go of after a fault, by what the motors are commanded, unless they do not obey.
+  // A tip that presses on something is let go of after a fault, by what the motors are commanded, unless these do not
+  // obey.
   bool relaxes(const State& state, const CommandState<S>& axis) const {
     const S enough = S(1e-3);  // rad
     return state.operating == OperatingState::fault && state.since >= hold_time && abs(axis.pressing) > enough &&

@@ -14,8 +14,8 @@
 // milliseconds, while a tendon that breaks or a spool that slips lowers it at once. Nothing but a load cell raises it
 // at once, and only two cells that are exchanged reverse the difference of the tensions at once.
 //
-// The mean cannot distinguish a tendon's change from an encoder's. What a motor was commanded can: its encoder must turn by as
-// much, over a moment and in the long run.
+// The mean cannot distinguish a tendon's change from an encoder's. What a motor was commanded can: its encoder must
+// turn by as much, over a moment and in the long run.
 
 #include "tenodesis/control.hpp"
 #include "tenodesis/drive.hpp"

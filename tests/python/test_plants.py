@@ -94,7 +94,7 @@ def test_friction_never_returns_energy_and_its_law_holds_in_every_step(vertices:
     assert both.least_dissipated > -1e-9
     assert both.dissipated.min() > 0.01
     assert worst < 1e-3
-    assert both.most_sweeps < plants.MOST_SWEEPS
+    assert both.most_sweeps < load_benchmark("plant").MOST_SWEEPS
 
 
 def test_shorter_steps_converge() -> None:

@@ -48,7 +48,7 @@ def tip_wrench(
     *,
     usual: ArrayLike = USUAL,
 ) -> TipWrench:
-    """Return the wrench at the tip from moments about the joints; its covariance is large where they do not determine it.
+    """Return the wrench at the tip from moments about the joints; the covariance is large where they leave it open.
 
     Joints of a wrist are fewer than the six components, so that some follow from what wrenches usually are: a normal
     distribution about zero, which the moments narrow (Bayes).
