@@ -1,6 +1,6 @@
 """Tune the robust law over a family of plants that its model does not describe, and judge it on plants held out.
 
-    python examples/tune_law.py --generations 25 --out tuned.json
+    python examples/tune_law.py --out tuned.json
 
 The search is SciPy's differential evolution, which needs no further library. All runs of a candidate step side by side.
 """
@@ -9,7 +9,7 @@ import argparse
 import json
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import nullcontext
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -28,6 +28,7 @@ from tenodesis.paper.unlike_model import differences
 from tenodesis.twin import TIME_STEP, run_many
 
 Array = NDArray[np.float64]
+Choice = tuple[LawName, Mapping[str, float]]
 SEARCHED = ("dead_band", "gain", "tendon_speed", "common_stroke", "friction_uncertainty", "stiffness_uncertainty")
 """Keys of the instrument's table [control], each searched from half to twice what the law is shipped with."""
 SPAN, SPREAD = np.log(2), 0.3
@@ -46,16 +47,18 @@ class Case(NamedTuple):
 
 
 class Score(NamedTuple):
-    """Errors of the tip, deg: of the last second of still hands (RMS, worst), RMS of moving ones; harm done."""
+    """Errors of the tip, deg, and harm done: by how much a run's RMS exceeds that of motors off, mean over the runs."""
 
     final: float
+    """RMS over still hands, in the last second."""
     worst: float
     moving: float
+    """RMS over moving hands, from the load on."""
     harm: float
-    """By how much a run's RMS from the load on exceeds that of motors off, mean over the runs, deg"""
 
     @property
     def objective(self) -> float:
+        """What is minimised."""
         return self.final + 0.1 * self.worst + 0.1 * self.moving + self.harm
 
 
@@ -64,38 +67,37 @@ def cases(inst: Instrument, held_out: bool) -> list[Case]:
     family = {one.key: one for one in differences(inst) if not one.homes}
     names = ("two_vertices", "base") if held_out else ("none", "compliance", "softer", "rougher")
     plants = [(inst.replace(**family[key].known, **family[key].unknown), family[key].known) for key in names]
+    states, loads, sway, reversal = (0, 33, 67, 80), (1.0,), 0.6, 0.5  # deg, of the rated load, Hz, Hz
     if held_out:
         plants.append((inst.replace(mismatch=inst.mismatch.model_dump() | {"load_cell_gain": (1.01, 0.99)}), {}))
         plants += [(one, {}) for one in gym.randomised(inst, 5, seed=20)]
-    states, loads, rates = ((15, 50, 75), (-0.9, 0.6), (0.35, 1.0)) if held_out else ((0, 33, 67, 80), (1,), (0.6, 0.5))
+        states, loads, sway, reversal = (15, 50, 75), (-0.9, 0.6), 0.35, 1.0
     time = np.arange(1, round((BEFORE + AFTER) / TIME_STEP) + 1) * TIME_STEP
+    turns = np.radians(3) * np.sin(2 * np.pi * sway * time) * np.clip(time / BEFORE, 0, 1)
+    wave = np.cos(2 * np.pi * reversal * (time - BEFORE))
     found = []
     for (plant, known), state, load, factor in product(plants, states, loads, TOLD):
         told = controller_model(inst.replace(**known), factor)
-        force = load * step_force(inst)
-        motion = held_motion(inst, np.radians(state), force, BEFORE, AFTER)
+        motion = held_motion(inst, np.radians(state), load * step_force(inst), BEFORE, AFTER)
         found.append(Case(plant, told, motion.handle_angle, motion.force, still=True))
         if state < 70:  # beyond, the handle has no room to sway
-            sway = np.radians(3) * np.sin(2 * np.pi * rates[0] * time) * np.clip(time / BEFORE, 0, 1)
-            wave = np.cos(2 * np.pi * rates[1] * (time - BEFORE))
-            found.append(Case(plant, told, motion.handle_angle + sway, motion.force * wave, still=False))
+            found.append(Case(plant, told, motion.handle_angle + turns, motion.force * wave, still=False))
     return found
 
 
-def errors(given: Sequence[Case], choice: tuple[LawName, Mapping[str, float]]) -> Array:
+def errors(given: Sequence[Case], choice: Choice) -> Array:
     """Return the tip's distance, deg, from where the handle puts it without load and friction: (case, time)."""
     law, control = choice
     found = np.empty((len(given), round((BEFORE + AFTER) / TIME_STEP) // EVERY))
-    contacts = np.array([case.plant.friction.vertices_per_joint for case in given])
-    for number in np.unique(contacts):  # plants that can step together
-        places = np.flatnonzero(contacts == number)
+    contacts = [case.plant.friction.vertices_per_joint for case in given]
+    for number in set(contacts):  # plants that can step together
+        places = [n for n, own in enumerate(contacts) if own == number]
         own = [given[n] for n in places]
-        controllers = [Controller(one.told.replace(**control), "friction", law) for one in own]
         batch = run_many(
             [one.plant for one in own],
             np.array([one.handle for one in own]),
             np.array([one.force for one in own]),
-            controllers=controllers,
+            controllers=[Controller(one.told.replace(**control), law=law) for one in own],
             signals=("output_angle", "handle_angle"),
             every=EVERY,
         )
@@ -104,38 +106,40 @@ def errors(given: Sequence[Case], choice: tuple[LawName, Mapping[str, float]]) -
 
 
 def score(given: Sequence[Case], found: Array, off: Array) -> Score:
+    """Return the figures of runs, by their errors and those of motors off."""
     still = np.array([case.still for case in given])
     last, loaded = round(1 / TIME_STEP) // EVERY, round(BEFORE / TIME_STEP) // EVERY
     final = found[still, -last:].mean(1)
     rms, rms_off = (np.sqrt(np.mean(one[:, loaded:] ** 2, axis=1)) for one in (found, off))
-    moving = np.sqrt(np.mean(rms[~still] ** 2))
-    judged = Score(np.sqrt(np.mean(final**2)), np.abs(final).max(), moving, np.maximum(rms - rms_off, 0).mean())
-    return judged if np.isfinite(judged.objective) else Score(*[99.0] * 4)  # a tip without equilibrium
+    values = [np.sqrt(np.mean(final**2)), np.abs(final).max(), np.sqrt(np.mean(rms[~still] ** 2))]
+    values.append(np.maximum(rms - rms_off, 0).mean())
+    return Score(*np.nan_to_num(values, nan=99.0))  # of a tip without equilibrium
 
 
 class Campaign:
-    """Cases, and where their runs are made: on this machine, or on a cluster."""
+    """Runs of laws over cases, on this machine or on a cluster."""
 
     def __init__(self, given: Sequence[Case], cluster: Cluster | None) -> None:
-        self.given, self.cluster, self.candidates = given, cluster, 0
-        self.off = self._run([("off", {})])[0]
+        self.given, self.cluster, self.runs = given, cluster, 0
+        self.off = self._errors([("off", {})])[0]
 
-    def _run(self, choices: Sequence[tuple[LawName, Mapping[str, float]]]) -> list[Array]:
-        self.candidates += len(choices)
-        if self.cluster is not None:
-            return self.cluster.map(errors, self.given, choices)
-        return [errors(self.given, choice) for choice in choices]
+    def _errors(self, choices: Sequence[Choice]) -> list[Array]:
+        self.runs += len(choices) * len(self.given)
+        if self.cluster is None:
+            return [errors(self.given, choice) for choice in choices]
+        return self.cluster.map(errors, self.given, choices, [len(self.given)] * len(choices))
 
-    def scores(self, choices: Sequence[tuple[LawName, Mapping[str, float]]]) -> list[Score]:
-        return [score(self.given, found, self.off) for found in self._run(choices)]
+    def scores(self, choices: Sequence[Choice]) -> list[Score]:
+        """Return the figures of laws and of changes to the table [control] that their controllers are told."""
+        return [score(self.given, found, self.off) for found in self._errors(choices)]
 
 
-def tune(campaign: Campaign, shipped: Mapping[str, float], options: argparse.Namespace) -> dict[str, float]:
-    """Return the best parameters found, by key of [control]; the shipped ones are the first candidate."""
+def tune(campaign: Campaign, shipped: Sequence[float], options: argparse.Namespace) -> dict[str, float]:
+    """Return the best parameters found, by key; the shipped ones are the first candidate."""
 
     def controls(logarithms: Array) -> dict[str, float]:
-        factors = np.exp(logarithms)
-        return {f"control.{key}": float(shipped[key] * factor) for key, factor in zip(SEARCHED, factors, strict=True)}
+        values = shipped * np.exp(logarithms)
+        return {f"control.{key}": float(value) for key, value in zip(SEARCHED, values, strict=True)}
 
     def objective(columns: Array) -> Array:
         return np.array([one.objective for one in campaign.scores([("robust", controls(x)) for x in columns.T])])
@@ -144,13 +148,13 @@ def tune(campaign: Campaign, shipped: Mapping[str, float], options: argparse.Nam
         print(f"generation {intermediate_result.nit:3}: objective {intermediate_result.fun:.4f}", flush=True)
 
     random = np.random.default_rng(options.seed)
-    begin = np.clip(random.normal(0, SPREAD, (options.population, len(SEARCHED))), -SPAN, SPAN)
-    begin[0] = 0
+    first = np.clip(random.normal(0, SPREAD, (options.population, len(SEARCHED))), -SPAN, SPAN)
+    first[0] = 0
     found = differential_evolution(
         objective,
-        [(-SPAN, SPAN)] * len(SEARCHED),
+        np.full((len(SEARCHED), 2), (-SPAN, SPAN)),
         maxiter=options.generations,
-        init=begin,
+        init=first,
         tol=0,
         rng=random,
         callback=report,
@@ -162,8 +166,9 @@ def tune(campaign: Campaign, shipped: Mapping[str, float], options: argparse.Nam
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, dict[str, Score]]:
+    """Tune, print the tables, and return the figures by cases and law."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--generations", type=int, default=25)
+    parser.add_argument("--generations", type=int, default=24)
     parser.add_argument("--population", type=int, default=16, help="candidates of a generation, 5 or more")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--ray", metavar="ADDRESS", help="cluster to run on: host:port, auto, or local to start one")
@@ -171,33 +176,29 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, dict[str, Score]]:
     options = parser.parse_args(arguments)
     inst, begun = tn.load("scaled-up"), time.perf_counter()
     axis = tn.control.parameters(controller_model(inst)).axes[0]
-    shipped = {key: getattr(inst.control, key) or axis[key] for key in SEARCHED}
-    with ExitStack() as stack:
-        cluster = stack.enter_context(Cluster(options.ray)) if options.ray else None
-        training, held_out = (Campaign(cases(inst, kept), cluster) for kept in (False, True))
-        tuned = tune(training, shipped, options)
-        laws: dict[str, tuple[LawName, dict[str, float]]] = {"motors off": ("off", {}), "eq. 22": ("paper", {})}
+    shipped = [getattr(inst.control, key) or axis[key] for key in SEARCHED]
+    with Cluster(options.ray) if options.ray else nullcontext() as cluster:
+        campaigns = {name: Campaign(cases(inst, name != "training"), cluster) for name in ("training", "held out")}
+        tuned = tune(campaigns["training"], shipped, options)
+        laws: dict[str, Choice] = {"motors off": ("off", {}), "eq. 22": ("paper", {})}
         laws |= {"robust law as shipped": ("robust", {}), "robust law tuned": ("robust", tuned)}
-        found = {
-            name: dict(zip(laws, campaign.scores([*laws.values()]), strict=True))
-            for name, campaign in (("training", training), ("held out", held_out))
-        }
+        found = {name: dict(zip(laws, one.scores([*laws.values()]), strict=True)) for name, one in campaigns.items()}
     print(f"\n{'[control]':24}{'shipped':>12}{'tuned':>12}")
-    for key in SEARCHED:
-        print(f"{key:24}{shipped[key]:12.4g}{tuned[f'control.{key}']:12.4g}")
-    for name, campaign in (("training", training), ("held out", held_out)):
-        heading = f"{name}, {len(campaign.given)} runs [deg]"
+    for key, before, after in zip(SEARCHED, shipped, tuned.values(), strict=True):
+        print(f"{key:24}{before:12.4g}{after:12.4g}")
+    for name, rows in found.items():
+        heading = f"{name}, {len(campaigns[name].given)} runs [deg]"
         print(f"\n{heading:30}{'final RMS':>10}{'worst':>8}{'moving RMS':>12}{'harm':>8}{'objective':>11}")
-        for law, one in found[name].items():
+        for law, one in rows.items():
             print(f"{law:30}{one.final:10.3f}{one.worst:8.2f}{one.moving:12.2f}{one.harm:8.3f}{one.objective:11.3f}")
-    steps = round((BEFORE + AFTER) / TIME_STEP) * sum(len(one.given) * one.candidates for one in (training, held_out))
-    took = time.perf_counter() - begun
-    print(f"\n{steps / 1e6:.0f} M steps of the twin in {took:.0f} s, {steps / took / 1e6:.2f} M steps/s")
+    took, steps = time.perf_counter() - begun, (BEFORE + AFTER) / TIME_STEP / 1e6
+    runs = sum(one.runs for one in campaigns.values())
+    print(f"\n{runs} runs, {runs * steps:.0f} M steps of the twin in {took:.0f} s: {runs * steps / took:.2f} M steps/s")
     if cluster is not None:
-        print(f"{'node':20}{'runs':>8}{'M steps/s':>12}{'a core':>9}")
+        print(f"{'node':16}{'runs':>8}{'M steps/s':>11}{'M steps/s a core':>18}")
         for node, share in cluster.shares.items():
-            done = share.chunks * steps / candidates
-            print(f"{node:20}")
+            done = share.size * steps
+            print(f"{node:16}{share.size:8}{done / took:11.2f}{done / share.seconds:18.2f}")
     if options.out:
         options.out.write_text(json.dumps(tuned, indent=2) + "\n", "utf-8")
     return found

@@ -3,7 +3,6 @@
 import warnings
 
 import numpy as np
-import pytest
 from gymnasium.utils.env_checker import check_env
 
 from tenodesis import gym, statics, tolerance

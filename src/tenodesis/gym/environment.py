@@ -100,8 +100,8 @@ class TendonVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
     def reset(self, *, seed: int | list[int | None] | None = None, options: Info | None = None) -> tuple[Any, Info]:
         """Begin new episodes in all environments: observations, shape (num_envs, 7), and an empty information.
 
-        A list of seeds is taken for the first of them: environments draw from one stream. With the option ``alike``,
-        which must divide ``num_envs``, as many environments in a row have the same episode, for policies to be compared.
+        A list of seeds is taken for the first of them: environments draw from one stream. With the option ``alike``, a
+        divisor of ``num_envs``, as many environments in a row have the same episode, so that policies can be compared.
         """
         super().reset(seed=seed[0] if isinstance(seed, list) else seed, options=options)
         alike = (options or {}).get("alike", 1)
