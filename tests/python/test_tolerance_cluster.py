@@ -193,11 +193,11 @@ def test_nodes_share_a_campaign_and_one_killed_at_work_loses_nothing(
         assert set(nodes.shares) == {HEAD, SECOND} and all(share.seconds > 0 for share in nodes.shares.values())
         assert sum(share.size for share in nodes.shares.values()) == len(plants) * len(laws)
         found = tolerance.study(
-            *arguments, samples=4096, seed=5, engine="ray", address=two_nodes.address, progress=progress
+            *arguments, samples=2048, seed=5, engine="ray", address=two_nodes.address, progress=progress
         )
     assert killed_at and killed_at[0] < found.runs
     assert reported[-1] == found.runs
-    assert_same(found, tolerance.study(*arguments, samples=4096, seed=5))
+    assert_same(found, tolerance.study(*arguments, samples=2048, seed=5))
     assert np.isfinite(found.responses["loss_flexion"].scheme).all()
 
 
