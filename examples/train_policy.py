@@ -1,6 +1,6 @@
 """Train a small policy as a rival of the laws, and judge all of them on the same episodes of instruments held out.
 
-    python examples/train_policy.py --tuned tuned.json --out policy.npz
+    python examples/train_policy.py --tuned tuned.json
 
 The policy has one hidden layer and no memory but its last action. It is trained by augmented random search (Mania, Guy
 and Recht 2018, version V1-t) in NumPy: a policy moved both ways along random directions, on the same episodes.
@@ -116,13 +116,16 @@ def main(arguments: Sequence[str] | None = None) -> tuple[Array, dict[str, Judge
     parser.add_argument("--held-out", type=int, default=256, help="episodes to judge by")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--tuned", type=Path, help="parameters of the robust law, as tune_law.py writes them")
-    parser.add_argument("--out", type=Path, help="NPZ file for the policy")
+    parser.add_argument("--out", type=Path, default=Path("policy.npz"), help="file for the policy")
+    parser.add_argument("--trained", action="store_true", help="judge the policy in that file, and train none")
     options = parser.parse_args(arguments)
     inst, begun = tn.load("scaled-up"), time.perf_counter()
-    policy = train(options, inst)
-    if options.out:
+    if options.trained:
+        policy = np.load(options.out)["policy"]
+    else:
+        policy = train(options, inst)
         np.savez(options.out, policy=policy)
-    print(f"trained in {time.perf_counter() - begun:.0f} s\n")
+        print(f"trained in {time.perf_counter() - begun:.0f} s\n")
 
     told = controller_model(inst)
     many = gym.TendonVectorEnv([inst, *gym.randomised(inst, 127, seed=1000)], options.held_out, TASK)

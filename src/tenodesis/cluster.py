@@ -13,6 +13,8 @@ from typing import Any, Self, TypeVar
 from tenodesis.errors import StudyError
 from tenodesis.threads import set_threads
 
+__all__ = ["Cluster", "Share"]
+
 Shared = TypeVar("Shared")
 Chunk = TypeVar("Chunk")
 Result = TypeVar("Result")
@@ -34,6 +36,7 @@ class Share:
     """What a node has done."""
 
     chunks: int = 0
+    """How many."""
     size: int = 0
     """Of these chunks, in what the caller counts."""
     seconds: float = 0.0
