@@ -93,14 +93,11 @@ def errors(given: Sequence[Case], choice: Choice) -> Array:
     for number in set(contacts):  # plants that can step together
         places = [n for n, own in enumerate(contacts) if own == number]
         own = [given[n] for n in places]
-        batch = run_many(
-            [one.plant for one in own],
-            np.array([one.handle for one in own]),
-            np.array([one.force for one in own]),
-            controllers=[Controller(one.told.replace(**control), law=law) for one in own],
-            signals=("output_angle", "handle_angle"),
-            every=EVERY,
-        )
+        handle, force = (np.array([getattr(one, name) for one in own]) for name in ("handle", "force"))
+        controllers = [Controller(one.told.replace(**control), law=law) for one in own]
+        signals = ("output_angle", "handle_angle")
+        plants = [one.plant for one in own]
+        batch = run_many(plants, handle, force, controllers=controllers, signals=signals, every=EVERY)
         found[places] = batch["output_angle"] - tn.statics.output_angle(own[0].told, batch["handle_angle"])
     return np.degrees(found)
 
@@ -123,15 +120,15 @@ class Campaign:
         self.given, self.cluster, self.runs = given, cluster, 0
         self.off = self._errors([("off", {})])[0]
 
+    def scores(self, choices: Sequence[Choice]) -> list[Score]:
+        """Return the figures of laws and of changes to the table [control] that their controllers are told."""
+        return [score(self.given, found, self.off) for found in self._errors(choices)]
+
     def _errors(self, choices: Sequence[Choice]) -> list[Array]:
         self.runs += len(choices) * len(self.given)
         if self.cluster is None:
             return [errors(self.given, choice) for choice in choices]
         return self.cluster.map(errors, self.given, choices, [len(self.given)] * len(choices))
-
-    def scores(self, choices: Sequence[Choice]) -> list[Score]:
-        """Return the figures of laws and of changes to the table [control] that their controllers are told."""
-        return [score(self.given, found, self.off) for found in self._errors(choices)]
 
 
 def tune(campaign: Campaign, shipped: Sequence[float], options: argparse.Namespace) -> dict[str, float]:
@@ -150,18 +147,9 @@ def tune(campaign: Campaign, shipped: Sequence[float], options: argparse.Namespa
     random = np.random.default_rng(options.seed)
     first = np.clip(random.normal(0, SPREAD, (options.population, len(SEARCHED))), -SPAN, SPAN)
     first[0] = 0
-    found = differential_evolution(
-        objective,
-        np.full((len(SEARCHED), 2), (-SPAN, SPAN)),
-        maxiter=options.generations,
-        init=first,
-        tol=0,
-        rng=random,
-        callback=report,
-        polish=False,
-        updating="deferred",
-        vectorized=True,
-    )
+    box = np.full((len(SEARCHED), 2), (-SPAN, SPAN))
+    how = {"vectorized": True, "updating": "deferred", "polish": False, "tol": 0, "callback": report}
+    found = differential_evolution(objective, box, maxiter=options.generations, init=first, rng=random, **how)
     return controls(found.x)
 
 

@@ -42,10 +42,10 @@ class TendonVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
     An observation has what the proximal sensors say, and what was done: handle angle over its range, tension over
     pretension less 1 and spool angle in rad of agonist and antagonist, and the last action; shape (7,). An action has
     the spool velocities of both, -1 to 1 of the drives' limit. The reward of a period is minus the distance of the tip,
-    in degrees, from where a rigid instrument without friction would have it, less the action's cost. An episode is
-    terminated, with a reward of -10, where the tip finds no equilibrium or a tension passes the controller's limit, and
-    truncated after the task's duration. An environment that is done begins its next episode in the same step
-    (``final_obs`` and ``final_info`` have its last).
+    in degrees, from where the first instrument, if rigid and without friction, would have it, less the action's cost.
+    An episode is terminated, with a reward of -10, where the tip finds no equilibrium or a tension passes the
+    controller's limit, and truncated after the task's duration. An environment that is done begins its next episode in
+    the same step (``final_obs`` and ``final_info`` have its last).
 
     Parameters
     ----------
@@ -81,6 +81,7 @@ class TendonVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
         self._handle_range = insts[0].handle_range
         self._speed = insts[0].drives.motor_speed / insts[0].drives.gear_ratio
         self.tension_limit = float(control.parameters(insts[0]).axes[0]["tension_limit"])
+        """Tension beyond which an episode is terminated, N."""
         self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
         self.num_envs = num_envs
         self.single_observation_space = gymnasium.spaces.Box(-_BOUNDS, _BOUNDS, dtype=np.float32)
