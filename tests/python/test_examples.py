@@ -27,13 +27,18 @@ def test_the_tuned_law_is_no_worse_in_training_than_the_shipped_one(
     assert set(control) == {f"control.{key}" for key in tune_law.SEARCHED}
 
 
-def test_a_policy_repeats_by_seed_and_laws_are_judged_on_its_episodes(tmp_path: Path) -> None:
+def test_a_policy_repeats_by_seed_and_laws_are_judged_on_its_episodes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     train_policy = load_file(EXAMPLES / "train_policy.py")
     arguments = ["--iterations", "2", "--directions", "2", "--episodes", "2", "--held-out", "4"]
     arguments += ["--out", str(tmp_path / "policy.npz")]
-    policy, table = train_policy.main(arguments)
+    for name, duration in {"TASK": 2.5, "OTHER": 1.0}.items():
+        monkeypatch.setattr(train_policy, name, train_policy.gym.Task(tissue=0.0, duration=duration))
+    policy, tables = train_policy.main(arguments)
     np.testing.assert_array_equal(policy, train_policy.main(arguments)[0])
-    assert train_policy.main([*arguments, "--trained"])[1] == table
+    assert train_policy.main([*arguments, "--trained"])[1] == tables
+    table = tables["the task trained for"]
     assert table["robust law as shipped"].rms < table["motors off"].rms and table["motors off"].worse == 0
 
 
