@@ -67,7 +67,7 @@ def cases(inst: Instrument, held_out: bool) -> list[Case]:
     family = {one.key: one for one in differences(inst) if not one.homes}
     names = ("two_vertices", "base") if held_out else ("none", "compliance", "softer", "rougher")
     plants = [(inst.replace(**family[key].known, **family[key].unknown), family[key].known) for key in names]
-    plants += [(one, {}) for one in gym.randomised(inst, 5 if held_out else 2, seed=30 if held_out else 10)]
+    plants += [(one, {}) for one in gym.randomised(inst, 15 if held_out else 2, seed=30 if held_out else 10)]
     states, loads, sway, reversal = [0, -33, 67, -80], [1.0], 0.6, 0.5  # deg, of the rated load, Hz, Hz
     if held_out:
         plants.append((inst.replace(mismatch=inst.mismatch.model_dump() | {"load_cell_gain": (1.01, 0.99)}), {}))
