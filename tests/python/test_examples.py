@@ -18,7 +18,7 @@ def test_the_tuned_law_is_no_worse_in_training_than_the_shipped_one(
     every, out = tune_law.cases, tmp_path / "tuned.json"
     monkeypatch.setattr(tune_law, "AFTER", 1.0)
     monkeypatch.setattr(tune_law, "cases", lambda inst, held_out: every(inst, held_out)[1::37])
-    found = tune_law.main(["--generations", "2", "--population", "5", "--out", str(out)])
+    found = tune_law.main(["--generations", "1", "--population", "5", "--out", str(out)])
     shipped, tuned, off = (
         found["training"][name] for name in ("robust law as shipped", "robust law tuned", "motors off")
     )
