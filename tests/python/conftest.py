@@ -31,7 +31,12 @@ def load_benchmark(name: str) -> ModuleType:
     """Return the module of a benchmark, which is no part of a package and may import others."""
     if str(BENCHMARKS) not in sys.path:
         sys.path.append(str(BENCHMARKS))
-    spec = importlib.util.spec_from_file_location(f"{name}_benchmark", BENCHMARKS / f"{name}.py")
+    return load_file(BENCHMARKS / f"{name}.py")
+
+
+def load_file(path: Path) -> ModuleType:
+    """Return the module of a file that is no part of a package."""
+    spec = importlib.util.spec_from_file_location(f"{path.stem}_{path.parent.name}", path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

@@ -3,12 +3,11 @@
 import warnings
 
 import numpy as np
-import pytest
 from gymnasium.utils.env_checker import check_env
 
-from tenodesis import gym, tolerance
+from tenodesis import gym, statics, tolerance
 from tenodesis.instrument import Instrument
-from tenodesis.twin import Twin
+from tenodesis.twin import run_many
 
 from .conftest import refused
 
@@ -36,21 +35,34 @@ def test_episodes_repeat_by_seed_and_differ_by_environment(scaled: Instrument) -
     assert np.unique(rewards[-1]).size == 5
 
 
-def test_the_reward_is_the_twins_distance_from_a_rigid_instrument(scaled: Instrument) -> None:
-    calm = gym.Task(duration=0.5, move_time=0.1, tremor=0.0, tissue=0.0, force=0.0, action_cost=0.0)
-    one = gym.TendonVectorEnv(scaled, 1, calm)
-    one.reset(seed=1)
-    angles, rewards = [], []
-    for tick in range(80):
-        one._episodes.commands(np.array([tick]), one._commands)
-        angles.append(one._commands[0, :, 0].copy())
-        _, reward, *_, info = one.step(np.zeros((1, 2), np.float32))
-        rewards.append(reward[0])
-        assert reward[0] == pytest.approx(-np.degrees(abs(info["error"][0])))
-    run = Twin(scaled).run(np.concatenate(angles))
-    aim = one._episodes.target(run.handle_angle)
-    np.testing.assert_allclose(rewards, -np.degrees(np.abs(run.output_angle - aim))[9::10], rtol=1e-9)
-    assert min(rewards) < -0.5
+def test_episodes_are_those_of_the_twin_and_the_reward_is_its_distance_from_a_rigid_instrument(
+    scaled: Instrument,
+) -> None:
+    task = gym.Task(duration=0.5, move_time=0.1, tissue_stiffness=(50, 100), action_cost=0.0)
+    many = gym.TendonVectorEnv([scaled, *gym.randomised(scaled, 4, seed=1)], 8, task)
+    many.reset(seed=3)
+    given = many.episodes()
+    actions = np.random.default_rng(0).uniform(-0.05, 0.05, (99, 8, 2)).astype(np.float32)
+    steps = [many.step(action) for action in actions]
+    speed = scaled.drives.motor_speed / scaled.drives.gear_ratio
+    wound = np.repeat(np.append(actions, actions[-1:], 0), 10, axis=0).swapaxes(0, 1) * speed
+    assert np.ptp(given["force"]) > 1 and any(given["contact"]) and len(set(given["seeds"])) == 8
+    batch = run_many(**given, spool_velocity=wound, signals=("output_angle", "handle_angle"), every=10)
+    off = batch["output_angle"] - statics.output_angle(scaled, batch["handle_angle"])
+    np.testing.assert_allclose(-np.degrees(np.abs(off[:, :-1])), np.transpose([step[1] for step in steps]), atol=1e-2)
+    np.testing.assert_allclose(off[:, :-1].T, [step[4]["error"] for step in steps], atol=2e-4)
+    assert np.abs(off).max() > np.radians(1)
+
+
+def test_episodes_may_be_alike_for_policies_to_be_compared(scaled: Instrument) -> None:
+    many = gym.TendonVectorEnv(gym.randomised(scaled, 4, seed=3), 6, SHORT)
+    many.reset(seed=1, options={"alike": 3})
+    for _ in range(60):
+        observed, reward, *_ = many.step(np.zeros((6, 2), np.float32))
+    assert np.unique(reward).size == np.unique(observed, axis=0).shape[0] == 2
+    assert reward[0] == reward[2] != reward[3]
+    with refused("alike", 4):
+        many.reset(options={"alike": 4})
 
 
 def test_an_episode_ends_in_time_or_where_a_tendon_is_overstrained(scaled: Instrument) -> None:

@@ -13,14 +13,16 @@ from contextlib import contextmanager, suppress
 from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from tenodesis import tolerance
+from tenodesis import cluster, tolerance, twin
+from tenodesis.control import Controller
 from tenodesis.errors import StudyError
 from tenodesis.instrument import Instrument
-from tenodesis.tolerance import conduct, engines
+from tenodesis.tolerance import conduct
 
 from .test_tolerance import FEW, assert_same, varied
 
@@ -98,7 +100,7 @@ class TwoNodes:
 
     @property
     def second_is_at_work(self) -> bool:
-        return any(title(pid).startswith("ray::_evaluate_alone") for pid in children(self.second))
+        return any(title(pid).startswith("ray::_alone") for pid in children(self.second))
 
     def stop(self) -> None:
         # Agents take another title than their command line, and are found as children.
@@ -165,10 +167,10 @@ def two_nodes(monkeypatch: pytest.MonkeyPatch) -> Iterator[TwoNodes]:
 
 
 @pytest.mark.process
-def test_a_node_killed_at_work_loses_nothing(
+def test_nodes_share_a_campaign_and_one_killed_at_work_loses_nothing(
     real: Instrument, scaled: Instrument, two_nodes: TwoNodes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(engines, "PATIENCE", PATIENCE)
+    monkeypatch.setattr(cluster, "PATIENCE", PATIENCE)
     monkeypatch.setattr(conduct, "CHUNK", 32)
     reported: list[int] = []
     killed_at: list[int] = []
@@ -179,13 +181,23 @@ def test_a_node_killed_at_work_loses_nothing(
             killed_at.append(done)
             os.kill(two_nodes.second, signal.SIGKILL)
 
+    def campaign(insts: list[Instrument], law: Any) -> Any:
+        controllers = [Controller(scaled, law=law) for _ in insts]
+        return twin.run_many(insts, np.full(2000, 0.1), 0.5, controllers=controllers)["output_angle"]
+
+    plants, laws = [scaled.replace(pretension=tension) for tension in (20, 25, 30)], ["off", "robust"] * 4
     arguments = (real, scaled, varied(*FEW))
-    found = tolerance.study(
-        *arguments, samples=4096, seed=5, engine="ray", address=two_nodes.address, progress=progress
-    )
+    with cluster.Cluster(two_nodes.address) as nodes:
+        for law, angles in zip(laws, nodes.map(campaign, plants, laws, [len(plants)] * len(laws)), strict=True):
+            np.testing.assert_array_equal(angles, campaign(plants, law))
+        assert set(nodes.shares) == {HEAD, SECOND} and all(share.seconds > 0 for share in nodes.shares.values())
+        assert sum(share.size for share in nodes.shares.values()) == len(plants) * len(laws)
+        found = tolerance.study(
+            *arguments, samples=2048, seed=5, engine="ray", address=two_nodes.address, progress=progress
+        )
     assert killed_at and killed_at[0] < found.runs
     assert reported[-1] == found.runs
-    assert_same(found, tolerance.study(*arguments, samples=4096, seed=5))
+    assert_same(found, tolerance.study(*arguments, samples=2048, seed=5))
     assert np.isfinite(found.responses["loss_flexion"].scheme).all()
 
 
@@ -193,7 +205,7 @@ def test_a_node_killed_at_work_loses_nothing(
 def test_a_cluster_that_wants_another_token_is_distinguished_from_none(
     real: Instrument, scaled: Instrument, two_nodes: TwoNodes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(engines, "PATIENCE", PATIENCE)
+    monkeypatch.setattr(cluster, "PATIENCE", PATIENCE)
     monkeypatch.setenv("RAY_AUTH_TOKEN", secrets.token_hex(16))
     with pytest.raises(StudyError, match="does not accept the token"):
         tolerance.study(real, scaled, varied(*FEW), samples=8, engine="ray", address=two_nodes.address)
@@ -203,7 +215,7 @@ def test_a_cluster_that_wants_another_token_is_distinguished_from_none(
     ("address", "message"),
     [
         (lambda: f"{HEAD}:{free_port()}", r"no Ray cluster can be used at 127\.0\.0\.2:\d+ \(Connection refused\)"),
-        (lambda: "nonsense", "address is 'nonsense'; it must be host:port of a Ray cluster's head, or auto"),
+        (lambda: "nonsense", "address is 'nonsense'; it must be host:port of a Ray cluster's head, auto, or local"),
         (lambda: "ray://127.0.0.2:10001", "address is 'ray://127.0.0.2:10001'"),
         (lambda: f"{HEAD}:99999", "no Ray cluster can be used at 127.0.0.2:99999"),
     ],
@@ -219,7 +231,7 @@ def test_where_no_cluster_is_one_sentence_says_so(
 def test_what_listens_but_is_no_cluster_is_given_up_in_time(
     real: Instrument, scaled: Instrument, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(engines, "PATIENCE", 2.0)
+    monkeypatch.setattr(cluster, "PATIENCE", 2.0)
     with socket.socket() as mute:
         mute.bind((HEAD, 0))
         mute.listen()

@@ -44,7 +44,7 @@ def study_tolerances(  # noqa: PLR0917
     overwrite: Overwrite = False,
     engine: Annotated[Literal["threads", "ray"], typer.Option(help="Engine that runs the samples.")] = "threads",
     address: Annotated[
-        str | None, typer.Option(help="Of the Ray cluster: host:port of its head, or auto.", show_default=False)
+        str | None, typer.Option(help="Of the Ray cluster: host:port of its head, auto, or local.", show_default=False)
     ] = None,
 ) -> None:
     """Study what tolerances do to a scale model's loss of angle and similarity, and which of them dominate."""

@@ -14,6 +14,7 @@ from tenodesis.gym.episodes import Episodes, Task
 from tenodesis.instrument import InstrumentLike, as_instrument
 from tenodesis.run import Array
 from tenodesis.threads import threads
+from tenodesis.twin import Contact
 from tenodesis.twin.rows import ARGUMENTS, COMMANDS, SIGNALS
 
 _READ = (
@@ -41,10 +42,10 @@ class TendonVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
     An observation has what the proximal sensors say, and what was done: handle angle over its range, tension over
     pretension less 1 and spool angle in rad of agonist and antagonist, and the last action; shape (7,). An action has
     the spool velocities of both, -1 to 1 of the drives' limit. The reward of a period is minus the distance of the tip,
-    in degrees, from where a rigid instrument without friction would have it, less the action's cost. An episode is
-    terminated, with a reward of -10, where the tip finds no equilibrium or a tension passes the controller's limit, and
-    truncated after the task's duration. An environment that is done begins its next episode in the same step
-    (``final_obs`` and ``final_info`` have its last).
+    in degrees, from where the first instrument, if rigid and without friction, would have it, less the action's cost.
+    An episode is terminated, with a reward of -10, where the tip finds no equilibrium or a tension passes the
+    controller's limit, and truncated after the task's duration. An environment that is done begins its next episode in
+    the same step (``final_obs`` and ``final_info`` have its last).
 
     Parameters
     ----------
@@ -73,12 +74,14 @@ class TendonVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
             if len(inst.axes) != 1:
                 raise ArgumentError(f"{inst.name} has two axes; it must have one: inst.axis(name).", key="instruments")
         self._steps = _steps(self.task.period, plant.steps_per_sample(insts[0], plant.TIME_STEP, False))
+        self._insts = insts
         self._rows = np.array([plant.parameter_row(inst, plant.TIME_STEP) for inst in insts])
         self._spec = plant.spec(insts[0], plant.TIME_STEP, False)
         self._pretension = np.array([inst.pretension for inst in insts])
         self._handle_range = insts[0].handle_range
         self._speed = insts[0].drives.motor_speed / insts[0].drives.gear_ratio
-        self._tension_limit = float(control.parameters(insts[0]).axes[0]["tension_limit"])
+        self.tension_limit = float(control.parameters(insts[0]).axes[0]["tension_limit"])
+        """Tension beyond which an episode is terminated, N."""
         self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
         self.num_envs = num_envs
         self.single_observation_space = gymnasium.spaces.Box(-_BOUNDS, _BOUNDS, dtype=np.float32)
@@ -92,15 +95,20 @@ class TendonVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
         self._ends = np.zeros((num_envs, 2), np.int64)
         self._tick = np.zeros(num_envs, np.int64)
         self._which = np.zeros(num_envs, np.int64)
-        self._twins = _core.TwinBatch(self._spec, self._rows[self._which], np.zeros(num_envs, np.uint64))
+        self._seeds = np.zeros(num_envs, np.uint64)
+        self._twins = _core.TwinBatch(self._spec, self._rows[self._which], self._seeds)
 
     def reset(self, *, seed: int | list[int | None] | None = None, options: Info | None = None) -> tuple[Any, Info]:
         """Begin new episodes in all environments: observations, shape (num_envs, 7), and an empty information.
 
-        A list of seeds is taken for the first of them: environments draw from one stream.
+        A list of seeds is taken for the first of them: environments draw from one stream. With the option ``alike``, a
+        divisor of ``num_envs``, as many environments in a row have the same episode, so that policies can be compared.
         """
         super().reset(seed=seed[0] if isinstance(seed, list) else seed, options=options)
-        self._begin(np.arange(self.num_envs))
+        alike = (options or {}).get("alike", 1)
+        if not isinstance(alike, int) or alike < 1 or self.num_envs % alike:
+            raise ArgumentError(key="alike", value=alike, allowed=f"a divisor of the {self.num_envs} environments")
+        self._begin(np.arange(self.num_envs), alike)
         return np.zeros((self.num_envs, _OBSERVED), np.float32), {}
 
     def step(self, actions: NDArray[np.float32]) -> tuple[Any, Any, Any, Any, Info]:
@@ -123,7 +131,7 @@ class TendonVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
         handle, output, *tensions = values[:, len(_READ) :].T
         aim = self._episodes.target(handle)
         error = output - aim
-        terminated = (self._ends[:, 1] != 0) | (np.max(tensions, axis=0) > self._tension_limit)
+        terminated = (self._ends[:, 1] != 0) | (np.max(tensions, axis=0) > self.tension_limit)
         truncated = ~terminated & (self._tick * self.task.period >= self.task.duration - 1e-9)
         rewards = -np.degrees(np.abs(error)) - self.task.action_cost * (action**2).sum(1) / 2
         rewards[terminated] = _LOST
@@ -148,11 +156,29 @@ class TendonVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
         observed[:, 5:] = action
         return np.clip(np.nan_to_num(observed), -_BOUNDS, _BOUNDS)
 
-    def _begin(self, which: NDArray[np.int64]) -> None:
-        self._which[which] = self.np_random.integers(len(self._rows), size=len(which))
-        seeds = self.np_random.integers(2**63, size=len(which), dtype=np.uint64)
-        self._twins.restart(which, self._rows[self._which[which]], seeds)
-        self._episodes.draw(which, self.np_random)
+    def episodes(self) -> Info:
+        """Return what happens in the present episodes, from their beginning, as arguments of ``tn.twin.run_many``.
+
+        Another controller may so be run on the very same instruments, hands, loads, tissue and noise: ``inst``,
+        ``handle_angle`` and ``force``, shape (num_envs, steps), ``contact`` and ``seeds``.
+        """
+        steps = round(self.task.duration / plant.TIME_STEP)
+        rows = np.zeros((self.num_envs, steps, len(COMMANDS)))
+        self._episodes.commands(np.zeros_like(self._tick), rows)
+        return {
+            "inst": [self._insts[n] for n in self._which],
+            "handle_angle": rows[:, :, ARGUMENTS["handle_angle"]],
+            "force": rows[:, :, ARGUMENTS["force"]],
+            "contact": [Contact.of_row(*row) for row in rows[:, 0, ARGUMENTS["contact"]]],
+            "seeds": self._seeds.copy(),
+        }
+
+    def _begin(self, which: NDArray[np.int64], alike: int = 1) -> None:
+        drawn = len(which) // alike
+        self._which[which] = np.repeat(self.np_random.integers(len(self._rows), size=drawn), alike)
+        self._seeds[which] = np.repeat(self.np_random.integers(2**63, size=drawn, dtype=np.uint64), alike)
+        self._twins.restart(which, self._rows[self._which[which]], self._seeds[which])
+        self._episodes.draw(which, self.np_random, alike)
         self._tick[which] = 0
 
 

@@ -80,9 +80,9 @@ class Episodes:
         self._drawn = {name: np.zeros(count) for name in names}
         self._contact = np.zeros((count, 3))
 
-    def draw(self, which: NDArray[np.int64], random: np.random.Generator) -> None:
-        """Begin new episodes in some environments, by index."""
-        n, task = len(which), self._task
+    def draw(self, which: NDArray[np.int64], random: np.random.Generator, alike: int) -> None:
+        """Begin new episodes in some environments, by index; as many in a row have the same."""
+        n, task = len(which) // alike, self._task
         values = {
             "first": random.uniform(-self._reach, self._reach, n),
             "second": random.uniform(-self._reach, self._reach, n),
@@ -96,13 +96,13 @@ class Episodes:
         meets = random.random(n) < task.tissue
         values["force"][meets] = 0.0
         for name, value in values.items():
-            self._drawn[name][which] = value
+            self._drawn[name][which] = np.repeat(value, alike)
         aim = self.target(values["first"])
         low, high = np.log(task.tissue_stiffness)
         stiffness = np.exp(random.uniform(low, high, n))
         # In the way of the first movement, and never where the straight tip is.
-        self._contact[which, 0] = aim * random.uniform(0.3, 1.0, n)
-        self._contact[which, 1] = np.where(meets, np.copysign(stiffness, aim), 0.0)
+        self._contact[which, 0] = np.repeat(aim * random.uniform(0.3, 1.0, n), alike)
+        self._contact[which, 1] = np.repeat(np.where(meets, np.copysign(stiffness, aim), 0.0), alike)
 
     def target(self, handle_angle: Array) -> Array:
         """Return the output angle that a rigid, frictionless instrument would have, rad."""

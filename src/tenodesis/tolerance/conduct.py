@@ -63,7 +63,7 @@ def study(
     engine
         threads for this machine, ray for a Ray cluster, or an object with the methods of :class:`Engine`.
     address
-        Address of the cluster, host:port or auto.
+        Of the cluster, as :class:`tenodesis.cluster.Cluster` takes it.
     progress
         Called with the number of samples done and their total.
 
