@@ -89,17 +89,17 @@ def train(options: argparse.Namespace, inst: Instrument) -> Array:
     return policy
 
 
-def by_law(many: gym.TendonVectorEnv, told: Instrument, law: LawName) -> tuple[Array, NDArray[np.bool_]]:
+def by_law(many: gym.TendonVectorEnv, known: Instrument, law: LawName) -> tuple[Array, NDArray[np.bool_]]:
     """Return what :func:`roll` does of a law's errors, in the present episodes of the environments."""
     batch = run_many(
         **many.episodes(),
-        controllers=[Controller(told, law=law) for _ in range(many.num_envs)],
+        controllers=[Controller(known, law=law) for _ in range(many.num_envs)],
         signals=("output_angle", "handle_angle", "tension.agonist", "tension.antagonist"),
         every=round(many.task.period / TIME_STEP),
     )
     tension = np.maximum(batch["tension.agonist"], batch["tension.antagonist"])
     lost = np.maximum.accumulate((tension > many.tension_limit) | np.isnan(tension), axis=1)
-    errors = np.degrees(batch["output_angle"] - tn.statics.output_angle(told, batch["handle_angle"]))
+    errors = np.degrees(batch["output_angle"] - tn.statics.output_angle(known, batch["handle_angle"]))
     return np.where(lost, np.nan, errors), lost[:, -1]
 
 
@@ -113,16 +113,16 @@ def judged(errors: Array, lost: NDArray[np.bool_], off: Array) -> Judged:
 def compare(
     policy: Array, laws: dict[str, tuple[Instrument, LawName]], task: gym.Task, count: int
 ) -> dict[str, Judged]:
-    """Return the figures of the policy, of motors off, and of laws by what they are told, on the same episodes."""
+    """Return the figures of the policy, of motors off, and of laws by what they know, on the same episodes."""
     inst = tn.load("scaled-up")
     many = gym.TendonVectorEnv([inst, *gym.randomised(inst, 127, seed=1000)], count, task)
     found: dict[str, tuple[Array, NDArray[np.bool_]]] = {}
     for name, own in {"motors off": np.zeros_like(policy), "policy": policy}.items():
         _, errors, lost = roll(many, own[np.newaxis], HELD_OUT)
         found[name] = errors[:, 0], lost[:, 0]
-    for name, (told, law) in laws.items():
+    for name, (known, law) in laws.items():
         many.reset(seed=HELD_OUT)
-        found[name] = by_law(many, told, law)
+        found[name] = by_law(many, known, law)
     return {name: judged(*one, found["motors off"][0]) for name, one in found.items()}
 
 
@@ -145,10 +145,13 @@ def main(arguments: Sequence[str] | None = None) -> tuple[Array, dict[str, dict[
         policy = train(options, inst)
         np.savez(options.out, policy=policy)
         print(f"trained in {time.perf_counter() - begun:.0f} s")
-    told = controller_model(inst)
-    laws: dict[str, tuple[Instrument, LawName]] = {"eq. 22": (told, "paper"), "robust law as shipped": (told, "robust")}
+    known = controller_model(inst)
+    laws: dict[str, tuple[Instrument, LawName]] = {
+        "eq. 22": (known, "paper"),
+        "robust law as shipped": (known, "robust"),
+    }
     if options.tuned:
-        laws["robust law tuned"] = told.replace(**json.loads(options.tuned.read_text("utf-8"))), "robust"
+        laws["robust law tuned"] = known.replace(**json.loads(options.tuned.read_text("utf-8"))), "robust"
     tasks = {"the task trained for": TASK, "another task": OTHER}
     tables = {name: compare(policy, laws, task, options.held_out) for name, task in tasks.items()}
     for task, table in tables.items():

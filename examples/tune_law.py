@@ -33,14 +33,14 @@ SEARCHED = ("dead_band", "gain", "tendon_speed", "common_stroke", "friction_unce
 """Keys of the instrument's table [control], each searched from half to twice what the law is shipped with."""
 SPAN, SPREAD = np.log(2), 0.3
 BEFORE, AFTER, EVERY = 1.5, 5.0, 20  # s, s, steps
-TOLD = (0.7, 1.0, 1.3)  # friction that the controller is told, over the truth
+ASSUMED = (0.7, 1.0, 1.3)  # friction that the controller assumes, over the truth
 
 
 class Case(NamedTuple):
-    """A plant, what its controller is told of it, and its work: a step load on a still hand, or hand and load move."""
+    """A plant, what its controller knows of it, and its work: a step load on a still hand, or hand and load move."""
 
     plant: Instrument
-    told: Instrument
+    known: Instrument
     handle: Array
     force: Array
     still: bool
@@ -76,12 +76,12 @@ def cases(inst: Instrument, held_out: bool) -> list[Case]:
     turns = np.radians(3) * np.sin(2 * np.pi * sway * time) * np.clip(time / BEFORE, 0, 1)
     wave = np.cos(2 * np.pi * reversal * (time - BEFORE))
     found = []
-    for (plant, known), state, load, factor in product(plants, states, loads, TOLD):
-        told = controller_model(inst.replace(**known), factor)
+    for (plant, known), state, load, factor in product(plants, states, loads, ASSUMED):
+        assumed = controller_model(inst.replace(**known), factor)
         motion = held_motion(inst, np.radians(state), load * step_force(inst), BEFORE, AFTER)
-        found.append(Case(plant, told, motion.handle_angle, motion.force, still=True))
+        found.append(Case(plant, assumed, motion.handle_angle, motion.force, still=True))
         if abs(state) < 70:  # beyond, the handle has no room to sway
-            found.append(Case(plant, told, motion.handle_angle + turns, motion.force * wave, still=False))
+            found.append(Case(plant, assumed, motion.handle_angle + turns, motion.force * wave, still=False))
     return found
 
 
@@ -94,11 +94,11 @@ def errors(given: Sequence[Case], choice: Choice) -> Array:
         places = [n for n, own in enumerate(contacts) if own == number]
         own = [given[n] for n in places]
         handle, force = (np.array([getattr(one, name) for one in own]) for name in ("handle", "force"))
-        controllers = [Controller(one.told.replace(**control), law=law) for one in own]
+        controllers = [Controller(one.known.replace(**control), law=law) for one in own]
         signals = ("output_angle", "handle_angle")
         plants = [one.plant for one in own]
         batch = run_many(plants, handle, force, controllers=controllers, signals=signals, every=EVERY)
-        found[places] = batch["output_angle"] - tn.statics.output_angle(own[0].told, batch["handle_angle"])
+        found[places] = batch["output_angle"] - tn.statics.output_angle(own[0].known, batch["handle_angle"])
     return np.degrees(found)
 
 
@@ -121,7 +121,7 @@ class Campaign:
         self.off = self._errors([("off", {})])[0]
 
     def scores(self, choices: Sequence[Choice]) -> list[Score]:
-        """Return the figures of laws and of changes to the table [control] that their controllers are told."""
+        """Return the figures of laws and of changes to the table [control] of their controllers."""
         return [score(self.given, found, self.off) for found in self._errors(choices)]
 
     def _errors(self, choices: Sequence[Choice]) -> list[Array]:
