@@ -321,13 +321,16 @@ struct Homing {
       go(slacken, state);
       return {};
     }
-    // A reading that no longer falls is not its tendon's: that is slack, and the other may hold a load alone.
+    // A reading that no longer falls is not its tendon's: that is slack, and the other may hold a load alone. By
+    // currents a fall that stands out may take longer.
+    const S noticed = settings.drive.rubs() ? settings.notice / (model.axis.stiffness * least_slope) : S(0);
+    const S silent = larger(S(0.6) * settings.travel, noticed);
     for (int i = 0; i < 2; ++i) {
       if (!state.eased || state.tension[i] < state.fallen[i] - settings.notice) {
         state.fallen[i] = state.tension[i];
         state.fallen_at[i] = common(state);
       }
-      if (state.fallen_at[i] - common(state) > S(0.6) * settings.travel) return start_jogs(slacken, state);
+      if (state.fallen_at[i] - common(state) > silent) return start_jogs(slacken, state);
     }
     state.eased = true;
     const S fast = settings.gain * (least - settings.offset * S(0.5)) / model.axis.stiffness;

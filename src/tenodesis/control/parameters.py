@@ -237,7 +237,10 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
         "homing_least_stretch": 0.4,
         "homing_jog": max(4 * spool_step, _JOG * arm) + 2 * play,
         "homing_travel": _PULL * arm,
-        "homing_offset": max(2 * stiffness * arm * _TIP_ERROR, 8 * sensor.noise) + sensor.constant,
+        "homing_offset": max(
+            max(2 * stiffness * arm * _TIP_ERROR, 8 * sensor.noise) + 2 * _UNSURE * sensor.constant,
+            1.2 * sensor.constant,
+        ),
         "homing_notice": max((2 if sensor.per_current else 5) * sensor.noise, 0.005 * pretension)
         + _UNSURE * 2 * sensor.constant,
         "homing_gain_error": 0.12,
