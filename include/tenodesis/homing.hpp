@@ -32,6 +32,7 @@ struct Homing {
       state.before = state.before + measured.tension[i] * S(0.5);
       state.start[i] = state.angle[i] = measured.spool_angle[i];
     }
+    if (settings.coarse(model.axis.stiffness)) fail(too_coarse, no_tendon, state);
     return state;
   }
 

@@ -23,13 +23,13 @@ struct HomingDrive {
   S efficiency{1};
   S friction{};  ///< that does not grow with the tension, N
   S gain{1};     ///< of a reading over the motor's pull
-  S play{};      ///< stroke over which friction turns from one edge to the other, m
+  S play{};      ///< stroke over which friction turns from one edge to the other, m; 0 with load cells
 
   bool rubs() const { return efficiency < S(1) || friction > S(0); }
 
   /// Share of friction that may be other than it is told, as a difference of tension between its edges, N.
   S doubt(const S& tension) const {
-    return S(0.15) * ((S(1) / efficiency - efficiency) * abs(tension) + S(2) * friction);
+    return S(0.3) * ((S(1) / efficiency - efficiency) * abs(tension) + S(2) * friction);
   }
 
   /// Tension by a reading, N, at the stroke of the spool, m; while friction turns, the last one that was known. sent:

@@ -58,6 +58,13 @@ struct HomingSettings {
   S drive_time{};     ///< time constant of the drives, s
   HomingDrive<S> drive{};
   S rest_time{};  ///< for which readings are averaged at first, s
+
+  /// Whether an offset of a current, or a tension by it that stands out, is far more stroke than one tendon may pull
+  /// by.
+  constexpr bool coarse(const S& stiffness) const {
+    const S most = stiffness * travel;
+    return drive.play > S(0) && (offset > S(1.15) * most || notice > S(0.5) * most);
+  }
 };
 
 enum class HomingStage : std::uint8_t {

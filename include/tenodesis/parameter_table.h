@@ -172,7 +172,8 @@
   ROW(tendon_jammed, TENDON_JAMMED, "a tendon gets tight over too short a stroke")                                   \
   ROW(stiffness_wrong, STIFFNESS_WRONG, "tension grows far too little by the stroke, or does not fall")              \
   ROW(handle_moved, HANDLE_MOVED, "the handle was moved")                                                            \
-  ROW(timed_out, TIMED_OUT, "it took too long")
+  ROW(timed_out, TIMED_OUT, "it took too long")                                                                      \
+  ROW(too_coarse, TOO_COARSE, "currents show tensions so coarsely that homing would move the tip")
 
 /* The limits of spool jumps have no fault of their own: they raise encoder_jump. */
 #define TENODESIS_SPOOL_JUMP_UNIT "rad/s"

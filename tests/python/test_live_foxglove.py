@@ -160,7 +160,9 @@ def test_a_stock_decoder_reads_the_values_of_the_loop_itself(tmp_path: Path) -> 
     force, estimate, deviation = (decoded(watcher, topic) for topic in FORCE)
     assert run.estimated_force is not None
     assert run.estimated_force_std is not None
-    assert [one.wrench.force.x for one in force] == [*run.estimated_force[FIRST:]] == [one.effort[0] for one in estimate]
+    assert (
+        [one.wrench.force.x for one in force] == [*run.estimated_force[FIRST:]] == [one.effort[0] for one in estimate]
+    )
     assert [one.effort[0] for one in deviation] == run.estimated_force_std[FIRST:].tolist()
     assert [message.data for message in decoded(watcher, "/controller/operating_state")] == [1.0] * 290
     assert [message.data for message in decoded(watcher, "/time")] == run.time[FIRST:].tolist()

@@ -121,6 +121,7 @@ HOMING_REMEDIES = {
     "stiffness_wrong": "Check the calibration of the load cells and the stiffness in the instrument file.",
     "handle_moved": "Hold the handle still.",
     "timed_out": "Look at the tensions while homing: they do not settle.",
+    "too_coarse": "Take load cells, or a smaller range of the currents; or begin at the pretension, homed by hand.",
 }
 """What to do, by the names in :data:`tenodesis.control.HOMING_REASONS`, of an instrument with load cells."""
 

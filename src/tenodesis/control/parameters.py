@@ -43,7 +43,7 @@ _OVER_LOAD = 5 / 3
 # Of the tip while homing, rad: moved by one motor's jog, by one tendon alone, and what a cell's error may cost.
 _JOG, _PULL, _TIP_ERROR = np.radians([0.8, 1.6, 0.5])
 # Of a drive's friction, by its current: what may be told wrong, and the angle over which it turns, rad.
-_UNSURE, _TURNS = 0.15, 3e-3
+_UNSURE, _TURNS = 0.3, 3e-3
 # Of a tip that one tendon alone pulls: it coasts when the motor stops, rad/s.
 _PULL_SPEED = 1.0
 
@@ -152,7 +152,7 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
     stroke = control.common_stroke * stretch
     arm = numbers["distal_radius"]
     homing_speed = min(control.homing_speed, _PULL_SPEED * arm)
-    play = max(2 * spool_step, _TURNS * drives.spool_radius) if sensor.friction else 0.0
+    play = max(2 * spool_step, _TURNS * drives.spool_radius) if sensor.per_current else 0.0
     return {
         "proximal_radius": numbers["proximal_radius"],
         "distal_radius": numbers["distal_radius"],
@@ -235,7 +235,7 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
         "homing_settle_time": 0.1,
         "homing_time": control.homing_stroke / homing_speed + 10.0,
         "homing_least_stretch": 0.4,
-        "homing_jog": max(4 * spool_step, _JOG * arm) + 2 * play,
+        "homing_jog": max(4 * spool_step, _JOG * arm) + (2 * play if sensor.friction else 0.0),
         "homing_travel": _PULL * arm,
         "homing_offset": max(
             max(2 * stiffness * arm * _TIP_ERROR, 8 * sensor.noise) + 2 * _UNSURE * sensor.constant,
