@@ -29,7 +29,7 @@ struct HomingDrive {
 
   /// Share of friction that may be other than it is told, as a difference of tension between its edges, N.
   S doubt(const S& tension) const {
-    return S(0.3) * ((S(1) / efficiency - efficiency) * abs(tension) + S(2) * friction);
+    return S(0.15) * ((S(1) / efficiency - efficiency) * abs(tension) + S(2) * friction);
   }
 
   /// Tension by a reading, N, at the stroke of the spool, m; while friction turns, the last one that was known. sent:

@@ -63,7 +63,7 @@ struct HomingSettings {
   /// by.
   constexpr bool coarse(const S& stiffness) const {
     const S most = stiffness * travel;
-    return drive.play > S(0) && (offset > S(1.15) * most || notice > S(0.5) * most);
+    return drive.play > S(0) && (offset > S(1.3) * most || notice > S(0.6) * most);
   }
 };
 
@@ -131,7 +131,7 @@ struct HomingJogs {
   /// counts as none, N.
   constexpr HomingFailure wrong_encoder(bool taut, const S& flat) const {
     using enum HomingReason;
-    const auto moves = [&](int of, int encoder) { return abs(share(of, encoder)) > S(0.2); };
+    const auto moves = [&](int turning, int encoder) { return abs(share(turning, encoder)) > S(0.2); };
     if (!moves(0, 0) && !moves(1, 1) && moves(0, 1) && moves(1, 0))
       return {taut && own_answers() > flat ? encoders_swapped : motors_swapped, no_tendon};
     for (int i = 0; i < 2; ++i) {
