@@ -213,8 +213,6 @@ struct Homing {
     return start_jogs(rest, state);
   }
 
-  // ---- jogs
-
   static Winding<S> start_jogs(HomingStage of, State& state) {
     go(jog, state);
     state.jogs = {};
@@ -356,8 +354,6 @@ struct Homing {
     return together(clamp(settings.gain * missing, creep() * S(0.1), brisk()), state);
   }
 
-  // ---- to the pretension
-
   void begin_to_tighten(State& state) const {
     go(tighten, state);
     state.slack_from = common(state);
@@ -447,10 +443,10 @@ struct Homing {
     return alone(i, -settings.speed);
   }
 
-  S goal(HomingStage stage) const {
+  S goal(const State& state) const {
     const S pretension = model.axis.pretension;
-    if (stage == exceed) return pretension * (S(1) + settings.overshoot);
-    if (stage == release) return pretension * (S(1) - settings.overshoot);
+    if (state.stage == exceed) return pretension * (S(1) + settings.overshoot);
+    if (state.stage == release) return pretension * (S(1) - settings.overshoot - state.deeper);
     return pretension;
   }
 
@@ -462,12 +458,18 @@ struct Homing {
     const S load = imbalance(state) - state.gain_difference * mean(state);
     if (state.judged && abs(load) > S(2) * settings.offset) fail(tip_loaded, no_tendon, state);
     if (state.stage == failed) return {};
-    const S missing = goal(state.stage) - mean(state);
+    const S missing = goal(state) - mean(state);
     S speed = clamp(settings.gain * missing / model.axis.stiffness, -brisk(), brisk());
     bool near = abs(missing) <= settings.tolerance * pretension;
     // By currents, a drive that turns back shows nothing at first.
     if (settings.drive.rubs()) {
       const bool lets_out = state.stage == release;
+      // What it has wound meanwhile may be too much.
+      if (state.stage == approach && missing < S(-0.02) * pretension && state.deeper < S(0.25)) {
+        state.deeper = state.deeper + S(0.1);
+        go(release, state);
+        return {};
+      }
       near = near || (missing < S(0)) != lets_out;
       speed = state.stage == done ? S(0) : lets_out ? smaller(speed, S(0)) : larger(speed, S(0));
     }

@@ -183,6 +183,7 @@ struct HomingState {
   S imbalance_before{};  ///< N
   S gain_difference{};   ///< of the cells, share; a measured quantity
   S slack_from{};        ///< common stroke where winding began, m
+  S deeper{};            ///< release by more, as share of the pretension
   S offset[2]{};         ///< of the cells, as they read without tension, N
   bool suspect{};        ///< tensions differ by more than cells may
   bool judged{};         ///< stretch and gains

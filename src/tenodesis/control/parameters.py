@@ -243,7 +243,7 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
         "homing_travel": _PULL * arm if noticed else _NONE,
         "homing_offset": max(
             max(2 * stiffness * arm * _TIP_ERROR, (4 if sensor.per_current else 8) * sensor.noise)
-            + 2 * _UNSURE * sensor.constant,
+            + _UNSURE * sensor.constant,
             1.2 * sensor.constant,
         ),
         "homing_notice": notice,
