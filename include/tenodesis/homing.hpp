@@ -320,8 +320,7 @@ struct Homing {
       go(slacken, state);
       return {};
     }
-    // A reading that no longer falls is not its tendon's: that is slack, and the other may hold a load alone. By
-    // currents a fall that stands out may take longer.
+    // A reading that no longer falls is not its tendon's: that is slack, and the other may hold a load alone.
     const S noticed = settings.drive.rubs() ? settings.notice / (model.axis.stiffness * least_slope) : S(0);
     const S silent = larger(S(0.6) * settings.travel, noticed);
     for (int i = 0; i < 2; ++i) {
@@ -461,10 +460,9 @@ struct Homing {
     const S missing = goal(state) - mean(state);
     S speed = clamp(settings.gain * missing / model.axis.stiffness, -brisk(), brisk());
     bool near = abs(missing) <= settings.tolerance * pretension;
-    // By currents, a drive that turns back shows nothing at first.
+    // By currents, a drive that turns back shows nothing at first, and may wind too much meanwhile.
     if (settings.drive.rubs()) {
       const bool lets_out = state.stage == release;
-      // What it has wound meanwhile may be too much.
       if (state.stage == approach && missing < S(-0.02) * pretension && state.deeper < S(0.25)) {
         state.deeper = state.deeper + S(0.1);
         go(release, state);
