@@ -10,11 +10,13 @@ import argparse
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from plants import LAST, LOADED, ROWS, Case, Trace, cases_of, rms, run
+from plants import LAST, LOADED, ROWS, Case, Trace, cases_of, run
+
+from tenodesis.paper.tip_force import Judged, by_tensions, drawing, judge
+from tenodesis.report import style
 
 Array = NDArray[np.float64]
 
@@ -22,60 +24,29 @@ ROWS_OF_FORCE = ("nothing", "two", "front", "rough", "four", "gains", "soft", "b
 SECONDS = 8.0
 SWAY, RATE = np.radians(3), 0.5  # of the handle, Hz
 SETTLED = 0.3  # s after the load
-WITHIN = 1.96  # deviations of an interval of 95 %
 
 
-class Judged(NamedTuple):
-    """Errors of the force over cases, N."""
-
-    error: float
-    """RMS"""
-    worst: float
-    deviation: float
-    """RMS of what the observer states"""
-    covered: float
-    """Share of time within its interval of 95 %"""
-    by_cells: float
-    """RMS of eq. 1 with proximal tensions"""
-
-
-def by_cells(case: Case, trace: Trace) -> Array:
+def plain(case: Case, trace: Trace) -> Array:
     """Tip force by eq. 1 from the tensions as read, N."""
-    plant = case.plant
-    arm = plant.distal_radius * (np.cos(trace.tip / 2) if plant.gears else 1.0)
-    lever = plant.tip_length + (arm if plant.gears else 0.0)
-    return np.asarray((trace.read[0] - trace.read[1]) * arm / lever, float)
+    return by_tensions(case.known, trace.tip, trace.read.T)
 
 
-def judge(cases: Sequence[Case], traces: Sequence[Trace], begin: float, end: float) -> Judged:
+def assess(cases: Sequence[Case], traces: Sequence[Trace], begin: float, end: float) -> Judged:
     """Judge the estimates between two times, s."""
     within = (traces[0].time > begin) & (traces[0].time <= end)
-    off = np.array([trace.force[within] - case.force for case, trace in zip(cases, traces, strict=True)], float)
-    std = np.array([trace.force_std[within] for trace in traces], float)
-    plain = np.array([by_cells(case, one)[within] - case.force for case, one in zip(cases, traces, strict=True)])
-    covered = float((np.abs(off) <= WITHIN * std).mean())
-    return Judged(rms(off), float(np.abs(off).max()), rms(std), covered, rms(plain))
+    off = [trace.force[within] - case.force for case, trace in zip(cases, traces, strict=True)]
+    missed = [plain(case, one)[within] - case.force for case, one in zip(cases, traces, strict=True)]
+    return judge(off, [trace.force_std[within] for trace in traces], missed)
 
 
 def draw(path: Path, case: Case) -> None:
     """Draw the force of a case over time: load, estimate with its interval, eq. 1."""
-    import matplotlib as mpl  # noqa: PLC0415 - not needed for the table
-    from matplotlib.figure import Figure  # noqa: PLC0415
-
-    mpl.rcParams["svg.hashsalt"] = "force"
     (trace,) = run([case], SECONDS)
-    every = slice(None, None, 20)
-    at, estimate = trace.time[every], trace.force[every]
-    width = WITHIN * trace.force_std[every]
-    figure = Figure(figsize=(7.0, 2.8), layout="constrained")
-    axes = figure.subplots()
-    axes.fill_between(at, estimate - width, estimate + width, color="#4477aa", alpha=0.25, linewidth=0, label="95 %")
-    axes.plot(at, estimate, color="#4477aa", label="observer")
-    axes.plot(at, by_cells(case, trace)[every], color="#cc6677", label="eq. 1, proximal tensions")
-    axes.plot(at, np.where(at > LOADED, case.force, 0.0), color="black", linewidth=1, label="load")
-    axes.set(xlabel="time [s]", ylabel="force at the tip [N]", xlim=(1.0, SECONDS), ylim=(-1.5, 4.0))
-    axes.legend(ncols=4, frameon=False, loc="upper right")
-    figure.savefig(path, metadata={"Date": None})
+    every = slice(2000, None, 20)
+    load = np.where(trace.time > LOADED, case.force, 0.0)
+    with style.applied():
+        chart = drawing(*(one[every] for one in (trace.time, load, trace.force, trace.force_std, plain(case, trace))))
+        chart.figure.savefig(path, metadata={"Date": None})
 
 
 def main() -> None:
@@ -100,10 +71,10 @@ def main() -> None:
     print(f"  {'what differs':52s}{'':24s}{'error':>8s}{'worst':>8s}{'stated':>8s}{'covered':>9s}{'eq. 1':>8s}   N")
     for (name, work), place in places.items():
         begin = LOADED + SETTLED if work != "rest, after strokes" else SECONDS - LAST
-        one = judge(cases[place], traces[place], begin, SECONDS)
+        one = assess(cases[place], traces[place], begin, SECONDS)
         print(
             f"  {ROWS[name].words:52s}{work:24s}{one.error:8.3f}{one.worst:8.3f}{one.deviation:8.3f}"
-            f"{100 * one.covered:8.1f}%{one.by_cells:8.3f}"
+            f"{100 * one.covered:8.1f}%{one.plain:8.3f}"
         )
     if options.figure:
         case = next(case for case in cases_of(ROWS["two"]) if np.isclose(case.output, np.radians(67)))

@@ -17,6 +17,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from currents import GEARED
 from numpy.typing import NDArray
 
 import tenodesis as tn
@@ -300,11 +301,12 @@ def main() -> None:
     warnings.simplefilter("ignore", tn.errors.FaultWarning)
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--starts", type=int, default=500, help="of each kind and instrument")
+    parser.add_argument("--currents", action="store_true", help="motor currents, gear of 0.9, in place of load cells")
     parser.add_argument("instruments", nargs="*", default=[*tn.shipped()], help="names or files")
     options = parser.parse_args()
     for name in options.instruments:
         inst = tn.load(name)
-        inst = inst.axis(inst.axes[0])
+        inst = inst.axis(inst.axes[0]).replace(**GEARED if options.currents else {})
         begun = time.perf_counter()
         print(f"{inst.name}:")
         report_known(inst)

@@ -1,7 +1,7 @@
 /* The controller of scaled-up for tenodesis_init: yaw.
  *
  * Written by tenodesis 0.1.0 from scaled-up,
- * for version 2 of the C interface:
+ * for version 3 of the C interface:
  * observer friction, law robust, actuation differential, its own clock.
  *
  * It starts as homed: only where both tendons have the pretension, and spool angles count from there.
@@ -11,7 +11,7 @@
 
 #include "tenodesis/tenodesis.h"
 
-#if TENODESIS_VERSION != 2u
+#if TENODESIS_VERSION != 3u
 #error "written for another version of the C interface: export the instrument again"
 #endif
 
@@ -121,6 +121,9 @@ static const tenodesis_parameters scaled_up = {
                 .homing_offset = TENODESIS_C(1.4989461684154464), /* N: largest error of a cell, and difference of the tensions of a free tip */
                 .homing_notice = TENODESIS_C(0.15), /* N: change of a tension that stands out from noise */
                 .homing_gain_error = TENODESIS_C(0.12), /* 1: largest difference of the load cells' gains, share */
+                .homing_efficiency = TENODESIS_C(1.0), /* 1: of drives whose currents tell tensions; 1 with load cells */
+                .homing_friction = TENODESIS_C(0.0), /* N: of such drives, beside what grows with the load */
+                .homing_play = TENODESIS_C(0.0), /* m: stroke over which that friction turns */
                 .mean_band = TENODESIS_C(0.3), /* 1: share by which friction may change the mean tension */
                 .load_cell_range = TENODESIS_C(199.993896484375), /* N: largest reading of a load cell */
                 .handle_noise = TENODESIS_C(0.009203884727313847), /* rad: largest difference of two readings of a handle at rest */

@@ -32,11 +32,17 @@ struct Homing {
       state.before = state.before + measured.tension[i] * S(0.5);
       state.start[i] = state.angle[i] = measured.spool_angle[i];
     }
+    if (settings.coarse(model.axis.stiffness)) fail(too_coarse, no_tendon, state);
     return state;
   }
 
   /// Winding speeds, m/s; the state's stage shows the progress. sent: velocities of the last tick, rad/s.
-  Winding<S> wind(const Measurement<S>& measured, const S (&sent)[2], const S& dt, State& state) const {
+  Winding<S> wind(const Measurement<S>& read, const S (&sent)[2], const S& dt, State& state) const {
+    Measurement<S> measured = read;
+    for (int i = 0; i < 2; ++i) {
+      const S stroke = model.spool_radius * read.spool_angle[i];
+      measured.tension[i] = settings.drive.tension(read.tension[i], stroke, sent[i], state.drive[i]);
+    }
     const bool gone = follow(measured, sent, dt, state);
     state.time = state.time + dt;
     if (gone && state.stage != rest && state.stage != probe) fail(tendon_broken, looser(state), state);
@@ -176,7 +182,8 @@ struct Homing {
     const S fallen = state.before - now, out = state.before_at - common(state);
     state.before = state.before - fallen * quick;
     state.before_at = state.before_at - out * quick;
-    return fallen > sudden * model.axis.pretension + S(2) * larger(out, S(0)) * model.axis.stiffness / model.share[0];
+    return fallen > sudden * model.axis.pretension + S(2) * settings.drive.doubt(model.axis.pretension) +
+                        S(2) * larger(out, S(0)) * model.axis.stiffness / model.share[0];
   }
 
   static void blame(State& state) {
@@ -205,8 +212,6 @@ struct Homing {
     for (int i = 0; i < 2; ++i) state.tension[i] = state.mean.of(i);
     return start_jogs(rest, state);
   }
-
-  // ---- jogs
 
   static Winding<S> start_jogs(HomingStage of, State& state) {
     go(jog, state);
@@ -242,12 +247,15 @@ struct Homing {
         jogs.answer[i][k] = jogs.whole[0].of(k) - (state.mean.of(k) + jogs.whole[1].of(k)) * S(0.5);
         jogs.at_once[i][k] = jogs.moving[0].of(k) - (state.mean.of(k) + jogs.moving[1].of(k)) * S(0.5);
       }
-      if (i == 1) {
+      // A drive that stood may be on either edge of its friction.
+      jogs.again = settings.drive.rubs() && !jogs.again;
+      if (jogs.again) {
+        state.listen();
+      } else if (i == 1) {
         judge_jogs(state);
       } else {
         jogs.motor = 1;
-        jogs.moving[0] = jogs.moving[1] = jogs.whole[0] = jogs.whole[1] = state.mean = {};
-        state.time = S(0);
+        state.listen();
       }
     }
     return {};
@@ -258,10 +266,13 @@ struct Homing {
     const HomingStage of = jogs.of;
     const auto& base = state.base;
     const bool taut = of == tighten || (of == rest && base[0] > settings.offset && base[1] > settings.offset);
-    if (!judge_encoders(taut, state) || (taut && !judge_answers(state))) return;
+    const HomingFailure encoder = jogs.wrong_encoder(taut, flat());
+    if (encoder.reason != none) return fail(encoder.reason, encoder.tendon, state);
+    if (taut && !judge_answers(state)) return;
     if (of == tighten) return go(exceed, state);
     const int high = base[0] > base[1] ? 0 : 1, low = 1 - high;
-    const auto moves = [&](int i) { return larger(abs(jogs.answer[i][i]), abs(jogs.at_once[i][i])) > flat(); };
+    const S still = flat() + settings.drive.doubt(S(0));
+    const auto moves = [&](int i) { return larger(abs(jogs.answer[i][i]), abs(jogs.at_once[i][i])) > still; };
     const bool answers[2]{moves(0), moves(1)};
     if (of == slacken) {
       if (!answers[high]) return give_up(cell_offset, high, state);
@@ -277,28 +288,6 @@ struct Homing {
     return answers[high] ? fail(tip_loaded, no_tendon, state) : fail(cell_offset, high, state);
   }
 
-  // Whether either motor turns its own encoder, by as much as it should.
-  bool judge_encoders(bool taut, State& state) const {
-    const auto& jogs = state.jogs;
-    const auto share = [&](int motor, int encoder) { return jogs.share(motor, encoder); };
-    const auto moves = [&](int motor, int encoder) { return abs(share(motor, encoder)) > S(0.2); };
-    if (!moves(0, 0) && !moves(1, 1) && moves(0, 1) && moves(1, 0)) {
-      fail(taut && jogs.own_answers() > flat() ? encoders_swapped : motors_swapped, no_tendon, state);
-      return false;
-    }
-    for (int i = 0; i < 2; ++i) {
-      if (moves(i, i) && share(i, i) > S(0.6) && share(i, i) < S(1.45)) continue;
-      const bool tightens = jogs.answer[i][0] + jogs.answer[i][1] > flat();
-      fail(!moves(i, i)         ? motor_dead
-           : share(i, i) > S(0) ? encoder_gain
-           : taut && tightens   ? encoder_reversed
-                                : motor_reversed,
-           i, state);
-      return false;
-    }
-    return true;
-  }
-
   // Whether winding raises tension, and its own tendon's first; of taut tendons.
   bool judge_answers(State& state) const {
     const auto& answer_of = state.jogs.answer;
@@ -309,11 +298,12 @@ struct Homing {
         give_up(reason, tendon, state);
       return false;
     };
+    const S doubt = settings.drive.doubt(mean(state));
     for (int i = 0; i < 2; ++i)
-      if (answer_of[i][0] + answer_of[i][1] < -flat()) return refuse(spool_reversed, i);
-    if (state.jogs.own_answers() < -flat()) return refuse(cells_swapped, no_tendon);
+      if (answer_of[i][0] + answer_of[i][1] < -flat() - doubt) return refuse(spool_reversed, i);
+    if (state.jogs.own_answers() < -flat() - S(2) * doubt) return refuse(cells_swapped, no_tendon);
     for (int i = 0; i < 2; ++i)
-      if (answer_of[i][i] < flat()) return refuse(cell_offset, i);
+      if (answer_of[i][i] < flat() - doubt) return refuse(cell_offset, i);
     state.proven = true;
     return true;
   }
@@ -331,12 +321,14 @@ struct Homing {
       return {};
     }
     // A reading that no longer falls is not its tendon's: that is slack, and the other may hold a load alone.
+    const S noticed = settings.drive.rubs() ? settings.notice / (model.axis.stiffness * least_slope) : S(0);
+    const S silent = larger(S(0.6) * settings.travel, noticed);
     for (int i = 0; i < 2; ++i) {
       if (!state.eased || state.tension[i] < state.fallen[i] - settings.notice) {
         state.fallen[i] = state.tension[i];
         state.fallen_at[i] = common(state);
       }
-      if (state.fallen_at[i] - common(state) > S(0.6) * settings.travel) return start_jogs(slacken, state);
+      if (state.fallen_at[i] - common(state) > silent) return start_jogs(slacken, state);
     }
     state.eased = true;
     const S fast = settings.gain * (least - settings.offset * S(0.5)) / model.axis.stiffness;
@@ -360,8 +352,6 @@ struct Homing {
     }
     return together(clamp(settings.gain * missing, creep() * S(0.1), brisk()), state);
   }
-
-  // ---- to the pretension
 
   void begin_to_tighten(State& state) const {
     go(tighten, state);
@@ -452,10 +442,10 @@ struct Homing {
     return alone(i, -settings.speed);
   }
 
-  S goal(HomingStage stage) const {
+  S goal(const State& state) const {
     const S pretension = model.axis.pretension;
-    if (stage == exceed) return pretension * (S(1) + settings.overshoot);
-    if (stage == release) return pretension * (S(1) - settings.overshoot);
+    if (state.stage == exceed) return pretension * (S(1) + settings.overshoot);
+    if (state.stage == release) return pretension * (S(1) - settings.overshoot - state.deeper);
     return pretension;
   }
 
@@ -467,9 +457,20 @@ struct Homing {
     const S load = imbalance(state) - state.gain_difference * mean(state);
     if (state.judged && abs(load) > S(2) * settings.offset) fail(tip_loaded, no_tendon, state);
     if (state.stage == failed) return {};
-    const S missing = goal(state.stage) - mean(state);
-    const S speed = clamp(settings.gain * missing / model.axis.stiffness, -brisk(), brisk());
-    const bool near = abs(missing) <= settings.tolerance * pretension;
+    const S missing = goal(state) - mean(state);
+    S speed = clamp(settings.gain * missing / model.axis.stiffness, -brisk(), brisk());
+    bool near = abs(missing) <= settings.tolerance * pretension;
+    // By currents, a drive that turns back shows nothing at first, and may wind too much meanwhile.
+    if (settings.drive.rubs()) {
+      const bool lets_out = state.stage == release;
+      if (state.stage == approach && missing < S(-0.02) * pretension && state.deeper < S(0.25)) {
+        state.deeper = state.deeper + S(0.1);
+        go(release, state);
+        return {};
+      }
+      near = near || (missing < S(0)) != lets_out;
+      speed = state.stage == done ? S(0) : lets_out ? smaller(speed, S(0)) : larger(speed, S(0));
+    }
     state.settled = near ? state.settled + dt : S(0);
     // Of two axes, the first one done holds its tension until the other is.
     if (state.stage != done && state.settled >= settings.settle_time)

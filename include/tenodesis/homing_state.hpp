@@ -2,6 +2,7 @@
 // The settings and the state of homing, and the reasons for which it fails.
 
 #include "tenodesis/control.hpp"
+#include "tenodesis/homing_drive.hpp"
 #include "tenodesis/parameter_table.h"
 
 namespace tenodesis {
@@ -55,7 +56,15 @@ struct HomingSettings {
   S gain_error{};     ///< largest difference of the cells' gains, share
   S hand_travel{};    ///< handle travel above which the hand counts as moving, rad
   S drive_time{};     ///< time constant of the drives, s
-  S rest_time{};      ///< for which readings are averaged at first, s
+  HomingDrive<S> drive{};
+  S rest_time{};  ///< for which readings are averaged at first, s
+
+  /// Whether an offset of a current, or a tension by it that stands out, is far more stroke than one tendon may pull
+  /// by.
+  constexpr bool coarse(const S& stiffness) const {
+    const S most = stiffness * travel;
+    return drive.play > S(0) && (offset > S(1.3) * most || notice > S(0.6) * most);
+  }
 };
 
 enum class HomingStage : std::uint8_t {
@@ -101,6 +110,7 @@ template <class S>
 struct HomingJogs {
   HomingStage of{};  ///< the stage before
   int motor{};
+  bool again{};                 ///< the first turn has shown the edge of the drive's friction alone
   S from[2]{};                  ///< spool angles before, rad
   S expected{};                 ///< as the state's, before, rad
   S asked[2]{};                 ///< of the motor, rad
@@ -116,27 +126,47 @@ struct HomingJogs {
   /// By how much more the motors' own cells answer at once than the others, N: between a motor and the other tendon's
   /// cell are friction, damping and inertia of the tip.
   constexpr S own_answers() const { return at_once[0][0] - at_once[0][1] + at_once[1][1] - at_once[1][0]; }
+
+  /// What is wrong unless either motor turns its own encoder, by as much as it should. flat: change of a tension that
+  /// counts as none, N.
+  constexpr HomingFailure wrong_encoder(bool taut, const S& flat) const {
+    using enum HomingReason;
+    const auto moves = [&](int turning, int encoder) { return abs(share(turning, encoder)) > S(0.2); };
+    if (!moves(0, 0) && !moves(1, 1) && moves(0, 1) && moves(1, 0))
+      return {taut && own_answers() > flat ? encoders_swapped : motors_swapped, no_tendon};
+    for (int i = 0; i < 2; ++i) {
+      if (moves(i, i) && share(i, i) > S(0.6) && share(i, i) < S(1.45)) continue;
+      const bool tightens = answer[i][0] + answer[i][1] > flat;
+      return {!moves(i, i)         ? motor_dead
+              : share(i, i) > S(0) ? encoder_gain
+              : taut && tightens   ? encoder_reversed
+                                   : motor_reversed,
+              i};
+    }
+    return {};
+  }
 };
 
 template <class S>
 struct HomingState {
   HomingStage stage{HomingStage::idle};
   HomingFailure failure{};
-  S time{};                ///< in this stage, s
-  S settled{};             ///< time within the tolerance, s
-  S waited{};              ///< for a still hand, s
-  S handle{};              ///< smoothed, rad
-  S held{};                ///< where the handle must stay, rad
-  S tension[2]{};          ///< smoothed, N
-  S before{};              ///< mean tension some milliseconds ago, N
-  S before_at{};           ///< stroke then, m
-  S base[2]{};             ///< tension at the beginning of the stage, N
-  S start[2]{};            ///< spool angle at the beginning, rad
-  S angle[2]{};            ///< spool angle, rad
-  S speed[2]{};            ///< of the drive's model, rad/s
-  S expected[2]{};         ///< its rotation, rad
-  S wanted[2]{};           ///< recent part of it, rad
-  S turned[2]{};           ///< recent rotation of the spool, rad
+  S time{};         ///< in this stage, s
+  S settled{};      ///< time within the tolerance, s
+  S waited{};       ///< for a still hand, s
+  S handle{};       ///< smoothed, rad
+  S held{};         ///< where the handle must stay, rad
+  S tension[2]{};   ///< smoothed, N
+  S before{};       ///< mean tension some milliseconds ago, N
+  S before_at{};    ///< stroke then, m
+  S base[2]{};      ///< tension at the beginning of the stage, N
+  S start[2]{};     ///< spool angle at the beginning, rad
+  S angle[2]{};     ///< spool angle, rad
+  S speed[2]{};     ///< of the drive's model, rad/s
+  S expected[2]{};  ///< its rotation, rad
+  S wanted[2]{};    ///< recent part of it, rad
+  S turned[2]{};    ///< recent rotation of the spool, rad
+  HomingDriveState<S> drive[2]{};
   MeanTensions<S> mean{};  ///< at rest
   HomingJogs<S> jogs{};
   bool proven{};     ///< both motors tighten their own tendons, and their own cells say so
@@ -153,11 +183,18 @@ struct HomingState {
   S imbalance_before{};  ///< N
   S gain_difference{};   ///< of the cells, share; a measured quantity
   S slack_from{};        ///< common stroke where winding began, m
+  S deeper{};            ///< release by more, as share of the pretension
   S offset[2]{};         ///< of the cells, as they read without tension, N
   bool suspect{};        ///< tensions differ by more than cells may
   bool judged{};         ///< stretch and gains
 
   constexpr bool failed() const { return stage == HomingStage::failed; }
+
+  /// Before a motor turns.
+  constexpr void listen() {
+    jogs.moving[0] = jogs.moving[1] = jogs.whole[0] = jogs.whole[1] = mean = {};
+    time = S(0);
+  }
 };
 
 }  // namespace tenodesis

@@ -124,6 +124,9 @@
   ROW(homing_offset, "N", positive, "largest error of a cell, and difference of the tensions of a free tip")    \
   ROW(homing_notice, "N", positive, "change of a tension that stands out from noise")                           \
   ROW(homing_gain_error, "1", positive, "largest difference of the load cells' gains, share")                   \
+  ROW(homing_efficiency, "1", positive, "of drives whose currents tell tensions; 1 with load cells")            \
+  ROW(homing_friction, "N", not_negative, "of such drives, beside what grows with the load")                    \
+  ROW(homing_play, "m", not_negative, "stroke over which that friction turns")                                  \
   /* fault detection */                                                                                         \
   ROW(mean_band, "1", not_negative, "share by which friction may change the mean tension")                      \
   ROW(load_cell_range, "N", positive, "largest reading of a load cell")                                         \
@@ -149,26 +152,28 @@
   ROW(stroke_unexplained, STROKE_UNEXPLAINED, "rad", "the motors moved the tip further than a load explains")
 
 /* Why homing failed, in the order of their numbers: name, NAME, meaning. */
-#define TENODESIS_HOMING_REASON_TABLE(ROW)                                                                            \
-  ROW(none, NONE, "it has not failed")                                                                                \
-  ROW(tip_loaded, TIP_LOADED, "a load is on the tip")                                                                 \
-  ROW(cell_offset, CELL_OFFSET, "a load cell reads a tension that its tendon does not have")                          \
-  ROW(cell_reversed, CELL_REVERSED, "a load cell's reading falls as its tendon is wound")                             \
-  ROW(cells_swapped, CELLS_SWAPPED, "the load cells, or the motors together with their encoders, are exchanged")      \
-  ROW(cell_gains_apart, CELL_GAINS_APART, "the gains of the load cells differ, this one's reading being the smaller") \
-  ROW(motor_dead, MOTOR_DEAD, "an encoder does not answer its motor")                                                 \
-  ROW(motor_reversed, MOTOR_REVERSED, "a motor turns against its encoder; with slack tendons it may be the encoder")  \
-  ROW(motors_swapped, MOTORS_SWAPPED, "the motors are exchanged; with slack tendons it may be the encoders")          \
-  ROW(encoder_reversed, ENCODER_REVERSED, "an encoder counts against its motor")                                      \
-  ROW(encoders_swapped, ENCODERS_SWAPPED, "the spool encoders are exchanged")                                         \
-  ROW(encoder_gain, ENCODER_GAIN, "a spool's encoder counts more or less than its motor turns")                       \
-  ROW(spool_reversed, SPOOL_REVERSED, "a motor and its encoder wind where they should let out")                       \
-  ROW(tendon_broken, TENDON_BROKEN, "a tendon does not get tight, or carries no tension any more")                    \
-  ROW(tendons_slack, TENDONS_SLACK, "neither tendon gets tight: too much slack, or both spools reversed")             \
-  ROW(tendon_jammed, TENDON_JAMMED, "a tendon gets tight over too short a stroke")                                    \
-  ROW(stiffness_wrong, STIFFNESS_WRONG, "tension grows far too little by the stroke, or does not fall")               \
-  ROW(handle_moved, HANDLE_MOVED, "the handle was moved")                                                             \
-  ROW(timed_out, TIMED_OUT, "it took too long")
+#define TENODESIS_HOMING_REASON_TABLE(ROW)                                                                           \
+  ROW(none, NONE, "it has not failed")                                                                               \
+  ROW(tip_loaded, TIP_LOADED, "a load is on the tip")                                                                \
+  ROW(cell_offset, CELL_OFFSET, "a reading is of a tension that its tendon does not have")                           \
+  ROW(cell_reversed, CELL_REVERSED, "a tension's reading falls as its tendon is wound")                              \
+  ROW(cells_swapped, CELLS_SWAPPED,                                                                                  \
+      "the readings of the tensions, or the motors together with their encoders, are exchanged")                     \
+  ROW(cell_gains_apart, CELL_GAINS_APART, "the gains of the two readings differ, this one's being the smaller")      \
+  ROW(motor_dead, MOTOR_DEAD, "an encoder does not answer its motor")                                                \
+  ROW(motor_reversed, MOTOR_REVERSED, "a motor turns against its encoder; with slack tendons it may be the encoder") \
+  ROW(motors_swapped, MOTORS_SWAPPED, "the motors are exchanged; with slack tendons it may be the encoders")         \
+  ROW(encoder_reversed, ENCODER_REVERSED, "an encoder counts against its motor")                                     \
+  ROW(encoders_swapped, ENCODERS_SWAPPED, "the spool encoders are exchanged")                                        \
+  ROW(encoder_gain, ENCODER_GAIN, "a spool's encoder counts more or less than its motor turns")                      \
+  ROW(spool_reversed, SPOOL_REVERSED, "a motor and its encoder wind where they should let out")                      \
+  ROW(tendon_broken, TENDON_BROKEN, "a tendon does not get tight, or carries no tension any more")                   \
+  ROW(tendons_slack, TENDONS_SLACK, "neither tendon gets tight: too much slack, or both spools reversed")            \
+  ROW(tendon_jammed, TENDON_JAMMED, "a tendon gets tight over too short a stroke")                                   \
+  ROW(stiffness_wrong, STIFFNESS_WRONG, "tension grows far too little by the stroke, or does not fall")              \
+  ROW(handle_moved, HANDLE_MOVED, "the handle was moved")                                                            \
+  ROW(timed_out, TIMED_OUT, "it took too long")                                                                      \
+  ROW(too_coarse, TOO_COARSE, "currents show tensions so coarsely that homing would move the tip")
 
 /* The limits of spool jumps have no fault of their own: they raise encoder_jump. */
 #define TENODESIS_SPOOL_JUMP_UNIT "rad/s"

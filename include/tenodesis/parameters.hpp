@@ -53,6 +53,13 @@ constexpr ControlModel<A> control_model(const P& p) {
   return model;
 }
 
+/// Of a reading over a motor's pull: the geometric mean of both edges of friction is the tension, at the pretension.
+template <class S, class P>
+constexpr HomingDrive<S> homing_drive(const P& p) {
+  const S e = S(p.homing_efficiency), f = S(p.homing_friction), share = f / S(p.pretension);
+  return {e, f, S(1) / sqrt((e - share) * (S(1) / e + share)), S(p.homing_play)};
+}
+
 template <class A, class P>
 constexpr AxisController<A> axis_controller(const P& p) {
   using S = A::Scalar;
@@ -87,7 +94,7 @@ constexpr AxisController<A> axis_controller(const P& p) {
                  {S(p.homing_speed), S(p.homing_gain), S(p.homing_stroke), S(p.homing_overshoot), S(p.homing_tolerance),
                   S(p.homing_settle_time), S(p.homing_time), S(p.homing_least_stretch), S(p.homing_jog),
                   S(p.homing_travel), S(p.homing_offset), S(p.homing_notice), S(p.homing_gain_error), S(p.hand_travel),
-                  S(p.drive_time_constant), S(0.2)}};
+                  S(p.drive_time_constant), homing_drive<S>(p), S(0.2)}};
   Watch<S>& watch = axis.watch;
   for (int n = 0; n < fault_count; ++n) watch.limit[n] = {S(p.limit[n].threshold), S(p.limit[n].persistence)};
   watch.spool_jump = {S(p.spool_jump.threshold), S(p.spool_jump.persistence)};
@@ -118,6 +125,7 @@ constexpr bool plausible(const P& p, bool continuum) {
   return TENODESIS_AXIS_PARAMETERS(TENODESIS_KEEPS_BOUND) abs(shares - S(1)) < S(0.01) &&
          (!continuum || S(p.backbone_length) > S(0)) && S(p.handle_range) < S(pi) && friction <= most_friction<S> &&
          S(p.pretension) < S(p.tension_limit) && S(p.homing_overshoot) < S(1) && S(p.assistance) <= S(1) &&
+         S(p.homing_efficiency) <= S(1) && S(p.homing_friction) < S(p.homing_efficiency) * S(p.pretension) &&
          S(p.tremor_gain) <= S(2) && S(p.tremor_limit) <= S(0.1) && S(p.tremor_half_period) >= S(0.01) &&
          S(p.tremor_smoothing) >= S(1e-4) && S(p.tremor_delay) <= S(0.36) * S(p.tremor_half_period) &&
          S(p.limit[static_cast<int>(Fault::tick_late)].threshold) <= longest_tick<S>;

@@ -259,7 +259,7 @@ class Controller:
         The flight recorder, by record: time, state, faults, then per axis measurement, sent velocities, output angle; and the row of the fault's first tick, -1 without one.
         """
 
-INTERFACE_VERSION: int = 2
+INTERFACE_VERSION: int = 3
 
 SPOOL_JUMP_UNIT: str = 'rad/s'
 

@@ -268,6 +268,10 @@ AnglePerVolt = Annotated[
 TensionPerVolt = Annotated[
     float, *annotation(Quantity("force per voltage", "N/V", "20 N/V")), AfterValidator(_not_zero)
 ]
+CurrentPerVolt = Annotated[
+    float, *annotation(Quantity("current per voltage", "A/V", "0.5 A/V")), AfterValidator(_not_zero)
+]
+SignedCurrent = Annotated[float, *annotation(Quantity("current", "A", "-5 mA", above=-1e4, below=1e4))]
 SpeedPerVolt = Annotated[
     float, *annotation(Quantity("angular velocity per voltage", "rad/s/V", "2 rad/s/V")), AfterValidator(_not_zero)
 ]

@@ -63,7 +63,7 @@ tenodesis_axis_parameters axis_parameters(const A& axis) {
   p.homing_jog = std::max(4 * spool_radius * counts, 0.8 * degree * axis.distal.radius);
   p.homing_travel = 1.6 * degree * axis.distal.radius;
   p.homing_offset = axis.stiffness * axis.distal.radius * degree;
-  p.homing_notice = 0.15, p.homing_gain_error = 0.12;
+  p.homing_notice = 0.15, p.homing_gain_error = 0.12, p.homing_efficiency = 1;
   p.mean_band = 0.45, p.load_cell_range = 200, p.handle_noise = 6 * counts, p.spool_noise = 2.5 * counts;
   p.watch_window = 0.1;
   p.spool_jump = {60, 1.2 * dt};

@@ -2,6 +2,7 @@
 
 #include "control_parameters.hpp"
 
+#include "tenodesis/current.hpp"
 #include "tenodesis/sensor.hpp"
 
 namespace {
@@ -156,7 +157,35 @@ void a_failure_and_its_word_say_the_same() {
 }
 
 template <class S>
+void a_drives_friction_is_taken_out_of_a_reading_by_its_edge() {
+  const S gain = S(0.98), play = S(15e-6), tension = S(20);
+  const HomingDrive<S> drive{S(0.9), S(1), gain, play};
+  HomingDriveState<S> state{};
+  const CurrentSense<S> by{true, S(0.9), S(1)};
+  CurrentState<S> sensed{tension, S(0), S(0)};
+  S angle{}, known{};
+  const auto turn = [&](double speed, double steps) {
+    for (int i = 0; i < 20; ++i) {
+      angle = angle + S(speed * 5e-4);
+      const S counted = round(angle * S(650)) / S(650);
+      const S stroke = S(spool_radius) * counted;
+      known = drive.tension(gain * sense(by, tension, angle, sensed), stroke, S(speed), state);
+      if (i < steps) CLAIM_NEAR(known, tension, 1e-4 * tension);
+    }
+  };
+  turn(1, 0);
+  CLAIM_NEAR(known, tension, 1e-4 * tension);
+  // Not even while friction turns, within a step of the encoder.
+  turn(-1, 20);
+  turn(1, 20);
+  turn(0, 20);
+  const HomingDrive<S> cell{};
+  CLAIM(cell.tension(S(7), S(1), S(-1), state) == S(7) && cell.doubt(S(7)) == S(0));
+}
+
+template <class S>
 void run() {
+  a_drives_friction_is_taken_out_of_a_reading_by_its_edge<S>();
   a_free_tip_is_homed_without_being_moved<S>();
   whatever_is_wrong_is_named_before_the_tip_has_moved_far<S>();
 }

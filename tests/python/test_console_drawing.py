@@ -13,7 +13,7 @@ from tenodesis.console.display import shown_signals
 from tenodesis.console.plots import SLACK, TensionColours
 from tenodesis.console.scene import with_short_stem
 from tenodesis.console.solids import coupled_solids, solids
-from tenodesis.console.status import ADVICE, HOMING_REMEDIES
+from tenodesis.console.status import ADVICE, CURRENT_ADVICE, CURRENT_REMEDIES, HOMING_REMEDIES, status_line
 from tenodesis.console.tab_files import compare, repeated
 from tenodesis.console.tab_law import ACTUATIONS, LAWS
 from tenodesis.console.tab_move import motion_protocol, next_to_try
@@ -151,8 +151,23 @@ def test_a_recording_is_repeated_by_the_hand(scaled: Instrument, tmp_path: Path)
     assert np.abs(again[-encoder.size :] - encoder[-again.size :]).max() < 0.01
 
 
+def test_an_instrument_with_currents_is_not_said_to_have_load_cells(scaled: Instrument) -> None:
+    # That they are too coarse is put right by load cells.
+    failures = {f"axis{n}": reason for n, reason in enumerate(HOMING_REMEDIES) if reason != "too_coarse"}
+    flags = dict.fromkeys(("homed", "homing", "stopped", "problem", "recorder_lost", "operator"))
+    status: Any = SimpleNamespace(state="FAULT", faults=FAULTS, first_faults=(), homing_failures=failures, **flags)
+    assert "load cell" in status_line(status, "")
+    assert "load cell" not in status_line(status, "", currents=True)
+    currents = {"sensors.kind": "current", "sensors.current_range": 6.0, "drives.torque_constant": 0.1}
+    seen = shown_signals(scaled.replace(**currents), {"time": 0.0, "measured_tension": [20.0, 40.0]})
+    assert seen.current == pytest.approx(np.array([[1.0, 2.0]]))
+    assert np.isnan(shown_signals(scaled, {"time": 0.0, "measured_tension": [20.0, 40.0]}).current).all()
+
+
 def test_every_fault_and_every_choice_has_its_words() -> None:
     assert tuple(ADVICE) == FAULTS
     assert ("none", *HOMING_REMEDIES) == tuple(HOMING_REASONS)
+    assert {*CURRENT_ADVICE} < {*ADVICE}
+    assert {*CURRENT_REMEDIES} < {*HOMING_REMEDIES}
     assert tuple(LAWS) == LawName.__args__
     assert tuple(ACTUATIONS) == ActuationName.__args__

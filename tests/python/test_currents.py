@@ -8,8 +8,10 @@ import pytest
 
 import tenodesis as tn
 from tenodesis.control import Controller, header, parameters, tension_from_current
+from tenodesis.control.resolution import check_force_limit, resolution, sentences
 from tenodesis.errors import FaultWarning, InstrumentError
 from tenodesis.instrument import Instrument
+from tenodesis.recording.summary import outcome
 from tenodesis.recording.writer import Recorder
 from tenodesis.run import Run
 from tenodesis.simulate import FaultInjection
@@ -17,6 +19,8 @@ from tenodesis.twin import Twin
 
 from .can_bench import AGONIST, TIMEOUT, axis, bench_instrument, served, table
 from .conftest import refused
+from .test_homing import failure, unhomed
+from .test_homing_proof import ALLOWED, home_on, moved, settled
 
 CURRENTS: dict[str, Any] = {"sensors.kind": "current", "sensors.current_range": 6.0, "drives.torque_constant": 0.1}
 GEARED = CURRENTS | {"drives.gear_efficiency": 0.9, "drives.friction_torque": 5e-3}
@@ -105,6 +109,37 @@ def test_friction_of_the_drive_is_friction_to_the_observer(scaled: Instrument, g
     assert exponents[1] - exponents[0] == pytest.approx(geared.tension_sensor.friction)
     assert "SCALED_UP_TENSION_PER_CURRENT" in header(geared)
     assert "TENSION_PER_CURRENT" not in header(scaled)
+
+
+@pytest.mark.parametrize("slack", [0.0, 2e-3], ids=["tight", "slack"])
+def test_homing_by_currents_finds_the_pretension_and_refuses_a_load(geared: Instrument, slack: float) -> None:
+    run = home_on(settled(geared, slack), unhomed(geared))
+    assert failure(run) == ""
+    assert run["tension"][-1] == pytest.approx(geared.pretension, rel=0.05)
+    assert abs(run["output_angle"][-1]) < np.radians(0.5)
+    run = home_on(settled(geared, slack, 0.7), unhomed(geared), 0.7)
+    assert failure(run) == "tip_loaded"
+    assert moved(run) < ALLOWED
+
+
+def test_homing_by_currents_that_are_too_coarse_moves_nothing(geared: Instrument) -> None:
+    coarse = geared.replace(**{"sensors.current_noise": 0.05})
+    run = home_on(settled(coarse, 2e-3), unhomed(coarse))
+    assert failure(run) == "too_coarse"
+    assert np.ptp(run["spool_angle"]) == 0
+
+
+def test_check_and_record_say_what_tells_the_tensions(scaled: Instrument, geared: Instrument) -> None:
+    known = resolution(geared)
+    assert f"{geared.tension_sensor.per_current:.3g} N/A; until they move" in sentences(geared)[1]
+    assert known.hidden_force == pytest.approx(2 * geared.pretension * np.sinh(0.1458) / (93.5 / 7.5), rel=0.02)
+    assert resolution(scaled).hidden_force == 0
+    run = loaded(geared, controller=Controller(geared))
+    force, std = run["estimated_force"][-1], run["estimated_force_std"][-1]
+    assert outcome(run, geared)["tip force"].startswith(f"yaw {force:+.2f} ± {2 * std:.2f} N at the end")
+    assert "tip force" not in outcome(loaded(geared), geared)
+    with pytest.raises(InstrumentError, match="what the currents resolve"):
+        check_force_limit(geared.replace(**{"control.force_limit": 0.01}))
 
 
 def test_what_currents_cannot_tell_is_refused(scaled: Instrument) -> None:

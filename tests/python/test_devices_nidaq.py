@@ -93,6 +93,26 @@ def test_volts_become_angles_and_tensions_by_the_calibration(inst: Instrument, s
     assert measured.time == 7
 
 
+def test_volts_become_tensions_by_the_currents_of_the_drives(inst: Instrument, settings: NiDaq) -> None:
+    currents = {"sensors.kind": "current", "sensors.current_range": 6.0, "drives.torque_constant": 0.1}
+    table = settings.model_dump()
+    for tendon, channel, gain in (("agonist", "ai1", 0.5), ("antagonist", "ai2", -0.25)):
+        table["yaw"][tendon]["current"] = {"channel": channel, "gain": gain, "offset": 0.1}
+        del table["yaw"][f"{tendon}_tension"]
+    told = inst.replace(**currents, devices={"nidaq": table})
+    assert told.devices.nidaq is not None
+    with NiDaqDevice(told, told.devices.nidaq, tasks=FakeTasks([sample(0)])) as device:
+        measured = device.read(1.0)
+    assert measured is not None
+    assert measured.tension[0] == pytest.approx(np.array([0.6, 0.6]) * 0.1 * 5 / inst.drives.spool_radius)
+    assert measured.output_angle[0] == 0
+    del table["yaw"]["antagonist"]["current"]
+    with pytest.raises(InstrumentError, match="current is missing"):
+        inst.replace(**currents, devices={"nidaq": table})
+    with pytest.raises(InstrumentError, match="agonist_tension is missing"):
+        inst.replace(devices={"nidaq": table})
+
+
 def test_the_file_and_the_arguments_mean_the_same_table(settings: NiDaq) -> None:
     file = (resources.files("tenodesis") / "instruments" / "real-size.toml").read_text("utf-8")
     wired = instrument.parse(file.replace('axes = ["yaw", "pitch"]', 'axes = ["yaw"]') + TABLES)
@@ -350,7 +370,7 @@ def ni_tasks(settings: NiDaq, ni: FakeNi, **changes: Any) -> NiTasks:
     assert settings.yaw is not None
     return NiTasks(
         settings,
-        [one.channel for one in settings.yaw.inputs],
+        [one.channel for one in settings.yaw.inputs(0.0)],
         settings.yaw.drives,
         rate=2000.0,
         encoder_counts=4096,

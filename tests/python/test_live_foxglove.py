@@ -34,6 +34,7 @@ pytestmark = pytest.mark.process
 
 MESSAGE = struct.Struct("<BIQ")
 FIRST = 10
+FORCE = ("/controller/measured_cf", "/controller/tip/measured_js", "/controller/tip/measured_js_std")
 """Rows that open the channels."""
 
 
@@ -147,7 +148,7 @@ def test_a_stock_decoder_reads_the_values_of_the_loop_itself(tmp_path: Path) -> 
         with client(server) as watcher:
             watcher.subscribe(1 + len(topics(("yaw",))) - 1)
             server.publish()
-            for topic in ("/tendons/measured_js", "/rig/measured_cf", "/controller/operating_state", "/time"):
+            for topic in ("/tendons/measured_js", "/rig/measured_cf", *FORCE, "/controller/operating_state", "/time"):
                 watcher.take(topic, 290)
     tensions = decoded(watcher, "/tendons/measured_js")
     assert run.measured_tension is not None
@@ -156,6 +157,13 @@ def test_a_stock_decoder_reads_the_values_of_the_loop_itself(tmp_path: Path) -> 
     stamp = tensions[7].header.stamp
     assert stamp.sec * 10**9 + stamp.nanosec == watcher.messages["/tendons/measured_js"][7][0]
     assert [message.wrench.force.x for message in decoded(watcher, "/rig/measured_cf")] == [0.5] * 290
+    force, estimate, deviation = (decoded(watcher, topic) for topic in FORCE)
+    assert run.estimated_force is not None
+    assert run.estimated_force_std is not None
+    assert (
+        [one.wrench.force.x for one in force] == [*run.estimated_force[FIRST:]] == [one.effort[0] for one in estimate]
+    )
+    assert [one.effort[0] for one in deviation] == run.estimated_force_std[FIRST:].tolist()
     assert [message.data for message in decoded(watcher, "/controller/operating_state")] == [1.0] * 290
     assert [message.data for message in decoded(watcher, "/time")] == run.time[FIRST:].tolist()
 

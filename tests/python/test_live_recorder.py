@@ -103,6 +103,7 @@ def test_all_rows_are_recorded_bit_by_bit_with_what_they_are_of(run: Run, tmp_pa
     assert bits(recording.run) == bits(run)
     assert recording.damage is None
     assert recording.instrument() == inst
+    assert recording.topics["/controller/measured_cf"].messages == len(run)
     assert {key: recording.metadata[key] for key in ("mode", "device", "rate", "time_step")} == {
         "mode": "live",
         "device": "twin",

@@ -279,6 +279,9 @@ def test_messages_of_another_type_are_left_out_with_the_reason(tmp_path: Path) -
     path = stock(tmp_path / "rig.mcap", {"/rig/measured_cf": [wrench]}, WRENCH)
     arrays = {name: values.tolist() for name, values in Recording.open(path).to_numpy().items()}
     assert arrays == {"time": [0.0], "force": [1.5], "radial_force": [2.5]}
+    # Of another's bag, which has the estimate as a wrench alone.
+    path = stock(tmp_path / "force.mcap", {"/controller/measured_cf": [wrench]}, WRENCH)
+    assert Recording.open(path).run["estimated_force"].tolist() == [1.5]
     path = tmp_path / "mixed.mcap"
     with path.open("wb") as file, StockWriter(file) as writer:
         text = writer.register_msgdef("std_msgs/msg/String", "string data\n")

@@ -34,6 +34,10 @@ class ShownSignals(NamedTuple):
     """Standard deviation of the estimated angle, rad, shape (n, axes)"""
     force: Array
     """Tangential load on the tip, N, shape (n, axes)"""
+    estimated_force: Array
+    """The same as estimated by the observer, N, shape (n, axes)"""
+    force_deviation: Array
+    """Its standard deviation, N, shape (n, axes)"""
     contact_force: Array
     """Tangential force of tissue on the tip, N, shape (n, axes)"""
     friction_scale: Array
@@ -42,6 +46,8 @@ class ShownSignals(NamedTuple):
     """Of the robust law, as :attr:`tenodesis.run.Run.phase` has it, shape (n, axes)"""
     tension: Array
     """At the spools, agonist first, N, shape (n, axes, 2)"""
+    current: Array
+    """Of the motors, where they tell the tensions, agonist first, A, shape (n, axes, 2)"""
     distal_tension: Array
     """At the tip, agonist first, N, shape (n, axes, 2)"""
     stroke: Array
@@ -63,6 +69,7 @@ def shown_signals(inst: Instrument, signals: Mapping[str, ArrayLike]) -> ShownSi
         return np.full(shape, np.nan)
 
     handle = first(_HANDLE, single)
+    per_current = inst.planar[0].tension_sensor.per_current or np.nan
     return ShownSignals(
         time=time,
         handle=handle,
@@ -71,10 +78,13 @@ def shown_signals(inst: Instrument, signals: Mapping[str, ArrayLike]) -> ShownSi
         estimated=first(("estimated_output_angle",), single),
         deviation=first(("estimated_output_angle_std",), single),
         force=first(("force", "estimated_force"), single),
+        estimated_force=first(("estimated_force",), single),
+        force_deviation=first(("estimated_force_std",), single),
         contact_force=first(("contact_force",), single),
         friction_scale=first(("friction_scale",), single),
         phase=first(("phase",), single),
         tension=first(_TENSION, pair),
+        current=first(("measured_tension",), pair) / per_current,
         distal_tension=first(_DISTAL, pair),
         stroke=first(("measured_spool_angle", "spool_angle"), pair) * inst.drives.spool_radius,
     )

@@ -26,12 +26,12 @@ BAND = "rgba(124, 58, 237, 0.16)"
 AGONIST, ANTAGONIST, LINE = "#b4232f", "#1f5fa8", "#6b7785"
 
 _WIDTH = 420
-_HEIGHT = 128
+_HEIGHT = 112
 _EMPTY = np.array([-WINDOW, 0.0])
 
 
 class Plots:
-    """Curves of angle, tensions, stroke and friction of one axis.
+    """Curves of angle, force, tensions, stroke and friction of one axis, and of currents that tell the tensions.
 
     Parameters
     ----------
@@ -41,12 +41,14 @@ class Plots:
         The instrument.
     measured
         Whether the tip angle is known, and not only estimated.
+    simulated
+        Whether the load on the tip and the tensions are known, too.
     """
 
-    def __init__(self, gui: "viser.GuiApi", inst: Instrument, *, measured: bool) -> None:
+    def __init__(self, gui: "viser.GuiApi", inst: Instrument, *, measured: bool, simulated: bool) -> None:
         from viser import uplot  # noqa: PLC0415 - takes half a second
 
-        self._inst, self._colours = inst, TensionColours(inst)
+        self._inst, self._colours, self._simulated = inst, TensionColours(inst), simulated
         panel = gui.add_panel()
         planar = inst.planar
         self._stretches = [1e3 * axis.pretension / axis.tendon_stiffness for axis in planar]
@@ -66,9 +68,19 @@ class Plots:
                 height=_HEIGHT,
                 bands=(uplot.Band(series=(4, 5), fill=BAND),),
             )
+            force = {"estimated": ESTIMATED, "+2 std": EDGE, "−2 std": EDGE, "none": LINE}
+            if simulated:
+                force["load"] = INK
+            band = uplot.Band(series=(2, 3), fill=BAND)
+            self._force = add_chart(gui, "Force at the tip, N", force, height=_HEIGHT, bands=(band,))
+            currents = inst.sensors.kind == "current"
+            self._current = None
+            if currents:
+                pair = {"agonist": AGONIST, "antagonist": ANTAGONIST, "none": LINE}
+                self._current = add_chart(gui, "Motor current, A", pair, height=_HEIGHT)
             self._tension = add_chart(
                 gui,
-                "Tendon tension, N",
+                "Tendon tension by current, N" if currents and not simulated else "Tendon tension, N",
                 {"agonist": AGONIST, "antagonist": ANTAGONIST, "slack": LINE, "limit": LINE},
                 height=_HEIGHT,
             )
@@ -101,11 +113,22 @@ class Plots:
         level = np.ones(time.shape)
         edges = (estimated + 2 * deviation, estimated - 2 * deviation)
         self._set(self._angle, time, target, output, estimated, *edges, 0 * level)
+        self._show_force(seconds, axis)
+        if self._current is not None:
+            agonist, antagonist = without_gaps(seconds.current[:, axis], 0.0).T
+            self._set(self._current, time, agonist, antagonist, 0 * level)
         slack, limit = self._colours.slack * level, self._colours.limit * level
         self._set(self._tension, time, tension[:, 0], tension[:, 1], slack, limit)
         stretch = self._stretches[axis] * level
         self._set(self._stroke, time, stroke[:, 0], stroke[:, 1], stretch, -stretch)
         self._set(self._friction, time, without_gaps(seconds.friction_scale[:, axis], 1.0), level, 0 * level)
+
+    def _show_force(self, seconds: ShownSignals, axis: int) -> None:
+        load = np.nan_to_num(seconds.force[:, axis]) + np.nan_to_num(seconds.contact_force[:, axis])
+        estimated = without_gaps(seconds.estimated_force[:, axis], 0.0)
+        width = 2 * without_gaps(seconds.force_deviation[:, axis], 0.0)
+        curves = (estimated, estimated + width, estimated - width, 0 * load, load)
+        self._set(self._force, seconds.time, *curves[: 5 if self._simulated else 4])
 
     def _set(self, plot: Any, time: Array, *curves: Array) -> None:
         # The times increase: at equal ones the viewer would not draw an axis that had no room at first.

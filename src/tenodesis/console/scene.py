@@ -258,6 +258,7 @@ class Scene(View):
     def show_angles(self, shown: ShownSignals, *, recorded: bool) -> None:
         """Show tip angles and targets as text, which takes longer to draw than what moves."""
         rows = zip(self._inst.axes, np.degrees(shown.output), np.degrees(shown.target), shown.phase, strict=True)
+        forces = zip(self._inst.axes, shown.estimated_force, 2 * shown.force_deviation, strict=True)
         angles = [
             (axis, in_degrees(output), in_degrees(target) + _HELD_BACK.get(phase, ""))
             for axis, output, target, phase in rows
@@ -266,6 +267,7 @@ class Scene(View):
             lines = [f"{axis} {output}\ntarget {target}" for axis, output, target in angles]
         else:
             lines = ["tip, target", *(f"{axis} {output}, {target}" for axis, output, target in angles)]
+        lines += [f"{axis} force {force:+.1f} ± {width:.1f} N" for axis, force, width in forces if np.isfinite(width)]
         text = "\n".join(["recorded:", *lines] if recorded else lines)
         if self._label.text != text:
             self._label.text = text

@@ -1,6 +1,6 @@
 """The top of the panel: state, faults with advice, who operates, and the buttons that the state allows."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import partial
 from html import escape
 from typing import Any, NamedTuple
@@ -79,7 +79,28 @@ ADVICE = {
         "Check the spools' encoders, the load cells and the ropes. Then home, then enable.",
     ),
 }
-"""By the names in :data:`tenodesis.control.FAULTS`."""
+"""By the names in :data:`tenodesis.control.FAULTS`, of an instrument with load cells."""
+
+CURRENT_ADVICE = {
+    "load_cell_stuck": Advice(
+        "A motor's current repeats exactly the same value, without noise.",
+        "Check the connection of its drive, then clear.",
+    ),
+    "load_cell_range": Advice(
+        "A motor's current is at the end of its range, or stands for a tension that no tendon can have.",
+        "Check the drive's limit of current and the torque constant in the file, then clear.",
+    ),
+    "load_cell_drift": Advice(
+        "The motors' currents do not agree with the length that the motors have wound, or were exchanged.",
+        "Take the load off, let the motors warm up, check torque constant and friction of the drives. Then home, then "
+        "enable.",
+    ),
+    "stroke_unexplained": Advice(
+        ADVICE["stroke_unexplained"].meaning,
+        "Check the spools' encoders, the motors' currents and the ropes. Then home, then enable.",
+    ),
+}
+"""Where currents tell the tensions, in the place of these."""
 
 HOMING_REMEDIES = {
     "tip_loaded": "Take everything off the tip. If it is free, set the zero of the load cells again.",
@@ -100,8 +121,19 @@ HOMING_REMEDIES = {
     "stiffness_wrong": "Check the calibration of the load cells and the stiffness in the instrument file.",
     "handle_moved": "Hold the handle still.",
     "timed_out": "Look at the tensions while homing: they do not settle.",
+    "too_coarse": "Take load cells, or a smaller range of the currents; or begin at the pretension, homed by hand.",
 }
-"""What to do, by the names in :data:`tenodesis.control.HOMING_REASONS`."""
+"""What to do, by the names in :data:`tenodesis.control.HOMING_REASONS`, of an instrument with load cells."""
+
+CURRENT_REMEDIES = {
+    "tip_loaded": "Take everything off the tip. If it is free, check the currents' zeros and the drives' friction.",
+    "cell_offset": "Check the zero of the drive's current, and the drives' friction in the file.",
+    "cell_reversed": "Reverse the sign of the drive's current.",
+    "cells_swapped": "Check which drive, with its current and its encoder, belongs to which tendon.",
+    "cell_gains_apart": "Check the torque constants of both motors; see whether one tendon or one gearbox rubs.",
+    "stiffness_wrong": "Check torque constant, friction of the drives and stiffness in the instrument file.",
+}
+"""Where currents tell the tensions, in the place of these."""
 
 _COLOURS = {
     RuntimeState.DISABLED: "#5b6675",
@@ -119,8 +151,13 @@ _MEANING = {
 }
 
 
-def status_line(status: Status, origin: str, notes: Iterable[str] = ()) -> str:
-    """Return as HTML state, faults with advice, notes, and who operates, for the browser of an origin."""
+def status_line(status: Status, origin: str, notes: Iterable[str] = (), *, currents: bool = False) -> str:
+    """Return as HTML state, faults with advice, notes, and who operates, for the browser of an origin.
+
+    currents: whether currents tell the tensions, in the place of load cells.
+    """
+    advice = ADVICE | CURRENT_ADVICE if currents else ADVICE
+    remedies = HOMING_REMEDIES | CURRENT_REMEDIES if currents else HOMING_REMEDIES
     words = "Homing: the motors wind the tendons to the pretension." if status.homing else _MEANING[status.state]
     if status.stopped and status.state != RuntimeState.GONE:
         words = "Stopped: the motors hold their positions until you resume."
@@ -131,8 +168,8 @@ def status_line(status: Status, origin: str, notes: Iterable[str] = ()) -> str:
         f'<span style="background:{_COLOURS[status.state]};color:#fff;border-radius:4px;padding:.1em .5em;'
         'font-weight:600">'
         f"{escape(status.state)}</span> {words}",
-        *(_fault(name, name in status.first_faults) for name in status.faults),
-        *(_homing_failure(axis, failure) for axis, failure in status.homing_failures.items() if status.faults),
+        *(_fault(name, advice.get(name), name in status.first_faults) for name in status.faults),
+        *(_homing_failure(axis, failed, remedies) for axis, failed in status.homing_failures.items() if status.faults),
     ]
     lines += [_warning(sentence) for sentence in (status.problem, *_recorder(status), *notes) if sentence]
     if status.state != RuntimeState.GONE:
@@ -151,8 +188,7 @@ def timing_line(status: Status) -> str:
     return f'<div style="font-size:.75rem;line-height:1.35;color:#4a5563;padding:.2em .8em">{text}{notes}</div>'
 
 
-def _fault(name: str, first: bool) -> str:
-    advice = ADVICE.get(name)
+def _fault(name: str, advice: Advice | None, first: bool) -> str:
     text = "" if advice is None else f" {escape(advice.meaning)} <b>{escape(advice.remedy)}</b>"
     mark = " (first)" if first else ""
     return (
@@ -161,10 +197,10 @@ def _fault(name: str, first: bool) -> str:
     )
 
 
-def _homing_failure(axis: str, failure: str) -> str:
+def _homing_failure(axis: str, failure: str, remedies: Mapping[str, str]) -> str:
     reason, _, tendon = failure.partition(".")
     place = f"{axis}, {tendon}" if tendon else axis
-    meaning, remedy = HOMING_REASONS.get(reason, ""), HOMING_REMEDIES.get(reason, "")
+    meaning, remedy = HOMING_REASONS.get(reason, ""), remedies.get(reason, "")
     return _warning(f"{place}: {meaning} ({reason}). {remedy}")
 
 
@@ -203,6 +239,7 @@ class StatusHeader:
 
     def __init__(self, session: Session, inst: Instrument | CoupledInstrument) -> None:
         self._session = session
+        self._currents = inst.sensors.kind == "current"
         gui: Any = session.client.gui
         self._line = gui.add_html("")
         gui.add_html(f'<div style="padding:.35em .8em .2em">{TensionColours(inst).legend()}</div>')
@@ -222,7 +259,8 @@ class StatusHeader:
         """Show the state and its buttons."""
         status = state.status
         starting = self._session.is_busy("load", "restart")
-        set_properties(self._line, content=status_line(status, self._session.origin, self._notes(starting=starting)))
+        notes = self._notes(starting=starting)
+        set_properties(self._line, content=status_line(status, self._session.origin, notes, currents=self._currents))
         other = status.operator is not None and not state.operating
         set_properties(
             self._take,

@@ -31,9 +31,13 @@ class _Fault(NamedTuple):
     seconds: float
 
 
+_TENSION_FAULTS = {
+    "load-cell": ("A load cell's cable breaks", "A load cell freezes"),
+    "current": ("A motor's current is lost", "A motor's current freezes"),
+}
+"""By ``sensors.kind``."""
+_LOST, _FROZEN = _Fault("tension.agonist", "set", nan, 0.5), _Fault("tension.agonist", "hold", 0.0, 1.0)
 _FAULTS = {
-    "A load cell's cable breaks": _Fault("tension.agonist", "set", nan, 0.5),
-    "A load cell freezes": _Fault("tension.agonist", "hold", 0.0, 1.0),
     "The handle's encoder jumps": _Fault("handle_angle", "add", 0.5, 0.5),
     "The controller gets no ticks": _Fault("tick", "hold", 0.0, 0.5),
     "A drive does not move": _Fault("spool_velocity.agonist", "set", 0.0, 1.0),
@@ -47,20 +51,22 @@ class LawTab:
         self._session = session
         gui: Any = session.client.gui
         status = session.link.status()
+        kind = session.link.inst.sensors.kind
+        faults = dict(zip(_TENSION_FAULTS[kind], (_LOST, _FROZEN), strict=True)) | _FAULTS
         self._law = gui.add_dropdown("Law", tuple(LAWS), initial_value=status.law)
         self._law_text = gui.add_markdown("")
         self._actuation = gui.add_dropdown("Motors", tuple(ACTUATIONS), initial_value=status.actuation)
         self._actuation_text = gui.add_markdown("")
         self._home = gui.add_button("Home: find the pretension again", icon="home")
         with gui.add_folder("Try a fault", expand_by_default=False, visible=session.link.capabilities.simulated):
-            self._fault = gui.add_dropdown("Fault", tuple(_FAULTS))
+            self._fault = gui.add_dropdown("Fault", tuple(faults))
             self._inject = gui.add_button("Inject it into the twin", color="orange")
         with gui.add_folder("Timing of the loop", expand_by_default=False):
             self._timing = gui.add_html("")
         session.on(self._law, "law", self._choose)
         session.on(self._actuation, "law", self._choose)
         session.on(self._home, "request", lambda: session.link.request("home"))
-        session.on(self._inject, "inject_fault", lambda: session.link.inject_fault(*_FAULTS[self._fault.value]))
+        session.on(self._inject, "inject_fault", lambda: session.link.inject_fault(*faults[self._fault.value]))
 
     def update(self, state: PageState) -> None:
         """Show the choices that are in force."""

@@ -69,11 +69,14 @@ def _derive(inst: Instrument) -> Iterator[Derived]:
     yield Derived("winding_speed", wound, "m/s", "of a tendon at its spool, at most")
     yield Derived("tension_limit", tension_limit(inst), "N", "no tendon is wound above it")
     yield Derived("force_limit", force_limit(inst), "N", "force at the tip beyond which the motors yield")
-    yield Derived("load_cell_step", numbers["load_cell_resolution"], "N", "of its converter")
-    if sensor.friction:
+    if sensor.per_current:
+        yield Derived("current_step", numbers["load_cell_resolution"], "N", "of a current's converter, as tension")
         yield Derived(
             "tension_per_current", sensor.per_current, "N/A", "of a motor's current, with the drive's friction"
         )
+    else:
+        yield Derived("load_cell_step", numbers["load_cell_resolution"], "N", "of its converter")
+    if sensor.friction:
         yield Derived("drive_friction", sensor.friction, "", "exponent of the drive at the pretension, as of a contact")
     yield Derived("encoder_step", numbers["encoder_resolution"], "rad", "of a joint encoder's converter")
     step = numbers["motor_encoder_resolution"] * drives.spool_radius

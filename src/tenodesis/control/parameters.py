@@ -42,6 +42,9 @@ _TISSUE = 1.25
 _OVER_LOAD = 5 / 3
 # Of the tip while homing, rad: moved by one motor's jog, by one tendon alone, and what a cell's error may cost.
 _JOG, _PULL, _TIP_ERROR = np.radians([0.8, 1.6, 0.5])
+# Of a drive's friction, by its current: what may be told wrong, and the angle over which it turns, rad.
+_UNSURE, _TURNS = 0.15, 3e-3
+_NONE = 1e-9  # m; the core wants a positive stroke
 # Of a tip that one tendon alone pulls: it coasts when the motor stops, rad/s.
 _PULL_SPEED = 1.0
 
@@ -150,6 +153,10 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
     stroke = control.common_stroke * stretch
     arm = numbers["distal_radius"]
     homing_speed = min(control.homing_speed, _PULL_SPEED * arm)
+    notice = max((2 if sensor.per_current else 5) * sensor.noise, 0.005 * pretension) + 2 * _UNSURE * sensor.constant
+    # What a free tip resists by when one tendon pulls it, beside friction.
+    noticed = not sensor.per_current or notice < 1.5 * numbers["tip_damping"] * homing_speed / arm**2
+    play = max(2 * spool_step, _TURNS * drives.spool_radius) if sensor.per_current else 0.0
     return {
         "proximal_radius": numbers["proximal_radius"],
         "distal_radius": numbers["distal_radius"],
@@ -227,16 +234,23 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
         "homing_speed": homing_speed,
         "homing_gain": 8.0,
         "homing_stroke": control.homing_stroke,
-        "homing_overshoot": 0.15,
-        "homing_tolerance": 0.004,
+        "homing_overshoot": 0.4 if sensor.friction else 0.15,
+        "homing_tolerance": max(0.004, 0.8 * sensor.noise / pretension) if sensor.per_current else 0.004,
         "homing_settle_time": 0.1,
         "homing_time": control.homing_stroke / homing_speed + 10.0,
         "homing_least_stretch": 0.4,
-        "homing_jog": max(4 * spool_step, _JOG * arm),
-        "homing_travel": _PULL * arm,
-        "homing_offset": max(2 * stiffness * arm * _TIP_ERROR, 8 * sensor.noise) + sensor.constant,
-        "homing_notice": max((2 if sensor.per_current else 5) * sensor.noise, 0.005 * pretension),
+        "homing_jog": max(4 * spool_step, _JOG * arm) + (2 * play if sensor.friction else 0.0),
+        "homing_travel": _PULL * arm if noticed else _NONE,
+        "homing_offset": max(
+            max(2 * stiffness * arm * _TIP_ERROR, (4 if sensor.per_current else 8) * sensor.noise)
+            + _UNSURE * sensor.constant,
+            1.2 * sensor.constant,
+        ),
+        "homing_notice": notice,
         "homing_gain_error": 0.12,
+        "homing_efficiency": drives.gear_efficiency if sensor.per_current else 1.0,
+        "homing_friction": sensor.constant,
+        "homing_play": play,
         # Both drives may wind, so that their friction, unlike the tendons', changes both tensions alike.
         "mean_band": max(control.mean_band, np.expm1(_friction(inst)) / 2) * np.exp(sensor.friction)
         + np.expm1(sensor.friction),

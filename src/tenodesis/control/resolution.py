@@ -52,6 +52,9 @@ class Resolution(NamedTuple):
     """Where their total is largest over the working range"""
     tip_force: float
     """Standard deviation of the tip force by all errors of the load cells, N, largest over the working range"""
+    hidden_force: float
+    """Tip force that the friction of drives at rest may hide where currents tell the tensions, N, the same; 0 with load
+    cells"""
     load: float
     """The largest of ``conditions.forces``, N; 1 N where the file has none"""
     loss: float
@@ -103,16 +106,26 @@ def _resolution(inst: Instrument) -> Resolution:
     steady = np.hypot(cell_error, sensor.offset)
     off = [np.hypot(steady, sensor.gain_error * held) for held in tension]
     with np.errstate(divide="ignore", invalid="ignore"):
-        tip_force = float(np.max(np.hypot(*off) / np.abs(by_force.agonist - by_force.antagonist)))
+        per_force = np.abs(by_force.agonist - by_force.antagonist)
+        tip_force = float(np.max(np.hypot(*off) / per_force))
+        hidden = float(np.max(np.sinh(sensor.friction) * np.add(*tension) / per_force))
     load = max(inst.conditions.forces, default=_USUAL_LOAD)
     taken = statics.output_angle(inst, handle) - statics.output_angle(inst, handle, load)
     loss = float(np.max(np.where(np.isfinite(taken), taken, inf)))
-    return Resolution(places[0], places[-1], worst, tip_force, load, loss)
+    return Resolution(places[0], places[-1], worst, tip_force, hidden, load, loss)
 
 
 def sentences(inst: Instrument) -> tuple[str, ...]:
     """Return in a sentence what the sensors resolve and what a load takes, for each axis that has its own values."""
-    found = (prefix + _sentence(resolution(axis)) for prefix, axis in _different_axes(inst))
+    found = []
+    for prefix, axis in _different_axes(inst):
+        known = resolution(axis)
+        found.append(prefix + _sentence(known))
+        if axis.sensors.kind == "current":
+            found.append(
+                f"{prefix}the motors' currents tell the tensions, {axis.tension_sensor.per_current:.3g} N/A; until "
+                f"they move, the friction of the drives hides up to {known.hidden_force:.2g} N at the tip."
+            )
     return tuple(sentence[0].upper() + sentence[1:] for sentence in found)
 
 
@@ -124,7 +137,7 @@ def shares(inst: Instrument) -> tuple[str, ...]:
         parts = {
             "handle encoder": worst.handle_encoder,
             "spool encoders": worst.spool_encoders,
-            "currents" if axis.sensors.kind == "current" else "load cells": worst.load_cells,
+            _told_by(axis): worst.load_cells,
             "calibration": worst.calibration,
         }
         if isfinite(worst.total):
@@ -177,13 +190,17 @@ def _is_unresolved(inst: Instrument, known: Resolution) -> bool:
 
 def _unresolved_limit(inst: Instrument, known: Resolution) -> InstrumentError:
     limit = force_limit(inst)
-    allowed = f"at least {known.tip_force:.3g} N, which is what the load cells resolve at the tip, or 0 for none"
+    allowed = f"at least {known.tip_force:.3g} N, which is what the {_told_by(inst)} resolve at the tip, or 0 for none"
     return InstrumentError(
         f"control.force_limit is {limit:g} N; it must be {allowed}.",
         key="control.force_limit",
         value=limit,
         allowed=allowed,
     )
+
+
+def _told_by(inst: Instrument) -> str:
+    return "currents" if inst.sensors.kind == "current" else "load cells"
 
 
 def _sentence(known: Resolution) -> str:

@@ -49,9 +49,10 @@ class NiDaqDevice(Bench):
                 f"drives.encoder_counts is {inst.drives.encoder_counts}; nidaq counts all edges of a "
                 f"quadrature encoder, so it must be a multiple of {_EDGES_PER_PERIOD}."
             )
-        self._axes, self._settings, self._clock = axes, settings, clock
+        self._settings, self._clock = settings, clock
         rate = inst.sensors.sampling_rate
-        wired = [one for axis in axes for one in axis.inputs]
+        self._inputs = [axis.inputs(inst.tension_sensor.per_current) for axis in axes]
+        wired = [one for inputs in self._inputs for one in inputs]
         drives = [drive for axis in axes for drive in axis.drives]
         self._gains = np.array([one.gain for one in wired])
         self._offsets = np.array([one.offset for one in wired])
@@ -126,17 +127,17 @@ class NiDaqDevice(Bench):
             self._started = self._clock() - round(samples.number * self._period)
         there = np.abs(samples.volts) < self._limit
         if not there.all():
-            place = [one.channel for axis in self._axes for one in axis.inputs][int(np.argmin(there))]
+            place = [one.channel for inputs in self._inputs for one in inputs][int(np.argmin(there))]
             self._note("saturated", f"Input {place} is at the end of its range; look for an open wire.")
         with np.errstate(over="ignore"):
             values = self._gains * samples.volts + self._offsets
         values[~(there & np.isfinite(values))] = nan
         turned = (self._unwrapped(samples.turned) * self._turns).reshape(-1, 2)
-        rows = np.full((len(self._axes), 6), nan)
+        rows = np.full((len(self._inputs), 6), nan)
         rows[:, 3:5] = turned
         first = 0
-        for row, axis in zip(rows, self._axes, strict=True):
-            count = len(axis.inputs)
+        for row, inputs in zip(rows, self._inputs, strict=True):
+            count = len(inputs)
             row[[0, 1, 2, 5][:count]] = values[first : first + count]
             first += count
         measured_at = self._started + round(samples.number * self._period)

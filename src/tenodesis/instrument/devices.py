@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from itertools import product
 from typing import Annotated, Generic, Literal, Self, TypeAlias, TypeVar
 
 from pydantic import Field, model_validator
@@ -12,8 +13,10 @@ from tenodesis.units import (
     AnglePerCount,
     AnglePerVolt,
     Current,
+    CurrentPerVolt,
     Moment,
     MotorSpeed,
+    SignedCurrent,
     SignedForce,
     SignedVoltage,
     SpeedPerVolt,
@@ -180,6 +183,14 @@ class NiTension(FileTable):
     offset: SignedForce = Field(default=0.0, description="Tension at 0 V")
 
 
+class NiCurrent(FileTable):
+    """A drive's analogue output of its motor's current."""
+
+    channel: Channel = Field(description="Analogue input, such as ai4")
+    gain: CurrentPerVolt = Field(description="Current per volt; negative if winding gives a negative voltage")
+    offset: SignedCurrent = Field(default=0.0, description="Current at 0 V")
+
+
 class NiDrive(FileTable):
     """A drive with an analogue speed input, and its motor's quadrature encoder."""
 
@@ -188,15 +199,26 @@ class NiDrive(FileTable):
     standstill: SignedVoltage = Field(default=0.0, description="Voltage at which the motor is at rest")
     counter: Channel = Field(description="Counter of the motor's encoder, such as ctr0")
     reversed: bool = Field(default=False, strict=True, description="Whether the encoder counts down as it winds")
+    current: NiCurrent | None = Field(default=None, description="Its motor's current, for sensors of kind current")
 
 
 class NiAxis(Axis[NiDrive, NiAngle, NiTension]):
     """The sensors and drives of one bending axis."""
 
-    @property
-    def inputs(self) -> tuple[NiAngle | NiTension, ...]:
-        """The analogue inputs: handle, agonist, antagonist and, if present, output."""
-        return tuple(self.sources.values())
+    def inputs(self, per_current: float) -> tuple[NiAngle | NiTension, ...]:
+        """Return the analogue inputs: handle, agonist, antagonist and, if present, output.
+
+        per_current: tension per motor current where currents tell the tensions, N/A; 0 with load cells.
+        """
+        found: dict[str, NiAngle | NiTension] = self.sources
+        for name, drive in zip(("agonist tension", "antagonist tension"), self.drives, strict=True):
+            if per_current and drive.current is not None:
+                one = drive.current
+                found[name] = NiTension(
+                    channel=one.channel, gain=one.gain * per_current, offset=one.offset * per_current
+                )
+        order = ("handle angle", "agonist tension", "antagonist tension", "output angle")
+        return tuple(found[name] for name in order if name in found)
 
 
 class NiDaq(FileTable):
@@ -230,7 +252,8 @@ class NiDaq(FileTable):
         axes = [axis for axis in (self.yaw, self.pitch) if axis is not None]
         if not axes:
             raise ValueError("neither yaw nor pitch is given; give one table for each axis of the instrument")
-        used = [one.channel for axis in axes for one in axis.inputs]
+        used = [one.channel for axis in axes for one in axis.sources.values()]
+        used += [drive.current.channel for axis in axes for drive in axis.drives if drive.current is not None]
         used += [name for axis in axes for drive in axis.drives for name in (drive.speed, drive.counter)]
         twice = next((name for name in used if used.count(name) > 1), None)
         if twice is not None:
@@ -276,20 +299,21 @@ class Devices(FileTable):
         for name, bench in benches:
             if bench is None:
                 continue
-            if kind == "current":
-                if isinstance(bench, NiDaq):
-                    raise ValueError("sensors.kind is current, which devices.nidaq does not give; it must be load-cell")
+            if kind == "current" and isinstance(bench, CanOpen):
                 if bench.rated_current is None and bench.rated_torque is None:
                     raise ValueError(
                         "sensors.kind is current, but devices.canopen has neither rated_current nor rated_torque; give "
                         "one of them, or load cells"
                     )
                 continue
-            for axis in ("yaw", "pitch"):
+            for axis, tendon in product(("yaw", "pitch"), ("agonist", "antagonist")):
                 wired = getattr(bench, axis)
-                for tendon in ("agonist", "antagonist"):
-                    if wired is not None and getattr(wired, f"{tendon}_tension") is None:
-                        raise ValueError(
-                            f"devices.{name}.{axis}.{tendon}_tension is missing; without load cells sensors.kind must "
-                            "be current"
-                        )
+                if wired is None:
+                    continue
+                if kind == "current":
+                    missing, other = getattr(wired, tendon).current is None, "load-cell"
+                else:
+                    missing, other = getattr(wired, f"{tendon}_tension") is None, "current"
+                if missing:
+                    key = f"{tendon}.current" if kind == "current" else f"{tendon}_tension"
+                    raise ValueError(f"devices.{name}.{axis}.{key} is missing; without it sensors.kind must be {other}")

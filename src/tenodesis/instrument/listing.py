@@ -17,6 +17,8 @@ _ALWAYS = {"drives", "sensors", "control"}
 """Tables whose defaults are listed."""
 _COEFFICIENTS = ("law", "vertex_coefficient", "sheath_coefficient", "sheath_bend")
 """Keys of table friction that are listed, given or not."""
+_OF_OTHER_SENSORS = {"load-cell": ("current_", "torque_constant_"), "current": ("load_cell_",)}
+"""What keys of table sensors begin with that do not count, by the kind of the sensors; those given are listed."""
 _UNITS = {unit: shown for unit, shown in READABLE.items() if unit != "rad/s"}
 """Units of defaults; those of motors are round in SI."""
 _TITLES = {"name", "description", "joint_type", "axes", "overrides", "sources", "devices"}
@@ -72,7 +74,8 @@ def _values(inst: Instrument, written: Mapping[str, Any]) -> Iterator[Listed]:
             continue
         given = written.get(name, {})
         for key in type(table).model_fields:
-            if key in given or name in _ALWAYS or (name == "friction" and key in _COEFFICIENTS):
+            other = name == "sensors" and key.startswith(_OF_OTHER_SENSORS[inst.sensors.kind])
+            if key in given or (name in _ALWAYS and not other) or (name == "friction" and key in _COEFFICIENTS):
                 yield from _value(inst, table, key, f"{name}.", given)
     for axis, values in inst.overrides.items():
         own = inst.axis(axis)

@@ -46,6 +46,7 @@ CHAPTERS = {
     "compensated-cycles": Chapter("fig14_compensated"),
     "campaign": Chapter("campaign"),
     "unlike-model": Chapter("unlike_model", lambda context: context.inst.friction.law != "none"),
+    "tip-force": Chapter("tip_force", lambda context: context.inst.friction.law != "none"),
     "checks": Chapter("checks", lambda context: isinstance(context.inst, TendonGear)),
 }
 """The chapters of the report in order, by name."""

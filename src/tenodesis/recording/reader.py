@@ -212,6 +212,8 @@ def _read(path: Path) -> _Parts:
     metadata = contents.metadata.get(schemas.METADATA, {})
     by_name = CoupledNames.from_texts(metadata)
     wanted = schemas.TOPICS if by_name is None else schemas.read_topics(by_name)
+    present = {channel.topic for channel in contents.channels.values()}
+    wanted |= {copy for copy, original in schemas.COPIES.items() if original not in present}
     decoded, left_out = _decoded(contents, wanted)
     names = by_name or _axes(metadata, decoded)
     if not names:

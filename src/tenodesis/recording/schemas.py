@@ -119,8 +119,8 @@ class Topic(NamedTuple):
     signals: Mapping[str, str]
     columns: slice = slice(None)
     frame: str = ""
-    copied: bool = False
-    """Whether its signals are on another topic, too, from which they are read."""
+    copy_of: str | None = None
+    """Topic that has its signals, too, from which they are read if there is one."""
 
 
 def definition(message_type: str) -> str:
@@ -168,7 +168,7 @@ def topics(names: Names) -> tuple[Topic, ...]:
                 {"force.x": "estimated_force"},
                 slice(i, i + 1),
                 f"tip_{axis}",
-                copied=True,
+                copy_of="/controller/tip/measured_js",
             )
             for i, axis in enumerate(axes)
         ),
@@ -231,12 +231,15 @@ def _rig(axis: str | None) -> str:
 
 
 def read_topics(names: Names) -> frozenset[str]:
-    """Return the names of the topics from which signals are read."""
-    return frozenset(topic.name for topic in topics(names) if not topic.copied)
+    """Return the names of the topics from which signals are read, without copies."""
+    return frozenset(topic.name for topic in topics(names) if topic.copy_of is None)
 
 
 TOPICS = read_topics(("",)) | read_topics(("yaw", "pitch"))
-"""Names of all topics from which signals are read, of instruments with one axis or two."""
+"""Names of all topics from which signals are read, of instruments with one axis or two, without copies."""
+
+COPIES = {topic.name: topic.copy_of for axes in (("",), ("yaw", "pitch")) for topic in topics(axes) if topic.copy_of}
+"""Topics from which signals are read where these are missing."""
 
 
 def shape(signal: str, rows: int, axes: tuple[str, ...]) -> tuple[int, ...]:

@@ -247,7 +247,7 @@ def outcome(run: Run, inst: Instrument, names: Sequence[str] = FAULTS) -> dict[s
     facts = {"state": _states(state, run.time), "faults": _faults(run.faults, run.time, names)}
     if angles:
         facts["tip"] = _tip(run, tip_error(run, inst), _compensating(run, state))
-    return facts
+    return facts | _tip_force(run)
 
 
 def _compensating(run: Run, state: Array) -> NDArray[np.bool_]:
@@ -266,6 +266,17 @@ def _tip(run: Run, error: Array, during: NDArray[np.bool_]) -> str:
         rms = f", {degrees(np.sqrt(np.mean(off[during] ** 2))):.2f} deg RMS while enabled" if during.any() else ""
         parts.append(f"{name} {degrees(off[-1]):+.2f} deg off the unloaded angle (eq. 18 of the paper) at the end{rms}")
     return "; ".join(parts)
+
+
+def _tip_force(run: Run) -> dict[str, str]:
+    """Return the observer's last force at the tip; empty where it knows no deviation of it."""
+    if run.estimated_force is None or run.estimated_force_std is None:
+        return {}
+    last = zip(
+        run.axes, np.atleast_1d(run.estimated_force[-1]), np.atleast_1d(run.estimated_force_std[-1]), strict=True
+    )
+    parts = [f"{name} {force:+.2f} ± {2 * std:.2f} N" for name, force, std in last if np.isfinite(std)]
+    return {"tip force": f"{', '.join(parts)} at the end, by the observer (two standard deviations)"} if parts else {}
 
 
 def _deviation(run: Run, error: Array) -> str:

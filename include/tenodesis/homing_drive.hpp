@@ -1,0 +1,56 @@
+#pragma once
+// Tensions by motor currents while homing: a drive's friction is taken out of a reading by the edge that it is on.
+//
+// Where the observer takes that friction for one of the tendon's contacts, homing judges tensions of tendons that may
+// be slack, and small changes of them.
+
+#include "tenodesis/scalar.hpp"
+
+namespace tenodesis {
+
+template <class S>
+struct HomingDriveState {
+  int edge{};   ///< of its friction, 1: winding, -1: letting out, 0: unknown
+  S turned{};   ///< stroke furthest on that edge, m
+  S tension{};  ///< last known, N
+  bool started{};
+  bool turning{};  ///< has been told to leave its edge, and not yet moved on
+};
+
+/// A drive whose current tells its tendon's tension; of load cells it has no friction, and changes nothing.
+template <class S>
+struct HomingDrive {
+  S efficiency{1};
+  S friction{};  ///< that does not grow with the tension, N
+  S gain{1};     ///< of a reading over the motor's pull
+  S play{};      ///< stroke over which friction turns from one edge to the other, m; 0 with load cells
+
+  bool rubs() const { return efficiency < S(1) || friction > S(0); }
+
+  /// Share of friction that may be other than it is told, as a difference of tension between its edges, N.
+  S doubt(const S& tension) const {
+    return S(0.15) * ((S(1) / efficiency - efficiency) * abs(tension) + S(2) * friction);
+  }
+
+  /// Tension by a reading, N, at the stroke of the spool, m; while friction turns, the last one that was known. sent:
+  /// the drive's velocity as commanded, of which less than an encoder's step turns friction.
+  S tension(const S& reading, const S& stroke, const S& sent, HomingDriveState<S>& state) const {
+    if (!rubs()) return reading;
+    if (!state.started) state = {0, stroke, reading, true, false};
+    const S beyond = stroke - state.turned, ahead = beyond * S(state.edge);
+    state.turning = sent * S(state.edge) < S(0) || (state.turning && ahead <= S(0));
+    const bool onward = state.edge != 0 && ahead >= S(0) && !state.turning;
+    if (onward || abs(beyond) > play) {
+      if (!onward) state.edge = beyond > S(0) ? 1 : -1;
+      state.turned = stroke;
+      state.turning = false;
+      const S pull = reading / gain;
+      state.tension = state.edge > 0 ? (pull - friction) * efficiency : (pull + friction) / efficiency;
+    } else if (state.edge == 0) {
+      state.tension = reading;
+    }
+    return state.tension;
+  }
+};
+
+}  // namespace tenodesis
