@@ -1,7 +1,7 @@
 """What the robust law reaches with motor currents in the place of load cells, and what it does when they fail.
 
-The scaled-up instrument on its twin, the paper's step load in the four states of Fig. 15, friction of the tendons told
-as 0.7, 1 and 1.3 times what it is. The drives' friction is in the currents, not in the load cells.
+The scaled-up instrument on its twin, the paper's step load in the four states of Fig. 15, friction of the tendons
+assumed as 0.7, 1 and 1.3 times what it is. The drives' friction is in the currents, not in the load cells.
 
 Peers: load cells, and motors that stand.
 """
@@ -39,11 +39,11 @@ CURRENTS: dict[str, Any] = {
 
 
 class Row(NamedTuple):
-    """A row of the table: the true instrument's values, and what the controller is told instead."""
+    """A row of the table: the true instrument's values, and what the controller assumes instead."""
 
     words: str
     changes: Mapping[str, Any]
-    told: Mapping[str, Any] = {}
+    stated: Mapping[str, Any] = {}
     lost: float = 0.0
     """Share of the torque constant that the true motors lack"""
 
@@ -60,8 +60,8 @@ ROWS = {
     "ideal": Row("currents of a drive without friction or ripple", drive(1.0, 0.0, torque_ripple=0.0)),
     "direct": Row("the same with ripple of 2 %", drive(1.0, 0.0)),
     "geared": Row("gear of 0.9, friction of 1 N", GEARED),
-    "less": Row("the same, its friction told as 0.7", GEARED, {"gear_efficiency": 0.93, "friction_torque": 3.5e-3}),
-    "more": Row("the same, its friction told as 1.3", GEARED, {"gear_efficiency": 0.87, "friction_torque": 6.5e-3}),
+    "less": Row("the same, its friction assumed as 0.7", GEARED, {"gear_efficiency": 0.93, "friction_torque": 3.5e-3}),
+    "more": Row("the same, its friction assumed as 1.3", GEARED, {"gear_efficiency": 0.87, "friction_torque": 6.5e-3}),
     "warm": Row("the same, motors warm by 3 %", drive(0.9, 5e-3, thermal_drift=0.03, thermal_time=0.1)),
     "apart": Row("the same, torque constants 2 % apart", GEARED, lost=0.02),
     "coarse": Row("gear of 0.8, friction of 2 N", drive(0.8, 10e-3)),
@@ -70,7 +70,7 @@ ROWS = {
 
 
 class Summary(NamedTuple):
-    """What a row came to over states and told friction, deg unless said."""
+    """What a row came to over states and assumed friction, deg unless said."""
 
     final_rms: float
     final_worst: float
@@ -82,22 +82,24 @@ class Summary(NamedTuple):
     faults: tuple[str, ...]
 
 
-def trial(inst: Instrument, told: Instrument, output: float, law: str = "robust", **faults: Any) -> tuple[Run, float]:
+def trial(
+    inst: Instrument, assumed: Instrument, output: float, law: str = "robust", **faults: Any
+) -> tuple[Run, float]:
     """Return a run in a state (deg), and the output angle that the handle wants there without friction, rad."""
     force = step_response.step_force(inst)
     motion = step_response.held_motion(inst, float(np.radians(output)), force, BEFORE, AFTER)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FaultWarning)
-        controller = Controller(told, law=law)  # type: ignore[arg-type]
+        controller = Controller(assumed, law=law)  # type: ignore[arg-type]
         run = Twin(inst, seed=1).run(motion.handle_angle, motion.force, controller=controller, **faults)
     return run, float(np.radians(output))
 
 
-def known(inst: Instrument, share: float, told: Mapping[str, Any]) -> Instrument:
-    """Return what the controller knows: identified stiffness, friction times a share, and what it is told."""
+def known(inst: Instrument, share: float, stated: Mapping[str, Any]) -> Instrument:
+    """Return what the controller knows: identified stiffness, friction times a share, and what the row states."""
     model = step_response.controller_model(inst)
-    rubbing = {f"friction.{key}": share * getattr(inst.friction, key) for key in COEFFICIENTS}
-    return model.replace(**rubbing, **{f"drives.{key}": value for key, value in told.items()})
+    coefficients = {f"friction.{key}": share * getattr(inst.friction, key) for key in COEFFICIENTS}
+    return model.replace(**coefficients, **{f"drives.{key}": value for key, value in stated.items()})
 
 
 def judge(row: Row) -> Summary:
@@ -107,8 +109,8 @@ def judge(row: Row) -> Summary:
         inst = inst.replace(**{"mismatch.load_cell_gain": (1 + row.lost / 2, 1 - row.lost / 2)})
     final, off, estimate, nees, force, names = [], [], [], [], [], []
     for output, share in product(OUTPUTS, TOLD):
-        told = known(inst, share, row.told)
-        run, wanted = trial(inst, told, output)
+        assumed = known(inst, share, row.stated)
+        run, wanted = trial(inst, assumed, output)
         last = run.time > run.time[-1] - LAST
         final.append(float((run["output_angle"][last] - wanted).mean()))
         missed = run["estimated_output_angle"] - run["output_angle"]
@@ -116,7 +118,7 @@ def judge(row: Row) -> Summary:
         nees.append(float(((missed / run["estimated_output_angle_std"])[run.time > 2] ** 2).mean()))
         force.append(float((run["estimated_force"] - run["force"])[last].mean()))
         names += run.fault_times
-        standing, _ = trial(inst, told, output, law="off")
+        standing, _ = trial(inst, assumed, output, law="off")
         off.append(float((standing["output_angle"][last] - wanted).mean()))
     angles = np.degrees([rms(final), float(np.abs(final).max()), rms(off), rms(estimate)]).tolist()
     return Summary(*angles, float(np.mean(nees)), rms(force), tuple(dict.fromkeys(names)))
@@ -130,8 +132,8 @@ def failures(inst: Instrument, what: str) -> None:
     """Print by how much further than with motors off the tip goes when the reading of a tension fails."""
     sensor = inst.tension_sensor
     print(f"{what} that fail 0.5 s before the load, 67°: how much further off than with motors off, at worst")
-    told = known(inst, 1.0, {})
-    standing, wanted = trial(inst, told, 67.0, law="off")
+    assumed = known(inst, 1.0, {})
+    standing, wanted = trial(inst, assumed, 67.0, law="off")
     after = standing.time > BEFORE - 0.5
     least = float(np.abs(standing["output_angle"] - wanted)[after].max())
     failing = {
@@ -143,7 +145,7 @@ def failures(inst: Instrument, what: str) -> None:
     for words, how in failing.items():
         for tendon in ("agonist", "antagonist"):
             injected = FaultInjection(f"tension.{tendon}", start=BEFORE - 0.5, **how)  # type: ignore[arg-type]
-            run, _ = trial(inst, told, 67.0, fault_injection=[injected])
+            run, _ = trial(inst, assumed, 67.0, fault_injection=[injected])
             worst = float(np.abs(run["output_angle"] - wanted)[after].max())
             named = ", ".join(f"{name} after {at - BEFORE + 0.5:.3f} s" for name, at in run.fault_times.items())
             print(f"  {tendon:12s}{words:26s}{np.degrees(worst - least):7.2f}°   {named or 'no fault'}")

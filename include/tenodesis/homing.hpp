@@ -248,7 +248,7 @@ struct Homing {
         jogs.at_once[i][k] = jogs.moving[0].of(k) - (state.mean.of(k) + jogs.moving[1].of(k)) * S(0.5);
       }
       // A drive that stood may be on either edge of its friction.
-      jogs.again = settings.drive.rubs() && !jogs.again;
+      jogs.again = settings.drive.has_friction() && !jogs.again;
       if (jogs.again) {
         state.listen();
       } else if (i == 1) {
@@ -321,7 +321,7 @@ struct Homing {
       return {};
     }
     // A reading that no longer falls is not its tendon's: that is slack, and the other may hold a load alone.
-    const S noticed = settings.drive.rubs() ? settings.notice / (model.axis.stiffness * least_slope) : S(0);
+    const S noticed = settings.drive.has_friction() ? settings.notice / (model.axis.stiffness * least_slope) : S(0);
     const S silent = larger(S(0.6) * settings.travel, noticed);
     for (int i = 0; i < 2; ++i) {
       if (!state.eased || state.tension[i] < state.fallen[i] - settings.notice) {
@@ -461,7 +461,7 @@ struct Homing {
     S speed = clamp(settings.gain * missing / model.axis.stiffness, -brisk(), brisk());
     bool near = abs(missing) <= settings.tolerance * pretension;
     // By currents, a drive that turns back shows nothing at first, and may wind too much meanwhile.
-    if (settings.drive.rubs()) {
+    if (settings.drive.has_friction()) {
       const bool lets_out = state.stage == release;
       if (state.stage == approach && missing < S(-0.02) * pretension && state.deeper < S(0.25)) {
         state.deeper = state.deeper + S(0.1);

@@ -14,10 +14,10 @@ struct HomingDriveState {
   S turned{};   ///< stroke furthest on that edge, m
   S tension{};  ///< last known, N
   bool started{};
-  bool turning{};  ///< has been told to leave its edge, and not yet moved on
+  bool turning{};  ///< has been commanded to leave its edge, and not yet moved on
 };
 
-/// A drive whose current tells its tendon's tension; of load cells it has no friction, and changes nothing.
+/// A drive whose current measures its tendon's tension; of load cells it has no friction, and changes nothing.
 template <class S>
 struct HomingDrive {
   S efficiency{1};
@@ -25,9 +25,9 @@ struct HomingDrive {
   S gain{1};     ///< of a reading over the motor's pull
   S play{};      ///< stroke over which friction turns from one edge to the other, m; 0 with load cells
 
-  bool rubs() const { return efficiency < S(1) || friction > S(0); }
+  bool has_friction() const { return efficiency < S(1) || friction > S(0); }
 
-  /// Share of friction that may be other than it is told, as a difference of tension between its edges, N.
+  /// Share of friction that may be other than the parameters say, as a difference of tension between its edges, N.
   S doubt(const S& tension) const {
     return S(0.15) * ((S(1) / efficiency - efficiency) * abs(tension) + S(2) * friction);
   }
@@ -35,7 +35,7 @@ struct HomingDrive {
   /// Tension by a reading, N, at the stroke of the spool, m; while friction turns, the last one that was known. sent:
   /// the drive's velocity as commanded, of which less than an encoder's step turns friction.
   S tension(const S& reading, const S& stroke, const S& sent, HomingDriveState<S>& state) const {
-    if (!rubs()) return reading;
+    if (!has_friction()) return reading;
     if (!state.started) state = {0, stroke, reading, true, false};
     const S beyond = stroke - state.turned, ahead = beyond * S(state.edge);
     state.turning = sent * S(state.edge) < S(0) || (state.turning && ahead <= S(0));

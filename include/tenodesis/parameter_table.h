@@ -124,7 +124,7 @@
   ROW(homing_offset, "N", positive, "largest error of a cell, and difference of the tensions of a free tip")    \
   ROW(homing_notice, "N", positive, "change of a tension that stands out from noise")                           \
   ROW(homing_gain_error, "1", positive, "largest difference of the load cells' gains, share")                   \
-  ROW(homing_efficiency, "1", positive, "of drives whose currents tell tensions; 1 with load cells")            \
+  ROW(homing_efficiency, "1", positive, "of drives whose currents measure tension; 1 with load cells")          \
   ROW(homing_friction, "N", not_negative, "of such drives, beside what grows with the load")                    \
   ROW(homing_play, "m", not_negative, "stroke over which that friction turns")                                  \
   /* fault detection */                                                                                         \

@@ -89,7 +89,7 @@ def test_two_joints_tell_two_components_and_say_so() -> None:
     anything = tn.coupled.tip_wrench(inst, angles, moments, 1e-6)
     deviation = np.sqrt(np.diag(anything.covariance))
     assert np.all(np.abs(anything.wrench - force) < 3 * deviation + 1e-9)
-    assert anything.narrowed[2] < 0.6  # along the tip, joints tell little
+    assert anything.narrowed[2] < 0.6  # along the tip, joints show little
     assert anything.narrowed[5] < 0.5  # no joint turns about the tip's own axis
     nothing = tn.coupled.tip_wrench(inst, angles, [np.nan] * 3, 1.0)
     assert nothing.narrowed == pytest.approx(np.zeros(6), abs=1e-12)

@@ -99,9 +99,9 @@ def test_volts_become_tensions_by_the_currents_of_the_drives(inst: Instrument, s
     for tendon, channel, gain in (("agonist", "ai1", 0.5), ("antagonist", "ai2", -0.25)):
         table["yaw"][tendon]["current"] = {"channel": channel, "gain": gain, "offset": 0.1}
         del table["yaw"][f"{tendon}_tension"]
-    told = inst.replace(**currents, devices={"nidaq": table})
-    assert told.devices.nidaq is not None
-    with NiDaqDevice(told, told.devices.nidaq, tasks=FakeTasks([sample(0)])) as device:
+    wired = inst.replace(**currents, devices={"nidaq": table})
+    assert wired.devices.nidaq is not None
+    with NiDaqDevice(wired, wired.devices.nidaq, tasks=FakeTasks([sample(0)])) as device:
         measured = device.read(1.0)
     assert measured is not None
     assert measured.tension[0] == pytest.approx(np.array([0.6, 0.6]) * 0.1 * 5 / inst.drives.spool_radius)

@@ -29,8 +29,8 @@ another pair bends the jaws, about twice as far as the hand turns.
 **What goes wrong.** Tendons stretch under load. When tissue pushes on the tip (**violet arrow**), the jaws lose angle:
 they are no longer where the hand points them. The **green shadow** shows where they should be.
 
-**What the motors do.** A motor at each tendon winds up the stretch. The controller computes it from {told}; it needs
-no sensor at the tip.
+**What the motors do.** A motor at each tendon winds up the stretch. The controller computes it from {measured}; it
+needs no sensor at the tip.
 
 **Try it.**
 1. Move the slider *Handle yaw*: the jaws follow, and the shadow with them.
@@ -40,7 +40,7 @@ no sensor at the tip.
 
 **STOP** halts the motors at once, from any browser. The Esc key does the same.
 """
-_TOLD = {"load-cell": "the tendon tensions at the handle", "current": "the currents of the motors"}
+_MEASURED = {"load-cell": "the tendon tensions at the handle", "current": "the currents of the motors"}
 """What the controller measures, by ``sensors.kind``."""
 
 
@@ -94,7 +94,7 @@ class Browser:
         with tabs.add_tab("Setup"):
             setup = SetupTab(session)
         with tabs.add_tab("Help"):
-            gui.add_markdown(_HELP.format(told=_TOLD[inst.sensors.kind]))
+            gui.add_markdown(_HELP.format(measured=_MEASURED[inst.sensors.kind]))
         known = session.link.capabilities
         self.plots = Plots(gui, inst, measured=known.distal_encoder, simulated=known.simulated)
         self.scene = Scene(session.client, inst, largest_force(inst), small=session.small)

@@ -47,7 +47,7 @@ class ShownSignals(NamedTuple):
     tension: Array
     """At the spools, agonist first, N, shape (n, axes, 2)"""
     current: Array
-    """Of the motors, where they tell the tensions, agonist first, A, shape (n, axes, 2)"""
+    """Of the motors, where they measure the tensions, agonist first, A, shape (n, axes, 2)"""
     distal_tension: Array
     """At the tip, agonist first, N, shape (n, axes, 2)"""
     stroke: Array

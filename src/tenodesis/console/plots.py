@@ -31,7 +31,7 @@ _EMPTY = np.array([-WINDOW, 0.0])
 
 
 class Plots:
-    """Curves of angle, force, tensions, stroke and friction of one axis, and of currents that tell the tensions.
+    """Curves of angle, force, tensions, stroke and friction of one axis, and of currents that measure the tensions.
 
     Parameters
     ----------

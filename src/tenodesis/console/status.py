@@ -100,7 +100,7 @@ CURRENT_ADVICE = {
         "Check the spools' encoders, the motors' currents and the ropes. Then home, then enable.",
     ),
 }
-"""Where currents tell the tensions, in the place of these."""
+"""Where currents measure the tensions, in the place of these."""
 
 HOMING_REMEDIES = {
     "tip_loaded": "Take everything off the tip. If it is free, set the zero of the load cells again.",
@@ -133,7 +133,7 @@ CURRENT_REMEDIES = {
     "cell_gains_apart": "Check the torque constants of both motors; see whether one tendon or one gearbox rubs.",
     "stiffness_wrong": "Check torque constant, friction of the drives and stiffness in the instrument file.",
 }
-"""Where currents tell the tensions, in the place of these."""
+"""Where currents measure the tensions, in the place of these."""
 
 _COLOURS = {
     RuntimeState.DISABLED: "#5b6675",
@@ -154,7 +154,7 @@ _MEANING = {
 def status_line(status: Status, origin: str, notes: Iterable[str] = (), *, currents: bool = False) -> str:
     """Return as HTML state, faults with advice, notes, and who operates, for the browser of an origin.
 
-    currents: whether currents tell the tensions, in the place of load cells.
+    currents: whether currents measure the tensions, in the place of load cells.
     """
     advice = ADVICE | CURRENT_ADVICE if currents else ADVICE
     remedies = HOMING_REMEDIES | CURRENT_REMEDIES if currents else HOMING_REMEDIES

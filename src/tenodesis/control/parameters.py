@@ -42,7 +42,7 @@ _TISSUE = 1.25
 _OVER_LOAD = 5 / 3
 # Of the tip while homing, rad: moved by one motor's jog, by one tendon alone, and what a cell's error may cost.
 _JOG, _PULL, _TIP_ERROR = np.radians([0.8, 1.6, 0.5])
-# Of a drive's friction, by its current: what may be told wrong, and the angle over which it turns, rad.
+# Of a drive's friction, by its current: what the file may state wrongly, and the angle over which it turns, rad.
 _UNSURE, _TURNS = 0.15, 3e-3
 _NONE = 1e-9  # m; the core wants a positive stroke
 # Of a tip that one tendon alone pulls: it coasts when the motor stops, rad/s.

@@ -53,8 +53,8 @@ class Resolution(NamedTuple):
     tip_force: float
     """Standard deviation of the tip force by all errors of the load cells, N, largest over the working range"""
     hidden_force: float
-    """Tip force that the friction of drives at rest may hide where currents tell the tensions, N, the same; 0 with load
-    cells"""
+    """Tip force that the friction of drives at rest may hide where currents measure the tensions, N, the same; 0 with
+    load cells"""
     load: float
     """The largest of ``conditions.forces``, N; 1 N where the file has none"""
     loss: float
@@ -123,7 +123,7 @@ def sentences(inst: Instrument) -> tuple[str, ...]:
         found.append(prefix + _sentence(known))
         if axis.sensors.kind == "current":
             found.append(
-                f"{prefix}the motors' currents tell the tensions, {axis.tension_sensor.per_current:.3g} N/A; until "
+                f"{prefix}the motors' currents measure the tensions, {axis.tension_sensor.per_current:.3g} N/A; until "
                 f"they move, the friction of the drives hides up to {known.hidden_force:.2g} N at the tip."
             )
     return tuple(sentence[0].upper() + sentence[1:] for sentence in found)

@@ -208,7 +208,7 @@ class NiAxis(Axis[NiDrive, NiAngle, NiTension]):
     def inputs(self, per_current: float) -> tuple[NiAngle | NiTension, ...]:
         """Return the analogue inputs: handle, agonist, antagonist and, if present, output.
 
-        per_current: tension per motor current where currents tell the tensions, N/A; 0 with load cells.
+        per_current: tension per motor current where currents measure the tensions, N/A; 0 with load cells.
         """
         found: dict[str, NiAngle | NiTension] = self.sources
         for name, drive in zip(("agonist tension", "antagonist tension"), self.drives, strict=True):
