@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,11 +25,6 @@ _EYE = (-0.62, 0.72, 0.33)
 _Buffers: TypeAlias = tuple[Array, NDArray[np.int64], Array]
 _FINE = 2  # samples per pixel and direction
 _EDGE = 0.35
-
-
-class _Mesh(NamedTuple):
-    points: Array
-    faces: Array
 
 
 def draw_assembly(model: Model, output_angle: float = math.radians(40)) -> Figure:
@@ -136,8 +131,8 @@ def rendered(placed: Sequence[Placed], width: int) -> tuple[Array, list[tuple[fl
     along /= np.linalg.norm(along)
     up = np.cross(toward, along)
     turn = np.stack([along, up, toward])
-    meshes = [_mesh(one.solid) for one in placed]
-    seen = [_Mesh(mesh.points @ turn.T, mesh.faces) for mesh in meshes]
+    meshes = [k.meshed(one.solid, 0.1, 0.3) for one in placed]
+    seen = [k.Mesh(mesh.points @ turn.T, mesh.faces) for mesh in meshes]
     everything = np.vstack([mesh.points for mesh in seen])
     low, high = everything.min(0), everything.max(0)
     columns = width * _FINE
@@ -166,12 +161,7 @@ def rendered(placed: Sequence[Placed], width: int) -> tuple[Array, list[tuple[fl
     return _reduced(image), centres
 
 
-def _mesh(solid: k.Solid) -> _Mesh:
-    points, faces = solid.tessellate(0.1, 0.3)
-    return _Mesh(np.array([(point.X, point.Y, point.Z) for point in points]), np.array(faces))
-
-
-def _normals(mesh: _Mesh) -> Array:
+def _normals(mesh: k.Mesh) -> Array:
     first, second, third = (mesh.points[mesh.faces[:, column]] for column in range(3))
     found = np.cross(second - first, third - first)
     lengths = np.linalg.norm(found, axis=1, keepdims=True)
@@ -179,7 +169,7 @@ def _normals(mesh: _Mesh) -> Array:
     return normals
 
 
-def _fill(flat: Array, faces: Array, normals: Array, number: int, buffers: _Buffers) -> None:
+def _fill(flat: Array, faces: NDArray[np.intp], normals: Array, number: int, buffers: _Buffers) -> None:
     """Write the triangles of a part that face the eye to the buffers of depth, part and normal."""
     depth, owner, normal = buffers
     for face, way in zip(faces[normals[:, 2] > 0], normals[normals[:, 2] > 0], strict=True):
