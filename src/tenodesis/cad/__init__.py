@@ -11,6 +11,7 @@ from tenodesis.cad.assembly import Overlap, Placed, assembled, interference, mes
 from tenodesis.cad.body_parts import Hardware
 from tenodesis.cad.checks import Agreement, Printable, agreement
 from tenodesis.cad.drawing import Row, draw_part, rows, write_drawings
+from tenodesis.cad.gltf import gltf
 from tenodesis.cad.masses import Inertia, Mass, inertias, masses, tip_inertia
 from tenodesis.cad.model import Model, build
 from tenodesis.cad.pack import FILES, FOLDERS, Checks, check, write
@@ -44,6 +45,7 @@ __all__ = [
     "draw_assembly",
     "draw_exploded",
     "draw_part",
+    "gltf",
     "inertias",
     "interference",
     "masses",

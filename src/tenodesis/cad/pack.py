@@ -15,6 +15,7 @@ from tenodesis.cad import kernel as k
 from tenodesis.cad.assembly import Overlap, Progress, assembled, interference, mesh_play
 from tenodesis.cad.checks import Agreement, Printable, agreement, printable, write_mesh
 from tenodesis.cad.drawing import write_drawings
+from tenodesis.cad.gltf import gltf
 from tenodesis.cad.masses import inertias, masses, tip_inertia
 from tenodesis.cad.model import Model
 from tenodesis.cad.picture import colour_of, draw_assembly, draw_exploded
@@ -168,7 +169,7 @@ def _write_assembly(model: Model, folder: Path) -> None:
         pieces.append(piece)
     whole = b.Compound(label=model.instrument.name, children=pieces)
     b.export_step(whole, folder / "assembly.step")
-    b.export_gltf(whole, str(folder / "assembly.glb"), binary=True, linear_deflection=0.05, angular_deflection=0.3)
+    (folder / "assembly.glb").write_bytes(gltf(model))
 
 
 def _write_parts(model: Model, found: Checks, path: Path) -> None:

@@ -94,7 +94,8 @@ class Browser:
         with tabs.add_tab("Help"):
             gui.add_markdown(_HELP)
         self.plots = Plots(gui, inst, measured=session.link.capabilities.distal_encoder)
-        self.scene = Scene(session.client, inst, largest_force(inst), small=session.small)
+        parts = session.folders.parts
+        self.scene = Scene(session.client, inst, largest_force(inst), parts=parts, small=session.small)
         return header, move, law, protocols, self._files, setup
 
     def _add_look(self, gui: Any, names: tuple[str, ...] = ("whole", "tip", "handle")) -> None:
