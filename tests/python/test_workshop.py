@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import tenodesis as tn
 from tenodesis import scaling, tolerance, workshop
@@ -68,7 +69,7 @@ def test_the_tolerances_keep_the_target_and_no_cheaper_grade_of_one_does(found: 
     assert found.is_kept
     assert found.built.kept <= found.target
     assert found.coarsest.kept > found.target
-    choosing = budgets._Choosing(budgets._Pair.of(*pair()), found.target, found.share, found.samples, found.seed)
+    choosing = budgets._Choosing(budgets._Pair.of(*pair()), found.target, found.share, found.samples, found.seed, None)
     taken = [found.dimensions[key].grade for key in choosing.keys]
     slopes = np.concatenate(choosing.slopes, axis=1)
     for n, offered in enumerate(choosing.grades):
@@ -90,6 +91,50 @@ def test_shares_of_the_error_add_up_and_costs_are_those_of_the_pieces(found: wor
     assert set(found.dimensions) <= set(NAMES)
     assert "pretension" in found.dimensions and "pretension" not in found.drawn
     assert found.drawn["end_effector_length"] == found.dimensions["end_effector_length"].grade.width
+
+
+def test_play_of_gears_turns_the_links_and_not_the_tip(scaled: tn.TendonGear) -> None:
+    """By the energy of the whole linkage: its halves, the links' angle free by the play, tendons, force at the tip."""
+    radius, play, force = scaled.distal_gear_radius, 0.15e-3, 1.5
+
+    def ends(angle: float, off: float) -> tuple[np.ndarray, np.ndarray]:
+        link = (angle - off) / 2
+        centre = 2 * radius * np.array([np.sin(link), np.cos(link)])
+        tip = centre + scaled.end_effector_length * np.array([np.sin(angle), np.cos(angle)])
+        across = radius * np.array([np.cos(angle), -np.sin(angle)])
+        side = radius * np.array([1.0, 0.0])
+        lengths = [np.linalg.norm(centre + sign * across - sign * side) for sign in (1, -1)]
+        return np.array(lengths), tip
+
+    def moment(angle: float, off: float, stroke: float) -> float:
+        (above, tip_above), (below, tip_below) = (ends(angle + step, off) for step in (1e-6, -1e-6))
+        stretch = ends(angle, off)[0] - 2 * radius + stroke * np.array([1, -1])
+        tensions = np.maximum(scaled.pretension + scaled.tendon_stiffness * stretch, 0.0)
+        way = (tip_above - tip_below) @ [np.cos(angle), -np.sin(angle)]
+        return float(-(tensions @ (above - below) + force * way) / 2e-6)
+
+    for handle in np.radians([0.0, 20.0, 40.0]):
+        stroke = 2 * scaled.proximal_gear_radius * np.sin(handle / 2)
+        angles = [brentq(moment, -1.0, 2.0, args=(off, stroke)) for off in np.array([0, 1, -1]) * play / (2 * radius)]
+        assert angles[0] == pytest.approx(float(tn.statics.output_angle(scaled, handle, force)), abs=1e-6)
+        assert np.degrees(np.ptp(angles)) < 0.01 < np.degrees(play / (2 * radius)) / 50
+
+
+def test_printed_gears_need_their_play_taken_out_and_the_budget_says_what_it_costs(found: workshop.Budget) -> None:
+    printed = workshop.tolerate(*pair(), samples=500, backlash=0.15e-3)
+    radii = 4e-3, 9e-3
+    key = "distal_gear_backlash"
+    # The encoder at the joint's axis reads half the play over the radius; at the handle's, times the ratio of radii.
+    assert printed.play_as_made == pytest.approx(np.degrees(0.075e-3 / radii[0] * 2), rel=0.15)
+    assert printed.dimensions[key].effect == pytest.approx(
+        np.degrees(printed.dimensions[key].tolerance / radii[0]), rel=1e-6
+    )
+    for one in (found, printed):
+        assert one.is_kept
+        assert one.dimensions[key].grade.width < 0.03e-3
+        assert key not in one.drawn
+    assert "DIN 3967" in grades.of_backlash(radii[0], None)[0].name
+    assert "0.15 mm" in grades.of_backlash(radii[0], 0.15e-3)[0].name
 
 
 @pytest.mark.slow

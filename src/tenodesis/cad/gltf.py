@@ -4,7 +4,7 @@ from tenodesis import kinematics
 from tenodesis.cad import kernel as k
 from tenodesis.cad.assembly import frames_of, matrix
 from tenodesis.cad.model import Model
-from tenodesis.cad.picture import colour_of
+from tenodesis.cad.picture import colours_of
 from tenodesis.extras import require
 from tenodesis.run import Array
 
@@ -22,12 +22,12 @@ def gltf(model: Model) -> bytes:
     """
     trimesh = require("trimesh", "cad")
     scene = trimesh.Scene(metadata={"tenodesis": described(model)})
-    placed = frames_of(model, 0.0, 0.0)
+    placed, colours = frames_of(model, 0.0, 0.0), colours_of(model)
     for part in model.parts:
         body = f"{BODY}{part.body}"
         scene.graph.update(body, matrix=_metres(matrix(placed(part, k.at()))))
         mesh = k.meshed(part.solid, _CHORD, _TURN)
-        colour = [round(255 * share) for share in colour_of(model, part)]
+        colour = [round(255 * share) for share in colours[part.name]]
         material = trimesh.visual.material.PBRMaterial(
             baseColorFactor=[*colour, 255], metallicFactor=0.1, roughnessFactor=0.7, doubleSided=True
         )

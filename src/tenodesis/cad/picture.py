@@ -1,7 +1,8 @@
 """Pictures of the assembly and of its parts apart: shaded by a depth buffer, with the names of the parts."""
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from itertools import cycle
 from typing import TypeAlias
 
 import numpy as np
@@ -13,16 +14,16 @@ from numpy.typing import NDArray
 from tenodesis.cad import kernel as k
 from tenodesis.cad.assembly import Placed, assembled
 from tenodesis.cad.model import Model
-from tenodesis.cad.parts import Part
 from tenodesis.report import style
 from tenodesis.run import Array
 
-_COLOURS = ("#5f7f9e", "#c98a4b", "#6d9a75", "#9c7bb0", "#b86a6a", "#7a8b99")
+_COLOURS = ("#5f7f9e", "#c98a4b", "#6d9a75", "#9c7bb0", "#b86a6a", "#7a8b99", "#b59f5a", "#5f9a9a")
 _BOUGHT = "#b4bcc4"
 _LIGHT = np.array([-0.2, 0.93, 0.3])
 _EYE = (-0.62, 0.72, 0.33)
 """Direction toward the eye: from above, and from the side that the tip bends away from."""
 _Buffers: TypeAlias = tuple[Array, NDArray[np.int64], Array]
+_Colours: TypeAlias = Mapping[str, tuple[float, float, float]]
 _FINE = 2  # samples per pixel and direction
 _EDGE = 0.35
 
@@ -36,9 +37,10 @@ def draw_assembly(model: Model, output_angle: float = math.radians(40)) -> Figur
     groups = dict.fromkeys(
         one.part.name for one in placed if one.part.body in ("bench", "rig_bar", "stem") or one.part.name == "grip"
     )
-    _show(whole, placed, groups, "Assembly on its bench", 2200)
-    _show(tip, _near(model, placed, tip=True), None, f"Tip, bent by {math.degrees(output_angle):.0f}°", 1000)
-    _show(handle, _near(model, placed, tip=False), None, "Joint of the handle", 1000)
+    colours = colours_of(model)
+    _show(whole, placed, colours, groups, "Assembly on its bench", 2200)
+    _show(tip, _near(model, placed, tip=True), colours, None, f"Tip, bent by {math.degrees(output_angle):.0f}°", 1000)
+    _show(handle, _near(model, placed, tip=False), colours, None, "Joint of the handle", 1000)
     return fig
 
 
@@ -55,7 +57,7 @@ def draw_exploded(model: Model) -> Figure:
     places = "AA;BB;CD" if rig else "AA;BB"
     panels = fig.subplot_mosaic(places, height_ratios=(1.0, 0.9, 1.2)[: 3 if rig else 2], width_ratios=(1.9, 1.0))
     for axis, (title, group) in zip(panels.values(), groups.items(), strict=True):
-        _show(axis, group, None, title, 1400)
+        _show(axis, group, colours_of(model), None, title, 1400)
     return fig
 
 
@@ -71,11 +73,13 @@ def _near(model: Model, placed: Sequence[Placed], *, tip: bool) -> list[Placed]:
     ]
 
 
-def _show(axis: Axes, placed: Sequence[Placed], names: Collection[str] | None, title: str, width: int) -> None:
+def _show(  # noqa: PLR0917
+    axis: Axes, placed: Sequence[Placed], colours: _Colours, names: Collection[str] | None, title: str, width: int
+) -> None:
     """Draw parts on an axis; `names` are those to name, None for all."""
     axis.set_axis_off()
     axis.set_title(title, loc="left", pad=24)
-    image, centres = rendered(placed, width)
+    image, centres = rendered(placed, colours, width)
     high, wide = image.shape[:2]
     axis.imshow(image, interpolation="antialiased", aspect="equal")
     kinds: dict[str, tuple[float, float]] = {}
@@ -123,7 +127,7 @@ def _spread(places: Sequence[float], size: float, share: float) -> list[float]:
     return found
 
 
-def rendered(placed: Sequence[Placed], width: int) -> tuple[Array, list[tuple[float, float] | None]]:
+def rendered(placed: Sequence[Placed], colours: _Colours, width: int) -> tuple[Array, list[tuple[float, float] | None]]:
     """Return an image (rows, columns, 3) of parts, and the pixel at the middle of what is seen of each, if any."""
     toward = np.array(_EYE) / np.linalg.norm(_EYE)
     # Along the page lies the stem.
@@ -149,7 +153,7 @@ def rendered(placed: Sequence[Placed], width: int) -> tuple[Array, list[tuple[fl
         flat[:, 0] = (flat[:, 0] - low[0]) * scale + 2
         flat[:, 1] = rows - 2 - (flat[:, 1] - low[1]) * scale
         _fill(flat, mesh.faces, _normals(mesh), number, (depth, owner, normal))
-    image = _shaded(placed, (depth, owner, normal), turn @ _LIGHT, scale)
+    image = _shaded(placed, colours, (depth, owner, normal), turn @ _LIGHT, scale)
     centres: list[tuple[float, float] | None] = []
     for number in range(len(placed)):
         at_rows, at_columns = np.nonzero(owner == number)
@@ -190,23 +194,14 @@ def _fill(flat: Array, faces: NDArray[np.intp], normals: Array, number: int, buf
         normal[window][nearer] = way
 
 
-def colour_of(model: Model, part: Part) -> tuple[float, float, float]:
-    """Return the colour of a part, red, green and blue from 0 to 1."""
-    return _colours(model.parts)[part.name]
+def colours_of(model: Model) -> _Colours:
+    """Return the colour of every part by name, red, green and blue from 0 to 1; bought parts are grey."""
+    colours = cycle(_COLOURS)
+    return {part.name: to_rgb(next(colours) if part.made else _BOUGHT) for part in model.parts}
 
 
-def _colours(parts: Iterable[Part]) -> dict[str, tuple[float, float, float]]:
-    found: dict[str, tuple[float, float, float]] = {}
-    for part in parts:
-        if part.name not in found:
-            made = sum(colour != to_rgb(_BOUGHT) for colour in found.values())
-            found[part.name] = to_rgb(_COLOURS[made % len(_COLOURS)] if part.made else _BOUGHT)
-    return found
-
-
-def _shaded(placed: Sequence[Placed], buffers: _Buffers, light: Array, scale: float) -> Array:
+def _shaded(placed: Sequence[Placed], colours: _Colours, buffers: _Buffers, light: Array, scale: float) -> Array:
     depth, owner, normal = buffers
-    colours = _colours(one.part for one in placed)
     palette = np.array([*(colours[one.part.name] for one in placed), (1.0, 1.0, 1.0)])
     bright = np.clip(0.55 + 0.45 * (normal @ light), 0, 1)
     image = palette[owner] * np.where(owner >= 0, bright, 1.0)[..., np.newaxis]

@@ -19,7 +19,7 @@ from tenodesis.scaling.plan_text import angle, plain, quantity
 from tenodesis.scaling.practical import OBJECTIVES, PracticalFront
 from tenodesis.workshop import figures
 from tenodesis.workshop.assembly import FIRST_RUN, HEADER, Step, checklist
-from tenodesis.workshop.budget import PULLEY, TARGET, Budget, Spread, tolerate
+from tenodesis.workshop.budget import BACKLASHES, PULLEY, TARGET, Budget, Spread, tolerate
 from tenodesis.workshop.first_run import FirstRun, protocol_text, rehearse
 from tenodesis.workshop.order import Item, order_list
 from tenodesis.workshop.words import NAMES, nominal, tolerance
@@ -82,6 +82,7 @@ def prepare(
     practical: PracticalFront | None = None,
     *,
     target: float = TARGET,
+    backlash: float | None = None,
     progress: Callable[[str, int, int], object] = lambda *_: None,
 ) -> Pack:
     """Return tolerances, order list, checklist and first run of a design.
@@ -94,6 +95,8 @@ def prepare(
         The designs by what a workshop asks, to be shown with it.
     target
         Similarity error, deg, that 95 % of the instruments built must keep.
+    backlash
+        Play of gears that are printed or milled, m along the pitch circle; by default gears are cut and bought.
     progress
         Called with the name of the step, the amount done and the total.
 
@@ -105,7 +108,7 @@ def prepare(
         The target is out of its range.
     """
     progress("choosing tolerances", 0, 2)
-    budget = tolerate(design.real_size, design.scaled_up, target=target)
+    budget = tolerate(design.real_size, design.scaled_up, target=target, backlash=backlash)
     progress("running the twin", 1, 2)
     first = rehearse(design)
     progress("running the twin", 2, 2)
@@ -113,10 +116,10 @@ def prepare(
 
 
 def study_file(budget: Budget) -> str:
-    """Return the text of a tolerance file, for ``tenodesis tolerance``; the rig's pulley is no part of it."""
+    """Return the text of a tolerance file, for ``tenodesis tolerance``, without rig's pulley and gears' play."""
     tables: list[dict[str, Any]] = []
     for one in budget.dimensions.values():
-        if one.key == PULLEY:
+        if one.key == PULLEY or one.key in BACKLASHES:
             continue
         width = f"{1e3 * one.tolerance:.6g} mm" if one.is_drawn else f"{100 * one.tolerance / one.nominal:.6g} %"
         kind = {"distribution": "normal", "standard_deviation": width} if one.grade.is_normal else {
@@ -155,6 +158,13 @@ def _warnings(budget: Budget) -> list[str]:
         found.append(
             f"{angle(budget.target)} is kept up to {plain(max(budget.forces), 3)} N real-size only; at "
             f"{plain(worst, 3)} N the same tolerances leave {angle(budget.by_force[worst].kept)} for {keeps}."
+        )
+    if budget.play_as_made:
+        left = sum(budget.dimensions[key].effect for key in BACKLASHES)
+        found.append(
+            "The gears' play turns the links, not the tip, which the tendons hold; but encoders at the joints' axes "
+            f"read the links: up to {angle(budget.play_as_made)} off with gears as bought or made, {angle(left)} with "
+            "the grades below."
         )
     if budget.rubs:
         found.append(

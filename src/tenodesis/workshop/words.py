@@ -14,6 +14,8 @@ NAMES = {
     "overall_length": "overall length L",
     "backbone_length": "backbone length",
     PULLEY: "load rig's pulley, to cable's centre",
+    "distal_gear_backlash": "distal gears, play as the encoder reads it",
+    "proximal_gear_backlash": "proximal gears, play as the encoder reads it",
     "tendon_modulus": "tendons' modulus",
     "tendon_stiffness": "tendons' stiffness",
     "pretension": "pretension",
