@@ -9,11 +9,11 @@ from tenodesis.instrument import Instrument
 from tenodesis.scaling import Design
 from tenodesis.scaling.plan_text import angle, plain, quantity
 from tenodesis.workshop.budget import BACKLASHES, Budget
-from tenodesis.workshop.first_run import FirstRun
+from tenodesis.workshop.first_run import CONTROLLED, FIRST_RUN, FirstRun
 from tenodesis.workshop.order import SPARE_TURNS, rope_length
 from tenodesis.workshop.words import NAMES, tolerance
 
-FIRST_RUN, HEADER, INSTRUMENT, LOG = "first-run.toml", "controller.h", "scaled-up.toml", "first-run.mcap"
+HEADER, INSTRUMENT, LOG = "controller.h", "scaled-up.toml", "first-run.mcap"
 _PROOF = 1.25  # of the controller's limit, as its fault of too much tension
 _MASS = 1.0  # kg
 
@@ -88,13 +88,12 @@ def checklist(design: Design, budget: Budget, run: FirstRun) -> tuple[Step, ...]
             "the readings of the table below",
         ),
         Step(
-            "Identify the friction: tenodesis plan-identification proposes the protocol for it, tenodesis "
-            "identify fits its "
-            f"recording; write it into {INSTRUMENT}",
+            f"Identify the friction: tenodesis identify {LOG} --instrument {INSTRUMENT} fits the 30 s that say the "
+            "most; tenodesis plan-identification proposes a protocol that says more",
             "a coefficient between half and twice the guess; otherwise look at the vertices",
         ),
         Step(
-            f"The same protocol with the controller (--law robust; its parameters for a microcontroller: {HEADER})",
+            f"The protocol {CONTROLLED} with the controller (--law robust; parameters for a microcontroller: {HEADER})",
             f"no fault; under load the tip comes back to {angle(run.left)} of its angle; no tendon above "
             f"{quantity(run.demand.seen, 'N', 3)}",
         ),

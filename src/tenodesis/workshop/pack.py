@@ -18,14 +18,14 @@ from tenodesis.scaling.plan_tables import PlanTable
 from tenodesis.scaling.plan_text import angle, plain, quantity
 from tenodesis.scaling.practical import OBJECTIVES, PracticalFront
 from tenodesis.workshop import figures
-from tenodesis.workshop.assembly import FIRST_RUN, HEADER, Step, checklist
+from tenodesis.workshop.assembly import HEADER, Step, checklist
 from tenodesis.workshop.budget import BACKLASHES, PULLEY, TARGET, Budget, Spread, tolerate
-from tenodesis.workshop.first_run import FirstRun, protocol_text, rehearse
+from tenodesis.workshop.first_run import CONTROLLED, FIRST_RUN, FirstRun, protocol_text, rehearse
 from tenodesis.workshop.order import Item, order_list
 from tenodesis.workshop.words import NAMES, nominal, tolerance
 
 ORDER, TOLERANCES, STUDY, CHECKLIST = "order.csv", "tolerances.csv", "tolerances.toml", "checklist.csv"
-FILES = (ORDER, TOLERANCES, STUDY, CHECKLIST, FIRST_RUN, HEADER)
+FILES = (ORDER, TOLERANCES, STUDY, CHECKLIST, FIRST_RUN, CONTROLLED, HEADER)
 """Names of the files of a pack."""
 _NAMED = 3  # causes in a sentence
 _LEAST_CAUSE = 0.05
@@ -71,6 +71,7 @@ class Pack:
             STUDY: study_file(self.budget),
             CHECKLIST: to_csv(("step", "do", "see"), [(str(n), *step) for n, step in enumerate(self.steps, 1)]),
             FIRST_RUN: protocol_text(self.design),
+            CONTROLLED: protocol_text(self.design, controlled=True),
             HEADER: header(self.design.scaled_up, homed=False),
         }
         for name, text in texts.items():
