@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from markupsafe import Markup
 
 from tenodesis import cad, plant
 from tenodesis.cad.assembly import Progress
@@ -138,7 +139,7 @@ class DesignSolids:
         """Return their picture for a plan in a folder, with the way to their glTF file from there."""
         if self._folder is None or self._checks is None:
             return None
-        svg = style.inlined("solids", (self._folder / "assembly.svg").read_text("utf-8"))
+        svg = Markup(style.inlined("solids", (self._folder / "assembly.svg").read_text("utf-8")))
         caption = "The solids on their bench, the tip and the joint of the handle"
         return Drawing(caption, svg, Path(os.path.relpath(self._folder / cad.ASSEMBLY, out)).as_posix())
 
