@@ -11,11 +11,15 @@ import pytest
 
 import tenodesis as tn
 from tenodesis.scaling import PINS
+from tenodesis.simulate.execution import check_controllable
 
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
 
 FILES = ["front.csv", "front.png", "front.svg", "plan.html", "plan.pdf", "scaled-up.toml"]
-PARTS = ["checklist.csv", "controller.h", "first-run.toml", "order.csv", "tolerances.csv", "tolerances.toml"]
+PARTS = [
+    "checklist.csv", "controller.h", "first-run-controlled.toml", "first-run.toml", "order.csv", "tolerances.csv",
+    "tolerances.toml",
+]  # fmt: skip
 PAPER = [
     "--catalogue",
     "paper",
@@ -46,10 +50,10 @@ def test_a_workshop_gets_an_instrument_file_a_plan_and_the_front(tenodesis: Comm
     assert float(taken["overall length [mm]"]) == pytest.approx(1e3 * inst.overall_length)
     assert (folder / "plan.pdf").read_bytes().startswith(b"%PDF")
     assert tenodesis("check", "prototype/scaled-up.toml")[0] == 0
-    # The pack is consistent: its protocol runs under the controller of its instrument file, whose limit is high enough.
-    code, said, _ = tenodesis("record", "prototype/scaled-up.toml", "prototype/first-run.toml", "--law", "robust")
-    assert code == 0
-    assert "faults: none" in said
+    # The pack is consistent: its protocols fit its instrument file, and the controller can run that which is for it.
+    for name in ("first-run", "first-run-controlled"):
+        assert 300 < tn.simulate.load(folder / f"{name}.toml").duration(inst) < 600
+    check_controllable(tn.simulate.load(folder / "first-run-controlled.toml").plan(inst, 1e-3), inst)
     assert tn.tolerance.load(folder / "tolerances.toml").name == "as drawn"
     page = (folder / "plan.html").read_text("utf-8")
     assert "as designed: largest similarity error" in page and "as built: its median" in page
