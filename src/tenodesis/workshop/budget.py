@@ -365,19 +365,21 @@ class _Choosing:
         ]
         at = np.unique(np.abs(slopes).argmax(axis=1))
         variance, cost = np.zeros((1, at.size)), np.zeros(1)
+        picked: NDArray[np.intp] = np.zeros((1, 0), np.intp)
+        most = (self.target / _LEAST_QUANTILE) ** 2
         for n, offered in enumerate(choices):
             own = np.array([_variance(one) * slopes[n, at] ** 2 for one in offered])
             price = np.array([one.cost * _pieces(self.pair.scaled_up, self.keys[n]) for one in offered])
-            variance = (variance[:, np.newaxis] + own).reshape(-1, at.size)
-            cost = (cost[:, np.newaxis] + price).ravel()
-        deviation = np.sqrt(variance.max(axis=1))
-        possible = np.flatnonzero(deviation * _LEAST_QUANTILE <= self.target)
-        order = possible[np.lexsort((deviation[possible], cost[possible].round(6)))]
-        shape = [len(one) for one in choices]
+            places = np.indices((len(variance), len(offered))).reshape(2, -1)
+            variance, cost = variance[places[0]] + own[places[1]], cost[places[0]] + price[places[1]]
+            picked = np.concatenate([picked[places[0]], places[1][:, np.newaxis]], axis=1)
+            # What is too wide already stays so.
+            possible = variance.max(axis=1) <= most
+            variance, cost, picked = variance[possible], cost[possible], picked[possible]
+        order = np.lexsort((np.sqrt(variance.max(axis=1)), cost.round(6)))
         for _, same in groupby(order.tolist(), key=lambda number: round(float(cost[number]), 6)):
             for number in list(same)[:_TRIED]:
-                picked = np.unravel_index(number, shape)
-                yield tuple(one[int(n)] for one, n in zip(choices, picked, strict=True))
+                yield tuple(one[n] for one, n in zip(choices, picked[number].tolist(), strict=True))
 
     def drawn(self, taken: Sequence[Grade], forces: Sequence[int], *, friction: float = 0.0, fewer: int = 1) -> Array:
         """Return the largest error, deg, of drawn instruments at some of the forces; infinite where a tip is lost."""
