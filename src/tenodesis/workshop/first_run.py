@@ -200,6 +200,10 @@ def _excitation(inst: Instrument, speed: float, test: TestLoad) -> Iterator[_Sta
     yield _Stage(f"{_hung(test)}, for identification.", (_load(test, _output(0.0), _HELD), *moved[:2]))
 
 
+def _angle(angle: float) -> str:
+    return f"{math.degrees(angle):.0f}°".replace("-", "\N{MINUS SIGN}")
+
+
 def _hung(test: TestLoad) -> str:
     return f"{test.weights.sentence.partition(':')[0]}: {test.real_force:.3g} N on the real-size tip"
 
@@ -341,7 +345,7 @@ def _readings(design: Design, stages: Sequence[_Stage], runs: Sequence[Sequence[
             cycle = 2 * _STROKE / (_FASTER * _STROKE_SPEED) + _BRIEF
             wide = [float(np.ptp(_last(run, "measured_tension", cycle), axis=0).max()) for run in at]
             yield _reading(
-                f"stroke at {np.degrees(stage.value):.0f}°", "load cells, largest change", "N", wide, share,
+                f"stroke at {_angle(stage.value)}", "load cells, largest change", "N", wide, share,
                 "more: a sharp or dirty vertex at this bend",
             )  # fmt: skip
         elif stage.read == "move":
@@ -362,7 +366,7 @@ def _tightened(inst: Instrument, runs: Sequence[Run]) -> Iterator[Reading]:
 
 
 def _moves(inst: Instrument, angle: float, runs: Sequence[Run]) -> Iterator[Reading]:
-    step, sign = f"move to {np.degrees(angle):.0f}°", np.sign(angle)
+    step, sign = f"move to {_angle(angle)}", np.sign(angle)
     reached = [float(np.degrees(sign * (sign * run["measured_output_angle"]).max())) for run in runs]
     yield _reading(step, "tip, farthest", "deg", reached, 0.5, "radii, or a tendon that slips on its wheel")
     strained = [float(run["measured_tension"].max()) for run in runs]
