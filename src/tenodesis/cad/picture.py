@@ -26,6 +26,7 @@ _Buffers: TypeAlias = tuple[Array, NDArray[np.int64], Array]
 _Colours: TypeAlias = Mapping[str, tuple[float, float, float]]
 _FINE = 2  # samples per pixel and direction
 _EDGE = 0.35
+_NAME = 72.0  # pt, of a part's name in small type
 
 
 def draw_assembly(model: Model, output_angle: float = math.radians(40)) -> Figure:
@@ -38,9 +39,16 @@ def draw_assembly(model: Model, output_angle: float = math.radians(40)) -> Figur
         one.part.name for one in placed if one.part.body in ("bench", "rig_bar", "stem") or one.part.name == "grip"
     )
     colours = colours_of(model)
-    _show(whole, placed, colours, groups, "Assembly on its bench", 2200)
-    _show(tip, _near(model, placed, tip=True), colours, None, f"Tip, bent by {math.degrees(output_angle):.0f}°", 1000)
-    _show(handle, _near(model, placed, tip=False), colours, None, "Joint of the handle", 1000)
+    _show(whole, placed, colours, groups, "Assembly on its bench", (2200, 780))
+    _show(
+        tip,
+        _near(model, placed, tip=True),
+        colours,
+        None,
+        f"Tip, bent by {math.degrees(output_angle):.0f}°",
+        (1000, 350),
+    )
+    _show(handle, _near(model, placed, tip=False), colours, None, "Joint of the handle", (1000, 430))
     return fig
 
 
@@ -56,8 +64,9 @@ def draw_exploded(model: Model) -> Figure:
     fig = style.Drawing(figsize=(11.0, 10.5 if rig else 6.5), layout="constrained")
     places = "AA;BB;CD" if rig else "AA;BB"
     panels = fig.subplot_mosaic(places, height_ratios=(1.0, 0.9, 1.2)[: 3 if rig else 2], width_ratios=(1.9, 1.0))
-    for axis, (title, group) in zip(panels.values(), groups.items(), strict=True):
-        _show(axis, group, colours_of(model), None, title, 1400)
+    points = (780, 780, 510, 270)
+    for axis, (title, group), wide in zip(panels.values(), groups.items(), points, strict=False):
+        _show(axis, group, colours_of(model), None, title, (1400, wide))
     return fig
 
 
@@ -74,12 +83,17 @@ def _near(model: Model, placed: Sequence[Placed], *, tip: bool) -> list[Placed]:
 
 
 def _show(  # noqa: PLR0917
-    axis: Axes, placed: Sequence[Placed], colours: _Colours, names: Collection[str] | None, title: str, width: int
+    axis: Axes,
+    placed: Sequence[Placed],
+    colours: _Colours,
+    names: Collection[str] | None,
+    title: str,
+    width: tuple[int, float],
 ) -> None:
-    """Draw parts on an axis; `names` are those to name, None for all."""
+    """Draw parts on an axis, at a width in pixels that is so many points; `names` are those to name, None for all."""
     axis.set_axis_off()
     axis.set_title(title, loc="left", pad=24)
-    image, centres = rendered(placed, colours, width)
+    image, centres = rendered(placed, colours, width[0])
     high, wide = image.shape[:2]
     axis.imshow(image, interpolation="antialiased", aspect="equal")
     kinds: dict[str, tuple[float, float]] = {}
@@ -87,18 +101,20 @@ def _show(  # noqa: PLR0917
         if centre is not None and (names is None or one.part.name in names):
             kinds.setdefault(one.part.name, centre)
     flat = wide > 1.5 * high
-    _name(axis, kinds, (wide, high), across=0 if flat else 1)
+    _name(axis, kinds, (wide, high), _NAME / width[1] if flat else 0.06, across=0 if flat else 1)
 
 
-def _name(axis: Axes, kinds: Mapping[str, tuple[float, float]], size: tuple[int, int], *, across: int) -> None:
-    """Write the names of parts above and below a picture (across = 0), or left and right of it (1)."""
+def _name(
+    axis: Axes, kinds: Mapping[str, tuple[float, float]], size: tuple[int, int], gap: float, *, across: int
+) -> None:
+    """Write names of parts above and below a picture (across = 0), or left and right (1), a share of it apart."""
     along = 1 - across
     # Half of the names on either side, by where their parts are across the picture.
     ranked = sorted(kinds, key=lambda name: kinds[name][along])
     for side in (-1, 1):
         chosen = ranked[: (len(ranked) + 1) // 2] if side < 0 else ranked[(len(ranked) + 1) // 2 :]
         chosen = sorted(chosen, key=lambda name: kinds[name][across])
-        spread = _spread([kinds[name][across] for name in chosen], size[across], 0.15 if across == 0 else 0.06)
+        spread = _spread([kinds[name][across] for name in chosen], size[across], gap)
         for number, name in enumerate(chosen):
             place = [0.0, 0.0]
             place[across] = spread[number]
