@@ -5,17 +5,26 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeAlias
+from types import SimpleNamespace
+from typing import Any, TypeAlias
 
 import pytest
 
 import tenodesis as tn
+from tenodesis import cad
+from tenodesis.cli import cad as cli_cad
+from tenodesis.errors import InstrumentError
+from tenodesis.instrument import Instrument
 from tenodesis.scaling import PINS
+from tenodesis.simulate.execution import check_controllable
 
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
 
 FILES = ["front.csv", "front.png", "front.svg", "plan.html", "plan.pdf", "scaled-up.toml"]
-PARTS = ["checklist.csv", "controller.h", "first-run.toml", "order.csv", "tolerances.csv", "tolerances.toml"]
+PARTS = [
+    "checklist.csv", "controller.h", "first-run-controlled.toml", "first-run.toml", "order.csv", "tolerances.csv",
+    "tolerances.toml",
+]  # fmt: skip
 PAPER = [
     "--catalogue",
     "paper",
@@ -31,7 +40,7 @@ PAPER = [
 
 @pytest.mark.slow
 def test_a_workshop_gets_an_instrument_file_a_plan_and_the_front(tenodesis: Command, tmp_path: Path) -> None:
-    code, said, wrong = tenodesis("scale", "real-size", "--combinations", 50_000)
+    code, said, wrong = tenodesis("scale", "real-size", "--combinations", 20_000)
     assert (code, wrong) == (0, "")
     folder = tmp_path / "prototype"
     assert sorted(path.name for path in folder.iterdir()) == sorted([*FILES, *PARTS])
@@ -46,10 +55,10 @@ def test_a_workshop_gets_an_instrument_file_a_plan_and_the_front(tenodesis: Comm
     assert float(taken["overall length [mm]"]) == pytest.approx(1e3 * inst.overall_length)
     assert (folder / "plan.pdf").read_bytes().startswith(b"%PDF")
     assert tenodesis("check", "prototype/scaled-up.toml")[0] == 0
-    # The pack is consistent: its protocol runs under the controller of its instrument file, whose limit is high enough.
-    code, said, _ = tenodesis("record", "prototype/scaled-up.toml", "prototype/first-run.toml", "--law", "robust")
-    assert code == 0
-    assert "faults: none" in said
+    # The pack is consistent: its protocols fit its instrument file, and the controller can run that which is for it.
+    for name in ("first-run", "first-run-controlled"):
+        assert 300 < tn.simulate.load(folder / f"{name}.toml").duration(inst) < 600
+    check_controllable(tn.simulate.load(folder / "first-run-controlled.toml").plan(inst, 1e-3), inst)
     assert tn.tolerance.load(folder / "tolerances.toml").name == "as drawn"
     page = (folder / "plan.html").read_text("utf-8")
     assert "as designed: largest similarity error" in page and "as built: its median" in page
@@ -60,7 +69,9 @@ def test_a_workshop_gets_an_instrument_file_a_plan_and_the_front(tenodesis: Comm
 
 @pytest.mark.slow
 def test_what_would_be_better_than_the_papers_prototype_is_told(tenodesis: Command, tmp_path: Path) -> None:
-    code, said, _ = tenodesis("scale", "real-size", *PAPER, "--out", "paper", "--no-parts")
+    code, said, _ = tenodesis(
+        "scale", "real-size", *PAPER, "--combinations", 100_000, "--out", "paper", "--no-parts"
+    )  # fmt: skip
     assert code == 0
     assert "1 scale models judged, 1 meet every constraint, 1 on the front" in said
     assert "length x 3.75, force x 2.88, tension x 1.378; pretension 41.33 N." in said
@@ -76,6 +87,47 @@ def test_a_factor_pins_the_distal_radius(tenodesis: Command, tmp_path: Path) -> 
     inst = tn.load(tmp_path / "prototype/scaled-up.toml")
     assert isinstance(inst, tn.TendonGear)
     assert inst.distal_gear_radius == pytest.approx(7.5e-3)
+
+
+@pytest.mark.slow
+def test_a_plan_has_the_picture_of_its_solids_and_their_inertia(
+    tenodesis: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With solids made up, so that the kernel is not needed."""
+
+    def build(inst: Instrument, **_: Any) -> Any:
+        return SimpleNamespace(given=inst, process=cad.PROCESSES["sla"])
+
+    def write(_model: Any, folder: Path, *_: Any) -> Any:
+        folder.mkdir(exist_ok=True)
+        (folder / "assembly.svg").write_text('<?xml version="1.0"?><svg width="9" height="9"><g id="parts"/></svg>')
+        return SimpleNamespace()
+
+    monkeypatch.setattr(cli_cad, "require", lambda *_: None)
+    monkeypatch.setattr(cli_cad, "print_checks", lambda *_: None)
+    monkeypatch.setattr(cad, "build", build)
+    monkeypatch.setattr(cad, "write", write)
+    monkeypatch.setattr(
+        cad, "with_inertia", lambda model: model.given.replace(**{"dynamics.tip_inertia": "3e-5 kg*m^2"})
+    )
+    words = ("scale", "real-size", "--combinations", 5000, "--no-parts", "--cad", "solids")
+    code, said, _ = tenodesis(*words)
+    assert (code, "Its solids, drawings and pictures are written to solids." in said) == (0, True)
+    assert tn.load(tmp_path / "prototype/scaled-up.toml").dynamics.tip_inertia == pytest.approx(3e-5)
+    page = (tmp_path / "prototype/plan.html").read_text("utf-8")
+    assert '<svg><g id="solids-parts"/></svg>' in page
+    assert '<a href="../solids/assembly.glb">' in page
+
+    def refuse(*_: Any, **__: Any) -> Any:
+        raise InstrumentError("distal_gear_radius is 2 mm: too small.")
+
+    monkeypatch.setattr(cad, "build", refuse)
+    # What cannot be made is told when the plan is written.
+    code, _, wrong = tenodesis(*words, "--overwrite")
+    assert (code, "distal_gear_radius is 2 mm" in wrong) == (1, True)
+    assert "assembly.glb" not in (tmp_path / "prototype/plan.html").read_text("utf-8")
+    code, _, wrong = tenodesis(*words[:-1], "prototype")
+    assert (code, "--cad and --out are both prototype" in wrong) == (1, True)
 
 
 @pytest.mark.slow

@@ -4,16 +4,17 @@ Needs the extra ``[cad]`` (build123d, trimesh). Solids are the kernel's, in mm; 
 
     model = tn.cad.build("scaled-up", process="sla")
     tn.cad.write(model, Path("out"))            # STEP, STL, glTF, drawings, pictures
-    tn.cad.tip_inertia(model)                   # kg·m², for dynamics.tip_inertia
+    tn.cad.with_inertia(model)                  # the instrument, whose twin has the solids' inertia
 """
 
 from tenodesis.cad.assembly import Overlap, Placed, assembled, interference, mesh_play
 from tenodesis.cad.body_parts import Hardware
 from tenodesis.cad.checks import Agreement, Printable, agreement
 from tenodesis.cad.drawing import Row, draw_part, rows, write_drawings
-from tenodesis.cad.masses import Inertia, Mass, inertias, masses, tip_inertia
+from tenodesis.cad.gltf import gltf
+from tenodesis.cad.masses import Inertia, Mass, inertias, masses, tip_inertia, with_inertia
 from tenodesis.cad.model import Model, build
-from tenodesis.cad.pack import FILES, FOLDERS, Checks, check, write
+from tenodesis.cad.pack import ASSEMBLY, FILES, FOLDERS, Checks, check, write
 from tenodesis.cad.parts import Dimension, Part
 from tenodesis.cad.picture import draw_assembly, draw_exploded
 from tenodesis.cad.process import PROCESSES, Process
@@ -21,6 +22,7 @@ from tenodesis.cad.routes import tendon_lengths, tip_places
 from tenodesis.cad.urdf import urdf
 
 __all__ = [
+    "ASSEMBLY",
     "FILES",
     "FOLDERS",
     "PROCESSES",
@@ -44,6 +46,7 @@ __all__ = [
     "draw_assembly",
     "draw_exploded",
     "draw_part",
+    "gltf",
     "inertias",
     "interference",
     "masses",
@@ -53,6 +56,7 @@ __all__ = [
     "tip_inertia",
     "tip_places",
     "urdf",
+    "with_inertia",
     "write",
     "write_drawings",
 ]

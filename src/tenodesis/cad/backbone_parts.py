@@ -9,8 +9,10 @@ from tenodesis.cad.parts import Dimension, Part
 from tenodesis.cad.shared import End, far_dimensions, ferrule_collar, ferrule_pockets, socket, spigot, tube_dimensions
 from tenodesis.cad.sizes import Sizes, refuse
 
-_DEVIATION = math.radians(0.25)
-"""Output angle by which straight tendons between the discs may differ from the model's arcs."""
+_DEVIATION = 1e-3
+"""Length, mm, by which straight tendons between the discs may differ from the model's arcs."""
+_THICKNESS = 1 / 3
+"""Of a disc over the pitch: what tendons are too short between discs, as chords, they are too long within them."""
 
 
 class Backbone(NamedTuple):
@@ -50,9 +52,9 @@ def backbone(sizes: Sizes, radius: float, length: float, rod: float, largest: fl
             f"{wall:.3g} mm that process {sizes.process.name} allows",
             f"at least {least:.3g} mm",
         )
-    # A chord is shorter than its arc by a share of (its angle)^2 / 24, on the outside of the bend the most.
-    spare = radius * _DEVIATION
-    count = math.ceil(math.sqrt((length + radius * largest) * largest**2 / (24 * spare)))
+    # A tendon is off its arc by (angle of a span)^2 / 24 times three discs' thickness less its own length in the span:
+    # of discs a third as thick as their pitch only the difference of inside and outside of the bend is left.
+    count = math.ceil(math.sqrt(radius * largest**3 / (24 * _DEVIATION)))
     outer = radius + sizes.tunnel / 2 + wall
     # On the inside of the bend the discs' rims come closer.
     room = length / count - 2 * outer * math.tan(largest / count / 2)
@@ -67,7 +69,7 @@ def backbone(sizes: Sizes, radius: float, length: float, rod: float, largest: fl
             f"two discs of {wall:.3g} mm touch when it bends to {math.degrees(largest):.0f} deg",
             f"at least {least:.3g} mm",
         )
-    disc = min(room - sizes.play, max(wall, 0.35 * length / count))
+    disc = min(room - sizes.play, max(wall, _THICKNESS * length / count))
     return Backbone(radius, length, rod, outer, disc, count, max(3 * wall, 0.8 * radius))
 
 

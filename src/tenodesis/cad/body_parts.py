@@ -1,12 +1,11 @@
 """Parts between and beyond the joints: stem, end-effector, grip, spools, and the mounts of motors and load cells."""
 
-import math
 from typing import NamedTuple
 
 from tenodesis.cad import kernel as k
 from tenodesis.cad.kernel import Solid
-from tenodesis.cad.parts import Dimension, Part
-from tenodesis.cad.shared import End
+from tenodesis.cad.parts import Dimension, Part, bought, pin
+from tenodesis.cad.shared import End, groove_dimensions
 from tenodesis.cad.sizes import Sizes
 
 TIP_PIN = 3.0
@@ -39,14 +38,12 @@ def stem_part(end: End, other: End) -> Part:
     low, high = -end.stem_length + other.near_length, -end.near_length
     outer, bore = end.stem_radius, end.stem_bore
     tube = k.rod((0, 0, low), (0, 0, high), outer) - k.rod((0, 0, low), (0, 0, high), bore)
-    return Part(
+    return bought(
         "stem",
         f"Stem: tube {2 * outer:.4g} x {outer - bore:.3g}",
         tube,
         "stem",
         (k.at(),),
-        made=False,
-        density=7800.0,
         dimensions=(
             Dimension("outer diameter", (-outer, 0, high), (outer, 0, high), "top", 1, "Ø", "stem_diameter"),
             Dimension("bore", (-bore, 0, high), (bore, 0, high), "top", 1, "Ø"),
@@ -90,17 +87,8 @@ def end_effector_part(end: End, sizes: Sizes, length: float, start: float) -> Pa
 
 def tip_pin_part(end: End, length: float, low: float) -> Part:
     """Return the pin at the tip, that reaches down into the load rig's bar."""
-    pin = k.rod((0, low, length), (0, 3.0, length), TIP_PIN / 2)
-    return Part(
-        "tip_force_pin",
-        f"Dowel pin ISO 2338 {TIP_PIN:g} x {math.ceil(3.0 - low):g}",
-        pin,
-        end.far,
-        (k.at(),),
-        made=False,
-        density=7800.0,
-        away=(0, 20, 60),
-    )
+    rod = k.rod((0, low, length), (0, 3.0, length), TIP_PIN / 2)
+    return pin("tip_force_pin", TIP_PIN, 3.0 - low, rod, end.far, (k.at(),), (0, 20, 60))
 
 
 def grip_part(end: End, sizes: Sizes, length: float, start: float) -> Part:
@@ -142,10 +130,9 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float) ->
     boss = 1e3 * hardware.motor_boss
     bolts, plate = 1e3 * hardware.motor_bolts, 1e3 * hardware.motor_bolts + 12
     height = 1e3 * hardware.motor_length + 10
-    centre, shaft = bottom + groove, (1e3 * hardware.motor_shaft + sizes.bore) / 2
+    shaft = (1e3 * hardware.motor_shaft + sizes.bore) / 2
     body = k.rod((0, -half, 0), (0, half, 0), rim)
-    body -= k.ring(centre, 0.0, groove)
-    body -= k.rod((0, -groove, 0), (0, groove, 0), rim + 1) - k.rod((0, -groove, 0), (0, groove, 0), centre)
+    body = k.grooved(body, bottom, 0.0, groove, rim + 1)
     body -= k.rod((0, -half - 1, 0), (0, half + 1, 0), shaft)
     anchor = bottom + sizes.tunnel / 2
     body -= k.rod((anchor, 0, 0), (anchor, half + 1, 0), sizes.tunnel / 2)
@@ -165,33 +152,9 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float) ->
             tuple(k.at(x, 0, lead) for x in columns),
             density=sizes.process.density,
             dimensions=(
-                Dimension(
-                    "radius to the rope's centre",
-                    (0, -half, 0),
-                    (spool, -half, 0),
-                    "front",
-                    1,
-                    "R",
-                    "drives.spool_radius",
-                ),
-                Dimension(
-                    "radius to the groove's bottom",
-                    (0, -half, 0),
-                    (bottom, -half, 0),
-                    "front",
-                    1,
-                    "R",
-                    "drives.spool_radius",
-                ),
+                *groove_dimensions("rope", spool, bottom, -half, "drives.spool_radius"),
                 Dimension("rim", (-rim, -half, 0), (rim, -half, 0), "front", -1, "Ø"),
-                Dimension(
-                    "shaft's bore",
-                    (-shaft, -half, 0),
-                    (shaft, -half, 0),
-                    "front",
-                    -1,
-                    "Ø",
-                ),
+                Dimension("shaft's bore", (-shaft, -half, 0), (shaft, -half, 0), "front", -1, "Ø"),
                 Dimension("width", (0, -half, 0), (0, half, 0), "side", 1),
             ),
             notes=(

@@ -79,8 +79,8 @@ _LYING: tuple[k.Point, ...] = ((0, 0, 0), (180, 0, 0), (90, 0, 0), (-90, 0, 0), 
 
 def laid(model: Model, part: Part) -> Solid:
     """Return a part as it lies on the printer's bed with the least area to support, mm."""
-    points, faces = part.solid.tessellate(0.2, 0.4)
-    corners = np.array([(point.X, point.Y, point.Z) for point in points])[np.array(faces)]
+    points, faces = k.meshed(part.solid, 0.2, 0.4)
+    corners = points[faces]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = np.linalg.norm(across, axis=1) / 2
     normals = across / np.where(areas > 0, 2 * areas, 1)[:, np.newaxis]

@@ -5,7 +5,7 @@ import math
 from tenodesis.cad import kernel as k
 from tenodesis.cad.gear_joint import GearJoint, bored, link, toothed_half
 from tenodesis.cad.kernel import FLIP
-from tenodesis.cad.parts import Dimension, Part
+from tenodesis.cad.parts import Dimension, Part, pin
 from tenodesis.cad.shared import (
     End,
     far_dimensions,
@@ -35,7 +35,7 @@ def gear_parts(joint: GearJoint, end: End, sizes: Sizes) -> list[Part]:
     places = tuple(k.at(0, y) if tip else k.at(0, -y, turn=FLIP) for y in (side, -side - joint.link_thickness))
     radius = joint.gear.pitch_radius
     pins = tuple(k.at(z=z if tip else -z) for z in (0.0, 2 * radius))
-    pin = k.rod((0, -joint.pin_length / 2, 0), (0, joint.pin_length / 2, 0), joint.pin / 2)
+    dowel = k.rod((0, -joint.pin_length / 2, 0), (0, joint.pin_length / 2, 0), joint.pin / 2)
     out = 2.5 * radius
     return [
         Part(
@@ -69,15 +69,8 @@ def gear_parts(joint: GearJoint, end: End, sizes: Sizes) -> list[Part]:
             dimensions=_link_dimensions(joint, sizes, end.key),
             away=(0, out, out / 2 if tip else -out / 2),
         ),
-        Part(
-            names[3],
-            f"Dowel pin ISO 2338 {joint.pin:g} x {math.ceil(joint.pin_length):g}",
-            pin,
-            end.carrier,
-            pins,
-            made=False,
-            density=7800.0,
-            away=(0, 2 * out, out / 2 if tip else -out / 2),
+        pin(
+            names[3], joint.pin, joint.pin_length, dowel, end.carrier, pins, (0, 2 * out, out / 2 if tip else -out / 2)
         ),
     ]
 

@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tenodesis.errors import InstrumentError
 from tenodesis.extras import require
 from tenodesis.run import Array
 
@@ -19,6 +21,8 @@ Location: TypeAlias = Any
 Point: TypeAlias = tuple[float, float, float]
 
 UP: Point = (0.0, 0.0, 1.0)
+_FINER = (1.0, 0.7, 0.5, 0.35, 0.2)
+"""Shares of the turn that a mesh is made with."""
 
 
 def kernel() -> Any:
@@ -78,19 +82,12 @@ def stadium(length: float, radius: float, low: float, high: float) -> Solid:
     return body
 
 
-def turned(profile: Sequence[tuple[float, float]], groove: tuple[float, float, float] | None = None) -> Solid:
-    """Return a solid of revolution about y of a polygon (radius, y), without a groove (radius, y, groove's radius)."""
+def grooved(body: Solid, bottom: float, y: float, half: float, out: float) -> Solid:
+    """Return a wheel about y with a groove from the radius of its round bottom out to another, of half a width."""
     b = kernel()
-    corners = [(radius, y, 0.0) for radius, y in profile]
-    edges = [b.Edge.make_line(one, two) for one, two in zip(corners, [*corners[1:], corners[0]], strict=True)]
-    body = b.Solid.revolve(b.Face(b.Wire(edges)), 360, b.Axis.Y)
-    return body if groove is None else body - ring(*groove)
-
-
-def ring(radius: float, y: float, tube: float) -> Solid:
-    """Return a torus about y."""
-    b = kernel()
-    return b.Solid.make_torus(radius, tube, b.Plane(origin=(0, y, 0), z_dir=(0, 1, 0)))
+    centre, low, high = bottom + half, (0.0, y - half, 0.0), (0.0, y + half, 0.0)
+    body -= b.Solid.make_torus(centre, half, b.Plane(origin=(0, y, 0), z_dir=(0, 1, 0)))
+    return body - (rod(low, high, out) - rod(low, high, centre))
 
 
 def surface(face: Any) -> Any:
@@ -115,3 +112,25 @@ def common(one: Solid, other: Solid) -> Solid:
 def common_volume(one: Solid, other: Solid) -> float:
     """Return the volume that two solids share, mm³."""
     return float(common(one, other).volume)
+
+
+class Mesh(NamedTuple):
+    """The surface of a solid as triangles: corners (n, 3), mm, and their numbers by triangle (m, 3)."""
+
+    points: Array
+    faces: NDArray[np.intp]
+
+
+def meshed(solid: Solid, chord: float, turn: float) -> Mesh:
+    """Return a solid's mesh, off it by a chord, mm, and a turn, rad, at most.
+
+    At some turns the kernel leaves a face of a few solids out; finer ones are tried until it has all of them.
+    """
+    for finer in _FINER:
+        require("OCP.BRepTools", "cad").BRepTools.Clean_s(solid.wrapped)
+        try:
+            points, faces = solid.tessellate(chord, finer * turn)
+        except AttributeError:
+            continue
+        return Mesh(np.array([(point.X, point.Y, point.Z) for point in points]), np.array(faces))
+    raise InstrumentError("the kernel has no mesh of a part; change a dimension a little.", key="mesh")

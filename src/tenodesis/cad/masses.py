@@ -5,11 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tenodesis import plant
 from tenodesis.cad import kernel as k
 from tenodesis.cad.assembly import matrix
 from tenodesis.cad.backbone_parts import Backbone
 from tenodesis.cad.gear_joint import GearJoint
 from tenodesis.cad.model import Model
+from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 
 
@@ -96,6 +98,17 @@ def tip_inertia(model: Model) -> float:
     carrier = bodies.get("yaw_carrier")
     links = float(carrier.about(np.zeros(3))[1, 1]) / 4 if carrier is not None and apart else 0.0
     return own + links
+
+
+def with_inertia(model: Model) -> Instrument:
+    """Return the instrument with the inertia of its solids' tip, for its twin.
+
+    A tip that is too light for the twin's time steps gets the least inertia that they can follow.
+    """
+    least = max(plant.least_tip_inertia(one) for one in model.given.planar)
+    source = f"solids of tenodesis cad, process {model.process.name}"
+    inertia = {"dynamics.tip_inertia": max(tip_inertia(model), least)}
+    return model.given.replace(**inertia, sources={**model.given.sources, "dynamics.tip_inertia": source})
 
 
 def _joined(pieces: Sequence[Inertia]) -> Inertia:

@@ -44,8 +44,10 @@ _MACHINE_ROUNDING = 1e-6
 class Model:
     """The solids of a planar instrument; use :func:`build`."""
 
+    given: Instrument
+    """The instrument as it was given, with all its axes."""
     instrument: Instrument
-    """With the bending axis called yaw."""
+    """Its bending axis that was built, called yaw."""
     process: Process
     parts: tuple[Part, ...]
     joints: "tuple[GearJoint | PulleyJoint | Backbone, GearJoint | PulleyJoint]"
@@ -142,7 +144,7 @@ def build(
         behind = -k.MM * (lengths.stem_length + 1.4 * lengths.handle_length) - 120
         parts += drive_parts(sizes, bought, k.MM * planar.drives.spool_radius, behind)
     parts = [part if part.density else replace(part, density=chosen.density) for part in parts]
-    return Model(planar, chosen, tuple(parts), (tip_joint, hand_joint), where, stop)
+    return Model(given, planar, chosen, tuple(parts), (tip_joint, hand_joint), where, stop)
 
 
 def gear_of(key: str, radius: float, module: float | None = None) -> tuple[float, int]:

@@ -4,7 +4,7 @@ import csv
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,16 +15,22 @@ from tenodesis.cad import kernel as k
 from tenodesis.cad.assembly import Overlap, Progress, assembled, interference, mesh_play
 from tenodesis.cad.checks import Agreement, Printable, agreement, printable, write_mesh
 from tenodesis.cad.drawing import write_drawings
-from tenodesis.cad.masses import inertias, masses, tip_inertia
+from tenodesis.cad.gltf import gltf
+from tenodesis.cad.masses import inertias, masses, tip_inertia, with_inertia
 from tenodesis.cad.model import Model
-from tenodesis.cad.picture import colour_of, draw_assembly, draw_exploded
+from tenodesis.cad.picture import colours_of, draw_assembly, draw_exploded
 from tenodesis.cad.urdf import urdf
 from tenodesis.errors import InstrumentError
+from tenodesis.instrument import Instrument
+from tenodesis.instrument.text import to_file
 from tenodesis.report import style
 
+ASSEMBLY = "assembly.glb"
+"""File of the assembly as glTF, which the console draws."""
+INSTRUMENT = "instrument.toml"
 FILES = (
     "assembly.step",
-    "assembly.glb",
+    ASSEMBLY,
     "drawings.pdf",
     "assembly.png",
     "assembly.svg",
@@ -33,10 +39,12 @@ FILES = (
     "parts.csv",
     "geometry.json",
     "instrument.urdf",
+    INSTRUMENT,
 )
 """Files of a pack, beside a STEP file of each part in step/ and an STL file of each part to make in stl/."""
 FOLDERS = ("step", "stl")
 _COLUMNS = ("part", "title", "pieces", "make", "mass each [g]", "volume each [mm3]", "least wall [mm]", "support [mm2]")
+_HEADING = "With the inertia of its tip by the solids of tenodesis cad, process {}: dynamics.tip_inertia."
 _STEPS = 9  # angles over the working range
 _SAME_VOLUME = 1e-6
 
@@ -52,6 +60,8 @@ class Checks:
     printable: tuple[Printable, ...]
     tip_inertia: float
     """About the output angle, kg·m²."""
+    instrument: Instrument
+    """The instrument with that inertia, as its file in the pack has it."""
 
 
 def check(model: Model, progress: Progress | None = None, *, steps: int = _STEPS) -> Checks:
@@ -78,7 +88,7 @@ def check(model: Model, progress: Progress | None = None, *, steps: int = _STEPS
         if progress is not None:
             progress(0, 1, "mesh of the gears")
         play = {"tip": mesh_play(model, 0.0), "handle": mesh_play(model, 0.0, tip=False)}
-    return Checks(agreement(model), tuple(overlaps), play, (), tip_inertia(model))
+    return Checks(agreement(model), tuple(overlaps), play, (), tip_inertia(model), with_inertia(model))
 
 
 def write(
@@ -126,7 +136,7 @@ def write_into(
             meshes.append(printable(model, part, str(path)))
             if not meshes[-1].watertight:
                 raise InstrumentError(f"{model.instrument.name}: the mesh of {part.name} is not closed.", key=part.name)
-    found = Checks(found.agreement, found.overlaps, found.play, tuple(meshes), found.tip_inertia)
+    found = replace(found, printable=tuple(meshes))
     report(0, 3, "assembly")
     _write_assembly(model, folder)
     report(1, 3, "pictures")
@@ -138,6 +148,7 @@ def write_into(
     _write_parts(model, found, folder / "parts.csv")
     (folder / "geometry.json").write_text(json.dumps(_summary(model, found), indent=2) + "\n", "utf-8")
     (folder / "instrument.urdf").write_text(urdf(model), "utf-8")
+    (folder / INSTRUMENT).write_text(to_file(found.instrument, comment=_HEADING.format(model.process.name)), "utf-8")
     report(1, 1, "written")
     return found
 
@@ -160,15 +171,15 @@ def _write_step(solid: Any, path: Path, label: str) -> None:
 
 def _write_assembly(model: Model, folder: Path) -> None:
     b = k.kernel()
-    pieces = []
+    pieces, colours = [], colours_of(model)
     for one in assembled(model, 0.0):
         piece = one.solid
         piece.label = one.name
-        piece.color = b.Color(*colour_of(model, one.part))
+        piece.color = b.Color(*colours[one.part.name])
         pieces.append(piece)
     whole = b.Compound(label=model.instrument.name, children=pieces)
     b.export_step(whole, folder / "assembly.step")
-    b.export_gltf(whole, str(folder / "assembly.glb"), binary=True, linear_deflection=0.05, angular_deflection=0.3)
+    (folder / ASSEMBLY).write_bytes(gltf(model))
 
 
 def _write_parts(model: Model, found: Checks, path: Path) -> None:

@@ -1,11 +1,14 @@
 """What an instrument is made of: a part with its solid, where it sits, and the dimensions of its drawing."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal
 
 from tenodesis.cad.kernel import Location, Point, Solid
 
 View = Literal["front", "side", "top"]
+STEEL = 7800.0
+"""Density of steel, kg/m³."""
 
 
 PAGE: dict[View, tuple[Point, Point]] = {
@@ -65,3 +68,29 @@ class Part:
     notes: tuple[str, ...] = ()
     away: Point = field(default=(0.0, 0.0, 0.0))
     """By how much it is moved in the exploded view, in its body's frame, mm."""
+
+
+def bought(  # noqa: PLR0917
+    name: str,
+    title: str,
+    solid: Solid,
+    body: str,
+    places: tuple[Location, ...],
+    away: Point = (0.0, 0.0, 0.0),
+    dimensions: tuple[Dimension, ...] = (),
+) -> Part:
+    """Return a part of steel that is bought to size."""
+    return Part(name, title, solid, body, places, False, STEEL, dimensions, away=away)
+
+
+def pin(  # noqa: PLR0917
+    name: str,
+    diameter: float,
+    length: float,
+    solid: Solid,
+    body: str,
+    places: tuple[Location, ...],
+    away: Point,
+) -> Part:
+    """Return a dowel pin of a diameter and a length, mm."""
+    return bought(name, f"Dowel pin ISO 2338 {diameter:g} x {math.ceil(length):g}", solid, body, places, away)

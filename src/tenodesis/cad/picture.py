@@ -1,8 +1,9 @@
 """Pictures of the assembly and of its parts apart: shaded by a depth buffer, with the names of the parts."""
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import NamedTuple, TypeAlias
+from collections.abc import Collection, Mapping, Sequence
+from itertools import cycle
+from typing import TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,23 +14,19 @@ from numpy.typing import NDArray
 from tenodesis.cad import kernel as k
 from tenodesis.cad.assembly import Placed, assembled
 from tenodesis.cad.model import Model
-from tenodesis.cad.parts import Part
 from tenodesis.report import style
 from tenodesis.run import Array
 
-_COLOURS = ("#5f7f9e", "#c98a4b", "#6d9a75", "#9c7bb0", "#b86a6a", "#7a8b99")
+_COLOURS = ("#5f7f9e", "#c98a4b", "#6d9a75", "#9c7bb0", "#b86a6a", "#7a8b99", "#b59f5a", "#5f9a9a")
 _BOUGHT = "#b4bcc4"
 _LIGHT = np.array([-0.2, 0.93, 0.3])
 _EYE = (-0.62, 0.72, 0.33)
 """Direction toward the eye: from above, and from the side that the tip bends away from."""
 _Buffers: TypeAlias = tuple[Array, NDArray[np.int64], Array]
+_Colours: TypeAlias = Mapping[str, tuple[float, float, float]]
 _FINE = 2  # samples per pixel and direction
 _EDGE = 0.35
-
-
-class _Mesh(NamedTuple):
-    points: Array
-    faces: Array
+_NAME = 72.0  # pt, of a part's name in small type
 
 
 def draw_assembly(model: Model, output_angle: float = math.radians(40)) -> Figure:
@@ -41,9 +38,17 @@ def draw_assembly(model: Model, output_angle: float = math.radians(40)) -> Figur
     groups = dict.fromkeys(
         one.part.name for one in placed if one.part.body in ("bench", "rig_bar", "stem") or one.part.name == "grip"
     )
-    _show(whole, placed, groups, "Assembly on its bench", 2200)
-    _show(tip, _near(model, placed, tip=True), None, f"Tip, bent by {math.degrees(output_angle):.0f}°", 1000)
-    _show(handle, _near(model, placed, tip=False), None, "Joint of the handle", 1000)
+    colours = colours_of(model)
+    _show(whole, placed, colours, groups, "Assembly on its bench", (2200, 780))
+    _show(
+        tip,
+        _near(model, placed, tip=True),
+        colours,
+        None,
+        f"Tip, bent by {math.degrees(output_angle):.0f}°",
+        (1000, 350),
+    )
+    _show(handle, _near(model, placed, tip=False), colours, None, "Joint of the handle", (1000, 430))
     return fig
 
 
@@ -59,8 +64,9 @@ def draw_exploded(model: Model) -> Figure:
     fig = style.Drawing(figsize=(11.0, 10.5 if rig else 6.5), layout="constrained")
     places = "AA;BB;CD" if rig else "AA;BB"
     panels = fig.subplot_mosaic(places, height_ratios=(1.0, 0.9, 1.2)[: 3 if rig else 2], width_ratios=(1.9, 1.0))
-    for axis, (title, group) in zip(panels.values(), groups.items(), strict=True):
-        _show(axis, group, None, title, 1400)
+    points = (780, 780, 510, 270)
+    for axis, (title, group), wide in zip(panels.values(), groups.items(), points, strict=False):
+        _show(axis, group, colours_of(model), None, title, (1400, wide))
     return fig
 
 
@@ -76,11 +82,18 @@ def _near(model: Model, placed: Sequence[Placed], *, tip: bool) -> list[Placed]:
     ]
 
 
-def _show(axis: Axes, placed: Sequence[Placed], names: Collection[str] | None, title: str, width: int) -> None:
-    """Draw parts on an axis; `names` are those to name, None for all."""
+def _show(  # noqa: PLR0917
+    axis: Axes,
+    placed: Sequence[Placed],
+    colours: _Colours,
+    names: Collection[str] | None,
+    title: str,
+    width: tuple[int, float],
+) -> None:
+    """Draw parts on an axis, at a width in pixels that is so many points; `names` are those to name, None for all."""
     axis.set_axis_off()
     axis.set_title(title, loc="left", pad=24)
-    image, centres = rendered(placed, width)
+    image, centres = rendered(placed, colours, width[0])
     high, wide = image.shape[:2]
     axis.imshow(image, interpolation="antialiased", aspect="equal")
     kinds: dict[str, tuple[float, float]] = {}
@@ -88,18 +101,20 @@ def _show(axis: Axes, placed: Sequence[Placed], names: Collection[str] | None, t
         if centre is not None and (names is None or one.part.name in names):
             kinds.setdefault(one.part.name, centre)
     flat = wide > 1.5 * high
-    _name(axis, kinds, (wide, high), across=0 if flat else 1)
+    _name(axis, kinds, (wide, high), _NAME / width[1] if flat else 0.06, across=0 if flat else 1)
 
 
-def _name(axis: Axes, kinds: Mapping[str, tuple[float, float]], size: tuple[int, int], *, across: int) -> None:
-    """Write the names of parts above and below a picture (across = 0), or left and right of it (1)."""
+def _name(
+    axis: Axes, kinds: Mapping[str, tuple[float, float]], size: tuple[int, int], gap: float, *, across: int
+) -> None:
+    """Write names of parts above and below a picture (across = 0), or left and right (1), a share of it apart."""
     along = 1 - across
     # Half of the names on either side, by where their parts are across the picture.
     ranked = sorted(kinds, key=lambda name: kinds[name][along])
     for side in (-1, 1):
         chosen = ranked[: (len(ranked) + 1) // 2] if side < 0 else ranked[(len(ranked) + 1) // 2 :]
         chosen = sorted(chosen, key=lambda name: kinds[name][across])
-        spread = _spread([kinds[name][across] for name in chosen], size[across], 0.15 if across == 0 else 0.06)
+        spread = _spread([kinds[name][across] for name in chosen], size[across], gap)
         for number, name in enumerate(chosen):
             place = [0.0, 0.0]
             place[across] = spread[number]
@@ -128,7 +143,7 @@ def _spread(places: Sequence[float], size: float, share: float) -> list[float]:
     return found
 
 
-def rendered(placed: Sequence[Placed], width: int) -> tuple[Array, list[tuple[float, float] | None]]:
+def rendered(placed: Sequence[Placed], colours: _Colours, width: int) -> tuple[Array, list[tuple[float, float] | None]]:
     """Return an image (rows, columns, 3) of parts, and the pixel at the middle of what is seen of each, if any."""
     toward = np.array(_EYE) / np.linalg.norm(_EYE)
     # Along the page lies the stem.
@@ -136,8 +151,8 @@ def rendered(placed: Sequence[Placed], width: int) -> tuple[Array, list[tuple[fl
     along /= np.linalg.norm(along)
     up = np.cross(toward, along)
     turn = np.stack([along, up, toward])
-    meshes = [_mesh(one.solid) for one in placed]
-    seen = [_Mesh(mesh.points @ turn.T, mesh.faces) for mesh in meshes]
+    meshes = [k.meshed(one.solid, 0.1, 0.3) for one in placed]
+    seen = [k.Mesh(mesh.points @ turn.T, mesh.faces) for mesh in meshes]
     everything = np.vstack([mesh.points for mesh in seen])
     low, high = everything.min(0), everything.max(0)
     columns = width * _FINE
@@ -154,7 +169,7 @@ def rendered(placed: Sequence[Placed], width: int) -> tuple[Array, list[tuple[fl
         flat[:, 0] = (flat[:, 0] - low[0]) * scale + 2
         flat[:, 1] = rows - 2 - (flat[:, 1] - low[1]) * scale
         _fill(flat, mesh.faces, _normals(mesh), number, (depth, owner, normal))
-    image = _shaded(placed, (depth, owner, normal), turn @ _LIGHT, scale)
+    image = _shaded(placed, colours, (depth, owner, normal), turn @ _LIGHT, scale)
     centres: list[tuple[float, float] | None] = []
     for number in range(len(placed)):
         at_rows, at_columns = np.nonzero(owner == number)
@@ -166,12 +181,7 @@ def rendered(placed: Sequence[Placed], width: int) -> tuple[Array, list[tuple[fl
     return _reduced(image), centres
 
 
-def _mesh(solid: k.Solid) -> _Mesh:
-    points, faces = solid.tessellate(0.1, 0.3)
-    return _Mesh(np.array([(point.X, point.Y, point.Z) for point in points]), np.array(faces))
-
-
-def _normals(mesh: _Mesh) -> Array:
+def _normals(mesh: k.Mesh) -> Array:
     first, second, third = (mesh.points[mesh.faces[:, column]] for column in range(3))
     found = np.cross(second - first, third - first)
     lengths = np.linalg.norm(found, axis=1, keepdims=True)
@@ -179,7 +189,7 @@ def _normals(mesh: _Mesh) -> Array:
     return normals
 
 
-def _fill(flat: Array, faces: Array, normals: Array, number: int, buffers: _Buffers) -> None:
+def _fill(flat: Array, faces: NDArray[np.intp], normals: Array, number: int, buffers: _Buffers) -> None:
     """Write the triangles of a part that face the eye to the buffers of depth, part and normal."""
     depth, owner, normal = buffers
     for face, way in zip(faces[normals[:, 2] > 0], normals[normals[:, 2] > 0], strict=True):
@@ -200,23 +210,14 @@ def _fill(flat: Array, faces: Array, normals: Array, number: int, buffers: _Buff
         normal[window][nearer] = way
 
 
-def colour_of(model: Model, part: Part) -> tuple[float, float, float]:
-    """Return the colour of a part, red, green and blue from 0 to 1."""
-    return _colours(model.parts)[part.name]
+def colours_of(model: Model) -> _Colours:
+    """Return the colour of every part by name, red, green and blue from 0 to 1; bought parts are grey."""
+    colours = cycle(_COLOURS)
+    return {part.name: to_rgb(next(colours) if part.made else _BOUGHT) for part in model.parts}
 
 
-def _colours(parts: Iterable[Part]) -> dict[str, tuple[float, float, float]]:
-    found: dict[str, tuple[float, float, float]] = {}
-    for part in parts:
-        if part.name not in found:
-            made = sum(colour != to_rgb(_BOUGHT) for colour in found.values())
-            found[part.name] = to_rgb(_COLOURS[made % len(_COLOURS)] if part.made else _BOUGHT)
-    return found
-
-
-def _shaded(placed: Sequence[Placed], buffers: _Buffers, light: Array, scale: float) -> Array:
+def _shaded(placed: Sequence[Placed], colours: _Colours, buffers: _Buffers, light: Array, scale: float) -> Array:
     depth, owner, normal = buffers
-    colours = _colours(one.part for one in placed)
     palette = np.array([*(colours[one.part.name] for one in placed), (1.0, 1.0, 1.0)])
     bright = np.clip(0.55 + 0.45 * (normal @ light), 0, 1)
     image = palette[owner] * np.where(owner >= 0, bright, 1.0)[..., np.newaxis]

@@ -5,8 +5,17 @@ from typing import NamedTuple
 
 from tenodesis.cad import kernel as k
 from tenodesis.cad.kernel import FLIP, Solid
-from tenodesis.cad.parts import Dimension, Part
-from tenodesis.cad.shared import End, far_dimensions, ferrule, socket, spigot, transition, tube_dimensions
+from tenodesis.cad.parts import Dimension, Part, pin
+from tenodesis.cad.shared import (
+    End,
+    far_dimensions,
+    ferrule,
+    groove_dimensions,
+    socket,
+    spigot,
+    transition,
+    tube_dimensions,
+)
 from tenodesis.cad.sizes import Sizes, refuse
 
 _PINS = (0.8, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)  # mm, ISO 2338
@@ -105,7 +114,7 @@ def pulley_parts(joint: PulleyJoint, end: End, sizes: Sizes) -> list[Part]:
     """Return the parts of a pulley at the tip or at the handle."""
     tip, density = end.tip, sizes.process.density
     near, far = ("tip_fork", "tip_pulley") if tip else ("handle_fork", "handle_pulley")
-    pin = k.rod((0, -joint.pin_length / 2, 0), (0, joint.pin_length / 2, 0), joint.pin / 2)
+    dowel = k.rod((0, -joint.pin_length / 2, 0), (0, joint.pin_length / 2, 0), joint.pin / 2)
     out = 3 * joint.radius
     notes = (
         f"Grooves: radius to the rope's centre {joint.radius:.4g} mm, to the groove's bottom "
@@ -133,15 +142,14 @@ def pulley_parts(joint: PulleyJoint, end: End, sizes: Sizes) -> list[Part]:
             notes=notes,
             away=(0, 0, out if tip else -out),
         ),
-        Part(
+        pin(
             f"{'tip' if tip else 'handle'}_pin",
-            f"Dowel pin ISO 2338 {joint.pin:g} x {math.ceil(joint.pin_length):g}",
-            pin,
+            joint.pin,
+            joint.pin_length,
+            dowel,
             end.carrier,
             (k.at(),),
-            made=False,
-            density=7800.0,
-            away=(0, out, 0),
+            (0, out, 0),
         ),
     ]
 
@@ -182,10 +190,8 @@ def _far(joint: PulleyJoint, end: End, sizes: Sizes) -> Solid:
         body += k.rod((0, low, 0), (0, low + joint.cheek, 0), rim)
     body += k.box((-width, width), (-joint.outside, joint.outside), (bottom, top))
     body += k.rod((0, 0, bottom), (0, 0, top), (end.rod + sizes.bore) / 2 + sizes.wall)
-    centre = joint.bottom_radius + joint.groove
     for y in (joint.shift, -joint.shift):
-        body -= k.ring(centre, y, joint.groove)
-        body -= _annulus(centre, rim + 1e-3, y, joint.groove)
+        body = k.grooved(body, joint.bottom_radius, y, joint.groove, rim + 1e-3)
     for side in (1, -1):
         body = _tendon_end(joint, end, sizes, body, side)
     body -= k.rod((0, -joint.outside - 1, 0), (0, joint.outside + 1, 0), (joint.pin + sizes.bore) / 2)
@@ -212,15 +218,10 @@ def _tendon_end(joint: PulleyJoint, end: End, sizes: Sizes, body: Solid, side: i
     return body - k.rod(along(begin + 2 * sizes.wall), along(2 * joint.radius), end.seat)
 
 
-def _annulus(inner: float, outer: float, y: float, half: float) -> Solid:
-    return k.rod((0, y - half, 0), (0, y + half, 0), outer) - k.rod((0, y - half, 0), (0, y + half, 0), inner)
-
-
 def _pulley_dimensions(joint: PulleyJoint, end: End, sizes: Sizes) -> tuple[Dimension, ...]:
     y = -joint.outside
     return (
-        Dimension("radius to the rope's centre", (0, y, 0), (joint.radius, y, 0), "front", 1, "R", end.key),
-        Dimension("radius to the groove's bottom", (0, y, 0), (joint.bottom_radius, y, 0), "front", 1, "R", end.key),
+        *groove_dimensions("rope", joint.radius, joint.bottom_radius, y, end.key),
         Dimension("rim", (-joint.rim, y, 0), (joint.rim, y, 0), "front", 1, "Ø"),
         *far_dimensions(end, sizes, -joint.depth - end.far_collar),
         Dimension("width of the pulley", (0, -joint.half, 0), (0, joint.half, 0), "side", 1),

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 from tenodesis.cad import kernel as k
 from tenodesis.cad.body_parts import TIP_PIN, Hardware
-from tenodesis.cad.parts import Dimension, Part
+from tenodesis.cad.parts import Dimension, Part, bought
+from tenodesis.cad.shared import groove_dimensions
 from tenodesis.cad.sizes import Sizes
 
 CABLE = 1.0
@@ -53,10 +54,7 @@ def rig_parts(rig: Rig, sizes: Sizes, hardware: Hardware, stem: float) -> list[P
     seat = (1e3 * hardware.bearing + sizes.bore) / 2
     pulley = k.rod((0, -half, 0), (0, half, 0), rim)
     for y in levels:
-        pulley -= k.ring(bottom + groove, y, groove)
-        pulley -= k.rod((0, y - groove, 0), (0, y + groove, 0), rim + 1) - k.rod(
-            (0, y - groove, 0), (0, y + groove, 0), bottom + groove
-        )
+        pulley = k.grooved(pulley, bottom, y, groove, rim + 1)
     pulley -= k.rod((0, -half - 1, 0), (0, half + 1, 0), seat - 1.0)
     for y in (-half, half - 1e3 * hardware.bearing_width):
         pulley -= k.rod((0, y, 0), (0, y + 1e3 * hardware.bearing_width, 0), seat)
@@ -75,24 +73,7 @@ def rig_parts(rig: Rig, sizes: Sizes, hardware: Hardware, stem: float) -> list[P
             (k.at(0, rig.pulley_level),),
             density=density,
             dimensions=(
-                Dimension(
-                    "radius to the cable's centre",
-                    (0, -half, 0),
-                    (rig.cable_radius, -half, 0),
-                    "front",
-                    1,
-                    "R",
-                    "conditions.cable_pulley_radius",
-                ),
-                Dimension(
-                    "radius to the groove's bottom",
-                    (0, -half, 0),
-                    (bottom, -half, 0),
-                    "front",
-                    1,
-                    "R",
-                    "conditions.cable_pulley_radius",
-                ),
+                *groove_dimensions("cable", rig.cable_radius, bottom, -half, "conditions.cable_pulley_radius"),
                 Dimension("rim", (-rim, -half, 0), (rim, -half, 0), "front", -1, "Ø"),
                 Dimension("bearing's seat", (-seat, -half, 0), (seat, -half, 0), "front", -1, "Ø"),
                 Dimension("grooves apart", (0, levels[1], 0), (0, levels[0], 0), "side", 1),
@@ -119,14 +100,12 @@ def rig_parts(rig: Rig, sizes: Sizes, hardware: Hardware, stem: float) -> list[P
         _clamp(rig, sizes, stem),
         _guide(rig, sizes, hardware, back, level),
         _bracket(rig, hardware, back, level),
-        Part(
+        bought(
             "rig_axle",
             "Screw ISO 4762 M3 as axle",
             k.rod((0, level - _BASE, 0), (0, rig.pulley_level + half, 0), 1.5),
             "bench",
             (k.at(0, 0, rig.pivot),),
-            made=False,
-            density=7800.0,
             away=(0, -25, 0),
         ),
     ]
@@ -213,8 +192,7 @@ def _guide(rig: Rig, sizes: Sizes, hardware: Hardware, back: float, level: float
     groove, half, rim = 0.525 * CABLE, 3.0, _GUIDE + 1.5 * CABLE
     bore = (1e3 * hardware.bearing_bore + sizes.bore) / 2
     bottom = _GUIDE - CABLE / 2
-    body = k.turned([(0, -half), (rim, -half), (rim, half), (0, half)], (bottom + groove, 0.0, groove))
-    body -= k.rod((0, -groove, 0), (0, groove, 0), rim + 1) - k.rod((0, -groove, 0), (0, groove, 0), bottom + groove)
+    body = k.grooved(k.rod((0, -half, 0), (0, half, 0), rim), bottom, 0.0, groove, rim + 1)
     body -= k.rod((0, -half - 1, 0), (0, half + 1, 0), bore)
     return Part(
         "rig_guide",
@@ -224,16 +202,8 @@ def _guide(rig: Rig, sizes: Sizes, hardware: Hardware, back: float, level: float
         tuple(k.at(x, y, z, (0, 0, 90)) for x, y, z in _guides(rig, back)),
         density=sizes.process.density,
         dimensions=(
-            Dimension("radius to the cable's centre", (0, -half, 0), (_GUIDE, -half, 0), "front", 1, "R"),
-            Dimension("radius to the groove's bottom", (0, -half, 0), (bottom, -half, 0), "front", 1, "R"),
-            Dimension(
-                "bore",
-                (-bore, -half, 0),
-                (bore, -half, 0),
-                "front",
-                -1,
-                "Ø",
-            ),
+            *groove_dimensions("cable", _GUIDE, bottom, -half),
+            Dimension("bore", (-bore, -half, 0), (bore, -half, 0), "front", -1, "Ø"),
             Dimension("width", (0, -half, 0), (0, half, 0), "side", 1),
         ),
         away=(0, 0, -30),

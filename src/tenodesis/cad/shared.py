@@ -78,6 +78,14 @@ def far_dimensions(end: End, sizes: Sizes, bottom: float) -> tuple[Dimension, ..
     )
 
 
+def groove_dimensions(what: str, radius: float, bottom: float, y: float, key: str = "") -> tuple[Dimension, Dimension]:
+    """Return the dimensions of a groove at a height y, to the centre of what lies in it and to its bottom, mm."""
+    return (
+        Dimension(f"radius to the {what}'s centre", (0, y, 0), (radius, y, 0), "front", 1, "R", key),
+        Dimension("radius to the groove's bottom", (0, y, 0), (bottom, y, 0), "front", 1, "R", key),
+    )
+
+
 def transition_length(radius: float, tendon_radius: float) -> float:
     """Return the length within which a tendon goes from a joint's radius to its place in the stem."""
     return abs(radius - tendon_radius) / math.tan(_STEEPEST)

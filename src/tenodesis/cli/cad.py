@@ -1,19 +1,24 @@
 """The command that writes an instrument's solids, drawings and pictures: ``tenodesis cad``."""
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
+from markupsafe import Markup
 
-from tenodesis import cad
+from tenodesis import cad, plant
+from tenodesis.cad.assembly import Progress
 from tenodesis.cli.common import InstrumentFile, ProgressBar, check_choice, load_instrument, quantity, say
 from tenodesis.cli.outputs import Overwrite, write_errors, writing
-from tenodesis.errors import CommandError
+from tenodesis.errors import CommandError, InstrumentError
 from tenodesis.extras import require
-from tenodesis.instrument import Instrument
+from tenodesis.report import style
+from tenodesis.scaling import Design
+from tenodesis.scaling.plan import Drawing
 from tenodesis.units import Length
 
 _ENDS = ("distal", "proximal")
@@ -42,10 +47,16 @@ def write_cad(  # noqa: PLR0917
     if axis is not None:
         check_choice("--axis", axis, inst.axes)
     modules = _modules(module or [])
-    checks = write_solids(
-        inst, out, [instrument_file], option="--out", overwrite=overwrite, process=process, axis=axis, modules=modules
-    )
-    print_checks(checks, process)
+    with (
+        writing_solids(out, [instrument_file], option="--out", overwrite=overwrite),
+        ProgressBar("", None) as bar,
+    ):
+        report = in_step(bar)
+        report(0, 1, "solids")
+        model = cad.build(inst, process=process, axis=axis, modules=modules)
+        with write_errors(out):
+            checks = cad.write(model, out, progress=report)
+    print_checks(checks, model)
     say(f"{out / 'drawings.pdf'}, {out / 'assembly.step'}, {out / 'step'}, {out / 'stl'} and pictures are written.")
 
 
@@ -57,32 +68,13 @@ def writing_solids(out: Path, inputs: Sequence[str], *, option: str, overwrite: 
     return writing(outputs, inputs, overwrite=overwrite, folder=out, subfolders=cad.FOLDERS)
 
 
-def write_solids(
-    inst: Instrument,
-    out: Path,
-    inputs: Sequence[str],
-    *,
-    option: str,
-    overwrite: bool,
-    tolerances: Mapping[str, float] | None = None,
-    **choices: Any,
-) -> cad.Checks:
-    """Build solids and write their pack, with a progress bar; choices are those of :func:`cad.build`."""
-    with (
-        writing_solids(out, inputs, option=option, overwrite=overwrite),
-        ProgressBar("", None) as bar,
-        write_errors(out),
-    ):
-
-        def report(done: float, total: float, doing: str) -> None:
-            bar(done, total, f"{doing:<20}")
-
-        report(0, 1, "solids")
-        return cad.write(cad.build(inst, **choices), out, tolerances, report)
+def in_step(bar: ProgressBar) -> Progress:
+    """Return what shows the progress of solids on a bar, its descriptions of one width."""
+    return lambda done, total, doing: bar(done, total, f"{doing:<20}")
 
 
-def print_checks(checks: cad.Checks, process: str) -> None:
-    """Print what was checked, and the parts whose walls are thinner than the process allows."""
+def print_checks(checks: cad.Checks, model: cad.Model) -> None:
+    """Print what was checked, the tip's inertia, and the parts whose walls are thinner than the process allows."""
     found = checks.agreement
     say(
         f"Checked: no parts overlap over the working range; at {found.angles} angles the tendons' lengths are the "
@@ -91,12 +83,73 @@ def print_checks(checks: cad.Checks, process: str) -> None:
     )
     for place, play in checks.play.items():
         say(f"Backlash of the gears at the {place}: {math.degrees(sum(play)):.2g}°.")
-    say(f"Inertia of the tip from its solids: {checks.tip_inertia:.3g} kg·m² (dynamics.tip_inertia).")
-    least = cad.PROCESSES[process].wall
+    old, new = (plant.tip_inertia(inst.planar[0]) for inst in (model.given, checks.instrument))
+    light = "" if new <= checks.tip_inertia * (1 + 1e-9) else f", {new:.3g} in the file, the least its twin can follow"
+    was = "" if model.given.dynamics.tip_inertia is not None else ", of a tip that swings at 20 Hz"
+    say(
+        f"Inertia of the tip from its solids: {checks.tip_inertia:.3g} kg·m²{light} (before: {old:.3g} kg·m²{was}); "
+        "the instrument file that is written has it."
+    )
+    least = model.process.wall
     thin = {one.part: one.least_wall for one in checks.printable if one.least_wall < 0.98 * least}
     if thin:
         parts = ", ".join(f"{part} {1e3 * wall:.2g} mm" for part, wall in thin.items())
-        say(f"Thinner somewhere than the {1e3 * least:g} mm that {process} allows: {parts}.")
+        say(f"Thinner somewhere than the {1e3 * least:g} mm that {model.process.name} allows: {parts}.")
+
+
+class DesignSolids:
+    """The solids of a scale model, in a folder if one is given; what cannot be made is reported in the end."""
+
+    def __init__(self, folder: Path | None, process: str) -> None:
+        self._folder, self._process = folder, process
+        self._model: cad.Model | None = None
+        self._checks: cad.Checks | None = None
+        self._refused: InstrumentError | None = None
+
+    def build(self, design: Design, report: Progress) -> Design:
+        """Build them, with the modules of the design's gears, and return the design with their inertia."""
+        if self._folder is None:
+            return design
+        report(0, 1, "solids")
+        wheels = {"distal": design.choice.distal, "proximal": design.choice.proximal}
+        modules = {end: wheel.module for end, wheel in wheels.items() if wheel.module is not None}
+        try:
+            self._model = cad.build(design.scaled_up, process=self._process, modules=modules)
+        except InstrumentError as problem:
+            self._refused = problem
+            return design
+        return design.built_as(cad.with_inertia(self._model))
+
+    @property
+    def backlash(self) -> float | None:
+        """Play of their gears along the pitch circle, m; None where there are no solids."""
+        return None if self._model is None else self._model.process.backlash
+
+    def write(self, tolerances: Mapping[str, float] | None, report: Progress) -> None:
+        """Write their pack."""
+        if self._folder is None or self._model is None:
+            return
+        try:
+            with write_errors(self._folder):
+                self._checks = cad.write(self._model, self._folder, tolerances, report)
+        except InstrumentError as problem:
+            self._refused = problem
+
+    def picture(self, out: Path) -> Drawing | None:
+        """Return their picture for a plan in a folder, with the way to their glTF file from there."""
+        if self._folder is None or self._checks is None:
+            return None
+        svg = Markup(style.inlined("solids", (self._folder / "assembly.svg").read_text("utf-8")))
+        caption = "The solids on their bench, the tip and the joint of the handle"
+        return Drawing(caption, svg, Path(os.path.relpath(self._folder / cad.ASSEMBLY, out)).as_posix())
+
+    def tell(self) -> None:
+        """Print what was checked. Raises InstrumentError if they cannot be made."""
+        if self._model is not None and self._checks is not None:
+            print_checks(self._checks, self._model)
+            say(f"Its solids, drawings and pictures are written to {self._folder}.")
+        if self._refused is not None:
+            raise self._refused
 
 
 def _length(value: float) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 import typer
 from rich.markup import escape
 
-from tenodesis.cli.common import ProgressBar, check_choice, console, load_instrument, note, say, table, warn
+from tenodesis.cli.common import ProgressBar, check_choice, console, load_instrument, note, quantity, say, table, warn
 from tenodesis.cli.outputs import JSON, Overwrite, check_suffix, write_text, writing
 from tenodesis.errors import CommandError
 from tenodesis.identification import report
@@ -29,8 +29,10 @@ from tenodesis.identification.problem import Problem
 from tenodesis.identification.registry import FORMATS, Format
 from tenodesis.identification.results import Fit, to_json
 from tenodesis.identification.split import LEAST_SHARE, FittedPart, split
+from tenodesis.identification.stretch import LONGEST, shortened
 from tenodesis.identification.uncertainty import LossName
 from tenodesis.instrument import Instrument
+from tenodesis.units import Duration
 
 _HELD = {"sheath_bend": "sheath bend", "wrist_pitch": "pitch"}
 """Angles that are held through a recording, by column."""
@@ -75,9 +77,19 @@ def identify(  # noqa: PLR0917
     out: Annotated[Path, typer.Option(help="Folder for report.html, result.json and instrument.toml.")] = Path(
         "out/identification"
     ),
+    longest: Annotated[
+        str,
+        typer.Option(help="Of a longer LOG of an instrument, this long a stretch is fitted: that which says the most."),
+    ] = f"{LONGEST:g} s",
     starts: Annotated[
-        int, typer.Option(help="Starts of the search, the first from the file's or the model's values.", min=1)
-    ] = STARTS,
+        int | None,
+        typer.Option(
+            help=f"Starts of the search, the first from the file's or the model's values. Default: {STARTS}, or 1 "
+            "where a LOG is too long to fit as a whole.",
+            min=1,
+            show_default=False,
+        ),
+    ] = None,
     bootstrap: Annotated[
         int, typer.Option(help=f"Replicates of a block bootstrap, at least {LEAST_REPLICATES}; 0 for none.", min=0)
     ] = 0,
@@ -105,6 +117,7 @@ def identify(  # noqa: PLR0917
                 key="--bootstrap", value=bootstrap, allowed=f"0 for none, or at least {LEAST_REPLICATES}"
             )
         share, part = _split(train_until, train_from)
+        seconds = quantity("--longest", longest, Duration)
         inst = None if instrument_file is None else load_instrument(instrument_file)
         kind = FORMATS[format_name]
         _check_arrangement(kind, format_name, arrangement)
@@ -112,8 +125,11 @@ def identify(  # noqa: PLR0917
         files = recordings_of(logs, tests, format_name)
         measured = load_all(kind.load, [*files, *tests])
         _check_different(measured)
-
         count = len(files)
+        # A recording that is split is fitted up to its split.
+        measured, tries = _stretches(
+            measured, count, chosen, inst, parameters, seconds if share is None else np.inf, starts
+        )
 
         def problem_of(inst: Instrument | None) -> Problem:
             def build(train: Sequence[MeasuredRun], held_out: Sequence[MeasuredRun]) -> Problem:
@@ -134,7 +150,7 @@ def identify(  # noqa: PLR0917
                     names,
                     train=range(count),
                     test=range(count, len(problem.runs)),
-                    starts=1 if screening else starts,
+                    starts=1 if screening else tries,
                     bootstrap=0 if screening else bootstrap,
                     refine=refine,
                     seed=seed,
@@ -149,12 +165,9 @@ def identify(  # noqa: PLR0917
             compared, problem, found = _arranged(
                 kind, measured, Fitted(problem, found), problem_of, fitted, law=chosen, inst=inst, train=range(count)
             )
-        held_out = [one for one in found.files if one.split == "test"]
-        doubts = (*unexplained(problem, found.vector, held_out), *worse_held_out(found.files))
-        found = replace(found, warnings=(*found.warnings, *doubts))
-        notes = {one.name: one.notes for one in measured}
-        for one in measured[count:]:
-            notes[one.name] += _extrapolated(one, measured[:count])
+        found = replace(found, warnings=(*found.warnings, *_doubts(problem, found)))
+        extrapolated = {one.name: _extrapolated(one, measured[:count]) for one in measured[count:]}
+        notes = {one.name: (*one.notes, *extrapolated.get(one.name, ())) for one in measured}
         runs = range(len(problem.runs))
         rows = [] if compared is None else compared.to_json()
         written = report.write(
@@ -171,6 +184,36 @@ def identify(  # noqa: PLR0917
         if len(problem.groups.get(word, ())) > 1:
             note(f"{word}: {', '.join(problem.groups[word])}.")
     _print_fit(found, written if json_file is None else [*written, json_file], notes)
+
+
+def _doubts(problem: Problem, found: Fit) -> tuple[str, ...]:
+    """Return what held-out recordings say against a fit."""
+    held_out = [one for one in found.files if one.split == "test"]
+    return (*unexplained(problem, found.vector, held_out), *worse_held_out(found.files))
+
+
+def _stretches(  # noqa: PLR0917
+    measured: Sequence[MeasuredRun],
+    count: int,
+    law: str,
+    inst: Instrument | None,
+    parameters: str | None,
+    seconds: float,
+    starts: int | None,
+) -> tuple[list[MeasuredRun], int]:
+    """Return recordings, of long ones to be fitted the stretch that says the most, and how many starts to try."""
+    free = None if parameters is None else (lambda problem: chosen_parameters(problem, parameters))
+    with ProgressBar("stretches") as bar:
+        train = [
+            shortened(one, law=law, instrument=inst, free=free, longest=seconds, progress=bar)
+            for one in measured[:count]
+        ]
+    cut = any(one is not whole for one, whole in zip(train, measured, strict=False))
+    if cut and starts is None:
+        note(
+            f"Of a long recording one start is tried, the file's or the model's values; --starts {STARTS} tries others."
+        )
+    return [*train, *measured[count:]], starts or (1 if cut else STARTS)
 
 
 def _arranged(

@@ -4,13 +4,14 @@ import os
 import tempfile
 import threading
 import webbrowser
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from tenodesis import coupled
-from tenodesis.cli.common import InstrumentFile, console, load_instrument, say, warn
+from tenodesis.cli.common import InstrumentFile, console, load_instrument, say, value_errors, warn
 from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.errors import CommandError, LiveError
 from tenodesis.live import folder as folders
@@ -51,6 +52,14 @@ def live_console(  # noqa: PLR0917
         list[Path] | None,
         typer.Option(help="Folder of instrument files that the page may run; repeatable.", show_default="the current"),
     ] = None,
+    solids: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Draw the parts of this file, the assembly.glb of tenodesis cad, instead of plain solids.",
+            show_default=False,
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the twin's sensor noise.", min=0)] = 0,
     foxglove: Annotated[
         int | None,
@@ -58,14 +67,19 @@ def live_console(  # noqa: PLR0917
     ] = None,
 ) -> None:
     """Open the live instrument in the browser: move its handle, push on its tip, switch the compensation on and off."""
-    from tenodesis.console import link_page, serve  # noqa: PLC0415 - foxglove does without the page
+    from tenodesis.console import link_page, load_parts, serve  # noqa: PLC0415 - foxglove does without the page
 
     if not 0 < port < 65536:
         raise CommandError(key="--port", value=port, allowed="between 1 and 65535")
     if coupled.is_coupled(instrument_file):
-        _coupled_console(instrument_file, device, address, law, actuation, host, port, token, browser, seed, foxglove)
+        alone = {"device": device, "address": address, "foxglove": foxglove, "solids": solids}
+        _coupled_console(instrument_file, alone, law, actuation, host, port, token, browser, seed)
         return
-    load_instrument(instrument_file)
+    inst = load_instrument(instrument_file)
+    with value_errors():
+        parts = None if solids is None else load_parts(solids)
+    if parts is not None and (other := parts.differs(inst)):
+        raise CommandError(f"--solids {solids} are not those of {instrument_file}: {other}.", key="--solids")
     ending = threading.Event()
     choices = Choices(device=device, address=address, law=law, actuation=actuation, seed=seed)
     with on_signal(ending.set):
@@ -73,8 +87,9 @@ def live_console(  # noqa: PLR0917
             live = Host(instrument_file, choices, recordings)
         try:
             page = serve(
-                live.connect, host, port, token, recordings=recordings, instruments=instruments or [Path.cwd()]
-            )
+                live.connect, host, port, token,
+                recordings=recordings, instruments=instruments or [Path.cwd()], parts=parts,
+            )  # fmt: skip
             try:
                 opener = folders.write_link(live.home, page.url, link_page(page.url))
                 _open(page.url, opener, browser=browser)
@@ -92,8 +107,7 @@ def live_console(  # noqa: PLR0917
 
 def _coupled_console(  # noqa: PLR0917
     instrument_file: str,
-    device: str,
-    address: str | None,
+    alone: Mapping[str, Any],
     law: LawName,
     actuation: ActuationName,
     host: str,
@@ -101,17 +115,13 @@ def _coupled_console(  # noqa: PLR0917
     token: str | None,
     browser: bool,
     seed: int,
-    foxglove: int | None,
 ) -> None:
-    """Open a coupled instrument, whose twin runs in the page's process."""
+    """Open a coupled instrument, whose twin runs in the page's process; options that are for others are refused."""
     from tenodesis.console import link_page, serve_coupled  # noqa: PLC0415 - foxglove does without the page
 
-    for option, value in (
-        ("--device", None if device == "twin" else device),
-        ("--address", address),
-        ("--foxglove", foxglove),
-    ):
-        if value is not None:
+    for name, value in alone.items():
+        option = f"--{name}"
+        if value is not None and value != "twin":
             raise CommandError(
                 f"{option} is {value}; it must be left out for {instrument_file}, whose twin runs in the page itself.",
                 key=option,

@@ -2,6 +2,8 @@
 
 import csv
 from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,9 +11,8 @@ import numpy as np
 import typer
 from rich.markup import escape
 
-from tenodesis import scaling, workshop
-from tenodesis.cad import PROCESSES
-from tenodesis.cli.cad import print_checks, write_solids, writing_solids
+from tenodesis import cad, scaling, workshop
+from tenodesis.cli.cad import DesignSolids, in_step, writing_solids
 from tenodesis.cli.common import (
     ProgressBar,
     check_choice,
@@ -103,31 +104,36 @@ def scale(  # noqa: PLR0917
     if objective is not None and pick is not None:
         raise CommandError(f"--objective is {objective} and --pick is {pick}; give one of them.")
     target = float(np.degrees(quantity("--as-built", as_built, SimilarityError)))
-    if solids is not None:
-        with writing_solids(solids, [instrument_file, *(catalogue or ())], option="--cad", overwrite=overwrite):
-            check_choice("--cad-process", process, PROCESSES)
-    model = load_instrument(instrument_file)
-    parts = scaling.load(*(catalogue or ()))
-    pins = _pins(factor, pin or [])
+    check_choice("--cad-process", process, cad.PROCESSES)
+    if solids is not None and solids.resolve() == out.resolve():
+        raise CommandError(f"--cad and --out are both {out}; give different folders.")
+    inputs = [instrument_file, *(catalogue or ())]
     files = ["scaled-up.toml", "plan.html", "plan.pdf", "front.csv", "front.svg", "front.png"]
     files += workshop.FILES if parts_too else ()
     outputs = [("--out", out / file) for file in files]
-    with (
-        writing(outputs, [instrument_file, *(catalogue or ())], overwrite=overwrite, folder=out),
-        ProgressBar("", None) as bar,
-    ):
+    with ExitStack() as stack:
+        if solids is not None:
+            stack.enter_context(writing_solids(solids, inputs, option="--cad", overwrite=overwrite))
+        model = load_instrument(instrument_file)
+        parts = scaling.load(*(catalogue or ()))
+        pins = _pins(factor, pin or [])
+        stack.enter_context(writing(outputs, inputs, overwrite=overwrite, folder=out))
+        report = in_step(stack.enter_context(ProgressBar("", None)))
 
-        def report(doing: str, done: int, total: int) -> None:
-            bar(done, total, f"{doing:<20}")
+        def designing(doing: str, done: int, total: int) -> None:
+            report(done, total, doing)
 
-        front = _front(model, parts, pins, combinations, report)
+        front = _front(model, parts, pins, combinations, designing)
         practical = _practical(front, objective, parts_too=parts_too)
         chosen, design = _chosen(front, prefer, pick) if objective is None else _best(practical, objective)
-        free = _front(model, parts, {}, combinations, report) if pins else None
-        pack, lacking = _pack(design, practical, target, report) if parts_too else (None, "")
-        report("writing the plan", 0, 1)
-        _write(out, files, front, design, free, pack, None if objective is None else chosen)
-        report("writing the plan", 1, 1)
+        free = _front(model, parts, {}, combinations, designing) if pins else None
+        built = DesignSolids(solids, process)
+        design = built.build(design, report)
+        pack, lacking = _pack(design, practical, target, built.backlash, designing) if parts_too else (None, "")
+        built.write(None if pack is None else pack.budget.drawn, report)
+        report(0, 1, "writing the plan")
+        supplement = _supplement(pack, None if objective is None else chosen, built.picture(out))
+        _write(out, files, front, design, free, supplement, pack)
     _print_front(front, chosen if objective is None else None, design, free)
     if practical is not None:
         _print_objectives(practical, objective)
@@ -135,31 +141,8 @@ def scale(  # noqa: PLR0917
         _print_built(pack)
     if lacking:
         say(lacking)
-    picture = "a picture of the front without pins" if pins else "its picture"
-    say(f"{out / files[0]}, {out / 'plan.html'}, {out / 'plan.pdf'}, {out / 'front.csv'} and {picture} are written.")
-    if pack is not None:
-        say(f"Beside them: {', '.join(workshop.FILES)}.")
-    elif left := [name for name in workshop.FILES if (out / name).exists()]:
-        say(f"warning: of an earlier design are {', '.join(left)} in {out}; delete them.")
-    if solids is not None:
-        checks = write_solids(
-            design.scaled_up,
-            solids,
-            [instrument_file, *(catalogue or ())],
-            option="--cad",
-            overwrite=overwrite,
-            tolerances=None if pack is None else pack.budget.drawn,
-            process=process,
-            modules=_modules(design),
-        )
-        print_checks(checks, process)
-        say(f"Its solids, drawings and pictures are written to {solids}.")
-
-
-def _modules(design: Design) -> dict[str, float]:
-    """Return the modules of the gears that a scale model was designed with, by end, m."""
-    wheels = {"distal": design.choice.distal, "proximal": design.choice.proximal}
-    return {end: wheel.module for end, wheel in wheels.items() if wheel.module is not None}
+    _print_written(out, pack, pins=bool(pins))
+    built.tell()
 
 
 def _pins(factor: float | None, pins: Sequence[str]) -> dict[str, Any]:
@@ -214,12 +197,12 @@ def _practical(front: Front, objective: Objective | None, *, parts_too: bool) ->
 
 
 def _pack(
-    design: Design, practical: PracticalFront | None, target: float, report: Report
+    design: Design, practical: PracticalFront | None, target: float, backlash: float | None, report: Report
 ) -> tuple[workshop.Pack | None, str]:
     """Return what a workshop needs besides the plan; or a sentence on why a design has no such, and the plan alone."""
     with value_errors():
         try:
-            return workshop.prepare(design, practical, target=target, progress=report), ""
+            return workshop.prepare(design, practical, target=target, backlash=backlash, progress=report), ""
         except (StudyError, ProtocolError, NoSolutionError) as problem:
             return None, f"There are no tolerances, order list and first run for it: {problem}"
 
@@ -230,19 +213,30 @@ def _best(practical: PracticalFront | None, objective: Objective) -> tuple[int, 
     return _first_hung(practical, practical.ranked(objective))
 
 
+def _supplement(
+    pack: workshop.Pack | None, marked: int | None, pictured: plan.Drawing | None
+) -> plan.Supplement | None:
+    """Return what the plan has of parts and solids; `marked` is the design's index on the practical front."""
+    found = None if pack is None else pack.supplement(marked)
+    if pictured is None:
+        return found
+    found = found or plan.Supplement(None, ())
+    return replace(found, rows=((pictured,), *found.rows))
+
+
 def _write(  # noqa: PLR0917
     out: Path,
     files: Sequence[str],
     front: Front,
     design: Design,
     free: Front | None,
+    supplement: plan.Supplement | None,
     pack: workshop.Pack | None,
-    marked: int | None,
 ) -> None:
     """Write all files to a temporary place, and move them when all are written."""
     with write_errors(out), atomic_files(out) as new:
         (new / files[0]).write_text(to_file(design.scaled_up, comment=_HEADING.format(design.real_size.name)), "utf-8")
-        plan.write(design, new, None if pack is None else pack.supplement(marked))
+        plan.write(design, new, supplement)
         if pack is not None:
             pack.write(new)
         _write_front(front, new / "front.csv")
@@ -301,6 +295,16 @@ def _print_front(front: Front, chosen: int | None, design: Design, free: Front |
     )
     if free is not None:
         say(f"Without the pins, {scaling.rivals_text(free, design.objectives)}")
+
+
+def _print_written(out: Path, pack: workshop.Pack | None, *, pins: bool) -> None:
+    picture = "a picture of the front without pins" if pins else "its picture"
+    names = ("scaled-up.toml", "plan.html", "plan.pdf", "front.csv")
+    say(f"{', '.join(str(out / name) for name in names)} and {picture} are written.")
+    if pack is not None:
+        say(f"Beside them: {', '.join(workshop.FILES)}.")
+    elif left := [name for name in workshop.FILES if (out / name).exists()]:
+        say(f"warning: of an earlier design are {', '.join(left)} in {out}; delete them.")
 
 
 def _print_objectives(practical: PracticalFront, taken: Objective | None) -> None:

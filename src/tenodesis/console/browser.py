@@ -97,7 +97,8 @@ class Browser:
             gui.add_markdown(_HELP.format(measured=_MEASURED[inst.sensors.kind]))
         known = session.link.capabilities
         self.plots = Plots(gui, inst, measured=known.distal_encoder, simulated=known.simulated)
-        self.scene = Scene(session.client, inst, largest_force(inst), small=session.small)
+        parts = session.folders.parts
+        self.scene = Scene(session.client, inst, largest_force(inst), parts=parts, small=session.small)
         return header, move, law, protocols, self._files, setup
 
     def _add_look(self, gui: Any, names: tuple[str, ...] = ("whole", "tip", "handle")) -> None:

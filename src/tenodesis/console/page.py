@@ -14,6 +14,7 @@ from urllib.parse import quote
 
 from tenodesis.console import server
 from tenodesis.console.access import AccessControl, is_loopback, page_html
+from tenodesis.console.assembly import Assembly
 from tenodesis.console.browser import Browser
 from tenodesis.console.display import shown_signals
 from tenodesis.console.incoming import guard
@@ -276,6 +277,7 @@ def serve(
     *,
     recordings: Path = Path("recordings"),
     instruments: Sequence[Path] = (Path(),),
+    parts: Assembly | None = None,
 ) -> Page:
     """Serve the page of a live instrument.
 
@@ -293,6 +295,8 @@ def serve(
         Folder of the recordings.
     instruments
         Folders from which browsers may run instrument files; those that are shipped they may in any case.
+    parts
+        Parts of the instrument, from :func:`load_parts`, to draw instead of plain solids.
 
     Raises
     ------
@@ -301,4 +305,4 @@ def serve(
     LiveError
         This machine does not have the address, or the runtime cannot be reached.
     """
-    return Page(connect, host=host, port=port, token=token, folders=Folders(recordings, tuple(instruments)))
+    return Page(connect, host=host, port=port, token=token, folders=Folders(recordings, tuple(instruments), parts))

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from trimesh import Trimesh
 
 from tenodesis import kinematics
+from tenodesis.console.assembly import DISC, Assembly, disc_place
 from tenodesis.console.display import ShownSignals
 from tenodesis.console.plots import TensionColours
 from tenodesis.console.solids import Solid, end_effector, rod, solids
@@ -211,12 +212,20 @@ class Scene(View):
         The instrument.
     largest_force
         Force of the longest arrow, N.
+    parts
+        Its parts, drawn instead of plain solids if they are its own.
     small
         Whether the screen is a phone's.
     """
 
     def __init__(
-        self, client: "viser.ClientHandle", inst: Instrument, largest_force: float, *, small: bool = False
+        self,
+        client: "viser.ClientHandle",
+        inst: Instrument,
+        largest_force: float,
+        *,
+        parts: Assembly | None = None,
+        small: bool = False,
     ) -> None:
         self._inst, self._largest_force = with_short_stem(inst), largest_force
         lengths = self._lengths = kinematics.dimensions(self._inst)
@@ -233,7 +242,17 @@ class Scene(View):
             scene: Any = client.scene
             self._port(scene)
             rest = self._frames(np.zeros(len(inst.axes)), np.zeros(len(inst.axes)))
-            self._build(rest, solids(self._inst, lengths), end_effector(lengths), TensionColours(inst))
+            drawn, ghosts = solids(self._inst, lengths), end_effector(lengths)
+            if parts is not None and not parts.differs(inst):
+                drawn = parts.of(inst, lengths.stem_length)
+                ghosts = [solid for solid in drawn if solid.body == f"{inst.axes[0]}_far"]
+            # Discs of a backbone are placed along it.
+            self._discs = {
+                solid.body: scene.add_frame(f"{ROOT}/{solid.body}", show_axes=False)
+                for solid in drawn
+                if solid.body.startswith(DISC)
+            }
+            self._build(rest, drawn, ghosts, TensionColours(inst))
             continuum = inst.axes if inst.joint_type == "continuum" else ()
             self._backbones = {axis: self._backbone(axis, lengths.stem_diameter) for axis in continuum}
             self._arrows = {axis: self._arrow(f"tip/force_{axis}") for axis in inst.axes}
@@ -246,7 +265,9 @@ class Scene(View):
         both = self._frames(np.stack([handle, handle]), output)
         with self._client.atomic():
             tension = np.stack([shown.tension, shown.distal_tension], -1).reshape(-1, 2)
-            tendons = self._place_all(both, tension).tendons
+            frames = self._place_all(both, tension)
+            self._place_discs(frames)
+            tendons = frames.tendons
             for axis, line in self._backbones.items():
                 self._draw_backbone(axis, line, (tendons[f"{axis}_agonist"] + tendons[f"{axis}_antagonist"]) / 2)
             for number, (axis, arrow) in enumerate(self._arrows.items()):
@@ -254,6 +275,12 @@ class Scene(View):
                 # It pushes on the tip against positive flexion, and turns with the tip.
                 way = np.array([-1.0, 0.0, 0.0]) if axis == "yaw" else np.array([0.0, -1.0, 0.0])
                 self._draw_force(axis, arrow, force * way, self._largest_force)
+
+    def _place_discs(self, frames: Frames) -> None:
+        stem, far = frames.bodies["stem"], frames.bodies[f"{self._inst.axes[0]}_far"]
+        length = getattr(self._inst, "backbone_length", 0.0)
+        for name, node in self._discs.items():
+            self._place(name, node, disc_place(stem, far, float(name.removeprefix(DISC)), length))
 
     def show_angles(self, shown: ShownSignals, *, recorded: bool) -> None:
         """Show tip angles and targets as text, which takes longer to draw than what moves."""

@@ -7,6 +7,7 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
+from tenodesis.console.assembly import Assembly
 from tenodesis.console.display import ShownSignals
 from tenodesis.console.log import rare_log
 from tenodesis.console.workers import Workers
@@ -37,10 +38,11 @@ class PageState(NamedTuple):
 
 
 class Folders(NamedTuple):
-    """Folders from which the page reads."""
+    """Folders from which the page reads, and the parts that it has read."""
 
     recordings: Path
     instruments: tuple[Path, ...]
+    parts: Assembly | None = None
 
 
 class PanelSection(Protocol):

@@ -120,7 +120,7 @@ def _joint(  # noqa: PLR0917
     """Return the solids of a joint that begins on a body, at a place along it; a negative radius reaches to -z."""
     if kind == "continuum":
         return []
-    radius, turned = abs(reach), _about(axis)
+    radius, turned = abs(reach), about(axis)
 
     def placed(part: str, body: str, mesh: Trimesh, colour: tuple[int, int, int], along: float = 0.0) -> Solid:
         return Solid(f"{name}_{part}", body, _moved(mesh.apply_transform(turned), (0, 0, along)), colour)
@@ -137,7 +137,7 @@ def _joint(  # noqa: PLR0917
     ]
 
 
-def _about(axis: tuple[float, float, float]) -> Array:
+def about(axis: tuple[float, float, float]) -> Array:
     """Return the transform of a mesh about y, agonist toward x, to a joint's axis."""
     along, side = np.array(axis), bend_side(axis)
     found = np.eye(4)

@@ -13,7 +13,7 @@ from tenodesis.identification import goodness, identifiability, uncertainty, whi
 from tenodesis.identification.differences import scales
 from tenodesis.identification.problem import Problem
 from tenodesis.identification.results import Fit, Interval
-from tenodesis.identification.search import DerivativesName, Search, SearchEnd, replicates, starting_points
+from tenodesis.identification.search import MOST_STEPS, DerivativesName, Search, SearchEnd, replicates, starting_points
 from tenodesis.identification.uncertainty import Linearised, LossName
 from tenodesis.identification.whiteness import Whiteness
 from tenodesis.run import Array
@@ -38,7 +38,7 @@ def fit(
     derivatives: DerivativesName = "exact",
     bootstrap: int = 0,
     refine: bool = True,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[float, int], None] | None = None,
 ) -> Fit:
     """Return the parameters of a model fitted to recordings, with their uncertainty.
 
@@ -61,7 +61,7 @@ def fit(
     refine
         Whether the problem is prepared for further searches near the optimum (`Problem.refine`).
     progress
-        Called with how many of how many starts and replicates are done.
+        Called with how many of how many starts and replicates are done, within a start the share of its longest search.
 
     Raises
     ------
@@ -77,9 +77,11 @@ def fit(
     report = progress or (lambda _done, _total: None)
 
     ends: list[SearchEnd | None] = []
+    search.watch = lambda evaluations: report(len(ends) + min(evaluations / MOST_STEPS, 1.0), total)
     for start in starting_points(search, starts, seed):
         ends.append(search.solve(start))
         report(len(ends), total)
+    search.watch = None
     costs = [math.inf if end is None else end.cost for end in ends]
     best = ends[int(np.argmin(costs))]
     if best is None:

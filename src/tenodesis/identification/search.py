@@ -46,7 +46,9 @@ class Search:
     ) -> None:
         self.problem, self.free, self.train, self.loss = problem, list(free), train, loss
         self.exact = derivatives == "exact"
-        self.evaluations = self.jacobians = 0
+        self.evaluations = self.jacobians = self.begun = 0
+        self.watch: Callable[[int], None] | None = None
+        """Called with the evaluations of a search so far."""
         self.start = np.array([one.start for one in problem.parameters], dtype=np.float64)
         self.lower = np.array([problem.parameters[index].lower for index in free])
         self.upper = np.array([problem.parameters[index].upper for index in free])
@@ -67,6 +69,8 @@ class Search:
     def residuals(self, at: Array) -> Array:
         """Return the residuals of all training runs, joined, (n,)."""
         self.evaluations += 1
+        if self.watch is not None:
+            self.watch(self.evaluations - self.begun)
         values = self.full(at)
         return np.concatenate([self.problem.residuals(values, run) for run in self.train])
 
@@ -90,6 +94,7 @@ class Search:
 
         `aim` is subtracted from the residuals, for the bootstrap; `held` are the free parameters that stay as they are.
         """
+        self.begun = self.evaluations
         loose = [index for index in range(start.size) if index not in set(held)]
 
         def moved(part: Array) -> Array:

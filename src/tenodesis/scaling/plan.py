@@ -46,17 +46,18 @@ class Card:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure as SVG, and its caption."""
+    """A figure as SVG, its caption, and the address of a file beside the plan that the page links to."""
 
     caption: str
     svg: str
+    file: str = ""
 
 
 @dataclass(frozen=True)
 class Supplement:
-    """What other packages add to a plan: a card beside that of the similarity error, and rows at its end."""
+    """What other packages add to a plan: a card beside that of the similarity error if any, and rows at its end."""
 
-    card: Card
+    card: Card | None
     rows: tuple[tuple["PlanTable | Drawing", ...], ...]
     warnings: tuple[str, ...] = ()
 
@@ -197,7 +198,7 @@ def _cards(design: "Design", error: SimilarityError, supplement: Supplement | No
             angle(design.objectives.similarity_error),
             f"as designed: largest similarity error over the working range{snapped}",
         ),
-        *(() if supplement is None else (supplement.card,)),
+        *(() if supplement is None or supplement.card is None else (supplement.card,)),
         Card(quantity(design.objectives.force_resolution, "N", 2), "resolution of the real-size tip force"),
         Card(f"{fixed(design.objectives.tension_margin, 1)} ×", "rope's breaking load over its largest tension"),
     )

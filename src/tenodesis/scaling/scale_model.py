@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Any, NamedTuple
 
@@ -108,6 +108,11 @@ class Design:
     """Resolution of the load cells, N of real-size tension."""
     force_resolution: float
     """Resolution of the load cells, N at the real-size tip."""
+
+    def built_as(self, inst: Instrument) -> "Design":
+        """Return the design with its instrument as it was built, which differs in its dynamics only."""
+        compared = compare(self.real_size, inst, largest_force=self.comparison.largest_force)
+        return replace(self, scaled_up=inst, comparison=compared)
 
     def __repr__(self) -> str:
         return f"<Design of {self.scaled_up.name!r}: {self.objectives}>"

@@ -1,17 +1,19 @@
 """The checklist of a scale model's assembly, from rope to the controller, with the readings of this design."""
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from tenodesis.control.parameters import force_limit, tension_limit
+from tenodesis.instrument import Instrument
 from tenodesis.scaling import Design
 from tenodesis.scaling.plan_text import angle, plain, quantity
-from tenodesis.workshop.budget import Budget
-from tenodesis.workshop.first_run import FirstRun
+from tenodesis.workshop.budget import BACKLASHES, Budget
+from tenodesis.workshop.first_run import CONTROLLED, FIRST_RUN, FirstRun
 from tenodesis.workshop.order import SPARE_TURNS, rope_length
 from tenodesis.workshop.words import NAMES, tolerance
 
-FIRST_RUN, HEADER, INSTRUMENT, LOG = "first-run.toml", "controller.h", "scaled-up.toml", "first-run.mcap"
+HEADER, INSTRUMENT, LOG = "controller.h", "scaled-up.toml", "first-run.mcap"
 _PROOF = 1.25  # of the controller's limit, as its fault of too much tension
 _MASS = 1.0  # kg
 
@@ -38,6 +40,7 @@ def checklist(design: Design, budget: Budget, run: FirstRun) -> tuple[Step, ...]
             f"rope's {quantity(diameter, 'mm', 3, 'm')})",
             "; ".join(f"{NAMES[key]} {tolerance(one)}" for key, one in budget.dimensions.items() if one.is_drawn),
         ),
+        *_meshing(inst, budget),
         Step(
             f"Cut the ropes to {quantity(rope_length(inst).total, 'mm', 5, 'm')}, crimp both ends, proof-load each for "
             "a minute",
@@ -85,14 +88,25 @@ def checklist(design: Design, budget: Budget, run: FirstRun) -> tuple[Step, ...]
             "the readings of the table below",
         ),
         Step(
-            "Identify the friction: tenodesis plan-identification proposes the protocol for it, tenodesis "
-            "identify fits its "
-            f"recording; write it into {INSTRUMENT}",
+            f"Identify the friction: tenodesis identify {LOG} --instrument {INSTRUMENT} fits the 30 s that say the "
+            "most; tenodesis plan-identification proposes a protocol that says more",
             "a coefficient between half and twice the guess; otherwise look at the vertices",
         ),
         Step(
-            f"The same protocol with the controller (--law robust; its parameters for a microcontroller: {HEADER})",
+            f"The protocol {CONTROLLED} with the controller (--law robust; parameters for a microcontroller: {HEADER})",
             f"no fault; under load the tip comes back to {angle(run.left)} of its angle; no tendon above "
             f"{quantity(run.demand.seen, 'N', 3)}",
         ),
     )
+
+
+def _meshing(inst: Instrument, budget: Budget) -> Iterator[Step]:
+    """Yield the step that checks the gears' play at both joints."""
+    if BACKLASHES[0] not in budget.dimensions:
+        return
+    seen = []
+    for key in BACKLASHES:
+        one, radius = budget.dimensions[key], float(getattr(inst, key.replace("backlash", "radius")))
+        most = angle(math.degrees(2 * one.tolerance / radius))
+        seen.append(f"{NAMES[key].partition(',')[0]} turn by {most} at most ({one.grade.name})")
+    yield Step("Without tendons, hold the links of a joint and turn its far half to and fro by hand", "; ".join(seen))

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tenodesis import statics
 from tenodesis.errors import ArgumentError, InstrumentError, StudyError
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.run import Array
@@ -24,9 +25,16 @@ SHARE = 0.95
 SAMPLES = 2000
 """Instruments drawn from the tolerances to verify them."""
 PULLEY = "conditions.cable_pulley_radius"
+BACKLASHES = ("distal_gear_backlash", "proximal_gear_backlash")
+"""Play of gears along their pitch circle: no keys of an instrument file, since the tendons hold the halves' angles.
+
+Tendons at the pitch radius hold the angle of a gear's far half whatever the play, to 0.01 deg for 0.15 mm; the play
+turns the links. An encoder at a joint's axis reads the links' angle, doubled, and so what is counted is its error.
+"""
 _LENGTHS = ("end_effector_length", "handle_length", "overall_length", "backbone_length")
 _SETTINGS = ("tendon_modulus", "tendon_stiffness", "pretension", "backbone_rigidity")
 _STEP = 1e-3  # of a central difference, relative
+_PLAY_STEP = 1e-6  # m
 _NEGLIGIBLE = 0.01  # of the target: the effect of a coarsest grade that needs no choice
 _LEAST_QUANTILE = 1.6  # of a sum of uniform and normal values, standard deviations
 _LOST = 1e9
@@ -62,6 +70,16 @@ class Dimension(NamedTuple):
         return self.grade.cost * self.pieces
 
 
+class _Built(NamedTuple):
+    """Instruments that values make, and what else differs from one to the other."""
+
+    insts: list[Instrument | None]
+    load: Array
+    """What their weights give over nominal."""
+    misread: Array
+    """By how much the encoders of handle and tip misread, rad, (2, n)."""
+
+
 class Spread(NamedTuple):
     """The largest similarity error of drawn instruments, deg: median, and what the share of them keeps."""
 
@@ -95,6 +113,8 @@ class Budget:
     coarsest_shares: Mapping[str, float]
     with_friction: Spread
     """With the chosen tolerances and friction coefficients that differ by 20 % from the real-size ones."""
+    play_as_made: float
+    """What encoders at the joints' axes misread by gears as they are bought or made, deg; 0 without gears."""
     samples: int
     seed: int
 
@@ -113,7 +133,7 @@ class Budget:
         return {key: one.tolerance for key, one in self.dimensions.items() if one.is_drawn}
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         """Whether the instrument has friction, whose coefficients may differ."""
         friction = self.scaled_up.friction
         return bool(friction.vertex_coefficient or friction.sheath_coefficient)
@@ -132,6 +152,7 @@ def tolerate(
     share: float = SHARE,
     samples: int = SAMPLES,
     seed: int = 0,
+    backlash: float | None = None,
 ) -> Budget:
     """Find the cheapest tolerances with which a share of the scale models built keeps a similarity error.
 
@@ -150,6 +171,8 @@ def tolerate(
         Share of the instruments that keep it.
     samples, seed
         How many instruments are drawn, and the seed.
+    backlash
+        Play of gears that are printed or milled, m along the pitch circle; by default gears are cut and bought.
 
     Raises
     ------
@@ -165,7 +188,7 @@ def tolerate(
     if isinstance(samples, bool) or not isinstance(samples, int) or not 100 <= samples <= 100_000:
         raise ArgumentError(key="samples", value=samples, allowed="an integer from 100 to 100000")
     pair = _Pair.of(as_instrument(real_size, "real_size"), as_instrument(scaled_up, "scaled_up"))
-    choosing = _Choosing(pair, target, share, samples, seed)
+    choosing = _Choosing(pair, target, share, samples, seed, backlash)
     every = len(pair.forces)
     for count in range(every, 0, -1):
         found = choosing.cheapest(count)
@@ -204,7 +227,7 @@ class _Pair:
         cycle, other = cycles(comparison)
         reference = np.array([angles_of_many([real_size], cycle, force)[0][0] for force in given])
         found = cls(real_size, scaled_up, comparison, given, cycle, other, reference, factor)
-        held = np.array([not np.isnan(error).any() for error in found.errors([scaled_up])])
+        held = np.array([not np.isnan(error).any() for error in found.errors(found.nominal())])
         if not held[0]:
             raise StudyError(
                 f"{scaled_up.name} or {real_size.name} does not hold {given[0]:.4g} N (real-size) through its working "
@@ -213,29 +236,43 @@ class _Pair:
         count = held.size if held.all() else int(held.argmin())
         return replace(found, forces=given[:count], reference=reference[:count])
 
-    def errors(
-        self, insts: Sequence[Instrument | None], load: float | Array = 1.0, forces: Sequence[int] | None = None
-    ) -> Array:
-        """Return errors, deg, by force, instrument and step; `load` is what the weights give over the nominal force.
+    def errors(self, built: _Built, forces: Sequence[int] | None = None) -> Array:
+        """Return errors as the tip's encoder has them, deg, by force, instrument and step.
 
         `forces` are the numbers of the test forces; by default all.
         """
+        insts, load, (handle, tip) = built
         parts = []
         for n in range(len(self.forces)) if forces is None else forces:
             force, reference = self.forces[n], self.reference[n]
             angles, status = angles_of_many(insts, self.scaled_up_cycle, force * self.factor * load)
             angles[status != 0] = np.nan
-            off = np.degrees(angles - reference)
+            # The handle is led by its encoder.
+            off = np.degrees(angles - reference + np.multiply.outer(handle, self.slope) + tip[:, np.newaxis])
             parts.append(np.concatenate([off[:, self.cycle.extension], off[:, self.cycle.flexion]], axis=1))
         return np.array(parts)
 
-    def built(self, keys: Sequence[str], rows: Array) -> tuple[list[Instrument | None], Array]:
-        """Return the instruments that values by key (SI units) make, and what their weights give over nominal."""
-        load = np.ones(len(rows))
+    @property
+    def slope(self) -> Array:
+        """Output angle without load over the handle's angle, by step of the cycle."""
+        turned = np.asarray(self.scaled_up_cycle.handle)
+        above, below = (statics.output_angle(self.scaled_up, turned + step) for step in (_STEP, -_STEP))
+        return np.asarray((above - below) / (2 * _STEP))
+
+    def built(self, keys: Sequence[str], rows: Array) -> _Built:
+        """Return the instruments that values by key (SI units) make."""
+        load, misread = np.ones(len(rows)), np.zeros((2, len(rows)))
         if PULLEY in keys:
             load = rows[:, keys.index(PULLEY)] / _value(self.scaled_up, PULLEY)
-        own = [n for n, key in enumerate(keys) if key != PULLEY]
-        return [self._one({keys[n]: float(row[n]) for n in own}) for row in rows], load
+        for place, (key, radius) in enumerate(zip(BACKLASHES[::-1], ("proximal_radius", "distal_radius"), strict=True)):
+            if key in keys:
+                misread[place] = rows[:, keys.index(key)] / _value(self.scaled_up, field_of(self.scaled_up, radius))
+        own = [n for n, key in enumerate(keys) if key != PULLEY and key not in BACKLASHES]
+        return _Built([self._one({keys[n]: float(row[n]) for n in own}) for row in rows], load, misread)
+
+    def nominal(self) -> _Built:
+        """Return the instrument as designed."""
+        return _Built([self.scaled_up], np.ones(1), np.zeros((2, 1)))
 
     def _one(self, values: Mapping[str, float]) -> Instrument | None:
         try:
@@ -247,20 +284,24 @@ class _Pair:
 class _Choosing:
     """The grades of every dimension, the error's derivatives, and the sets of grades by cost."""
 
-    def __init__(self, pair: _Pair, target: float, share: float, samples: int, seed: int) -> None:
+    def __init__(  # noqa: PLR0917
+        self, pair: _Pair, target: float, share: float, samples: int, seed: int, backlash: float | None
+    ) -> None:
+        self.backlash = backlash
         self.pair, self.target, self.share, self.samples, self.seed = pair, target, share, samples, seed
         inst = pair.scaled_up
         self.nominal = {key: _value(inst, key) for key in _keys(inst)}
         self.keys = list(self.nominal)
         values = np.array(list(self.nominal.values()))
-        shifted = np.concatenate([values * (1 + sign * _STEP * np.eye(len(values))) for sign in (1, -1)])
-        at = pair.errors(*pair.built(self.keys, shifted))
+        steps = np.where(values > 0, _STEP * values, _PLAY_STEP)
+        shifted = np.concatenate([values + sign * np.diag(steps) for sign in (1, -1)])
+        at = pair.errors(pair.built(self.keys, shifted))
         count = len(values)
         # By force, key and step: deg per SI unit.
-        slopes = (at[:, :count] - at[:, count:]) / (2 * _STEP * values[:, np.newaxis])
+        slopes = (at[:, :count] - at[:, count:]) / (2 * steps[:, np.newaxis])
         # A tip that is lost so near to the nominal one is lost within any tolerance.
         self.slopes = np.nan_to_num(slopes, nan=_LOST)
-        self.designed = pair.errors([inst])[:, 0]
+        self.designed = pair.errors(pair.nominal())[:, 0]
         self.grades = [self._grades_of(n, key) for n, key in enumerate(self.keys)]
         random = np.random.default_rng(seed)
         normal, uniform = random.standard_normal((samples, count)), random.uniform(-1, 1, (samples, count))
@@ -270,6 +311,8 @@ class _Choosing:
         inst, nominal = self.pair.scaled_up, self.nominal[key]
         if key in _LENGTHS:
             return grades.of_length(nominal)
+        if key in BACKLASHES:
+            return grades.of_backlash(_value(inst, key.replace("backlash", "radius")), self.backlash)
         if key == "pretension":
             return grades.of_pretension(inst)
         if key == "backbone_rigidity":
@@ -322,19 +365,21 @@ class _Choosing:
         ]
         at = np.unique(np.abs(slopes).argmax(axis=1))
         variance, cost = np.zeros((1, at.size)), np.zeros(1)
+        picked: NDArray[np.intp] = np.zeros((1, 0), np.intp)
+        most = (self.target / _LEAST_QUANTILE) ** 2
         for n, offered in enumerate(choices):
             own = np.array([_variance(one) * slopes[n, at] ** 2 for one in offered])
             price = np.array([one.cost * _pieces(self.pair.scaled_up, self.keys[n]) for one in offered])
-            variance = (variance[:, np.newaxis] + own).reshape(-1, at.size)
-            cost = (cost[:, np.newaxis] + price).ravel()
-        deviation = np.sqrt(variance.max(axis=1))
-        possible = np.flatnonzero(deviation * _LEAST_QUANTILE <= self.target)
-        order = possible[np.lexsort((deviation[possible], cost[possible].round(6)))]
-        shape = [len(one) for one in choices]
+            places = np.indices((len(variance), len(offered))).reshape(2, -1)
+            variance, cost = variance[places[0]] + own[places[1]], cost[places[0]] + price[places[1]]
+            picked = np.concatenate([picked[places[0]], places[1][:, np.newaxis]], axis=1)
+            # What is too wide already stays so.
+            possible = variance.max(axis=1) <= most
+            variance, cost, picked = variance[possible], cost[possible], picked[possible]
+        order = np.lexsort((np.sqrt(variance.max(axis=1)), cost.round(6)))
         for _, same in groupby(order.tolist(), key=lambda number: round(float(cost[number]), 6)):
             for number in list(same)[:_TRIED]:
-                picked = np.unravel_index(number, shape)
-                yield tuple(one[int(n)] for one, n in zip(choices, picked, strict=True))
+                yield tuple(one[n] for one, n in zip(choices, picked[number].tolist(), strict=True))
 
     def drawn(self, taken: Sequence[Grade], forces: Sequence[int], *, friction: float = 0.0, fewer: int = 1) -> Array:
         """Return the largest error, deg, of drawn instruments at some of the forces; infinite where a tip is lost."""
@@ -342,11 +387,11 @@ class _Choosing:
             return np.empty((0, self.samples // fewer))
         draws = self.draws[: self.samples // fewer]
         rows = np.array(list(self.nominal.values())) + draws * np.array([one.width for one in taken])
-        insts, load = self.pair.built(self.keys, rows)
+        built = self.pair.built(self.keys, rows)
         if friction:
             random = np.random.default_rng(self.seed + 1)
-            insts = [_rubbing(one, random.normal(1, friction, 2)) for one in insts]
-        errors = np.abs(self.pair.errors(insts, load, forces)).max(axis=2)
+            built = built._replace(insts=[_rubbing(one, random.normal(1, friction, 2)) for one in built.insts])
+        errors = np.abs(self.pair.errors(built, forces)).max(axis=2)
         return np.where(np.isnan(errors), np.inf, errors)
 
     def shares(self, taken: Sequence[Grade], count: int) -> Array:
@@ -365,7 +410,7 @@ def _budget(choosing: _Choosing, taken: tuple[Grade, ...], errors: Array, count:
     dimensions = [
         Dimension(
             key, choosing.nominal[key], grade, _pieces(pair.scaled_up, key), float(shares[n]),
-            float(effect[n] * grade.width), key not in _SETTINGS,
+            float(effect[n] * grade.width), key not in _SETTINGS and key not in BACKLASHES,
         )
         for n, (key, grade) in enumerate(zip(choosing.keys, taken, strict=True))
     ]  # fmt: skip
@@ -388,6 +433,11 @@ def _budget(choosing: _Choosing, taken: tuple[Grade, ...], errors: Array, count:
         reported(coarsest),
         dict(zip(choosing.keys, choosing.shares(coarsest, count).tolist(), strict=True)),
         reported(taken, _FRICTION),
+        sum(
+            float(effect[choosing.keys.index(key)]) * choosing.grades[choosing.keys.index(key)][0].width
+            for key in BACKLASHES
+            if key in choosing.keys
+        ),
         choosing.samples,
         choosing.seed,
     )
@@ -401,6 +451,8 @@ def _keys(inst: Instrument) -> Iterator[str]:
             yield key
     if inst.conditions.cable_pulley_radius:
         yield PULLEY
+    if inst.joint_type == "tendon-gear":
+        yield from BACKLASHES
     yield "tendon_stiffness" if inst.given_stiffness is not None else "tendon_modulus"
     if inst.pretension > 0:
         yield "pretension"
@@ -409,6 +461,8 @@ def _keys(inst: Instrument) -> Iterator[str]:
 
 
 def _value(inst: Instrument, key: str) -> float:
+    if key in BACKLASHES:
+        return 0.0
     return float((inst.conditions.cable_pulley_radius or 0.0) if key == PULLEY else getattr(inst, key))
 
 

@@ -1,8 +1,10 @@
 """The first run of a scale model: its protocol, what must be read at every step, and what the motors must do."""
 
+import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -11,12 +13,13 @@ from tenodesis import statics
 from tenodesis.control import Controller
 from tenodesis.control.parameters import tension_limit
 from tenodesis.instrument import Instrument
-from tenodesis.run import Array, Run
+from tenodesis.run import Array, Run, concatenate
 from tenodesis.scaling import Design, TestLoad
 from tenodesis.simulate import Protocol, execute
 from tenodesis.simulate.protocol import parse
 from tenodesis.twin import Twin
 
+FIRST_RUN, CONTROLLED = "first-run.toml", "first-run-controlled.toml"
 UNCERTAIN = (0.5, 2.0)
 """Share of the guessed friction between which a reading must lie."""
 MARGIN = 1.5
@@ -26,6 +29,12 @@ _SMALL = np.radians(20)  # rad, output
 _SPEED = np.radians(10)  # rad/s, handle
 _LEAST_TOLERANCE = 0.5  # N
 _DELAY, _RISE, _HELD = 0.5, 0.5, 2.0  # s, of a load
+_PAUSE, _BRIEF = 10.0, 1.0  # s, in which people read, or a twin comes to rest
+_FOR_LOADS, _LONGEST_HELD = 160.0, 20.0  # s, in which weights hang in all, and one at most
+_STROKE, _STROKE_SPEED = np.radians(6), np.radians(2)  # rad and rad/s, of the handle
+_FASTER = 4.0
+"""Times that slow moves are faster in a brief run."""
+_JOG, _JOG_HELD, _JOG_RAMP = 0.2, 1.0, 0.3  # share of a tendon's stretch, and s
 _WINDOW = 0.5  # s, over which readings are averaged
 _SHARE_OF_RANGE = 0.02  # of a reading: what encoders and cells leave open
 
@@ -77,49 +86,177 @@ class FirstRun:
     """Mask of the controller's faults over the protocol; 0 if there is none."""
 
 
-def protocol(design: Design) -> Protocol:
-    """Return the protocol of the first ten minutes of a design: tighten, move, and load within what keeps it taut."""
-    return parse(protocol_text(design), "first-run.toml")
+class _Stage(NamedTuple):
+    """A step of the first run: a comment, its phases, and what is read at the end of which of them."""
+
+    comment: str
+    phases: tuple[str, ...]
+    read: str = ""
+    """What is read at it: slack, tighten, jog, bend, move or load; nothing by default."""
+    value: float = 0.0
+    """Output angle, rad, number of the tendon, or number of the test load."""
+    winds: bool = False
+    """Whether it moves the motors, so that it is left out with a controller."""
 
 
-def protocol_text(design: Design) -> str:
+def protocol(design: Design, *, controlled: bool = False, brief: bool = False) -> Protocol:
+    """Return the protocol of the first ten minutes of a design, or what of it a controller runs.
+
+    A brief one has the same phases, with fewer cycles and shorter holds.
+    """
+    text = "\n".join(_text(_stages(design, brief=brief), controlled=controlled))
+    return parse(f'name = "first ten minutes"\n{text}', FIRST_RUN)
+
+
+def protocol_text(design: Design, *, controlled: bool = False) -> str:
     """Return the text of the file of that protocol."""
-    inst = design.scaled_up.planar[0]
-    end, speed = math.degrees(inst.output_range), math.degrees(min(_SPEED, statics.reach(inst) / 2))
-    phases = [
-        "# The motors wind until both load cells read the pretension; under a controller this is its homing.",
-        _phase("pretension", tension=f"{inst.pretension:.6g} N", tolerance=f"{_tolerance(inst):.3g} N", timeout="60 s"),
-        _phase("hold", duration="2 s"),
-        "# A little to one side, then all the way to either.",
-        *(
-            _phase("cycles", output_amplitude=f"{angle:.6g} deg", speed=f"{speed:.4g} deg/s", count=count)
-            for angle, count in ((min(math.degrees(_SMALL), end), 2), (end, 1), (-end, 1))
-        ),
-    ]
-    for test in _loads(design):
-        masses = test.weights.sentence.partition(":")[0]
-        phases += [
-            f"# {masses}: {test.real_force:.3g} N on the real-size tip.",
-            _phase(
-                "step-load", handle_angle="0 deg", weight=f"{test.weights.weight:.9g} N", delay=f"{_DELAY:g} s",
-                rise=f"{_RISE:g} s", duration=f"{_HELD:g} s", release=f"{_HELD:g} s",
-            ),
-        ]  # fmt: skip
+    name, law = (CONTROLLED, " --law robust") if controlled else (FIRST_RUN, "")
     head = [
-        f"# From rope to loaded tip in ten minutes, for {inst.name}. On the twin:",
+        f"# From rope to loaded tip in ten minutes, for {design.scaled_up.name}. On the twin:",
         "#",
-        "#   tenodesis record scaled-up.toml first-run.toml",
-        "#   tenodesis record scaled-up.toml first-run.toml --law robust",
+        f"#   tenodesis record scaled-up.toml {name}{law} --out {Path(name).stem}.mcap",
         "",
-        'name = "first ten minutes"',
-        'description = "Tighten, move a little, move all the way, load and unload"',
+        f'name = "first ten minutes{", with the controller" if controlled else ""}"',
+        'description = "Tighten, jog, strokes at several bends, moves, weights one by one, cycles, excitation"',
         "",
     ]
-    return "\n".join([*head, *phases])
+    return "\n".join([*head, *_text(_stages(design), controlled=controlled)])
 
 
-def _phase(kind: str, **values: str | int) -> str:
-    rows = [f"{key} = {value}" if isinstance(value, int) else f'{key} = "{value}"' for key, value in values.items()]
+def _text(stages: Sequence[_Stage], *, controlled: bool) -> Iterator[str]:
+    for stage in stages:
+        if not (controlled and stage.winds):
+            yield f"# {stage.comment}"
+            yield from stage.phases
+
+
+def _stages(design: Design, *, brief: bool = False) -> list[_Stage]:
+    """Return the steps of the first run; those that are read come first."""
+    inst = design.scaled_up.planar[0]
+    end, pause = inst.output_range, _BRIEF if brief else _PAUSE
+    count, faster = (1, _FASTER) if brief else (2, 1.0)
+    speed = min(_SPEED, statics.reach(inst) / 2)
+    loads = _loads(design)
+    # Weights are hung by hand.
+    held = _BRIEF if brief else min(_LONGEST_HELD, _FOR_LOADS / (3 * len(loads)))
+    found = [
+        _Stage("Motors off, ropes loose: the cells read nothing.", (_hold(pause),), "slack", winds=True),
+        _Stage(
+            "The motors wind until both load cells read the pretension; under a controller this is its homing.",
+            (
+                _phase(
+                    "pretension", tension=f"{inst.pretension:.6g} N", tolerance=f"{_tolerance(inst):.3g} N",
+                    timeout="60 s",
+                ),
+                _hold(pause),
+            ),
+            "tighten",
+        ),
+    ]  # fmt: skip
+    for number, name in enumerate(("agonist", "antagonist")):
+        comment = f"Jog: the {name}'s motor winds and lets out again."
+        found.append(_Stage(comment, _jogged(inst, number), "jog", number, winds=True))
+    for share in (0.0, 0.5, 1.0, -0.5, -1.0):
+        angle = share * end
+        comment = f"Friction: a short stroke at a bend of {math.degrees(angle):.0f} deg."
+        found.append(_Stage(comment, (_stroke(inst, angle, count, faster), _hold(_BRIEF)), "bend", angle))
+    for angle in (min(_SMALL, end), end, -end):
+        comment = f"Slowly to {math.degrees(angle):.0f} deg and back."
+        found.append(_Stage(comment, (_cycles(angle, speed / 2 * faster, count),), "move", angle))
+    for number, test in enumerate(loads):
+        phase = _load(test, _output(0.0), held)
+        found.append(_Stage(f"{_hung(test)}.", (phase,), "load", number))
+    found += [
+        _Stage("The same moves fast.", tuple(_cycles(angle, 3 * speed, 2 * count) for angle in (end, -end))),
+        *(
+            _Stage(f"{_hung(test)}, at half the bend either way.",
+                   tuple(_load(test, _output(share * end), held) for share in (0.5, -0.5)))
+            for test in loads
+        ),
+        _Stage(
+            f"{_hung(loads[0])}: slowly under the weight.",
+            (
+                *(_cycles(angle, speed * faster, count, loads[0].force) for angle in (end, -end)),
+                _phase("ramp", duration="2 s", force="0 N"),
+                _hold(_BRIEF),
+            ),
+        ),
+        *_excitation(inst, speed, loads[0]),
+        _Stage("At rest: cells and encoders read what they read after tightening.", (_hold(pause),)),
+    ]  # fmt: skip
+    return found
+
+
+def _excitation(inst: Instrument, speed: float, test: TestLoad) -> Iterator[_Stage]:
+    """Yield the motions that tenodesis identify needs: of the handle, and of the motors, at several loads."""
+    comment = "For tenodesis identify: the handle at two speeds, both motors together, a weight."
+    moved = tuple(_cycles(share * inst.output_range, 3 * speed, 2, shape="sine") for share in (0.8, -0.8, 0.4, -0.4))
+    yield _Stage(comment, moved)
+    yield _Stage(
+        "Both motors wind and let out together, then one against the other.",
+        (*_jogged(inst, None, 2), *_jogged(inst, 0), *_jogged(inst, 1)),
+        winds=True,
+    )
+    yield _Stage(f"{_hung(test)}, for identification.", (_load(test, _output(0.0), _HELD), *moved[:2]))
+
+
+def _angle(angle: float) -> str:
+    return f"{math.degrees(angle):.0f}°".replace("-", "\N{MINUS SIGN}")
+
+
+def _hung(test: TestLoad) -> str:
+    return f"{test.weights.sentence.partition(':')[0]}: {test.real_force:.3g} N on the real-size tip"
+
+
+def _output(angle: float) -> dict[str, str]:
+    return {"output_angle": f"{math.degrees(angle):.6g} deg"} if angle else {"handle_angle": "0 deg"}
+
+
+def _load(test: TestLoad, at: Mapping[str, str], held: float) -> str:
+    return _phase(
+        "step-load", **at, weight=f"{test.weights.weight:.9g} N", delay=f"{_DELAY:g} s", rise=f"{_RISE:g} s",
+        duration=f"{held:.4g} s", release=f"{held / 2:.4g} s",
+    )  # fmt: skip
+
+
+def _hold(seconds: float) -> str:
+    return _phase("hold", duration=f"{seconds:g} s")
+
+
+def _cycles(angle: float, speed: float, count: int, force: float | None = None, **more: str) -> str:
+    given = {} if force is None else {"force": f"{force:.9g} N"}
+    return _phase(
+        "cycles", output_amplitude=f"{math.degrees(angle):.6g} deg", speed=f"{math.degrees(speed):.4g} deg/s",
+        count=count, **given, **more,
+    )  # fmt: skip
+
+
+def _stroke(inst: Instrument, angle: float, count: int, faster: float) -> str:
+    """Return a short stroke of the handle about the angle of an output angle, toward the straight where it ends."""
+    at = statics.handle_angle(inst, angle)
+    near, far = at - math.copysign(_STROKE, at), at
+    return _phase(
+        "cycles", **{"from": f"{math.degrees(near):.6g} deg"}, amplitude=f"{math.degrees(far):.6g} deg",
+        speed=f"{math.degrees(_STROKE_SPEED * faster):.4g} deg/s", count=count,
+    )  # fmt: skip
+
+
+def _jogged(inst: Instrument, tendon: int | None, times: int = 1) -> tuple[str, ...]:
+    """Return the ramps of a motor, or of both, that winds a share of its stretch and lets it out again."""
+    angle = _JOG * inst.pretension / inst.tendon_stiffness / inst.drives.spool_radius
+    speed = math.degrees(angle / (_JOG_HELD + _JOG_RAMP))
+
+    def ramp(share: float, seconds: float) -> str:
+        both = [f"{share * speed if tendon in (None, n) else 0.0:.6g} deg/s" for n in range(2)]
+        return _phase("ramp", duration=f"{seconds:g} s", spool_velocity=both)
+
+    there = (ramp(1, _JOG_RAMP), ramp(1, _JOG_HELD), ramp(0, _JOG_RAMP), _hold(_BRIEF))
+    back = (ramp(-1, _JOG_RAMP), ramp(-1, _JOG_HELD), ramp(0, _JOG_RAMP), _hold(_BRIEF))
+    return (there + back) * times
+
+
+def _phase(kind: str, **values: str | int | list[str]) -> str:
+    rows = [f"{key} = {json.dumps(value)}" for key, value in values.items()]
     return "\n".join(["[[phases]]", f'kind = "{kind}"', *rows, ""])
 
 
@@ -136,29 +273,44 @@ def _loads(design: Design) -> list[TestLoad]:
     return [test for test in tests if test.force <= bound] or tests[:1]
 
 
-def rehearse(design: Design) -> FirstRun:
+def rehearse(design: Design, *, brief: bool = False) -> FirstRun:
     """Run the first ten minutes of a design on the twin, without and with the controller.
 
-    Raises ProtocolError if the twin cannot run the protocol.
+    What is read is that of a brief run, which has the same phases; with the controller it is the whole one unless
+    `brief`. Raises ProtocolError if the twin cannot run the protocol.
     """
     inst = design.scaled_up.planar[0]
-    planned = protocol(design)
-    runs = [_phases(_rubbing(inst, share), planned) for share in (1.0, *UNCERTAIN)]
+    stages = _stages(design, brief=True)
+    last = max(n for n, stage in enumerate(stages) if stage.read) + 1
+    read = parse("\n".join(['name = "read"', *_text(stages[:last], controlled=False)]), FIRST_RUN)
+    runs = [_phases(_rubbing(inst, share), read) for share in (1.0, *UNCERTAIN)]
     controller = Controller(inst, homed=False)
-    closed = _phases(inst, planned, controller)
+    steps = [stage for stage in _stages(design, brief=brief) if not stage.winds]
+    closed = _staged(steps, _phases(inst, protocol(design, controlled=True, brief=brief), controller))
     faults = [int(value) for run in closed for value in np.unique(np.asarray(run["faults"]).astype(np.int64))]
-    loaded = closed[len(closed) - len(_loads(design)) :]
+    loaded = [run for step, run in zip(steps, closed, strict=True) if step.read == "load"]
     left = max((abs(_moved(run, _loaded(run))) for run in loaded), default=0.0)
-    return FirstRun(
-        planned, tuple(_readings(design, planned, runs)), _demand(inst, closed), left, int(np.bitwise_or.reduce(faults))
-    )
+    readings = _readings(design, stages[:last], [_staged(stages[:last], run) for run in runs])
+    return FirstRun(protocol(design), tuple(readings), _demand(inst, closed), left, int(np.bitwise_or.reduce(faults)))
 
 
 def _phases(inst: Instrument, planned: Protocol, controller: Controller | None = None) -> list[Run]:
-    """Return the run of every phase, one after another on the same twin, whose tendons are slack before."""
+    """Return the run of every phase of one run of a protocol, on a twin whose tendons are slack before."""
     twin = Twin(inst)
     twin.loosen(max(2e-3, 1.25 * inst.pretension / inst.tendon_stiffness))
-    return [execute(twin, planned.model_copy(update={"phases": (phase,)}), controller) for phase in planned.phases]
+    whole = execute(twin, planned, controller)
+    steps = [round(phase.seconds / twin.time_step) for phase in planned.plan(inst, twin.time_step)]
+    # Only tightening takes as long as it takes.
+    tight = next(n for n, phase in enumerate(planned.phases) if phase.kind == "pretension")
+    steps[tight] += len(whole) - sum(steps)
+    ends = np.cumsum(steps).tolist()
+    return [whole.rows(begin, end) for begin, end in zip([0, *ends[:-1]], ends, strict=True)]
+
+
+def _staged(stages: Sequence[_Stage], runs: Sequence[Run]) -> list[Run]:
+    """Return the run of every step, from those of its phases."""
+    given = iter(runs)
+    return [concatenate([next(given) for _ in stage.phases]) for stage in stages]
 
 
 def _rubbing(inst: Instrument, share: float) -> Instrument:
@@ -171,40 +323,68 @@ def _rubbing(inst: Instrument, share: float) -> Instrument:
     )
 
 
-def _readings(design: Design, planned: Protocol, runs: Sequence[Sequence[Run]]) -> Iterator[Reading]:
+def _readings(design: Design, stages: Sequence[_Stage], runs: Sequence[Sequence[Run]]) -> Iterator[Reading]:
     """Yield what must be read; of the runs the first has the guessed friction."""
     inst = design.scaled_up.planar[0]
-    tolerance = _tolerance(inst)
+    share = _SHARE_OF_RANGE * inst.pretension
+    for n, stage in enumerate(stages):
+        at = [run[n] for run in runs]
+        if stage.read == "slack":
+            zero = [0.0, *(float(np.abs(_last(run, "measured_tension")).max()) for run in at)]
+            yield _reading("slack", "load cells", "N", zero, _LEAST_TOLERANCE, "cell not tared; rope caught")
+        elif stage.read == "tighten":
+            yield from _tightened(inst, at)
+        elif stage.read == "jog":
+            name = ("agonist", "antagonist")[int(stage.value)]
+            jumped = [float(np.ptp(run["measured_tension"][:, int(stage.value)])) for run in at]
+            yield _reading(
+                f"jog the {name}", f"load cell, {name}, change", "N", jumped, share,
+                "nothing: the motor's or the cell's cables are exchanged",
+            )  # fmt: skip
+        elif stage.read == "bend":
+            cycle = 2 * _STROKE / (_FASTER * _STROKE_SPEED) + _BRIEF
+            wide = [float(np.ptp(_last(run, "measured_tension", cycle), axis=0).max()) for run in at]
+            yield _reading(
+                f"stroke at {_angle(stage.value)}", "load cells, largest change", "N", wide, share,
+                "more: a sharp or dirty vertex at this bend",
+            )  # fmt: skip
+        elif stage.read == "move":
+            yield from _moves(inst, stage.value, at)
+        elif stage.read == "load":
+            yield from _hangs(_loads(design)[int(stage.value)], at, share)
+
+
+def _tightened(inst: Instrument, runs: Sequence[Run]) -> Iterator[Reading]:
     for n, name in enumerate(("agonist", "antagonist")):
-        read = [float(np.mean(_last(run[0], "measured_tension")[:, n])) for run in runs]
+        read = [float(np.mean(_last(run, "measured_tension")[:, n])) for run in runs]
         yield _reading(
-            "tighten", f"load cell, {name}", "N", [inst.pretension, *read], tolerance,
+            "tighten", f"load cell, {name}", "N", [inst.pretension, *read], _tolerance(inst),
             "rope not seated, cell not tared, spool slips",
         )  # fmt: skip
-    turned = [float(np.degrees(np.mean(_last(run[1], "measured_output_angle")))) for run in runs]
+    turned = [float(np.degrees(np.mean(_last(run, "measured_output_angle")))) for run in runs]
     yield _reading("tighten", "tip", "deg", [0.0, *turned], 1.0, "cells differ in gain: swap them and see")
-    for n, angle in ((2, min(_SMALL, inst.output_range)), (3, inst.output_range), (4, -inst.output_range)):
-        step = f"move to {np.degrees(angle):.0f}°"
-        sign = np.sign(angle)
-        reached = [float(np.degrees(sign * (sign * run[n]["measured_output_angle"]).max())) for run in runs]
-        yield _reading(step, "tip, farthest", "deg", reached, 0.5, "radii, or a tendon that slips on its wheel")
-        strained = [float(run[n]["measured_tension"].max()) for run in runs]
+
+
+def _moves(inst: Instrument, angle: float, runs: Sequence[Run]) -> Iterator[Reading]:
+    step, sign = f"move to {_angle(angle)}", np.sign(angle)
+    reached = [float(np.degrees(sign * (sign * run["measured_output_angle"]).max())) for run in runs]
+    yield _reading(step, "tip, farthest", "deg", reached, 0.5, "radii, or a tendon that slips on its wheel")
+    strained = [float(run["measured_tension"].max()) for run in runs]
+    yield _reading(
+        step, "load cells, largest", "N", strained, _SHARE_OF_RANGE * inst.pretension,
+        "more: a sharp or dirty vertex; less: slack in a termination",
+    )  # fmt: skip
+
+
+def _hangs(test: TestLoad, runs: Sequence[Run], share: float) -> Iterator[Reading]:
+    step = f"load {test.real_force:.3g} N real-size, {test.force:.3g} N"
+    moved = [_moved(run, _loaded(run)) for run in runs]
+    yield _reading(step, "tip, change under the load", "deg", moved, 0.3, "more: rope softer than assumed, or slack")
+    for tendon, name in enumerate(("agonist", "antagonist")):
+        pulled = [float(np.mean(run["measured_tension"][_loaded(run), tendon])) for run in runs]
         yield _reading(
-            step, "load cells, largest", "N", strained, _SHARE_OF_RANGE * inst.pretension,
-            "more: a sharp or dirty vertex; less: slack in a termination",
-        )  # fmt: skip
-    for n, test in enumerate(_loads(design), len(planned.phases) - len(_loads(design))):
-        step = f"load {test.real_force:.3g} N real-size, {test.force:.3g} N"
-        moved = [_moved(run[n], _loaded(run[n])) for run in runs]
-        yield _reading(
-            step, "tip, change under the load", "deg", moved, 0.3, "more: rope softer than assumed, or slack"
+            step, f"load cell, {name}", "N", pulled, share, "friction in the sheath; weights on the wrong cable"
         )
-        for tendon, name in enumerate(("agonist", "antagonist")):
-            pulled = [float(np.mean(run[n]["measured_tension"][_loaded(run[n]), tendon])) for run in runs]
-            yield _reading(
-                step, f"load cell, {name}", "N", pulled, _SHARE_OF_RANGE * inst.pretension,
-                "friction in the sheath; weights on the wrong cable",
-            )  # fmt: skip
 
 
 def _reading(  # noqa: PLR0917
@@ -213,15 +393,16 @@ def _reading(  # noqa: PLR0917
     return Reading(step, what, unit, values[0], min(values) - tolerance, max(values) + tolerance, otherwise)
 
 
-def _last(run: Run, name: str) -> Array:
+def _last(run: Run, name: str, seconds: float = _WINDOW) -> Array:
     end = run.time[-1]
-    found: Array = run[name][run.time >= end - _WINDOW]
+    found: Array = run[name][run.time >= end - seconds]
     return found
 
 
 def _loaded(run: Run) -> Array:
     """Return which steps of a step load are at its end, before the release."""
-    end = run.time[-1] - _HELD - _RISE
+    under = np.flatnonzero(np.abs(run["force"]) >= 0.999 * np.abs(run["force"]).max())
+    end = run.time[under[-1]]
     mask: Array = (run.time >= end - _WINDOW) & (run.time < end)
     return mask
 

@@ -22,6 +22,14 @@ _IT = {
     11: (60, 75, 90, 110, 130, 160, 190, 220, 250, 290, 320, 360, 400),
 }
 _IT_COST = {11: 0.4, 10: 0.6, 9: 0.9, 8: 1.3, 7: 1.9, 6: 3.0, 5: 5.0}
+# DIN 3967, um by reference diameters up to each of the sizes, mm: allowance and tolerance of a tooth's thickness.
+_GEAR_SIZES = (10, 50, 125, 280)
+_TEETH = {
+    "cd25": ((40, 54, 70, 95), (20, 30, 40, 50), 0.0),
+    "e24": ((22, 30, 40, 56), (12, 20, 25, 30), 0.8),
+}
+_FITTED, _TURNED_PLATES = (0.02e-3, 1.0), (0.004e-3, 1.5)  # m of play, and the cost
+_DIN_3967 = "DIN 3967, largest play of two gears alike, quoted from memory of its tables; cost ours"
 _GENERAL_COST = {"c": 0.0, "m": 0.1, "f": 0.3}
 _SET_LENGTH = (0.02e-3, 1.0)  # m, and its cost
 _TRIMMED = radians(0.05)
@@ -69,6 +77,27 @@ def of_length(length: float) -> tuple[Grade, ...]:
     ]
     width, cost = _SET_LENGTH
     return _worthwhile([*found, Grade("set by a height gauge", width, cost, "ours: an adjustable stop")])
+
+
+def of_backlash(radius: float, made: float | None) -> tuple[Grade, ...]:
+    """Return the grades of the play of two gears alike (pitch radius, m) along the pitch circle, half of it each way.
+
+    `made` is the play (m) of gears that are printed or milled with the part; without it, gears are cut and bought.
+    """
+    if made is not None:
+        found = [Grade(f"as made, play {1e3 * made:.3g} mm", made / 2, 0.0, "play that the process needs, ours")]
+    else:
+        column = next((n for n, size in enumerate(_GEAR_SIZES) if 2e3 * radius <= size), len(_GEAR_SIZES) - 1)
+        found = [
+            Grade(f"DIN 3967 {name}", 1e-6 * (allowance[column] + width[column]), cost, _DIN_3967)
+            for name, (allowance, width, cost) in _TEETH.items()
+        ]
+    for name, (play, cost), source in (
+        ("links bored to the gears' play", _FITTED, "ours: centre distance set until 0.02 mm of play are left"),
+        ("plates turned apart", _TURNED_PLATES, "ours: of a half's two toothed plates one is turned and then fixed"),
+    ):
+        found.append(Grade(name, play / 2, cost, source))
+    return _worthwhile(found)
 
 
 def of_stiffness(nominal: float, turn: float) -> tuple[Grade, ...]:

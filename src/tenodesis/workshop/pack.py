@@ -18,14 +18,14 @@ from tenodesis.scaling.plan_tables import PlanTable
 from tenodesis.scaling.plan_text import angle, plain, quantity
 from tenodesis.scaling.practical import OBJECTIVES, PracticalFront
 from tenodesis.workshop import figures
-from tenodesis.workshop.assembly import FIRST_RUN, HEADER, Step, checklist
-from tenodesis.workshop.budget import PULLEY, TARGET, Budget, Spread, tolerate
-from tenodesis.workshop.first_run import FirstRun, protocol_text, rehearse
+from tenodesis.workshop.assembly import HEADER, Step, checklist
+from tenodesis.workshop.budget import BACKLASHES, PULLEY, TARGET, Budget, Spread, tolerate
+from tenodesis.workshop.first_run import CONTROLLED, FIRST_RUN, FirstRun, protocol_text, rehearse
 from tenodesis.workshop.order import Item, order_list
 from tenodesis.workshop.words import NAMES, nominal, tolerance
 
 ORDER, TOLERANCES, STUDY, CHECKLIST = "order.csv", "tolerances.csv", "tolerances.toml", "checklist.csv"
-FILES = (ORDER, TOLERANCES, STUDY, CHECKLIST, FIRST_RUN, HEADER)
+FILES = (ORDER, TOLERANCES, STUDY, CHECKLIST, FIRST_RUN, CONTROLLED, HEADER)
 """Names of the files of a pack."""
 _NAMED = 3  # causes in a sentence
 _LEAST_CAUSE = 0.05
@@ -71,6 +71,7 @@ class Pack:
             STUDY: study_file(self.budget),
             CHECKLIST: to_csv(("step", "do", "see"), [(str(n), *step) for n, step in enumerate(self.steps, 1)]),
             FIRST_RUN: protocol_text(self.design),
+            CONTROLLED: protocol_text(self.design, controlled=True),
             HEADER: header(self.design.scaled_up, homed=False),
         }
         for name, text in texts.items():
@@ -82,6 +83,7 @@ def prepare(
     practical: PracticalFront | None = None,
     *,
     target: float = TARGET,
+    backlash: float | None = None,
     progress: Callable[[str, int, int], object] = lambda *_: None,
 ) -> Pack:
     """Return tolerances, order list, checklist and first run of a design.
@@ -94,6 +96,8 @@ def prepare(
         The designs by what a workshop asks, to be shown with it.
     target
         Similarity error, deg, that 95 % of the instruments built must keep.
+    backlash
+        Play of gears that are printed or milled, m along the pitch circle; by default gears are cut and bought.
     progress
         Called with the name of the step, the amount done and the total.
 
@@ -105,7 +109,7 @@ def prepare(
         The target is out of its range.
     """
     progress("choosing tolerances", 0, 2)
-    budget = tolerate(design.real_size, design.scaled_up, target=target)
+    budget = tolerate(design.real_size, design.scaled_up, target=target, backlash=backlash)
     progress("running the twin", 1, 2)
     first = rehearse(design)
     progress("running the twin", 2, 2)
@@ -113,10 +117,10 @@ def prepare(
 
 
 def study_file(budget: Budget) -> str:
-    """Return the text of a tolerance file, for ``tenodesis tolerance``; the rig's pulley is no part of it."""
+    """Return the text of a tolerance file, for ``tenodesis tolerance``, without rig's pulley and gears' play."""
     tables: list[dict[str, Any]] = []
     for one in budget.dimensions.values():
-        if one.key == PULLEY:
+        if one.key == PULLEY or one.key in BACKLASHES:
             continue
         width = f"{1e3 * one.tolerance:.6g} mm" if one.is_drawn else f"{100 * one.tolerance / one.nominal:.6g} %"
         kind = {"distribution": "normal", "standard_deviation": width} if one.grade.is_normal else {
@@ -156,7 +160,14 @@ def _warnings(budget: Budget) -> list[str]:
             f"{angle(budget.target)} is kept up to {plain(max(budget.forces), 3)} N real-size only; at "
             f"{plain(worst, 3)} N the same tolerances leave {angle(budget.by_force[worst].kept)} for {keeps}."
         )
-    if budget.rubs:
+    if budget.play_as_made:
+        left = sum(budget.dimensions[key].effect for key in BACKLASHES)
+        found.append(
+            "The gears' play turns the links, not the tip, which the tendons hold; but encoders at the joints' axes "
+            f"read the links: up to {angle(budget.play_as_made)} off with gears as bought or made, {angle(left)} with "
+            "the grades below."
+        )
+    if budget.has_friction:
         found.append(
             f"Friction is no tolerance: with coefficients 20 % off those of the real-size instrument, {keeps} keep "
             f"{angle(budget.with_friction.kept)} only. Use the same rope on the same material, and identify it."
@@ -177,7 +188,7 @@ def _as_built(budget: Budget) -> PlanTable:
     ]
     for force, spread in budget.by_force.items():
         rows.append(_spread(f"of these, at {plain(force, 3)} N real-size", spread))
-    if budget.rubs:
+    if budget.has_friction:
         rows.append(_spread("the same, and friction 20 % off", budget.with_friction))
     rows.append(_spread("everything by its cheapest grade", budget.coarsest))
     coarsest = sorted(budget.coarsest_shares.items(), key=lambda item: -item[1])

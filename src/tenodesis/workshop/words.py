@@ -14,6 +14,8 @@ NAMES = {
     "overall_length": "overall length L",
     "backbone_length": "backbone length",
     PULLEY: "load rig's pulley, to cable's centre",
+    "distal_gear_backlash": "distal gears, play at the encoder",
+    "proximal_gear_backlash": "proximal gears, play at the encoder",
     "tendon_modulus": "tendons' modulus",
     "tendon_stiffness": "tendons' stiffness",
     "pretension": "pretension",

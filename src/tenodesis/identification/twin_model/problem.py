@@ -211,12 +211,26 @@ class TwinProblem(Problem):
 
     def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
         """Return the derivatives of the residuals by some parameters, given their indices, shape (n, how many)."""
+        model, slopes = self._differentiated(values, run, which)
+        return self._whitened(slopes, self._plain(model[:, 0], run), values, run)
+
+    def plain_derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
+        """Return those of the residuals with errors of commands included, as :meth:`plain_residuals` has them."""
+        return self._differentiated(values, run, which)[1]
+
+    def begins_known(self, run: int) -> bool:
+        """Return whether a run begins at rest, or what came before has no effect on what is compared."""
+        one = self._runs[run]
+        return one.lead == 0 or int(one.kept[0]) > one.lead
+
+    def _differentiated(self, values: Array, run: int, which: Sequence[int]) -> tuple[Array, Array]:
+        """Return the model of a run, and the derivatives of the residuals by some parameters."""
         one = self._runs[run]
         model = self._model(values, run, [self._variables[index] for index in which])
         parts = [
             -np.nan_to_num(model[READINGS.index(name), 1:].T / one.deviation[name], nan=0.0) for name in one.measured
         ]
-        return self._whitened(np.concatenate(parts), self._plain(model[:, 0], run), values, run)
+        return model, np.concatenate(parts)
 
     def systematic_errors(self, values: Array, run: int) -> Array:
         """Return the effects of systematic errors on residuals, one deviation each, (n, m).

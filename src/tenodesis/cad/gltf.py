@@ -1,0 +1,64 @@
+"""The assembly as glTF: a node for each body of the instrument, with the meshes of the parts that move with it."""
+
+from tenodesis import kinematics
+from tenodesis.cad import kernel as k
+from tenodesis.cad.assembly import frames_of, matrix
+from tenodesis.cad.model import Model
+from tenodesis.cad.picture import colours_of
+from tenodesis.extras import require
+from tenodesis.run import Array
+
+BODY = "body "
+"""Begin of the name of a body's node."""
+_CHORD, _TURN = 0.05, 0.3  # mm and rad: how closely a mesh follows its solid
+
+
+def gltf(model: Model) -> bytes:
+    """Return the assembly at straight joints as binary glTF, m, y upward.
+
+    A node for each body, "body" and its name in :func:`tenodesis.kinematics.frames`, holds the parts in its own frame;
+    those of a backbone's discs and of the bench are in the frame of the stem's distal end. The scene's extras say whose
+    solids they are: joint type and lengths, m.
+    """
+    trimesh = require("trimesh", "cad")
+    scene = trimesh.Scene(metadata={"tenodesis": described(model)})
+    placed, colours = frames_of(model, 0.0, 0.0), colours_of(model)
+    for part in model.parts:
+        body = f"{BODY}{part.body}"
+        scene.graph.update(body, matrix=_metres(matrix(placed(part, k.at()))))
+        mesh = k.meshed(part.solid, _CHORD, _TURN)
+        colour = [round(255 * share) for share in colours[part.name]]
+        material = trimesh.visual.material.PBRMaterial(
+            baseColorFactor=[*colour, 255], metallicFactor=0.1, roughnessFactor=0.7, doubleSided=True
+        )
+        visual = trimesh.visual.TextureVisuals(material=material)
+        shape = trimesh.Trimesh(1e-3 * mesh.points, mesh.faces, process=False, visual=visual)
+        for number, place in enumerate(part.places):
+            scene.add_geometry(
+                shape,
+                node_name=part.name if len(part.places) == 1 else f"{part.name}_{number + 1}",
+                geom_name=part.name,
+                parent_node_name=body,
+                transform=_metres(matrix(place)),
+            )
+    found: bytes = scene.export(file_type="glb")
+    return found
+
+
+def described(model: Model) -> dict[str, str | float]:
+    """Return whose solids they are."""
+    inst, lengths = model.instrument, kinematics.dimensions(model.instrument)
+    return {
+        "name": inst.name,
+        "joint_type": inst.joint_type,
+        "stem_length": lengths.stem_length,
+        "end_effector_length": lengths.end_effector_length,
+        "distal_radius": lengths.distal_radii[0],
+        "proximal_radius": lengths.proximal_radii[0],
+    }
+
+
+def _metres(place: Array) -> Array:
+    found = place.copy()
+    found[:3, 3] *= 1e-3
+    return found
