@@ -13,8 +13,10 @@
 
 namespace tenodesis {
 
-/// Most passes of a step in lanes.
+/// Most passes of a solve in lanes.
 inline constexpr int most_lane_passes = 6;
+/// Most corrections of the bands in a quasi-static step in lanes.
+inline constexpr int most_lane_corrections = 16;
 /// Most trials of the handle's angle of a step in lanes.
 inline constexpr int most_lane_trials = 8;
 
@@ -54,7 +56,7 @@ template <class Many, class One, class Visit>
   }
 }
 
-/// The steps of twins in lanes; quasi-static ones and those with two vertices are not among them.
+/// The steps of twins in lanes; those with two vertices are not among them.
 template <class T>
 struct InLanes {
   using S = T::S;
@@ -106,26 +108,63 @@ struct InLanes {
       for (int j = 0; j < before.tendon[i].slack.size(); ++j) next.tendon[i].slack[j] = before.tendon[i].slack[j];
     }
     next.sweeps = S(0);
+    const Flag<S> moved = twin.quasi_static ? rest_tip(both, load, runs, before, tip, next)
+                                            : settle(both, runs, before, tip, next, [&](auto& end, auto& open) {
+                                                twin.push_tip(end, load, before, tip, open);
+                                              });
+    twin.finish(load, before, tip, next);
+    return moved && abs(handle_angle) <= twin.axis.handle_range + S(range_tolerance<ValueOf<S>>);
+  }
+
+  // Guess, pass, revise, in the lanes that run; true in those that have settled. Others stay as they are.
+  template <class Correct>
+  [[gnu::always_inline]] Flag<S> settle(typename T::Chain& both, const Flag<S>& runs, const State& before, Tip<S>& tip,
+                                        State& next, const Correct& correct) const {
     const S tolerance = twin.tolerance();
     Flag<S> open = runs;
+    Flag<S> lost = false;
     for (int pass = 0; pass < most_lane_passes && any(open); ++pass) {
       next.sweeps = next.sweeps + where(open, S(1), S(0));
       Reaction<S> end[2];
       for (int i = 0; i < 2; ++i)
         end[i] = twin.tendon.eliminate(both.band[i], both.spool[i], both.pull[i], before.tendon[i].slip, next.tendon[i],
                                        both.line[i]);
-      Flag<S> searched = open;
-      twin.push_tip(end, load, before, tip, searched);
+      Flag<S> failed = open;
+      correct(end, failed);
+      lost = lost || failed;
       const S y = twin.axis.distal.excursion_slope() * tip.x;
-      Flag<S> revised = searched;
+      Flag<S> revised = false;
       for (int i = 0; i < 2; ++i) {
         twin.tendon.substitute(both.spool[i], both.pull[i], both.line[i], i == agonist ? y : -y, next.tendon[i]);
         revised = revised || twin.tendon.revise_all(both.band[i], before.tendon[i].slip, tolerance, next.tendon[i]);
       }
-      open = open && revised;
+      open = open && revised && !failed;
     }
-    twin.finish(load, before, tip, next);
-    return runs && !open && abs(handle_angle) <= twin.axis.handle_range + S(range_tolerance<ValueOf<S>>);
+    return runs && !open && !lost;
+  }
+
+  // Balances the tips at rest, with bands at the angle where each is found; true in the lanes that have settled. Out of
+  // line, where it costs steps in motion no registers.
+  [[gnu::noinline]] Flag<S> rest_tip(typename T::Chain& both, const TipLoad<S>& load, const Flag<S>& runs,
+                                     const State& before, Tip<S>& tip, State& next) const {
+    const AtRest<T> rest = twin.at_rest();
+    S length[2];
+    Flag<S> open = runs && !rest.slack_about(both, load, length);
+    Flag<S> found = false;
+    S angle = tip.angle;
+    for (int n = 0; n <= most_lane_corrections && any(open); ++n) {
+      if (n > 0) {
+        angle = where(open, tip.angle, angle);
+        twin.set_bands(next.handle_angle, angle, before, next, both);
+      }
+      open = settle(both, open, before, tip, next,
+                    [&](auto& end, auto& searched) { rest.balance_tip(end, load, tip, searched); });
+      if (n == 0) continue;
+      const Flag<S> agreed = open && abs(tip.angle - angle) <= S(settled<ValueOf<S>>);
+      found = found || agreed;
+      open = open && !agreed;
+    }
+    return found;
   }
 
   // Finds the handle angles at which hands and tendons are balanced, by the secant method; without a hand they are
@@ -133,13 +172,14 @@ struct InLanes {
   [[gnu::always_inline]] Flag<S> move_handle(const Flag<S>& held, const S& wanted, const TipLoad<S>& load,
                                              const Flag<S>& runs, const State& before, State& next) const {
     S stiffness = twin.first_handle_stiffness(before);
-    S angle = where(held, before.handle_angle + before.handle_velocity * twin.time_step, wanted);
+    S angle = where(held, twin.first_handle_angle(before), wanted);
     S tried(0);
     S missed(0);
     Flag<S> open = held && runs;
     Flag<S> moved = runs;
     for (int n = 0; n < most_lane_trials; ++n) {
-      moved = move_tip(angle, load, runs, before, next);
+      // What a trial that has not settled leaves is no guide to the next.
+      moved = move_tip(angle, load, moved, before, next);
       const S velocity = next.handle_velocity;
       const S off = unbalanced_handle(twin.hand, twin.step_of_hand(), angle, wanted, before, next);
       next.handle_velocity = where(held, next.handle_velocity, velocity);

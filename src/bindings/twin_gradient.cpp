@@ -38,7 +38,7 @@ std::tuple<std::size_t, Status> gradient(const TwinSpec& spec, const In<2>& comm
                                out.data(),
                                rows,
                                0};
-  const tenodesis_lanes::Lanes* lanes = steps_in_lanes(spec) ? lanes_of_processor(8) : nullptr;
+  const tenodesis_lanes::Lanes* lanes = steps_in_lanes(spec) && !spec.quasi_static ? lanes_of_processor(8) : nullptr;
   const std::size_t most = lanes != nullptr ? tenodesis_lanes::most_directions : few_directions;
   Progress done = {count, Status::ok};
   do {
@@ -49,7 +49,7 @@ std::tuple<std::size_t, Status> gradient(const TwinSpec& spec, const In<2>& comm
       lanes->differentiate(of, outcome);
       done = {std::size_t(outcome[0]), Status(outcome[1])};
     } else {
-      const Variables<few_directions> at(of.parameters, of.variables, of.variable_count);
+      const Variables<Dual<double, few_directions>> at(of.parameters, of.variables, of.variable_count);
       done = with_twin(spec, at.axis, at.row, [&](const auto& twin) { return differentiate(twin, at.row, of); });
     }
     of.first += most;

@@ -26,6 +26,7 @@ class LaneTwins {
   explicit LaneTwins(const tenodesis_lanes::Kind& kind) : steps_per_sample_(kind.steps_per_sample) {
     spec_.axis.joint_type = JointType(kind.joint_type);
     spec_.axis.handle_range = kind.handle_range;
+    spec_.quasi_static = kind.quasi_static;
     // Sensors are read beside the steps.
     spec_.steps_per_sample = std::numeric_limits<int>::max();
   }
