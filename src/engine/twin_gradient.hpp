@@ -18,11 +18,6 @@ std::array<S, reading_count> readings_of(const Reading<S>& reading) {
   return {reading.handle_angle, reading.output_angle, reading.tension[0], reading.tension[1]};
 }
 
-template <std::size_t N>
-double slope_of(const Dual<double, N>& a, std::size_t direction) {
-  return a.slope[direction];
-}
-
 /// A twin's parameters and its axis's in dual numbers; some are independent variables, one for each direction.
 template <class D>
 struct Variables {
