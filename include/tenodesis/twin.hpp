@@ -17,7 +17,7 @@
 namespace tenodesis {
 
 /// Steps of several twins at once (twin_lanes.hpp).
-template <class T>
+template <class T, bool resting>
 struct InLanes;
 
 /// One axis of an instrument on the bench; Law is one of friction.hpp's, Rows the rows of tendon.hpp.
@@ -45,7 +45,8 @@ struct Twin {
   bool quasi_static{};
   int joint_vertices{1};  ///< per joint, where the rows do not say
 
-  friend struct InLanes<Twin>;
+  template <class T, bool resting>
+  friend struct InLanes;
   friend struct AtRest<Twin>;
 
   /// At rest, both tendons at pretension and all else at zero.

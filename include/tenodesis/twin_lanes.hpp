@@ -56,8 +56,8 @@ template <class Many, class One, class Visit>
   }
 }
 
-/// The steps of twins in lanes; those with two vertices are not among them.
-template <class T>
+/// The steps of twins in lanes, which are quasi-static or are not; those with two vertices are not among them.
+template <class T, bool resting>
 struct InLanes {
   using S = T::S;
   using State = T::State;
@@ -108,10 +108,12 @@ struct InLanes {
       for (int j = 0; j < before.tendon[i].slack.size(); ++j) next.tendon[i].slack[j] = before.tendon[i].slack[j];
     }
     next.sweeps = S(0);
-    const Flag<S> moved = twin.quasi_static ? rest_tip(both, load, runs, before, tip, next)
-                                            : settle(both, runs, before, tip, next, [&](auto& end, auto& open) {
-                                                twin.push_tip(end, load, before, tip, open);
-                                              });
+    Flag<S> moved;
+    if constexpr (resting)
+      moved = balance(both, load, runs, before, tip, next);
+    else
+      moved = settle(both, runs, before, tip, next,
+                     [&](auto& end, auto& open) { twin.push_tip(end, load, before, tip, open); });
     twin.finish(load, before, tip, next);
     return moved && abs(handle_angle) <= twin.axis.handle_range + S(range_tolerance<ValueOf<S>>);
   }
@@ -122,31 +124,27 @@ struct InLanes {
                                         State& next, const Correct& correct) const {
     const S tolerance = twin.tolerance();
     Flag<S> open = runs;
-    Flag<S> lost = false;
     for (int pass = 0; pass < most_lane_passes && any(open); ++pass) {
       next.sweeps = next.sweeps + where(open, S(1), S(0));
       Reaction<S> end[2];
       for (int i = 0; i < 2; ++i)
         end[i] = twin.tendon.eliminate(both.band[i], both.spool[i], both.pull[i], before.tendon[i].slip, next.tendon[i],
                                        both.line[i]);
-      Flag<S> failed = open;
-      correct(end, failed);
-      lost = lost || failed;
+      Flag<S> revised = open;
+      correct(end, revised);
       const S y = twin.axis.distal.excursion_slope() * tip.x;
-      Flag<S> revised = false;
       for (int i = 0; i < 2; ++i) {
         twin.tendon.substitute(both.spool[i], both.pull[i], both.line[i], i == agonist ? y : -y, next.tendon[i]);
         revised = revised || twin.tendon.revise_all(both.band[i], before.tendon[i].slip, tolerance, next.tendon[i]);
       }
-      open = open && revised && !failed;
+      open = open && revised;
     }
-    return runs && !open && !lost;
+    return runs && !open;
   }
 
-  // Balances the tips at rest, with bands at the angle where each is found; true in the lanes that have settled. Out of
-  // line, where it costs steps in motion no registers.
-  [[gnu::noinline]] Flag<S> rest_tip(typename T::Chain& both, const TipLoad<S>& load, const Flag<S>& runs,
-                                     const State& before, Tip<S>& tip, State& next) const {
+  // Balances the tips at rest, with bands at the angle where each is found; true in the lanes that have settled.
+  [[gnu::always_inline]] Flag<S> balance(typename T::Chain& both, const TipLoad<S>& load, const Flag<S>& runs,
+                                         const State& before, Tip<S>& tip, State& next) const {
     const AtRest<T> rest = twin.at_rest();
     S length[2];
     Flag<S> open = runs && !rest.slack_about(both, load, length);
@@ -157,8 +155,11 @@ struct InLanes {
         angle = where(open, tip.angle, angle);
         twin.set_bands(next.handle_angle, angle, before, next, both);
       }
-      open = settle(both, open, before, tip, next,
-                    [&](auto& end, auto& searched) { rest.balance_tip(end, load, tip, searched); });
+      open = settle(both, open, before, tip, next, [&](auto& end, auto& lost) {
+        rest.balance_tip(end, load, tip, lost);
+        // Where the guess has no equilibrium, later passes are not to find one.
+        tip.x = where(lost, S(std::numeric_limits<ValueOf<S>>::quiet_NaN()), tip.x);
+      });
       if (n == 0) continue;
       const Flag<S> agreed = open && abs(tip.angle - angle) <= S(settled<ValueOf<S>>);
       found = found || agreed;
