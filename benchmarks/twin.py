@@ -184,12 +184,10 @@ def instructions(inst: Instrument) -> None:
 
 
 def collected(name: str, lanes: int, steps: int) -> int:
-    """Return the instructions of a process that steps that many times."""
-    valgrind = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null"]
+    """Return the instructions of a process from its first step on."""
+    valgrind = ["valgrind", "--tool=callgrind", "--instr-atstart=no", "--callgrind-out-file=/dev/null"]
     command = [*valgrind, sys.executable, __file__, "--only-steps", name, str(lanes), str(steps)]
-    # Without which a start of Python takes now more, now fewer.
-    fixed = os.environ | {"PYTHONHASHSEED": "0"}
-    told = subprocess.run(command, check=True, capture_output=True, text=True, env=fixed).stderr
+    told = subprocess.run(command, check=True, capture_output=True, text=True).stderr
     return int(told.partition("Collected : ")[2].split()[0])
 
 
@@ -335,7 +333,9 @@ def main() -> None:
     real = tn.load("real-size").axis("yaw")
     if arguments.only_steps:
         name, most_lanes, steps = arguments.only_steps
-        stepping(tn.load(name), int(most_lanes), int(steps))[0]()
+        advance, _ = stepping(tn.load(name), int(most_lanes), int(steps))
+        subprocess.run(["callgrind_control", "-i", "on", str(os.getpid())], check=True, stdout=subprocess.DEVNULL)
+        advance()
         return
     if arguments.instructions:
         instructions(scaled)
