@@ -168,7 +168,7 @@ def stepping(inst: Instrument, most_lanes: int, steps: int) -> tuple[Callable[[]
 
 
 def instructions(inst: Instrument) -> None:
-    """Instructions and time of a step of one twin: alone, and beside others in lanes; valgrind counts up to AVX2."""
+    """Print instructions and time of a step of one twin, alone and in lanes; valgrind counts up to AVX2."""
     print(f"{inst.name}, one step of one twin, cycles under a varying load:")
     steps = 8_000
     for lanes in (1, 2, 4, WIDEST):
