@@ -13,7 +13,7 @@ struct Contact {
   S damping{};    ///< N s/m
 
   constexpr Flag<S> present() const { return stiffness != S(0); }
-  friend constexpr bool operator==(const Contact&, const Contact&) = default;
+  friend bool operator==(const Contact&, const Contact&) = default;
 };
 
 /// What acts on the tip.

@@ -120,7 +120,7 @@ struct InLanes {
 
   // Guess, pass, revise, in the lanes that run; true in those that have settled. Others stay as they are.
   template <class Correct>
-  [[gnu::always_inline]] Flag<S> settle(typename T::Chain& both, const Flag<S>& runs, const State& before, Tip<S>& tip,
+  [[gnu::always_inline]] Flag<S> settle(T::Chain& both, const Flag<S>& runs, const State& before, Tip<S>& tip,
                                         State& next, const Correct& correct) const {
     const S tolerance = twin.tolerance();
     Flag<S> open = runs;
@@ -143,7 +143,7 @@ struct InLanes {
   }
 
   // Balances the tips at rest, with bands at the angle where each is found; true in the lanes that have settled.
-  [[gnu::always_inline]] Flag<S> balance(typename T::Chain& both, const TipLoad<S>& load, const Flag<S>& runs,
+  [[gnu::always_inline]] Flag<S> balance(T::Chain& both, const TipLoad<S>& load, const Flag<S>& runs,
                                          const State& before, Tip<S>& tip, State& next) const {
     const AtRest<T> rest = twin.at_rest();
     S length[2];

@@ -57,10 +57,10 @@ void asin_is_odd_and_exact_at_its_ends() {
 
 template <class D>
 void dual_numbers_match_finite_differences() {
-  const auto f = [](auto a, auto b) {
+  const auto f = [](const auto& a, const auto& b) {
     // Not the C library's, which are visible as well.
     using tenodesis::abs, tenodesis::asin, tenodesis::log, tenodesis::sqrt;
-    return asin(sqrt(a * b) / (a + b)) - abs(b) * a / (b + decltype(a)(2.0)) * log(a);
+    return asin(sqrt(a * b) / (a + b)) - abs(b) * a / (b + 2.0) * log(a);
   };
   const double a = 0.7, b = 0.3, h = 1e-6;
   const D value = f(D::variable(a, 0), D::variable(b, 1));
