@@ -112,16 +112,14 @@ struct InLanes {
     if constexpr (resting)
       moved = balance(both, load, runs, before, tip, next);
     else
-      moved = settle(both, runs, before, tip, next,
-                     [&](auto& end, auto& open) { twin.push_tip(end, load, before, tip, open); });
+      moved = settle(both, load, runs, before, tip, next);
     twin.finish(load, before, tip, next);
     return moved && abs(handle_angle) <= twin.axis.handle_range + S(range_tolerance<ValueOf<S>>);
   }
 
   // Guess, pass, revise, in the lanes that run; true in those that have settled. Others stay as they are.
-  template <class Correct>
-  [[gnu::always_inline]] Flag<S> settle(T::Chain& both, const Flag<S>& runs, const State& before, Tip<S>& tip,
-                                        State& next, const Correct& correct) const {
+  [[gnu::always_inline]] Flag<S> settle(T::Chain& both, const TipLoad<S>& load, const Flag<S>& runs,
+                                        const State& before, Tip<S>& tip, State& next) const {
     const S tolerance = twin.tolerance();
     Flag<S> open = runs;
     for (int pass = 0; pass < most_lane_passes && any(open); ++pass) {
@@ -131,7 +129,13 @@ struct InLanes {
         end[i] = twin.tendon.eliminate(both.band[i], both.spool[i], both.pull[i], before.tendon[i].slip, next.tendon[i],
                                        both.line[i]);
       Flag<S> revised = open;
-      correct(end, revised);
+      if constexpr (resting) {
+        twin.at_rest().balance_tip(end, load, tip, revised);
+        // Where the guess has no equilibrium, later passes are not to find one.
+        tip.x = where(revised, S(std::numeric_limits<ValueOf<S>>::quiet_NaN()), tip.x);
+      } else {
+        twin.push_tip(end, load, before, tip, revised);
+      }
       const S y = twin.axis.distal.excursion_slope() * tip.x;
       for (int i = 0; i < 2; ++i) {
         twin.tendon.substitute(both.spool[i], both.pull[i], both.line[i], i == agonist ? y : -y, next.tendon[i]);
@@ -145,9 +149,8 @@ struct InLanes {
   // Balances the tips at rest, with bands at the angle where each is found; true in the lanes that have settled.
   [[gnu::always_inline]] Flag<S> balance(T::Chain& both, const TipLoad<S>& load, const Flag<S>& runs,
                                          const State& before, Tip<S>& tip, State& next) const {
-    const AtRest<T> rest = twin.at_rest();
     S length[2];
-    Flag<S> open = runs && !rest.slack_about(both, load, length);
+    Flag<S> open = runs && !twin.at_rest().slack_about(both, load, length);
     Flag<S> found = false;
     S angle = tip.angle;
     for (int n = 0; n <= most_lane_corrections && any(open); ++n) {
@@ -155,11 +158,7 @@ struct InLanes {
         angle = where(open, tip.angle, angle);
         twin.set_bands(next.handle_angle, angle, before, next, both);
       }
-      open = settle(both, open, before, tip, next, [&](auto& end, auto& lost) {
-        rest.balance_tip(end, load, tip, lost);
-        // Where the guess has no equilibrium, later passes are not to find one.
-        tip.x = where(lost, S(std::numeric_limits<ValueOf<S>>::quiet_NaN()), tip.x);
-      });
+      open = settle(both, load, open, before, tip, next);
       if (n == 0) continue;
       const Flag<S> agreed = open && abs(tip.angle - angle) <= S(settled<ValueOf<S>>);
       found = found || agreed;
