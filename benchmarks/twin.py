@@ -9,6 +9,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from timeit import timeit
@@ -42,6 +43,8 @@ OUTPUTS = (0.0, 33.0, 67.0, 80.0)  # deg, Fig. 15
 WEIGHT = 10.0  # N on the rig's cable
 SIGNALS = ("output_angle", "tension.agonist", "tension.antagonist")
 EVERY = 20
+WIDEST = 8
+"""Twins side by side in the widest vectors."""
 
 
 def tip(inst: Instrument) -> dict[str, float]:
@@ -149,6 +152,43 @@ def lanes(inst: Instrument) -> None:
         f"  {'loops with the robust law':<28} best {max(ticks) / 1e6:5.2f} M ticks/s   "
         f"target {TARGET_TICKS / 1e6:g} {verdict}"
     )
+
+
+def stepping(inst: Instrument, most_lanes: int, steps: int) -> tuple[Callable[[], None], int]:
+    """Return what steps as many twins as vectors hold at most, under a varying load, and how many are side by side."""
+    rows = np.array([plant.parameter_row(inst, TIME_STEP)] * WIDEST)
+    twins = _core.TwinBatch(
+        plant.spec(inst, TIME_STEP, False), rows, np.arange(WIDEST, dtype=np.uint64), most_lanes=most_lanes
+    )
+    commands = np.zeros((1, steps, len(COMMANDS)))
+    commands[0, :, :2] = np.transpose([one[:steps] for one in motions(inst)["cycles under a varying load"]])
+    out, ends = np.empty((WIDEST, 1, steps // EVERY)), np.zeros((WIDEST, 2), np.int64)
+    signal = [SIGNAL_NAMES.index("output_angle")]
+    return partial(twins.advance, commands, signal, EVERY, out, ends, 1, [], 1, TIME_STEP), twins.together
+
+
+def instructions(inst: Instrument) -> None:
+    """Print instructions and time of a step of one twin, alone and in lanes; valgrind counts up to AVX2."""
+    print(f"{inst.name}, one step of one twin, cycles under a varying load:")
+    steps = 8_000
+    for lanes in (1, 2, 4, WIDEST):
+        advance, together = stepping(inst, lanes, steps)
+        if together != lanes:
+            continue
+        spent = min(timeit(advance, number=1) for _ in range(ROUNDS)) / (steps * WIDEST)
+        counted = "  not counted"
+        if lanes < WIDEST:
+            few, many = (collected(inst.name, lanes, count) for count in (EVERY, steps))
+            counted = f"{(many - few) / ((steps - EVERY) * WIDEST):6.0f} instructions"
+        print(f"  {lanes} side by side   {counted}   {1e9 * spent:6.1f} ns")
+
+
+def collected(name: str, lanes: int, steps: int) -> int:
+    """Return the instructions of a process from its first step on."""
+    valgrind = ["valgrind", "--tool=callgrind", "--instr-atstart=no", "--callgrind-out-file=/dev/null"]
+    command = [*valgrind, sys.executable, __file__, "--only-steps", name, str(lanes), str(steps)]
+    told = subprocess.run(command, check=True, capture_output=True, text=True).stderr
+    return int(told.partition("Collected : ")[2].split()[0])
 
 
 def coupled_axes() -> None:
@@ -285,10 +325,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=int(os.environ.get("RUNS", RUNS)), help="runs of Fig. 15")
     parser.add_argument("--only-lanes", action="store_true", help="twins side by side in vectors")
+    parser.add_argument("--instructions", action="store_true", help="instructions of a step, by valgrind")
+    parser.add_argument("--only-steps", nargs=3, help=argparse.SUPPRESS)
     parser.add_argument("--only-many", action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     scaled = tn.load("scaled-up")
     real = tn.load("real-size").axis("yaw")
+    if arguments.only_steps:
+        name, most_lanes, steps = arguments.only_steps
+        advance, _ = stepping(tn.load(name), int(most_lanes), int(steps))
+        subprocess.run(["callgrind_control", "-i", "on", str(os.getpid())], check=True, stdout=subprocess.DEVNULL)
+        advance()
+        return
+    if arguments.instructions:
+        instructions(scaled)
+        return
     if arguments.only_lanes:
         for inst in (scaled, real):
             lanes(inst)

@@ -343,6 +343,8 @@ struct Dual {
     using tenodesis::value_of;
     return value_of(a.value);
   }
+  /// The derivative in one direction.
+  friend constexpr S slope_of(const Dual& a, std::size_t direction) { return a.slope[direction]; }
   friend Dual sqrt(const Dual& a) {
     using tenodesis::sqrt;
     const S root = sqrt(a.value);

@@ -12,17 +12,12 @@
 // tip's coordinate while the guess of the sliding contacts holds (tendon.hpp), so that tip and tendons are solved
 // together.
 
-#include "tenodesis/twin_parts.hpp"
+#include "tenodesis/twin_at_rest.hpp"
 
 namespace tenodesis {
 
-/// Most corrections of an angle in one solve.
-inline constexpr int most_corrections = 64;
-/// Most parts that a quasi-static step is divided into.
-inline constexpr int most_parts = 1024;
-
 /// Steps of several twins at once (twin_lanes.hpp).
-template <class T>
+template <class T, bool resting>
 struct InLanes;
 
 /// One axis of an instrument on the bench; Law is one of friction.hpp's, Rows the rows of tendon.hpp.
@@ -50,7 +45,9 @@ struct Twin {
   bool quasi_static{};
   int joint_vertices{1};  ///< per joint, where the rows do not say
 
-  friend struct InLanes<Twin>;
+  template <class T, bool resting>
+  friend struct InLanes;
+  friend struct AtRest<Twin>;
 
   /// At rest, both tendons at pretension and all else at zero.
   State rest(std::uint64_t seed) const {
@@ -77,7 +74,8 @@ struct Twin {
     for (int i = 0; i < 2; ++i)
       next.drive[i] = advance(drive, state.drive[i], command.spool_velocity[i], state.tendon[i].tension[0], time_step);
     Status found = move(command.handle_angle, load, state, next);
-    if (found == Status::no_equilibrium && quasi_static) found = move_in_parts(command.handle_angle, load, state, next);
+    if (found == Status::no_equilibrium && quasi_static)
+      found = at_rest().move_in_parts(command.handle_angle, load, state, next);
     if (found != Status::ok) return found;
     next.handle_wanted = command.handle_angle;
     next.load = load;
@@ -143,6 +141,7 @@ struct Twin {
   S beyond_stop(const S& angle) const { return angle - clamp(angle, -body.stop, body.stop); }
 
  private:
+  AtRest<Twin> at_rest() const { return {*this}; }
   bool prescribed() const { return !(hand.stiffness > S(0)); }
   // Where the handle's joint draws.
   int handle_segment() const { return sheath_contacts() + vertices() - 1; }
@@ -185,46 +184,6 @@ struct Twin {
 
   // Rare branches are kept out of line, where they cost the common one no registers, and compile time.
 
-  // Divides a large quasi-static step: a guess within a large step may have no equilibrium although the tendons have
-  // one.
-  [[gnu::noinline, gnu::cold]] Status move_in_parts(const S& handle_angle, const TipLoad<S>& load, const State& before,
-                                                    State& next) const {
-    const State wound = next;
-    Status found = Status::no_equilibrium;
-    for (int parts = 16; parts <= most_parts && found == Status::no_equilibrium; parts *= 8) {
-      Twin part = *this;
-      part.time_step = time_step / S(parts);
-      State at = before;
-      S worst(0);
-      int sweeps = 0;
-      found = Status::ok;
-      for (int k = 1; k <= parts && found == Status::ok; ++k) {
-        const S share = S(k) / S(parts);
-        const auto between = [&](const S& from, const S& to) { return from + (to - from) * share; };
-        State to = at;
-        to.sheath_bend = wound.sheath_bend;
-        for (int i = 0; i < 2; ++i) {
-          to.let_out[i] = wound.let_out[i];
-          to.drive[i] = wound.drive[i];
-          to.drive[i].spool = between(before.drive[i].spool, wound.drive[i].spool);
-        }
-        const TipLoad<S> carried{
-            {between(before.load.force, load.force), between(before.load.radial_force, load.radial_force)},
-            load.contact};
-        found = part.move(between(before.handle_wanted, handle_angle), carried, at, to);
-        worst = larger(worst, part.residual(at, to));
-        sweeps += to.sweeps;
-        at = to;
-      }
-      next = at;
-      next.sweeps = sweeps;
-      next.residual_in_parts = worst;
-    }
-    next.output_velocity = (next.output_angle - before.output_angle) * per_second();
-    next.handle_velocity = (next.handle_angle - before.handle_angle) * per_second();
-    return found;
-  }
-
   // Moves the tip to the step's end at a given handle angle.
   Status move_tip(const S& handle_angle, const TipLoad<S>& load, const State& before, State& next) const {
     if (check_handle(axis, handle_angle) != Status::ok) return Status::out_of_range;
@@ -234,7 +193,7 @@ struct Twin {
     next.handle_velocity = (handle_angle - before.handle_angle) * per_second();
     for (int i = 0; i < 2; ++i) next.tendon[i] = before.tendon[i];
     next.sweeps = 0;
-    const bool loose = quasi_static && stays_loose(both, load, before, next, tip);
+    const bool loose = quasi_static && at_rest().stays_loose(both, load, before, next, tip);
     Status found = loose ? Status::ok : settle(both, load, before, tip, next);
     // Quasi-static, the tip's wrap angle is that at the step's end; in motion the first guess is close enough.
     bool agreed = !quasi_static || loose;
@@ -283,6 +242,10 @@ struct Twin {
     return handle_stiffness(hand, step_of_hand(), S(2) * axis.stiffness * arm * arm);
   }
 
+  S first_handle_angle(const State& before) const {
+    return before.handle_angle + (quasi_static ? S(0) : before.handle_velocity * time_step);
+  }
+
   // Without inertia and damping a step takes no time.
   S step_of_hand() const { return quasi_static ? S(0) : time_step; }
 
@@ -320,35 +283,6 @@ struct Twin {
     }
     tip = start;
     return settle_by_bracketing(both, load, before, tip, next);
-  }
-
-  // Between two slack tendons, a tip without load and spring stays where it is, or is moved by the tendon that becomes
-  // tight. Friction may keep parts of a loose tendon tight, which then move it.
-  [[gnu::noinline, gnu::cold]] bool stays_loose(Chain& both, const TipLoad<S>& load, const State& before, State& next,
-                                                Tip<S>& tip) const {
-    if (load.force != S(0) || load.radial_force != S(0) || axis.distal.passive_stiffness() > S(0)) return false;
-    S length[2];
-    for (int i = 0; i < 2; ++i)
-      length[i] = tendon.rest_tension / axis.stiffness + both.pull[i][handle_segment()] +
-                  (both.spool[i].at_rest - tendon.rest_tension) / both.spool[i].stiffness;
-    if (!(length[agonist] + length[antagonist] < S(0))) return false;
-    const S slope = axis.distal.excursion_slope();
-    const S x = clamp(tip.x, length[agonist] / slope, -length[antagonist] / slope);
-    const Tip<S> resting{axis.distal.angle(x), x};
-    if (touches(axis.distal, load.contact, resting)) return false;
-    set_bands(next.handle_angle, resting.angle, before, next, both);
-    S tightest(0);
-    for (int i = 0; i < 2; ++i) {
-      next.sweeps += settle_alone(both, i, before, resting, next);
-      tightest = larger(tightest, next.tendon[i].tension[tip_segment()]);
-    }
-    if (tightest <= tolerance()) {
-      tip = resting;
-      return true;
-    }
-    for (int i = 0; i < 2; ++i) next.tendon[i] = before.tendon[i];
-    set_bands(next.handle_angle, tip.angle, before, next, both);
-    return false;
   }
 
   // Solves one tendon with the tip held.
@@ -395,7 +329,7 @@ struct Twin {
   S unbalanced_at(const TipLoad<S>& load, const State& before, const State& next, const Tip<S>& tip) const {
     const S difference = difference_in(tip_segment(), next);
     if (quasi_static) {
-      const Demand<S> demand = demand_at(tip.x, load);
+      const Demand<S> demand = at_rest().demand_at(tip.x, load);
       return difference * demand.weight - demand.value;
     }
     return unbalanced(tip, difference, load, before) + resistance_of(load.contact, before, tip).moment;
@@ -451,47 +385,20 @@ struct Twin {
     }
   }
 
-  Demand<S> demand_at(const S& x, const TipLoad<S>& load) const {
-    return load.contact.present() ? demand_in_tissue(axis.distal, x, load) : axis.distal.demand(x, load);
-  }
-
   Status correct_tip(const Reaction<S>* end, const TipLoad<S>& load, const State& before, Tip<S>& tip) const {
-    if (quasi_static) return balance_tip(end, load, tip);
     Flag<S> open = true;
-    push_tip(end, load, before, tip, open);
+    if (quasi_static)
+      at_rest().balance_tip(end, load, tip, open);
+    else
+      push_tip(end, load, before, tip, open);
     return any(open) ? Status::no_equilibrium : Status::ok;
-  }
-
-  // Newton's iteration on the moment balance at rest (eq. 1), in the joint's own coordinate.
-  Status balance_tip(const Reaction<S>* end, const TipLoad<S>& load, Tip<S>& tip) const {
-    const S pull = end[agonist].at_rest - end[antagonist].at_rest;
-    const S rate = (end[agonist].stiffness + end[antagonist].stiffness) * axis.distal.excursion_slope();
-    const S longest = axis.distal.limit() * S(0.2);
-    for (int n = 0; n < most_corrections; ++n) {
-      const Demand<S> demand = demand_at(tip.x, load);
-      const S slope = rate * demand.weight + demand.slope;
-      // Both tendons are slack by the guess: the next pass revises it.
-      if (slope == S(0)) {
-        if (n > 0) tip.angle = axis.distal.angle(tip.x);
-        return Status::ok;
-      }
-      if (!(slope > S(0))) return Status::no_equilibrium;
-      const S correction = ((pull - rate * tip.x) * demand.weight - demand.value) / slope;
-      tip.x = tip.x + clamp(correction, -longest, longest);
-      if (!(abs(tip.x) < axis.distal.limit())) return Status::no_equilibrium;
-      if (abs(correction) <= settled<ValueOf<S>>) {
-        tip.angle = axis.distal.angle(tip.x);
-        return Status::ok;
-      }
-    }
-    return Status::no_equilibrium;
   }
 
   // Finds the handle angle at which hand and tendons are balanced, by the secant method.
   [[gnu::noinline]] Status move_handle(const S& wanted, const TipLoad<S>& load, const State& before,
                                        State& next) const {
     S stiffness = first_handle_stiffness(before);
-    S angle = before.handle_angle + (quasi_static ? S(0) : before.handle_velocity * time_step);
+    S angle = first_handle_angle(before);
     S tried(0);
     S missed(0);
     for (int n = 0; n < most_corrections; ++n) {

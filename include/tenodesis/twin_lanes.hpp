@@ -13,8 +13,10 @@
 
 namespace tenodesis {
 
-/// Most passes of a step in lanes.
+/// Most passes of a solve in lanes.
 inline constexpr int most_lane_passes = 6;
+/// Most corrections of the bands in a quasi-static step in lanes.
+inline constexpr int most_lane_corrections = 16;
 /// Most trials of the handle's angle of a step in lanes.
 inline constexpr int most_lane_trials = 8;
 
@@ -54,8 +56,8 @@ template <class Many, class One, class Visit>
   }
 }
 
-/// The steps of twins in lanes; quasi-static ones and those with two vertices are not among them.
-template <class T>
+/// The steps of twins in lanes, which are quasi-static or are not; those with two vertices are not among them.
+template <class T, bool resting>
 struct InLanes {
   using S = T::S;
   using State = T::State;
@@ -106,6 +108,18 @@ struct InLanes {
       for (int j = 0; j < before.tendon[i].slack.size(); ++j) next.tendon[i].slack[j] = before.tendon[i].slack[j];
     }
     next.sweeps = S(0);
+    Flag<S> moved;
+    if constexpr (resting)
+      moved = balance(both, load, runs, before, tip, next);
+    else
+      moved = settle(both, load, runs, before, tip, next);
+    twin.finish(load, before, tip, next);
+    return moved && abs(handle_angle) <= twin.axis.handle_range + S(range_tolerance<ValueOf<S>>);
+  }
+
+  // Guess, pass, revise, in the lanes that run; true in those that have settled. Others stay as they are.
+  [[gnu::always_inline]] Flag<S> settle(T::Chain& both, const TipLoad<S>& load, const Flag<S>& runs,
+                                        const State& before, Tip<S>& tip, State& next) const {
     const S tolerance = twin.tolerance();
     Flag<S> open = runs;
     for (int pass = 0; pass < most_lane_passes && any(open); ++pass) {
@@ -114,18 +128,43 @@ struct InLanes {
       for (int i = 0; i < 2; ++i)
         end[i] = twin.tendon.eliminate(both.band[i], both.spool[i], both.pull[i], before.tendon[i].slip, next.tendon[i],
                                        both.line[i]);
-      Flag<S> searched = open;
-      twin.push_tip(end, load, before, tip, searched);
+      Flag<S> revised = open;
+      if constexpr (resting) {
+        twin.at_rest().balance_tip(end, load, tip, revised);
+        // Where the guess has no equilibrium, later passes are not to find one.
+        tip.x = where(revised, S(std::numeric_limits<ValueOf<S>>::quiet_NaN()), tip.x);
+      } else {
+        twin.push_tip(end, load, before, tip, revised);
+      }
       const S y = twin.axis.distal.excursion_slope() * tip.x;
-      Flag<S> revised = searched;
       for (int i = 0; i < 2; ++i) {
         twin.tendon.substitute(both.spool[i], both.pull[i], both.line[i], i == agonist ? y : -y, next.tendon[i]);
         revised = revised || twin.tendon.revise_all(both.band[i], before.tendon[i].slip, tolerance, next.tendon[i]);
       }
       open = open && revised;
     }
-    twin.finish(load, before, tip, next);
-    return runs && !open && abs(handle_angle) <= twin.axis.handle_range + S(range_tolerance<ValueOf<S>>);
+    return runs && !open;
+  }
+
+  // Balances the tips at rest, with bands at the angle where each is found; true in the lanes that have settled.
+  [[gnu::always_inline]] Flag<S> balance(T::Chain& both, const TipLoad<S>& load, const Flag<S>& runs,
+                                         const State& before, Tip<S>& tip, State& next) const {
+    S length[2];
+    Flag<S> open = runs && !twin.at_rest().slack_about(both, load, length);
+    Flag<S> found = false;
+    S angle = tip.angle;
+    for (int n = 0; n <= most_lane_corrections && any(open); ++n) {
+      if (n > 0) {
+        angle = where(open, tip.angle, angle);
+        twin.set_bands(next.handle_angle, angle, before, next, both);
+      }
+      open = settle(both, load, open, before, tip, next);
+      if (n == 0) continue;
+      const Flag<S> agreed = open && abs(tip.angle - angle) <= S(settled<ValueOf<S>>);
+      found = found || agreed;
+      open = open && !agreed;
+    }
+    return found;
   }
 
   // Finds the handle angles at which hands and tendons are balanced, by the secant method; without a hand they are
@@ -133,13 +172,14 @@ struct InLanes {
   [[gnu::always_inline]] Flag<S> move_handle(const Flag<S>& held, const S& wanted, const TipLoad<S>& load,
                                              const Flag<S>& runs, const State& before, State& next) const {
     S stiffness = twin.first_handle_stiffness(before);
-    S angle = where(held, before.handle_angle + before.handle_velocity * twin.time_step, wanted);
+    S angle = where(held, twin.first_handle_angle(before), wanted);
     S tried(0);
     S missed(0);
     Flag<S> open = held && runs;
     Flag<S> moved = runs;
     for (int n = 0; n < most_lane_trials; ++n) {
-      moved = move_tip(angle, load, runs, before, next);
+      // What a trial that has not settled leaves is no guide to the next.
+      moved = move_tip(angle, load, moved, before, next);
       const S velocity = next.handle_velocity;
       const S off = unbalanced_handle(twin.hand, twin.step_of_hand(), angle, wanted, before, next);
       next.handle_velocity = where(held, next.handle_velocity, velocity);

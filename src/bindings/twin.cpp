@@ -40,8 +40,9 @@ class TwinBatch {
       return;
     }
     for (std::size_t i = 0; i < count; i += stride())
-      groups_.emplace_back(lanes_->make({int(spec.axis.joint_type), spec.axis.handle_range, spec.steps_per_sample}),
-                           lanes_->release);
+      groups_.emplace_back(
+          lanes_->make({int(spec.axis.joint_type), spec.axis.handle_range, spec.steps_per_sample, spec.quasi_static}),
+          lanes_->release);
   }
 
   /// Whether twins of a spec can step in lanes, whose rows of parameters all give a stiffness, or none does.

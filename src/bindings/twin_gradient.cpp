@@ -6,14 +6,21 @@
 #include "engine/twin_gradient.hpp"
 #include "engine/vectors.hpp"
 #include "module.hpp"
+#include "tenodesis/packed_dual.hpp"
 
 namespace tenodesis::bindings {
 namespace {
 
 using namespace engine;
 
+constexpr std::size_t most = tenodesis_lanes::most_directions;
+
 // Of twins that are not compiled for wide vectors.
-inline constexpr std::size_t few_directions = 4;
+#if defined(__GNUC__)
+using Number = PackedDual;
+#else
+using Number = Dual<double, most>;
+#endif
 
 std::tuple<std::size_t, Status> gradient(const TwinSpec& spec, const In<2>& commands, bool as_read,
                                          const std::vector<std::size_t>& variables, const Out<3>& out) {
@@ -38,8 +45,7 @@ std::tuple<std::size_t, Status> gradient(const TwinSpec& spec, const In<2>& comm
                                out.data(),
                                rows,
                                0};
-  const tenodesis_lanes::Lanes* lanes = steps_in_lanes(spec) ? lanes_of_processor(8) : nullptr;
-  const std::size_t most = lanes != nullptr ? tenodesis_lanes::most_directions : few_directions;
+  const tenodesis_lanes::Lanes* lanes = steps_in_lanes(spec) && !spec.quasi_static ? lanes_of_processor(8) : nullptr;
   Progress done = {count, Status::ok};
   do {
     of.variables = variables.data() + of.first;
@@ -49,7 +55,7 @@ std::tuple<std::size_t, Status> gradient(const TwinSpec& spec, const In<2>& comm
       lanes->differentiate(of, outcome);
       done = {std::size_t(outcome[0]), Status(outcome[1])};
     } else {
-      const Variables<few_directions> at(of.parameters, of.variables, of.variable_count);
+      const Variables<Number> at(of.parameters, of.variables, of.variable_count);
       done = with_twin(spec, at.axis, at.row, [&](const auto& twin) { return differentiate(twin, at.row, of); });
     }
     of.first += most;

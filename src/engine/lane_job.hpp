@@ -15,6 +15,7 @@ struct Kind {
   int joint_type;  ///< a JointType
   double handle_range;
   int steps_per_sample;
+  bool quasi_static;
 };
 
 /// Steps of all twins of a group; what is given by run is for the first lanes.
@@ -46,7 +47,7 @@ struct Gradient {
   double* out;              ///< by reading, row and step
   std::size_t rows, first;  ///< of out for each reading; the place of the first derivative among them, less one
 };
-inline constexpr std::size_t most_directions = 8;
+inline constexpr std::size_t most_directions = 7;
 
 /// How many twins make a group, and what can be done with one.
 struct Lanes {

@@ -4,6 +4,7 @@
 #include <new>
 
 #include "lane_twins.hpp"
+#include "tenodesis/packed_dual.hpp"
 #include "twin_gradient.hpp"
 
 // Each file that includes this has a namespace of its own.
@@ -61,13 +62,13 @@ void release(void* group) {
 }
 
 void differentiate_one(const tenodesis_lanes::Gradient& of, std::int64_t outcome[2]) {
-  constexpr std::size_t N = tenodesis_lanes::most_directions;
-  const Variables<N> at(of.parameters, of.variables, of.variable_count);
+  static_assert(PackedDual::directions == tenodesis_lanes::most_directions);
+  const Variables<PackedDual> at(of.parameters, of.variables, of.variable_count);
   TwinSpec spec{};
   spec.axis = {JointType(of.joint_type), {}, of.handle_range};
-  for (std::size_t p = 0; p < parameter_count; ++p) spec.axis.parameters[p] = at.axis[p].value;
+  for (std::size_t p = 0; p < parameter_count; ++p) spec.axis.parameters[p] = value_of(at.axis[p]);
   const auto with_axis = [&]<class A>(const A& axis) {
-    Twin<A, Contacts<1 + tendon_joints>, CapstanWithConstant<Dual<double, N>>> twin{};
+    Twin<A, Contacts<1 + tendon_joints>, CapstanWithConstant<PackedDual>> twin{};
     twin.axis = axis;
     twin.law = {at.row[constant]};
     fill(twin, spec, at.row, at.axis[tendon_length]);

@@ -26,6 +26,7 @@ class LaneTwins {
   explicit LaneTwins(const tenodesis_lanes::Kind& kind) : steps_per_sample_(kind.steps_per_sample) {
     spec_.axis.joint_type = JointType(kind.joint_type);
     spec_.axis.handle_range = kind.handle_range;
+    spec_.quasi_static = kind.quasi_static;
     // Sensors are read beside the steps.
     spec_.steps_per_sample = std::numeric_limits<int>::max();
   }
@@ -57,6 +58,16 @@ class LaneTwins {
   }
 
   void advance(const tenodesis_lanes::Job& job) {
+    if (spec_.quasi_static)
+      advance_all<true>(job);
+    else
+      advance_all<false>(job);
+  }
+
+ private:
+  // Flat, since a compiler inlines less of a larger file.
+  template <bool resting>
+  [[gnu::flatten]] void advance_all(const tenodesis_lanes::Job& job) {
     for (std::size_t k = 0; k < job.runs; ++k) {
       job.outcomes[2 * k] = runs_[int(k)] ? std::int64_t(job.steps) : 0;
       job.outcomes[2 * k + 1] = std::int64_t(runs_[int(k)] ? Status::ok : Status::no_equilibrium);
@@ -65,11 +76,15 @@ class LaneTwins {
     for (std::size_t s = 0; s < job.signal_count; ++s) measured = measured || job.signals[s] < measured_signal_count;
     int until_sample = steps_per_sample_;
     // A copy that nothing else can change, so that what follows from its constants is computed once.
-    const Many twin = many_;
+    const Many twin = [&] {
+      Many copy = many_;
+      copy.quasi_static = resting;
+      return copy;
+    }();
     for (std::size_t i = 0; i < job.steps && any(runs_); ++i) {
       if (job.tick != nullptr && i % std::size_t(job.steps_per_tick) == 0) tick(job, i);
       const Command<L> command = command_at(job, i);
-      step(twin, command, [&](int k, Status status) {
+      step(InLanes<Many, resting>{twin}, command, [&](int k, Status status) {
         runs_.set(k, false);
         if (std::cmp_greater_equal(k, job.runs)) return;
         job.outcomes[2 * k] = std::int64_t(i);
@@ -88,7 +103,6 @@ class LaneTwins {
     }
   }
 
- private:
   template <class T, class S>
   void make(const std::array<S, parameter_count>& parameters, const std::array<S, twin_parameter_count>& row,
             T& twin) const {
@@ -138,11 +152,11 @@ class LaneTwins {
   }
 
   // One step; fails(lane, status) is called for each lane of those that run and cannot.
-  template <class Fails>
-  [[gnu::always_inline]] void step(const Many& twin, const Command<L>& command, const Fails& fails) {
+  template <class Steps, class Fails>
+  [[gnu::always_inline]] void step(const Steps& steps, const Command<L>& command, const Fails& fails) {
     const typename Many::State& now = state_[current_];
     typename Many::State& next = state_[1 - current_];
-    const Mask<double, N> moved = InLanes<Many>{twin}.step(command, runs_, now, next);
+    const Mask<double, N> moved = steps.step(command, runs_, now, next);
     const Mask<double, N> left = runs_ && !moved;
     if (any(left)) [[unlikely]]
       for (int k = 0; k < N; ++k)

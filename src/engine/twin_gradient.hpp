@@ -18,10 +18,9 @@ std::array<S, reading_count> readings_of(const Reading<S>& reading) {
   return {reading.handle_angle, reading.output_angle, reading.tension[0], reading.tension[1]};
 }
 
-/// A twin's parameters and its axis's, of which some are independent variables, one for each direction.
-template <std::size_t N>
+/// A twin's parameters and its axis's in dual numbers; some are independent variables, one for each direction.
+template <class D>
 struct Variables {
-  using D = Dual<double, N>;
   std::array<D, twin_parameter_count> row;
   std::array<D, parameter_count> axis;
 
@@ -29,16 +28,17 @@ struct Variables {
   Variables(const double* parameters, const std::size_t* variables, std::size_t count) {
     for (std::size_t p = 0; p < row.size(); ++p) row[p] = D(parameters[p]);
     for (std::size_t p = 0; p < axis.size(); ++p) axis[p] = D(parameters[row.size() + p]);
-    for (std::size_t d = 0; d < count; ++d)
-      (variables[d] < row.size() ? row[variables[d]] : axis[variables[d] - row.size()]).slope[d] = 1;
+    for (std::size_t d = 0; d < count; ++d) {
+      const std::size_t p = variables[d];
+      (p < row.size() ? row[p] : axis[p - row.size()]) = D::variable(parameters[p], d);
+    }
   }
 };
 
 /// Steps a twin in dual numbers from rest, and writes its readings with their derivatives.
-template <class T, std::size_t N>
-Progress differentiate(const T& twin, const std::array<Dual<double, N>, twin_parameter_count>& row,
+template <class T, class D = T::S>
+Progress differentiate(const T& twin, const std::array<D, twin_parameter_count>& row,
                        const tenodesis_lanes::Gradient& of) {
-  using D = Dual<double, N>;
   const Commands commands{of.commands};
   auto state = twin.rest(0);
   D spool[2]{};
@@ -71,9 +71,9 @@ Progress differentiate(const T& twin, const std::array<Dual<double, N>, twin_par
     if (status != Status::ok) return {i, status};
     const auto reading = readings_of(twin.expected(state));
     for (std::size_t k = 0; k < reading.size(); ++k) {
-      of.out[k * of.rows * of.steps + i] = reading[k].value;
+      of.out[k * of.rows * of.steps + i] = value_of(reading[k]);
       for (std::size_t d = 0; d < of.variable_count; ++d)
-        of.out[(k * of.rows + 1 + of.first + d) * of.steps + i] = reading[k].slope[d];
+        of.out[(k * of.rows + 1 + of.first + d) * of.steps + i] = slope_of(reading[k], d);
     }
   }
   return {of.steps, Status::ok};

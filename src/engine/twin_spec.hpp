@@ -56,8 +56,8 @@ struct TwinSpec {
 
 /// Whether twins of a spec can step in lanes (lane_job.hpp); others step one by one.
 inline bool steps_in_lanes(const TwinSpec& spec) {
-  return !spec.quasi_static && !spec.speed_dependent && !spec.tension_dependent && !spec.currents &&
-         spec.sheath_contacts == 1 && spec.vertices_per_joint == 1;
+  return !spec.speed_dependent && !spec.tension_dependent && !spec.currents && spec.sheath_contacts == 1 &&
+         spec.vertices_per_joint == 1;
 }
 
 /// A row whose length is set when a twin is made.

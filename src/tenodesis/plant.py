@@ -42,7 +42,8 @@ class ComplianceShares(NamedTuple):
 
 def natural_frequency(inst: Instrument) -> float:
     """Return the angular natural frequency of the straight, unloaded, frictionless tip, rad/s."""
-    return sqrt(float(statics.flexural_stiffness(inst, 0.0)) / tip_inertia(inst))
+    stiffness = _straight_stiffness(inst)
+    return sqrt(stiffness / _tip_inertia(inst, stiffness))
 
 
 def longest_step(inst: Instrument) -> float:
@@ -52,7 +53,7 @@ def longest_step(inst: Instrument) -> float:
 
 def least_tip_inertia(inst: Instrument) -> float:
     """Return the smallest inertia of the tip that time steps of the default length can follow, kg m^2."""
-    return float(statics.flexural_stiffness(inst, 0.0)) * (TIME_STEP / LARGEST_PHASE_STEP) ** 2
+    return _straight_stiffness(inst) * (TIME_STEP / LARGEST_PHASE_STEP) ** 2
 
 
 def parameters(inst: Instrument, time_step: float = TIME_STEP) -> dict[str, float]:
@@ -64,10 +65,10 @@ def parameter_row(inst: Instrument, time_step: float) -> list[float]:
     """Return the parameters of a twin, then those of its axis, SI units, in the core's order."""
     friction, dynamics, drives = inst.friction, inst.dynamics, inst.drives
     sensors, mismatch = inst.sensors, inst.mismatch
-    stiffness = float(statics.flexural_stiffness(inst, 0.0))
+    stiffness = _straight_stiffness(inst)
     shares, joints = compliance_shares(inst), _core.joint_shares(inst.spec)
     radius = friction.reference_radius if friction.vertex_radius is None else friction.vertex_radius
-    inertia = tip_inertia(inst)
+    inertia = _tip_inertia(inst, stiffness)
     damping = dynamics.tip_damping
     values = {
         "vertex_coefficient": friction.vertex_coefficient,
@@ -251,8 +252,7 @@ def steps_per_sample(inst: Instrument, time_step: float, quasi_static: bool) -> 
     """
     if not (np.isfinite(time_step) and time_step > 0):
         raise ArgumentError(key="time_step", value=time_step, allowed="a time above 0 s")
-    longest = longest_step(inst)
-    if not quasi_static and time_step > longest:
+    if not quasi_static and time_step > (longest := longest_step(inst)):
         allowed = f"at most {longest:.3g} s"
         problem = (
             f"time_step is {time_step:g} s; it must be {allowed}, a twelfth of a period of the tip of {inst.name} "
@@ -304,6 +304,14 @@ def _check_compliance(inst: Instrument) -> None:
 
 def tip_inertia(inst: Instrument) -> float:
     """Return the inertia about the output angle, kg m^2: as given, or such that the unloaded tip has 20 Hz."""
+    return _tip_inertia(inst, _straight_stiffness(inst))
+
+
+def _tip_inertia(inst: Instrument, stiffness: float) -> float:
     given = inst.dynamics.tip_inertia
-    stiffness = float(statics.flexural_stiffness(inst, 0.0))
     return stiffness / _DEFAULT_NATURAL_FREQUENCY**2 if given is None else given
+
+
+def _straight_stiffness(inst: Instrument) -> float:
+    """Return the stiffness of the straight tip, N m/rad."""
+    return float(statics.flexural_stiffness(inst, 0.0))

@@ -28,11 +28,11 @@ def commands(inst: Instrument, t: Array) -> Array:
     return rows
 
 
-def advanced(inst: Instrument, most_lanes: int, rows: Array, **vary: Array) -> tuple[Array, Array]:
+def advanced(inst: Instrument, most_lanes: int, rows: Array, quasi_static: bool, **vary: Array) -> tuple[Array, Array]:
     insts = [inst.replace(**{key: values[n].item() for key, values in vary.items()}) for n in range(RUNS)]
     parameters = np.array([plant.parameter_row(one, TIME_STEP) for one in insts])
     twins = _core.TwinBatch(
-        plant.spec(inst, TIME_STEP, False), parameters, np.arange(RUNS, dtype=np.uint64), most_lanes=most_lanes
+        plant.spec(inst, TIME_STEP, quasi_static), parameters, np.arange(RUNS, dtype=np.uint64), most_lanes=most_lanes
     )
     assert twins.together <= most_lanes
     out, ends = np.full((RUNS, len(SIGNALS), rows.shape[1]), np.nan), np.zeros((RUNS, 2), np.int64)
@@ -40,31 +40,37 @@ def advanced(inst: Instrument, most_lanes: int, rows: Array, **vary: Array) -> t
     return out, ends
 
 
+@pytest.mark.parametrize("quasi_static", [False, True], ids=["in motion", "quasi-static"])
 @pytest.mark.parametrize(
     "changes",
     [{}, {"dynamics.hand_stiffness": 2.0}],
     ids=["handle held", "a hand that yields"],
 )
-def test_as_many_lanes_as_there_are_change_no_bit(any_inst: Instrument, changes: dict[str, Any]) -> None:
+def test_as_many_lanes_as_there_are_change_no_bit(
+    any_inst: Instrument, changes: dict[str, Any], quasi_static: bool
+) -> None:
     inst = with_friction(any_inst).replace(**changes).planar[0]
-    rows = commands(inst, clock(0.3))
+    # Longer steps at rest, where each takes longer.
+    rows = commands(inst, clock(0.3))[:, :: 6 if quasi_static else 1]
     coefficients = {"friction.vertex_coefficient": np.linspace(0, 0.5, RUNS)}
-    alone, ends = advanced(inst, 1, rows, **coefficients)
-    assert (ends[:, 1] == 0).all()
+    alone, ends = advanced(inst, 1, rows, quasi_static, **coefficients)
+    assert (ends[:, 1] == 0).all() or (quasi_static and (ends[:, 1] == 0).any())
     tension = alone[:, SIGNALS.index("tension.antagonist")]
     assert (tension.min(1) < 1e-9).any() and (tension.min(1) > 1.0).any()
     for lanes in (2, 4, 8):
-        np.testing.assert_array_equal(advanced(inst, lanes, rows, **coefficients)[0], alone)
+        np.testing.assert_array_equal(advanced(inst, lanes, rows, quasi_static, **coefficients)[0], alone)
 
 
-def test_tissue_is_met_in_some_lanes_only(scaled: Instrument) -> None:
+@pytest.mark.parametrize("quasi_static", [False, True], ids=["in motion", "quasi-static"])
+def test_tissue_is_met_in_some_lanes_only(scaled: Instrument, quasi_static: bool) -> None:
     inst, t = with_friction(scaled), clock(0.3)
     tissue = [Contact(np.radians(4), 2000.0, 1.0) if n % 3 else None for n in range(RUNS)]
     handle = np.linspace(0, 0.4, RUNS)[:, np.newaxis] * np.sin(12 * t)
-    batch = run_many(inst, handle, contact=tissue, signals=("output_angle", "contact_force"))
+    signals = ("output_angle", "contact_force")
+    batch = run_many(inst, handle, contact=tissue, signals=signals, quasi_static=quasi_static)
     assert (batch["contact_force"].max(1) > 0).sum() > 2
     for n, contact in enumerate(tissue):
-        run = Twin(inst, seed=n).run(handle[n], contact=contact)
+        run = Twin(inst, seed=n, quasi_static=quasi_static).run(handle[n], contact=contact)
         np.testing.assert_array_equal(batch["output_angle"][n], run.output_angle)
 
 

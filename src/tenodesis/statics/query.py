@@ -175,7 +175,8 @@ def _value(key: str, value: float) -> str:
 
 def _check_valid(query: Query, status: NDArray[np.uint8]) -> None:
     """Raise ArgumentError for the first argument that is not finite or beyond the handle's range."""
-    if not status.size or status.max() < Status.OUT_OF_RANGE:
+    # NumPy takes long to compare with a member of an enumeration.
+    if not status.size or int(status.max()) < int(Status.OUT_OF_RANGE):
         return
     first = int(np.argmax(status >= Status.OUT_OF_RANGE))
     at = place(first, query.shape)
@@ -199,7 +200,7 @@ def handle_angle_error(inst: Instrument, angle: float, at: str) -> ArgumentError
 
 def check_solved(query: Query, status: NDArray[np.uint8]) -> None:
     """Raise NoSolutionError where a single point has no solution."""
-    if query.shape != () or status[0] == Status.OK:
+    if query.shape != () or int(status[0]) == int(Status.OK):
         return
     inputs = INPUTS[query.name]
     values = {key: query.value(key, 0) for key in inputs}

@@ -66,8 +66,7 @@ def run_many(
     """Run many one-axis twins from rest, in parallel: over threads, and in the lanes of the processor's vectors.
 
     Each run is the same to the last bit as that of a :class:`Twin` by itself. Twins with friction laws that depend on
-    speed or tension, with two vertices a joint, more than one sheath contact, or quasi-static ones run over threads
-    alone.
+    speed or tension, with two vertices a joint, more than one sheath contact or motor currents run over threads alone.
 
     Parameters
     ----------
