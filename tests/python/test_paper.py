@@ -50,7 +50,7 @@ def test_every_figure_of_the_paper_is_there_as_svg_png_and_csv(paper: Report) ->
         assert (out / f"figures/{name}.png").read_bytes().startswith(b"\x89PNG")
         rows = list(csv.DictReader((out / f"curves/{name}.csv").open()))
         assert len(rows) > 200
-    assert len(list((out / "figures").glob("*.svg"))) == len(list((out / "curves").iterdir())) == 16
+    assert len(list((out / "figures").glob("*.svg"))) == len(list((out / "curves").iterdir())) == 17
     assert {entry.name for entry in out.iterdir()} == {"curves", "figures", "recordings", "report.html", "results.json"}
 
 

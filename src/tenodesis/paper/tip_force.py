@@ -172,7 +172,7 @@ def _plot(inst: Instrument, held: _Held) -> Plot:
         held.plain[skipped:][every],
     )
     return chart.plot(
-        "tip_force",
+        "tip_force_over_time",
         f"Force at the tip over time, {named(inst)} with two vertices a joint, at "
         f"{np.degrees(held.motion.desired):.0f}° under the robust law, with the interval of 95 % and by eq. 1.",
     )
