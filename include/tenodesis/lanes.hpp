@@ -81,6 +81,24 @@ struct Mask {
   [[gnu::always_inline]] constexpr Mask(bool same) : v(Vector{} - Bits(same)) {}
   // NOLINTEND(misc-explicit-constructor)
 
+  template <class V>
+  [[gnu::always_inline]] static constexpr Mask above(const V& a, const V& b) {
+    return {a > b};
+  }
+  template <class V>
+  [[gnu::always_inline]] static constexpr Mask not_below(const V& a, const V& b) {
+    return {a >= b};
+  }
+  template <class V>
+  [[gnu::always_inline]] static constexpr Mask equal(const V& a, const V& b) {
+    return {a == b};
+  }
+  /// a where it holds, otherwise b.
+  template <class V>
+  [[gnu::always_inline]] constexpr V choose(const V& a, const V& b) const {
+    return v ? a : b;
+  }
+
   bool operator[](int lane) const { return v[lane] != 0; }
   void set(int lane, bool holds) { v[lane] = -Bits(holds); }
 
@@ -97,6 +115,55 @@ struct Mask {
     return typename detail::VectorOf<std::uint64_t, N>::Type(-a.v);
   }
 };
+
+#if defined(__AVX512F__)
+/// As above; a bit for each lane, since these processors compare to bits and choose by them.
+template <>
+struct Mask<double, 8> {
+  using Integers = detail::VectorOf<std::int64_t, 8>::Type;
+
+  std::uint8_t bits{};
+
+  constexpr Mask() = default;
+  // As for Lanes.
+  [[gnu::always_inline]] constexpr Mask(const Mask& other) : bits(other.bits) {}
+  constexpr Mask& operator=(const Mask&) = default;
+  // NOLINTNEXTLINE(misc-explicit-constructor): what holds in all lanes is a mask
+  [[gnu::always_inline]] constexpr Mask(bool same) : bits(same ? 0xFF : 0) {}
+  [[gnu::always_inline]] constexpr explicit Mask(std::uint8_t of) : bits(of) {}
+
+  [[gnu::always_inline]] static Mask above(__m512d a, __m512d b) { return Mask(_mm512_cmp_pd_mask(a, b, _CMP_GT_OQ)); }
+  [[gnu::always_inline]] static Mask not_below(__m512d a, __m512d b) {
+    return Mask(_mm512_cmp_pd_mask(a, b, _CMP_GE_OQ));
+  }
+  [[gnu::always_inline]] static Mask equal(__m512d a, __m512d b) { return Mask(_mm512_cmp_pd_mask(a, b, _CMP_EQ_OQ)); }
+  [[gnu::always_inline]] static Mask equal(const Integers& a, const Integers& b) {
+    return Mask(_mm512_cmpeq_epi64_mask(__m512i(a), __m512i(b)));
+  }
+  [[gnu::always_inline]] __m512d choose(__m512d a, __m512d b) const { return _mm512_mask_blend_pd(bits, b, a); }
+  [[gnu::always_inline]] Integers choose(const Integers& a, const Integers& b) const {
+    return Integers(_mm512_mask_blend_epi64(bits, __m512i(b), __m512i(a)));
+  }
+
+  bool operator[](int lane) const { return (bits >> lane & 1) != 0; }
+  void set(int lane, bool holds) { bits = std::uint8_t((bits & ~(1 << lane)) | int(holds) << lane); }
+
+  [[gnu::always_inline]] friend constexpr Mask operator&&(const Mask& a, const Mask& b) { return of(a.bits & b.bits); }
+  [[gnu::always_inline]] friend constexpr Mask operator||(const Mask& a, const Mask& b) { return of(a.bits | b.bits); }
+  [[gnu::always_inline]] friend constexpr Mask operator!(const Mask& a) { return of(~a.bits); }
+  [[gnu::always_inline]] friend constexpr Mask operator!=(const Mask& a, const Mask& b) { return of(a.bits ^ b.bits); }
+  [[gnu::always_inline]] friend constexpr Mask where(const Mask& mask, const Mask& a, const Mask& b) {
+    return of((mask.bits & a.bits) | (~mask.bits & b.bits));
+  }
+  [[gnu::always_inline]] friend bool any(const Mask& a) { return a.bits != 0; }
+  [[gnu::always_inline]] friend auto one_where(const Mask& a) {
+    return detail::VectorOf<std::uint64_t, 8>::Type(_mm512_maskz_set1_epi64(a.bits, 1));
+  }
+
+ private:
+  [[gnu::always_inline]] static constexpr Mask of(int bits) { return Mask(std::uint8_t(bits)); }
+};
+#endif
 
 template <Real S, int N>
 struct Lanes {
@@ -126,14 +193,20 @@ struct Lanes {
   [[gnu::always_inline]] friend constexpr Lanes operator/(const Lanes& a, const Lanes& b) { return {a.v / b.v}; }
   [[gnu::always_inline]] friend constexpr Lanes operator-(const Lanes& a) { return {-a.v}; }
 
-  [[gnu::always_inline]] friend constexpr Mask<S, N> operator>(const Lanes& a, const Lanes& b) { return {a.v > b.v}; }
-  [[gnu::always_inline]] friend constexpr Mask<S, N> operator<(const Lanes& a, const Lanes& b) { return {a.v < b.v}; }
-  [[gnu::always_inline]] friend constexpr Mask<S, N> operator>=(const Lanes& a, const Lanes& b) { return {a.v >= b.v}; }
-  [[gnu::always_inline]] friend constexpr Mask<S, N> operator<=(const Lanes& a, const Lanes& b) { return {a.v <= b.v}; }
-  [[gnu::always_inline]] friend constexpr Mask<S, N> operator==(const Lanes& a, const Lanes& b) { return {a.v == b.v}; }
-  [[gnu::always_inline]] friend constexpr Mask<S, N> operator!=(const Lanes& a, const Lanes& b) { return {a.v != b.v}; }
+  [[gnu::always_inline]] friend constexpr Mask<S, N> operator>(const Lanes& a, const Lanes& b) {
+    return Mask<S, N>::above(a.v, b.v);
+  }
+  [[gnu::always_inline]] friend constexpr Mask<S, N> operator>=(const Lanes& a, const Lanes& b) {
+    return Mask<S, N>::not_below(a.v, b.v);
+  }
+  [[gnu::always_inline]] friend constexpr Mask<S, N> operator==(const Lanes& a, const Lanes& b) {
+    return Mask<S, N>::equal(a.v, b.v);
+  }
+  [[gnu::always_inline]] friend constexpr Mask<S, N> operator<(const Lanes& a, const Lanes& b) { return b > a; }
+  [[gnu::always_inline]] friend constexpr Mask<S, N> operator<=(const Lanes& a, const Lanes& b) { return b >= a; }
+  [[gnu::always_inline]] friend constexpr Mask<S, N> operator!=(const Lanes& a, const Lanes& b) { return !(a == b); }
   [[gnu::always_inline]] friend constexpr Lanes where(const Mask<S, N>& mask, const Lanes& a, const Lanes& b) {
-    return {mask.v ? a.v : b.v};
+    return {Vector(mask.choose(a.v, b.v))};
   }
 
   [[gnu::always_inline]] friend Lanes larger(const Lanes& a, const Lanes& b) { return {a.v > b.v ? a.v : b.v}; }
@@ -180,27 +253,29 @@ struct Lanes {
 /// A choice in each lane, of an enumeration.
 template <class E, Real S, int N>
 struct LanesOf {
-  Mask<S, N>::Vector v{};
+  using Vector = detail::VectorOf<detail::BitsOf<S>, N>::Type;
+
+  Vector v{};
 
   constexpr LanesOf() = default;
   // As for Lanes.
   [[gnu::always_inline]] constexpr LanesOf(const LanesOf& other) : v(other.v) {}
   constexpr LanesOf& operator=(const LanesOf&) = default;
   // NOLINTNEXTLINE(misc-explicit-constructor): the same choice in all lanes
-  [[gnu::always_inline]] constexpr LanesOf(E same) : v(decltype(v){} + detail::BitsOf<S>(same)) {}
+  [[gnu::always_inline]] constexpr LanesOf(E same) : v(Vector{} + detail::BitsOf<S>(same)) {}
 
   E operator[](int lane) const { return E(v[lane]); }
   void set(int lane, E to) { v[lane] = detail::BitsOf<S>(to); }
 
   [[gnu::always_inline]] friend constexpr Mask<S, N> operator==(const LanesOf& a, const LanesOf& b) {
-    return {a.v == b.v};
+    return Mask<S, N>::equal(a.v, b.v);
   }
   [[gnu::always_inline]] friend constexpr Mask<S, N> operator!=(const LanesOf& a, const LanesOf& b) {
-    return {a.v != b.v};
+    return !(a == b);
   }
   [[gnu::always_inline]] friend constexpr LanesOf where(const Mask<S, N>& mask, const LanesOf& a, const LanesOf& b) {
     LanesOf chosen;
-    chosen.v = mask.v ? a.v : b.v;
+    chosen.v = mask.choose(a.v, b.v);
     return chosen;
   }
 };
