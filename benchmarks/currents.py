@@ -27,7 +27,7 @@ from tenodesis.twin import Twin
 Array = NDArray[np.float64]
 
 OUTPUTS = (0.0, 33.0, 67.0, 80.0)  # deg, Fig. 15
-TOLD = (0.7, 1.0, 1.3)
+ASSUMED = (0.7, 1.0, 1.3)
 BEFORE, AFTER, LAST = 4.0, 6.0, 1.0  # s
 COEFFICIENTS = ("vertex_coefficient", "sheath_coefficient")
 CURRENTS: dict[str, Any] = {
@@ -108,7 +108,7 @@ def judge(row: Row) -> Summary:
     if row.lost:
         inst = inst.replace(**{"mismatch.load_cell_gain": (1 + row.lost / 2, 1 - row.lost / 2)})
     final, off, estimate, nees, force, names = [], [], [], [], [], []
-    for output, share in product(OUTPUTS, TOLD):
+    for output, share in product(OUTPUTS, ASSUMED):
         assumed = known(inst, share, row.stated)
         run, wanted = trial(inst, assumed, output)
         last = run.time > run.time[-1] - LAST

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 STATES = (0.0, 33.0, 67.0, 80.0)  # deg
 EASED, LOADED, SECONDS, EARLY = 1.2, 1.5, 8.0, 0.3  # s
 FORCE = 1.485  # N
-# Standard deviations of what is unknown: of the last four in N, N, -, and rad, of others as the keys of the file.
+# Standard deviations of what is unknown.
 COEFFICIENTS = {"friction.vertex_coefficient": 0.3, "friction.sheath_coefficient": 0.3}
 """Relative"""
 ARRANGEMENT = {"friction.handle_compliance_share": 0.2, "friction.base_wrap": 0.3}
@@ -33,8 +33,11 @@ ARRANGEMENT = {"friction.handle_compliance_share": 0.2, "friction.base_wrap": 0.
 STIFFNESS = {"tendon_stiffness": 0.15}
 """Relative"""
 GAINS = {"gain.agonist": 0.02, "gain.antagonist": 0.02}
+"""Relative"""
 OFFSETS = {"offset.agonist": 0.5, "offset.antagonist": 0.5}
+"""N"""
 ENCODER = {"handle_offset": np.radians(0.2)}
+"""rad"""
 EVERYTHING = COEFFICIENTS | ARRANGEMENT | STIFFNESS | GAINS | OFFSETS | ENCODER
 STEP = 0.02
 """Of a difference, in standard deviations"""

@@ -187,8 +187,8 @@ def collected(name: str, lanes: int, steps: int) -> int:
     """Return the instructions of a process from its first step on."""
     valgrind = ["valgrind", "--tool=callgrind", "--instr-atstart=no", "--callgrind-out-file=/dev/null"]
     command = [*valgrind, sys.executable, __file__, "--only-steps", name, str(lanes), str(steps)]
-    told = subprocess.run(command, check=True, capture_output=True, text=True).stderr
-    return int(told.partition("Collected : ")[2].split()[0])
+    counted = subprocess.run(command, check=True, capture_output=True, text=True).stderr
+    return int(counted.partition("Collected : ")[2].split()[0])
 
 
 def coupled_axes() -> None:

@@ -29,6 +29,8 @@ SIZES = (HIDDEN * (OBSERVED + 1), HIDDEN, OBSERVED)
 SPEED = 0.1  # of the drives' limit, by which a weight of 1 winds
 NOISE, RATE = 0.1, 0.05
 HELD_OUT, WORSE = 12345, 0.1  # seed; deg
+LOST = 99.0
+"""Error that counts for an episode that is lost at once, deg."""
 TASK = gym.Task(tissue=0.0)
 """Loads alone: in tissue an angle given back is a force, which the law limits, and the reward does not."""
 OTHER = gym.Task(tissue=0.0, duration=8.0, move_time=0.4, tremor=np.radians(0.4), force=1.2)
@@ -105,6 +107,9 @@ def by_law(many: gym.TendonVectorEnv, known: Instrument, law: LawName) -> tuple[
 
 def judged(errors: Array, lost: NDArray[np.bool_], off: Array) -> Judged:
     """Return the figures of episodes, by their errors and those of motors off."""
+    # Lost in its first period, an episode has no error of its own.
+    empty = np.isnan(errors).all(axis=1)
+    errors = np.where(empty[:, np.newaxis], LOST, errors)
     rms, rms_off = (np.sqrt(np.nanmean(one**2, axis=1)) for one in (errors, off))
     end = np.sqrt(np.nanmean(errors[:, -100:] ** 2))
     return Judged(np.sqrt(np.mean(rms**2)), rms.max(), end, np.mean(lost | (rms > rms_off + WORSE)), lost.mean())
@@ -143,7 +148,8 @@ def main(arguments: Sequence[str] | None = None) -> tuple[Array, dict[str, dict[
         policy = np.load(options.out)["policy"]
     else:
         policy = train(options, inst)
-        np.savez(options.out, policy=policy)
+        with options.out.open("wb") as file:
+            np.savez(file, policy=policy)
         print(f"trained in {time.perf_counter() - begun:.0f} s")
     known = controller_model(inst)
     laws: dict[str, tuple[Instrument, LawName]] = {

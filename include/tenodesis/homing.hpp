@@ -463,7 +463,8 @@ struct Homing {
     // By currents, a drive that turns back shows nothing at first, and may wind too much meanwhile.
     if (settings.drive.has_friction()) {
       const bool lets_out = state.stage == release;
-      if (state.stage == approach && missing < S(-0.02) * pretension && state.deeper < S(0.25)) {
+      if (state.stage == approach && missing < S(-0.02) * pretension) {
+        if (state.deeper > S(0.25)) return stop(stiffness_wrong, no_tendon, state);
         state.deeper = state.deeper + S(0.1);
         go(release, state);
         return {};

@@ -8,6 +8,9 @@
 
 namespace tenodesis {
 
+/// Share of a drive's friction that may be other than the parameters say.
+inline constexpr double unknown_drive_friction = 0.15;
+
 template <class S>
 struct HomingDriveState {
   int edge{};   ///< of its friction, 1: winding, -1: letting out, 0: unknown
@@ -27,9 +30,9 @@ struct HomingDrive {
 
   bool has_friction() const { return efficiency < S(1) || friction > S(0); }
 
-  /// Share of friction that may be other than the parameters say, as a difference of tension between its edges, N.
+  /// What may be unknown of the friction, as a difference of tension between its edges, N.
   S doubt(const S& tension) const {
-    return S(0.15) * ((S(1) / efficiency - efficiency) * abs(tension) + S(2) * friction);
+    return S(unknown_drive_friction) * ((S(1) / efficiency - efficiency) * abs(tension) + S(2) * friction);
   }
 
   /// Tension by a reading, N, at the stroke of the spool, m; while friction turns, the last one that was known. sent:

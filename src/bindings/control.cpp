@@ -211,6 +211,7 @@ void bind_control(nb::module_& m) {
            "angle; and the row of the fault's first tick, -1 without one.");
 
   m.attr("INTERFACE_VERSION") = TENODESIS_VERSION;
+  m.attr("UNKNOWN_DRIVE_FRICTION") = unknown_drive_friction;
   m.attr("SPOOL_JUMP_UNIT") = TENODESIS_SPOOL_JUMP_UNIT;
   m.def(
       "control_parameters", [] { return rows_of(common_parameters); },

@@ -261,6 +261,8 @@ class Controller:
 
 INTERFACE_VERSION: int = 3
 
+UNKNOWN_DRIVE_FRICTION: float = 0.15
+
 SPOOL_JUMP_UNIT: str = 'rad/s'
 
 def control_parameters() -> list[tuple[str, str, str]]:

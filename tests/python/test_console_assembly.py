@@ -19,19 +19,12 @@ trimesh: Any = pytest.importorskip("trimesh")
 
 def written(inst: Instrument, path: Path) -> Path:
     """Write an assembly of a few boxes for an instrument, laid out as the solids' own."""
-    lengths = kinematics.dimensions(inst)
-    described = {
-        "joint_type": inst.joint_type,
-        "stem_length": lengths.stem_length,
-        "end_effector_length": lengths.end_effector_length,
-        "distal_radius": lengths.distal_radii[0],
-        "proximal_radius": lengths.proximal_radii[0],
-    }
-    scene = trimesh.Scene(metadata={"tenodesis": described})
+    scene = trimesh.Scene(metadata={"tenodesis": kinematics.described(inst)})
     colour = trimesh.visual.TextureVisuals(
         material=trimesh.visual.material.PBRMaterial(baseColorFactor=[200, 140, 70, 255])
     )
-    places = {"stem": ("stem", 0.0), "handle": ("stem", -lengths.stem_length), "tip": ("yaw_far", 0.0),
+    end = -kinematics.dimensions(inst).stem_length
+    places = {"stem": ("stem", 0.0), "handle": ("stem", end), "tip": ("yaw_far", 0.0),
               "disc_1": ("arc", 0.02), "table": ("bench", 0.0)}  # fmt: skip
     for name, (body, along) in places.items():
         scene.graph.update(f"body {body}")
@@ -69,8 +62,13 @@ def test_parts_of_another_instrument_are_told_by_the_length_that_differs(scaled:
         "end_effector_length of scaled-up is 90 mm"
     )
     assert "two bending axes" in found.differs(tn.load("real-size"))
+    longer = {"handle_length": scaled.handle_length + 0.05, "overall_length": (scaled.overall_length or 0) + 0.05}
+    assert found.differs(scaled.replace(**longer)).startswith("handle_length of scaled-up is")
     (tmp_path / "b.glb").write_bytes(b"no glTF")
-    for name in ("b.glb", "none.glb"):
+    plain = trimesh.Scene(metadata={"tenodesis": kinematics.described(scaled)})
+    plain.add_geometry(trimesh.creation.box((1, 1, 1)))
+    plain.export(tmp_path / "plain.glb")
+    for name in ("b.glb", "none.glb", "plain.glb"):
         with pytest.raises(ArgumentError, match=rf"{name} cannot be shown: .* assembly.glb that tenodesis cad"):
             assembly.load(tmp_path / name)
 

@@ -1,5 +1,6 @@
 """Claims about motor currents in the place of load cells: what they show, what they hide, and what fails safely."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -181,3 +182,19 @@ def test_a_kind_of_sensor_that_a_device_does_not_give_is_refused(scaled: Instrum
         scaled.replace(devices={"canopen": {"yaw": {key: one for key, one in yaw.items() if "tension" not in key}}})
     with pytest.raises(InstrumentError, match="joints share tendons"):
         tn.coupled.load("maryland-dissector").replace(sensors={"kind": "current", "current_range": 6.0})
+
+
+def test_axes_of_different_pretensions_have_a_tension_per_current_each() -> None:
+    inst = tn.load("real-size").replace(**GEARED | {"drives.gear_efficiency": 0.7, "drives.friction_torque": 0.02})
+    inst = inst.replace(overrides={"pitch": {"pretension": 0.4 * inst.pretension}})
+    yaw, pitch = (one.tension_sensor.per_current for one in inst.planar)
+    assert abs(yaw / pitch - 1) > 0.1
+    assert tension_from_current(inst, 1.0, "pitch") == pytest.approx(pitch)
+    assert tension_from_current(inst, 1.0) == tension_from_current(inst, 1.0, "yaw") == pytest.approx(yaw)
+    defined = re.findall(r"#define (\w+_TENSION_PER_CURRENT) TENODESIS_C\((\S+)\)", header(inst))
+    assert [(name, float(value)) for name, value in defined] == [
+        ("REAL_SIZE_YAW_TENSION_PER_CURRENT", pytest.approx(yaw, rel=1e-6)),
+        ("REAL_SIZE_PITCH_TENSION_PER_CURRENT", pytest.approx(pitch, rel=1e-6)),
+    ]
+    with pytest.raises(ValueError, match="axis is 'roll'; it must be among yaw, pitch"):
+        tension_from_current(inst, 1.0, "roll")

@@ -1,5 +1,9 @@
 """Of a long recording the stretch that says the most about an instrument's parameters is fitted."""
 
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -48,3 +52,24 @@ def test_the_stretch_with_the_motion_is_taken_and_says_so(long: InstrumentRun, s
 
 def test_a_short_recording_is_left_as_it_is(long: InstrumentRun, scaled: Instrument) -> None:
     assert shortened(long, law="capstan", instrument=scaled, longest=60.0) is long
+
+
+def test_a_gap_as_long_as_a_stretch_is_left_out(long: InstrumentRun, scaled: Instrument) -> None:
+    kept = (long.time < 7.5) | (long.time > 10.5)
+    holed = replace(long, time=long.time[kept], columns={name: one[kept] for name, one in long.columns.items()})
+    part = shortened(holed, law="capstan", instrument=scaled, longest=2.0)
+    assert part.time[-1] < 7.5
+
+
+def test_the_command_fits_the_stretch_from_one_start(tenodesis: Callable[..., tuple[int, str, str]]) -> None:
+    Path("long.toml").write_text(LONG)
+    tenodesis("record", "scaled-up", "long.toml", "--out", "long.mcap")
+    choices = ("identify", "long.mcap", "--instrument", "scaled-up", "--arrangement", "file")
+    code, out, err = tenodesis(*choices, "--fit", "friction.vertex_coefficient", "--longest", "3 s", "--overwrite")
+    assert code == 0, err
+    assert "the 3 s from" in out + err
+    assert "one start is tried" in out + err
+    code, _, err = tenodesis(*choices, "--longest", "1 ms", "--overwrite")
+    assert (code, "--longest is 1 ms; it must be at least 1 s." in err) == (1, True), err
+    code, _, err = tenodesis(*choices, "--longest", "5 s", "--train-until", "0.5", "--overwrite")
+    assert (code, "--longest is 5 s; it must be left out" in err) == (1, True), err

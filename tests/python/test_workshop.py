@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 import tenodesis as tn
-from tenodesis import scaling, tolerance, workshop
+from tenodesis import scaling, statics, tolerance, workshop
 from tenodesis.control.parameters import tension_limit
 from tenodesis.errors import ArgumentError, DesignError, StudyError
 from tenodesis.scaling.practical import OBJECTIVES, PracticalFront, is_stock, practical_front
@@ -121,6 +121,18 @@ def test_play_of_gears_turns_the_links_and_not_the_tip(scaled: tn.TendonGear) ->
         assert np.degrees(np.ptp(angles)) < 0.01 < np.degrees(play / (2 * radius)) / 50
 
 
+@pytest.mark.parametrize("backlash", [np.nan, np.inf, -1e-4, True, "0.1 mm"])
+def test_a_play_that_is_no_length_is_refused(backlash: Any) -> None:
+    with pytest.raises(ValueError, match=r"backlash is .*; it must be a length of at least 0 m, or None"):
+        workshop.tolerate(*pair(), backlash=backlash)
+
+
+def test_a_handle_whose_range_ends_with_the_cycle_has_a_budget() -> None:
+    real_size, scaled_up = pair()
+    reach = statics.reach(scaled_up)
+    assert np.isfinite(budgets._Pair.of(real_size, scaled_up.replace(handle_range=reach)).slope).all()
+
+
 def test_printed_gears_need_their_play_taken_out_and_the_budget_says_what_it_costs(found: workshop.Budget) -> None:
     printed = workshop.tolerate(*pair(), samples=500, backlash=0.15e-3)
     radii = 4e-3, 9e-3
@@ -156,7 +168,8 @@ def test_a_target_out_of_reach_takes_the_finest_grades_and_says_so() -> None:
     assert not found.is_kept and not found.forces
     assert found.dimensions["distal_gear_radius"].grade.name == "IT5"
     assert found.built.kept > 0.005
-    assert "No set of grades keeps 0.005°" in pack._warnings(found)[0]
+    assert "No set of grades keeps 0.005°" in pack._warnings(found, 0)[0]
+    assert "the controller faults in the first ten minutes: tendon_break." in pack._warnings(found, 1)[0]
 
 
 @pytest.mark.parametrize(
@@ -276,7 +289,7 @@ def test_a_brief_first_run_has_the_same_phases_and_one_for_the_controller_leaves
 def test_the_first_ten_minutes_run_on_the_twin_of_every_mechanism(file: str) -> None:
     real_size = tn.load(file if file == "real-size" else ROOT / f"examples/{file}.toml")
     found = scaling.design(real_size, combinations=5000)
-    run = workshop.rehearse(found[found.best()], brief=True)
+    run = workshop.rehearse(found[found.best()], brief=file != "real-size")
     assert run.faults == 0
     assert run.left < 0.3
     assert all(one.low <= one.expected <= one.high for one in run.readings)

@@ -12,7 +12,7 @@ from tenodesis.cad.sizes import Sizes, refuse
 _DEVIATION = 1e-3
 """Length, mm, by which straight tendons between the discs may differ from the model's arcs."""
 _THICKNESS = 1 / 3
-"""Of a disc over the pitch: what tendons are too short between discs, as chords, they are too long within them."""
+"""Of a disc over the pitch, at which a tendon is as long as its arc (see :func:`backbone`)."""
 
 
 class Backbone(NamedTuple):
@@ -52,8 +52,8 @@ def backbone(sizes: Sizes, radius: float, length: float, rod: float, largest: fl
             f"{wall:.3g} mm that process {sizes.process.name} allows",
             f"at least {least:.3g} mm",
         )
-    # A tendon is off its arc by (angle of a span)^2 / 24 times three discs' thickness less its own length in the span:
-    # of discs a third as thick as their pitch only the difference of inside and outside of the bend is left.
+    # A span of angle a and pitch p, with a disc of thickness d, leaves a tendon a^2 / 24 (3 d - p) longer than its arc;
+    # with d = p / 3 only the difference of the inside and the outside of the bend is left.
     count = math.ceil(math.sqrt(radius * largest**3 / (24 * _DEVIATION)))
     outer = radius + sizes.tunnel / 2 + wall
     # On the inside of the bend the discs' rims come closer.

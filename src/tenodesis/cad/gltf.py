@@ -6,10 +6,9 @@ from tenodesis.cad.assembly import frames_of, matrix
 from tenodesis.cad.model import Model
 from tenodesis.cad.picture import colours_of
 from tenodesis.extras import require
+from tenodesis.kinematics import BODY_NODE
 from tenodesis.run import Array
 
-BODY = "body "
-"""Begin of the name of a body's node."""
 _CHORD, _TURN = 0.05, 0.3  # mm and rad: how closely a mesh follows its solid
 
 
@@ -21,10 +20,11 @@ def gltf(model: Model) -> bytes:
     solids they are: joint type and lengths, m.
     """
     trimesh = require("trimesh", "cad")
-    scene = trimesh.Scene(metadata={"tenodesis": described(model)})
+    inst = model.instrument
+    scene = trimesh.Scene(metadata={"tenodesis": {"name": inst.name, **kinematics.described(inst)}})
     placed, colours = frames_of(model, 0.0, 0.0), colours_of(model)
     for part in model.parts:
-        body = f"{BODY}{part.body}"
+        body = f"{BODY_NODE}{part.body}"
         scene.graph.update(body, matrix=_metres(matrix(placed(part, k.at()))))
         mesh = k.meshed(part.solid, _CHORD, _TURN)
         colour = [round(255 * share) for share in colours[part.name]]
@@ -43,19 +43,6 @@ def gltf(model: Model) -> bytes:
             )
     found: bytes = scene.export(file_type="glb")
     return found
-
-
-def described(model: Model) -> dict[str, str | float]:
-    """Return whose solids they are."""
-    inst, lengths = model.instrument, kinematics.dimensions(model.instrument)
-    return {
-        "name": inst.name,
-        "joint_type": inst.joint_type,
-        "stem_length": lengths.stem_length,
-        "end_effector_length": lengths.end_effector_length,
-        "distal_radius": lengths.distal_radii[0],
-        "proximal_radius": lengths.proximal_radii[0],
-    }
 
 
 def _metres(place: Array) -> Array:

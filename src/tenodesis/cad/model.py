@@ -48,6 +48,8 @@ class Model:
     """The instrument as it was given, with all its axes."""
     instrument: Instrument
     """Its bending axis that was built, called yaw."""
+    axis: str
+    """Name of that axis in the instrument given."""
     process: Process
     parts: tuple[Part, ...]
     joints: "tuple[GearJoint | PulleyJoint | Backbone, GearJoint | PulleyJoint]"
@@ -100,7 +102,8 @@ def build(
         build123d is not installed.
     """
     given = as_instrument(inst)
-    planar = given.axis(axis or given.axes[0])
+    axis = axis or given.axes[0]
+    planar = given.axis(axis)
     if planar.axes != ("yaw",):
         planar = planar.replace(axes=("yaw",))
     chosen = process_of(process)
@@ -144,7 +147,7 @@ def build(
         behind = -k.MM * (lengths.stem_length + 1.4 * lengths.handle_length) - 120
         parts += drive_parts(sizes, bought, k.MM * planar.drives.spool_radius, behind)
     parts = [part if part.density else replace(part, density=chosen.density) for part in parts]
-    return Model(given, planar, chosen, tuple(parts), (tip_joint, hand_joint), where, stop)
+    return Model(given, planar, axis, chosen, tuple(parts), (tip_joint, hand_joint), where, stop)
 
 
 def gear_of(key: str, radius: float, module: float | None = None) -> tuple[float, int]:

@@ -83,12 +83,13 @@ def print_checks(checks: cad.Checks, model: cad.Model) -> None:
     )
     for place, play in checks.play.items():
         say(f"Backlash of the gears at the {place}: {math.degrees(sum(play)):.2g}°.")
-    old, new = (plant.tip_inertia(inst.planar[0]) for inst in (model.given, checks.instrument))
+    number = [*map(str, model.given.axes)].index(model.axis)
+    old, new = (plant.tip_inertia(inst.planar[number]) for inst in (model.given, checks.instrument))
     light = "" if new <= checks.tip_inertia * (1 + 1e-9) else f", {new:.3g} in the file, the least its twin can follow"
     was = "" if model.given.dynamics.tip_inertia is not None else ", of a tip that swings at 20 Hz"
     say(
         f"Inertia of the tip from its solids: {checks.tip_inertia:.3g} kg·m²{light} (before: {old:.3g} kg·m²{was}); "
-        "the instrument file that is written has it."
+        f"the instrument file that is written has it{' for both axes' if len(model.given.axes) > 1 else ''}."
     )
     least = model.process.wall
     thin = {one.part: one.least_wall for one in checks.printable if one.least_wall < 0.98 * least}
@@ -143,7 +144,7 @@ class DesignSolids:
         caption = "The solids on their bench, the tip and the joint of the handle"
         return Drawing(caption, svg, Path(os.path.relpath(self._folder / cad.ASSEMBLY, out)).as_posix())
 
-    def tell(self) -> None:
+    def report(self) -> None:
         """Print what was checked. Raises InstrumentError if they cannot be made."""
         if self._model is not None and self._checks is not None:
             print_checks(self._checks, self._model)

@@ -29,7 +29,7 @@ from tenodesis.identification.problem import Problem
 from tenodesis.identification.registry import FORMATS, Format
 from tenodesis.identification.results import Fit, to_json
 from tenodesis.identification.split import LEAST_SHARE, FittedPart, split
-from tenodesis.identification.stretch import LONGEST, shortened
+from tenodesis.identification.stretch import LEAST_LENGTH, LONGEST, shortened
 from tenodesis.identification.uncertainty import LossName
 from tenodesis.instrument import Instrument
 from tenodesis.units import Duration
@@ -37,6 +37,7 @@ from tenodesis.units import Duration
 _HELD = {"sheath_bend": "sheath bend", "wrist_pitch": "pitch"}
 """Angles that are held through a recording, by column."""
 _TEXTS = (".txt", ".csv")
+_LONGEST = f"{LONGEST:g} s"
 ArrangementChoice: TypeAlias = Literal["auto", "compare", "file"]
 
 
@@ -80,7 +81,7 @@ def identify(  # noqa: PLR0917
     longest: Annotated[
         str,
         typer.Option(help="Of a longer LOG of an instrument, this long a stretch is fitted: that which says the most."),
-    ] = f"{LONGEST:g} s",
+    ] = _LONGEST,
     starts: Annotated[
         int | None,
         typer.Option(
@@ -117,7 +118,7 @@ def identify(  # noqa: PLR0917
                 key="--bootstrap", value=bootstrap, allowed=f"0 for none, or at least {LEAST_REPLICATES}"
             )
         share, part = _split(train_until, train_from)
-        seconds = quantity("--longest", longest, Duration)
+        seconds = _longest(longest, is_split=share is not None)
         inst = None if instrument_file is None else load_instrument(instrument_file)
         kind = FORMATS[format_name]
         _check_arrangement(kind, format_name, arrangement)
@@ -126,10 +127,7 @@ def identify(  # noqa: PLR0917
         measured = load_all(kind.load, [*files, *tests])
         _check_different(measured)
         count = len(files)
-        # A recording that is split is fitted up to its split.
-        measured, tries = _stretches(
-            measured, count, chosen, inst, parameters, seconds if share is None else np.inf, starts
-        )
+        measured, tries = _stretches(measured, count, chosen, inst, parameters, seconds, starts)
 
         def problem_of(inst: Instrument | None) -> Problem:
             def build(train: Sequence[MeasuredRun], held_out: Sequence[MeasuredRun]) -> Problem:
@@ -293,6 +291,21 @@ def _split(until: float | None, from_: float | None) -> tuple[float | None, Fitt
         allowed = f"between {LEAST_SHARE:g} and {1 - LEAST_SHARE:g}"
         raise CommandError(f"{option} is {share:g}; it must be {allowed}.", key=option, value=share, allowed=allowed)
     return share, "until" if from_ is None else "from"
+
+
+def _longest(given: str, *, is_split: bool) -> float:
+    """Return the duration up to which a recording is fitted as a whole, s; one that is split is, up to its split."""
+    seconds: float = quantity("--longest", given, Duration)
+    allowed = ""
+    if is_split and given != _LONGEST:
+        allowed = "left out with --train-until and --train-from, which divide the whole recording"
+    elif seconds < LEAST_LENGTH:
+        allowed = f"at least {LEAST_LENGTH:g} s"
+    if allowed:
+        raise CommandError(
+            f"--longest is {given}; it must be {allowed}.", key="--longest", value=given, allowed=allowed
+        )
+    return np.inf if is_split else seconds
 
 
 def recordings_of(logs: Sequence[Path], tests: Sequence[Path], format_name: str) -> list[Path]:

@@ -72,7 +72,8 @@ def live_console(  # noqa: PLR0917
     if not 0 < port < 65536:
         raise CommandError(key="--port", value=port, allowed="between 1 and 65535")
     if coupled.is_coupled(instrument_file):
-        alone = {"device": device, "address": address, "foxglove": foxglove, "solids": solids}
+        given = None if device == "twin" else device
+        alone = {"device": given, "address": address, "foxglove": foxglove, "solids": solids}
         _coupled_console(instrument_file, alone, law, actuation, host, port, token, browser, seed)
         return
     inst = load_instrument(instrument_file)
@@ -121,7 +122,7 @@ def _coupled_console(  # noqa: PLR0917
 
     for name, value in alone.items():
         option = f"--{name}"
-        if value is not None and value != "twin":
+        if value is not None:
             raise CommandError(
                 f"{option} is {value}; it must be left out for {instrument_file}, whose twin runs in the page itself.",
                 key=option,

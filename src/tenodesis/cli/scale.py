@@ -142,7 +142,7 @@ def scale(  # noqa: PLR0917
     if lacking:
         say(lacking)
     _print_written(out, pack, pins=bool(pins))
-    built.tell()
+    built.report()
 
 
 def _pins(factor: float | None, pins: Sequence[str]) -> dict[str, Any]:

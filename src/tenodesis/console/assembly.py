@@ -1,6 +1,6 @@
 """The parts of an instrument from the glTF file of its assembly, to be drawn in place of plain solids."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,12 +13,11 @@ from tenodesis.coupled.description import AXES
 from tenodesis.coupled.motion import rotated
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument
+from tenodesis.kinematics import BODY_NODE
 from tenodesis.run import Array
 
 DISC = "disc "
 """Begin of the name of the body of a backbone's disc; its distance along the backbone, m, follows."""
-_BODY = "body "
-"""Begin of the name of a body's node, as :func:`tenodesis.cad.gltf` writes it."""
 _LEFT_OUT = ("bench", "rig_bar", "rod")
 """Bodies that the page does not draw: the bench, and the backbone, which it draws as a line."""
 _SAME = 1e-6  # m
@@ -38,15 +37,7 @@ class Assembly(NamedTuple):
         """Return how an instrument differs from the one whose parts these are; nothing where they are its own."""
         if len(inst.axes) > 1:
             return f"{inst.name} has two bending axes, the solids have one"
-        lengths = kinematics.dimensions(inst)
-        own: dict[str, Any] = {
-            "joint_type": inst.joint_type,
-            "distal_radius": lengths.distal_radii[0],
-            "proximal_radius": lengths.proximal_radii[0],
-            "end_effector_length": lengths.end_effector_length,
-            "stem_length": lengths.stem_length,
-        }
-        for key, value in own.items():
+        for key, value in kinematics.described(inst).items():
             given: Any = self.described.get(key)
             if isinstance(value, str):
                 if given != value:
@@ -78,18 +69,20 @@ def load(path: Path) -> Assembly:
     """
     try:
         scene: Any = trimesh.load(path)
-        described = dict(scene.metadata["tenodesis"])
+        return Assembly(dict(scene.metadata["tenodesis"]), tuple(_solids_of(scene)))
     except Exception as problem:
-        reason = "no file of tenodesis cad" if isinstance(problem, KeyError) else str(problem)
+        reason = str(problem) if isinstance(problem, OSError | ValueError) else "no file of tenodesis cad"
         raise ArgumentError(
             f"{path} cannot be shown: {reason}; it must be the assembly.glb that tenodesis cad has written.",
             key="solids",
             value=str(path),
         ) from None
+
+
+def _solids_of(scene: Any) -> Iterator[Solid]:
     parents = scene.graph.transforms.parents
-    found = []
     for name in scene.graph.nodes_geometry:
-        body = str(parents[name]).removeprefix(_BODY)
+        body = str(parents[name]).removeprefix(BODY_NODE)
         if body in _LEFT_OUT:
             continue
         place, geometry = scene.graph.get(name, frame_from=parents[name])
@@ -101,8 +94,7 @@ def load(path: Path) -> Assembly:
             body = f"{DISC}{float(place[2, 3])!r}"
         else:
             mesh.apply_transform(place)
-        found.append(Solid(name, body, mesh, (red, green, blue), _TUBE if name == "stem" else None))
-    return Assembly(described, tuple(found))
+        yield Solid(name, body, mesh, (red, green, blue), _TUBE if name == "stem" else None)
 
 
 def disc_place(stem: kinematics.Frame, far: kinematics.Frame, along: float, length: float) -> kinematics.Frame:

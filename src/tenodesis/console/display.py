@@ -69,7 +69,7 @@ def shown_signals(inst: Instrument, signals: Mapping[str, ArrayLike]) -> ShownSi
         return np.full(shape, np.nan)
 
     handle = first(_HANDLE, single)
-    per_current = inst.planar[0].tension_sensor.per_current or np.nan
+    per_current = np.array([[one.tension_sensor.per_current or np.nan] for one in inst.planar])
     return ShownSignals(
         time=time,
         handle=handle,

@@ -139,16 +139,19 @@ def header(
 
 def _currents(inst: Instrument, name: str) -> list[str]:
     """Return what makes tensions of currents, where these are in the place of load cells."""
-    sensor = inst.planar[0].tension_sensor
-    if not sensor.per_current:
-        return []
     of = name.upper()
-    return [
-        "/* For tenodesis_tension_from_current. */",
-        f"#define {of}_TENSION_PER_CURRENT {_number(sensor.per_current)} /* N/A */",
-        f"#define {of}_CURRENT_RANGE {_number(sensor.range / sensor.per_current)} /* A */",
-        "",
-    ]
+    sensors = {f"{of}_{axis.upper()}": one.tension_sensor for axis, one in zip(inst.axes, inst.planar, strict=True)}
+    if len(set(sensors.values())) == 1:
+        sensors = {of: inst.planar[0].tension_sensor}
+    lines = ["/* For tenodesis_tension_from_current. */"]
+    for prefix, sensor in sensors.items():
+        if not sensor.per_current:
+            return []
+        lines += [
+            f"#define {prefix}_TENSION_PER_CURRENT {_number(sensor.per_current)} /* N/A */",
+            f"#define {prefix}_CURRENT_RANGE {_number(sensor.range / sensor.per_current)} /* A */",
+        ]
+    return [*lines, ""]
 
 
 def export_header(

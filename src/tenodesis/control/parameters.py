@@ -43,7 +43,7 @@ _OVER_LOAD = 5 / 3
 # Of the tip while homing, rad: moved by one motor's jog, by one tendon alone, and what a cell's error may cost.
 _JOG, _PULL, _TIP_ERROR = np.radians([0.8, 1.6, 0.5])
 # Of a drive's friction, by its current: what the file may state wrongly, and the angle over which it turns, rad.
-_UNSURE, _TURNS = 0.15, 3e-3
+_UNSURE, _TURNS = _core.UNKNOWN_DRIVE_FRICTION, 3e-3
 _NONE = 1e-9  # m; the core wants a positive stroke
 # Of a tip that one tendon alone pulls: it coasts when the motor stops, rad/s.
 _PULL_SPEED = 1.0
@@ -90,8 +90,10 @@ def parameters(inst: InstrumentLike, period: float | None = None) -> Parameters:
     return Parameters(joint_type, common, axes, tuple(_limits(one, tick) for one in single))
 
 
-def tension_from_current(inst: InstrumentLike, current: ArrayLike) -> NDArray[np.float64]:
-    """Return what motor currents (A, any shape) stand for as tensions, N, as a controller takes them.
+def tension_from_current(inst: InstrumentLike, current: ArrayLike, axis: str | None = None) -> NDArray[np.float64]:
+    """Return what motor currents (A, any shape) of an axis stand for as tensions, N, as a controller takes them.
+
+    By default the axis is the first; axes differ where their pretensions do.
 
     They end with the currents' range, where the controller distrusts them, and have the drives' friction in them, which
     its observer takes out.
@@ -99,9 +101,12 @@ def tension_from_current(inst: InstrumentLike, current: ArrayLike) -> NDArray[np
     Raises
     ------
     ValueError
-        The instrument has load cells.
+        The instrument has load cells, or no such axis.
     """
-    sensor = as_instrument(inst).planar[0].tension_sensor
+    inst = as_instrument(inst)
+    if axis is not None and axis not in inst.axes:
+        raise ArgumentError(key="axis", value=axis, allowed=f"among {', '.join(inst.axes)}")
+    sensor = inst.planar[0 if axis is None else inst.axes.index(axis)].tension_sensor
     if not sensor.per_current:
         raise ArgumentError(
             "inst has load cells; its sensors.kind must be current to measure tensions by currents.", key="inst"
@@ -234,7 +239,10 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
         "homing_speed": homing_speed,
         "homing_gain": 8.0,
         "homing_stroke": control.homing_stroke,
-        "homing_overshoot": 0.4 if sensor.friction else 0.15,
+        # No tendon is to be wound above the limit.
+        "homing_overshoot": min(max(0.95 * tension_limit(inst) / pretension - 1, 0.02), 0.4)
+        if sensor.friction
+        else 0.15,
         "homing_tolerance": max(0.004, 0.8 * sensor.noise / pretension) if sensor.per_current else 0.004,
         "homing_settle_time": 0.1,
         "homing_time": control.homing_stroke / homing_speed + 10.0,

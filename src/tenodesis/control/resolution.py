@@ -122,9 +122,10 @@ def sentences(inst: Instrument) -> tuple[str, ...]:
         known = resolution(axis)
         found.append(prefix + _sentence(known))
         if axis.sensors.kind == "current":
+            hides = f"; until they move, the friction of the drives hides up to {known.hidden_force:.2g} N at the tip"
             found.append(
-                f"{prefix}the motors' currents measure the tensions, {axis.tension_sensor.per_current:.3g} N/A; until "
-                f"they move, the friction of the drives hides up to {known.hidden_force:.2g} N at the tip."
+                f"{prefix}the motors' currents measure the tensions, {axis.tension_sensor.per_current:.3g} N/A"
+                f"{hides if known.hidden_force else ''}."
             )
     return tuple(sentence[0].upper() + sentence[1:] for sentence in found)
 
@@ -137,7 +138,7 @@ def shares(inst: Instrument) -> tuple[str, ...]:
         parts = {
             "handle encoder": worst.handle_encoder,
             "spool encoders": worst.spool_encoders,
-            _told_by(axis): worst.load_cells,
+            _measured_by(axis): worst.load_cells,
             "calibration": worst.calibration,
         }
         if isfinite(worst.total):
@@ -190,7 +191,8 @@ def _is_unresolved(inst: Instrument, known: Resolution) -> bool:
 
 def _unresolved_limit(inst: Instrument, known: Resolution) -> InstrumentError:
     limit = force_limit(inst)
-    allowed = f"at least {known.tip_force:.3g} N, which is what the {_told_by(inst)} resolve at the tip, or 0 for none"
+    sensors = _measured_by(inst)
+    allowed = f"at least {known.tip_force:.3g} N, which is what the {sensors} resolve at the tip, or 0 for none"
     return InstrumentError(
         f"control.force_limit is {limit:g} N; it must be {allowed}.",
         key="control.force_limit",
@@ -199,7 +201,7 @@ def _unresolved_limit(inst: Instrument, known: Resolution) -> InstrumentError:
     )
 
 
-def _told_by(inst: Instrument) -> str:
+def _measured_by(inst: Instrument) -> str:
     return "currents" if inst.sensors.kind == "current" else "load cells"
 
 

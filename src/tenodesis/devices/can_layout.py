@@ -165,7 +165,7 @@ def layout(inst: Instrument, settings: CanOpen) -> Layout:
         for n, axis in enumerate(axes)
         for tendon, drive in enumerate(axis.drives)
     )
-    sources = [sources_of(inst, settings, axis) for axis in axes]
+    sources = [sources_of(one, settings, axis) for one, axis in zip(inst.planar, axes, strict=True)]
     sensors = tuple(_sensor_frames(inst.axes, sources, {drive.node for drive in drives}))
     speed = inst.drives.motor_speed
     if not _LEAST_UNITS <= speed / unit <= _MOST_UNITS:
@@ -190,7 +190,10 @@ def layout(inst: Instrument, settings: CanOpen) -> Layout:
 
 
 def sources_of(inst: Instrument, settings: CanOpen, axis: CanAxis) -> dict[str, CanAngle | CanTension]:
-    """Return the sensors of an axis by what they measure; where its drives' currents measure the tensions, these."""
+    """Return the sensors of an axis by what they measure; where its drives' currents measure the tensions, these.
+
+    The instrument is that of the axis alone.
+    """
     if inst.sensors.kind == "load-cell":
         return axis.sources
     drives = inst.drives

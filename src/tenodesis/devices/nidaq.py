@@ -51,7 +51,9 @@ class NiDaqDevice(Bench):
             )
         self._settings, self._clock = settings, clock
         rate = inst.sensors.sampling_rate
-        self._inputs = [axis.inputs(inst.tension_sensor.per_current) for axis in axes]
+        self._inputs = [
+            axis.inputs(one.tension_sensor.per_current) for axis, one in zip(axes, inst.planar, strict=True)
+        ]
         wired = [one for inputs in self._inputs for one in inputs]
         drives = [drive for axis in axes for drive in axis.drives]
         self._gains = np.array([one.gain for one in wired])

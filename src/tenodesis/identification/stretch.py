@@ -7,7 +7,7 @@ from math import inf
 import numpy as np
 
 from tenodesis import plant
-from tenodesis.errors import IdentificationError
+from tenodesis.errors import ArgumentError, IdentificationError
 from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.twin_model import tuning
@@ -16,6 +16,10 @@ from tenodesis.instrument import Instrument
 
 LONGEST = 30.0
 """Duration of a recording that is fitted as it is, and of the stretch of a longer one, s."""
+LEAST_LENGTH = 1.0
+"""Shortest stretch, s."""
+_LEAST_SAMPLES = 100
+"""Of a stretch, which may hold a gap of the recording."""
 
 
 def shortened(
@@ -39,10 +43,17 @@ def shortened(
     free
         Which parameters count, by the problem; by default all.
     longest
-        Duration, s.
+        Duration, s, at least 1 s.
     progress
         Called with how many of how many stretches are judged.
+
+    Raises
+    ------
+    ValueError
+        `longest` is below 1 s.
     """
+    if not longest >= LEAST_LENGTH:
+        raise ArgumentError(key="longest", value=longest, allowed=f"at least {LEAST_LENGTH:g} s")
     first, last = float(run.time[0]), float(run.time[-1])
     if last - first <= longest or not isinstance(run, InstrumentRun):
         return run
@@ -70,6 +81,8 @@ def _information(
     part: MeasuredRun, law: str, inst: Instrument, free: Callable[[TwinProblem], Sequence[str]] | None
 ) -> float:
     """Return the logarithm of the determinant of what a stretch says about parameters, over their ranges."""
+    if len(part) < _LEAST_SAMPLES:
+        return -inf
     # A rough look is enough: few samples, and no errors of the commands.
     longest = min(tuning.LONGEST_STEP, plant.longest_step(inst))
     every = max(1, int(longest / part.sample_time * (1 + 1e-6)))

@@ -258,7 +258,7 @@ def redesigned(inst: Instrument, design: Design, reference_radius: float) -> Ins
     return inst.replace(**{f"friction.{key}": value for key, value in friction.items()})
 
 
-def _told(inst: Instrument, changed: Instrument) -> Instrument:
+def _assumed(inst: Instrument, changed: Instrument) -> Instrument:
     """Return the controller's model: stiffness and coefficient at the pretension are identified, bending is not."""
     effective = changed.friction.vertex_coefficient * changed.friction.vertex_factor
     return step_response.controller_model(inst.replace(**{"friction.vertex_coefficient": effective}))
@@ -268,7 +268,7 @@ def held(inst: Instrument, changed: Instrument, state: float, force: float, law:
     """Hold an output angle (rad) under a load (N) by a law; `inst` is the instrument as in its file."""
     motion = step_response.held_motion(inst, state, force, BEFORE, AFTER)
     try:
-        run = step_response.simulate_motion(changed, _told(inst, changed), motion, law)
+        run = step_response.simulate_motion(changed, _assumed(inst, changed), motion, law)
     except NoSolutionError:
         return Held(math.nan, False)
     response = step_response.response(run, motion)

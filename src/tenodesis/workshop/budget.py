@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import groupby
 from typing import NamedTuple
 
@@ -187,6 +188,9 @@ def tolerate(
         raise ArgumentError(key="share", value=share, allowed="a share from 0.5 to below 1")
     if isinstance(samples, bool) or not isinstance(samples, int) or not 100 <= samples <= 100_000:
         raise ArgumentError(key="samples", value=samples, allowed="an integer from 100 to 100000")
+    is_number = isinstance(backlash, int | float) and not isinstance(backlash, bool)
+    if backlash is not None and not (is_number and 0 <= backlash < np.inf):
+        raise ArgumentError(key="backlash", value=backlash, allowed="a length of at least 0 m, or None")
     pair = _Pair.of(as_instrument(real_size, "real_size"), as_instrument(scaled_up, "scaled_up"))
     choosing = _Choosing(pair, target, share, samples, seed, backlash)
     every = len(pair.forces)
@@ -252,12 +256,13 @@ class _Pair:
             parts.append(np.concatenate([off[:, self.cycle.extension], off[:, self.cycle.flexion]], axis=1))
         return np.array(parts)
 
-    @property
+    @cached_property
     def slope(self) -> Array:
         """Output angle without load over the handle's angle, by step of the cycle."""
-        turned = np.asarray(self.scaled_up_cycle.handle)
-        above, below = (statics.output_angle(self.scaled_up, turned + step) for step in (_STEP, -_STEP))
-        return np.asarray((above - below) / (2 * _STEP))
+        turned, limit = np.asarray(self.scaled_up_cycle.handle), self.scaled_up.handle_range
+        at = [np.clip(turned + step, -limit, limit) for step in (_STEP, -_STEP)]
+        above, below = (statics.output_angle(self.scaled_up, one) for one in at)
+        return np.asarray((above - below) / (at[0] - at[1]))
 
     def built(self, keys: Sequence[str], rows: Array) -> _Built:
         """Return the instruments that values by key (SI units) make."""
@@ -390,7 +395,7 @@ class _Choosing:
         built = self.pair.built(self.keys, rows)
         if friction:
             random = np.random.default_rng(self.seed + 1)
-            built = built._replace(insts=[_rubbing(one, random.normal(1, friction, 2)) for one in built.insts])
+            built = built._replace(insts=[_with_friction(one, random.normal(1, friction, 2)) for one in built.insts])
         errors = np.abs(self.pair.errors(built, forces)).max(axis=2)
         return np.where(np.isnan(errors), np.inf, errors)
 
@@ -475,7 +480,7 @@ def _variance(grade: Grade) -> float:
     return grade.width**2 * (1.0 if grade.is_normal else 1 / 3)
 
 
-def _rubbing(inst: Instrument | None, factors: NDArray[np.float64]) -> Instrument | None:
+def _with_friction(inst: Instrument | None, factors: NDArray[np.float64]) -> Instrument | None:
     if inst is None:
         return None
     friction = inst.friction

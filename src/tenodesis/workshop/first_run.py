@@ -283,7 +283,7 @@ def rehearse(design: Design, *, brief: bool = False) -> FirstRun:
     stages = _stages(design, brief=True)
     last = max(n for n, stage in enumerate(stages) if stage.read) + 1
     read = parse("\n".join(['name = "read"', *_text(stages[:last], controlled=False)]), FIRST_RUN)
-    runs = [_phases(_rubbing(inst, share), read) for share in (1.0, *UNCERTAIN)]
+    runs = [_phases(_with_friction(inst, share), read) for share in (1.0, *UNCERTAIN)]
     controller = Controller(inst, homed=False)
     steps = [stage for stage in _stages(design, brief=brief) if not stage.winds]
     closed = _staged(steps, _phases(inst, protocol(design, controlled=True, brief=brief), controller))
@@ -313,7 +313,7 @@ def _staged(stages: Sequence[_Stage], runs: Sequence[Run]) -> list[Run]:
     return [concatenate([next(given) for _ in stage.phases]) for stage in stages]
 
 
-def _rubbing(inst: Instrument, share: float) -> Instrument:
+def _with_friction(inst: Instrument, share: float) -> Instrument:
     friction = inst.friction
     return inst.replace(
         **{

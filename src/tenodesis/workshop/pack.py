@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import tomli_w
 
+from tenodesis.control import FAULTS
 from tenodesis.control.export import header
 from tenodesis.report.content import fixed
 from tenodesis.scaling import Design
@@ -61,7 +62,7 @@ class Pack:
                 (_objectives(self.practical),),
                 (Drawing(caption, figures.practical_svg(self.practical, chosen)),),
             ]
-        return Supplement(_card(budget), tuple(rows), tuple(_warnings(budget)))
+        return Supplement(_card(budget), tuple(rows), tuple(_warnings(budget, self.first_run.faults)))
 
     def write(self, folder: Path) -> None:
         """Write the files of the pack to a folder; see :data:`FILES`. Raises OSError if it cannot be written."""
@@ -106,7 +107,7 @@ def prepare(
     StudyError, ProtocolError
         The design does not hold its test forces, or the twin cannot run its first ten minutes.
     ValueError
-        The target is out of its range.
+        The target or the backlash is out of its range.
     """
     progress("choosing tolerances", 0, 2)
     budget = tolerate(design.real_size, design.scaled_up, target=target, backlash=backlash)
@@ -117,7 +118,7 @@ def prepare(
 
 
 def study_file(budget: Budget) -> str:
-    """Return the text of a tolerance file, for ``tenodesis tolerance``, without rig's pulley and gears' play."""
+    """Return the text of a tolerance file, for ``tenodesis tolerance``, without pulley of the rig and play of gears."""
     tables: list[dict[str, Any]] = []
     for one in budget.dimensions.values():
         if one.key == PULLEY or one.key in BACKLASHES:
@@ -146,9 +147,15 @@ def _up_to(budget: Budget) -> str:
     return f"up to {plain(max(forces), 3)} N real-size"
 
 
-def _warnings(budget: Budget) -> list[str]:
+def _warnings(budget: Budget, faults: int) -> list[str]:
     keeps = f"{100 * budget.share:g} % of the instruments built"
     found = []
+    if faults:
+        names = ", ".join(name for bit, name in enumerate(FAULTS) if faults >> bit & 1)
+        found.append(
+            f"On the twin the controller faults in the first ten minutes: {names}. Change the instrument before it is "
+            "built."
+        )
     if not budget.is_kept:
         found.append(
             f"No set of grades keeps {angle(budget.target)} for {keeps}: the finest leaves {angle(budget.built.kept)}, "
