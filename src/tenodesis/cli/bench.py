@@ -25,7 +25,7 @@ from tenodesis.paper.run import CHAPTERS, run, steps
 
 _BRIEF = (
     r"loss\.at_\d+deg\.|tension\.slack_force|transmissibility\.straight|table1\.stiffness|table2\.(force|tension)|"
-    r"similarity\..*\.(rms|largest)$|care\.[167]|verification\.\w+\.\w+$|axes"
+    r"similarity\..*\.(rms|largest)$|care\.[167]|verification\.\w+\.\w+$|axes|tip_force\.\w+\.after\.error"
 )
 """Names of the results that the summary shows; the report has all."""
 
@@ -86,7 +86,9 @@ def bench(  # noqa: PLR0917
             bar(done, total, f"{name:<21}")
 
         context = run(inst, scaled, out, report, only=chapters)
-    console.print(_summary(context))
+    summary = _summary(context)
+    if summary.row_count:
+        console.print(summary)
     say_resolution(context.tested)
     say(f"Report: {out / 'report.html'}")
     say("with figures/, curves/, recordings/ and results.json beside it")
