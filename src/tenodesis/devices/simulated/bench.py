@@ -100,8 +100,9 @@ class SimulatedBench:
         self._axes: list[CanAxis] = [getattr(settings, name) for name in inst.axes]
         self._unit = settings.velocity_unit or 2 * pi / inst.drives.encoder_counts
         objects: dict[int, list[tuple[int, int, int]]] = {}
-        for axis in self._axes:
-            for source in sources_of(inst, settings, axis).values():
+        self._sources = [sources_of(one, settings, axis) for one, axis in zip(inst.planar, self._axes, strict=True)]
+        for sources in self._sources:
+            for source in sources.values():
                 objects.setdefault(source.node, []).append((source.object, source.sub, _TYPES[source.type]))
         counter = settings.counter
         self.drives = {
@@ -190,7 +191,7 @@ class SimulatedBench:
             for tendon, wired in enumerate(axis.drives):
                 turned = round(measured.spool_angle[n, tendon] / per_count)
                 self.drives[wired.node].measure(-turned if wired.reversed else turned)
-            for name, source in sources_of(self.inst, self.settings, axis).items():
+            for name, source in self._sources[n].items():
                 value = {
                     "handle angle": measured.handle_angle[n],
                     "agonist tension": measured.tension[n, 0],
