@@ -6,7 +6,7 @@ from tenodesis.cad.assembly import frames_of, matrix
 from tenodesis.cad.model import Model
 from tenodesis.cad.picture import colours_of
 from tenodesis.extras import require
-from tenodesis.kinematics import BODY_NODE
+from tenodesis.kinematics.dimensions import BODY_NODE
 from tenodesis.run import Array
 
 _CHORD, _TURN = 0.05, 0.3  # mm and rad: how closely a mesh follows its solid

@@ -13,7 +13,7 @@ from tenodesis.coupled.description import AXES
 from tenodesis.coupled.motion import rotated
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument
-from tenodesis.kinematics import BODY_NODE
+from tenodesis.kinematics.dimensions import BODY_NODE
 from tenodesis.run import Array
 
 DISC = "disc "

@@ -19,7 +19,7 @@ For a view, :func:`frames` gives everything at once::
 their joints at a posture.
 """
 
-from tenodesis.kinematics.dimensions import BODY_NODE, Dimensions, Limits, described, dimensions, limits
+from tenodesis.kinematics.dimensions import Dimensions, Limits, described, dimensions, limits
 from tenodesis.kinematics.mjcf import mjcf
 from tenodesis.kinematics.motion import Frame, Frames, Posture, forward, frames, inverse, jacobian, within_limits
 from tenodesis.kinematics.parts import joint_positions
@@ -27,7 +27,6 @@ from tenodesis.kinematics.urdf import urdf
 from tenodesis.kinematics.workspace import Workspace, workspace
 
 __all__ = [
-    "BODY_NODE",
     "Dimensions",
     "Frame",
     "Frames",
