@@ -487,8 +487,7 @@ struct Homing {
       const S stretched = larger(wound(i, state) - state.tight_at[i], settings.jog * S(0.1));
       slope[i] = (state.tension[i] - state.tight_by[i]) / (stretched * model.axis.stiffness);
     }
-    const S rise = mean(state) - state.mean_before;
-    state.gain_difference = (imbalance(state) - state.imbalance_before) / rise;
+    state.gain_difference = (imbalance(state) - state.imbalance_before) / (mean(state) - state.mean_before);
     const S constant = imbalance(state) - state.gain_difference * mean(state);
     const int steeper = slope[0] > slope[1] ? 0 : 1;
     if (abs(state.gain_difference) > settings.gain_error) return fail(cell_gains_apart, 1 - steeper, state);

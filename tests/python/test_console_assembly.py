@@ -13,13 +13,14 @@ from tenodesis.console import assembly
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument
 from tenodesis.kinematics import Posture
+from tenodesis.kinematics.gltf import BODY_NODE, described
 
 trimesh: Any = pytest.importorskip("trimesh")
 
 
 def written(inst: Instrument, path: Path) -> Path:
     """Write an assembly of a few boxes for an instrument, laid out as the solids' own."""
-    scene = trimesh.Scene(metadata={"tenodesis": kinematics.described(inst)})
+    scene = trimesh.Scene(metadata={"tenodesis": described(inst)})
     colour = trimesh.visual.TextureVisuals(
         material=trimesh.visual.material.PBRMaterial(baseColorFactor=[200, 140, 70, 255])
     )
@@ -27,11 +28,11 @@ def written(inst: Instrument, path: Path) -> Path:
     places = {"stem": ("stem", 0.0), "handle": ("stem", end), "tip": ("yaw_far", 0.0),
               "disc_1": ("arc", 0.02), "table": ("bench", 0.0)}  # fmt: skip
     for name, (body, along) in places.items():
-        scene.graph.update(f"body {body}")
+        scene.graph.update(f"{BODY_NODE}{body}")
         box = trimesh.creation.box((0.01, 0.002, 0.004))
         box.visual = colour
         move = trimesh.transformations.translation_matrix([0.0, 0.0, along])
-        scene.add_geometry(box, node_name=name, geom_name=name, parent_node_name=f"body {body}", transform=move)
+        scene.add_geometry(box, node_name=name, geom_name=name, parent_node_name=f"{BODY_NODE}{body}", transform=move)
     scene.export(path)
     return path
 
@@ -65,7 +66,7 @@ def test_parts_of_another_instrument_are_told_by_the_length_that_differs(scaled:
     longer = {"handle_length": scaled.handle_length + 0.05, "overall_length": (scaled.overall_length or 0) + 0.05}
     assert found.differs(scaled.replace(**longer)).startswith("handle_length of scaled-up is")
     (tmp_path / "b.glb").write_bytes(b"no glTF")
-    plain = trimesh.Scene(metadata={"tenodesis": kinematics.described(scaled)})
+    plain = trimesh.Scene(metadata={"tenodesis": described(scaled)})
     plain.add_geometry(trimesh.creation.box((1, 1, 1)))
     plain.export(tmp_path / "plain.glb")
     for name in ("b.glb", "none.glb", "plain.glb"):

@@ -196,5 +196,5 @@ def test_axes_of_different_pretensions_have_a_tension_per_current_each() -> None
         ("REAL_SIZE_YAW_TENSION_PER_CURRENT", pytest.approx(yaw, rel=1e-6)),
         ("REAL_SIZE_PITCH_TENSION_PER_CURRENT", pytest.approx(pitch, rel=1e-6)),
     ]
-    with pytest.raises(ValueError, match="axis is 'roll'; it must be among yaw, pitch"):
+    with pytest.raises(InstrumentError, match="real-size has no axis 'roll'; it has yaw and pitch"):
         tension_from_current(inst, 1.0, "roll")

@@ -1,12 +1,11 @@
 """The assembly as glTF: a node for each body of the instrument, with the meshes of the parts that move with it."""
 
-from tenodesis import kinematics
 from tenodesis.cad import kernel as k
 from tenodesis.cad.assembly import frames_of, matrix
 from tenodesis.cad.model import Model
 from tenodesis.cad.picture import colours_of
 from tenodesis.extras import require
-from tenodesis.kinematics.dimensions import BODY_NODE
+from tenodesis.kinematics.gltf import BODY_NODE, described
 from tenodesis.run import Array
 
 _CHORD, _TURN = 0.05, 0.3  # mm and rad: how closely a mesh follows its solid
@@ -21,7 +20,7 @@ def gltf(model: Model) -> bytes:
     """
     trimesh = require("trimesh", "cad")
     inst = model.instrument
-    scene = trimesh.Scene(metadata={"tenodesis": {"name": inst.name, **kinematics.described(inst)}})
+    scene = trimesh.Scene(metadata={"tenodesis": {"name": inst.name, **described(inst)}})
     placed, colours = frames_of(model, 0.0, 0.0), colours_of(model)
     for part in model.parts:
         body = f"{BODY_NODE}{part.body}"

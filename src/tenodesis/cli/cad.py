@@ -83,8 +83,7 @@ def print_checks(checks: cad.Checks, model: cad.Model) -> None:
     )
     for place, play in checks.play.items():
         say(f"Backlash of the gears at the {place}: {math.degrees(sum(play)):.2g}°.")
-    number = [*map(str, model.given.axes)].index(model.axis)
-    old, new = (plant.tip_inertia(inst.planar[number]) for inst in (model.given, checks.instrument))
+    old, new = (plant.tip_inertia(inst.axis(model.axis)) for inst in (model.given, checks.instrument))
     light = "" if new <= checks.tip_inertia * (1 + 1e-9) else f", {new:.3g} in the file, the least its twin can follow"
     was = "" if model.given.dynamics.tip_inertia is not None else ", of a tip that swings at 20 Hz"
     say(

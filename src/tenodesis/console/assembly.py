@@ -13,7 +13,7 @@ from tenodesis.coupled.description import AXES
 from tenodesis.coupled.motion import rotated
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument
-from tenodesis.kinematics.dimensions import BODY_NODE
+from tenodesis.kinematics.gltf import BODY_NODE, described
 from tenodesis.run import Array
 
 DISC = "disc "
@@ -37,7 +37,7 @@ class Assembly(NamedTuple):
         """Return how an instrument differs from the one whose parts these are; nothing where they are its own."""
         if len(inst.axes) > 1:
             return f"{inst.name} has two bending axes, the solids have one"
-        for key, value in kinematics.described(inst).items():
+        for key, value in described(inst).items():
             given: Any = self.described.get(key)
             if isinstance(value, str):
                 if given != value:

@@ -101,12 +101,12 @@ def tension_from_current(inst: InstrumentLike, current: ArrayLike, axis: str | N
     Raises
     ------
     ValueError
-        The instrument has load cells, or no such axis.
+        The instrument has load cells.
+    InstrumentError
+        It has no such axis.
     """
     inst = as_instrument(inst)
-    if axis is not None and axis not in inst.axes:
-        raise ArgumentError(key="axis", value=axis, allowed=f"among {', '.join(inst.axes)}")
-    sensor = inst.planar[0 if axis is None else inst.axes.index(axis)].tension_sensor
+    sensor = inst.axis(axis or inst.axes[0]).tension_sensor
     if not sensor.per_current:
         raise ArgumentError(
             "inst has load cells; its sensors.kind must be current to measure tensions by currents.", key="inst"

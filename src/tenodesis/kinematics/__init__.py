@@ -19,7 +19,7 @@ For a view, :func:`frames` gives everything at once::
 their joints at a posture.
 """
 
-from tenodesis.kinematics.dimensions import Dimensions, Limits, described, dimensions, limits
+from tenodesis.kinematics.dimensions import Dimensions, Limits, dimensions, limits
 from tenodesis.kinematics.mjcf import mjcf
 from tenodesis.kinematics.motion import Frame, Frames, Posture, forward, frames, inverse, jacobian, within_limits
 from tenodesis.kinematics.parts import joint_positions
@@ -33,7 +33,6 @@ __all__ = [
     "Limits",
     "Posture",
     "Workspace",
-    "described",
     "dimensions",
     "forward",
     "frames",

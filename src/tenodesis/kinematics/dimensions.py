@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from tenodesis import _core
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument import Continuum, Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 
 # Defaults of what a file leaves out, as shares. The first is the paper's (Table I), the others are our choice.
 STEM_PER_RADIUS = 2.5
@@ -33,10 +33,6 @@ class Dimensions(NamedTuple):
     proximal_radii: tuple[float, ...]
     insertion: float
     """Of the stem beyond the port, at rest."""
-
-
-BODY_NODE = "body "
-"""Begin of the name of the node of a body in an assembly's glTF file."""
 
 
 class Limits(NamedTuple):
@@ -157,22 +153,3 @@ def _radius(axis: Instrument, end: str) -> float:
     field = next(field for field, parameter in axis.parameter_fields.items() if parameter == f"{end}_radius")
     radius = getattr(axis, field)
     return math.nan if radius is None else float(radius)
-
-
-def described(inst: InstrumentLike) -> dict[str, str | float]:
-    """Return what solids must have in common with an instrument to be its own: joint type and lengths (m) of its axis.
-
-    Raises as :func:`dimensions` does.
-    """
-    inst = as_instrument(inst)
-    lengths = dimensions(inst)
-    return {
-        "joint_type": inst.joint_type,
-        "end_effector_length": lengths.end_effector_length,
-        "handle_length": lengths.handle_length,
-        "distal_radius": lengths.distal_radii[0],
-        "proximal_radius": lengths.proximal_radii[0],
-        **({"backbone_length": inst.backbone_length} if isinstance(inst, Continuum) else {}),
-        # It follows from the others in a file.
-        "stem_length": lengths.stem_length,
-    }

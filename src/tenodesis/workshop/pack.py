@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from tenodesis.control import FAULTS
+from tenodesis.control.controller import fault_names
 from tenodesis.control.export import header
 from tenodesis.report.content import fixed
 from tenodesis.scaling import Design
@@ -151,10 +151,9 @@ def _warnings(budget: Budget, faults: int) -> list[str]:
     keeps = f"{100 * budget.share:g} % of the instruments built"
     found = []
     if faults:
-        names = ", ".join(name for bit, name in enumerate(FAULTS) if faults >> bit & 1)
         found.append(
-            f"On the twin the controller faults in the first ten minutes: {names}. Change the instrument before it is "
-            "built."
+            f"On the twin the controller faults in the first ten minutes: {', '.join(fault_names(faults))}. Change the "
+            "instrument before it is built."
         )
     if not budget.is_kept:
         found.append(
