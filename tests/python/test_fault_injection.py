@@ -1,5 +1,7 @@
 """What reaches the controller and the drives when a fault is injected between them and the instrument."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -7,7 +9,7 @@ from numpy.typing import NDArray
 import tenodesis as tn
 from tenodesis.control import Controller, Request
 from tenodesis.simulate import FaultInjection
-from tenodesis.twin import Twin
+from tenodesis.twin import TIME_STEP, Twin
 
 Array = NDArray[np.float64]
 TICKS = 400
@@ -72,3 +74,17 @@ def test_a_fault_of_the_drives_signals_turns_the_spools_it_says(
 def test_only_a_tendons_signal_can_be_swapped_and_the_tick_not_be_scaled(point: str, mode: str) -> None:
     with pytest.raises(ValueError, match=f"mode is {mode} at {point}"):
         FaultInjection(point, mode)  # type: ignore[arg-type]
+
+
+def test_two_faults_at_one_point_must_come_one_after_the_other() -> None:
+    scaled, shifted = FaultInjection("tension.agonist", "scale", 2.0), FaultInjection("tension.agonist", "add", 1.0)
+    with pytest.raises(ValueError, match=r"two faults are at tension\.agonist at the same time"):
+        read(scaled, shifted)
+    # The twin has run for as long before.
+    half = (1.5 * TICKS + 0.5) * TIME_STEP
+    found, expected = (
+        read(*faults)[:, 1] for faults in ([replace(scaled, stop=half), replace(shifted, start=half)], [])
+    )
+    middle = expected.size // 2
+    assert np.array_equal(found[:middle], 2 * expected[:middle])
+    assert np.array_equal(found[middle:], expected[middle:] + 1)

@@ -1,7 +1,7 @@
 """The twin under a load that is applied suddenly, with the controller in the loop, and the response of the tip."""
 
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -15,7 +15,6 @@ from tenodesis.paper.context import COEFFICIENTS, held_angles, shown_force
 from tenodesis.paper.fig15_step_load import approach_time, rigged
 from tenodesis.report.content import Array
 from tenodesis.run import Run
-from tenodesis.simulate import FaultInjection
 from tenodesis.simulate.command import SMOOTH
 from tenodesis.statics import Actuation
 from tenodesis.threads import thread_pool
@@ -135,7 +134,6 @@ def simulate_motion(
     seed: int = 15,
     paused: bool = False,
     sheath_bend: ArrayLike = 0.0,
-    fault_injection: Sequence[FaultInjection] = (),
     homed: int | None = None,
 ) -> Run:
     """Run the twin with a controller that has a model of the instrument; paused: the motors stop when the load comes.
@@ -155,7 +153,6 @@ def simulate_motion(
         controller=Controller(model, law=law, actuation=actuation, homed=homed is None),
         request=request,
         sheath_bend=sheath_bend,
-        fault_injection=fault_injection,
     )
 
 

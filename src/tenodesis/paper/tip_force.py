@@ -144,9 +144,7 @@ def _runs(inst: Instrument, difference: Difference, law: LawName) -> list[_Held]
 
     def work(case: tuple[float, float]) -> _Held:
         state, error = case
-        run = step_response.simulate_motion(
-            plant, models[error], motions[state], law, seed=_SEED, fault_injection=difference.cells
-        )
+        run = step_response.simulate_motion(plant, models[error], motions[state], law, seed=_SEED)
         return _Held(run, motions[state], by_tensions(models[error], run["output_angle"], run["measured_tension"]))
 
     return list(step_response.in_parallel(work, product(motions, FRICTION_ERRORS)).values())

@@ -95,7 +95,7 @@ class FaultInjection:
         Raises
         ------
         ArgumentError
-            The instrument has no such axis.
+            The instrument has no such axis, or another fault is at this point at the same time.
         """
         if self.axis is not None and self.axis not in axes:
             raise ArgumentError(key="axis", value=self.axis, allowed=f"one of {', '.join(axes)}")
@@ -105,5 +105,9 @@ class FaultInjection:
         point = INJECTION_POINTS.index(self.point)
         for n, axis in enumerate(axes):
             if self.axis in (None, axis):
+                if modes[n, during, point].any():
+                    raise ArgumentError(
+                        f"two faults are at {self.point} at the same time; give one after the other.", key="point"
+                    )
                 values[n, during, point] = self.value + self.rate * (time[during] - self.start)
                 modes[n, during, point] = INJECTION_MODES.index(self.mode)
