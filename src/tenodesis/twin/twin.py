@@ -211,8 +211,9 @@ class Twin:
         Raises
         ------
         ValueError
-            A command is not finite or beyond the handle's range, the tip is inside tissue that is placed, or the
-            controller has run on another twin and was not reset; nothing has been done then.
+            A command is not finite or beyond the handle's range, the tip is inside tissue that is placed, two faults
+            are at one signal at the same time, or the controller has run on another twin and was not reset; nothing has
+            been done then.
         NoSolutionError
             The load on the tip is more than it can hold; the twin is then in its state before the call.
 
