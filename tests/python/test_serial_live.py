@@ -323,21 +323,26 @@ def test_a_board_that_lies_is_named_and_kept_going_no_longer(lie: str, tmp_path:
     name, told_instead = LIES[lie]
     board = StreamingBoard(told_instead)
     inst = with_board(scaled.replace(**{"sensors.sampling_rate": 200.0}), "board", timeout=0.3)
-    with board.served() as address, looped(inst, tmp_path / "live", address, late_bound=0.1) as (loop, reader):
-        loop.start()
-        until(lambda: loop.controller.problem is not None)  # type: ignore[attr-defined]
-        written = reader.written
-        until(lambda: reader.written > written + 40)
-        run, _ = reader.read(10**5)
-        assert loop.controller.problem.name == name  # type: ignore[attr-defined]
-        assert loop.problem
+    with board.served() as address:
+        with looped(inst, tmp_path / "live", address, late_bound=0.1) as (loop, reader):
+            loop.start()
+            until(lambda: loop.controller.problem is not None)  # type: ignore[attr-defined]
+            written = reader.written
+            until(lambda: reader.written > written + 40)
+            run, _ = reader.read(10**5)
+            assert loop.controller.problem.name == name  # type: ignore[attr-defined]
+            assert loop.problem
+        unheard = lie in {"silence", "the same tick", "an endless frame"}
+        if not unheard:
+            # The board reads in a thread of its own, which a busy machine may delay.
+            until(lambda: board.heard[-1][1].type == sb.STOP)
     moved = np.any(run.commanded_spool_velocity != 0, axis=1)
     assert moved[:40].any()
     assert not moved[-20:].any()
     assert run.operating_state[-1] == FAULT
     # Until the bound of silence has stopped it, or at once.
     assert board.kept_going < 0.3
-    assert board.heard[-1][1].type == sb.STOP or lie in {"silence", "the same tick", "an endless frame"}
+    assert board.heard[-1][1].type == sb.STOP or unheard
 
 
 def test_a_board_that_measures_nothing_is_refused(tmp_path: Path, scaled: Instrument) -> None:
