@@ -27,6 +27,7 @@ from tenodesis.paper import (
     report,
     scale_model_design,
     tables_1_2_scale_model,
+    unlike_model,
     workspace,
 )
 from tenodesis.paper.context import Context
@@ -375,3 +376,11 @@ def test_every_section_of_the_package_is_in_the_report() -> None:
     assert sorted(modules) == sorted(
         path.stem for path in folder.glob("*.py") if re.search(r"^def section\(", path.read_text("utf-8"), re.M)
     )
+
+
+def test_all_differences_at_once_are_those_of_every_other_row(scaled: Instrument) -> None:
+    *single, every = unlike_model.differences(scaled)
+    assert every.key == "all"
+    assert every.homes
+    assert every.unknown == {key: value for one in single for key, value in one.unknown.items()}
+    assert every.known == {key: value for one in single for key, value in one.known.items()}

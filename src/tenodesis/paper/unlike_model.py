@@ -61,8 +61,9 @@ def differences(inst: Instrument) -> list[Difference]:
     rough = {
         f"friction.{name}": _ROUGH * getattr(friction, name) for name in ("vertex_coefficient", "sheath_coefficient")
     }
-    gains = {"mismatch.load_cell_gain": (1 + _GAIN, 1 - _GAIN)}
-    offsets = {"mismatch.load_cell_bias": (_OFFSET * inst.pretension, -_OFFSET * inst.pretension)}
+    gain, bias, offset = inst.mismatch.load_cell_gain, inst.mismatch.load_cell_bias, _OFFSET * inst.pretension
+    gains = {"mismatch.load_cell_gain": (gain[0] * (1 + _GAIN), gain[1] * (1 - _GAIN))}
+    offsets = {"mismatch.load_cell_bias": (bias[0] + offset, bias[1] - offset)}
     percent = f"{100 * _GAIN:g} %"
     found = [
         Difference("none", "nothing"),
