@@ -145,8 +145,10 @@ struct Compensator {
     const S along = (wanted.agonist + wanted.antagonist) * S(0.5);
     const S allowed = envelope.within((wanted.agonist - wanted.antagonist) * S(0.5), stroke, state.envelope);
     // The motors take the hand's tremor away, as far as it is known when they follow.
-    const S against = settings.tremor_gain * memory.intent.speed_after(settings.tremor_delay);
-    const S across_now = limited(allowed - observer.tremor_arm() * against);
+    const S against = observer.trembles(memory) ? settings.tremor_gain * observer.tremor_arm() *
+                                                      memory.intent.speed_after(settings.tremor_delay)
+                                                : S(0);
+    const S across_now = limited(allowed - against);
     return {along + across_now, along - across_now};
   }
 
@@ -275,6 +277,13 @@ struct Compensator {
       // A moving hand may need more tension to keep the looser tendon tight, and must not wait for it until it rests.
       const S tightening = wanted > S(0) ? clamp(settings.gain * (wanted - common), S(0), settings.common_speed) : S(0);
       return {tightening + limited(differential), tightening - limited(differential)};
+    }
+    if (!shaken) {
+      // So that the stroke itself does not move the tip.
+      const S way = state.phase == Phase::pull ? S(1) : S(-1);
+      const S uneven = way * settings.common_speed * observer.uneven(memory, way);
+      differential = differential + uneven;
+      state.goal = state.goal + uneven * dt;
     }
     differential = clamp(differential, -most_share * settings.speed, most_share * settings.speed);
     // On target a stroke continues slowly until the tip has come to rest there.

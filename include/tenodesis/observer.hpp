@@ -7,10 +7,9 @@
 // of the tendon up to a contact is the tendon's position there. So tension and slip are followed from the spool to the
 // tip, contact by contact. A tendon that slips determines the tip's position; a tendon that sticks gives bounds of it.
 // Two tendons that slip the same way, as when both motors wind, determine it twice, and their disagreement reveals how
-// strong friction is.
+// strong friction is. Two that stick reveal where their compliance is (compliance_shares.hpp).
 
-#include "tenodesis/control.hpp"
-#include "tenodesis/intent.hpp"
+#include "tenodesis/compliance_shares.hpp"
 
 namespace tenodesis {
 
@@ -23,95 +22,6 @@ S paper_output_angle(const ControlModel<A>& model, const Measurement<S>& measure
   const S most = axis.distal.limit() * S(0.999);
   return axis.distal.angle(clamp(x, -most, most));
 }
-
-/// Position of a tendon at a contact, with play: it counts as slipping only once it has moved by more than noise.
-template <class S>
-struct Slip {
-  S dragged{};   ///< position that the play was last dragged to, m
-  S evidence{};  ///< share of the play by which it was dragged in this tick, negative toward the tip
-  S run{};       ///< number of plays by which it was dragged without reversing, up to most_run
-};
-
-inline constexpr int most_run = 8;
-/// Number of plays after which the state before a reversal is forgotten.
-inline constexpr int firm_run = 4;
-
-template <class S>
-Slip<S> follow(const Slip<S>& before, const S& position, const S& play) {
-  Slip<S> after{};
-  after.dragged = clamp(before.dragged, position - play * S(0.5), position + play * S(0.5));
-  after.evidence = clamp((after.dragged - before.dragged) / play, S(-1), S(1));
-  const bool turned = after.evidence * before.run < S(0);
-  after.run = clamp(after.evidence + (turned ? S(0) : before.run), S(-most_run), S(most_run));
-  return after;
-}
-
-/// Tension beyond a contact, N: on the edge that belongs to slip toward the spool (positive evidence) or the tip.
-template <class S>
-S beyond(const S& ratio, const S& near, const S& held, const S& evidence) {
-  const S low = near / ratio;
-  const S high = near * ratio;
-  const S edge = evidence > S(0) ? low : high;
-  return clamp(held + (edge - held) * abs(evidence), low, high);
-}
-
-/// Bounds of the friction scale: a sheath may be bent ten times as far as assumed; a drifting load cell looks like
-/// more.
-template <Real S>
-inline constexpr S least_scale = S(0.2);
-template <Real S>
-inline constexpr S most_scale = S(12);
-
-/// State of the friction observer for one tendon.
-template <class S>
-struct TendonMemory {
-  S tension[4]{};     ///< at the spool, before the handle's joint, in the stem, at the tip, N
-  Slip<S> slip[2]{};  ///< at the sheath, at the handle's joint
-};
-
-template <class S>
-struct FrictionMemory {
-  TendonMemory<S> tendon[2]{};
-  S handle_angle{};         ///< smoothed, rad
-  Measurement<S> smooth{};  ///< with play in the handle angle
-  IntentState<S> intent{};
-  S target{};      ///< of the tip's position, m: with inextensible tendons, or its stop
-  S passed[2]{};   ///< exponents of the joints of axes before, at the handle and at the tip, by the parameters
-  S nominal[3]{};  ///< exponents of sheath, handle's joint and tip's joint by the parameters' friction
-  S ratio[3]{S(1), S(1), S(1)};  ///< of the tensions on either side of a slipping contact there
-  S tip{};                       ///< position of the tip as tendon length, m
-  S output_angle{};              ///< at that position, rad
-  S x{};                         ///< the joint's coordinate there
-  S arm{};                       ///< moment arm of the tendons there, m
-  S scale{1};                    ///< of friction
-  S reference{};                 ///< excess of both tendons' lengths over their references, m
-  S compliance{1};               ///< of the tendons, relative to the parameters
-  S unit{};                      ///< stretch of a tendon per newton, m/N
-  S covariance[3][3]{};          ///< of scale, reference, compliance
-  Slip<S> tip_slip{};            ///< of the tendons at the tip's joint, as length of the agonist
-  S tip_edge{};                  ///< friction at the tip's joint over its bound, of the agonist, for the force alone
-  S freedom[2]{};                ///< how far the tip may have moved unseen, toward flexion and extension, m
-  S doubt{};                     ///< variance of the tip's position as far as strokes can lower it, m^2
-  S deviation{};                 ///< standard deviation of the tip's position, m
-  bool started{};
-};
-
-template <class S>
-struct FrictionSettings {
-  S hand_play{};       ///< half the play that rejects the handle encoder's noise and steps, rad
-  S sheath_play{};     ///< of a tendon's slip in the sheath, m
-  S length_noise{};    ///< of the difference of two tendon lengths over one play of slip, m
-  S play{};            ///< of a slipping tendon, larger than noise, m
-  S smoothing{};       ///< time constant of the measurement filter, s
-  S scale_std{};       ///< of the friction scale at the start
-  S reference_std{};   ///< m
-  S compliance_std{};  ///< of the compliance at the start
-  S forgetting{};      ///< growth of the three deviations, share of their start per root second
-  S slack_below{};     ///< tension below which a tendon counts as slack, N
-  S gain_std{};        ///< of either load cell's gain
-  S bias_std{};        ///< of the tip's position by constant errors of cells and handle encoder, m
-  IntentSettings<S> intent{};
-};
 
 /// Tracks both tendons' friction from the spools to the tip.
 template <class A>
@@ -132,12 +42,18 @@ struct FrictionObserver {
     set_exponents(memory);
     S* const ratio = memory.ratio;
     for (int j = 0; j < 3; ++j) ratio[j] = exp(memory.scale * memory.nominal[j]);
+    memory.reversing = small_exp(S(2) * reversing_share * larger(memory.scale, least_reversing_scale) *
+                                 (memory.nominal[0] + memory.nominal[1]));
     S position[2];
     for (int i = 0; i < 2; ++i) position[i] = follow_to_stem(i, drawn, ratio, memory);
+    const auto& [one, other] = memory.tendon;
+    const bool together = one.slips && other.slips && one.reversal.direction == other.reversal.direction;
+    memory.together = together ? one.reversal.direction : S(0);
     const S tip = memory.tip;
     place_tip(position, ratio, memory);
     memory.tip_edge = clamp(memory.tip_edge + (memory.tip - tip) / settings.play, S(-1), S(1));
     if (calm(measured, memory)) learn(position, ratio, memory);
+    learn_shares(model, settings, position, memory);
     memory.tip_slip = follow(memory.tip_slip, at_joint(memory), tip_plays * settings.play);
     for (int i = 0; i < 2; ++i) follow_to_tip(i, position[i], ratio, memory);
     doubt(memory);
@@ -209,7 +125,24 @@ struct FrictionObserver {
     const S in_stem = needed - (pulled.tension[2] / at_tip - held.tension[2] * at_tip);
     const S at_spool = needed - (pulled.tension[0] / all - held.tension[0] * all);
     return memory.unit * S(0.5) *
-           (model.share[2] * larger(in_stem, S(0)) + (model.share[0] + model.share[1]) * larger(at_spool, S(0)));
+           (memory.share[2] * larger(in_stem, S(0)) + (memory.share[0] + memory.share[1]) * larger(at_spool, S(0)));
+  }
+
+  /// By how much more the agonist must be wound than the antagonist until both slip toward the spools (direction 1) or
+  /// the tip (-1), as a share of both: tendons under unlike tensions need unlike strokes, and the one that slipped
+  /// first would draw the tip along.
+  S uneven(const Memory& memory, const S& direction) const {
+    const S all = memory.ratio[0] * memory.ratio[1];
+    const S edge = direction > S(0) ? all : S(1) / all;
+    S left[2];
+    for (int i = 0; i < 2; ++i) {
+      const auto& tension = memory.tendon[i].tension;
+      left[i] = larger(direction * (edge * tension[2] - tension[0]), S(0));
+    }
+    const S both = left[agonist] + left[antagonist];
+    // Near its least value, the scale says that there is no friction.
+    const bool rubs = memory.scale > S(2) * least_scale<S>;
+    return rubs && both > settings.slack_below ? (left[agonist] - left[antagonist]) / both : S(0);
   }
 
   Estimate<S> estimate(const Memory& memory) const {
@@ -242,30 +175,27 @@ struct FrictionObserver {
 
   /// Whether both tendons have slipped toward the spools (direction 1) or the tip (-1), at sheath and handle, far
   /// enough that their tensions lie on the edges of their bands.
-  bool slip_together(const Memory& memory, const S& direction) const {
-    for (const auto& one : memory.tendon)
-      if (slack(one) || one.slip[0].run * direction < S(firm_run) || one.slip[1].run * direction < S(firm_run))
-        return false;
-    return true;
-  }
+  bool slip_together(const Memory& memory, const S& direction) const { return memory.together == direction; }
 
  private:
+  // Of the change of tension that makes all contacts slip after a reversal, and of the friction scale that it is
+  // computed with: a scale that has been taken for too small must not make contacts slip that stick.
+  static constexpr S reversing_share = S(0.6), least_reversing_scale = S(0.7);
   // A reversal that noise and the model's errors feign must not turn the friction at the tip's joint.
   static constexpr S tip_plays = S(3);
 
   // Standard deviation of the tip's position, as tendon length, and what of it strokes can lower.
   void doubt(Memory& memory) const {
     const auto& tendon = memory.tendon;
+    const S* const share = memory.share;
     const S unit = memory.unit;
-    S by_friction(0);
-    S by_compliance(0);
-    for (int i = 0; i < 2; ++i) {
-      const S side = i == agonist ? S(0.5) : S(-0.5);
-      by_friction = by_friction + side * model.share[2] * unit * (tendon[i].tension[0] - tendon[i].tension[2]);
-      by_compliance = by_compliance - side * stretch(tendon[i], unit);
-    }
-    by_friction = by_friction / memory.scale;
-    by_compliance = by_compliance / memory.compliance;
+    S half[4];
+    for (int j = 0; j < 4; ++j) half[j] = S(0.5) * (tendon[agonist].tension[j] - tendon[antagonist].tension[j]);
+    const S before = share[0] + share[1];
+    const S in_before = share[0] * half[0] + share[1] * half[1];
+    const S by_friction = share[2] * unit * (half[0] - half[2]) / memory.scale;
+    const S by_compliance = unit * (in_before + share[2] * half[2] + share[3] * half[3]) / memory.compliance;
+    const S by_share = unit * (in_before / before - half[2]);
     const S unseen = larger(memory.freedom[0], memory.freedom[1]);
     // A tremor moves what no stroke has proven.
     const S shaken = S(0.5) * tremor_length(memory);
@@ -275,7 +205,7 @@ struct FrictionObserver {
     by_gain = by_gain * gain * gain;
     const auto& p = memory.covariance;
     memory.doubt = unseen * unseen * S(1.0 / 3) + by_friction * by_friction * p[0][0] + p[1][1] * S(0.25) +
-                   by_compliance * by_compliance * p[2][2];
+                   by_compliance * by_compliance * p[2][2] + by_share * by_share * memory.share_variance;
     memory.deviation = sqrt(settings.bias_std * settings.bias_std + by_gain + shaken * shaken + memory.doubt +
                             settings.play * settings.play * S(1.0 / 16));
   }
@@ -288,37 +218,39 @@ struct FrictionObserver {
         model.vertex * (model.base_wrap + model.axis.distal.wrap_angle(memory.output_angle)) + memory.passed[1];
   }
 
-  S stretch(const TendonMemory<S>& one, const S& unit) const {
+  S stretch(const TendonMemory<S>& one, const Memory& memory) const {
     S sum(0);
-    for (int j = 0; j < 4; ++j) sum = sum + model.share[j] * (one.tension[j] - model.axis.pretension);
-    return sum * unit;
+    for (int j = 0; j < 4; ++j) sum = sum + memory.share[j] * (one.tension[j] - model.axis.pretension);
+    return sum * memory.unit;
   }
 
-  S stretch_of(int segment, const S& tension, const S& unit) const {
-    return model.share[segment] * unit * (tension - model.axis.pretension);
+  S stretch_of(int segment, const S& tension, const Memory& memory) const {
+    return memory.share[segment] * memory.unit * (tension - model.axis.pretension);
   }
 
   void start(const Measurement<S>& measured, Memory& memory) const {
-    memory = {};
+    memory = Memory{};
     memory.started = true;
     memory.unit = memory.compliance / model.axis.stiffness;
+    for (int j = 0; j < 4; ++j) memory.share[j] = model.share[j];
     memory.smooth = measured;
     memory.handle_angle = measured.handle_angle;
     memory.intent = IntentState<S>::at(measured.handle_angle);
     memory.covariance[0][0] = settings.scale_std * settings.scale_std;
     memory.covariance[1][1] = settings.reference_std * settings.reference_std;
     memory.covariance[2][2] = settings.compliance_std * settings.compliance_std;
+    memory.share_variance = share_std<S> * share_std<S>;
     const S drawn = model.drawn(measured.handle_angle);
-    const S unit = memory.unit;
     S tip(0);
     for (int i = 0; i < 2; ++i) {
       auto& one = memory.tendon[i];
       for (S& tension : one.tension) tension = measured.tension[i];
+      one.reversal = Reversal<S>::at(measured.tension[i]);
       const S side = i == agonist ? S(1) : S(-1);
       const S wound = model.spool_radius * measured.spool_angle[i];
-      one.slip[0].dragged = wound - stretch_of(0, measured.tension[i], unit);
-      one.slip[1].dragged = one.slip[0].dragged + side * drawn - stretch_of(1, measured.tension[i], unit);
-      tip = tip + side * S(0.5) * (wound + side * drawn - stretch(one, unit));
+      one.slip[0].dragged = wound - stretch_of(0, measured.tension[i], memory);
+      one.slip[1].dragged = one.slip[0].dragged + side * drawn - stretch_of(1, measured.tension[i], memory);
+      tip = tip + side * S(0.5) * (wound + side * drawn - stretch(one, memory));
     }
     put_tip(tip, memory);
     set_exponents(memory);
@@ -342,9 +274,10 @@ struct FrictionObserver {
 
   void grow(const S& dt, Memory& memory) const {
     const S start[3] = {settings.scale_std, settings.reference_std, settings.compliance_std};
+    const S growth = settings.forgetting * settings.forgetting * dt;
     for (int n = 0; n < 3; ++n) {
       const S most = start[n] * start[n];
-      const S grown = memory.covariance[n][n] + most * settings.forgetting * settings.forgetting * dt;
+      const S grown = memory.covariance[n][n] + most * growth;
       memory.covariance[n][n] = smaller(grown, most);
     }
   }
@@ -352,27 +285,33 @@ struct FrictionObserver {
   // From the spool past the handle's joint; returns the tendon's position there.
   S follow_to_stem(int i, const S& drawn, const S* ratio, Memory& memory) const {
     auto& one = memory.tendon[i];
-    const S unit = memory.unit;
     const S side = i == agonist ? S(1) : S(-1);
     one.tension[0] = larger(memory.smooth.tension[i], S(0));
-    const S at_sheath = model.spool_radius * memory.smooth.spool_angle[i] - stretch_of(0, one.tension[0], unit);
+    const S at_sheath = model.spool_radius * memory.smooth.spool_angle[i] - stretch_of(0, one.tension[0], memory);
     one.slip[0] = follow(one.slip[0], at_sheath, settings.sheath_play);
     one.tension[1] = beyond(ratio[0], one.tension[0], one.tension[1], one.slip[0].evidence);
-    const S at_handle = at_sheath + side * drawn - stretch_of(1, one.tension[1], unit) - memory.reference * S(0.5);
+    const S at_handle = at_sheath + side * drawn - stretch_of(1, one.tension[1], memory) - memory.reference * S(0.5);
     one.slip[1] = follow(one.slip[1], at_handle, settings.play);
+    one.slips = !slack(one) && slips(one, memory);
+    follow(one.tension[0], settings.slack_below, memory.smooth.handle_angle, one.slips, one.reversal);
     return at_handle;
+  }
+
+  bool slips(const TendonMemory<S>& one, const Memory& memory) const {
+    const S direction = one.reversal.direction;
+    return one.slip[0].run * direction >= S(firm_run) && one.slip[1].run * direction >= S(firm_run) &&
+           one.reversal.beyond(one.tension[0], memory.reversing);
   }
 
   // Position of the tendons at the tip's joint, as length of the agonist: the tip's, less what is stretched beyond.
   S at_joint(const Memory& memory) const {
     const S beyond_joint = memory.tendon[agonist].tension[3] - memory.tendon[antagonist].tension[3];
-    return memory.tip + S(0.5) * model.share[3] * memory.unit * beyond_joint;
+    return memory.tip + S(0.5) * memory.share[3] * memory.unit * beyond_joint;
   }
 
   // Position of the tip by one tendon and its tension in the stem, as length of the agonist.
   S tip_by(int i, const S& position, const S& stem, const Memory& memory) const {
-    const S unit = memory.unit;
-    const S length = position - stretch_of(2, stem, unit) - stretch_of(3, memory.tendon[i].tension[3], unit);
+    const S length = position - stretch_of(2, stem, memory) - stretch_of(3, memory.tendon[i].tension[3], memory);
     return i == agonist ? length : -length;
   }
 
@@ -412,12 +351,12 @@ struct FrictionObserver {
     const S unit = memory.unit;
     const S side = i == agonist ? S(1) : S(-1);
     const S stem = model.axis.pretension +
-                   (position - side * memory.tip - stretch_of(3, one.tension[3], unit)) / (model.share[2] * unit);
+                   (position - side * memory.tip - stretch_of(3, one.tension[3], memory)) / (memory.share[2] * unit);
     one.tension[2] = clamp(stem, one.tension[1] / ratio[1], one.tension[1] * ratio[1]);
     one.tension[3] = beyond(ratio[2], one.tension[2], one.tension[3], side * memory.tip_slip.evidence);
     // Unobserved motion of the tip with a tendon lowers its tension to the lower edge, motion against it raises it.
     const S both = ratio[0] * ratio[1];
-    const S stretch = model.share[2] * unit;
+    const S stretch = memory.share[2] * unit;
     const S with = slack(one) ? std::numeric_limits<S>::max() : stretch * (one.tension[2] - one.tension[0] / both);
     const S against = slack(one) ? std::numeric_limits<S>::max() : stretch * (one.tension[0] * both - one.tension[2]);
     const S toward[2] = {i == agonist ? with : against, i == agonist ? against : with};
@@ -464,11 +403,11 @@ struct FrictionObserver {
     for (int i = 0; i < 2; ++i) {
       const auto& one = memory.tendon[i];
       const S stem = direction > S(0) ? one.tension[1] / ratio[1] : one.tension[1] * ratio[1];
-      residual = residual + position[i] - stretch_of(2, stem, unit) - stretch_of(3, one.tension[3], unit);
+      residual = residual + position[i] - stretch_of(2, stem, memory) - stretch_of(3, one.tension[3], memory);
       by[0] = by[0] + direction * unit *
-                          (model.share[1] * memory.nominal[0] * one.tension[1] +
-                           model.share[2] * (memory.nominal[0] + memory.nominal[1]) * stem);
-      by[2] = by[2] - stretch(one, unit) / memory.compliance;
+                          (memory.share[1] * memory.nominal[0] * one.tension[1] +
+                           memory.share[2] * (memory.nominal[0] + memory.nominal[1]) * stem);
+      by[2] = by[2] - stretch(one, memory) / memory.compliance;
     }
     const S noise = settings.length_noise * settings.length_noise;
     S gain[3];

@@ -139,7 +139,7 @@ void put(const ControlOutput<S, TENODESIS_AXES>& from, tenodesis_output& to) {
   to.cut_power = from.cut_power ? 1 : 0;
 }
 
-void record(const ControlInput<S, TENODESIS_AXES>& in, const ControlOutput<S, TENODESIS_AXES>& out,
+void record(const ControlInput<S, TENODESIS_AXES>& in, const ControlOutput<S, TENODESIS_AXES>& out, int axes,
             Recorder& recorder) {
   const bool fault = out.state == OperatingState::fault;
   if (!fault && recorder.fault_place() >= 0) recorder.rearm();
@@ -148,7 +148,7 @@ void record(const ControlInput<S, TENODESIS_AXES>& in, const ControlOutput<S, TE
   kept->time = in.time;
   kept->state = static_cast<std::uint32_t>(out.state);
   kept->faults = out.faults;
-  for (int n = 0; n < TENODESIS_AXES; ++n) {
+  for (int n = 0; n < axes; ++n) {
     kept->measured[n] = measurement_as<tenodesis_measurement>(in.axis[n]);
     for (int i = 0; i < 2; ++i) kept->spool_velocity[n][i] = out.axis[n].spool_velocity[i];
     kept->output_angle[n] = out.axis[n].estimate.output_angle;
@@ -186,7 +186,7 @@ int tenodesis_step(tenodesis_controller* controller, const tenodesis_input* inpu
   for (int n = 0; n < axes; ++n) in.axis[n] = measurement_as<Measurement<S>>(input->axis[n]);
   with(*session, [&](auto& own) { return own.controller.step(in, own.state, out); });
   put(out, *output);
-  record(in, out, session->recorder);
+  record(in, out, axes, session->recorder);
   return known ? TENODESIS_OK : TENODESIS_BAD_REQUEST;
 }
 

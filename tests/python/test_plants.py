@@ -142,3 +142,17 @@ def test_on_a_plant_of_its_own_structure_the_law_keeps_its_promise() -> None:
     assert found.final_worst < 0.7
     assert found.later_worst < 1
     assert not found.faults
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["rougher", "bent-front", "bent-rough"])
+def test_strokes_against_strong_friction_end_and_hardly_move_the_tip(name: str) -> None:
+    found = plants.judge({name: plants.ROWS[name]})[name]
+    assert found.final_rms < 0.3
+    assert found.final_worst < 0.7
+    assert found.later_worst < 1
+    assert found.swing < 0.2
+    # From 3 s after the load on.
+    assert found.swing_since < 1
+    assert found.nees < 1.5
+    assert not found.faults

@@ -36,6 +36,8 @@ _USUAL_LIMIT = 80.0  # N
 # Of the compliance up to a contact, which the core wants positive.
 _LEAST_SHARE = 1e-3
 _FAULT_OVER_LIMIT = 1.25
+# Of friction: what the file may state too low.
+_UNDERSTATED = 1.3
 # What the weakest of eight tissues of the abdomen bears, N (Rodrigues et al., Surg. Endosc. 26, 2012); a margin over
 # the largest load that an instrument is meant for.
 _TISSUE = 1.25
@@ -260,7 +262,7 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
         "homing_friction": sensor.constant,
         "homing_play": play,
         # Both drives may wind, so that their friction, unlike the tendons', changes both tensions alike.
-        "mean_band": max(control.mean_band, np.expm1(_friction(inst)) / 2) * np.exp(sensor.friction)
+        "mean_band": max(control.mean_band, np.expm1(_UNDERSTATED * _friction(inst)) / 2) * np.exp(sensor.friction)
         + np.expm1(sensor.friction),
         "load_cell_range": sensor.range - sensor.resolution,
         "handle_noise": 6 * handle_step,
