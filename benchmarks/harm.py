@@ -439,7 +439,8 @@ def main() -> None:
 
     kinds = list(KINDS)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        report_work(list(pool.map(lambda n: compare(work(n, False)), range(options.runs))))
+        if options.runs:
+            report_work(list(pool.map(lambda n: compare(work(n, False)), range(options.runs))))
         # In pairs, so that each kind comes to each instrument.
         pairs = [(n, kinds[n // len(insts) % len(kinds)]) for n in range(options.faults)]
         report_faults(
