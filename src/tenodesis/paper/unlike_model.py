@@ -207,12 +207,14 @@ def _plot(inst: Instrument, bars: Sequence[tuple[str, Sequence[float]]]) -> Plot
     chart.keep("row", place[::-1] + 1.0)
     for n, (name, color) in enumerate(zip(_LAWS.values(), colors, strict=True)):
         values = chart.keep(f"{name}: RMS [deg]", [row[n] for _, row in bars])
-        drawn = axis.barh(place + (1 - n) * width, values, width * 0.9, color=color, label=name)
+        drawn = axis.barh(place + (1 - n) * width, values, width * 0.9, color=color)
         axis.bar_label(drawn, fmt="%.2f", fontsize=7, padding=2)
     axis.set_yticks(place, [name for name, _ in bars], fontsize=8)
     axis.set(xlabel="final error, RMS [deg]")
     axis.margins(x=0.1)
-    style.legend_above(axis, len(_LAWS))
+    style.legend_outside(
+        chart.figure, *((name, color, "-") for name, color in zip(_LAWS.values(), colors, strict=True))
+    )
     return chart.plot(
         "unlike_model_errors",
         f"Final error of the tip under the step load, {named(inst)}, by what differs from the controller’s model.",
