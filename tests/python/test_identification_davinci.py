@@ -92,7 +92,8 @@ def test_residuals_of_the_truth_are_zero(law: str) -> None:
 @pytest.mark.slow
 def test_simulated_parameters_are_recovered_from_noisy_runs() -> None:
     tool = Tool(simulated("capstan-constant", noise=2e-3))
-    found = fit(tool, train=range(3), starts=1)
+    # One start may end short of the optimum, depending on the rounding of the processor.
+    found = fit(tool, train=range(3), starts=2)
     for name in ("offset", "ratio", "compliance", "friction_exponent", "pretension", "spindle_friction"):
         # 5 standard deviations for six parameters, and no standard deviation so wide that this says nothing
         assert abs(found.values[name] - TRUTH[name]) < 5 * found.std[name], name
