@@ -87,7 +87,7 @@ def test_motors_do_not_pull_a_tip_against_its_stop(inst: Instrument, sign: int) 
     # The handle alone would have it go beyond.
     assert target[-1] == pytest.approx(np.degrees(inst.output_stop))
     # Strokes that look for the tip may pull more, but not up to the limit.
-    assert on["tension"].max() < 0.94 * parameters(inst).common["tension_limit"] / 1.25
+    assert on["tension"].max() < 0.94 * parameters(inst).axes[0]["tension_limit"]
     assert on["tension"][-1].max() < 2 * off["tension"].max()
     # The stop yields a little.
     assert beyond_off(case, on, harm.FAULT) < 0.5

@@ -201,20 +201,18 @@ def _row(context: Context, difference: Difference, found: Mapping[LawName, Seque
 
 def _plot(inst: Instrument, bars: Sequence[tuple[str, Sequence[float]]]) -> Plot:
     chart, (axis,) = Chart.panels(height=0.9 + 0.5 * len(bars))
-    colors = (style.MUTED, style.ANTAGONIST, style.AGONIST)
+    laws = list(zip(_LAWS.values(), (style.MUTED, style.ANTAGONIST, style.AGONIST), strict=True))
     place = np.arange(len(bars))[::-1]
     width = 0.8 / len(_LAWS)
     chart.keep("row", place[::-1] + 1.0)
-    for n, (name, color) in enumerate(zip(_LAWS.values(), colors, strict=True)):
+    for n, (name, color) in enumerate(laws):
         values = chart.keep(f"{name}: RMS [deg]", [row[n] for _, row in bars])
         drawn = axis.barh(place + (1 - n) * width, values, width * 0.9, color=color)
         axis.bar_label(drawn, fmt="%.2f", fontsize=7, padding=2)
     axis.set_yticks(place, [name for name, _ in bars], fontsize=8)
     axis.set(xlabel="final error, RMS [deg]")
     axis.margins(x=0.1)
-    style.legend_outside(
-        chart.figure, *((name, color, "-") for name, color in zip(_LAWS.values(), colors, strict=True))
-    )
+    style.legend_outside(chart.figure, *((name, color, "-") for name, color in laws))
     return chart.plot(
         "unlike_model_errors",
         f"Final error of the tip under the step load, {named(inst)}, by what differs from the controller’s model.",
