@@ -63,7 +63,7 @@ firmware: build ## Build the controller for a Cortex-M4F and run it in QEMU; nam
 	$(MAKE) -C firmware run
 
 bench: build ## Run the benchmarks, each against a named peer
-	for name in startup accuracy statics twin environments control homing harm tremor tissue plants information faults scaling identification live; do \
+	for name in startup accuracy statics twin environments control homing harm tip_sensor tremor tissue plants information faults scaling identification live; do \
 	  $(BIN)/python benchmarks/$$name.py || exit; done
 
 lint: build ## Check style, types, layers and C++

@@ -268,6 +268,7 @@ struct Controller {
     if (state.supervisor.operating == before && homing == was_homing) return;
     for (int n = 0; n < count(); ++n) {
       state.axis[n].compensator = {};
+      for (int i = 0; i < 2; ++i) state.axis[n].command.ahead[i] = state.axis[n].watch.following[i].behind;
       // Estimates made during a fault are not trusted.
       if (before == OperatingState::fault) state.axis[n].friction.started = false;
     }

@@ -44,6 +44,7 @@ struct CommandState {
   S held[2]{};               ///< spool angles before a fault, rad
   S held_tension[2]{};       ///< tensions then, N
   S leaving[2]{};            ///< velocities sent then, rad/s
+  S ahead[2]{};              ///< by how far a spool had turned more than was sent then, rad
   S pressing{};              ///< by how far the motors are across while the tip presses with its limit, rad
   S before[2]{};             ///< spool angles of the last tick, rad
   S speed[2]{};              ///< of the spools, smoothed, rad/s
@@ -221,15 +222,19 @@ struct Supervisor {
     const int other = 1 - i;
     const S moved = measured.spool_angle[other] - axis.held[other];
     const S own = measured.spool_angle[i] - axis.held[i];
+    // What it had run before that was noticed is made up for.
+    const S behind = moved + axis.ahead[other] - own - axis.ahead[i];
     // As far as it may take to stop, in its ramp and with its speed loop's lag, it has not run away.
-    const S left = abs(axis.leaving[other]);
-    const S stopping = left * (left / acceleration_limit + S(0.05)) + S(0.01);
+    const S left = larger(moved > S(0) ? axis.leaving[other] : -axis.leaving[other], S(0));
+    const S stopping = left * (left / acceleration_limit + S(0.01)) + S(0.005);
     const S before = (axis.held_tension[0] + axis.held_tension[1]) * S(0.5);
     const S mean = (measured.tension[0] + measured.tension[1]) * S(0.5);
     const S changed = moved > S(0) ? mean - before : before - mean;
     // With both tendons wound as far, the mean changes by the pretension over twice the relief.
     const bool runs = changed > S(0.2) * before * smaller(abs(moved) / (S(2) * relief), S(1));
-    if (!(abs(moved) > abs(own) && abs(moved) > stopping && runs)) return S(0);
+    // Where neither motor has turned as it was sent, they may be exchanged, and this one would drive the other.
+    const bool obeys = abs(axis.ahead[i]) <= S(0.5) * abs(axis.ahead[other]);
+    if (!(obeys && behind * moved > S(0) && abs(moved) > stopping && runs)) return S(0);
     // A slack tendon lets nothing more out.
     if (moved < S(0) && measured.tension[i] < S(0.05) * before) return S(0);
     // Where the other tendon gets slack, this one alone holds the tip, which is where its own stretch says.
@@ -237,7 +242,7 @@ struct Supervisor {
     const S drawn = own - (measured.tension[i] - axis.held_tension[i]) * stretch;
     // The tip swings on a single tendon, which a fast loop would make grow.
     const S rate(40), rate_alone(10);  // 1/s
-    const S speed = tight * (axis.speed[other] + rate * (moved - own)) - (S(1) - tight) * rate_alone * drawn;
+    const S speed = tight * (axis.speed[other] + rate * behind) - (S(1) - tight) * rate_alone * drawn;
     return is_finite(speed) && !(speed > S(0) && axis.over_tension[i]) ? speed : S(0);
   }
 
