@@ -179,8 +179,8 @@ struct FrictionObserver {
 
  private:
   // Of the change of tension that makes all contacts slip after a reversal, and of the friction scale that it is
-  // computed with: a scale that has been taken for too small must not make contacts slip that stick.
-  static constexpr S reversing_share = S(0.6), least_reversing_scale = S(0.7);
+  // computed with: contacts that stick must not seem to slip because friction is taken for too small.
+  static constexpr S reversing_share = S(0.75), least_reversing_scale = S(1);
   // A reversal that noise and the model's errors feign must not turn the friction at the tip's joint.
   static constexpr S tip_plays = S(3);
 
