@@ -57,6 +57,8 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
+    if options.runs < 1:
+        parser.error("--runs must be at least 1")
     tn.set_threads(1)
     begun = time.perf_counter()
     print(f"{options.runs} runs, tip measured without error, error in deg")
