@@ -189,16 +189,22 @@ def faults_in(run: Run) -> tuple[str, ...]:
     return fault_names(int(np.bitwise_or.reduce(run["faults"].astype(int))))
 
 
+def errors(tip: Array, off: Run, target: Array) -> tuple[float, float, float, float]:
+    """Return the RMS error (deg) of a tip (rad) and that of the run with standing motors, then both peaks."""
+    judged = off.time > JUDGED
+    both = np.degrees([tip, off["output_angle"]])[:, judged] - target[judged]
+    (rms, rms_off), (peak, peak_off) = np.sqrt((both**2).mean(1)).tolist(), np.abs(both).max(1).tolist()
+    return rms, rms_off, peak, peak_off
+
+
 def compare(work: Work) -> Comparison:
     """Compare a run with the motors with one without."""
     off, target = run_off(work)
     on = run_on(work)
     judged = on.time > JUDGED
-    errors = np.array([(np.degrees(run["output_angle"]) - target)[judged] for run in (on, off)])
-    (rms, rms_off), (peak, peak_off) = np.sqrt((errors**2).mean(1)).tolist(), np.abs(errors).max(1).tolist()
     speed, speed_off = (float(np.degrees(np.abs(run["output_velocity"][judged]).max())) for run in (on, off))
     restrained = float(np.mean(on["phase"][judged] == 4))
-    return Comparison(work, rms, rms_off, peak, peak_off, speed, speed_off, restrained, faults_in(on))
+    return Comparison(work, *errors(on["output_angle"], off, target), speed, speed_off, restrained, faults_in(on))
 
 
 def either(random: Random, low: float, high: float) -> float:

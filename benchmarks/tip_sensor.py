@@ -21,15 +21,23 @@ TICK = 4  # steps
 LASTING = (0.0, 0.5, 1.0, 2.0)  # s
 
 
-def compare(number: int, seed: int, lasting: float) -> harm.Comparison:
-    """Compare motors that give back what has been lost for a time (s) with motors that stand."""
-    inst = harm.instruments(harm.RATED)[number % len(harm.RATED)]
+def compare(number: int, seed: int) -> list[harm.Comparison]:
+    """Compare motors that give back what has been lost for each of :data:`LASTING` with motors that stand."""
+    (inst,) = harm.instruments([list(harm.RATED)[number % len(harm.RATED)]])
     work = harm.make_work(inst, seed, number)
     off, target = harm.run_off(work)
+    return [
+        harm.Comparison(work, *harm.errors(run(work, target, lasting), off, target), 0.0, 0.0, 0.0, ())
+        for lasting in LASTING
+    ]
+
+
+def run(work: harm.Work, target: harm.Array, lasting: float) -> harm.Array:
+    """Return the tip's angle, rad, whose motors give back what has been lost for a time (s)."""
     own = parameters(work.plant).axes[0]
     per_angle = own["distal_radius"] / own["spool_radius"]
     fastest = own["tendon_speed"] / own["spool_radius"]
-    (twin,) = Twin(work.plant, seed=seed).cores
+    (twin,) = Twin(work.plant, seed=work.seed[1]).cores
     count = work.handle.size
     commands, signals = np.zeros((count, len(COMMANDS))), np.empty((count, len(SIGNALS)))
     commands[:, COMMANDS.index("handle_angle")], commands[:, COMMANDS.index("force")] = work.handle, work.force
@@ -46,10 +54,7 @@ def compare(number: int, seed: int, lasting: float) -> harm.Comparison:
         lasted = max(lost.min(), 0.0) + min(lost.max(), 0.0)
         speed = float(np.clip(own["gain"] * per_angle * (lasted - given), -fastest, fastest))
         commands[following, motors[0]], commands[following, motors[1]] = speed, -speed
-    judged = off.time > harm.JUDGED
-    errors = [np.degrees(angle)[judged] - target[judged] for angle in (signals[:, tip], off["output_angle"])]
-    (rms, rms_off), (peak, peak_off) = zip(*[(np.sqrt((e**2).mean()), np.abs(e).max()) for e in errors], strict=True)
-    return harm.Comparison(work, rms, rms_off, peak, peak_off, 0.0, 0.0, 0.0, ())
+    return signals[:, tip]
 
 
 def main() -> None:
@@ -64,17 +69,14 @@ def main() -> None:
     print(f"{options.runs} runs, tip measured without error, error in deg")
     print("  given back: what has lasted    worse   by RMS  by peak   mean RMS     off")
     with ProcessPoolExecutor(os.cpu_count()) as pool:
-        for lasting in LASTING:
-            job = partial(compare, seed=options.seed, lasting=lasting)
-            done = list(pool.map(job, range(options.runs), chunksize=10))
-            rms, peak = (
-                sum(one.more_rms > harm.MORE_RMS for one in done),
-                sum(one.more_peak > harm.MORE_PEAK for one in done),
-            )
-            means = np.mean([(one.rms, one.rms_off) for one in done], axis=0)
-            print(
-                f"{lasting:23.1f} s{sum(one.worse for one in done):13d}{rms:9d}{peak:9d}{means[0]:11.2f}{means[1]:8.2f}"
-            )
+        found = pool.map(partial(compare, seed=options.seed), range(options.runs), chunksize=10)
+        columns = list(zip(*found, strict=True))
+    for lasting, done in zip(LASTING, columns, strict=True):
+        worse = sum(one.worse for one in done)
+        rms = sum(one.more_rms > harm.MORE_RMS for one in done)
+        peak = sum(one.more_peak > harm.MORE_PEAK for one in done)
+        mean, mean_off = np.mean([(one.rms, one.rms_off) for one in done], axis=0)
+        print(f"{lasting:23.1f} s{worse:13d}{rms:9d}{peak:9d}{mean:11.2f}{mean_off:8.2f}")
     print(f"{time.perf_counter() - begun:.0f} s on {os.cpu_count()} cores")
 
 
