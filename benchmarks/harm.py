@@ -12,7 +12,6 @@ import warnings
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -35,8 +34,7 @@ RATED = {"scaled-up": 1.485, "real-size": 0.52}  # N; 0.15 N m on the large one,
 EASED, LOADED, FAULT, JUDGED = 1.2, 1.5, 1.8, 2.5  # s
 SECONDS, NAMED_WITHIN = 8.0, 3.0  # s
 MORE_RMS, MORE_PEAK, MORE_IN_FAULT, MORE_THAN_BOUND = 0.1, 1.0, 2.0, 1.2  # deg, deg, deg, ratio
-# The supervisor's time until it has the supply cut, and a relay's, s.
-RELAY = 0.05 + 0.01
+RELAY = 0.01  # s, that one takes to open
 RUN_ON = 1.0  # s, for which a motor that runs away is judged
 # Of 800 runs such as those of part 1, before the law had an envelope.
 BEFORE = "before the envelope: 133 of 800 runs worse, worst peak +27.8°, tips of 1800 °/s"
@@ -176,13 +174,20 @@ def run_off(work: Work) -> tuple[Run, Array]:
     return off, np.degrees(np.clip(target, -stop, stop))
 
 
-def run_on(work: Work, faults: Faults = (), pause: float | None = None) -> Run:
-    """Return the run with the law; pause: time from which on the motors stand, s."""
+def run_on(work: Work, faults: Faults = (), pause: float | None = None, relay: bool = False) -> Run:
+    """Return the run with the law; pause: time from which on the motors stand, s; relay: one is in their supply."""
     request = np.zeros(work.handle.size, int)
     if pause is not None:
         request[round(pause / TIME_STEP)] = Request.PAUSE
     twin, controller = Twin(work.plant, seed=work.seed[1]), Controller(work.known)
-    return twin.run(work.handle, work.force, controller=controller, request=request, fault_injection=faults)
+    return twin.run(
+        work.handle,
+        work.force,
+        controller=controller,
+        request=request,
+        fault_injection=faults,
+        relay=RELAY if relay else None,
+    )
 
 
 def faults_in(run: Run) -> tuple[str, ...]:
@@ -263,7 +268,7 @@ def judge(work: Work, kind: str, fault: FaultInjection, relay: bool, lasting: fl
     relay: one cuts the motors' supply as the supervisor asks for; lasting: time judged after the fault is named, s.
     """
     off, target = run_off(work)
-    healthy, faulty = run_on(work), run_on(work, (fault,))
+    healthy, faulty = run_on(work), run_on(work, (fault,), relay=relay)
     found = np.flatnonzero((faulty["operating_state"] == OperatingState.FAULT) & (faulty.time > FAULT))
     named = faulty.time[found[0]] - FAULT if found.size else np.inf
     names = fault_names(int(faulty["faults"][found[0]])) if named <= NAMED_WITHIN else ()
@@ -272,8 +277,6 @@ def judge(work: Work, kind: str, fault: FaultInjection, relay: bool, lasting: fl
     if names:
         # With the best answer to a fault the motors stand from there on.
         peers.append(run_on(work, pause=until))
-    if relay and "motor_not_following" in names:
-        faulty = run_on(work, with_relay(fault, until + RELAY))
     tip, others = np.degrees(faulty["output_angle"]), np.degrees([one["output_angle"] for one in peers])
     hull = np.vstack([target, others])
     outside = np.maximum(tip - hull.max(0), hull.min(0) - tip)
@@ -285,13 +288,6 @@ def judge(work: Work, kind: str, fault: FaultInjection, relay: bool, lasting: fl
     before = (faulty.time > FAULT) & (faulty.time <= until)
     after = (faulty.time > until) & (faulty.time <= until + lasting)
     return Outcome(work, kind, fault, names, float(named) if names else np.nan, excess(before), excess(after))
-
-
-def with_relay(fault: FaultInjection, cut: float) -> Faults:
-    """Return a fault, and motors without power from a time on."""
-    motors: tuple[Any, ...] = ("spool_velocity.agonist", "spool_velocity.antagonist")
-    first = replace(fault, stop=cut) if fault.point in motors else fault
-    return (first, *(FaultInjection(motor, "set", start=cut) for motor in motors))
 
 
 def try_fault(work: Work, kind: str) -> Outcome:
@@ -317,14 +313,20 @@ def bound_of(work: Work, fault: FaultInjection, relay: bool) -> float:
     # Unwound, since this has the drive alone.
     alone = Twin(work.known).run(np.zeros(round((RUN_ON + 0.1) / TIME_STEP)), spool_velocity=np.array([-speed, 0.0]))
     path = -alone["spool_angle"][:, 0]
-    behind, kept = np.zeros(path.size), own["watch_window"] / (own["watch_window"] + TIME_STEP)
+    strayed, kept = np.zeros(path.size), own["watch_window"] / (own["watch_window"] + TIME_STEP)
     for n in range(1, path.size):
-        behind[n] = (behind[n - 1] + path[n] - path[n - 1]) * kept
-    late = int(np.argmax(behind > threshold)) + round(persistence / TIME_STEP)
-    braking = speed**2 / (2 * common["acceleration_limit"])
-    end = path[late + round(RELAY / TIME_STEP)] + braking if relay else path[late + round(RUN_ON / TIME_STEP)]
-
+        strayed[n] = (strayed[n - 1] + path[n] - path[n - 1]) * kept
+    late = int(np.argmax(strayed > threshold)) + round(persistence / TIME_STEP)
     side = ("spool_velocity.agonist", "spool_velocity.antagonist").index(fault.point)
+    # Where a motor without supply comes to rest.
+    rest = path + np.gradient(path, TIME_STEP) ** 2 / (2 * common["acceleration_limit"])
+    last = late + round(RUN_ON / TIME_STEP)
+    if relay:
+        # It opens when the motor is fastest.
+        faulty = run_on(work, (fault,), relay=True).between(FAULT, FAULT + RUN_ON)
+        last = late + int(np.argmax(np.abs(faulty["spool_velocity"][late:, side])))
+    end = rest[last] if relay else path[last]
+
     healthy = run_on(work).between(FAULT, FAULT + RUN_ON)
     tension, partner = healthy["tension"][:, side], healthy["tension"][:, 1 - side]
     stiffness = work.plant.tendon_stiffness * work.plant.mismatch.stiffness_ratio * own["spool_radius"]
@@ -338,11 +340,16 @@ def bound_of(work: Work, fault: FaultInjection, relay: bool) -> float:
         if (tension > partner).any():
             free = partner.min() / stiffness
             beyond = max(end - free, 0.0)
-    unnoticed = (path[late:] - path[:-late]).max() / 2
-    stopping = (braking + speed * own["drive_time_constant"]) / 2 if end > free else 0.0
+    # The partner's order is a ramp, which its loop follows late.
+    behind = late + round(own["drive_time_constant"] / TIME_STEP)
+    ahead = (path[behind:] - path[:-behind])[: last + 1].max()
+    if relay:
+        ahead = max(ahead, rest[last] - rest[max(last - behind, 0)])
+    stopping = rest[last] - path[last] + speed * own["drive_time_constant"] if end > free else 0.0
     toward = (1 if side == 0 else -1) * np.sign(fault.value)
     stop = work.plant.output_stop - (toward * healthy["output_angle"]).min()
-    return float(np.degrees(min(max(unnoticed + stopping, beyond) * own["spool_radius"] / own["distal_radius"], stop)))
+    moved = max((ahead + stopping) / 2, beyond) * own["spool_radius"] / own["distal_radius"]
+    return float(np.degrees(min(moved, stop)))
 
 
 def report(target: str, done: Sequence[Any], harm: Callable[[Any], float], most: float) -> None:

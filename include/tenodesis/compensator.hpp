@@ -139,7 +139,10 @@ struct Compensator {
     const S stroke = across(observer, memory);
     if (actuation == Actuation::agonist) {
       const Winding<S> wanted = one_motor(stroke, observer, memory, state);
-      return {S(2) * limited(envelope.within(wanted.agonist * S(0.5), stroke, state.envelope)), S(0)};
+      // What has been wound to keep the other tendon tight goes back: its motor only ever does that.
+      const S spare = larger(wound(memory.smooth, antagonist) - dead_length(memory.arm), S(0));
+      return {S(2) * limited(envelope.within(wanted.agonist * S(0.5), stroke, state.envelope)),
+              -smaller(envelope.settings.return_rate * spare, settings.common_speed)};
     }
     const Winding<S> wanted = two_motors(stroke, observer, memory, dt, state);
     const S along = (wanted.agonist + wanted.antagonist) * S(0.5);

@@ -46,6 +46,7 @@ struct CommandState {
   S leaving[2]{};            ///< velocities sent then, rad/s
   S ahead[2]{};              ///< by how far a spool had turned more than was sent then, rad
   S pressing{};              ///< by how far the motors are across while the tip presses with its limit, rad
+  S ordered[2]{};            ///< what a spool has been sent since, rad
   S before[2]{};             ///< spool angles of the last tick, rad
   S speed[2]{};              ///< of the spools, smoothed, rad/s
   std::uint32_t withheld{};  ///< ticks in which a wanted velocity was not finite
@@ -117,6 +118,7 @@ struct Supervisor {
       remember(i, measured, usable(dt), state, axis);
       if (tension_limit > S(0) && over) axis.over_tension[i] = true;
       if (measured.tension[i] < relaxed()) axis.over_tension[i] = false;
+      if (runs_away(i, measured, state, axis)) state.cut_power = true;
       const S target = clamp(target_of(i, wanted[i], measured, state, axis), -speed_limit, speed_limit);
       const S most = acceleration_limit * usable(dt);
       const S ramped = axis.sent[i] + clamp(target - axis.sent[i], -most, most);
@@ -131,6 +133,18 @@ struct Supervisor {
   // Time in a fault after which a motor that does not follow is not only slow to stop, s.
   static constexpr S time_to_obey = S(0.05);
 
+  // Whether a motor that does not follow goes on so fast that its partner comes too late: before the supply would be
+  // cut, a tendon would get slack, or come to its limit.
+  bool runs_away(int i, const Measurement<S>& measured, const State& state, const CommandState<S>& axis) const {
+    if (state.operating != OperatingState::fault || (state.faults & bit(Fault::motor_not_following)) == 0) return false;
+    const S beyond = measured.spool_angle[i] - axis.held[i] - axis.ordered[i];
+    // As far as it may take to stop, it has not run away.
+    const S stopping = S(0.02) + S(0.02) * abs(axis.leaving[i]);  // rad; s of its loop's lag
+    const auto& before = axis.held_tension;
+    const S room = beyond > S(0) ? tension_limit - larger(before[0], before[1]) : smaller(before[0], before[1]);
+    return abs(beyond) > stopping && abs(axis.speed[i]) * time_to_obey > larger(room, S(0)) * stretch;
+  }
+
   // A clock that has stopped must not keep the motors running.
   S usable(const S& dt) const { return dt > S(0) && is_finite(dt) ? dt : period; }
 
@@ -143,7 +157,9 @@ struct Supervisor {
     if (state.operating == OperatingState::fault) {
       const auto smoothing = S(0.004);  // s
       axis.speed[i] = axis.speed[i] + ((angle - axis.before[i]) - axis.speed[i] * dt) / (smoothing + dt);
+      axis.ordered[i] = axis.ordered[i] + axis.sent[i] * dt;
     } else {
+      axis.ordered[i] = S(0);
       axis.held[i] = angle;
       axis.held_tension[i] = measured.tension[i];
       axis.leaving[i] = axis.speed[i] = axis.sent[i];
@@ -230,8 +246,10 @@ struct Supervisor {
     const S before = (axis.held_tension[0] + axis.held_tension[1]) * S(0.5);
     const S mean = (measured.tension[0] + measured.tension[1]) * S(0.5);
     const S changed = moved > S(0) ? mean - before : before - mean;
-    // With both tendons wound as far, the mean changes by the pretension over twice the relief.
-    const bool runs = changed > S(0.2) * before * smaller(abs(moved) / (S(2) * relief), S(1));
+    // With both tendons wound as far, the mean changes by the pretension over twice the relief. What this motor has
+    // changed itself shows nothing of the other.
+    const S shown = (S(0.2) * abs(moved) + S(0.4) * larger(moved > S(0) ? own : -own, S(0))) / (S(2) * relief);
+    const bool runs = changed > before * smaller(shown, S(0.8));
     // Where neither motor has turned as it was sent, they may be exchanged, and this one would drive the other.
     const bool obeys = abs(axis.ahead[i]) <= S(0.5) * abs(axis.ahead[other]);
     if (!(obeys && behind * moved > S(0) && abs(moved) > stopping && runs)) return S(0);

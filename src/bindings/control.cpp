@@ -89,7 +89,7 @@ Answer step(AnyController& controller, std::uint64_t time, int request, const In
 
 std::tuple<std::size_t, Status> run_controlled(const std::vector<AnyTwin*>& twins, AnyController& controller,
                                                const In<3>& commands, int steps_per_tick, double time_step,
-                                               std::size_t started,
+                                               double relay, std::size_t started,
                                                const std::optional<Array<const std::uint8_t, 1>>& requests,
                                                const std::optional<In<3>>& values,
                                                const std::optional<Array<const std::uint8_t, 3>>& modes,
@@ -111,7 +111,7 @@ std::tuple<std::size_t, Status> run_controlled(const std::vector<AnyTwin*>& twin
   rows.reserve(axes);
   for (std::size_t n = 0; n < axes; ++n) rows.push_back({commands.data() + n * count * command_count});
   const nb::gil_scoped_release release;
-  ClosedLoop loop({twins.data(), twins.size()}, controller, steps_per_tick, time_step);
+  ClosedLoop loop({twins.data(), twins.size()}, controller, steps_per_tick, time_step, relay);
   const Progress progress =
       loop.run(rows, count, started, injected, [&](std::size_t i, std::size_t n, const Command<double>& command) {
         std::ranges::copy(twins[n]->signals(command), out.data() + (n * count + i) * signal_count);
@@ -228,10 +228,11 @@ void bind_control(nb::module_& m) {
       "fault_injection_points", [] { return list_of(fault_injection_points); },
       "Points between instrument and controller where a fault can be injected.");
   m.def("run_controlled", &run_controlled, "twins"_a, "controller"_a, "commands"_a, "steps_per_tick"_a, "time_step"_a,
-        "started"_a, "requests"_a.none(), "values"_a.none(), "modes"_a.none(), "out"_a, "control"_a,
+        "relay"_a, "started"_a, "requests"_a.none(), "values"_a.none(), "modes"_a.none(), "out"_a, "control"_a,
         nb::sig("def run_controlled(twins: Sequence[Twin], controller: Controller, commands: NDArray[numpy.float64], "
-                "steps_per_tick: int, time_step: float, started: int, requests: NDArray[numpy.uint8] | None, values: "
-                "NDArray[numpy.float64] | None, modes: NDArray[numpy.uint8] | None, out: NDArray[numpy.float64], "
+                "steps_per_tick: int, time_step: float, relay: float, started: int, requests: NDArray[numpy.uint8] | "
+                "None, values: NDArray[numpy.float64] | None, modes: NDArray[numpy.uint8] | None, out: "
+                "NDArray[numpy.float64], "
                 "control: NDArray[numpy.float64]) -> tuple[int, Status]"),
         "Step twins and a controller in a closed loop over rows of commands, axis by axis. Returns the steps taken and "
         "the status of the last.");

@@ -96,6 +96,7 @@ class AnyController {
   AnyOutput last{};                ///< what the drives were last sent
   Request request{Request::none};  ///< to be made with the next tick of a closed loop
   FaultInjector injector{};
+  double cut_demanded{};  ///< for which it has demanded that the motors' supply be cut, s
   // More than the C interface keeps by default, since memory is plentiful here: every second tick of the last 200 ms at
   // 2 kHz, the fault, and 10 ms after it.
   static constexpr int stride = 2, after = 10;

@@ -2,6 +2,7 @@
 // Twins and a controller in a closed loop, with the faults that are injected between them.
 
 #include <cmath>
+#include <limits>
 #include <span>
 
 #include "any_controller.hpp"
@@ -24,8 +25,10 @@ struct InjectedSteps {
 
 class ClosedLoop {
  public:
-  ClosedLoop(std::span<AnyTwin* const> twins, AnyController& controller, int steps_per_tick, double time_step)
-      : twins_(twins), controller_(controller), steps_per_tick_(steps_per_tick), time_step_(time_step) {}
+  /// relay: time in which one in the motors' supply opens once the controller demands it, s; infinite: there is none.
+  ClosedLoop(std::span<AnyTwin* const> twins, AnyController& controller, int steps_per_tick, double time_step,
+             double relay = std::numeric_limits<double>::infinity())
+      : twins_(twins), controller_(controller), steps_per_tick_(steps_per_tick), time_step_(time_step), relay_(relay) {}
 
   /// Runs over count steps, of which `started` came before; calls keep(step, axis, command) after each. Returns how far
   /// it came.
@@ -38,12 +41,15 @@ class ClosedLoop {
       if ((started + i) % std::size_t(steps_per_tick_) == 0) tick(i, count, started, injected);
       // Without ticks the motors are stopped by their own watchdogs.
       const bool silent = controller_.injector.silent() > 0 && controller_.watchdog(controller_.injector.silent());
+      double& demanded = controller_.cut_demanded;
+      demanded = controller_.last.cut_power ? demanded + time_step_ : 0.0;
+      const bool still = silent || demanded > relay_;
       for (std::size_t n = 0; n < twins_.size(); ++n) {
         Command<double> command = commands[n][i];
         const auto velocity =
             controller_.injector.pass_pair(n, at_velocity, controller_.last.axis[n].spool_velocity,
                                            [&](std::size_t point) { return injected.at(n, i, count, point); });
-        for (std::size_t k = 0; k < 2; ++k) command.spool_velocity[k] = silent ? 0.0 : velocity[k];
+        for (std::size_t k = 0; k < 2; ++k) command.spool_velocity[k] = still ? 0.0 : velocity[k];
         progress.status = twins_[n]->step(command);
         if (progress.status != Status::ok) return progress;
         keep(i, n, command);
@@ -73,6 +79,7 @@ class ClosedLoop {
   AnyController& controller_;
   int steps_per_tick_;
   double time_step_;
+  double relay_;
 };
 
 }  // namespace tenodesis::engine

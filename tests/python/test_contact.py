@@ -300,6 +300,22 @@ def test_a_controller_meets_tissue_too(scaled: Instrument) -> None:
     assert run["contact_force"].max() > 0.1
 
 
+def test_one_motor_takes_back_what_kept_the_other_tendon_tight(real: Instrument) -> None:
+    inst = real.axis("yaw")
+    goal = handle(inst, math.radians(54))
+    motion = np.concatenate([eased(goal, 2.0), np.full(6000, goal), goal - eased(goal, 1.0), np.zeros(4000)])
+    run = Twin(inst).run(
+        motion, contact=Contact(math.radians(2), 2500.0), controller=Controller(inst, actuation="agonist")
+    )
+    assert not run.fault_times
+    # Pressed that hard the antagonist gets slack, and is wound.
+    assert run["tension"][:, 1].min() < 1
+    wound = run["spool_angle"][:, 1]
+    assert wound.max() > 0.1
+    assert abs(wound[-1]) < 0.05 * wound.max()
+    assert run["tension"][-1].max() < 1.2 * inst.pretension
+
+
 def test_expected_readings_have_derivatives_in_tissue(any_inst: Instrument) -> None:
     inst = with_friction(any_inst)
     motion = eased(handle(inst, 0.5), 0.3)

@@ -128,6 +128,34 @@ def test_a_partner_stops_where_the_tendon_of_the_motor_that_runs_away_gets_slack
     assert np.abs(np.degrees(run["output_angle"]) - target[-1]).max() < 6
 
 
+@pytest.mark.parametrize(("speed", "earliest", "latest"), [(-0.5, 0.048, 0.052), (-15.0, 0.0, 0.03)])
+def test_the_supply_is_cut_before_a_tendon_gets_slack_or_comes_to_its_limit(
+    inst: Instrument, speed: float, earliest: float, latest: float
+) -> None:
+    fault = FaultInjection("spool_velocity.agonist", "set", speed, start=harm.FAULT)
+    case = work(inst, 33, np.zeros_like)
+    on, cut = (harm.run_on(case, (fault,), relay=relay).between(harm.FAULT) for relay in (False, True))
+    named = min(cut.fault_times.values())
+    # From here on the supply makes a difference.
+    differs = np.flatnonzero(np.any(on["spool_angle"] != cut["spool_angle"], axis=1))[0]
+    assert earliest < cut.time[differs] - named - harm.RELAY < latest
+    assert np.abs(cut["spool_velocity"][-1]).max() < 1e-3
+    assert on["spool_velocity"][-1, 0] == pytest.approx(speed, rel=0.01)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_the_partner_of_an_encoder_that_loses_counts_stands(side: Any) -> None:
+    # The hand lowers the mean tension as a motor would that lets out.
+    inst = tn.load("scaled-up")
+    case = work(inst, 67, steady, sway=3.4)
+    fault = FaultInjection(f"spool_angle.{side}", "add", rate=-0.2, start=harm.FAULT)  # type: ignore[arg-type]
+    run = harm.run_on(case, (fault,))
+    named = min(run.fault_times.values())
+    stood = run.between(named + 0.1)["spool_angle"]
+    assert np.ptp(stood[:, 1 - SIDES.index(side)]) < 0.2
+    assert beyond_off(case, run, harm.FAULT) < harm.MORE_IN_FAULT
+
+
 def test_after_a_fault_on_a_wall_the_motors_let_go(inst: Instrument) -> None:
     case = work(inst, 67, np.zeros_like)
     wall = Contact(np.radians(60), 1e4, 50.0)

@@ -176,6 +176,7 @@ class Twin:
         controller: LoopController | None = None,
         request: ArrayLike = 0,
         fault_injection: Sequence[SignalFault] = (),
+        relay: float | None = None,
     ) -> Run:
         """Step over arrays of commands, from the present state, and return the signals, one row per step.
 
@@ -207,6 +208,9 @@ class Twin:
             Request to the controller at each step, values of :class:`tenodesis.control.Request`; shape (n,).
         fault_injection
             Faults on the signals between the twin and the controller.
+        relay
+            Time in which a relay in the motors' supply opens once the controller demands it, s; by default there is
+            none. Without supply the motors brake.
 
         Raises
         ------
@@ -241,6 +245,7 @@ class Twin:
             first_step=self._steps,
             steps_per_tick=self._steps_per_tick,
             time_step=self.time_step,
+            relay=relay,
         )
         self._steps += steps
         controller.begin(self, self.time)
