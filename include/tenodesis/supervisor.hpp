@@ -46,7 +46,6 @@ struct CommandState {
   S leaving[2]{};            ///< velocities sent then, rad/s
   S ahead[2]{};              ///< by how far a spool had turned more than was sent then, rad
   S pressing{};              ///< by how far the motors are across while the tip presses with its limit, rad
-  S ordered[2]{};            ///< what a spool has been sent since, rad
   S before[2]{};             ///< spool angles of the last tick, rad
   S speed[2]{};              ///< of the spools, smoothed, rad/s
   std::uint32_t withheld{};  ///< ticks in which a wanted velocity was not finite
@@ -118,13 +117,14 @@ struct Supervisor {
       remember(i, measured, usable(dt), state, axis);
       if (tension_limit > S(0) && over) axis.over_tension[i] = true;
       if (measured.tension[i] < relaxed()) axis.over_tension[i] = false;
-      if (runs_away(i, measured, state, axis)) state.cut_power = true;
       const S target = clamp(target_of(i, wanted[i], measured, state, axis), -speed_limit, speed_limit);
       const S most = acceleration_limit * usable(dt);
       const S ramped = axis.sent[i] + clamp(target - axis.sent[i], -most, most);
       const S sent = clamp(ramped, -speed_limit, axis.over_tension[i] ? S(0) : speed_limit);
       axis.sent[i] = is_finite(sent) ? sent : S(0);
     }
+    if (state.operating == OperatingState::fault)
+      for (int i = 0; i < 2; ++i) state.cut_power = state.cut_power || runs_away(i, measured, state, axis);
     if (relaxes(state, axis)) axis.pressing = axis.pressing - crept(axis.pressing) * usable(dt);
     return found;
   }
@@ -136,13 +136,13 @@ struct Supervisor {
   // Whether a motor that does not follow goes on so fast that its partner comes too late: before the supply would be
   // cut, a tendon would get slack, or come to its limit.
   bool runs_away(int i, const Measurement<S>& measured, const State& state, const CommandState<S>& axis) const {
-    if (state.operating != OperatingState::fault || (state.faults & bit(Fault::motor_not_following)) == 0) return false;
-    const S beyond = measured.spool_angle[i] - axis.held[i] - axis.ordered[i];
+    if ((state.faults & bit(Fault::motor_not_following)) == 0) return false;
+    const S moved = measured.spool_angle[i] - axis.held[i], speed = axis.speed[i] - axis.sent[i];
     // As far as it may take to stop, it has not run away.
     const S stopping = S(0.02) + S(0.02) * abs(axis.leaving[i]);  // rad; s of its loop's lag
     const auto& before = axis.held_tension;
-    const S room = beyond > S(0) ? tension_limit - larger(before[0], before[1]) : smaller(before[0], before[1]);
-    return abs(beyond) > stopping && abs(axis.speed[i]) * time_to_obey > larger(room, S(0)) * stretch;
+    const S room = speed > S(0) ? tension_limit - larger(before[0], before[1]) : smaller(before[0], before[1]);
+    return abs(moved) > stopping && abs(speed) * time_to_obey > larger(room, S(0)) * stretch;
   }
 
   // A clock that has stopped must not keep the motors running.
@@ -157,9 +157,7 @@ struct Supervisor {
     if (state.operating == OperatingState::fault) {
       const auto smoothing = S(0.004);  // s
       axis.speed[i] = axis.speed[i] + ((angle - axis.before[i]) - axis.speed[i] * dt) / (smoothing + dt);
-      axis.ordered[i] = axis.ordered[i] + axis.sent[i] * dt;
     } else {
-      axis.ordered[i] = S(0);
       axis.held[i] = angle;
       axis.held_tension[i] = measured.tension[i];
       axis.leaving[i] = axis.speed[i] = axis.sent[i];
