@@ -441,6 +441,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--instrument", choices=[*RATED], action="append", help="by default all")
     parser.add_argument("--exact", action="store_true", help="the law knows friction and stiffness as they are")
+    parser.add_argument("--assistance", type=float, help="share of the lost angle that the law gives back")
     options = parser.parse_args()
     insts = instruments(options.instrument or RATED)
     tn.set_threads(1)
@@ -448,7 +449,10 @@ def main() -> None:
 
     def work(n: int, trial: bool) -> Work:
         drawn = make_work(insts[n % len(insts)], options.seed, n, trial)
-        return drawn._replace(known=drawn.plant) if options.exact else drawn
+        known = drawn.plant if options.exact else drawn.known
+        if options.assistance is not None:
+            known = known.replace(**{"control.assistance": options.assistance})
+        return drawn._replace(known=known)
 
     kinds = list(KINDS)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
