@@ -174,8 +174,8 @@ def run_off(work: Work) -> tuple[Run, Array]:
     return off, np.degrees(np.clip(target, -stop, stop))
 
 
-def run_on(work: Work, faults: Faults = (), pause: float | None = None, relay: bool = False) -> Run:
-    """Return the run with the law; pause: time from which on the motors stand, s; relay: one is in their supply."""
+def run_on(work: Work, faults: Faults = (), pause: float | None = None, relay: float = np.inf) -> Run:
+    """Return the run with the law; pause: time from which on the motors stand, s; relay: as the twin takes it, s."""
     request = np.zeros(work.handle.size, int)
     if pause is not None:
         request[round(pause / TIME_STEP)] = Request.PAUSE
@@ -186,7 +186,7 @@ def run_on(work: Work, faults: Faults = (), pause: float | None = None, relay: b
         controller=controller,
         request=request,
         fault_injection=faults,
-        relay=RELAY if relay else None,
+        relay=relay,
     )
 
 
@@ -262,13 +262,13 @@ KINDS: dict[str, Callable[[Random], FaultInjection]] = {
 RUN_AWAY = injector("spool_velocity.", "set", lambda r: either(r, 0.3, 20))
 
 
-def judge(work: Work, kind: str, fault: FaultInjection, relay: bool, lasting: float) -> Outcome:
-    """Run a trial with a fault, with none, and with standing motors.
+def judge(work: Work, kind: str, fault: FaultInjection, faulty: Run, lasting: float) -> Outcome:
+    """Compare a run with a fault with a run without, and with standing motors.
 
-    relay: one cuts the motors' supply as the supervisor asks for; lasting: time judged after the fault is named, s.
+    lasting: time judged after the fault is named, s.
     """
     off, target = run_off(work)
-    healthy, faulty = run_on(work), run_on(work, (fault,), relay=relay)
+    healthy = run_on(work)
     found = np.flatnonzero((faulty["operating_state"] == OperatingState.FAULT) & (faulty.time > FAULT))
     named = faulty.time[found[0]] - FAULT if found.size else np.inf
     names = fault_names(int(faulty["faults"][found[0]])) if named <= NAMED_WITHIN else ()
@@ -291,21 +291,25 @@ def judge(work: Work, kind: str, fault: FaultInjection, relay: bool, lasting: fl
 
 
 def try_fault(work: Work, kind: str) -> Outcome:
-    return judge(work, kind, KINDS[kind](np.random.default_rng([*work.seed, 2])), True, np.inf)
+    fault = KINDS[kind](np.random.default_rng([*work.seed, 2]))
+    return judge(work, kind, fault, run_on(work, (fault,), relay=RELAY), np.inf)
 
 
 def try_run_away(work: Work, relay: bool) -> Outcome:
     fault = RUN_AWAY(np.random.default_rng([*work.seed, 3]))
-    outcome = judge(work, f"with{'' if relay else 'out'} a relay", fault, relay, RUN_ON)
-    return outcome._replace(bound=bound_of(work, fault, relay))
+    faulty = run_on(work, (fault,), relay=RELAY if relay else np.inf)
+    outcome = judge(work, f"with{'' if relay else 'out'} a relay", fault, faulty, RUN_ON)
+    return outcome._replace(bound=bound_of(work, fault, faulty if relay else None))
 
 
-def bound_of(work: Work, fault: FaultInjection, relay: bool) -> float:
+def bound_of(work: Work, fault: FaultInjection, cut: Run | None) -> float:
     """Return how far (deg) physics lets a motor that runs away take the tip, with the best that its partner can do.
 
     It must be noticed first; then the partner, with the same drive, goes along, late by that time. It must stop where
     the other tendon gets slack, or its own gets to the limit. Where its own is slack, a load takes the tip as far as
     the motor lets out; at the limit, the motor pulls it. The joint's stop ends this.
+
+    cut: the run in which a relay ends it; None: there is no relay.
     """
     own, limits = parameters(work.known).axes[0], parameters(work.known).limits[0]
     common, speed = parameters(work.known).common, abs(fault.value)
@@ -321,11 +325,11 @@ def bound_of(work: Work, fault: FaultInjection, relay: bool) -> float:
     # Where a motor without supply comes to rest.
     rest = path + np.gradient(path, TIME_STEP) ** 2 / (2 * common["acceleration_limit"])
     last = late + round(RUN_ON / TIME_STEP)
-    if relay:
-        # It opens when the motor is fastest.
-        faulty = run_on(work, (fault,), relay=True).between(FAULT, FAULT + RUN_ON)
-        last = late + int(np.argmax(np.abs(faulty["spool_velocity"][late:, side])))
-    end = rest[last] if relay else path[last]
+    if cut is not None:
+        # The relay opens when the motor is fastest.
+        speeds = np.abs(cut.between(FAULT, FAULT + RUN_ON)["spool_velocity"][late:, side])
+        last = late + int(np.argmax(speeds))
+    end = path[last] if cut is None else rest[last]
 
     healthy = run_on(work).between(FAULT, FAULT + RUN_ON)
     tension, partner = healthy["tension"][:, side], healthy["tension"][:, 1 - side]
@@ -343,7 +347,7 @@ def bound_of(work: Work, fault: FaultInjection, relay: bool) -> float:
     # The partner's order is a ramp, which its loop follows late.
     behind = late + round(own["drive_time_constant"] / TIME_STEP)
     ahead = (path[behind:] - path[:-behind])[: last + 1].max()
-    if relay:
+    if cut is not None:
         ahead = max(ahead, rest[last] - rest[max(last - behind, 0)])
     stopping = rest[last] - path[last] + speed * own["drive_time_constant"] if end > free else 0.0
     toward = (1 if side == 0 else -1) * np.sign(fault.value)

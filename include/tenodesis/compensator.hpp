@@ -139,7 +139,7 @@ struct Compensator {
     const S stroke = across(observer, memory);
     if (actuation == Actuation::agonist) {
       const Winding<S> wanted = one_motor(stroke, observer, memory, state);
-      // What has been wound to keep the other tendon tight goes back: its motor only ever does that.
+      // The other motor winds only to keep its tendon tight, and lets that out again.
       const S spare = larger(wound(memory.smooth, antagonist) - dead_length(memory.arm), S(0));
       return {S(2) * limited(envelope.within(wanted.agonist * S(0.5), stroke, state.envelope)),
               -smaller(envelope.settings.return_rate * spare, settings.common_speed)};

@@ -232,8 +232,7 @@ void bind_control(nb::module_& m) {
         nb::sig("def run_controlled(twins: Sequence[Twin], controller: Controller, commands: NDArray[numpy.float64], "
                 "steps_per_tick: int, time_step: float, relay: float, started: int, requests: NDArray[numpy.uint8] | "
                 "None, values: NDArray[numpy.float64] | None, modes: NDArray[numpy.uint8] | None, out: "
-                "NDArray[numpy.float64], "
-                "control: NDArray[numpy.float64]) -> tuple[int, Status]"),
+                "NDArray[numpy.float64], control: NDArray[numpy.float64]) -> tuple[int, Status]"),
         "Step twins and a controller in a closed loop over rows of commands, axis by axis. Returns the steps taken and "
         "the status of the last.");
 }

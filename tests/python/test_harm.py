@@ -109,7 +109,7 @@ def test_an_encoder_of_the_large_spool_that_loses_counts_does_no_harm(side: Any,
 def test_the_partner_of_a_motor_that_runs_away_goes_along(inst: Instrument, side: Any, speed: float) -> None:
     fault = FaultInjection(f"spool_velocity.{side}", "set", speed, start=harm.FAULT)  # type: ignore[arg-type]
     case = work(inst, 33, np.zeros_like)
-    outcome = harm.judge(case, "runs away", fault, False, 0.1)
+    outcome = harm.judge(case, "runs away", fault, harm.run_on(case, (fault,)), 0.1)
     assert outcome.names == ("motor_not_following",)
     assert outcome.seconds < 0.02
     spools = harm.run_on(case, (fault,)).between(harm.FAULT + outcome.seconds)["spool_angle"]
@@ -134,7 +134,7 @@ def test_the_supply_is_cut_before_a_tendon_gets_slack_or_comes_to_its_limit(
 ) -> None:
     fault = FaultInjection("spool_velocity.agonist", "set", speed, start=harm.FAULT)
     case = work(inst, 33, np.zeros_like)
-    on, cut = (harm.run_on(case, (fault,), relay=relay).between(harm.FAULT) for relay in (False, True))
+    on, cut = (harm.run_on(case, (fault,), relay=relay).between(harm.FAULT) for relay in (np.inf, harm.RELAY))
     named = min(cut.fault_times.values())
     # From here on the supply makes a difference.
     differs = np.flatnonzero(np.any(on["spool_angle"] != cut["spool_angle"], axis=1))[0]
@@ -145,7 +145,7 @@ def test_the_supply_is_cut_before_a_tendon_gets_slack_or_comes_to_its_limit(
 
 @pytest.mark.parametrize("side", SIDES)
 def test_the_partner_of_an_encoder_that_loses_counts_stands(side: Any) -> None:
-    # The hand lowers the mean tension as a motor would that lets out.
+    # The hand lowers the mean tension, as a motor does that lets its tendon out.
     inst = tn.load("scaled-up")
     case = work(inst, 67, steady, sway=3.4)
     fault = FaultInjection(f"spool_angle.{side}", "add", rate=-0.2, start=harm.FAULT)  # type: ignore[arg-type]

@@ -53,13 +53,13 @@ def run_closed_loop(
     first_step: int,
     steps_per_tick: int,
     time_step: float,
-    relay: float | None,
+    relay: float,
 ) -> tuple[int, Status, list[Array], list[Array]]:
     """Step the twins of the core with the controller in the loop; after a lost step both keep their states.
 
     Returns steps taken, status, and by axis the twin's signals and the controller's, each of shape (n, columns).
     """
-    if relay is not None and not relay >= 0:
+    if not relay >= 0:
         raise ArgumentError(key="relay", value=relay, allowed="a time in s, 0 or more")
     count = rows[0].shape[0]
     if any(np.any(row[:, ARGUMENTS["spool_velocity"]]) for row in rows):
@@ -80,7 +80,7 @@ def run_closed_loop(
         np.stack(rows),
         steps_per_tick,
         time_step,
-        np.inf if relay is None else relay,
+        relay,
         first_step,
         requests,
         values,

@@ -176,7 +176,7 @@ class Twin:
         controller: LoopController | None = None,
         request: ArrayLike = 0,
         fault_injection: Sequence[SignalFault] = (),
-        relay: float | None = None,
+        relay: float = np.inf,
     ) -> Run:
         """Step over arrays of commands, from the present state, and return the signals, one row per step.
 
@@ -209,15 +209,15 @@ class Twin:
         fault_injection
             Faults on the signals between the twin and the controller.
         relay
-            Time in which a relay in the motors' supply opens once the controller demands it, s; by default there is
+            Time in which a relay in the motors' supply opens once the controller demands it, s; infinite if there is
             none. Without supply the motors brake.
 
         Raises
         ------
         ValueError
-            A command is not finite or beyond the handle's range, the tip is inside tissue that is placed, two faults
-            are at one signal at the same time, or the controller has run on another twin and was not reset; nothing has
-            been done then.
+            A command is not finite or beyond the handle's range, the relay's time is negative, the tip is inside tissue
+            that is placed, two faults are at one signal at the same time, or the controller has run on another twin and
+            was not reset; nothing has been done then.
         NoSolutionError
             The load on the tip is more than it can hold; the twin is then in its state before the call.
 
