@@ -32,7 +32,9 @@ void correct_shares(const ControlModel<A>& model, const FrictionSettings<S>& set
   const S spread = by * by * memory.share_variance + noise;
   if (moved * moved > S(9) * spread) return;
   const S least = S(0.5) * (model.share[0] + model.share[1]);
-  const S most = S(2) * least + S(0.8) * model.share[2];
+  const S most = S(2) * least + S(0.6) * model.share[2];
+  // So steep only where the tendon slips at the joint, friction being less than assumed.
+  if (before + moved / by > most) return;
   const S found = clamp(before + by * memory.share_variance * moved / spread, least, most);
   memory.share_variance = memory.share_variance * noise / spread;
   // The tendons have not moved.

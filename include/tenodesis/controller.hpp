@@ -270,7 +270,7 @@ struct Controller {
       state.axis[n].compensator = {};
       for (int i = 0; i < 2; ++i) state.axis[n].command.ahead[i] = state.axis[n].watch.following[i].behind;
       // Estimates made during a fault are not trusted.
-      if (before == OperatingState::fault) state.axis[n].friction.started = false;
+      if (before == OperatingState::fault) state.axis[n].friction = FrictionMemory<S>{};
     }
   }
 
@@ -340,6 +340,7 @@ struct Controller {
       Watch<S>::restart(memory.watch);
       memory.watch.homed = true;
       memory.friction.started = false;
+      memory.friction.homed = true;
     }
     state.homed = true;
     Supervisor<S>::finish_homing(state.supervisor);

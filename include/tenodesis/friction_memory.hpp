@@ -7,10 +7,10 @@
 
 namespace tenodesis {
 
-/// Bounds of the friction scale: a sheath may be bent ten times as far as assumed; a drifting load cell looks like
-/// more.
+/// Bounds of the friction scale: there may be hardly any friction; a sheath may be bent ten times as far as assumed, and
+/// a drifting load cell looks like more.
 template <Real S>
-inline constexpr S least_scale = S(0.2);
+inline constexpr S least_scale = S(0.05);
 template <Real S>
 inline constexpr S most_scale = S(12);
 
@@ -44,7 +44,8 @@ struct FrictionMemory {
   S compliance{1};               ///< of the tendons, relative to the parameters
   S unit{};                      ///< stretch of a tendon per newton, m/N
   S share[4]{};                  ///< of the compliance by segment, as it has been found
-  S covariance[3][3]{};          ///< of scale, reference, compliance
+  S gain_error{};                ///< of the agonist's load cell, the antagonist's being its opposite
+  S covariance[4][4]{};          ///< of scale, reference, compliance, gain error; of each pair the first alone
   S share_variance{};            ///< of the share before the handle's joint
   Slip<S> tip_slip{};            ///< of the tendons at the tip's joint, as length of the agonist
   S tip_edge{};                  ///< friction at the tip's joint over its bound, of the agonist, for the force alone
@@ -52,6 +53,7 @@ struct FrictionMemory {
   S doubt{};                     ///< variance of the tip's position as far as strokes can lower it, m^2
   S deviation{};                 ///< standard deviation of the tip's position, m
   bool started{};
+  bool homed{};  ///< whether compliance and gains are known from homing
 };
 
 template <class S>
@@ -66,8 +68,8 @@ struct FrictionSettings {
   S compliance_std{};  ///< of the compliance at the start
   S forgetting{};      ///< growth of the three deviations, share of their start per root second
   S slack_below{};     ///< tension below which a tendon counts as slack, N
-  S gain_std{};        ///< of either load cell's gain
-  S bias_std{};        ///< of the tip's position by constant errors of cells and handle encoder, m
+  S gain_std{};        ///< of the gain error at the start
+  S bias_std{};        ///< of the tip's position by constant errors of cells and handle encoder, and the play, m
   IntentSettings<S> intent{};
 };
 

@@ -35,7 +35,6 @@ struct FrictionObserver {
   void update(const Measurement<S>& measured, const S& dt, Memory& memory) const {
     if (!memory.started) return start(measured, memory);
     smooth(measured, dt, memory);
-    grow(dt, memory);
     const S drawn = model.drawn(memory.smooth.handle_angle);
     follow(settings.intent, memory.handle_angle, dt, memory.intent);
     memory.target = clamp(model.drawn(memory.intent.angle), -model.stop, model.stop);
@@ -52,7 +51,7 @@ struct FrictionObserver {
     const S tip = memory.tip;
     place_tip(position, ratio, memory);
     memory.tip_edge = clamp(memory.tip_edge + (memory.tip - tip) / settings.play, S(-1), S(1));
-    if (calm(measured, memory)) learn(position, ratio, memory);
+    if (!calm(measured, memory) || !learn(position, ratio, memory)) grow(dt, memory);
     learn_shares(model, settings, position, memory);
     memory.tip_slip = follow(memory.tip_slip, at_joint(memory), tip_plays * settings.play);
     for (int i = 0; i < 2; ++i) follow_to_tip(i, position[i], ratio, memory);
@@ -178,36 +177,39 @@ struct FrictionObserver {
   bool slip_together(const Memory& memory, const S& direction) const { return memory.together == direction; }
 
  private:
+  static constexpr int unknowns = 4;
   // Of the change of tension that makes all contacts slip after a reversal, and of the friction scale that it is
   // computed with: contacts that stick must not seem to slip because friction is taken for too small.
   static constexpr S reversing_share = S(0.75), least_reversing_scale = S(1);
   // A reversal that noise and the model's errors feign must not turn the friction at the tip's joint.
   static constexpr S tip_plays = S(3);
+  // What homing leaves of the deviations of compliance and gain error.
+  static constexpr S homed_compliance_std = S(0.03), homed_gain_share = S(0.2);
+  // Where the compliance is, errs in the same way for many plays of slip.
+  static constexpr S share_plays = S(10);
+  // Of either gain error.
+  static constexpr S most_gain_error = S(0.1);
 
   // Standard deviation of the tip's position, as tendon length, and what of it strokes can lower.
   void doubt(Memory& memory) const {
     const auto& tendon = memory.tendon;
     const S* const share = memory.share;
-    const S unit = memory.unit;
-    S half[4];
-    for (int j = 0; j < 4; ++j) half[j] = S(0.5) * (tendon[agonist].tension[j] - tendon[antagonist].tension[j]);
-    const S before = share[0] + share[1];
-    const S in_before = share[0] * half[0] + share[1] * half[1];
-    const S by_friction = share[2] * unit * (half[0] - half[2]) / memory.scale;
-    const S by_compliance = unit * (in_before + share[2] * half[2] + share[3] * half[3]) / memory.compliance;
-    const S by_share = unit * (in_before / before - half[2]);
+    S apart[4];
+    for (int j = 0; j < 4; ++j) apart[j] = tendon[agonist].tension[j] - tendon[antagonist].tension[j];
+    const S half = S(0.5) * memory.unit;
+    const S near = share[0] * apart[0] + share[1] * apart[1];
+    const S by_friction = half * share[2] * (apart[0] - apart[2]) / memory.scale;
+    const S by_compliance = half * (near + share[2] * apart[2] + share[3] * apart[3]) / memory.compliance;
+    const S by_share = half * (near / (share[0] + share[1]) - apart[2]);
     const S unseen = larger(memory.freedom[0], memory.freedom[1]);
     // A tremor moves what no stroke has proven.
     const S shaken = S(0.5) * tremor_length(memory);
-    S by_gain(0);
-    for (const auto& one : tendon) by_gain = by_gain + one.tension[0] * one.tension[0];
-    const S gain = S(0.5) * settings.gain_std * unit;
-    by_gain = by_gain * gain * gain;
+    const S by_gain = half * (tendon[agonist].tension[0] + tendon[antagonist].tension[0]);
     const auto& p = memory.covariance;
     memory.doubt = unseen * unseen * S(1.0 / 3) + by_friction * by_friction * p[0][0] + p[1][1] * S(0.25) +
                    by_compliance * by_compliance * p[2][2] + by_share * by_share * memory.share_variance;
-    memory.deviation = sqrt(settings.bias_std * settings.bias_std + by_gain + shaken * shaken + memory.doubt +
-                            settings.play * settings.play * S(1.0 / 16));
+    memory.deviation = sqrt(settings.bias_std * settings.bias_std + by_gain * by_gain * p[3][3] + shaken * shaken +
+                            memory.doubt);
   }
 
   void set_exponents(Memory& memory) const {
@@ -229,8 +231,12 @@ struct FrictionObserver {
   }
 
   void start(const Measurement<S>& measured, Memory& memory) const {
+    const bool homed = memory.homed;
+    const S compliance = memory.compliance;
+    const S unsure = memory.covariance[2][2];
     memory = Memory{};
     memory.started = true;
+    if (homed) memory.compliance = compliance;
     memory.unit = memory.compliance / model.axis.stiffness;
     for (int j = 0; j < 4; ++j) memory.share[j] = model.share[j];
     memory.smooth = measured;
@@ -238,7 +244,10 @@ struct FrictionObserver {
     memory.intent = IntentState<S>::at(measured.handle_angle);
     memory.covariance[0][0] = settings.scale_std * settings.scale_std;
     memory.covariance[1][1] = settings.reference_std * settings.reference_std;
-    memory.covariance[2][2] = settings.compliance_std * settings.compliance_std;
+    memory.covariance[2][2] = homed ? larger(unsure, homed_compliance_std * homed_compliance_std)
+                                    : settings.compliance_std * settings.compliance_std;
+    const S gain_std = homed ? homed_gain_share * settings.gain_std : settings.gain_std;
+    memory.covariance[3][3] = gain_std * gain_std;
     memory.share_variance = share_std<S> * share_std<S>;
     const S drawn = model.drawn(measured.handle_angle);
     S tip(0);
@@ -272,6 +281,7 @@ struct FrictionObserver {
     }
   }
 
+  // Friction, lengths and stiffness may change while nothing shows it.
   void grow(const S& dt, Memory& memory) const {
     const S start[3] = {settings.scale_std, settings.reference_std, settings.compliance_std};
     const S growth = settings.forgetting * settings.forgetting * dt;
@@ -286,7 +296,7 @@ struct FrictionObserver {
   S follow_to_stem(int i, const S& drawn, const S* ratio, Memory& memory) const {
     auto& one = memory.tendon[i];
     const S side = i == agonist ? S(1) : S(-1);
-    one.tension[0] = larger(memory.smooth.tension[i], S(0));
+    one.tension[0] = larger(memory.smooth.tension[i] * (S(1) - side * memory.gain_error), S(0));
     const S at_sheath = model.spool_radius * memory.smooth.spool_angle[i] - stretch_of(0, one.tension[0], memory);
     one.slip[0] = follow(one.slip[0], at_sheath, settings.sheath_play);
     one.tension[1] = beyond(ratio[0], one.tension[0], one.tension[1], one.slip[0].evidence);
@@ -364,19 +374,20 @@ struct FrictionObserver {
       memory.freedom[n] = larger(i == agonist ? toward[n] : smaller(memory.freedom[n], toward[n]), S(0));
   }
 
-  // Variance of the compared lengths from that of scale, reference and compliance; gain: covariance with each.
+  // Variance of the compared lengths from that of the estimates; gain: covariance with each.
   static S spread_by(const S* by, const Memory& memory, S* gain) {
     S spread(0);
-    for (int n = 0; n < 3; ++n) {
+    for (int n = 0; n < unknowns; ++n) {
       gain[n] = S(0);
-      for (int m = 0; m < 3; ++m) gain[n] = gain[n] + memory.covariance[n][m] * by[m];
+      for (int m = 0; m < unknowns; ++m)
+        gain[n] = gain[n] + memory.covariance[smaller(n, m)][larger(n, m)] * by[m];
       spread = spread + by[n] * gain[n];
     }
     return larger(spread, S(0));
   }
 
   void doubt_scale(Memory& memory) const {
-    for (int n = 1; n < 3; ++n) memory.covariance[0][n] = memory.covariance[n][0] = S(0);
+    for (int n = 1; n < unknowns; ++n) memory.covariance[0][n] = S(0);
     memory.covariance[0][0] = settings.scale_std * settings.scale_std;
   }
 
@@ -390,48 +401,67 @@ struct FrictionObserver {
     return true;
   }
 
-  // Both tendons slip the same way: their two positions of the tip differ by errors of friction, lengths and stiffness.
-  void learn(const S* position, const S* ratio, Memory& memory) const {
+  // Both tendons slip the same way: their two positions of the tip differ by errors of friction, lengths, stiffness and
+  // gains. Whether anything was learned.
+  bool learn(const S* position, const S* ratio, Memory& memory) const {
     const S first = memory.tendon[agonist].slip[1].evidence;
     const S second = memory.tendon[antagonist].slip[1].evidence;
     const S direction = first > S(0) ? S(1) : S(-1);
     const S weight = smaller(abs(first), abs(second));
-    if (!(first * second > S(0)) || !slip_together(memory, direction)) return;
+    if (!(first * second > S(0)) || !slip_together(memory, direction)) return false;
     const S unit = memory.unit;
-    S residual(0);
-    S by[3] = {S(0), S(-1), S(0)};
+    const S* const share = memory.share;
+    const S at_joint = share[1] * memory.nominal[0], at_stem = share[2] * (memory.nominal[0] + memory.nominal[1]);
+    const S to_stem = direction > S(0) ? S(1) / ratio[1] : ratio[1];
+    // Tensions by the compliance that they stretch, up to the handle's joint and beyond.
+    S near(0), beyond_it(0), stems(0), apart(0), rubbing(0);
     for (int i = 0; i < 2; ++i) {
       const auto& one = memory.tendon[i];
-      const S stem = direction > S(0) ? one.tension[1] / ratio[1] : one.tension[1] * ratio[1];
-      residual = residual + position[i] - stretch_of(2, stem, memory) - stretch_of(3, one.tension[3], memory);
-      by[0] = by[0] + direction * unit *
-                          (memory.share[1] * memory.nominal[0] * one.tension[1] +
-                           memory.share[2] * (memory.nominal[0] + memory.nominal[1]) * stem);
-      by[2] = by[2] - stretch(one, memory) / memory.compliance;
+      const S stem = one.tension[1] * to_stem;
+      const S before = share[0] * one.tension[0] + share[1] * one.tension[1];
+      const S after = share[2] * stem + share[3] * one.tension[3];
+      near = near + before;
+      beyond_it = beyond_it + after;
+      stems = stems + stem;
+      apart = before + after - apart;
+      rubbing = rubbing + at_joint * one.tension[1] + at_stem * stem;
     }
-    const S noise = settings.length_noise * settings.length_noise;
-    S gain[3];
+    const S pretensions = S(2) * model.axis.pretension;
+    const S to_joint = share[0] + share[1];
+    const S residual = position[0] + position[1] - unit * (beyond_it - pretensions * (S(1) - to_joint));
+    const S by_share = unit * (stems - near / to_joint);
+    // Without friction in the parameters, its effect must not be taken for one of the gains.
+    const S by_gain = rubbing > S(0) ? -unit * apart : S(0);
+    const S by[unknowns] = {direction * unit * rubbing, S(-1),
+                            (pretensions - near - beyond_it) / model.axis.stiffness, by_gain};
+    const S noise =
+        settings.length_noise * settings.length_noise + share_plays * by_share * by_share * memory.share_variance;
+    S gain[unknowns];
     S spread = spread_by(by, memory, gain);
     if (residual * residual > S(9) * (spread + noise)) {
       // More than the deviations explain: just after a reversal it is the model that is wrong about where a tendon
       // slips, later most likely the hand has bent the sheath.
       for (const auto& one : memory.tendon)
-        if (abs(one.slip[0].run) < S(most_run) || abs(one.slip[1].run) < S(most_run)) return;
+        if (abs(one.slip[0].run) < S(most_run) || abs(one.slip[1].run) < S(most_run)) return false;
       doubt_scale(memory);
       spread = spread_by(by, memory, gain);
     }
     spread = spread + noise / weight;
-    const S share = S(1) / spread;
-    memory.scale = clamp(memory.scale - gain[0] * residual * share, least_scale<S>, most_scale<S>);
-    memory.reference = memory.reference - gain[1] * residual * share;
-    memory.compliance = clamp(memory.compliance - gain[2] * residual * share, S(0.5), S(2));
+    const S trusted = S(1) / spread;
+    const S step = residual * trusted;
+    memory.scale = clamp(memory.scale - gain[0] * step, least_scale<S>, most_scale<S>);
+    memory.reference = memory.reference - gain[1] * step;
+    memory.compliance = clamp(memory.compliance - gain[2] * step, S(0.5), S(2));
     memory.unit = memory.compliance / model.axis.stiffness;
-    const S start[3] = {settings.scale_std, settings.reference_std, settings.compliance_std};
-    for (int n = 0; n < 3; ++n) {
-      for (int m = 0; m < 3; ++m) memory.covariance[n][m] = memory.covariance[n][m] - gain[n] * gain[m] * share;
+    memory.gain_error = clamp(memory.gain_error - gain[3] * step, -most_gain_error, most_gain_error);
+    for (int n = 0; n < unknowns; ++n) {
+      const S part = gain[n] * trusted;
       // Rounding must not make it negative.
-      memory.covariance[n][n] = larger(memory.covariance[n][n], S(1e-6) * start[n] * start[n]);
+      const S least = S(1e-3) * memory.covariance[n][n];
+      for (int m = n; m < unknowns; ++m) memory.covariance[n][m] = memory.covariance[n][m] - part * gain[m];
+      memory.covariance[n][n] = larger(memory.covariance[n][n], least);
     }
+    return true;
   }
 };
 

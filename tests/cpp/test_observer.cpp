@@ -40,6 +40,7 @@ FrictionObserver<A> observer_of(const A& axis, double friction) {
            .compliance_std = S(0.25),
            .forgetting = S(0.05),
            .slack_below = S(0.25),
+           .gain_std = S(0.01),
            .intent = {S(0.1), S(0.02), S(0), S(1), S(4e-3)}}};
 }
 
@@ -184,19 +185,20 @@ void common_strokes_tell_friction_and_compliance() {
   }
 }
 
-// Leading minors above zero, scaled to correlations.
+// By Cholesky's factors of the correlations; of a covariance the upper half is kept.
 template <class S>
-bool is_positive_definite(const S (&p)[3][3]) {
-  double c[3][3];
-  for (int n = 0; n < 3; ++n) {
+bool is_positive_definite(const S (&p)[4][4]) {
+  double factor[4][4]{};
+  for (int n = 0; n < 4; ++n) {
     if (!(double(p[n][n]) > 0)) return false;
-    for (int m = 0; m < 3; ++m) c[n][m] = double(p[n][m]) / std::sqrt(double(p[n][n])) / std::sqrt(double(p[m][m]));
+    for (int m = n; m < 4; ++m) {
+      double left = double(p[n][m]) / std::sqrt(double(p[n][n]) * double(p[m][m]));
+      for (int k = 0; k < n; ++k) left -= factor[k][n] * factor[k][m];
+      if (m == n && !(left > 0)) return false;
+      factor[n][m] = m == n ? std::sqrt(left) : left / factor[n][n];
+    }
   }
-  const double second = c[0][0] * c[1][1] - c[0][1] * c[1][0];
-  const double third = c[0][0] * (c[1][1] * c[2][2] - c[1][2] * c[2][1]) -
-                       c[0][1] * (c[1][0] * c[2][2] - c[1][2] * c[2][0]) +
-                       c[0][2] * (c[1][0] * c[2][1] - c[1][1] * c[2][0]);
-  return second > 0 && third > 0;
+  return true;
 }
 
 template <class S>

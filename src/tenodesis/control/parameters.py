@@ -46,6 +46,8 @@ _OVER_LOAD = 5 / 3
 _JOG, _PULL, _TIP_ERROR = np.radians([0.8, 1.6, 0.5])
 # Of a drive's friction, by its current: what the file may state wrongly, and the angle over which it turns, rad.
 _UNSURE, _TURNS = _core.UNKNOWN_DRIVE_FRICTION, 3e-3
+# A load cell's gain may be twice as far off as its data sheet says: strokes show it.
+_GAIN_DOUBT = 2.0
 _NONE = 1e-9  # m; the core wants a positive stroke
 # Of a tip that one tendon alone pulls: it coasts when the motor stops, rad/s.
 _PULL_SPEED = 1.0
@@ -155,6 +157,7 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
     coefficient, bend, before = _before_handle(inst, in_handle, at_pretension)
     handle_step = max(numbers["encoder_resolution"], 2 * numbers["encoder_noise"])
     spool_step = numbers["motor_encoder_resolution"] * drives.spool_radius
+    slip_play = max(0.4 * numbers["proximal_radius"] * handle_step, spool_step, 1e-6)
     stretch = pretension / stiffness
     speed = drives.motor_speed / drives.gear_ratio
     stroke = control.common_stroke * stretch
@@ -191,7 +194,7 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
         "drive_time_constant": drives.time_constant,
         "hand_play": max(0.7 * handle_step, 1e-5),
         "sheath_play": max(3e-6, 10 * sensor.noise * before / stiffness, spool_step if sensor.friction else 0.0),
-        "play": max(0.4 * numbers["proximal_radius"] * handle_step, spool_step, 1e-6),
+        "play": slip_play,
         "length_noise": max(2 * spool_step, 2e-6),
         "smoothing": _SMOOTHING * period,
         "friction_scale_std": control.friction_uncertainty,
@@ -199,9 +202,9 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
         "compliance_std": control.stiffness_uncertainty,
         "forgetting": 0.05,
         "slack_tension": max(0.01 * pretension, 8 * sensor.noise),
-        "cell_gain_std": sensor.gain_error,
-        "bias_std": np.hypot(
-            sensor.offset / stiffness / np.sqrt(2), numbers["proximal_radius"] * inst.sensors.encoder_offset
+        "cell_gain_std": _GAIN_DOUBT * sensor.gain_error,
+        "bias_std": np.linalg.norm(
+            [sensor.offset / stiffness / np.sqrt(2), numbers["proximal_radius"] * inst.sensors.encoder_offset, slip_play / 4]
         ),
         "tremor_half_period": _HALF_PERIOD,
         "tremor_limit": np.radians(1.2),
