@@ -90,14 +90,16 @@ def load(size: float, count: int) -> Array:
 
 def play(inst: Instrument, work: Work, key: str = "", change: float = 0.0) -> tuple[Array, Array]:
     """Return tensions as read but for the noise, (n, 2), and the tip's error, (n,), with one unknown changed."""
-    handle, force = work.handle, FORCE
+    handle, force, rest = work.handle, FORCE, 0.0
     if key == "load":
         force += change
+    elif key == "rest":
+        rest = change
     elif key == "handle_offset":
         handle = handle + change
     elif "." not in key or key.startswith("friction"):
         inst = inst.replace(**{key: change}) if key else inst
-    run = Twin(inst).run(handle, load(force, handle.size), spool_velocity=work.velocity)
+    run = Twin(inst).run(handle, rest + load(force, handle.size), spool_velocity=work.velocity)
     read = np.array(run["tension"])
     kind, _, side = key.partition(".")
     if kind in ("gain", "offset"):
@@ -128,7 +130,8 @@ def bounds(row: Row, state: float) -> tuple[float, float, float]:
     handle = motion(inst, state)
     run = Twin(inst).run(handle, load(FORCE, handle.size), controller=Controller(inst))
     work = Work(handle, run["commanded_spool_velocity"])
-    unknown = dict(row.unknown) | {"load": 2 * FORCE}
+    # Nothing tells that the tip is free before the load comes.
+    unknown = dict(row.unknown) | {"load": 2 * FORCE, "rest": 2 * FORCE}
     found = [sensitivity(inst, work, key, deviation) for key, deviation in unknown.items()]
     readings, errors = np.stack([one[0] for one in found], -1), np.stack([one[1] for one in found], -1)
     sensors = inst.sensors

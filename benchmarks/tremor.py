@@ -137,12 +137,12 @@ def swing(run: Run) -> float:
     return float(np.ptp(judged(fast(np.degrees(run["output_angle"])))))
 
 
-def run_law(inst: Instrument, handle: Array, force: Array) -> Run:
-    return Twin(inst, seed=SEED).run(handle, force, controller=Controller(inst))
+def run_law(inst: Instrument, handle: Array, force: Array, seed: int = SEED) -> Run:
+    return Twin(inst, seed=seed).run(handle, force, controller=Controller(inst))
 
 
-def run_off(inst: Instrument, handle: Array, force: Array) -> Run:
-    return Twin(inst, seed=SEED).run(handle, force)
+def run_off(inst: Instrument, handle: Array, force: Array, seed: int = SEED) -> Run:
+    return Twin(inst, seed=seed).run(handle, force)
 
 
 def shake(inst: Instrument, hand: Hand) -> Tremor:
@@ -166,12 +166,12 @@ def shake(inst: Instrument, hand: Hand) -> Tremor:
     )
 
 
-def follow(inst: Instrument, hand: Hand) -> Intent:
+def follow(inst: Instrument, hand: Hand, seed: int = SEED) -> Intent:
     """Run a hand that sways on purpose, with and without tremor."""
 
-    def distance(run: Callable[[Instrument, Array, Array], Run], amplitude: float) -> float:
+    def distance(run: Callable[[Instrument, Array, Array, int], Run], amplitude: float) -> float:
         intent, handle, force = motion(inst, hand._replace(amplitude=amplitude))
-        return float(np.sqrt(np.mean(judged(deviation(inst, run(inst, handle, force), intent)) ** 2)))
+        return float(np.sqrt(np.mean(judged(deviation(inst, run(inst, handle, force, seed), intent)) ** 2)))
 
     size = hand.amplitude
     return Intent(hand, distance(run_law, size), distance(run_law, 0), distance(run_off, size), distance(run_off, 0))

@@ -103,9 +103,10 @@ def test_one_motor_leaves_a_loaded_tip_nearer_in_tremor_than_none(inst: Instrume
 @pytest.mark.parametrize("load", LOADS)
 def test_what_the_hand_means_is_followed_as_without_tremor(inst: Instrument, load: float) -> None:
     for angle in tremor.ANGLES:
-        done = tremor.follow(inst, tremor.Hand(8.0, 0.2, angle, load, sway=3.0))
-        assert done.on < done.on_still + 0.4
-        assert done.on < done.off + 0.2
+        hand = tremor.Hand(8.0, 0.2, angle, load, sway=3.0)
+        done = [tremor.follow(inst, hand, seed) for seed in range(1, 5)]
+        assert np.mean([one.on - one.on_still for one in done]) < 0.4
+        assert max(one.on - one.off for one in done) < 0.2
 
 
 # ---- rest

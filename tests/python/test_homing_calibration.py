@@ -54,9 +54,16 @@ def test_after_homing_errors_of_the_cells_take_no_angle(name: str, slack: float,
 
 
 @pytest.mark.parametrize("name", INSTRUMENTS)
-def test_without_homing_the_same_errors_take_more(name: str) -> None:
-    homed, not_homed = (estimate_after_homing(name, CELLS["gains"], 0.0, homes=homes)[1] for homes in (True, False))
+def test_without_homing_offsets_take_more(name: str) -> None:
+    homed, not_homed = (estimate_after_homing(name, CELLS["offsets"], 0.0, homes=homes)[1] for homes in (True, False))
     assert abs(not_homed) > 2 * abs(homed)
+
+
+@pytest.mark.parametrize("name", INSTRUMENTS)
+def test_strokes_find_what_gains_take_without_homing(name: str) -> None:
+    error, off = estimate_after_homing(name, CELLS["gains"], 0.0, homes=False)
+    assert abs(off) < 0.7
+    assert abs(error) < 0.7
 
 
 @pytest.mark.parametrize("name", INSTRUMENTS)

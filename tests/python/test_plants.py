@@ -145,14 +145,23 @@ def test_on_a_plant_of_its_own_structure_the_law_keeps_its_promise() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["rougher", "bent-front", "bent-rough"])
-def test_strokes_against_strong_friction_end_and_hardly_move_the_tip(name: str) -> None:
-    found = plants.judge({name: plants.ROWS[name]})[name]
+def test_strokes_against_strong_friction_end_and_hardly_move_the_tip() -> None:
+    found = plants.judge({"rougher": plants.ROWS["rougher"]}, seeds=3)["rougher"]
     assert found.final_rms < 0.3
     assert found.final_worst < 0.7
     assert found.later_worst < 1
     assert found.swing < 0.2
     # From 3 s after the load on.
     assert found.swing_since < 1
+    assert found.nees < 1.5
+    assert not found.faults
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["bent-front", "bent-rough"])
+def test_strong_friction_in_a_bent_sheath_takes_a_small_part_of_what_it_takes_without_motors(name: str) -> None:
+    found = plants.judge({name: plants.ROWS[name]}, seeds=3)[name]
+    assert found.final_rms < 0.05 * found.off_rms
+    assert found.final_worst < 0.2 * found.off_worst
     assert found.nees < 1.5
     assert not found.faults
