@@ -71,8 +71,9 @@
   ROW(compliance_std, "1", not_negative, "initial standard deviation of the compliance")                        \
   ROW(forgetting, "1/s^0.5", not_negative, "growth of these deviations, share per root second")                 \
   ROW(slack_tension, "N", not_negative, "tension below which a tendon counts as slack")                         \
-  ROW(cell_gain_std, "1", not_negative, "standard deviation of half the difference of the load cells' gains")                             \
-  ROW(bias_std, "m", not_negative, "of the tip's position by what slip does not show: constant errors of sensors, play") \
+  ROW(cell_gain_std, "1", not_negative, "standard deviation of half the difference of the load cells' gains")   \
+  ROW(bias_std, "m", not_negative,                                                                              \
+      "of the tip's position by what slip does not show: constant errors of sensors, play")                     \
   /* the hand's tremor */                                                                                       \
   ROW(tremor_half_period, "s", positive, "longest time between two reversals of tremor")                        \
   ROW(tremor_limit, "rad", not_negative, "largest amplitude of tremor, at the handle; 0: none")                 \

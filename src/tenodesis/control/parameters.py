@@ -204,7 +204,11 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
         "slack_tension": max(0.01 * pretension, 8 * sensor.noise),
         "cell_gain_std": _GAIN_DOUBT * sensor.gain_error,
         "bias_std": np.linalg.norm(
-            [sensor.offset / stiffness / np.sqrt(2), numbers["proximal_radius"] * inst.sensors.encoder_offset, slip_play / 4]
+            [
+                sensor.offset / stiffness / np.sqrt(2),
+                numbers["proximal_radius"] * inst.sensors.encoder_offset,
+                slip_play / 4,
+            ]
         ),
         "tremor_half_period": _HALF_PERIOD,
         "tremor_limit": np.radians(1.2),
