@@ -240,8 +240,9 @@ def test_a_fault_does_no_harm_until_it_is_named_nor_then(kind: str) -> None:
 @pytest.mark.slow
 def test_a_gain_that_changes_in_use_hardly_ever_does_harm() -> None:
     insts = harm.instruments(harm.RATED)
+    works = [harm.make_work(insts[n % 2], 1, n, True) for n in range(40)]
     with ThreadPoolExecutor(2) as pool:
-        done = list(pool.map(lambda n: harm.try_fault(harm.make_work(insts[n % 2], 1, n, True), "cell gain"), range(40)))
+        done = list(pool.map(lambda work: harm.try_fault(work, "cell gain"), works))
     for excess in ([one.before.off for one in done], [one.after.off for one in done]):
         assert np.mean(excess) < 0
         # Of a gain that is not detected, the law makes a load (docs/controller.md, "Not detected").
