@@ -202,7 +202,9 @@ struct Controller {
     const OperatingState before = state.supervisor.operating;
     const bool was_homing = state.supervisor.homing;
     supervisor.advance(request, faults, dt, state.supervisor);
-    change(before, was_homing, input, state);
+    const bool homing = state.supervisor.homing;
+    if (homing && (!was_homing || input.request == Request::home)) begin_homing(state);
+    if (state.supervisor.operating != before || homing != was_homing) begin_anew(before, state);
 
     for (int n = 0; n < count(); ++n) {
       const bool readable = (output.axis[n].faults & bit(Fault::not_a_number)) == 0;
@@ -251,21 +253,21 @@ struct Controller {
     for (int n = 0; n < count(); ++n) state.axis[n].watch.homed = false;
   }
 
-  void change(OperatingState before, bool was_homing, const Input& input, State& state) const {
-    const bool homing = state.supervisor.homing;
-    if (homing && (!was_homing || input.request == Request::home)) {
-      forget_home(state);
-      for (int n = 0; n < count(); ++n) {
-        state.axis[n].homing = axis[n].homing.begin(state.axis[n].watch.trusted);
-        state.axis[n].homing_failure = {};
-        // Homing judges the cells themselves.
-        for (int i = 0; i < 2; ++i) {
-          state.axis[n].offset[i] = S(0);
-          state.axis[n].correction[i] = S(1);
-        }
+  void begin_homing(State& state) const {
+    forget_home(state);
+    for (int n = 0; n < count(); ++n) {
+      state.axis[n].homing = axis[n].homing.begin(state.axis[n].watch.trusted);
+      state.axis[n].homing_failure = {};
+      // Homing judges the cells themselves.
+      for (int i = 0; i < 2; ++i) {
+        state.axis[n].offset[i] = S(0);
+        state.axis[n].correction[i] = S(1);
       }
     }
-    if (state.supervisor.operating == before && homing == was_homing) return;
+  }
+
+  // After a change of the operating state; before: that state.
+  void begin_anew(OperatingState before, State& state) const {
     for (int n = 0; n < count(); ++n) {
       state.axis[n].compensator = {};
       for (int i = 0; i < 2; ++i) state.axis[n].command.ahead[i] = state.axis[n].watch.following[i].behind;

@@ -51,8 +51,10 @@ struct FrictionObserver {
     const S tip = memory.tip;
     place_tip(position, ratio, memory);
     memory.tip_edge = clamp(memory.tip_edge + (memory.tip - tip) / settings.play, S(-1), S(1));
-    if (!calm(measured, memory) || !learn(position, ratio, memory)) grow(dt, memory);
-    learn_shares(model, settings, position, memory);
+    if (!calm(measured, memory) || !learn(position, ratio, memory)) {
+      grow(dt, memory);
+      learn_shares(model, settings, position, memory);
+    }
     memory.tip_slip = follow(memory.tip_slip, at_joint(memory), tip_plays * settings.play);
     for (int i = 0; i < 2; ++i) follow_to_tip(i, position[i], ratio, memory);
     doubt(memory);
@@ -181,12 +183,14 @@ struct FrictionObserver {
   // Of the change of tension that makes all contacts slip after a reversal, and of the friction scale that it is
   // computed with: contacts that stick must not seem to slip because friction is taken for too small.
   static constexpr S reversing_share = S(0.75), least_reversing_scale = S(1);
+  // By how many times as large a change they slip even if friction is a third stronger.
+  static constexpr S surely_reversed = S(1.9);
   // A reversal that noise and the model's errors feign must not turn the friction at the tip's joint.
   static constexpr S tip_plays = S(3);
   // What homing leaves of the deviations of compliance and gain error.
   static constexpr S homed_compliance_std = S(0.03), homed_gain_share = S(0.2);
-  // Where the compliance is, errs in the same way for many plays of slip.
-  static constexpr S share_plays = S(10);
+  // Where the compliance is, and which contacts stick, errs in the same way for many plays of slip.
+  static constexpr S structure_plays = S(10);
   // Of either gain error.
   static constexpr S most_gain_error = S(0.1);
 
@@ -414,7 +418,8 @@ struct FrictionObserver {
     const S at_joint = share[1] * memory.nominal[0], at_stem = share[2] * (memory.nominal[0] + memory.nominal[1]);
     const S to_stem = direction > S(0) ? S(1) / ratio[1] : ratio[1];
     // Tensions by the compliance that they stretch, up to the handle's joint and beyond.
-    S near(0), beyond_it(0), stems(0), apart(0), rubbing(0);
+    S near(0), beyond_it(0), stems(0), apart(0), rubbing(0), sticking(0);
+    const S reversed = S(1) + surely_reversed * (memory.reversing - S(1));
     for (int i = 0; i < 2; ++i) {
       const auto& one = memory.tendon[i];
       const S stem = one.tension[1] * to_stem;
@@ -425,6 +430,8 @@ struct FrictionObserver {
       stems = stems + stem;
       apart = before + after - apart;
       rubbing = rubbing + at_joint * one.tension[1] + at_stem * stem;
+      const S left = one.reversal.left(one.tension[0], reversed);
+      sticking = sticking + left * left;
     }
     const S pretensions = S(2) * model.axis.pretension;
     const S to_joint = share[0] + share[1];
@@ -434,8 +441,9 @@ struct FrictionObserver {
     const S by_gain = rubbing > S(0) ? -unit * apart : S(0);
     const S by[unknowns] = {direction * unit * rubbing, S(-1),
                             (pretensions - near - beyond_it) / model.axis.stiffness, by_gain};
-    const S noise =
-        settings.length_noise * settings.length_noise + share_plays * by_share * by_share * memory.share_variance;
+    const S by_stem = unit * share[2];
+    const S structure = by_share * by_share * memory.share_variance + by_stem * by_stem * sticking;
+    const S noise = settings.length_noise * settings.length_noise + structure_plays * structure;
     S gain[unknowns];
     S spread = spread_by(by, memory, gain);
     if (residual * residual > S(9) * (spread + noise)) {

@@ -75,6 +75,11 @@ struct Reversal {
   constexpr bool beyond(const S& now, const S& factor) const {
     return direction > S(0) ? now >= turned * factor : now * factor <= turned;
   }
+
+  /// Change of tension that is left until then, N.
+  constexpr S left(const S& now, const S& factor) const {
+    return larger(direction > S(0) ? turned * factor - now : now - turned / factor, S(0));
+  }
 };
 
 /// Follows the tension, whose noise is within a threshold; slips: whether all contacts slip in its direction.
