@@ -133,8 +133,7 @@ struct Compensator {
                              State& state) const {
     const bool strokes = state.phase == Phase::pull || state.phase == Phase::release;
     const S swing = strokes ? envelope.settings.stroke_swing : envelope.settings.least_swing;
-    envelope.update(observer.certain(observer.lag(memory), memory),
-                    swing * dead_length(memory.arm) + S(0.5) * observer.tremor_length(memory), observer, memory, dt,
+    envelope.update(swing * dead_length(memory.arm) + S(0.5) * observer.tremor_length(memory), observer, memory, dt,
                     state.envelope);
     const S stroke = across(observer, memory);
     if (actuation == Actuation::agonist) {
@@ -241,7 +240,10 @@ struct Compensator {
     const S lag = room.of(missing);
     state.yielding = lag != missing;
     // Some of the tremor is left.
-    const S dead = dead_length(memory.arm) * state.tolerance + S(0.15) * observer.tremor_length(memory);
+    const S tremor = observer.tremor_length(memory);
+    const S dead = dead_length(memory.arm) * state.tolerance + S(0.15) * tremor;
+    // A tip at rest is held by friction, which strokes would break: it must be further off to be worth them.
+    const S waking = S(2) * dead + S(0.5) * tremor;
     // A tremor turns the contacts at the handle to and fro, whatever the strokes do.
     const bool shaken = observer.trembles(memory);
     const bool moving = detect_hand_motion(memory.intent.angle, shaken, dt, state);
@@ -249,7 +251,7 @@ struct Compensator {
     const S wanted = wanted_common(memory);
     // A tick later than it was chosen, when there is less to compute.
     const bool begins = state.since <= S(0);
-    choose({lag, dead, moving, shaken, stroke, wanted, common - wanted}, observer, memory, dt, state);
+    choose({lag, dead, waking, moving, shaken, stroke, wanted, common - wanted}, observer, memory, dt, state);
     if (state.phase == Phase::rest) return {};
     const bool strokes = state.phase != Phase::track;
     const S authority = state.envelope.authority;
@@ -338,7 +340,8 @@ struct Compensator {
   /// What a choice depends on besides observer and state.
   struct Situation {
     S lag{};   ///< m
-    S dead{};  ///< band of it, m
+    S dead{};    ///< band of it, m
+    S waking{};  ///< above which a tip at rest is corrected, m
     bool moving{};
     bool shaken{};
     S stroke{};  ///< differential, m
@@ -348,7 +351,7 @@ struct Compensator {
 
   void choose(const Situation& now, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
               State& state) const {
-    const auto& [lag, dead, moving, shaken, across_now, wanted, above] = now;
+    const auto& [lag, dead, waking, moving, shaken, across_now, wanted, above] = now;
     // What the law would give back.
     const S share = settings.assistance;
     const S unseen = share * larger(memory.freedom[0], memory.freedom[1]);
@@ -366,7 +369,7 @@ struct Compensator {
     const bool far = abs(lag) > settings.far * dead;
     const bool steady = Envelope<A>::steady(state.envelope);
     state.since = smaller(state.since + dt, S(10));
-    if (moving || (far && state.phase == Phase::rest)) return turn(Phase::track, state);
+    if (moving || (far && state.phase == Phase::rest && abs(lag) > waking)) return turn(Phase::track, state);
     switch (state.phase) {
       case Phase::track:
         if (state.correcting) {
@@ -381,7 +384,7 @@ struct Compensator {
           turn(above > S(0) && !loose ? Phase::release : Phase::pull, state);
         return;
       case Phase::rest:
-        if (steady && (abs(lag) > S(2) * dead || (!shaken && unseen > S(4) * dead)))
+        if (steady && (abs(lag) > waking || (!shaken && unseen > S(4) * dead)))
           turn(next_stroke(above, stroke, loose, state), state);
         return;
       case Phase::pull:

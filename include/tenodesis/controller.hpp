@@ -188,12 +188,11 @@ struct Controller {
   OperatingState step(const Input& input, State& state, Output& output) const {
     const S dt = elapsed(input, state);
     const Request request = allowed(input.request, state);
-    Measurement<S> measured[most_axes];
     std::uint32_t faults = 0;
     for (int n = 0; n < count(); ++n) {
       AxisMemory<S>& memory = state.axis[n];
-      measured[n] = axis[n].from_zero(input.axis[n], memory);
-      std::uint32_t found = axis[n].watch.check(measured[n], memory.command.sent, dt, memory.watch);
+      const Measurement<S> measured = axis[n].from_zero(input.axis[n], memory);
+      std::uint32_t found = axis[n].watch.check(measured, memory.command.sent, dt, memory.watch);
       if (state.supervisor.homing) found = axis[n].homing.explain(found, memory.homing);
       output.axis[n].faults = found | memory.failed;
       memory.failed = 0;
@@ -208,12 +207,11 @@ struct Controller {
 
     for (int n = 0; n < count(); ++n) {
       const bool readable = (output.axis[n].faults & bit(Fault::not_a_number)) == 0;
+      AxisMemory<S>& memory = state.axis[n];
       // An implausible reading is not used while the watch waits whether it lasts.
-      if (readable) {
-        measured[n] = state.axis[n].watch.trusted;
-        axis[n].correct(state.axis[n], measured[n]);
-      }
-      run(n, measured[n], readable, dt, state, output.axis[n]);
+      Measurement<S> measured = readable ? memory.watch.trusted : axis[n].from_zero(input.axis[n], memory);
+      if (readable) axis[n].correct(memory, measured);
+      run(n, measured, readable, dt, state, output.axis[n]);
     }
     if (state.supervisor.homing) finish_homing(state);
 

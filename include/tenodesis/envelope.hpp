@@ -34,6 +34,7 @@ struct EnvelopeState {
   S low{};  ///< bounds of the differential stroke, m
   S high{};
   S excess{};        ///< of the stroke over them, m
+  S lag{};           ///< of the tip, moved only by what is certain, m
   S extreme{};       ///< of the lag since its last reversal, m
   S reversed{};      ///< lag at that reversal, m
   S direction{1};    ///< of the lag since then
@@ -58,10 +59,13 @@ struct Envelope {
   EnvelopeSettings<S> settings{};
 
   /// Follows the bounds and the lag; threshold: of a reversal, m.
-  void update(const S& lag, const S& threshold, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
-              const S& dt, State& state) const {
+  void update(const S& threshold, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
+              State& state) const {
     follow_bounds(observer, memory, dt, state);
-    count_swings(lag, threshold, memory.intent.angle, dt, state);
+    // A lag that only becomes uncertain, as while a stroke reverses, has not moved.
+    const S lag = observer.lag(memory);
+    state.lag = clamp(state.lag, lag - memory.freedom[0], lag + memory.freedom[1]);
+    count_swings(threshold, memory.intent.angle, dt, state);
   }
 
   /// Whether the lag is steady enough for common strokes, which free what friction holds.
@@ -108,7 +112,8 @@ struct Envelope {
     state.low = state.low + (low - state.low) * share;
   }
 
-  void count_swings(const S& lag, const S& threshold, const S& handle_angle, const S& dt, State& state) const {
+  void count_swings(const S& threshold, const S& handle_angle, const S& dt, State& state) const {
+    const S& lag = state.lag;
     state.swings = state.swings - state.swings * dt * settings.forgetting;
     state.since = smaller(state.since + dt, S(100));
     if ((lag - state.extreme) * state.direction > S(0)) {
