@@ -131,10 +131,8 @@ struct Compensator {
 
   Winding<S> within_envelope(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
                              State& state) const {
-    const bool strokes = state.phase == Phase::pull || state.phase == Phase::release;
-    const S swing = strokes ? envelope.settings.stroke_swing : envelope.settings.least_swing;
-    envelope.update(swing * dead_length(memory.arm) + S(0.5) * observer.tremor_length(memory), observer, memory, dt,
-                    state.envelope);
+    envelope.update(envelope.settings.least_swing * dead_length(memory.arm) + S(0.5) * observer.tremor_length(memory),
+                    observer, memory, dt, state.envelope);
     const S stroke = across(observer, memory);
     if (actuation == Actuation::agonist) {
       const Winding<S> wanted = one_motor(stroke, observer, memory, state);
@@ -339,7 +337,7 @@ struct Compensator {
 
   /// What a choice depends on besides observer and state.
   struct Situation {
-    S lag{};   ///< m
+    S lag{};     ///< m
     S dead{};    ///< band of it, m
     S waking{};  ///< above which a tip at rest is corrected, m
     bool moving{};

@@ -7,8 +7,8 @@
 
 namespace tenodesis {
 
-/// Bounds of the friction scale: there may be hardly any friction; a sheath may be bent ten times as far as assumed, and
-/// a drifting load cell looks like more.
+/// Bounds of the friction scale: there may be hardly any friction; a sheath may be bent ten times as far as assumed,
+/// and a drifting load cell looks like more.
 template <Real S>
 inline constexpr S least_scale = S(0.05);
 template <Real S>

@@ -212,8 +212,8 @@ struct FrictionObserver {
     const auto& p = memory.covariance;
     memory.doubt = unseen * unseen * S(1.0 / 3) + by_friction * by_friction * p[0][0] + p[1][1] * S(0.25) +
                    by_compliance * by_compliance * p[2][2] + by_share * by_share * memory.share_variance;
-    memory.deviation = sqrt(settings.bias_std * settings.bias_std + by_gain * by_gain * p[3][3] + shaken * shaken +
-                            memory.doubt);
+    memory.deviation =
+        sqrt(settings.bias_std * settings.bias_std + by_gain * by_gain * p[3][3] + shaken * shaken + memory.doubt);
   }
 
   void set_exponents(Memory& memory) const {
@@ -383,8 +383,7 @@ struct FrictionObserver {
     S spread(0);
     for (int n = 0; n < unknowns; ++n) {
       gain[n] = S(0);
-      for (int m = 0; m < unknowns; ++m)
-        gain[n] = gain[n] + memory.covariance[smaller(n, m)][larger(n, m)] * by[m];
+      for (int m = 0; m < unknowns; ++m) gain[n] = gain[n] + memory.covariance[smaller(n, m)][larger(n, m)] * by[m];
       spread = spread + by[n] * gain[n];
     }
     return larger(spread, S(0));
@@ -439,8 +438,8 @@ struct FrictionObserver {
     const S by_share = unit * (stems - near / to_joint);
     // Without friction in the parameters, its effect must not be taken for one of the gains.
     const S by_gain = rubbing > S(0) ? -unit * apart : S(0);
-    const S by[unknowns] = {direction * unit * rubbing, S(-1),
-                            (pretensions - near - beyond_it) / model.axis.stiffness, by_gain};
+    const S by[unknowns] = {direction * unit * rubbing, S(-1), (pretensions - near - beyond_it) / model.axis.stiffness,
+                            by_gain};
     const S by_stem = unit * share[2];
     const S structure = by_share * by_share * memory.share_variance + by_stem * by_stem * sticking;
     const S noise = settings.length_noise * settings.length_noise + structure_plays * structure;
