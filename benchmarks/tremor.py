@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from harm import EASED, LOADED, RATED, differing, eased, instruments
 from numpy.typing import NDArray
-from scipy import signal
+from scipy import linalg, signal
 
 import tenodesis as tn
 from tenodesis.control import Controller
@@ -105,6 +105,32 @@ def tremor(frequency: float | None, time: Array) -> Array:
     white = np.random.default_rng(SEED).normal(size=time.size)
     noise = signal.lfilter(resonance[0].ravel(), resonance[1], white)
     return np.asarray(noise / noise.std() / np.sqrt(2))
+
+
+def unpredictable(inst: Instrument, amplitude: float) -> float:
+    """Return the share of an irregular tremor's swing that the best linear predictor leaves.
+
+    It knows the tremor's spectrum and reads the handle's encoder; motors follow after the time constant of their drives
+    (Kalman, J. Basic Eng. 82, 1960).
+    """
+    time, pulsation = clock(), 2 * np.pi * RESONANCE
+    step = np.degrees(inst.sensors.encoder_range) / 2**inst.sensors.encoder_bits
+    ahead = round(inst.drives.time_constant / TIME_STEP)
+    onward = linalg.expm(np.array([[0, 1], [-(pulsation**2), -2 * DAMPING * pulsation]]) * TIME_STEP)
+    usual = np.diag([1, pulsation**2]) * amplitude**2 / 2
+    unsure = linalg.solve_discrete_are(
+        onward.T, np.array([[1.0], [0.0]]), usual - onward @ usual @ onward.T, np.array([[step**2 / 12]])
+    )
+    gain = unsure[:, 0] / (unsure[0, 0] + step**2 / 12)
+    shaken = amplitude * tremor(None, time)
+    state, later = np.zeros(2), np.linalg.matrix_power(onward, ahead)[0]
+    left = shaken.copy()
+    for n, reading in enumerate(np.round(shaken / step) * step):
+        state = onward @ state
+        state = state + gain * (reading - state[0])
+        if n + ahead < left.size:
+            left[n + ahead] -= later @ state
+    return float(np.ptp(judged(fast(left))) / np.ptp(judged(fast(shaken))))
 
 
 def motion(inst: Instrument, hand: Hand) -> tuple[Array, Array, Array]:
@@ -224,6 +250,18 @@ def report_summary(name: str, done: Sequence[Tremor]) -> None:
     )
 
 
+def report_prediction(inst: Instrument, done: Sequence[Tremor]) -> None:
+    """Print what is left of an irregular tremor at a straight and free tip, and what the best predictor would leave."""
+    free = [one for one in done if one.hand.frequency is None and not (one.hand.angle or one.hand.load)]
+    for words, shares in (
+        ("the law", [one.swing / one.swing_free for one in free]),
+        ("the best linear predictor", [unpredictable(inst, one.hand.amplitude) for one in free]),
+    ):
+        print(
+            f"  noise at 0°, no load: {words} leaves of the swing without friction", *(f"{one:.2f}" for one in shares)
+        )
+
+
 def report_intent(name: str, done: Sequence[Intent]) -> None:
     print(
         f"{name}: {INTENT:g}° at {INTENT_RATE:g} Hz at the handle, meant; RMS error of the tip in deg, with tremor of "
@@ -246,6 +284,7 @@ def main() -> None:
         for inst in instruments(names):
             own = done[inst.name] = list(pool.map(lambda hand, inst=inst: shake(inst, hand), hands()))
             report_tremor(inst.name, own)
+            report_prediction(inst, own)
             report_intent(inst.name, list(pool.map(lambda hand, inst=inst: follow(inst, hand), swaying_hands())))
     for name, own in done.items():
         report_summary(name, own)

@@ -103,6 +103,7 @@ static const tenodesis_parameters scaled_up = {
                 .envelope_compliance = TENODESIS_C(1.3), /* 1: largest plausible compliance over the observer's */
                 .envelope_smoothing = TENODESIS_C(0.1), /* s: time constant of the bounds of a stroke */
                 .least_swing = TENODESIS_C(1.5), /* 1: lag by which its reversal stands out, in dead bands */
+                .stroke_swing = TENODESIS_C(1.5), /* 1: the same during a common stroke */
                 .swing_time = TENODESIS_C(0.07196531932165241), /* s: least time between two reversals: the tip itself oscillates faster */
                 .swing_memory = TENODESIS_C(2.0), /* s: time constant with which reversals are forgotten */
                 .swing_hand_travel = TENODESIS_C(0.03490658503988659), /* rad: handle travel between reversals above which the hand made them */

@@ -131,7 +131,9 @@ struct Compensator {
 
   Winding<S> within_envelope(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
                              State& state) const {
-    envelope.update(envelope.settings.least_swing * dead_length(memory.arm) + S(0.5) * observer.tremor_length(memory),
+    const bool strokes = state.phase == Phase::pull || state.phase == Phase::release;
+    const S swing = strokes ? envelope.settings.stroke_swing : envelope.settings.least_swing;
+    envelope.update(observer.lag(memory), swing * dead_length(memory.arm) + S(0.5) * observer.tremor_length(memory),
                     observer, memory, dt, state.envelope);
     const S stroke = across(observer, memory);
     if (actuation == Actuation::agonist) {

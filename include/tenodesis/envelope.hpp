@@ -16,15 +16,16 @@ namespace tenodesis {
 
 template <class S>
 struct EnvelopeSettings {
-  S margin{};       ///< of the differential stroke beyond its bounds, m
-  S friction{};     ///< largest plausible friction over the observer's
-  S compliance{};   ///< largest plausible compliance over the observer's
-  S smoothing{};    ///< time constant of the bounds, s
-  S least_swing{};  ///< lag by which a reversal stands out, in dead bands
-  S swing_time{};   ///< least time between two reversals, s: the tip itself oscillates faster
-  S forgetting{};   ///< rate at which reversals are forgotten, 1/s
-  S hand_travel{};  ///< handle travel between two reversals above which the hand has made them, rad
-  S return_rate{};  ///< rate at which spools return while the law has no authority, 1/s
+  S margin{};        ///< of the differential stroke beyond its bounds, m
+  S friction{};      ///< largest plausible friction over the observer's
+  S compliance{};    ///< largest plausible compliance over the observer's
+  S smoothing{};     ///< time constant of the bounds, s
+  S least_swing{};   ///< lag by which a reversal stands out, in dead bands
+  S stroke_swing{};  ///< the same during a common stroke
+  S swing_time{};    ///< least time between two reversals, s: the tip itself oscillates faster
+  S forgetting{};    ///< rate at which reversals are forgotten, 1/s
+  S hand_travel{};   ///< handle travel between two reversals above which the hand has made them, rad
+  S return_rate{};   ///< rate at which spools return while the law has no authority, 1/s
 };
 
 /// What the law may do at present.
@@ -58,11 +59,10 @@ struct Envelope {
   EnvelopeSettings<S> settings{};
 
   /// Follows the bounds and the lag; threshold: of a reversal, m.
-  void update(const S& threshold, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
-              State& state) const {
+  void update(const S& lag, const S& threshold, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
+              const S& dt, State& state) const {
     follow_bounds(observer, memory, dt, state);
     // A lag that only becomes uncertain, as while a stroke reverses, has not moved.
-    const S lag = observer.lag(memory);
     state.lag = clamp(state.lag, lag - memory.freedom[0], lag + memory.freedom[1]);
     count_swings(threshold, memory.intent.angle, dt, state);
   }

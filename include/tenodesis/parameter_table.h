@@ -106,6 +106,7 @@
   ROW(envelope_compliance, "1", positive, "largest plausible compliance over the observer's")                   \
   ROW(envelope_smoothing, "s", not_negative, "time constant of the bounds of a stroke")                         \
   ROW(least_swing, "1", positive, "lag by which its reversal stands out, in dead bands")                        \
+  ROW(stroke_swing, "1", positive, "the same during a common stroke")                                           \
   ROW(swing_time, "s", not_negative, "least time between two reversals: the tip itself oscillates faster")      \
   ROW(swing_memory, "s", positive, "time constant with which reversals are forgotten")                          \
   ROW(swing_hand_travel, "rad", positive, "handle travel between reversals above which the hand made them")     \

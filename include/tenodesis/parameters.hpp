@@ -88,8 +88,8 @@ constexpr AxisController<A> axis_controller(const P& p) {
       S(p.assistance),   S(p.hand_travel),    S(p.still_time),      S(p.tremor_delay),        S(p.tremor_gain)};
   axis.compensator.envelope = {model,
                                {S(p.envelope_margin) * model.axis.distal.moment_arm(S(0)), S(p.envelope_friction),
-                                S(p.envelope_compliance), S(p.envelope_smoothing), S(p.least_swing), S(p.swing_time),
-                                S(1) / S(p.swing_memory), S(p.swing_hand_travel), S(p.return_rate)}};
+                                S(p.envelope_compliance), S(p.envelope_smoothing), S(p.least_swing), S(p.stroke_swing),
+                                S(p.swing_time), S(1) / S(p.swing_memory), S(p.swing_hand_travel), S(p.return_rate)}};
   axis.homing = {model,
                  {S(p.homing_speed), S(p.homing_gain), S(p.homing_stroke), S(p.homing_overshoot), S(p.homing_tolerance),
                   S(p.homing_settle_time), S(p.homing_time), S(p.homing_least_stretch), S(p.homing_jog),

@@ -240,6 +240,7 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
         "envelope_compliance": 1.3,
         "envelope_smoothing": 0.1,
         "least_swing": 1.5,
+        "stroke_swing": 1.5,
         "swing_time": max(0.04, 1.3 * np.pi / plant.natural_frequency(inst)),
         "swing_memory": 2.0,
         "swing_hand_travel": np.radians(2),
