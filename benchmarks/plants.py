@@ -247,8 +247,11 @@ def instrument(name: str) -> Instrument:
     return inst.replace(tendon_stiffness=inst.tendon_stiffness * inst.mismatch.stiffness_ratio, mismatch=None)
 
 
-def cases_of(row: Row, seeds: int = 1) -> list[Case]:
-    """Return a row's cases, those with motors first, and then the same with motors that stand."""
+def cases_of(row: Row, seeds: int = 1, drawn: bool = False) -> list[Case]:
+    """Return a row's cases, those with motors first, and then the same with motors that stand.
+
+    drawn: whether each plant's sensors have errors of calibration, drawn as the instrument's file states them.
+    """
     inst = instrument(row.instrument).replace(**row.stated)
     plant, load = plant_of(inst, **row.changes), RATED[row.instrument] * row.load
     coefficients = {f"friction.{key}": getattr(inst.friction, key) for key in COEFFICIENTS}
@@ -257,7 +260,9 @@ def cases_of(row: Row, seeds: int = 1) -> list[Case]:
     for _, state, tremor, depth in product(range(seeds), row.states, row.tremors, row.depths):
         lane = with_tissue(plant, np.radians(state - depth)) if depth else plant
         for model in known:
-            found.append(Case(lane, model, np.radians(state), load, np.radians(tremor), seed=len(found)))
+            seed = len(found)
+            own = with_calibration(lane, inst, seed) if drawn else lane
+            found.append(Case(own, model, np.radians(state), load, np.radians(tremor), seed=seed))
     return found + [case._replace(known=None) for case in found]
 
 
@@ -265,6 +270,19 @@ def with_tissue(plant: Plant, angle: float) -> Plant:
     """Return a plant whose tip meets tissue at an output angle, damped a fifth of critically."""
     damping = 0.4 * np.sqrt(TISSUE * plant.inertia) / plant.tip_length
     return replace(plant, tissue_angle=angle, tissue_stiffness=TISSUE, tissue_damping=damping)
+
+
+def with_calibration(plant: Plant, inst: Instrument, seed: int) -> Plant:
+    """Return a plant whose cells and handle encoder have errors drawn from the deviations that the file states."""
+    rng, sensors = np.random.default_rng(seed), inst.sensors
+    gains = np.array(plant.cell_gain) * (1 + rng.normal(0, sensors.load_cell_gain_error, 2))
+    offsets = np.array(plant.cell_offset) + rng.normal(0, sensors.load_cell_offset, 2)
+    return replace(
+        plant,
+        cell_gain=(float(gains[0]), float(gains[1])),
+        cell_offset=(float(offsets[0]), float(offsets[1])),
+        handle_offset=plant.handle_offset + rng.normal(0, sensors.encoder_offset),
+    )
 
 
 class Summary(NamedTuple):
@@ -342,9 +360,9 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def judge(rows: Mapping[str, Row], seconds: float = SECONDS, seeds: int = 1) -> dict[str, Summary]:
+def judge(rows: Mapping[str, Row], seconds: float = SECONDS, seeds: int = 1, drawn: bool = False) -> dict[str, Summary]:
     """Run rows, all of their cases together, and summarise each."""
-    cases = {name: cases_of(one, seeds) for name, one in rows.items()}
+    cases = {name: cases_of(one, seeds, drawn) for name, one in rows.items()}
     traces = iter(run([case for own in cases.values() for case in own], seconds))
     return {name: summary(own, [next(traces) for _ in own]) for name, own in cases.items()}
 
@@ -372,10 +390,11 @@ def main() -> None:
     parser.add_argument("--rows", nargs="+", choices=[*ROWS], metavar="ROW", help=f"of {', '.join(ROWS)}")
     parser.add_argument("--quick", action="store_true", help="the first three rows only")
     parser.add_argument("--seeds", type=int, default=1, help="of noise and the tremor's phase")
+    parser.add_argument("--drawn", action="store_true", help="errors of calibration as the instrument's file states")
     options = parser.parse_args()
     names = options.rows or list(ROWS)[: 3 if options.quick else None]
     begun = time.perf_counter()
-    done = judge({name: ROWS[name] for name in names}, seeds=options.seeds)
+    done = judge({name: ROWS[name] for name in names}, seeds=options.seeds, drawn=options.drawn)
     print(HEADING)
     for name, one in done.items():
         print(line(ROWS[name].words, one))

@@ -24,6 +24,8 @@ void a_tension_has_reversed_once_it_has_come_back_by_more_than_noise() {
   CLAIM(one.direction == S(-1) && one.stick == Stick::all);
   CLAIM_NEAR(double(one.turned), 30, 1e-5);
   CLAIM(one.beyond(S(28), S(1.05)) && !one.beyond(S(28), S(1.1)));
+  CLAIM(one.left(S(28), S(1.05)) == S(0));
+  CLAIM_NEAR(double(one.left(S(28), S(1.2))), 28 - 30 / 1.2, 1e-5);
 }
 
 // Contacts that did not slip before the reversal may slip right after it.

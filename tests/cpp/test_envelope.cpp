@@ -85,6 +85,21 @@ void a_lag_that_reverses_at_3_hz_takes_the_authority_and_gives_it_back(const A& 
   CLAIM(Envelope<A>::steady(fixture.state));
 }
 
+// A stroke that reverses leaves both tendons' contacts unknown for a while, each time.
+template <class A>
+void a_lag_that_is_only_unknown_for_a_while_takes_none(const A& axis) {
+  using S = A::Scalar;
+  Fixture<A> fixture(axis);
+  for (int n = 0; n < int(3 / dt); ++n) {
+    const double at = std::sin(2 * pi * 3 * n * dt);
+    const S lag = S(5) * fixture.least;
+    const S off = S(at > 0 ? 4 * at : 0) * fixture.least;
+    fixture.memory.freedom[0] = fixture.memory.freedom[1] = off;
+    fixture.envelope().update(lag - off, fixture.least, fixture.own.friction, fixture.memory, S(dt), fixture.state);
+  }
+  CLAIM(fixture.state.authority == S(1));
+}
+
 template <class A>
 void neither_the_hand_nor_rare_loads_nor_the_tips_own_oscillation_take_it(const A& axis) {
   Fixture<A> hand(axis);
@@ -116,6 +131,7 @@ void in_one_precision() {
     a_load_explains_the_stroke_that_restores_its_loss_and_no_more(axis);
     beyond_its_bounds_a_stroke_is_taken_back_whatever_the_law_wants(axis);
     a_lag_that_reverses_at_3_hz_takes_the_authority_and_gives_it_back(axis);
+    a_lag_that_is_only_unknown_for_a_while_takes_none(axis);
     neither_the_hand_nor_rare_loads_nor_the_tips_own_oscillation_take_it(axis);
     without_authority_a_stroke_returns_to_what_the_tensions_prove(axis);
   };

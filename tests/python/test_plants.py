@@ -158,10 +158,21 @@ def test_strokes_against_strong_friction_end_and_hardly_move_the_tip() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["bent-front", "bent-rough"])
-def test_strong_friction_in_a_bent_sheath_takes_a_small_part_of_what_it_takes_without_motors(name: str) -> None:
+@pytest.mark.parametrize("name", ["four", "bent-front", "bent-rough", "rough-soft", "all"])
+def test_strong_friction_beside_other_differences_leaves_what_the_paper_s_step_may_leave(name: str) -> None:
     found = plants.judge({name: plants.ROWS[name]}, seeds=3)[name]
-    assert found.final_rms < 0.05 * found.off_rms
-    assert found.final_worst < 0.2 * found.off_worst
+    assert found.final_rms < 0.3
+    assert found.final_worst < 0.7
     assert found.nees < 1.5
+    # Contacts that stick must not be taken for friction that is hardly there.
+    assert found.least_scale > 0.5
+    assert not found.faults
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["nothing", "two", "rough", "wrist", "real"])
+def test_the_deviation_covers_errors_of_calibration_as_the_file_states_them(name: str) -> None:
+    found = plants.judge({name: plants.ROWS[name]}, seeds=4, drawn=True)[name]
+    assert 0.1 < found.nees < 1.5
+    assert found.final_rms < 0.3
     assert not found.faults
