@@ -189,8 +189,8 @@ struct FrictionObserver {
   static constexpr S tip_plays = S(3);
   // What homing leaves of the deviations of compliance and gain error.
   static constexpr S homed_compliance_std = S(0.03), homed_gain_share = S(0.2);
-  // Where the compliance is, and which contacts stick, errs in the same way for many plays of slip.
-  static constexpr S structure_plays = S(10);
+  // Plays of slip for which errors of where the compliance is, and of contacts that still stick, are alike.
+  static constexpr S share_plays = S(2), sticking_plays = S(10);
   // Of either gain error.
   static constexpr S most_gain_error = S(0.1);
 
@@ -441,8 +441,9 @@ struct FrictionObserver {
     const S by[unknowns] = {direction * unit * rubbing, S(-1), (pretensions - near - beyond_it) / model.axis.stiffness,
                             by_gain};
     const S by_stem = unit * share[2];
-    const S structure = by_share * by_share * memory.share_variance + by_stem * by_stem * sticking;
-    const S noise = settings.length_noise * settings.length_noise + structure_plays * structure;
+    const S noise = settings.length_noise * settings.length_noise +
+                    share_plays * by_share * by_share * memory.share_variance +
+                    sticking_plays * by_stem * by_stem * sticking;
     S gain[unknowns];
     S spread = spread_by(by, memory, gain);
     if (residual * residual > S(9) * (spread + noise)) {
