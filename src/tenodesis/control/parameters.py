@@ -202,12 +202,14 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
         "compliance_std": control.stiffness_uncertainty,
         "forgetting": 0.05,
         "slack_tension": max(0.01 * pretension, 8 * sensor.noise),
-        "cell_gain_std": _GAIN_DOUBT * sensor.gain_error,
+        # Strokes show constant gains; that of a current turns with its motor.
+        "cell_gain_std": 0.0 if sensor.per_current else _GAIN_DOUBT * sensor.gain_error,
         "bias_std": np.linalg.norm(
             [
                 sensor.offset / stiffness / np.sqrt(2),
                 numbers["proximal_radius"] * inst.sensors.encoder_offset,
                 slip_play / 4,
+                sensor.gain_error * stretch if sensor.per_current else 0.0,
             ]
         ),
         "tremor_half_period": _HALF_PERIOD,
@@ -239,8 +241,8 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
         "envelope_friction": 2.0,
         "envelope_compliance": 1.3,
         "envelope_smoothing": 0.1,
-        "least_swing": 1.5,
-        "stroke_swing": 1.5,
+        "least_swing": 3.0,
+        "stroke_swing": 3.0,
         "swing_time": max(0.04, 1.3 * np.pi / plant.natural_frequency(inst)),
         "swing_memory": 2.0,
         "swing_hand_travel": np.radians(2),
