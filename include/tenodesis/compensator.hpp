@@ -144,8 +144,10 @@ struct Compensator {
               -smaller(envelope.settings.return_rate * spare, settings.common_speed)};
     }
     const Winding<S> wanted = two_motors(stroke, observer, memory, dt, state);
-    const S along = (wanted.agonist + wanted.antagonist) * S(0.5);
     const S allowed = envelope.within((wanted.agonist - wanted.antagonist) * S(0.5), stroke, state.envelope);
+    const S common = (wanted.agonist + wanted.antagonist) * S(0.5);
+    // Where one tendon is at its limit, tightening the other would take the stroke further beyond its bounds.
+    const S along = state.envelope.excess > S(0) ? smaller(common, S(0)) : common;
     // The motors take the hand's tremor away, as far as it is known when they follow.
     const S against = observer.trembles(memory) ? settings.tremor_gain * observer.tremor_arm() *
                                                       memory.intent.speed_after(settings.tremor_delay)
