@@ -147,7 +147,9 @@ struct Compensator {
     const S allowed = envelope.within((wanted.agonist - wanted.antagonist) * S(0.5), stroke, state.envelope);
     const S common = (wanted.agonist + wanted.antagonist) * S(0.5);
     // Where one tendon is at its limit, tightening the other would take the stroke further beyond its bounds.
-    const S along = state.envelope.excess > S(0) ? smaller(common, S(0)) : common;
+    const bool at_limit =
+        larger(memory.smooth.tension[agonist], memory.smooth.tension[antagonist]) > S(0.94) * settings.tension_limit;
+    const S along = at_limit && state.envelope.excess > S(0) ? smaller(common, S(0)) : common;
     // The motors take the hand's tremor away, as far as it is known when they follow.
     const S against = observer.trembles(memory) ? settings.tremor_gain * observer.tremor_arm() *
                                                       memory.intent.speed_after(settings.tremor_delay)

@@ -54,7 +54,7 @@ tenodesis_axis_parameters axis_parameters(const A& axis) {
   p.tension_limit = 80;
   p.hand_travel = 3.5 * counts, p.still_time = 0.1;
   p.envelope_margin = degree, p.envelope_friction = 2, p.envelope_compliance = 1.3, p.envelope_smoothing = 0.1;
-  p.least_swing = 3, p.stroke_swing = 3, p.swing_time = 0.04, p.swing_memory = 2, p.swing_hand_travel = 2 * degree;
+  p.least_swing = 2, p.stroke_swing = 2, p.swing_time = 0.04, p.swing_memory = 2, p.swing_hand_travel = 2 * degree;
   p.return_rate = 4;
   p.homing_speed = 5e-3, p.homing_gain = 8, p.homing_stroke = 0.03, p.homing_overshoot = 0.15;
   p.tremor_half_period = 0.1, p.tremor_limit = 1.2 * degree, p.tremor_memory = 1, p.tremor_smoothing = 4e-3;
