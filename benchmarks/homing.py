@@ -302,7 +302,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--starts", type=int, default=500, help="of each kind and instrument")
     parser.add_argument("--currents", action="store_true", help="motor currents, gear of 0.9, in place of load cells")
-    parser.add_argument("instruments", nargs="*", default=[*tn.shipped()], help="names or files")
+    parser.add_argument("instruments", nargs="*", default=["real-size", "scaled-up"], help="names or files")
     options = parser.parse_args()
     for name in options.instruments:
         inst = tn.load(name)

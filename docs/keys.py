@@ -13,8 +13,7 @@ from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from tenodesis.coupled import CoupledInstrument
-from tenodesis.instrument import JOINT_TYPES, Instrument
+from tenodesis.instrument import JOINT_TYPES, FullForm, ShortForm
 from tenodesis.scaling.catalogue_file import CatalogueFile
 from tenodesis.simulate.protocol import Protocol
 from tenodesis.tolerance.files import Tolerances
@@ -32,7 +31,7 @@ and check.
 | file | what it describes | example |
 |---|---|---|
 | [instrument](#instrument-file) | one instrument: its dimensions, and what else is known of it | [pulley.toml](../examples/pulley.toml) |
-| [coupled instrument](#coupled-instrument-file) | joints and tendons, each tendon with the joints that it crosses ([explained](coupled.md)) | [needle-driver.toml](../src/tenodesis/coupled/shipped/needle-driver.toml) |
+| [coupled instrument](#coupled-instrument-file) | joints and tendons, each tendon with the joints that it crosses ([explained](coupled.md)) | [needle-driver.toml](../instruments/needle-driver.toml) |
 | [protocol](#protocol-file) | an experiment on the bench, phase by phase | [protocol.toml](../examples/protocol.toml) |
 | [motion](#motion-file) | a recorded motion of the handle, CSV | |
 | [catalogue](#catalogue-file) | parts and constraints for scale models | |
@@ -80,7 +79,7 @@ def page() -> str:
             _PROSE["instrument"],
             *_instrument(),
             _PROSE["coupled"],
-            *_sections(CoupledInstrument, "the coupled instrument"),
+            *_sections(FullForm, "the coupled instrument"),
             _PROSE["protocol"],
             *_sections(Protocol, "the protocol"),
             _PROSE["motion"],
@@ -94,7 +93,7 @@ def page() -> str:
 
 def models() -> list[type[BaseModel]]:
     """Return every model whose keys a file may have."""
-    kinds = (*JOINT_TYPES.values(), CoupledInstrument, Protocol, CatalogueFile, Tolerances)
+    kinds = (*JOINT_TYPES.values(), FullForm, Protocol, CatalogueFile, Tolerances)
     found = [model for kind in kinds for model in _below(kind)]
     return list(dict.fromkeys(found))
 
@@ -108,14 +107,14 @@ def _instrument() -> Iterator[str]:
     yield f"### Every instrument\n\n{_HEADER}"
     kinds = " or ".join(f'`"{name}"`' for name in JOINT_TYPES)
     yield f"| `joint_type` | text | *required* | {kinds} | Mechanism of the joints |"
-    common = {name: field for name, field in Instrument.model_fields.items() if name != "joint_type"}
+    common = {name: field for name, field in ShortForm.model_fields.items() if name != "joint_type"}
     yield from (_row(name, field) for name, field in common.items())
     for name, kind in JOINT_TYPES.items():
-        own = {name: field for name, field in kind.model_fields.items() if name not in Instrument.model_fields}
+        own = {name: field for name, field in kind.model_fields.items() if name not in ShortForm.model_fields}
         yield f'\n### `joint_type = "{name}"`\n\n{_sentence(kind)}\n\n{_HEADER}'
         yield from (_row(key, field) for key, field in own.items())
     yield ""
-    yield from _tables_of(Instrument)
+    yield from _tables_of(ShortForm)
 
 
 def _sections(kind: type[BaseModel], name: str) -> Iterator[str]:

@@ -2,14 +2,15 @@
 
 from collections.abc import Sequence
 from math import ceil, floor, log10, pi, sqrt
-from typing import NamedTuple
 
 import numpy as np
 
-from tenodesis import _core, statics
+from tenodesis import _core
 from tenodesis.errors import ArgumentError, InstrumentError
-from tenodesis.instrument import PARAMETERS, Instrument
+from tenodesis.instrument import PARAMETERS, ShortForm
+from tenodesis.instrument.compliance import compliance_shares
 from tenodesis.instrument.hardware import Drives, Hand, Sensors
+from tenodesis.instrument.tip_motion import straight_stiffness, tip_damping, tip_inertia
 from tenodesis.run import TENDONS
 
 TIME_STEP = 5e-4
@@ -21,55 +22,39 @@ _LONGEST_TICK = 1.0
 """Time between ticks that a controller allows without a watchdog, s."""
 _MOST_STEPS = 2**31 - 1
 _DIVISION_ERROR = 1e-6
-_DEFAULT_NATURAL_FREQUENCY = 2 * pi * 20.0  # rad/s
-_DEFAULT_DAMPING_RATIO = 0.2
 RIPPLE_PERIODS = 12
 """Periods of a torque's ripple per turn of the motor."""
 STOP_STIFFNESS_RATIO = 20.0
 """Stiffness of a mechanical stop over that of its joint."""
 
 
-class ComplianceShares(NamedTuple):
-    """Shares of a tendon's compliance by segment, from the spool."""
-
-    handle: float
-    handle_joint: float
-    stem: float
-    tip_joint: float
-    anchor: float
-    """Beyond a second vertex of the tip's joint; 0 for joints of one vertex."""
-
-
-def natural_frequency(inst: Instrument) -> float:
+def natural_frequency(inst: ShortForm) -> float:
     """Return the angular natural frequency of the straight, unloaded, frictionless tip, rad/s."""
-    stiffness = _straight_stiffness(inst)
-    return sqrt(stiffness / _tip_inertia(inst, stiffness))
+    return sqrt(straight_stiffness(inst) / tip_inertia(inst))
 
 
-def longest_step(inst: Instrument) -> float:
+def longest_step(inst: ShortForm) -> float:
     """Return the longest time step that the tip's natural frequency allows, s."""
     return LARGEST_PHASE_STEP / natural_frequency(inst)
 
 
-def least_tip_inertia(inst: Instrument) -> float:
+def least_tip_inertia(inst: ShortForm) -> float:
     """Return the smallest inertia of the tip that time steps of the default length can follow, kg m^2."""
-    return _straight_stiffness(inst) * (TIME_STEP / LARGEST_PHASE_STEP) ** 2
+    return straight_stiffness(inst) * (TIME_STEP / LARGEST_PHASE_STEP) ** 2
 
 
-def parameters(inst: Instrument, time_step: float = TIME_STEP) -> dict[str, float]:
+def parameters(inst: ShortForm, time_step: float = TIME_STEP) -> dict[str, float]:
     """Return the parameters of an instrument's twin and axis, SI units, by the core's names; NaN where not given."""
     return dict(zip((*_TWIN_PARAMETERS, *PARAMETERS), parameter_row(inst, time_step), strict=True))
 
 
-def parameter_row(inst: Instrument, time_step: float) -> list[float]:
+def parameter_row(inst: ShortForm, time_step: float) -> list[float]:
     """Return the parameters of a twin, then those of its axis, SI units, in the core's order."""
-    friction, dynamics, drives = inst.friction, inst.dynamics, inst.drives
+    friction, drives = inst.friction, inst.drives
     sensors, mismatch = inst.sensors, inst.mismatch
-    stiffness = _straight_stiffness(inst)
+    stiffness = straight_stiffness(inst)
     shares, joints = compliance_shares(inst), _core.joint_shares(inst.spec)
     radius = friction.reference_radius if friction.vertex_radius is None else friction.vertex_radius
-    inertia = _tip_inertia(inst, stiffness)
-    damping = dynamics.tip_damping
     values = {
         "vertex_coefficient": friction.vertex_coefficient,
         "sheath_coefficient": friction.sheath_coefficient,
@@ -91,11 +76,11 @@ def parameter_row(inst: Instrument, time_step: float) -> list[float]:
         "anchor_share": shares.anchor,
         "stiffness_ratio": mismatch.stiffness_ratio,
         "pretension_ratio": mismatch.pretension_ratio,
-        "tip_inertia": inertia,
-        "tip_damping": 2 * _DEFAULT_DAMPING_RATIO * sqrt(stiffness * inertia) if damping is None else damping,
+        "tip_inertia": tip_inertia(inst),
+        "tip_damping": tip_damping(inst),
         "output_stop": inst.output_stop,
         "stop_stiffness": STOP_STIFFNESS_RATIO * stiffness,
-        **hand_parameters(dynamics),
+        **hand_parameters(inst.dynamics),
         "rig_pulley_radius": inst.conditions.cable_pulley_radius or 0.0,
         "handle_encoder_offset": mismatch.handle_encoder_offset,
         "output_encoder_offset": mismatch.output_encoder_offset,
@@ -143,7 +128,7 @@ def current_parameters(drives: Drives) -> dict[str, float]:
     return own | {"ripple_rate": RIPPLE_PERIODS * drives.gear_ratio / (2 * pi)}
 
 
-def spec(inst: Instrument, time_step: float, quasi_static: bool) -> _core.TwinSpec:
+def spec(inst: ShortForm, time_step: float, quasi_static: bool) -> _core.TwinSpec:
     """Return the specification of a twin of the core; errors as :func:`steps_per_sample`."""
     per_sample = steps_per_sample(inst, time_step, quasi_static)
     parameters = parameter_row(inst, time_step)[: len(_TWIN_PARAMETERS)]
@@ -151,7 +136,7 @@ def spec(inst: Instrument, time_step: float, quasi_static: bool) -> _core.TwinSp
 
 
 def core_spec(
-    inst: Instrument, axis: _core.Spec, parameters: Sequence[float], per_sample: int, quasi_static: bool
+    inst: ShortForm, axis: _core.Spec, parameters: Sequence[float], per_sample: int, quasi_static: bool
 ) -> _core.TwinSpec:
     """Return a twin with an instrument's law and contacts; axis, parameters and steps per sample are given."""
     friction = inst.friction
@@ -168,21 +153,7 @@ def core_spec(
     )
 
 
-def compliance_shares(inst: Instrument) -> ComplianceShares:
-    """Return how a tendon's compliance is shared among its segments: as given, or by length."""
-    friction = inst.friction
-    by_handle, by_tip = _core.joint_shares(inst.spec)
-    by_length = inst.handle_length / (inst.tendon_length or inst.overall_length)
-    handle = by_length if friction.handle_compliance_share is None else friction.handle_compliance_share
-    handle_joint = by_handle if (given := friction.handle_joint_compliance_share) is None else given
-    tip_joint = by_tip if (given := friction.tip_joint_compliance_share) is None else given
-    anchor = 0.0
-    if friction.vertices_per_joint > 1:
-        anchor = tip_joint / 2 if (given := friction.anchor_compliance_share) is None else given
-    return ComplianceShares(handle, handle_joint, 1 - handle - handle_joint - tip_joint - anchor, tip_joint, anchor)
-
-
-def check_runnable(inst: Instrument) -> None:
+def check_runnable(inst: ShortForm) -> None:
     """Refuse an instrument that no twin of the default time step, and so no live loop, can run.
 
     Raises
@@ -199,7 +170,7 @@ def check_runnable(inst: Instrument) -> None:
         _check_compliance(planar)
 
 
-def _check_inertia(inst: Instrument) -> None:
+def _check_inertia(inst: ShortForm) -> None:
     if longest_step(inst) >= TIME_STEP:
         return
     raise _not_runnable(
@@ -210,7 +181,7 @@ def _check_inertia(inst: Instrument) -> None:
     )
 
 
-def _check_ticks(inst: Instrument) -> None:
+def _check_ticks(inst: ShortForm) -> None:
     rate, watchdog = inst.sensors.sampling_rate, inst.control.watchdog
     period = max(1 / rate, TIME_STEP)
     longest = watchdog or _LONGEST_TICK
@@ -242,7 +213,7 @@ def _rounded_up(value: float) -> float:
     return ceil(value / unit) * unit
 
 
-def steps_per_sample(inst: Instrument, time_step: float, quasi_static: bool) -> int:
+def steps_per_sample(inst: ShortForm, time_step: float, quasi_static: bool) -> int:
     """Return how many time steps (s) a sampling period takes.
 
     Raises
@@ -279,7 +250,7 @@ def steps_per_period(rate: float, time_step: float) -> int:
     return per_sample
 
 
-def _check_compliance(inst: Instrument) -> None:
+def _check_compliance(inst: ShortForm) -> None:
     """Raise ArgumentError if handle and joints leave no share of a tendon's compliance to the stem."""
     shares = compliance_shares(inst)
     share, joints = shares.handle, shares.handle_joint + shares.tip_joint + shares.anchor
@@ -300,18 +271,3 @@ def _check_compliance(inst: Instrument) -> None:
         value=share,
         allowed=f"below {1 - joints:.3g}",
     )
-
-
-def tip_inertia(inst: Instrument) -> float:
-    """Return the inertia about the output angle, kg m^2: as given, or such that the unloaded tip has 20 Hz."""
-    return _tip_inertia(inst, _straight_stiffness(inst))
-
-
-def _tip_inertia(inst: Instrument, stiffness: float) -> float:
-    given = inst.dynamics.tip_inertia
-    return stiffness / _DEFAULT_NATURAL_FREQUENCY**2 if given is None else given
-
-
-def _straight_stiffness(inst: Instrument) -> float:
-    """Return the stiffness of the straight tip, N m/rad."""
-    return float(statics.flexural_stiffness(inst, 0.0))

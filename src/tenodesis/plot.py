@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from tenodesis import statics
 from tenodesis.coupled import CoupledLike, CoupledRun, load
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.report import curves, space, style
 from tenodesis.report import routing as routes
 from tenodesis.report.content import Chart
@@ -141,11 +141,11 @@ def _end_of_load(run: Run, first: int) -> int:
     return len(run)
 
 
-def _planar(inst: InstrumentLike) -> Instrument:
-    return as_instrument(inst).planar[0]
+def _planar(inst: InstrumentLike) -> ShortForm:
+    return as_short_form(inst).planar[0]
 
 
-def _loads(inst: Instrument, forces: Sequence[float] | None) -> list[float]:
+def _loads(inst: ShortForm, forces: Sequence[float] | None) -> list[float]:
     return curves.forces(inst) if forces is None else [float(force) for force in forces]
 
 

@@ -15,17 +15,12 @@ _LARGEST = 16_000_000
 """Largest TOML file, bytes."""
 _MCAP = b"\x89MCAP"
 _MARKS = {
-    "an instrument": {"joint_type"},
-    "a coupled instrument": {"joints", "tendons"},
+    "an instrument": {"joint_type", "joints", "tendons"},
     "a protocol": {"phases"},
     "tolerances": {"parameters"},
     "a catalogue": {"gears", "pulleys", "ropes", "rods", "load_cells", "encoders", "spools", "weights", "constraints"},
 }
 """Keys that only one kind of file has."""
-_TAKEN = {
-    "a coupled instrument": ", which lists joints and tendons: tenodesis.coupled.load and `tenodesis check` take it"
-}
-"""What takes a file of another kind instead, where that is not plain from its name."""
 
 
 class FileTable(BaseModel):
@@ -125,7 +120,7 @@ def parse_toml(text: str, error: type[Error], source: str, kind: str = "") -> di
         if found == kind:
             return values
         raise error(
-            f"{source} describes {found}{_TAKEN.get(found, '')}; it must describe {kind}.",
+            f"{source} describes {found}; it must describe {kind}.",
             key="file",
             value=source,
             allowed=kind,

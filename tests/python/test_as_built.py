@@ -11,6 +11,7 @@ import tenodesis as tn
 from tenodesis import plant
 from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.instrument import Instrument
+from tenodesis.instrument.compliance import compliance_shares
 from tenodesis.run import Run
 from tenodesis.scaling.transfer_friction import carry_friction
 from tenodesis.similarity.groups import groups_of
@@ -92,9 +93,9 @@ def test_keys_at_their_defaults_change_no_bit(any_inst: Instrument) -> None:
 
 def test_shares_of_the_compliance_are_those_of_the_file_and_the_stem_has_the_rest(scaled: Instrument) -> None:
     inst = as_built(scaled, "shares")
-    shares = plant.compliance_shares(inst)
+    shares = compliance_shares(inst)
     assert shares._asdict() == pytest.approx(SHARES | {"stem": 1 - sum(SHARES.values())})
-    by_length = plant.compliance_shares(with_friction(scaled, vertices_per_joint=2))
+    by_length = compliance_shares(with_friction(scaled, vertices_per_joint=2))
     assert by_length.anchor == by_length.tip_joint / 2
 
 

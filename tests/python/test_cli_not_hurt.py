@@ -243,7 +243,7 @@ def test_what_cannot_be_written_is_refused_at_once(tenodesis: Command, desk: Pat
         ("record run.mcap cycles", "run.mcap is a recording, MCAP; it must be a TOML file."),
         ("record scaled-up parts.toml", "parts.toml describes a catalogue; it must describe a protocol."),
         ("check short.toml", "short.toml describes a protocol; it must describe an instrument."),
-        ("check cycles", "cycles is a protocol; it must be an instrument: real-size, scaled-up"),
+        ("check cycles", "cycles is a protocol; it must be an instrument: hybrid-real-size"),
         ("check widths.toml", "widths.toml describes tolerances; it must describe an instrument."),
         ("check parts.toml", "parts.toml describes a catalogue; it must describe an instrument."),
         ("check notes.txt", "notes.txt is not valid TOML"),

@@ -18,7 +18,7 @@ WRENCH = [0.3, -0.2, 0.1, 0.0, 0.01, 0.0]
 
 
 def text(name: str) -> str:
-    return (resources.files("tenodesis.coupled") / "shipped" / f"{name}.toml").read_text("utf-8")
+    return (resources.files("tenodesis") / "instruments" / f"{name}.toml").read_text("utf-8")
 
 
 def keys(values: dict[str, object], prefix: str = "") -> set[str]:
@@ -113,13 +113,23 @@ def test_the_far_segments_tendons_bend_the_near_one_too() -> None:
     assert np.abs(arms) == pytest.approx(1.8e-3 * np.array([[1, 0], [1, 0], [1, 1], [1, 1]]))
 
 
-def test_the_reader_of_planar_files_names_what_takes_a_coupled_one() -> None:
-    path = str(resources.files("tenodesis.coupled") / "shipped" / "needle-driver.toml")
-    sentence = (
-        "lists joints and tendons: tenodesis.coupled.load and `tenodesis check` take it; it must describe an instr"
-    )
-    with pytest.raises(InstrumentError, match=sentence):
-        tn.load(path)
+def test_what_takes_the_short_form_says_that_a_file_lists_joints_and_tendons() -> None:
+    inst = tn.load("needle-driver")
+    assert inst == coupled.load("needle-driver") and "needle-driver" in tn.shipped()
+    with pytest.raises(InstrumentError, match="needle-driver lists joints and tendons; it must be a planar instrument"):
+        print(inst.overall_length)
+    with pytest.raises(InstrumentError, match="needle-driver lists joints and tendons; it must be a planar instrument"):
+        tn.similarity.compare(inst, inst)
+
+
+def test_a_short_form_has_the_joints_and_tendons_that_it_stands_for(real: tn.Instrument) -> None:
+    assert [joint.name for joint in real.tip_joints] == ["yaw", "pitch"]
+    assert [tendon.name for tendon in real.tendons] == [
+        *("yaw_agonist", "yaw_antagonist", "pitch_agonist", "pitch_antagonist")
+    ]
+    assert real.stiffnesses == pytest.approx([real.tendon_stiffness] * 4)
+    softer = real.replace(pretension=20.0)
+    assert softer.pretensions == pytest.approx([20.0] * 4)
 
 
 def test_a_joint_that_no_force_reaches_must_be_a_jaw_of_known_length() -> None:

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from tenodesis import plant
 from tenodesis.identification import fit
 from tenodesis.identification.arrangements import ArrangementComparison, Fitted, compare_arrangements
 from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.identification.twin_model.arrangements import arrangements
 from tenodesis.instrument import Instrument
+from tenodesis.instrument.compliance import compliance_shares
 
 from .twin_recordings import NOMINAL, TRUE, TRUTH, problem, recorded
 
@@ -83,6 +83,6 @@ def test_an_arrangement_is_not_asked_for_without_friction_nor_where_the_stem_wou
 
     assert names(NOMINAL, "none") == ["one vertex a joint"]
     assert len(names(NOMINAL)) == 8
-    joints = sum(plant.compliance_shares(NOMINAL)[1::2])
+    joints = sum(compliance_shares(NOMINAL)[1::2])
     full = NOMINAL.replace(**{"friction.handle_compliance_share": 1 - joints - 1e-3})
     assert not any(name.startswith("two") for name in names(full))

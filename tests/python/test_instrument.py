@@ -143,7 +143,7 @@ def test_a_bad_file_ends_in_a_sentence_that_names_key_value_and_what_is_allowed(
     [
         ({"pretension": "30"}, "pretension", "30", ""),
         ({"handle_range": 4.0}, "handle_range", 4.0, "an angle above 0 rad and below 3.14159 rad"),
-        ({"colour": 1}, "colour", 1, "one of joint_type, name"),
+        ({"colour": 1}, "colour", 1, "one of name, description"),
         ({"axes": ["yaw", "roll"]}, "axes (value 2)", "roll", "'yaw' or 'pitch'"),
         ({"description": "x" * 201}, "description", "x" * 201, "text of at most 200 characters"),
         ({"conditions": {"forces": [1.0] * 13}}, "conditions.forces", [1.0] * 13, "a list of at most 12"),

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import tenodesis as tn
-from tenodesis.instrument import JOINT_TYPES
+from tenodesis.instrument import JOINT_TYPES, ShortForm
 
 SOURCE = Path(tn.__file__).parents[1]
 
@@ -58,7 +58,7 @@ REFUSED = {
 
 
 def test_every_dimension_of_a_mechanism_is_among_the_expected_types() -> None:
-    own = {name for kind in JOINT_TYPES.values() for name in kind.model_fields} - set(tn.Instrument.model_fields)
+    own = {name for kind in JOINT_TYPES.values() for name in kind.model_fields} - set(ShortForm.model_fields)
     assert {f"inst.{name}" for name in own} <= set(EXPECTED)
 
 

@@ -11,7 +11,7 @@ from tenodesis.cad.assembly import matrix
 from tenodesis.cad.backbone_parts import Backbone
 from tenodesis.cad.gear_joint import GearJoint
 from tenodesis.cad.model import Model
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 
 
@@ -100,7 +100,7 @@ def tip_inertia(model: Model) -> float:
     return own + links
 
 
-def with_inertia(model: Model) -> Instrument:
+def with_inertia(model: Model) -> ShortForm:
     """Return the instrument with the inertia of its solids' tip, for its twin.
 
     A tip that is too light for the twin's time steps gets the least inertia that they can follow.

@@ -28,7 +28,7 @@ from tenodesis.cad.rig_parts import Rig, rig_parts
 from tenodesis.cad.shared import End, ferrule, transition_length
 from tenodesis.cad.sizes import Sizes, refuse
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.kinematics import Posture
 from tenodesis.scaling import catalogue as catalogues
 
@@ -44,9 +44,9 @@ _MACHINE_ROUNDING = 1e-6
 class Model:
     """The solids of a planar instrument; use :func:`build`."""
 
-    given: Instrument
+    given: ShortForm
     """The instrument as it was given, with all its axes."""
-    instrument: Instrument
+    instrument: ShortForm
     """Its bending axis that was built, called yaw."""
     axis: str
     """Name of that axis in the instrument given."""
@@ -101,7 +101,7 @@ def build(
     MissingExtraError
         build123d is not installed.
     """
-    given = as_instrument(inst)
+    given = as_short_form(inst)
     axis = axis or given.axes[0]
     planar = given.axis(axis)
     if planar.axes != ("yaw",):
@@ -180,7 +180,7 @@ def gear_of(key: str, radius: float, module: float | None = None) -> tuple[float
 
 
 def _joints(
-    inst: Instrument, sizes: Sizes, bought: Hardware, modules: Mapping[str, float], stop: float
+    inst: ShortForm, sizes: Sizes, bought: Hardware, modules: Mapping[str, float], stop: float
 ) -> "tuple[GearJoint | PulleyJoint | Backbone, GearJoint | PulleyJoint]":
     play = k.MM * sizes.process.backlash
     hand_stop = inst.handle_range + math.radians(5)
@@ -208,7 +208,7 @@ def _seat(sizes: Sizes, bought: Hardware) -> float:
 
 
 def _ends(
-    inst: Instrument,
+    inst: ShortForm,
     sizes: Sizes,
     bought: Hardware,
     tip: "GearJoint | PulleyJoint | Backbone",
@@ -290,7 +290,7 @@ def _foot(joint: "GearJoint | PulleyJoint | Backbone", sizes: Sizes) -> float:
 
 
 def _rig(
-    inst: Instrument, tip: End, joint: "GearJoint | PulleyJoint | Backbone", hand: "GearJoint | PulleyJoint"
+    inst: ShortForm, tip: End, joint: "GearJoint | PulleyJoint | Backbone", hand: "GearJoint | PulleyJoint"
 ) -> Rig:
     angles = np.linspace(-inst.output_range, inst.output_range, 41)
     frames = kinematics.frames(inst, Posture(yaw=angles, handle_yaw=0.0))

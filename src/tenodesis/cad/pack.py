@@ -21,7 +21,7 @@ from tenodesis.cad.model import Model
 from tenodesis.cad.picture import colours_of, draw_assembly, draw_exploded
 from tenodesis.cad.urdf import urdf
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.instrument.text import to_file
 from tenodesis.report import style
 
@@ -60,7 +60,7 @@ class Checks:
     printable: tuple[Printable, ...]
     tip_inertia: float
     """About the output angle, kg·m²."""
-    instrument: Instrument
+    instrument: ShortForm
     """The instrument with that inertia, as its file in the pack has it."""
 
 

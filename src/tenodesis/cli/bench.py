@@ -13,7 +13,7 @@ from tenodesis.cli.common import (
     ProgressBar,
     check_choice,
     console,
-    load_instrument,
+    load_short_form,
     say,
     say_resolution,
     table,
@@ -51,10 +51,10 @@ def bench(  # noqa: PLR0917
     chapters = [name.strip() for names in only or () for name in names.split(",")]
     for name in chapters:
         check_choice("--only", name, CHAPTERS)
-    inst = load_instrument(instrument_file)
+    inst = load_short_form(instrument_file)
     if scaled_up is None and instrument_file == "real-size":
         scaled_up = "scaled-up"
-    scaled = None if scaled_up is None else load_instrument(scaled_up)
+    scaled = None if scaled_up is None else load_short_form(scaled_up)
     if scaled is not None and scaled.joint_type != inst.joint_type:
         raise InstrumentError(
             f"{scaled.name} has joint_type {scaled.joint_type}, {inst.name} {inst.joint_type}; a scale model must "

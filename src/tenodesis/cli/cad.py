@@ -10,12 +10,13 @@ from typing import Annotated
 import typer
 from markupsafe import Markup
 
-from tenodesis import cad, plant
+from tenodesis import cad
 from tenodesis.cad.assembly import Progress
-from tenodesis.cli.common import InstrumentFile, ProgressBar, check_choice, load_instrument, quantity, say
+from tenodesis.cli.common import InstrumentFile, ProgressBar, check_choice, load_short_form, quantity, say
 from tenodesis.cli.outputs import Overwrite, write_errors, writing
 from tenodesis.errors import CommandError, InstrumentError
 from tenodesis.extras import require
+from tenodesis.instrument.tip_motion import tip_inertia
 from tenodesis.report import style
 from tenodesis.scaling import Design
 from tenodesis.scaling.plan import Drawing
@@ -42,7 +43,7 @@ def write_cad(  # noqa: PLR0917
     overwrite: Overwrite = False,
 ) -> None:
     """Write an instrument on its bench as solids: STEP, STL, glTF, drawings, pictures; checked over its range."""
-    inst = load_instrument(instrument_file)
+    inst = load_short_form(instrument_file)
     check_choice("--process", process, cad.PROCESSES)
     if axis is not None:
         check_choice("--axis", axis, inst.axes)
@@ -83,7 +84,7 @@ def print_checks(checks: cad.Checks, model: cad.Model) -> None:
     )
     for place, play in checks.play.items():
         say(f"Backlash of the gears at the {place}: {math.degrees(sum(play)):.2g}°.")
-    old, new = (plant.tip_inertia(inst.axis(model.axis)) for inst in (model.given, checks.instrument))
+    old, new = (tip_inertia(inst.axis(model.axis)) for inst in (model.given, checks.instrument))
     light = "" if new <= checks.tip_inertia * (1 + 1e-9) else f", {new:.3g} in the file, the least its twin can follow"
     was = "" if model.given.dynamics.tip_inertia is not None else ", of a tip that swings at 20 Hz"
     say(

@@ -12,10 +12,10 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from tenodesis import coupled, instrument
+from tenodesis import instrument
 from tenodesis.control.resolution import sentences, warnings
 from tenodesis.errors import CommandError, Error, InstrumentError, ProtocolError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, ShortForm
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -52,20 +52,27 @@ def load_instrument(name_or_path: str) -> Instrument:
         return instrument.load(name_or_path)
     except InstrumentError:
         _refuse_name(name_or_path, "a protocol", InstrumentError, "an instrument")
-        if coupled.is_coupled(name_or_path):
-            raise InstrumentError(
-                f"{name_or_path} lists joints and tendons, and this command takes planar instruments; tenodesis check, "
-                "loss, record, console, import, export urdf and export mjcf take such files, and tn.coupled in Python.",
-                key="file",
-                value=name_or_path,
-                allowed="a planar instrument",
-            ) from None
         raise
 
 
-def load_any_instrument(name_or_path: str) -> Instrument | coupled.CoupledInstrument:
-    """Return an instrument by its name or path, planar or coupled; errors as in :func:`load_instrument`."""
-    return coupled.load(name_or_path) if coupled.is_coupled(name_or_path) else load_instrument(name_or_path)
+def load_short_form(name_or_path: str) -> ShortForm:
+    """Return an instrument in the short form by its name or path; errors as in :func:`load_instrument`.
+
+    Raises
+    ------
+    InstrumentError
+        Its file lists joints and tendons.
+    """
+    inst = load_instrument(name_or_path)
+    if isinstance(inst, ShortForm):
+        return inst
+    raise InstrumentError(
+        f"{name_or_path} lists joints and tendons, and this command takes planar instruments; tenodesis check, "
+        "loss, record, console, import, export urdf and export mjcf take such files, and tn.coupled in Python.",
+        key="file",
+        value=name_or_path,
+        allowed="a planar instrument",
+    )
 
 
 def load_protocol(name_or_path: str) -> "simulate.Protocol":
@@ -111,14 +118,14 @@ def warn(sentence: str) -> None:
     say(f"warning: {sentence}", "yellow")
 
 
-def say_resolution(inst: Instrument) -> None:
+def say_resolution(inst: ShortForm) -> None:
     """Print what an instrument's sensors resolve at its tip, and warn where they do not suffice."""
     for sentence in sentences(inst):
         say(sentence)
     warn_resolution(inst)
 
 
-def warn_resolution(inst: Instrument) -> None:
+def warn_resolution(inst: ShortForm) -> None:
     """Warn where an instrument's sensors do not suffice."""
     for sentence in warnings(inst):
         warn(sentence)

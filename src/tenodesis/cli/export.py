@@ -7,11 +7,11 @@ from typing import Annotated
 import typer
 
 from tenodesis import control, coupled, kinematics
-from tenodesis.cli.common import InstrumentFile, load_any_instrument, load_instrument, value_errors
+from tenodesis.cli.common import InstrumentFile, load_instrument, load_short_form, value_errors
 from tenodesis.cli.outputs import HEADER, MODELS, Overwrite, check_suffix, write_errors, write_text, writing
 from tenodesis.control.controller import ActuationName, LawName, ObserverName
 from tenodesis.coupled import CoupledInstrument
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm, expanded
 
 Out = Annotated[Path | None, typer.Option(help="The file. Default: by the instrument's name.", show_default=False)]
 
@@ -36,7 +36,7 @@ def export_controller(  # noqa: PLR0917
     overwrite: Overwrite = False,
 ) -> None:
     """Write a controller's parameters as a C header, for tenodesis_init."""
-    inst = load_instrument(instrument_file)
+    inst = load_short_form(instrument_file)
     if axis is not None:
         inst = inst.axis(axis)
     name = control.identifier(inst.name) if name is None else name
@@ -70,19 +70,19 @@ def export_mjcf(instrument_file: InstrumentFile, out: Out = None, overwrite: Ove
 
 def _export(  # noqa: PLR0917
     source: str,
-    of_planar: Callable[[Instrument], str],
+    of_planar: Callable[[ShortForm], str],
     of_coupled: Callable[[CoupledInstrument], str],
     extension: str,
     out: Path | None,
     overwrite: bool,
 ) -> None:
-    inst = load_any_instrument(source)
+    inst = load_instrument(source)
     path = Path(f"{inst.name.replace(' ', '-').replace('/', '-')}{extension}") if out is None else out
     check_suffix("--out", path, MODELS[extension])
-    text = of_coupled(inst) if isinstance(inst, CoupledInstrument) else of_planar(inst)
+    text = of_planar(inst) if isinstance(inst, ShortForm) else of_coupled(expanded(inst))
     with writing([("--out", path)], [source], overwrite=overwrite):
         write_text(path, text)
-    of = inst.axes if isinstance(inst, Instrument) else [joint.name for joint in inst.joints]
+    of = inst.axes if isinstance(inst, ShortForm) else [joint.name for joint in inst.joints]
     typer.echo(f"{path}: {inst.name} ({', '.join(of)}). Its first lines repeat what the format does not contain:")
     note = text[: text.index("-->")]
     typer.echo(note[note.index("\n- ") + 1 :].strip())

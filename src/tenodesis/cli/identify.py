@@ -10,7 +10,7 @@ import numpy as np
 import typer
 from rich.markup import escape
 
-from tenodesis.cli.common import ProgressBar, check_choice, console, load_instrument, note, quantity, say, table, warn
+from tenodesis.cli.common import ProgressBar, check_choice, console, load_short_form, note, quantity, say, table, warn
 from tenodesis.cli.outputs import JSON, Overwrite, check_suffix, write_text, writing
 from tenodesis.errors import CommandError
 from tenodesis.identification import report
@@ -31,7 +31,7 @@ from tenodesis.identification.results import Fit, to_json
 from tenodesis.identification.split import LEAST_SHARE, FittedPart, split
 from tenodesis.identification.stretch import LEAST_LENGTH, LONGEST, shortened
 from tenodesis.identification.uncertainty import LossName
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.units import Duration
 
 _HELD = {"sheath_bend": "sheath bend", "wrist_pitch": "pitch"}
@@ -119,7 +119,7 @@ def identify(  # noqa: PLR0917
             )
         share, part = _split(train_until, train_from)
         seconds = _longest(longest, is_split=share is not None)
-        inst = None if instrument_file is None else load_instrument(instrument_file)
+        inst = None if instrument_file is None else load_short_form(instrument_file)
         kind = FORMATS[format_name]
         _check_arrangement(kind, format_name, arrangement)
         chosen = law or kind.law
@@ -129,7 +129,7 @@ def identify(  # noqa: PLR0917
         count = len(files)
         measured, tries = _stretches(measured, count, chosen, inst, parameters, seconds, starts)
 
-        def problem_of(inst: Instrument | None) -> Problem:
+        def problem_of(inst: ShortForm | None) -> Problem:
             def build(train: Sequence[MeasuredRun], held_out: Sequence[MeasuredRun]) -> Problem:
                 return kind.problem(train, held_out, law=chosen, instrument=inst)
 
@@ -194,7 +194,7 @@ def _stretches(  # noqa: PLR0917
     measured: Sequence[MeasuredRun],
     count: int,
     law: str,
-    inst: Instrument | None,
+    inst: ShortForm | None,
     parameters: str | None,
     seconds: float,
     starts: int | None,
@@ -218,11 +218,11 @@ def _arranged(
     kind: Format,
     measured: Sequence[MeasuredRun],
     own: Fitted,
-    problem_of: Callable[[Instrument | None], Problem],
+    problem_of: Callable[[ShortForm | None], Problem],
     fitted: Callable[..., Fit],
     *,
     law: str,
-    inst: Instrument | None,
+    inst: ShortForm | None,
     train: Sequence[int],
 ) -> tuple[ArrangementComparison | None, Problem, Fit]:
     """Return the comparison of a format's arrangements, and problem and fit of the one that recordings ask for."""

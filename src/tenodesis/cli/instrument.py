@@ -10,8 +10,8 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from tenodesis import coupled, instrument
-from tenodesis.cli.common import InstrumentFile, console, load_any_instrument, note, say, table, warn
+from tenodesis import instrument
+from tenodesis.cli.common import InstrumentFile, console, load_instrument, note, say, table, warn
 from tenodesis.cli.coupled import print_coupled
 from tenodesis.cli.outputs import FIGURE, Overwrite, check_suffix, write_errors, writing
 from tenodesis.control.derived import Derived, derive
@@ -19,26 +19,25 @@ from tenodesis.control.plausibility import Implausible, implausible
 from tenodesis.control.resolution import sentences, shares
 from tenodesis.errors import InstrumentError
 from tenodesis.files import atomic_file
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import FullForm, RouteError, ShortForm
 from tenodesis.instrument.listing import Listed, listed
 
 _WIDTH = 24
 """Width of a list of values in a table."""
 
-Kind: TypeAlias = Literal["instrument", "coupled", "protocol", "catalogue", "tolerances"]
+Kind: TypeAlias = Literal["instrument", "protocol", "catalogue", "tolerances"]
 
 
 def schema(
     kind: Annotated[
-        Kind, typer.Argument(metavar="KIND", help="instrument, coupled, protocol, catalogue or tolerances.")
-    ] = ("instrument"),
+        Kind, typer.Argument(metavar="KIND", help="instrument, protocol, catalogue or tolerances.")
+    ] = "instrument",
 ) -> None:
     """Print the JSON schema of a kind of file, for editors that complete and check TOML."""
     from tenodesis import scaling, simulate, tolerance  # noqa: PLC0415 - instrument files do without them
 
     schemas = {
         "instrument": instrument.json_schema,
-        "coupled": coupled.json_schema,
         "protocol": simulate.json_schema,
         "catalogue": scaling.json_schema,
         "tolerances": tolerance.json_schema,
@@ -68,31 +67,31 @@ def check(
     check_suffix("--picture", picture, FIGURE)
     with writing([("--picture", picture)], [instrument_file], overwrite=overwrite):
         try:
-            inst = load_any_instrument(instrument_file)
+            inst = load_instrument(instrument_file)
         except InstrumentError:
-            wrong = coupled.misrouted(instrument_file) if picture and coupled.is_coupled(instrument_file) else None
+            wrong = instrument.misrouted(instrument_file) if picture else None
             if picture and wrong:
                 _draw(picture, wrong.inst, wrong)
                 note(f"{picture} is written, with what is wrong in red.")
             raise
-        if isinstance(inst, coupled.CoupledInstrument):
-            print_coupled(inst, as_json=as_json)
-        else:
+        if isinstance(inst, ShortForm):
             _print_planar(instrument_file, inst, as_json=as_json)
+        else:
+            print_coupled(instrument.expanded(inst), as_json=as_json)
         if picture:
-            _draw(picture, coupled.load(inst))
+            _draw(picture, instrument.expanded(inst))
             if not as_json:
                 note(f"{picture} is written.")
 
 
-def _draw(path: Path, inst: coupled.CoupledInstrument, problem: coupled.RouteError | None = None) -> None:
+def _draw(path: Path, inst: FullForm, problem: RouteError | None = None) -> None:
     from tenodesis.report import routing  # noqa: PLC0415 - loads matplotlib
 
     with write_errors(path), atomic_file(path) as new:
         routing.write(new, inst, problem)
 
 
-def _print_planar(instrument_file: str, inst: Instrument, *, as_json: bool) -> None:
+def _print_planar(instrument_file: str, inst: ShortForm, *, as_json: bool) -> None:
     values, derived, found = listed(instrument_file, inst), tuple(derive(inst)), implausible(inst)
     if as_json:
         typer.echo(json.dumps(_as_json(inst, values, derived, found), indent=1, ensure_ascii=False))
@@ -111,7 +110,7 @@ def _print_planar(instrument_file: str, inst: Instrument, *, as_json: bool) -> N
 
 
 def _as_json(
-    inst: Instrument, values: Sequence[Listed], derived: Sequence[Derived], found: Sequence[Implausible]
+    inst: ShortForm, values: Sequence[Listed], derived: Sequence[Derived], found: Sequence[Implausible]
 ) -> dict[str, Any]:
     return {
         "name": inst.name,

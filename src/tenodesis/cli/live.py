@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from tenodesis import coupled
-from tenodesis.cli.common import InstrumentFile, console, load_instrument, say, value_errors, warn
+from tenodesis.cli.common import InstrumentFile, console, load_short_form, say, value_errors, warn
 from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.errors import CommandError, LiveError
 from tenodesis.live import folder as folders
@@ -76,7 +76,7 @@ def live_console(  # noqa: PLR0917
         alone = {"device": given, "address": address, "foxglove": foxglove, "solids": solids}
         _coupled_console(instrument_file, alone, law, actuation, host, port, token, browser, seed)
         return
-    inst = load_instrument(instrument_file)
+    inst = load_short_form(instrument_file)
     with value_errors():
         parts = None if solids is None else load_parts(solids)
     if parts is not None and (other := parts.differs(inst)):

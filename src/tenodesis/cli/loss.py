@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table
 
-from tenodesis import coupled, statics
-from tenodesis.cli.common import InstrumentFile, console, load_any_instrument, note, quantity, table
+from tenodesis import statics
+from tenodesis.cli.common import InstrumentFile, console, load_instrument, note, quantity, table
 from tenodesis.cli.coupled import print_coupled_losses
 from tenodesis.errors import CommandError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm, expanded
 from tenodesis.statics.stroke import settled_stroke
 from tenodesis.units import Angle, PositiveForce
 
@@ -84,11 +84,11 @@ def loss(  # noqa: PLR0917
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, in SI units.")] = False,
 ) -> None:
     """Print the angle that loads take at the tip, what restores it, and the load at which a tendon goes slack."""
-    inst = load_any_instrument(instrument_file)
-    if isinstance(inst, coupled.CoupledInstrument):
+    inst = load_instrument(instrument_file)
+    if not isinstance(inst, ShortForm):
         if axis is not None:
             raise _no_option("--axis", inst.name, "has joints that share tendons", "left out")
-        print_coupled_losses(inst, load or (), angle or (), moment=moment, grip=grip, as_json=as_json)
+        print_coupled_losses(expanded(inst), load or (), angle or (), moment=moment, grip=grip, as_json=as_json)
         return
     for option, given in (("--moment", moment), ("--grip", grip)):
         if given is not None:
@@ -119,7 +119,7 @@ def _no_option(option: str, name: str, reason: str, allowed: str) -> CommandErro
     return CommandError(f"{option} is given, but {name} {reason}; it must be {allowed}.", key=option, allowed=allowed)
 
 
-def losses(inst: Instrument, angles: Sequence[float], forces: Sequence[float]) -> list[Loss]:
+def losses(inst: ShortForm, angles: Sequence[float], forces: Sequence[float]) -> list[Loss]:
     """Return what each force (N) takes at each unloaded output angle (rad)."""
     found = []
     for force in forces:
@@ -135,7 +135,7 @@ def losses(inst: Instrument, angles: Sequence[float], forces: Sequence[float]) -
     return found
 
 
-def _slack_force(inst: Instrument, handle: NDArray[np.float64]) -> NDArray[np.float64]:
+def _slack_force(inst: ShortForm, handle: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the force (n,), N, under which a tendon goes slack at held handle angles (n,), rad."""
     force = np.zeros_like(handle)
     for _ in range(_ROUNDS):
@@ -146,7 +146,7 @@ def _slack_force(inst: Instrument, handle: NDArray[np.float64]) -> NDArray[np.fl
     return np.where(solved, force, np.nan)
 
 
-def _check_angles(inst: Instrument, angles: Sequence[float]) -> None:
+def _check_angles(inst: ShortForm, angles: Sequence[float]) -> None:
     for angle in angles:
         if not isfinite(statics.handle_angle(inst, np.array([angle]))[0]):
             end = degrees(float(statics.output_angle(inst, inst.handle_range)))
@@ -157,7 +157,7 @@ def _check_angles(inst: Instrument, angles: Sequence[float]) -> None:
             )
 
 
-def _table(inst: Instrument, found: Sequence[Loss]) -> Table:
+def _table(inst: ShortForm, found: Sequence[Loss]) -> Table:
     shown = table(f"{escape(inst.name)}, {inst.axes[0]}: what a load takes at the tip", padding=(0, 1, 0, 0))
     for heading in (
         "load\n[N]",

@@ -14,7 +14,7 @@ from tenodesis.cli.common import check_choice, note, quantity, say, warn
 from tenodesis.cli.outputs import Overwrite, write_text, writing
 from tenodesis.control.plausibility import implausible, solid_tip_inertia
 from tenodesis.errors import CommandError, InstrumentError
-from tenodesis.instrument import JOINT_TYPES, Instrument
+from tenodesis.instrument import JOINT_TYPES, ShortForm
 from tenodesis.instrument.template import ASSUMED, QUESTIONS, ROPES, Question, sketch, text
 from tenodesis.units import Force, Length, PositiveForce, annotation, quantity_of
 
@@ -96,7 +96,7 @@ def new(  # noqa: PLR0917
         for force in load or ():
             quantity("--load", force, PositiveForce)
 
-        def drafted() -> tuple[_Draft, Instrument]:
+        def drafted() -> tuple[_Draft, ShortForm]:
             draft = _Draft(path.stem, joint_type, {}, {})
             for key, answer in answers.items():
                 draft.put(key, answer.text, "" if answer.given else f"{ASSUMED}, as offered")
@@ -162,9 +162,9 @@ class _Draft(NamedTuple):
             key: by_key[key] for key in sorted(by_key, key=lambda key: ("." in key, order.index(key.partition(".")[0])))
         }
 
-    def parse(self) -> Instrument:
+    def parse(self) -> ShortForm:
         """Return the instrument as it is so far."""
-        return instrument.parse(self.text(), f"{self.name}.toml")
+        return instrument.as_short_form(instrument.parse(self.text(), f"{self.name}.toml"))
 
 
 def _mechanism(given: Answer, defaults: bool) -> str:
@@ -211,7 +211,7 @@ def _ask_again(
     joint_type: str,
     asked: Sequence[Question],
     answers: dict[str, _Answer],
-    drafted: Callable[[], tuple[_Draft, Instrument]],
+    drafted: Callable[[], tuple[_Draft, ShortForm]],
 ) -> None:
     """Ask once more for each answer that is refused or implausible; Enter keeps it."""
     by_key = {one.key: one for one in asked}
@@ -283,7 +283,7 @@ def _check(option: str, joint_type: str, key: str, value: str) -> None:
     quantity(option, value, Annotated[float, *annotation(kind)])
 
 
-def _complete(draft: _Draft, rope: Any, rope_name: str) -> Instrument:
+def _complete(draft: _Draft, rope: Any, rope_name: str) -> ShortForm:
     """Assume what was not given, and return the instrument."""
     distal = next(draft.si(key, Length) for key in draft.values if key.startswith("distal_"))
     around = math.ceil(2e3 * (2 * distal + draft.si("tendon_diameter", Length))) / 2

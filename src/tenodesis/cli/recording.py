@@ -17,8 +17,8 @@ from tenodesis.cli.common import (
     ProgressBar,
     console,
     file_size,
-    load_instrument,
     load_protocol,
+    load_short_form,
     quantity,
     say,
     table,
@@ -29,7 +29,7 @@ from tenodesis.cli.outputs import FIGURE, RECORDING, TABLES, Overwrite, check_su
 from tenodesis.control import Controller
 from tenodesis.control.controller import ActuationName, LawName, ObserverName
 from tenodesis.errors import CommandError, CommandInterruptedError, ProtocolError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.live import event_summary
 from tenodesis.recording import Recording, open_recording, tables
 from tenodesis.recording.replay import Replay
@@ -117,7 +117,7 @@ def record(  # noqa: PLR0917
             )
         return
     inst, protocol = _inputs(instrument_file, protocol_file)
-    assumed = inst if controller_instrument is None else load_instrument(controller_instrument)
+    assumed = inst if controller_instrument is None else load_short_form(controller_instrument)
     if axis is not None:
         inst, assumed = inst.axis(axis), assumed.axis(axis)
     step = quantity("--time-step", time_step, Duration)
@@ -192,7 +192,7 @@ def replay(
     check_suffix("--plot-out", plot_out, FIGURE)
     with writing([("--out", out), ("--plot-out", plot_out)], [file, instrument_file], overwrite=overwrite):
         recording = Recording.open(file)
-        inst = None if instrument_file is None else load_instrument(instrument_file)
+        inst = None if instrument_file is None else load_short_form(instrument_file)
         with value_errors():
             again = run_again(recording, inst)
         if recording.damage is not None:
@@ -230,7 +230,7 @@ def export_recording(
         say(f"{path}: {len(recording.run)} rows, {file_size(path)}.")
 
 
-def _inputs(instrument_file: str, protocol_file: str | None) -> tuple[Instrument, simulate.Protocol]:
+def _inputs(instrument_file: str, protocol_file: str | None) -> tuple[ShortForm, simulate.Protocol]:
     """Return instrument and protocol; an error about their order, or that one is missing, has the right command."""
     if protocol_file is None:
         shipped = simulate.shipped()
@@ -252,7 +252,7 @@ def _inputs(instrument_file: str, protocol_file: str | None) -> tuple[Instrument
             key="INSTRUMENT",
             value=instrument_file,
         )
-    return load_instrument(instrument_file), load_protocol(protocol_file)
+    return load_short_form(instrument_file), load_protocol(protocol_file)
 
 
 def _is_protocol(name_or_path: str) -> bool:
@@ -264,7 +264,7 @@ def _is_protocol(name_or_path: str) -> bool:
 
 
 def _controller(
-    assumed: Instrument,
+    assumed: ShortForm,
     protocol: simulate.Protocol | None,
     period: float,
     *,
@@ -290,7 +290,7 @@ def _controller(
     )
 
 
-def _print_outcome(run: Run, inst: Instrument) -> None:
+def _print_outcome(run: Run, inst: ShortForm) -> None:
     """Print what came of a run."""
     for about, fact in outcome(run, inst).items():
         say(f"{about}: {fact}.")

@@ -17,7 +17,7 @@ from tenodesis.cli.common import (
     ProgressBar,
     check_choice,
     console,
-    load_instrument,
+    load_short_form,
     quantity,
     say,
     table,
@@ -27,7 +27,7 @@ from tenodesis.cli.outputs import Overwrite, write_errors, writing
 from tenodesis.errors import CommandError, NoSolutionError, ProtocolError, StudyError
 from tenodesis.extras import require
 from tenodesis.files import atomic_files
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.instrument.text import to_file
 from tenodesis.report import style
 from tenodesis.scaling import Catalogue, Design, Front, Objectives, figures, plan
@@ -114,7 +114,7 @@ def scale(  # noqa: PLR0917
     with ExitStack() as stack:
         if solids is not None:
             stack.enter_context(writing_solids(solids, inputs, option="--cad", overwrite=overwrite))
-        model = load_instrument(instrument_file)
+        model = load_short_form(instrument_file)
         parts = scaling.load(*(catalogue or ()))
         pins = _pins(factor, pin or [])
         stack.enter_context(writing(outputs, inputs, overwrite=overwrite, folder=out))
@@ -159,7 +159,7 @@ def _pins(factor: float | None, pins: Sequence[str]) -> dict[str, Any]:
     return scaling.parse_pins(given, file=True) | ({} if factor is None else scaling.parse_pins({"factor": factor}))
 
 
-def _front(model: Instrument, parts: Catalogue, pins: dict[str, Any], combinations: int, report: Report) -> Front:
+def _front(model: ShortForm, parts: Catalogue, pins: dict[str, Any], combinations: int, report: Report) -> Front:
     with value_errors():
         return scaling.design(model, parts, pins=pins, combinations=combinations, progress=report)
 

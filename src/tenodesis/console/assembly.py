@@ -12,7 +12,7 @@ from tenodesis.console.solids import Solid, about
 from tenodesis.coupled.description import AXES
 from tenodesis.coupled.motion import rotated
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.kinematics.gltf import BODY_NODE, described
 from tenodesis.run import Array
 
@@ -33,7 +33,7 @@ class Assembly(NamedTuple):
     """Joint type and lengths of the instrument, m."""
     solids: tuple[Solid, ...]
 
-    def differs(self, inst: Instrument) -> str:
+    def differs(self, inst: ShortForm) -> str:
         """Return how an instrument differs from the one whose parts these are; nothing where they are its own."""
         if len(inst.axes) > 1:
             return f"{inst.name} has two bending axes, the solids have one"
@@ -47,7 +47,7 @@ class Assembly(NamedTuple):
                 return f"{key} of {inst.name} is {1e3 * value:.6g} mm, that of the solids {shown}"
         return ""
 
-    def of(self, inst: Instrument, stem_length: float) -> list[Solid]:
+    def of(self, inst: ShortForm, stem_length: float) -> list[Solid]:
         """Return the parts for an instrument of one axis of any name, its stem cut to a length, m, in the middle."""
         (axis,), short = inst.axes, float(self.described["stem_length"]) - stem_length
         turned = about(AXES[axis])

@@ -17,7 +17,7 @@ from tenodesis.control.controller import fault_names
 from tenodesis.coupled import CoupledInstrument, CoupledRun, Held, Twin, compensated
 from tenodesis.devices.device import Capabilities
 from tenodesis.errors import ArgumentError, LiveError, NoSolutionError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.live.commands import ControllerRequest, RestartableConnection
 from tenodesis.live.status import RuntimeState, Status, Timing
 from tenodesis.run import Array
@@ -71,7 +71,7 @@ class CoupledLoop:
         self.lock = threading.RLock()
         self.refused: str | None = None
         """Why no controller compensates this instrument."""
-        self._planar: Instrument | None = None
+        self._planar: ShortForm | None = None
         try:
             self._planar = compensated(inst)
         except ArgumentError as problem:

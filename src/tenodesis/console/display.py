@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tenodesis import statics
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 
 _HANDLE = ("handle_angle", "measured_handle_angle")
@@ -54,7 +54,7 @@ class ShownSignals(NamedTuple):
     """Length that each motor has wound, m, shape (n, axes, 2)"""
 
 
-def shown_signals(inst: Instrument, signals: Mapping[str, ArrayLike]) -> ShownSignals:
+def shown_signals(inst: ShortForm, signals: Mapping[str, ArrayLike]) -> ShownSignals:
     """Return the signals to show, from signals in the shapes of :data:`tenodesis.run.SIGNALS`."""
     axes = len(inst.axes)
     time = np.asarray(signals["time"], float)
@@ -90,7 +90,7 @@ def shown_signals(inst: Instrument, signals: Mapping[str, ArrayLike]) -> ShownSi
     )
 
 
-def _target(inst: Instrument, handle: Array) -> Array:
+def _target(inst: ShortForm, handle: Array) -> Array:
     """Return the output angle that the controller aims at, rad (eq. 18), at handle angles, rad, shape (..., axes)."""
     target = np.empty(handle.shape)
     for n, planar in enumerate(inst.planar):

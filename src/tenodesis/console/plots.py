@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tenodesis.console.display import ShownSignals
 from tenodesis.control.parameters import tension_limit
 from tenodesis.coupled import CoupledInstrument
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class Plots:
         Whether the load on the tip and the tensions are known, too.
     """
 
-    def __init__(self, gui: "viser.GuiApi", inst: Instrument, *, measured: bool, simulated: bool) -> None:
+    def __init__(self, gui: "viser.GuiApi", inst: ShortForm, *, measured: bool, simulated: bool) -> None:
         from viser import uplot  # noqa: PLC0415 - takes half a second
 
         self._inst, self._colours, self._simulated = inst, TensionColours(inst), simulated
@@ -189,7 +189,7 @@ _SLACK_FRACTION = 0.01
 class TensionColours:
     """Colours of tension (N) for an instrument: grey when slack, from blue to red at the tension limit."""
 
-    def __init__(self, inst: Instrument | CoupledInstrument) -> None:
+    def __init__(self, inst: ShortForm | CoupledInstrument) -> None:
         wound: tuple[Any, ...] = (inst,) if isinstance(inst, CoupledInstrument) else inst.planar
         self.limit = min(tension_limit(axis) for axis in wound)
         """Tension above which no tendon is wound, N."""

@@ -12,7 +12,7 @@ from tenodesis.console.assembly import DISC, Assembly, disc_place
 from tenodesis.console.display import ShownSignals
 from tenodesis.console.plots import TensionColours
 from tenodesis.console.solids import Solid, end_effector, rod, solids
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.kinematics import Dimensions, Frame, Frames, Posture
 from tenodesis.run import Array
 
@@ -221,7 +221,7 @@ class Scene(View):
     def __init__(
         self,
         client: "viser.ClientHandle",
-        inst: Instrument,
+        inst: ShortForm,
         largest_force: float,
         *,
         parts: Assembly | None = None,
@@ -313,7 +313,7 @@ class Scene(View):
         self._add(scene, f"{ROOT}/port/ring", rod(1.5 * radius, -0.9 * radius, 0.9 * radius, 32), (96, 106, 120), 0.9)
 
 
-def with_short_stem(inst: Instrument) -> Instrument:
+def with_short_stem(inst: ShortForm) -> ShortForm:
     """Return an instrument with a stem short enough for the picture."""
     lengths: Dimensions = kinematics.dimensions(inst)
     short = SHORT_STEM * (lengths.handle_length + lengths.end_effector_length)

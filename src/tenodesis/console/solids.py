@@ -11,7 +11,7 @@ from tenodesis.coupled import CoupledInstrument
 from tenodesis.coupled.description import AXES
 from tenodesis.coupled.motion import bend_side
 from tenodesis.coupled.parts import moving, parts
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.kinematics import Dimensions
 from tenodesis.run import Array
 
@@ -47,7 +47,7 @@ class _End(NamedTuple):
     radii: tuple[float, ...]
 
 
-def solids(inst: Instrument, lengths: Dimensions) -> list[Solid]:
+def solids(inst: ShortForm, lengths: Dimensions) -> list[Solid]:
     """Return all solids of an instrument of these dimensions, m."""
     stem, radius = lengths.stem_length, lengths.stem_diameter / 2
     # A continuum is driven by a pulley at the handle.

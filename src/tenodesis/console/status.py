@@ -9,7 +9,7 @@ from tenodesis.console.plots import TensionColours
 from tenodesis.console.session import PageState, Session, enable, set_properties
 from tenodesis.control import HOMING_REASONS
 from tenodesis.coupled import CoupledInstrument
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.live.commands import ControllerRequest
 from tenodesis.live.status import RuntimeState, Status
 
@@ -237,7 +237,7 @@ _BUTTON_COLOURS = {"enable": "green", "resume": "green", "clear": "orange"}
 class StatusHeader:
     """The state, the scale of the tendons' colours, and the buttons that the state allows."""
 
-    def __init__(self, session: Session, inst: Instrument | CoupledInstrument) -> None:
+    def __init__(self, session: Session, inst: ShortForm | CoupledInstrument) -> None:
         self._session = session
         self._currents = inst.sensors.kind == "current"
         gui: Any = session.client.gui

@@ -14,7 +14,7 @@ from tenodesis.console.display import ShownSignals, shown_signals
 from tenodesis.console.plots import AGONIST, INK, TARGET, add_chart, series, without_gaps
 from tenodesis.console.session import PageState, Session, as_plain, enable, set_properties
 from tenodesis.errors import RecordingError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.recording import Recording
 from tenodesis.run import Array
 from tenodesis.simulate import Motion, Protocol
@@ -35,14 +35,14 @@ class _Opened(NamedTuple):
     """A recording that has been read."""
 
     recording: Recording
-    inst: Instrument
+    inst: ShortForm
     shown: ShownSignals
 
 
 class FilesTab:
     """The recordings of a folder, and the recording that is open."""
 
-    def __init__(self, session: Session, inst: Instrument) -> None:
+    def __init__(self, session: Session, inst: ShortForm) -> None:
         self._session, self._inst = session, inst
         self._opened: _Opened | None = None
         self._started: float | None = None
@@ -100,7 +100,7 @@ class FilesTab:
         row = int(np.searchsorted(since, at, side="right")) - 1
         return ShownSignals(*(values[max(row, 0)] for values in shown))
 
-    def _recording(self, name: str) -> tuple[Recording, Instrument]:
+    def _recording(self, name: str) -> tuple[Recording, ShortForm]:
         """Open a recording of the list, which may have changed."""
         if name not in _recordings(self._session.folders.recordings):
             raise RecordingError(f"{name} is not among the recordings of {self._session.folders.recordings}.")
@@ -209,14 +209,14 @@ def _recordings(folder: Path) -> list[str]:
     return [name for _, name in sorted(found, reverse=True)[:_LISTED]]
 
 
-def _thinned(recording: Recording, inst: Instrument) -> ShownSignals:
+def _thinned(recording: Recording, inst: ShortForm) -> ShownSignals:
     signals = recording.to_numpy()
     count = signals["time"].size
     rows = np.unique(np.linspace(0, max(count - 1, 0), min(_ROWS, count)).astype(int))
     return shown_signals(inst, {name: values[rows] for name, values in signals.items()})
 
 
-def _facts(recording: Recording, inst: Instrument, live: Instrument) -> str:
+def _facts(recording: Recording, inst: ShortForm, live: ShortForm) -> str:
     """Return as Markdown what a recording holds."""
     rows, axes = len(recording.run), " and ".join(inst.axes)
     lines = [

@@ -9,7 +9,7 @@ import numpy as np
 from tenodesis import simulate
 from tenodesis.console.session import PageState, Session, enable, set_properties
 from tenodesis.errors import LiveError, ProtocolError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.live.status import RuntimeState
 from tenodesis.run import Array
 from tenodesis.simulate import Motion, Protocol
@@ -38,7 +38,7 @@ _HINTS = {
 class MoveTab:
     """Sliders of handle angle and load, and recorded motions of the hand."""
 
-    def __init__(self, session: Session, inst: Instrument) -> None:
+    def __init__(self, session: Session, inst: ShortForm) -> None:
         self._session = session
         gui: Any = session.client.gui
         self._simulated = session.link.capabilities.simulated
@@ -139,12 +139,12 @@ def next_to_try(state: PageState) -> str:
     return _HINTS.get((state.status.state, state.status.law != "off"), "")
 
 
-def largest_force(inst: Instrument) -> float:
+def largest_force(inst: ShortForm) -> float:
     """Return the largest load that the page offers, N: the largest test force of the instrument file."""
     return round(max(inst.conditions.forces, default=inst.pretension / 30), 3)
 
 
-def _usual_force(inst: Instrument, most: float) -> float:
+def _usual_force(inst: ShortForm, most: float) -> float:
     forces = sorted(inst.conditions.forces)
     return round(forces[(len(forces) - 1) // 2], 3) if forces else most / 2
 

@@ -29,7 +29,7 @@ class SetupTab:
             f"{as_plain(inst.description)}"
         )
         gui.add_markdown(as_plain(" ".join((*sentences(inst), *(f"Warning: {each}" for each in warnings(inst))))))
-        self._shipped = gui.add_dropdown("Shipped", instrument.shipped())
+        self._shipped = gui.add_dropdown("Shipped", ("real-size", "scaled-up"))
         self._load = gui.add_button("Run this instrument")
         self._path = gui.add_text("Path", "", hint="On the machine that runs the instrument.")
         self._load_path = gui.add_button("Run the file at this path")

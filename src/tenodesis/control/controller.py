@@ -11,7 +11,7 @@ from tenodesis import _core
 from tenodesis.control.parameters import FAULTS, HOMING_REASONS, parameters
 from tenodesis.control.resolution import check_force_limit
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 
 ObserverName: TypeAlias = Literal["paper", "exact", "friction"]
 """How the tip is estimated: by eq. 19 as printed, by the exact statics, or with friction."""
@@ -136,7 +136,7 @@ class Controller:
         period: float | None = None,
         own_clock: bool = False,
     ) -> None:
-        inst = as_instrument(inst)
+        inst = as_short_form(inst)
         chosen_observer = _choice("observer", observer, ObserverName)
         chosen_law = _choice("law", law, LawName)
         chosen_actuation = _choice("actuation", actuation, ActuationName)
@@ -321,7 +321,7 @@ class Controller:
             None if place < 0 else place,
         )
 
-    def check_instrument(self, inst: Instrument) -> None:
+    def check_instrument(self, inst: ShortForm) -> None:
         """Check that a plant's instrument has the axes and joints that the controller is for.
 
         Raises

@@ -9,7 +9,7 @@ import numpy as np
 from tenodesis import kinematics, plant, statics
 from tenodesis.control.parameters import force_limit, tension_limit
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 
 _SHOWN = {"rad": ("deg", 180 / pi), "m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
 
@@ -35,7 +35,7 @@ class Derived(NamedTuple):
         return f"{shown:.{digits}g} {unit}".strip()
 
 
-def derive(inst: Instrument) -> Iterator[Derived]:
+def derive(inst: ShortForm) -> Iterator[Derived]:
     """Yield what follows from an instrument's values, of each axis that has its own."""
     if not inst.overrides:
         yield from _derive(inst.planar[0])
@@ -45,7 +45,7 @@ def derive(inst: Instrument) -> Iterator[Derived]:
             yield one._replace(key=f"{axis.axes[0]}: {one.key}")
 
 
-def _derive(inst: Instrument) -> Iterator[Derived]:
+def _derive(inst: ShortForm) -> Iterator[Derived]:
     end = statics.reach(inst)
     reached = float(statics.output_angle(inst, np.array([inst.handle_range]))[0])
     slope = statics.gradient(statics.output_angle, inst, 0.0, wrt=["handle_angle"])["handle_angle"]
@@ -87,7 +87,7 @@ def _given(value: float | None) -> str:
     return "about the output angle, " + ("by default" if value is None else "as given")
 
 
-def _stem(inst: Instrument) -> float:
+def _stem(inst: ShortForm) -> float:
     try:
         return kinematics.dimensions(inst).stem_length
     except InstrumentError:

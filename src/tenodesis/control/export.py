@@ -10,7 +10,7 @@ from tenodesis import _core
 from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
 from tenodesis.control.parameters import FAULTS
 from tenodesis.files import atomic_file
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 
 INTERFACE_VERSION: int = _core.INTERFACE_VERSION
 """TENODESIS_VERSION of the C interface that headers are written for."""
@@ -75,7 +75,7 @@ def header(
     ValueError
         The name is not valid in C, there is no such choice, or the parameters make no controller.
     """
-    inst = as_instrument(inst)
+    inst = as_short_form(inst)
     # Applies the controller's own checks, in the precision that overflows first.
     controller = Controller(inst, observer, law, actuation, homed=homed, precision="single", own_clock=own_clock)
     parameters = controller.parameters
@@ -137,7 +137,7 @@ def header(
     return "\n".join([*lines, "        },", "};", "", *_currents(inst, name), "#endif", ""])
 
 
-def _currents(inst: Instrument, name: str) -> list[str]:
+def _currents(inst: ShortForm, name: str) -> list[str]:
     """Return what makes tensions of currents, where these are in the place of load cells."""
     of = name.upper()
     sensors = {f"{of}_{axis.upper()}": one.tension_sensor for axis, one in zip(inst.axes, inst.planar, strict=True)}

@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core, plant
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
+from tenodesis.instrument.compliance import compliance_shares
 from tenodesis.instrument.tension import tension_sensor
 
 FAULTS = tuple(name for name, _, _ in _core.faults())
@@ -73,7 +74,7 @@ class Parameters(NamedTuple):
 
 def parameters(inst: InstrumentLike, period: float | None = None) -> Parameters:
     """Return the controller's parameters; period: of its ticks, s, by default the instrument's sampling period."""
-    inst = as_instrument(inst)
+    inst = as_short_form(inst)
     single = inst.planar
     tick = 1 / inst.sensors.sampling_rate if period is None else period
     first = single[0]
@@ -109,7 +110,7 @@ def tension_from_current(inst: InstrumentLike, current: ArrayLike, axis: str | N
     InstrumentError
         It has no such axis.
     """
-    inst = as_instrument(inst)
+    inst = as_short_form(inst)
     sensor = inst.axis(axis or inst.axes[0]).tension_sensor
     if not sensor.per_current:
         raise ArgumentError(
@@ -119,7 +120,7 @@ def tension_from_current(inst: InstrumentLike, current: ArrayLike, axis: str | N
     return np.asarray(convert(current, sensor.per_current, sensor.range / sensor.per_current))
 
 
-def tension_limit(inst: Instrument) -> float:
+def tension_limit(inst: ShortForm) -> float:
     """Return the tension (N) above which no tendon is wound."""
     given = inst.control.tension_limit
     if given is not None:
@@ -130,13 +131,13 @@ def tension_limit(inst: Instrument) -> float:
     return float(min(max(_USUAL_LIMIT, 3 * inst.pretension), strength, read / (1.1 * _FAULT_OVER_LIMIT)))
 
 
-def force_limit(inst: Instrument) -> float:
+def force_limit(inst: ShortForm) -> float:
     """Return the force (N) at the tip beyond which the motors yield."""
     given = inst.control.force_limit
     return max(_TISSUE, _OVER_LOAD * max(inst.conditions.forces, default=0.0)) if given is None else given
 
 
-def _friction(inst: Instrument) -> float:
+def _friction(inst: ShortForm) -> float:
     """Return the largest friction exponent of a tendon, over the ranges of both joints."""
     friction = inst.friction
     bend = friction.sheath_bend + friction.sheath_bend_per_handle_angle * inst.handle_range
@@ -144,11 +145,11 @@ def _friction(inst: Instrument) -> float:
     return friction.sheath_coefficient * bend + friction.vertex_coefficient * wrap
 
 
-def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float]:
+def _axis(inst: ShortForm, period: float, *, is_first: bool) -> dict[str, float]:
     numbers = plant.parameters(inst, period)
     drives, control = inst.drives, inst.control
     pretension, stiffness = inst.pretension, inst.tendon_stiffness
-    shares = plant.compliance_shares(inst)
+    shares = compliance_shares(inst)
     # The controller knows a capstan alone: a coefficient that depends on tension is that at pretension.
     at_pretension = float((pretension / inst.friction.reference_tension) ** (inst.friction.load_index - 1))
     delay = 1.05 * (drives.time_constant + (_SMOOTHING + 1) * period + 1.5 * _TREMOR_SMOOTHING)
@@ -280,7 +281,7 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
     }
 
 
-def _before_handle(inst: Instrument, share: float, at_pretension: float) -> tuple[float, float, float]:
+def _before_handle(inst: ShortForm, share: float, at_pretension: float) -> tuple[float, float, float]:
     """Return coefficient and bend of what lies before the handle's joint, and the compliance share up to it.
 
     The friction of a drive whose current measures the tension is at the spool: with that of the sheath it makes one
@@ -296,7 +297,7 @@ def _before_handle(inst: Instrument, share: float, at_pretension: float) -> tupl
     return coefficient, bend + drive / coefficient, share * max(own / (own + drive), _LEAST_SHARE)
 
 
-def _limits(inst: Instrument, period: float) -> dict[str, tuple[float, float]]:
+def _limits(inst: ShortForm, period: float) -> dict[str, tuple[float, float]]:
     pretension, sensors, sensor = inst.pretension, inst.sensors, inst.tension_sensor
     speed = inst.drives.motor_speed / inst.drives.gear_ratio
     # A cell without noise does not flicker, and one that is sampled slower than ticks stands still between samples.

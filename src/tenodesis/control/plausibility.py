@@ -10,7 +10,8 @@ from tenodesis import kinematics, plant, statics
 from tenodesis.control.parameters import tension_limit
 from tenodesis.control.resolution import warnings as unresolved
 from tenodesis.errors import Error, InstrumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
+from tenodesis.instrument.tip_motion import tip_inertia
 
 _STEEL = 7850.0  # kg/m^3
 _MODULUS = (1e9, 250e9)  # Pa, of ropes: soft braids to tungsten wire
@@ -38,11 +39,11 @@ class Rule(NamedTuple):
     """A rule of plausibility: the key that it is about, and what it finds."""
 
     key: str
-    find: Callable[[Instrument], str]
+    find: Callable[[ShortForm], str]
     """Returns the sentence, empty if the value is plausible; its instrument has one axis."""
 
 
-def implausible(inst: Instrument) -> tuple[Implausible, ...]:
+def implausible(inst: ShortForm) -> tuple[Implausible, ...]:
     """Return what is implausible about an instrument, each in one sentence, what its sensors lack included."""
     found: dict[str, Implausible] = {}
     several = bool(inst.overrides)
@@ -62,7 +63,7 @@ def implausible(inst: Instrument) -> tuple[Implausible, ...]:
     return tuple(found.values())
 
 
-def solid_tip_inertia(inst: Instrument) -> float:
+def solid_tip_inertia(inst: ShortForm) -> float:
     """Return the inertia about its joint, kg m^2, of a steel rod of the stem's diameter and the end-effector's length.
 
     Without a stem diameter it is as wide as the distal joint.
@@ -72,15 +73,15 @@ def solid_tip_inertia(inst: Instrument) -> float:
     return mass * inst.end_effector_length**2 / 3
 
 
-def _radius(inst: Instrument, end: str) -> float:
+def _radius(inst: ShortForm, end: str) -> float:
     return float(getattr(inst, _radius_key(inst, end)))
 
 
-def _radius_key(inst: Instrument, end: str) -> str:
+def _radius_key(inst: ShortForm, end: str) -> str:
     return next(field for field, parameter in inst.parameter_fields.items() if parameter == f"{end}_radius")
 
 
-def _section(inst: Instrument) -> float | None:
+def _section(inst: ShortForm) -> float | None:
     """Return the section of a tendon, m^2, if its diameter is known."""
     return None if inst.tendon_diameter is None else pi / 4 * inst.tendon_diameter**2
 
@@ -89,7 +90,7 @@ def _mm(length: float) -> str:
     return f"{1e3 * length:.4g} mm"
 
 
-def _modulus(inst: Instrument) -> str:
+def _modulus(inst: ShortForm) -> str:
     modulus = inst.tendon_modulus
     if modulus is None or inst.given_stiffness is not None or _MODULUS[0] <= modulus <= _MODULUS[1]:
         return ""
@@ -100,14 +101,14 @@ def _modulus(inst: Instrument) -> str:
     )
 
 
-def _strain(inst: Instrument) -> str:
+def _strain(inst: ShortForm) -> str:
     strain = inst.pretension / inst.tendon_stiffness / (inst.tendon_length or inst.overall_length)
     if strain <= _STRAIN:
         return ""
     return f"pretension is {inst.pretension:g} N, which stretches a tendon by {100 * strain:.3g} % of its length."
 
 
-def _stress(inst: Instrument) -> str:
+def _stress(inst: ShortForm) -> str:
     section = _section(inst)
     if section is None:
         return ""
@@ -125,18 +126,18 @@ def _stress(inst: Instrument) -> str:
     return ""
 
 
-def _strength(inst: Instrument) -> str:
+def _strength(inst: ShortForm) -> str:
     limit = inst.control.tension_limit
     if limit is None or inst.breaking_load is None or limit < inst.breaking_load:
         return ""
     return f"control.tension_limit is {limit:g} N, and tendons break at a breaking_load of {inst.breaking_load:g} N."
 
 
-def _no_pretension(inst: Instrument) -> str:
+def _no_pretension(inst: ShortForm) -> str:
     return "pretension is 0 N: a tendon is slack under any load." if inst.pretension == 0 else ""
 
 
-def _slack(inst: Instrument) -> str:
+def _slack(inst: ShortForm) -> str:
     least = min(inst.conditions.forces, default=inf)
     forces = statics.slack_force(inst, np.array([0.0, inst.output_range]))
     force = float(np.fmin.reduce(forces))
@@ -148,7 +149,7 @@ def _slack(inst: Instrument) -> str:
     )
 
 
-def _pulley_in_stem(inst: Instrument) -> str:
+def _pulley_in_stem(inst: ShortForm) -> str:
     key, radius = _radius_key(inst, "distal"), _radius(inst, "distal")
     if inst.stem_diameter is None or 2 * radius <= inst.stem_diameter:
         return ""
@@ -159,13 +160,13 @@ def _pulley_in_stem(inst: Instrument) -> str:
     )
 
 
-def _rope_in_stem(inst: Instrument) -> str:
+def _rope_in_stem(inst: ShortForm) -> str:
     if inst.stem_diameter is None or inst.tendon_diameter is None or 2 * inst.tendon_diameter < inst.stem_diameter:
         return ""
     return f"tendon_diameter is {_mm(inst.tendon_diameter)}: two tendons fill the stem of {_mm(inst.stem_diameter)}."
 
 
-def _rope_on_pulley(inst: Instrument) -> str:
+def _rope_on_pulley(inst: ShortForm) -> str:
     radius, rope = _radius(inst, "distal"), inst.tendon_diameter
     if inst.joint_type != "tendon-pulley" or rope is None or 2 * radius >= _PULLEY_PER_ROPE * rope:
         return ""
@@ -175,13 +176,13 @@ def _rope_on_pulley(inst: Instrument) -> str:
     )
 
 
-def _length(inst: Instrument) -> str:
+def _length(inst: ShortForm) -> str:
     if _LENGTH[0] <= inst.overall_length <= _LENGTH[1]:
         return ""
     return f"overall_length is {_mm(inst.overall_length)}; instruments have {_mm(_LENGTH[0])} to {_LENGTH[1]:g} m."
 
 
-def _stem(inst: Instrument) -> str:
+def _stem(inst: ShortForm) -> str:
     try:
         kinematics.dimensions(inst)
     except InstrumentError as problem:
@@ -189,7 +190,7 @@ def _stem(inst: Instrument) -> str:
     return ""
 
 
-def _reach(inst: Instrument) -> str:
+def _reach(inst: ShortForm) -> str:
     reached = float(statics.output_angle(inst, np.array([inst.handle_range]))[0])
     if not reached < inst.output_range - _REACH:
         return ""
@@ -199,7 +200,7 @@ def _reach(inst: Instrument) -> str:
     )
 
 
-def _load(inst: Instrument) -> str:
+def _load(inst: ShortForm) -> str:
     force = max(inst.conditions.forces, default=0.0)
     handle = np.linspace(0.0, statics.reach(inst), 17)
     if np.isfinite(statics.output_angle(inst, handle, force)).all():
@@ -207,7 +208,7 @@ def _load(inst: Instrument) -> str:
     return f"conditions.forces has {force:g} N, which the tip cannot hold over its working range."
 
 
-def _sheath(inst: Instrument) -> str:
+def _sheath(inst: ShortForm) -> str:
     friction = inst.friction
     bends = friction.sheath_bend or friction.sheath_bend_per_handle_angle
     if friction.sheath_coefficient and not bends:
@@ -220,7 +221,7 @@ def _sheath(inst: Instrument) -> str:
     return ""
 
 
-def _law(inst: Instrument) -> str:
+def _law(inst: ShortForm) -> str:
     friction = inst.friction
     given = (friction.vertex_coefficient, friction.sheath_coefficient, friction.constant, friction.viscous)
     if friction.law == "none" or any(given):
@@ -228,7 +229,7 @@ def _law(inst: Instrument) -> str:
     return f'friction.law is "{friction.law}", but no coefficient is given, so that there is no friction.'
 
 
-def _coefficient(inst: Instrument) -> str:
+def _coefficient(inst: ShortForm) -> str:
     for key in ("vertex_coefficient", "sheath_coefficient"):
         value = getattr(inst.friction, key)
         if value > _COEFFICIENT:
@@ -236,9 +237,9 @@ def _coefficient(inst: Instrument) -> str:
     return ""
 
 
-def _inertia(inst: Instrument) -> str:
+def _inertia(inst: ShortForm) -> str:
     rod, given = solid_tip_inertia(inst), inst.dynamics.tip_inertia
-    inertia = plant.tip_inertia(inst)
+    inertia = tip_inertia(inst)
     swings = f"{plant.natural_frequency(inst) / (2 * pi):.3g} Hz"
     if given is None:
         problem = f"dynamics.tip_inertia is not given, so that the tip swings at {swings}: {inertia:.2g} kg*m^2, "
@@ -257,7 +258,7 @@ def _inertia(inst: Instrument) -> str:
     return ""
 
 
-def _load_cell(inst: Instrument) -> str:
+def _load_cell(inst: ShortForm) -> str:
     limit, largest = tension_limit(inst), inst.tension_sensor.range
     given = f"sensors.load_cell_range is {largest:g} N"
     if inst.sensors.kind == "current":
@@ -271,7 +272,7 @@ def _load_cell(inst: Instrument) -> str:
     return ""
 
 
-def _motors(inst: Instrument) -> str:
+def _motors(inst: ShortForm) -> str:
     drives = inst.drives
     wound = drives.motor_speed / drives.gear_ratio * drives.spool_radius
     asked = inst.control.tendon_speed

@@ -9,7 +9,7 @@ import numpy as np
 from tenodesis import plant, statics
 from tenodesis.control.parameters import force_limit, parameters
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 
 _PLACES = 17
 _USUAL_LOAD = 1.0  # N
@@ -69,11 +69,11 @@ def resolution(inst: InstrumentLike) -> Resolution:
     are propagated by the derivatives of :func:`tenodesis.statics.estimate_output_angle`; without pretension they are
     not finite.
     """
-    return _resolution(as_instrument(inst))
+    return _resolution(as_short_form(inst))
 
 
 @lru_cache(maxsize=16)
-def _resolution(inst: Instrument) -> Resolution:
+def _resolution(inst: ShortForm) -> Resolution:
     inst = inst.planar[0]
     sensors, sensor, control = inst.sensors, inst.tension_sensor, parameters(inst)
     numbers = plant.parameters(inst, control.common["period"])
@@ -115,7 +115,7 @@ def _resolution(inst: Instrument) -> Resolution:
     return Resolution(places[0], places[-1], worst, tip_force, hidden, load, loss)
 
 
-def sentences(inst: Instrument) -> tuple[str, ...]:
+def sentences(inst: ShortForm) -> tuple[str, ...]:
     """Return in a sentence what the sensors resolve and what a load takes, for each axis that has its own values."""
     found = []
     for prefix, axis in _different_axes(inst):
@@ -130,7 +130,7 @@ def sentences(inst: Instrument) -> tuple[str, ...]:
     return tuple(sentence[0].upper() + sentence[1:] for sentence in found)
 
 
-def shares(inst: Instrument) -> tuple[str, ...]:
+def shares(inst: ShortForm) -> tuple[str, ...]:
     """Return in a sentence how much each kind of sensor takes of that angle, for each axis that has its own values."""
     found = []
     for prefix, axis in _different_axes(inst):
@@ -147,7 +147,7 @@ def shares(inst: Instrument) -> tuple[str, ...]:
     return tuple(sentence[0].upper() + sentence[1:] for sentence in found)
 
 
-def warnings(inst: Instrument) -> tuple[str, ...]:
+def warnings(inst: ShortForm) -> tuple[str, ...]:
     """Return in sentences where the sensors do not suffice for compensation, or for the limit of the tip force."""
     found = []
     for prefix, axis in _different_axes(inst):
@@ -162,7 +162,7 @@ def warnings(inst: Instrument) -> tuple[str, ...]:
     return tuple(found)
 
 
-def check_force_limit(inst: Instrument) -> None:
+def check_force_limit(inst: ShortForm) -> None:
     """Refuse an instrument whose file gives a limit of the tip force that its load cells do not resolve.
 
     Raises
@@ -178,18 +178,18 @@ def check_force_limit(inst: Instrument) -> None:
             raise _unresolved_limit(axis, known)
 
 
-def _different_axes(inst: Instrument) -> list[tuple[str, Instrument]]:
+def _different_axes(inst: ShortForm) -> list[tuple[str, ShortForm]]:
     """Return an instrument's axes that have values of their own, each with what a sentence about it begins with."""
     if not inst.overrides:
         return [("", inst.planar[0])]
     return [(f"{axis.axes[0]}: ", axis) for axis in inst.planar]
 
 
-def _is_unresolved(inst: Instrument, known: Resolution) -> bool:
+def _is_unresolved(inst: ShortForm, known: Resolution) -> bool:
     return 0 < force_limit(inst) < known.tip_force < inf
 
 
-def _unresolved_limit(inst: Instrument, known: Resolution) -> InstrumentError:
+def _unresolved_limit(inst: ShortForm, known: Resolution) -> InstrumentError:
     limit = force_limit(inst)
     sensors = _measured_by(inst)
     allowed = f"at least {known.tip_force:.3g} N, which is what the {sensors} resolve at the tip, or 0 for none"
@@ -201,7 +201,7 @@ def _unresolved_limit(inst: Instrument, known: Resolution) -> InstrumentError:
     )
 
 
-def _measured_by(inst: Instrument) -> str:
+def _measured_by(inst: ShortForm) -> str:
     return "currents" if inst.sensors.kind == "current" else "load cells"
 
 

@@ -8,7 +8,7 @@ from tenodesis.coupled.mjcf import mjcf
 from tenodesis.coupled.motion import frames, jacobian, tip_pose
 from tenodesis.coupled.parts import joint_positions
 from tenodesis.coupled.plausibility import Doubt, implausible
-from tenodesis.coupled.reading import CoupledLike, is_coupled, json_schema, load, misrouted, of_planar, parse, shipped
+from tenodesis.coupled.reading import CoupledLike, is_coupled, load, of_planar, parse, shipped
 from tenodesis.coupled.statics import (
     Equilibrium,
     Rates,
@@ -57,11 +57,9 @@ __all__ = [
     "is_coupled",
     "jacobian",
     "joint_positions",
-    "json_schema",
     "load",
     "load_matrix",
     "loss",
-    "misrouted",
     "mjcf",
     "of_planar",
     "output_angles",

@@ -13,7 +13,7 @@ from tenodesis.coupled.description import CoupledInstrument, Joint
 from tenodesis.coupled.reading import CoupledLike, load
 from tenodesis.coupled.rows import link_rows, mass_matrix
 from tenodesis.errors import ArgumentError, InstrumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.instrument.mechanisms import JOINT_TYPES
 from tenodesis.toml import validated
 
@@ -57,7 +57,7 @@ def pairs(inst: CoupledLike) -> dict[str, Pair]:
     return found
 
 
-def compensated(inst: CoupledLike) -> Instrument:
+def compensated(inst: CoupledLike) -> ShortForm:
     """Return the instrument of one or two planar axes that a controller of a coupled instrument is made for.
 
     Its axes are the joints with a pair of their own (:func:`pairs`): ``Controller(tn.coupled.compensated(inst))``.

@@ -15,10 +15,11 @@ from typing import Any, TypeGuard
 import numpy as np
 import tomli_w
 
-from tenodesis.coupled.description import Array, CoupledInstrument
+from tenodesis.coupled.description import CoupledInstrument
 from tenodesis.coupled.reading import parse
 from tenodesis.errors import InstrumentError
 from tenodesis.files import read_regular
+from tenodesis.instrument.instrument import Array
 
 PULLEY_RADIUS = 2.5e-3
 """Radius of the largest pulley about the pitch axis that is assumed, m: it fits into a stem of 8 mm."""

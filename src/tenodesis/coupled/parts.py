@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from tenodesis.coupled.description import CoupledInstrument, Joint
 from tenodesis.coupled.motion import STEM, Array, angle_rows, chord, end_length
 from tenodesis.coupled.reading import CoupledLike, load
-from tenodesis.kinematics.dimensions import STEM_PER_RADIUS
+from tenodesis.instrument.lengths import STEM_PER_RADIUS
 from tenodesis.kinematics.parts import Joint as Hinge
 from tenodesis.kinematics.parts import Part, cylinder
 

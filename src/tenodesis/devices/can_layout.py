@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 from tenodesis.devices.cia402 import wrapped
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.instrument.devices import CanAngle, CanAxis, CanDrive, CanOpen, CanTension
 from tenodesis.run import TENDONS
 
@@ -147,7 +147,7 @@ class Layout:
         return named
 
 
-def layout(inst: Instrument, settings: CanOpen) -> Layout:
+def layout(inst: ShortForm, settings: CanOpen) -> Layout:
     """Return the frames by which an instrument's bench is served.
 
     Raises InstrumentError if an axis is missing, two sensors are one, a node has more sensors than its PDOs carry, the
@@ -189,7 +189,7 @@ def layout(inst: Instrument, settings: CanOpen) -> Layout:
     return Layout(inst.axes, drives, sensors, speed / inst.drives.gear_ratio, unit, load)
 
 
-def sources_of(inst: Instrument, settings: CanOpen, axis: CanAxis) -> dict[str, CanAngle | CanTension]:
+def sources_of(inst: ShortForm, settings: CanOpen, axis: CanAxis) -> dict[str, CanAngle | CanTension]:
     """Return the sensors of an axis by what they measure; where its drives' currents measure the tensions, these.
 
     The instrument is that of the axis alone.
@@ -214,7 +214,7 @@ def sources_of(inst: Instrument, settings: CanOpen, axis: CanAxis) -> dict[str, 
     return {name: found[name] for name in COLUMNS if name in found}
 
 
-def _drive(inst: Instrument, settings: CanOpen, place: tuple[int, int], drive: CanDrive, unit: float) -> DriveFrames:
+def _drive(inst: ShortForm, settings: CanOpen, place: tuple[int, int], drive: CanDrive, unit: float) -> DriveFrames:
     axis, tendon = place
     counter = settings.counter
     objects = _MEASURED_OBJECTS if counter is None else (*_MEASURED_OBJECTS, (counter.object, counter.sub, 16))
@@ -296,7 +296,7 @@ def _size(source: CanAngle | CanTension) -> int:
 
 
 def _load(
-    inst: Instrument, settings: CanOpen, drives: tuple[DriveFrames, ...], sensors: tuple[SensorFrame, ...]
+    inst: ShortForm, settings: CanOpen, drives: tuple[DriveFrames, ...], sensors: tuple[SensorFrame, ...]
 ) -> float:
     if settings.bitrate is None:
         return nan

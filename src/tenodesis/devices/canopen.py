@@ -20,7 +20,7 @@ from tenodesis.devices.can_setup import MISSED_HEARTBEATS, Setup
 from tenodesis.devices.cia402 import State
 from tenodesis.devices.device import Bench, Capabilities, Measurement
 from tenodesis.errors import DeviceError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.instrument.devices import CanOpen
 from tenodesis.run import Array
 
@@ -53,7 +53,7 @@ class CanOpenDevice(Bench):
 
     def __init__(
         self,
-        inst: Instrument,
+        inst: ShortForm,
         settings: CanOpen,
         *,
         bus: can.BusABC | None = None,

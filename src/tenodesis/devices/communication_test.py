@@ -9,7 +9,7 @@ import numpy as np
 
 from tenodesis.devices.device import Device
 from tenodesis.errors import DeviceError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 
 LEAST_RATE = 0.99
@@ -128,7 +128,7 @@ class Findings:
 
 def measure(
     device: Device,
-    inst: Instrument,
+    inst: ShortForm,
     seconds: float,
     progress: Callable[[float], None] = lambda _: None,
     *,

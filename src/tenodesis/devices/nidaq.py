@@ -11,7 +11,7 @@ import numpy as np
 from tenodesis.devices.device import Bench, Capabilities, Measurement
 from tenodesis.devices.nidaq_tasks import NiTasks
 from tenodesis.errors import DeviceError, InstrumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.instrument.devices import NiAxis, NiDaq
 from tenodesis.run import Array
 
@@ -32,7 +32,7 @@ class NiDaqDevice(Bench):
 
     def __init__(
         self,
-        inst: Instrument,
+        inst: ShortForm,
         settings: NiDaq,
         *,
         tasks: NiTasks | None = None,

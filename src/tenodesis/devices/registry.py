@@ -7,7 +7,7 @@ from types import MappingProxyType
 from tenodesis.devices.device import Device
 from tenodesis.errors import DeviceError
 from tenodesis.extras import require
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.instrument.devices import Serial
 
 
@@ -17,11 +17,11 @@ class Kind:
 
     description: str
     needs: str
-    make: Callable[[Instrument], Device] | None
+    make: Callable[[ShortForm], Device] | None
     """None of the twin, which is a part of the live loop."""
 
 
-def make(name: str, inst: Instrument, address: str | None = None) -> Device:
+def make(name: str, inst: ShortForm, address: str | None = None) -> Device:
     """Return a device for an instrument, not open yet; the address replaces a serial device's port in the file.
 
     Raises
@@ -47,7 +47,7 @@ def make(name: str, inst: Instrument, address: str | None = None) -> Device:
     return made(inst)
 
 
-def _canopen(inst: Instrument) -> Device:
+def _canopen(inst: ShortForm) -> Device:
     if inst.devices.canopen is None:
         raise _without_table("canopen", inst)
     require("can", "devices")
@@ -57,7 +57,7 @@ def _canopen(inst: Instrument) -> Device:
     return CanOpenDevice(inst, inst.devices.canopen)
 
 
-def _nidaq(inst: Instrument) -> Device:
+def _nidaq(inst: ShortForm) -> Device:
     from tenodesis.devices.nidaq import NiDaqDevice  # noqa: PLC0415 - as above
 
     if inst.devices.nidaq is None:
@@ -65,13 +65,13 @@ def _nidaq(inst: Instrument) -> Device:
     return NiDaqDevice(inst, inst.devices.nidaq)
 
 
-def _serial(inst: Instrument) -> Device:
+def _serial(inst: ShortForm) -> Device:
     from tenodesis.devices.serial_device import SerialDevice  # noqa: PLC0415 - as above
 
     return SerialDevice(inst, inst.devices.serial or Serial())
 
 
-def _without_table(name: str, inst: Instrument) -> DeviceError:
+def _without_table(name: str, inst: ShortForm) -> DeviceError:
     return DeviceError(
         f"{inst.name} has no table devices.{name}, which describes the wiring of its bench; add that table."
     )

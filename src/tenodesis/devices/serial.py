@@ -17,7 +17,7 @@ from tenodesis import _core
 from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
 from tenodesis.errors import ArgumentError, DeviceError
 from tenodesis.extras import require, require_live
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 
 BAUD_RATE = 3_000_000
 """Bits per second of a serial port, unless another is given: a tick of one axis takes 138 bytes, 87 of them back."""
@@ -93,7 +93,7 @@ class BoardController(Controller):
     def __init__(
         self,
         address: str,
-        inst: Instrument,
+        inst: ShortForm,
         observer: ObserverName = "friction",
         law: LawName = "robust",
         actuation: ActuationName = "differential",

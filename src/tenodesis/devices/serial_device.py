@@ -9,7 +9,7 @@ from tenodesis import _core
 from tenodesis.devices.device import Capabilities, Device, Measurement
 from tenodesis.devices.serial import BoardController, SerialController, StreamedController
 from tenodesis.errors import DeviceError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.instrument.devices import Serial
 from tenodesis.run import Array
 
@@ -17,7 +17,7 @@ from tenodesis.run import Array
 class SerialDevice(Device):
     """The line to a board: what it measures by itself, or how soon it answers a tick."""
 
-    def __init__(self, inst: Instrument, settings: Serial) -> None:
+    def __init__(self, inst: ShortForm, settings: Serial) -> None:
         self._inst, self._settings = inst, settings
         self._streams = settings.sensors == "board"
         rate = inst.sensors.sampling_rate

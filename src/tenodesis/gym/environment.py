@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tenodesis import _core, control, plant
 from tenodesis.errors import ArgumentError
 from tenodesis.gym.episodes import Episodes, Task
-from tenodesis.instrument import InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, as_short_form
 from tenodesis.run import Array
 from tenodesis.threads import threads
 from tenodesis.twin import Contact
@@ -66,7 +66,7 @@ class TendonVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
         self, instruments: InstrumentLike | Sequence[InstrumentLike], num_envs: int = 1, task: Task | None = None
     ) -> None:
         given = [instruments] if isinstance(instruments, InstrumentLike) else list(instruments)
-        insts = [as_instrument(one) for one in given]
+        insts = [as_short_form(one) for one in given]
         self.task = Task() if task is None else task
         if not insts or num_envs < 1:
             raise ArgumentError(key="num_envs", value=num_envs, allowed="1 or more, of one instrument or more")

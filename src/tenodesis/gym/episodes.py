@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tenodesis import statics, tolerance
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.plant import TIME_STEP
 from tenodesis.run import Array
 from tenodesis.tolerance.parameters import resolve
@@ -68,7 +68,7 @@ class Task:
 class Episodes:
     """The episodes of many environments, each with its own hand, load and tissue."""
 
-    def __init__(self, inst: Instrument, task: Task, count: int) -> None:
+    def __init__(self, inst: ShortForm, task: Task, count: int) -> None:
         self._task = task
         self._reach = float(statics.handle_angle(inst, task.reach * inst.output_range))
         self._force = task.force * max(inst.conditions.forces)
@@ -126,7 +126,7 @@ class Episodes:
 
 def randomised(
     inst: InstrumentLike, count: int, tolerances: tolerance.Tolerances | None = None, seed: int = 0
-) -> list[Instrument]:
+) -> list[ShortForm]:
     """Return instruments as a workshop would build them: drawn from the tolerances of a file.
 
     Parameters
@@ -145,7 +145,7 @@ def randomised(
     StudyError
         A key is unknown, cannot vary, or its tolerance is not understood.
     """
-    nominal = as_instrument(inst)
+    nominal = as_short_form(inst)
     given = tolerance.default(nominal) if tolerances is None else tolerances
     parameters = [one for one in resolve(given, nominal, nominal) if one.instrument == "scaled-up"]
     random = np.random.default_rng(seed)

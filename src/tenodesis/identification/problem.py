@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 
 
@@ -97,7 +97,7 @@ class Problem(ABC):
         """Return measured and modelled signals by name with the unit last, as in errors."""
         return {}
 
-    def instrument(self, values: Array) -> Instrument | None:
+    def instrument(self, values: Array) -> ShortForm | None:
         """Return the instrument with these values in place, or None if there is no instrument to change."""
         return None
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 
 _HARMONICS = 49
 _NEGLIGIBLE = 1e-4
@@ -52,12 +52,12 @@ class QuantisedSensor(NamedTuple):
                 yield 2 * math.pi * harmonic / self.resolution, size
 
 
-def encoder(inst: Instrument) -> QuantisedSensor:
+def encoder(inst: ShortForm) -> QuantisedSensor:
     """Return the encoder of an instrument's joints, rad."""
     sensors = inst.sensors
     return QuantisedSensor(sensors.encoder_noise, sensors.encoder_range / 2**sensors.encoder_bits)
 
 
-def load_cell(inst: Instrument) -> QuantisedSensor:
+def load_cell(inst: ShortForm) -> QuantisedSensor:
     """Return an instrument's load cell, or its motor's current as tension, N."""
     return QuantisedSensor(inst.tension_sensor.noise, inst.tension_sensor.resolution)

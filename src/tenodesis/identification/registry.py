@@ -13,7 +13,7 @@ from tenodesis.errors import IdentificationError
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.problem import Problem
 from tenodesis.identification.uncertainty import LossName
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 
 GROUP = "tenodesis.formats"
 """Group of the entry points."""
@@ -33,7 +33,7 @@ class BuildProblem(Protocol):
     """How recordings become a problem; its runs are those of train, then those of test."""
 
     def __call__(
-        self, train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None
+        self, train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: ShortForm | None
     ) -> Problem:
         """Return the model with its recordings."""
 
@@ -42,7 +42,7 @@ class Arranged(NamedTuple):
     """An arrangement to compare: its name, the instrument in it, and parameters that are fitted in addition."""
 
     name: str
-    instrument: Instrument
+    instrument: ShortForm
     unknowns: tuple[str, ...] = ()
 
 
@@ -50,7 +50,7 @@ class ListArrangements(Protocol):
     """Which arrangements of contacts are compared, the instrument's own first."""
 
     def __call__(
-        self, runs: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None, fitted: Sequence[str]
+        self, runs: Sequence[MeasuredRun], *, law: str, instrument: ShortForm | None, fitted: Sequence[str]
     ) -> list[Arranged]:
         """Return the arrangements, given which parameters are fitted."""
 

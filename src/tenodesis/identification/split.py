@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.problem import Problem, Trace
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 
 FittedPart: TypeAlias = Literal["until", "from"]
@@ -136,7 +136,7 @@ class Windowed(Problem):
         """Return which recording would make these parameters identifiable, if known."""
         return self._problem.advice(names)
 
-    def instrument(self, values: Array) -> Instrument | None:
+    def instrument(self, values: Array) -> ShortForm | None:
         """Return the instrument with these values in place, or None if there is no instrument to change."""
         return self._problem.instrument(values)
 

@@ -12,7 +12,7 @@ from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.twin_model import tuning
 from tenodesis.identification.twin_model.problem import TwinProblem, instrument_of
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 
 LONGEST = 30.0
 """Duration of a recording that is fitted as it is, and of the stretch of a longer one, s."""
@@ -26,7 +26,7 @@ def shortened(
     run: MeasuredRun,
     *,
     law: str,
-    instrument: Instrument | None,
+    instrument: ShortForm | None,
     free: Callable[[TwinProblem], Sequence[str]] | None = None,
     longest: float = LONGEST,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
@@ -78,7 +78,7 @@ def shortened(
 
 
 def _information(
-    part: MeasuredRun, law: str, inst: Instrument, free: Callable[[TwinProblem], Sequence[str]] | None
+    part: MeasuredRun, law: str, inst: ShortForm, free: Callable[[TwinProblem], Sequence[str]] | None
 ) -> float:
     """Return the logarithm of the determinant of what a stretch says about parameters, over their ranges."""
     if len(part) < _LEAST_SAMPLES:

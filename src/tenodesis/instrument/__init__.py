@@ -1,22 +1,45 @@
 """Instruments: a file describes an instrument, and everything else is computed from it."""
 
-from tenodesis.instrument.instrument import PARAMETERS, AxisName, Instrument, Name
+from tenodesis.instrument.full_form import FullForm, RouteError
+from tenodesis.instrument.instrument import Instrument, Name
+from tenodesis.instrument.joints import Crossing, Grip, Joint, Tendon
 from tenodesis.instrument.mechanisms import JOINT_TYPES, Continuum, TendonGear, TendonPulley
-from tenodesis.instrument.reading import InstrumentLike, as_instrument, json_schema, load, parse, shipped
+from tenodesis.instrument.reading import (
+    InstrumentLike,
+    as_instrument,
+    as_short_form,
+    expanded,
+    json_schema,
+    load,
+    misrouted,
+    parse,
+    shipped,
+)
+from tenodesis.instrument.short_form import PARAMETERS, AxisName, ShortForm
 
 __all__ = [
     "JOINT_TYPES",
     "PARAMETERS",
     "AxisName",
     "Continuum",
+    "Crossing",
+    "FullForm",
+    "Grip",
     "Instrument",
     "InstrumentLike",
+    "Joint",
     "Name",
+    "RouteError",
+    "ShortForm",
+    "Tendon",
     "TendonGear",
     "TendonPulley",
     "as_instrument",
+    "as_short_form",
+    "expanded",
     "json_schema",
     "load",
+    "misrouted",
     "parse",
     "shipped",
 ]

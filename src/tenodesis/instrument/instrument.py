@@ -1,43 +1,30 @@
-"""The instrument from which everything is computed: the properties of all instruments, whatever their joints."""
+"""The instrument from which everything is computed: joints and tendons, in either form that a file may have."""
 
 import math
-from collections.abc import Iterator, Mapping
-from functools import cache, cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from collections.abc import Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    Field,
-    ValidationInfo,
-    field_validator,
-    model_validator,
-)
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, BaseModel, Field
 
-from tenodesis import _core, notebook
+from tenodesis import _core
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument.devices import Devices
-from tenodesis.instrument.hardware import Control, Drives, Dynamics, Friction, Geometry, Mismatch, Sensors
-from tenodesis.instrument.tension import TensionSensor, tension_sensor
-from tenodesis.toml import FileTable, did_you_mean, file_keys, validated
-from tenodesis.units import (
-    STIFFNESS,
-    Angle,
-    AngleRange,
-    Force,
-    Length,
-    Modulus,
-    Moment,
-    PositiveForce,
-    Quantity,
-    Rate,
-    Stiffness,
-    in_words,
-    quantity_of,
-)
+from tenodesis.instrument.hardware import Control, Drives, Friction, Sensors
+from tenodesis.instrument.joints import MECHANISMS, SIGNS, Joint, Tendon
+from tenodesis.toml import FileTable, validated
+from tenodesis.units import Force, Length, Modulus, PositiveForce, Stiffness
 
-PARAMETERS = tuple(_core.parameters())
-"""The core's parameters of an instrument, in its order."""
+if TYPE_CHECKING:
+    from tenodesis.instrument.any_form import AnyForm
+else:
+    AnyForm = object
+
+Array = NDArray[np.float64]
+
+ENTRIES = {"joints": "joint", "tendons": "tendon"}
+"""What an entry of a list of tables is called in messages."""
 
 
 def _printable(name: str) -> str:
@@ -49,160 +36,140 @@ def _printable(name: str) -> str:
 Name = Annotated[str, AfterValidator(_printable)]
 """Name of an instrument or a protocol."""
 
-AxisName = Literal["yaw", "pitch"]
 
-
-_NAMED = ("overall_length", "pretension", "tendon_stiffness", "handle_range", "output_range")
-"""Dimensions by which instruments of a joint type differ."""
-_STOP_BEYOND_RANGE = 4 / 3
-_FARTHEST_STOP = 2.9  # rad; half a turn is the end of every mechanism
-
-
-class Conditions(FileTable):
-    """Conditions under which an instrument is tested, all optional."""
-
-    forces: tuple[PositiveForce, ...] = Field(default=(), max_length=12, description="Tangential tip forces, N")
-    cycles: int | None = Field(default=None, ge=1, strict=True, description="Cycles of flexion and extension")
-    sampling_rate: Rate | None = Field(default=None, description="Samples per second")
-    cable_force: PositiveForce | None = Field(default=None, description="Force on one weight cable of the load rig")
-    cable_pulley_radius: Length | None = Field(default=None, description="Radius the weight cable acts at")
-    external_moment: Moment | None = Field(default=None, description="Moment of the load rig on the distal joint")
-    handle_angles: tuple[Angle, ...] = Field(default=(), description="Handle angles held, one per state")
-    output_angles: tuple[Angle, ...] = Field(default=(), description="Output angles held, one per state")
-
-
-class Instrument(FileTable):
+class Instrument(FileTable, AnyForm):
     """An instrument in SI units and radians; use :func:`load`, then :meth:`replace` for variants of it.
+
+    A file describes it by its joints and tendons, or by a short form for joints in one plane or two, which
+    :attr:`expanded` writes out.
 
     Raises
     ------
     InstrumentError
-        By `load` and `replace`, when a value is missing, unknown or not allowed.
+        By `load` and `replace`, when a value is missing, unknown or not allowed; by what only the short form has.
     """
-
-    joint_type: str
 
     name: Name = Field(description="Name of the instrument in figures and tables")
     description: str = Field(default="", max_length=200, description="One line about the instrument")
-    axes: tuple[AxisName, ...] = Field(default=("yaw",), description="Bending axes: yaw, pitch, or both")
-
     stem_diameter: Length | None = Field(default=None, description="Outer diameter of the stem")
-    overall_length: Length = Field(description="Overall length; the tendons' length unless that is given")
-    end_effector_length: Length = Field(description="From the distal joint's moving part to the point of the force")
-    handle_length: Length = Field(description="From the proximal joint's moving part to the point of the hand")
     tendon_diameter: Length | None = Field(default=None, description="Diameter of a tendon's load-bearing section")
     tendon_modulus: Modulus | None = Field(default=None, description="Young's modulus of a tendon")
-    tendon_length: Length | None = Field(default=None, description="Length of a tendon if not the overall length")
+    tendon_length: Length | None = Field(default=None, description="Length of a tendon")
     given_stiffness: Stiffness | None = Field(
         default=None, alias="tendon_stiffness", description="Stiffness of a tendon; by default E A / L"
     )
-    pretension: Force = Field(description="Tension of either tendon at rest")
-    handle_range: AngleRange = Field(description="Largest handle angle to either side")
-    output_range: AngleRange = Field(
-        default=math.radians(80), description="Working range of the output angle to either side"
-    )
+    pretension: Force = Field(description="Tension of every tendon at rest")
     breaking_load: PositiveForce | None = Field(default=None, description="Tension at which a tendon breaks")
-    conditions: Conditions = Conditions()
     friction: Friction = Friction()
-    dynamics: Dynamics = Dynamics()
     drives: Drives = Drives()
     sensors: Sensors = Sensors()
-    mismatch: Mismatch = Mismatch()
     control: Control = Control()
-    geometry: Geometry = Geometry()
-    devices: Devices = Devices()
-    overrides: Mapping[AxisName, Mapping[str, Any]] = Field(
-        default={}, description="Values that differ on an axis, by axis"
-    )
     sources: Mapping[str, str] = Field(default={}, description="Source of each value, by key")
 
-    parameter_fields: ClassVar[Mapping[str, str]] = {}
-    """Parameter of the core, by the field that sets it."""
-
-    if TYPE_CHECKING:
-        # Type checkers do not know of which mechanism the instrument in a file is; it has the dimensions of its own.
-        distal_gear_radius: float
-        proximal_gear_radius: float
-        distal_pulley_radius: float
-        proximal_pulley_radius: float
-        distal_tendon_offset: float
-        backbone_length: float
-        backbone_rigidity: float
+    @property
+    def tip_joints(self) -> tuple[Joint, ...]:
+        """Joints at the tip, from the stem outward."""
+        return tuple(joint for joint in self.joints if joint.place == "tip")
 
     @property
-    def tendon_stiffness(self) -> float:
-        """Stiffness of one tendon, N/m: as given, or E A / L (Table I)."""
-        return _core.tendon_stiffness(self.spec)
+    def handle_joints(self) -> tuple[Joint, ...]:
+        """Joints at the handle, from the stem outward."""
+        return tuple(joint for joint in self.joints if joint.place == "handle")
 
     @property
-    def rig_arm(self) -> float:
-        """Distance from the load rig's pivot to the tip of the straight instrument, m (Fig. 13)."""
-        return _core.rig_arm(self.spec)
+    def parents(self) -> tuple[int, ...]:
+        """Place among the tip's joints of the one that each stands on; -1 for the stem."""
+        names = [joint.name for joint in self.tip_joints]
+        return tuple(
+            i - 1 if joint.on is None else (-1 if joint.on == "stem" else names.index(joint.on))
+            for i, joint in enumerate(self.tip_joints)
+        )
 
     @property
-    def output_stop(self) -> float:
-        """Output angle at which the distal joint reaches its mechanical stop, rad."""
-        return self.dynamics.output_stop or min(_STOP_BEYOND_RANGE * self.output_range, _FARTHEST_STOP)
+    def ends(self) -> tuple[int, ...]:
+        """Places of the joints that no other stands on: the end-effector or the jaws."""
+        return tuple(i for i in range(len(self.tip_joints)) if i not in self.parents)
+
+    @property
+    def bearing(self) -> tuple[int, ...]:
+        """Places of the joints among the tip's at whose ends the wrench acts: those with an end_effector_length."""
+        return tuple(i for i, joint in enumerate(self.tip_joints) if joint.end_effector_length is not None)
+
+    @property
+    def jaws(self) -> tuple[int, ...]:
+        """Places of the jaws among the tip's joints; empty if nothing grips."""
+        names = [joint.name for joint in self.tip_joints]
+        return () if self.grip is None else tuple(names.index(jaw) for jaw in self.grip.jaws)
+
+    @property
+    def grip_arms(self) -> Array:
+        """Lengths by which the jaws open per angle of the tip's joints, (joints,), m: the first of them to the +."""
+        arms = np.zeros(len(self.tip_joints))
+        for sign, i in zip((1.0, -1.0), self.jaws, strict=False):
+            own = self.grip.length if self.grip is not None else None
+            arms[i] = sign * (own or self.tip_joints[i].end_effector_length or 0.0)
+        return arms
+
+    def tendon_arms(self, place: Literal["tip", "handle"]) -> Array:
+        """Return the arms of the tendons at one end, (tendons, joints), m per unit of the joints' coordinates."""
+        joints = self.tip_joints if place == "tip" else self.handle_joints
+        index = {joint.name: i for i, joint in enumerate(joints)}
+        arms = np.zeros((len(self.tendons), len(joints)))
+        for row, tendon in zip(arms, self.tendons, strict=True):
+            for crossing in tendon.route:
+                if crossing.joint in index:
+                    joint = joints[index[crossing.joint]]
+                    per_unit = 2.0 if joint.mechanism == "tendon-gear" else 1.0
+                    radius = joint.radius if crossing.radius is None else crossing.radius
+                    row[index[crossing.joint]] += SIGNS[crossing.side] * per_unit * radius
+        return arms
 
     @cached_property
-    def tension_sensor(self) -> TensionSensor:
-        """What measures the tensions of the first axis."""
-        return tension_sensor(self.drives, self.sensors, self.pretension)
+    def stiffnesses(self) -> Array:
+        """Stiffness of every tendon, (tendons,), N/m: as given, or E A / L."""
+        return np.array([self.stiffness_of(tendon) for tendon in self.tendons])
 
     @cached_property
-    def spec(self) -> _core.Spec:
-        """The first axis in the core's form."""
-        row = dict.fromkeys(PARAMETERS, math.nan)
-        for field, parameter in self.parameter_fields.items():
-            value = getattr(self, field)
-            row[parameter] = math.nan if value is None else value
-        if self.tendon_length is None:
-            row["tendon_length"] = self.overall_length
-        joint = _core.JointType[self.joint_type.replace("-", "_").upper()]
-        return _core.Spec(joint, [row[parameter] for parameter in PARAMETERS], self.handle_range)
+    def pretensions(self) -> Array:
+        """Tension of every tendon at rest, (tendons,), N."""
+        own = (self.pretension if tendon.pretension is None else tendon.pretension for tendon in self.tendons)
+        return np.array(list(own))
 
-    def quantities(self) -> Iterator[tuple[str, float, Quantity]]:
-        """Yield key, value in SI and kind of quantity of every dimension given, stiffness included."""
-        for name, field in type(self).model_fields.items():
-            quantity = quantity_of(field)
-            value = getattr(self, name)
-            if quantity is not None and value is not None:
-                yield field.alias or name, value, quantity
-        if self.given_stiffness is None:
-            yield "tendon_stiffness", self.tendon_stiffness, STIFFNESS
+    @cached_property
+    def core(self) -> _core.Wrist:
+        """The instrument in the core's form."""
+        joints, bearing = self.tip_joints, self.bearing
+        numbers = np.zeros((len(joints), 9))
+        for i, joint in enumerate(joints):
+            length = joint.end_effector_length or 0.0
+            share = 1 / len(bearing) if i in bearing else 0.0
+            arm = self.grip_arms[i]
+            numbers[i] = (*joint.axis_vector, joint.offset, joint.chord, length, joint.own_stiffness, share, arm)
+        return _core.Wrist(
+            [MECHANISMS[joint.mechanism] for joint in joints],
+            list(self.parents),
+            numbers,
+            self.tendon_arms("tip"),
+            np.column_stack([self.stiffnesses, self.pretensions]),
+            [int(tendon.start == "spool") for tendon in self.tendons],
+            [MECHANISMS[joint.mechanism] for joint in self.handle_joints],
+            np.ascontiguousarray(self.tendon_arms("handle")),
+        )
 
     def replace(self, **changes: Any) -> Self:
-        """Return this instrument with some values changed, by key.
+        """Return this instrument with some values changed, by key; lists of tables as lists of dictionaries.
 
         Values are in SI units or text with a unit; None leaves a key out again. A key within a table is written with a
         dot: ``**{"friction.vertex_coefficient": 0.2}``. Raises InstrumentError if a key is unknown or a value is not
         allowed.
         """
-        return validated(type(self), self._with(changes), InstrumentError)
+        return validated(type(self), self.with_values(changes), InstrumentError, entries=ENTRIES)
 
-    def axis(self, name: str) -> Self:
-        """Return the instrument of a single axis, with that axis's own values.
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy by :meth:`replace`, so that its changes are checked and passed to the core."""
+        return self.replace(**(update or {}))
 
-        Raises InstrumentError if the instrument has no such axis.
-        """
-        if name not in self.axes:
-            has = " and ".join(self.axes)
-            raise InstrumentError(
-                f"{self.name} has no axis {name!r}; it has {has}.", key="axis", value=name, allowed=has
-            )
-        own = {axis: values for axis, values in self.overrides.items() if axis == name}
-        return self.replace(axes=(name,), overrides=None, **dict(*own.values()))
-
-    @property
-    def planar(self) -> tuple[Self, ...]:
-        """The one-axis instrument of each axis, in the order of :attr:`axes`; the instrument itself if it is planar."""
-        return (self,) if len(self.axes) == 1 else self._by_axis
-
-    @cached_property
-    def _by_axis(self) -> tuple[Self, ...]:
-        return tuple(self.axis(name) for name in self.axes)
-
-    def _with(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+    def with_values(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return the values of this instrument by key, with changes; None removes a key."""
         fields = type(self).model_fields
         values = {fields[key].alias or key: getattr(self, key) for key in self.model_fields_set}
@@ -217,96 +184,16 @@ class Instrument(FileTable):
                 values[key] = value
         return {key: value for key, value in values.items() if value is not None}
 
-    def _check_override(self, axis: AxisName, values: Mapping[str, Any], *, in_file: bool) -> None:
-        if axis not in self.axes[1:]:
+    def stiffness_of(self, tendon: Tendon) -> float:
+        """Return the stiffness of a tendon, N/m: as given, or E A / L; raises ValueError if neither is there."""
+        if tendon.stiffness is not None:
+            return tendon.stiffness
+        if self.given_stiffness is not None and tendon.length is None:
+            return self.given_stiffness
+        length = self.tendon_length if tendon.length is None else tendon.length
+        if self.tendon_modulus is None or self.tendon_diameter is None or length is None:
             raise ValueError(
-                f"overrides.{axis} is given, but the second axis is {self.axes[1] if self.axes[1:] else 'not there'}; "
-                "the first axis has its values at the top"
+                f"tendon {tendon.name} has no stiffness; give tendon_stiffness, or tendon_diameter, tendon_modulus and "
+                "tendon_length"
             )
-        allowed = [key for key, _, _ in self.quantities()]
-        foreign = [key for key in values if key not in {*allowed, "tendon_length"}]
-        if foreign:
-            raise ValueError(
-                f"overrides.{axis}: {foreign[0]} is not a known key{did_you_mean(foreign[0], allowed)}; it must be one "
-                f"of {', '.join(allowed)}"
-            )
-        bare = [key for key, value in values.items() if in_file and isinstance(value, int | float)]
-        if bare:
-            raise ValueError(f"overrides.{axis}.{bare[0]} = {values[bare[0]]!r}: it has no unit")
-        alone = self._with({"axes": (axis,), "overrides": None} | dict(values))
-        try:
-            validated(type(self), alone, InstrumentError, f"overrides.{axis}")
-        except InstrumentError as invalid:
-            raise ValueError(str(invalid).rstrip(".")) from None
-
-    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy by :meth:`replace`, so that its changes are checked and passed to the core."""
-        return self.replace(**(update or {}))
-
-    def __repr__(self) -> str:
-        shown = ", ".join(
-            f"{key} {in_words(value, kind.unit)}" for key, value, kind in self.quantities() if key in _NAMED
-        )
-        return (
-            f"<{type(self).__name__} {self.name!r}: {' and '.join(self.axes)}, {shown}, friction {self.friction.law}>"
-        )
-
-    __str__ = __repr__
-
-    def _repr_html_(self) -> str:
-        """Return a table for notebooks: values in the units of drawings, with their sources."""
-        rows = [(key, in_words(value, kind.unit), self.sources.get(key, "")) for key, value, kind in self.quantities()]
-        rows.append(("friction", self.friction.law, self.sources.get("friction", "")))
-        title = f"{self.name}: {self.joint_type}, {' and '.join(self.axes)}"
-        return notebook.table(title, ("key", "value", "source"), rows)
-
-    def __hash__(self) -> int:
-        return hash((self.joint_type, self.name, tuple((key, value) for key, value, _ in self.quantities())))
-
-    @field_validator("axes")
-    @classmethod
-    def _distinct_axes(cls, axes: tuple[AxisName, ...]) -> tuple[AxisName, ...]:
-        if not axes or len(set(axes)) < len(axes):
-            raise ValueError("it must name one or two different axes, yaw and pitch")
-        return axes
-
-    @model_validator(mode="after")
-    def _coherent(self, info: ValidationInfo) -> Self:
-        missing = [key for key in ("tendon_diameter", "tendon_modulus") if getattr(self, key) is None]
-        if self.given_stiffness is None and missing:
-            raise ValueError(f"{missing[0]} is missing; give tendon_diameter and tendon_modulus, or tendon_stiffness")
-        stiffness = self.tendon_stiffness
-        if not STIFFNESS.allows(stiffness):
-            raise ValueError(f"tendon_stiffness follows as {stiffness:.3g} N/m; it must be {STIFFNESS.allowed}")
-        if self.pretension / stiffness >= (self.tendon_length or self.overall_length):
-            raise ValueError(
-                f"pretension is {self.pretension:g} N, which would stretch tendons of {stiffness:.3g} N/m by more than "
-                "their length; give less pretension or a stiffer tendon"
-            )
-        if self.breaking_load is not None and self.pretension >= self.breaking_load:
-            raise ValueError(
-                f"pretension is {self.pretension:g} N, at which a tendon of {self.breaking_load:g} N breaking_load has "
-                "broken; give less pretension or a stronger tendon"
-            )
-        tension_sensor(self.drives, self.sensors, self.pretension)
-        self.devices.check_tensions(self.sensors.kind)
-        reach = _core.unloaded_limit(self.spec)
-        if not reach < 1:
-            raise ValueError(
-                f"handle_range is {math.degrees(self.handle_range):.4g} deg, which would bend the distal joint "
-                f"{reach:.4g} times as far as it can (for gears, R/r sin(handle_range / 2) must stay below 1); "
-                "give a smaller handle_range or a larger distal radius"
-            )
-        for axis, values in self.overrides.items():
-            self._check_override(axis, values, in_file=bool(info.context and info.context.get("file")))
-        for key in self.sources:
-            if key not in _known(type(self)):
-                hint = did_you_mean(key, (), _known(type(self)))
-                raise ValueError(f"sources.{key} names no key of an instrument{hint}")
-        return self
-
-
-@cache
-def _known(kind: type[BaseModel]) -> frozenset[str]:
-    """Return the keys that a file may have, those within tables with a dot."""
-    return frozenset(file_keys(kind))
+        return self.tendon_modulus * math.pi / 4 * self.tendon_diameter**2 / length

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel
 
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument.instrument import Instrument
 from tenodesis.instrument.reading import source_text
+from tenodesis.instrument.short_form import ShortForm
 from tenodesis.instrument.text import readable, with_units
 from tenodesis.toml import parse_toml
 from tenodesis.units import READABLE, quantity_of
@@ -41,7 +41,7 @@ class Listed(NamedTuple):
     source: str
 
 
-def listed(name_or_path: str, inst: Instrument) -> tuple[Listed, ...]:
+def listed(name_or_path: str, inst: ShortForm) -> tuple[Listed, ...]:
     """Return the values of an instrument in the order of its file: those given, and the defaults that count.
 
     Parameters
@@ -60,7 +60,7 @@ def listed(name_or_path: str, inst: Instrument) -> tuple[Listed, ...]:
     return tuple(_values(inst, written))
 
 
-def _values(inst: Instrument, written: Mapping[str, Any]) -> Iterator[Listed]:
+def _values(inst: ShortForm, written: Mapping[str, Any]) -> Iterator[Listed]:
     fields = type(inst).model_fields
     dimensions = [name for name in fields if name not in _TITLES and not isinstance(getattr(inst, name), BaseModel)]
     # The file's own order, defaults behind it.
@@ -85,7 +85,7 @@ def _values(inst: Instrument, written: Mapping[str, Any]) -> Iterator[Listed]:
 
 
 def _value(  # noqa: PLR0917
-    inst: Instrument, table: BaseModel, name: str, prefix: str, written: Mapping[str, Any], axis: str = ""
+    inst: ShortForm, table: BaseModel, name: str, prefix: str, written: Mapping[str, Any], axis: str = ""
 ) -> Iterator[Listed]:
     field = type(table).model_fields[name]
     value, key, quantity = getattr(table, name), field.alias or name, quantity_of(field)

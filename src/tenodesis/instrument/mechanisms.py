@@ -1,11 +1,15 @@
-"""The joint mechanisms: the properties that instruments of each have in addition to the common properties."""
+"""The joint types of the short form: the values that instruments of each have in addition to the common ones."""
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, TypeAdapter
+from pydantic import Field
 
-from tenodesis.instrument.instrument import Instrument
+from tenodesis.instrument.expansion import expand
+from tenodesis.instrument.full_form import FullForm
+from tenodesis.instrument.joints import Joint, Tendon
+from tenodesis.instrument.short_form import ShortForm
 from tenodesis.units import FlexuralRigidity, Length
 
 _LENGTHS = ("handle_length", "end_effector_length")
@@ -13,7 +17,35 @@ _TENDON = ("given_stiffness", "tendon_modulus", "tendon_diameter", "tendon_lengt
 _SHARED_FIELDS = {name: name for name in (*_LENGTHS, *_TENDON)}
 
 
-class TendonGear(Instrument):
+class Expandable(ShortForm):
+    """The short form with the joints and tendons that it stands for."""
+
+    @cached_property
+    def expanded(self) -> FullForm:
+        """The instrument as joints and tendons: what its file is short for.
+
+        Tendons of the second axis pass the first joint in its middle plane, at the tip as at the handle. The table
+        mismatch is left out: it is not of the instrument, but of a bench.
+        """
+        return expand(self)
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """Joints from the stem outward, those of the handle first."""
+        return self.expanded.joints
+
+    @property
+    def tendons(self) -> tuple[Tendon, ...]:
+        """The pair of tendons of every axis, agonist first."""
+        return self.expanded.tendons
+
+    @property
+    def grip(self) -> None:
+        """Jaws that grip: none."""
+        return None
+
+
+class TendonGear(Expandable):
     """An instrument whose joints are rolling gear pairs."""
 
     joint_type: Literal["tendon-gear"]
@@ -26,7 +58,7 @@ class TendonGear(Instrument):
     }
 
 
-class TendonPulley(Instrument):
+class TendonPulley(Expandable):
     """An instrument whose joints are pulleys."""
 
     joint_type: Literal["tendon-pulley"]
@@ -39,7 +71,7 @@ class TendonPulley(Instrument):
     }
 
 
-class Continuum(Instrument):
+class Continuum(Expandable):
     """An instrument whose tip is an elastic backbone bent by tendons, driven by a pulley at the handle."""
 
     joint_type: Literal["continuum"]
@@ -56,12 +88,10 @@ class Continuum(Instrument):
     }
 
 
-JOINT_TYPES: dict[str, type[Instrument]] = {
+JOINT_TYPES: dict[str, type[ShortForm]] = {
     "tendon-gear": TendonGear,
     "tendon-pulley": TendonPulley,
     "continuum": Continuum,
 }
 
-ANY_INSTRUMENT: TypeAdapter[Instrument] = TypeAdapter(
-    Annotated[TendonGear | TendonPulley | Continuum, Field(discriminator="joint_type")]
-)
+SHORT_FORM = Annotated[TendonGear | TendonPulley | Continuum, Field(discriminator="joint_type")]

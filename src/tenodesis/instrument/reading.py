@@ -3,12 +3,19 @@
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
+
+from pydantic import TypeAdapter, ValidationError
 
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument.instrument import Instrument
-from tenodesis.instrument.mechanisms import ANY_INSTRUMENT, JOINT_TYPES
+from tenodesis.instrument.full_form import FullForm, RouteError
+from tenodesis.instrument.instrument import ENTRIES, Instrument
+from tenodesis.instrument.mechanisms import JOINT_TYPES, SHORT_FORM, Expandable
+from tenodesis.instrument.short_form import ShortForm
 from tenodesis.toml import did_you_mean, parse_toml, read_text, validated
+
+_LISTS = {"joints", "tendons"}
+"""Keys that only a file has that lists joints and tendons."""
 
 InstrumentLike: TypeAlias = Instrument | str | Path
 """An instrument, the name of one that comes with the package, or the path of an instrument file."""
@@ -42,6 +49,29 @@ def as_instrument(given: InstrumentLike, argument: str = "inst") -> Instrument:
     return _shipped_instrument(source) if source in shipped() else parse(source_text(given), source)
 
 
+def as_short_form(given: InstrumentLike, argument: str = "inst") -> ShortForm:
+    """Return an instrument whose file has the short form; errors as :func:`as_instrument`, and InstrumentError if not.
+
+    Raises
+    ------
+    InstrumentError
+        Its file lists joints and tendons.
+    """
+    inst = as_instrument(given, argument)
+    if isinstance(inst, ShortForm):
+        return inst
+    raise expanded(inst).not_short()
+
+
+def expanded(given: InstrumentLike, argument: str = "inst") -> FullForm:
+    """Return an instrument, given as such, by name or by path, as joints and tendons.
+
+    Errors as :func:`as_instrument`, and InstrumentError where the short form leaves nothing for the stem.
+    """
+    inst = as_instrument(given, argument)
+    return inst if isinstance(inst, FullForm) else cast("Expandable", inst).expanded
+
+
 def source_text(name_or_path: str | Path) -> str:
     """Return the text of the file of an instrument that comes with the package, by name, or of another, by path.
 
@@ -60,6 +90,8 @@ def parse(text: str, source: str = "instrument") -> Instrument:
     """
     values = parse_toml(text, InstrumentError, source, "an instrument")
     joint_type = values.get("joint_type")
+    if joint_type is None and _LISTS & values.keys():
+        return validated(FullForm, values, InstrumentError, source, context={"file": True}, entries=ENTRIES)
     if not isinstance(joint_type, str) or joint_type not in JOINT_TYPES:
         found = "is missing" if joint_type is None else f"is {joint_type!r}{did_you_mean(str(joint_type), JOINT_TYPES)}"
         allowed = f"one of {', '.join(JOINT_TYPES)}"
@@ -69,9 +101,25 @@ def parse(text: str, source: str = "instrument") -> Instrument:
     return validated(JOINT_TYPES[joint_type], values, InstrumentError, source, context={"file": True})
 
 
+def misrouted(name_or_path: str | Path) -> RouteError | None:
+    """Return what is wrong with the routes in a file that :func:`load` refuses, with what its tables describe.
+
+    None if something else is wrong. Raises InstrumentError if the file cannot be read.
+    """
+    values = parse_toml(source_text(name_or_path), InstrumentError, str(name_or_path))
+    if not _LISTS & values.keys():
+        return None
+    try:
+        FullForm.model_validate(values, context={"file": True})
+    except ValidationError as invalid:
+        problem = invalid.errors(include_url=False)[0].get("ctx", {}).get("error")
+        return problem if isinstance(problem, RouteError) else None
+    return None
+
+
 def json_schema() -> dict[str, Any]:
     """Return the JSON schema of instrument files, for editors that complete and check TOML."""
-    schema = ANY_INSTRUMENT.json_schema(by_alias=True)
+    schema = TypeAdapter(SHORT_FORM | FullForm).json_schema(by_alias=True)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "Tenodesis instrument",

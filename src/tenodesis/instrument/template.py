@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from pydantic import BaseModel
 
-from tenodesis.instrument.instrument import Instrument
 from tenodesis.instrument.mechanisms import JOINT_TYPES
+from tenodesis.instrument.short_form import ShortForm
 from tenodesis.units import Quantity, quantity_of
 
 ASSUMED = "assumed"
@@ -153,17 +153,17 @@ def _key(joint_type: str, end: str) -> str:
 
 
 def _header(name: str, joint_type: str) -> Iterator[str]:
-    yield _line("name", name, _description(Instrument, "name"), None)
+    yield _line("name", name, _description(ShortForm, "name"), None)
     meaning = f"Mechanism of the joints: {', '.join(JOINT_TYPES)}"
     yield _line("joint_type", joint_type, meaning, None)
-    yield _line("axes", ("yaw",), _description(Instrument, "axes"), None)
+    yield _line("axes", ("yaw",), _description(ShortForm, "axes"), None)
 
 
 def _description(kind: type[BaseModel], key: str) -> str:
     return str(kind.model_fields[key].description)
 
 
-def _field(kind: type[Instrument], table: str, key: str) -> tuple[str, Quantity | None]:
+def _field(kind: type[ShortForm], table: str, key: str) -> tuple[str, Quantity | None]:
     """Return what a key means and its kind of quantity."""
     model: type[BaseModel] = kind
     if table:

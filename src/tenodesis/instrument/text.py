@@ -6,11 +6,11 @@ from typing import Any
 import tomli_w
 from pydantic import BaseModel
 
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.units import READABLE, in_unit, quantity_of
 
 
-def to_toml(inst: Instrument) -> str:
+def to_toml(inst: ShortForm) -> str:
     """Return the text of an instrument file, defaults included, which :func:`tenodesis.parse` reads back as `inst`.
 
     Numbers among the overrides come back as text with their unit.
@@ -24,7 +24,7 @@ def to_toml(inst: Instrument) -> str:
     return tomli_w.dumps(with_units(inst) | {"overrides": own})
 
 
-def to_file(inst: Instrument, *, comment: str = "") -> str:
+def to_file(inst: ShortForm, *, comment: str = "") -> str:
     """Return the text of a one-axis instrument's file for people to read and edit, with a comment at its beginning.
 
     It has the values that were given, no defaults, in the units of drawings, to nine digits.

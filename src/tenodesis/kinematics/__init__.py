@@ -19,7 +19,8 @@ For a view, :func:`frames` gives everything at once::
 their joints at a posture.
 """
 
-from tenodesis.kinematics.dimensions import Dimensions, Limits, dimensions, limits
+from tenodesis.instrument.lengths import Dimensions
+from tenodesis.kinematics.dimensions import Limits, dimensions, limits
 from tenodesis.kinematics.mjcf import mjcf
 from tenodesis.kinematics.motion import Frame, Frames, Posture, forward, frames, inverse, jacobian, within_limits
 from tenodesis.kinematics.parts import joint_positions

@@ -1,38 +1,11 @@
 """Lengths and limits of an instrument from handle to tip, including those that its file omits."""
 
-import math
 from functools import lru_cache
 from typing import NamedTuple
 
 from tenodesis import _core
-from tenodesis.errors import InstrumentError
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
-
-# Defaults of what a file leaves out, as shares. The first is the paper's (Table I), the others are our choice.
-STEM_PER_RADIUS = 2.5
-_JAW_SHARE = 0.4
-_INSERTION_SHARES = 0.2, 0.5, 0.8  # least, at rest, most
-
-
-class Dimensions(NamedTuple):
-    """Lengths of an instrument from handle to tip, m; radii and joint lengths by axis, from the stem outward."""
-
-    axes: tuple[str, ...]
-    stem_length: float
-    """Between the joints' ends nearest to the stem."""
-    stem_diameter: float
-    joint_spacing: float
-    handle_joint_spacing: float
-    end_effector_length: float
-    """From the last distal joint's far end to where the force acts."""
-    handle_length: float
-    """From the last proximal joint's far end to where the hand acts."""
-    jaw_length: float
-    distal_radii: tuple[float, ...]
-    """Pitch radii of gears, radii of pulleys, or a continuum's tendon offset."""
-    proximal_radii: tuple[float, ...]
-    insertion: float
-    """Of the stem beyond the port, at rest."""
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
+from tenodesis.instrument.lengths import Dimensions, insertions, lengths
 
 
 class Limits(NamedTuple):
@@ -60,7 +33,7 @@ def dimensions(inst: InstrumentLike) -> Dimensions:
     InstrumentError
         Nothing is left for the stem, or the insertion at rest does not fit it.
     """
-    return _dimensions(as_instrument(inst))
+    return lengths(as_short_form(inst))
 
 
 def limits(inst: InstrumentLike) -> Limits:
@@ -68,9 +41,9 @@ def limits(inst: InstrumentLike) -> Limits:
 
     Raises InstrumentError as :func:`dimensions`.
     """
-    inst = as_instrument(inst)
-    lengths = dimensions(inst)
-    least, _, most = _insertions(inst, lengths.stem_length)
+    inst = as_short_form(inst)
+    stem = dimensions(inst).stem_length
+    least, _, most = insertions(inst, stem)
     geometry = inst.geometry
     bends = {axis: planar.output_range for axis, planar in zip(inst.axes, inst.planar, strict=True)}
     pivot, yaw, pitch = geometry.pivot_range, bends.get("yaw", 0.0), bends.get("pitch", 0.0)
@@ -86,70 +59,13 @@ def limits(inst: InstrumentLike) -> Limits:
 
 
 @lru_cache(maxsize=64)
-def chain(inst: Instrument) -> _core.Chain:
+def chain(inst: ShortForm) -> _core.Chain:
     """Return the chain from port to tip in the core's form."""
-    lengths = dimensions(inst)
+    along = dimensions(inst)
     return _core.Chain(
         [axis.spec for axis in inst.planar],
         [axis == "pitch" for axis in inst.axes],
-        lengths.stem_length,
-        lengths.joint_spacing,
-        lengths.handle_joint_spacing,
+        along.stem_length,
+        along.joint_spacing,
+        along.handle_joint_spacing,
     )
-
-
-@lru_cache(maxsize=64)
-def _dimensions(inst: Instrument) -> Dimensions:
-    axes = inst.planar
-    distal, proximal = (tuple(_radius(axis, end) for axis in axes) for end in ("distal", "proximal"))
-    geometry = inst.geometry
-    spacing = 2 * distal[0] if geometry.joint_spacing is None else geometry.joint_spacing
-    handle_spacing = 2 * proximal[0] if geometry.handle_joint_spacing is None else geometry.handle_joint_spacing
-    effector, handle = axes[-1].end_effector_length, axes[-1].handle_length
-    joints = sum(sum(_core.joint_lengths(axis.spec)) for axis in axes)
-    taken = effector + handle + joints + (len(axes) - 1) * (spacing + handle_spacing)
-    stem = inst.overall_length - taken if geometry.stem_length is None else geometry.stem_length
-    if not stem > 0:
-        raise InstrumentError(
-            f"{inst.name}: overall_length is {inst.overall_length:g} m, of which handle, end-effector and joints take "
-            f"{taken:g} m, so that no stem is left; it must be larger, or geometry.stem_length given.",
-            key="overall_length",
-            value=inst.overall_length,
-            allowed=f"above {taken:g} m",
-        )
-    least, insertion, most = _insertions(inst, stem)
-    if not least <= insertion <= most:
-        raise InstrumentError(
-            f"{inst.name}: geometry.insertion is {insertion:g} m; it must be from least_insertion, {least:g} m, to "
-            f"most_insertion, {most:g} m.",
-            key="geometry.insertion",
-            value=insertion,
-            allowed=f"from {least:g} to {most:g} m",
-        )
-    return Dimensions(
-        axes=tuple(inst.axes),
-        stem_length=stem,
-        stem_diameter=STEM_PER_RADIUS * distal[0] if inst.stem_diameter is None else inst.stem_diameter,
-        joint_spacing=spacing,
-        handle_joint_spacing=handle_spacing,
-        end_effector_length=effector,
-        handle_length=handle,
-        jaw_length=_JAW_SHARE * effector if geometry.jaw_length is None else geometry.jaw_length,
-        distal_radii=distal,
-        proximal_radii=proximal,
-        insertion=insertion,
-    )
-
-
-def _insertions(inst: Instrument, stem: float) -> tuple[float, float, float]:
-    given = inst.geometry.least_insertion, inst.geometry.insertion, inst.geometry.most_insertion
-    least, rest, most = (
-        share * stem if length is None else length for share, length in zip(_INSERTION_SHARES, given, strict=True)
-    )
-    return least, rest, most
-
-
-def _radius(axis: Instrument, end: str) -> float:
-    field = next(field for field, parameter in axis.parameter_fields.items() if parameter == f"{end}_radius")
-    radius = getattr(axis, field)
-    return math.nan if radius is None else float(radius)

@@ -1,6 +1,6 @@
 """What the glTF file of an assembly says of its instrument: for those that write and those that read it."""
 
-from tenodesis.instrument import Continuum, InstrumentLike, as_instrument
+from tenodesis.instrument import Continuum, InstrumentLike, as_short_form
 from tenodesis.kinematics.dimensions import dimensions
 
 BODY_NODE = "body "
@@ -12,7 +12,7 @@ def described(inst: InstrumentLike) -> dict[str, str | float]:
 
     Raises as :func:`tenodesis.kinematics.dimensions` does.
     """
-    inst = as_instrument(inst)
+    inst = as_short_form(inst)
     lengths = dimensions(inst)
     return {
         "joint_type": inst.joint_type,

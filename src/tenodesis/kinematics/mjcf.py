@@ -6,8 +6,9 @@ from itertools import pairwise
 from typing import NamedTuple
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
-from tenodesis.kinematics.dimensions import Dimensions, dimensions
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
+from tenodesis.instrument.lengths import Dimensions
+from tenodesis.kinematics.dimensions import dimensions
 from tenodesis.kinematics.motion import Posture, frames
 from tenodesis.kinematics.parts import STEEL, TOWARD, Joint, Part, joint_positions, parts, text
 
@@ -44,7 +45,7 @@ def mjcf(inst: InstrumentLike) -> str:
     Positions of its joints are those of :func:`joint_positions`; the keyframe "rest" is the straight instrument. Raises
     InstrumentError if the instrument's lengths leave no stem.
     """
-    inst = as_instrument(inst)
+    inst = as_short_form(inst)
     lengths, tree = dimensions(inst), parts(inst)
     more = "" if inst.joint_type == "tendon-gear" else _BY_WHAT_THEY_DRAW
     more += _CONTINUUM if inst.joint_type == "continuum" else ""
@@ -102,13 +103,13 @@ def overdamped(stiffness: float) -> dict[str, str]:
     return {"armature": text(stiffness / RATE**2), "damping": text(2 * _DAMPING_RATIO * stiffness / RATE)}
 
 
-def _held(inst: Instrument) -> set[str]:
+def _held(inst: ShortForm) -> set[str]:
     """Return the joints that hand and port hold; the bending joints of the tip hang on their tendons planar."""
     handles = {f"handle_{axis}_carrier" for axis in inst.axes}
     return {"pan", "tilt", "spin", "insertion", "roll", *handles}
 
 
-def _stiffness(inst: Instrument, joint: Joint) -> float:
+def _stiffness(inst: ShortForm, joint: Joint) -> float:
     """Return the stiffness that holds a joint, N·m/rad or N/m: of the tendons at the tip, of a servo for the hand."""
     lengths = dimensions(inst)
     tendon = max(axis.tendon_stiffness for axis in inst.planar)
@@ -144,7 +145,7 @@ def body(parent: Element, part: Part, motion: Mapping[str, Mapping[str, str]]) -
     return element
 
 
-def _tie(ties: Element, inst: Instrument, joint: Joint) -> None:
+def _tie(ties: Element, inst: ShortForm, joint: Joint) -> None:
     if joint.same_as is not None:
         SubElement(ties, "joint", joint1=joint.name, joint2=joint.same_as)
     if joint.kind == "slide" and joint.name.endswith("_chord"):
@@ -165,7 +166,7 @@ class _End(NamedTuple):
 
 
 def _strings(
-    tendons: Element, bodies: dict[str | None, Element], inst: Instrument, lengths: Dimensions, axis: str
+    tendons: Element, bodies: dict[str | None, Element], inst: ShortForm, lengths: Dimensions, axis: str
 ) -> None:
     """Add both tendons of an axis: strings through the gears' guides; on pulleys and backbones, by their excursions."""
     place = lengths.axes.index(axis)

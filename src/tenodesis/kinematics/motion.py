@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core
 from tenodesis.errors import ArgumentError, NoSolutionError
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.kinematics.dimensions import chain, dimensions, limits
 from tenodesis.run import TENDONS
 from tenodesis.statics.query import FloatOrArray, common_shape, numbers
@@ -77,7 +77,7 @@ def forward(inst: InstrumentLike, posture: Posture) -> Frame:
     InstrumentError
         The instrument's lengths leave no stem.
     """
-    inst = as_instrument(inst)
+    inst = as_short_form(inst)
     rows, shape = _rows(inst, posture)
     out = np.empty((len(rows), 7))
     _core.chain_tip(chain(inst), rows, out, threads())
@@ -89,7 +89,7 @@ def frames(inst: InstrumentLike, posture: Posture) -> Frames:
 
     Where a handle angle is left out and the handle cannot bend so far, the handle's bodies and the tendons are NaN.
     """
-    inst = as_instrument(inst)
+    inst = as_short_form(inst)
     bound = chain(inst)
     rows, shape = _rows(inst, posture)
     names, length = bound.frame_names, bound.path_length
@@ -109,7 +109,7 @@ def jacobian(inst: InstrumentLike, posture: Posture) -> _Array:
     Columns are pan, tilt, spin, insertion, yaw, pitch, roll; zero for an axis that the instrument does not have. Errors
     are those of :func:`forward`.
     """
-    inst = as_instrument(inst)
+    inst = as_short_form(inst)
     rows, shape = _rows(inst, posture)
     out = np.empty((len(rows), 6, len(COORDINATES)))
     _core.chain_jacobian(chain(inst), rows, out, threads())
@@ -155,7 +155,7 @@ def inverse(
     InstrumentError
         The instrument's lengths leave no stem.
     """
-    inst = as_instrument(inst)
+    inst = as_short_form(inst)
     places, turns = finite("position", position, 3), finite("quaternion", quaternion, 4)
     if places.size and not np.abs(places).max() <= _FARTHEST:
         worst = places.flat[int(np.abs(places).argmax())]
@@ -194,7 +194,7 @@ def within_limits(inst: InstrumentLike, posture: Posture) -> FloatOrArray:
 
     Raises ValueError if a coordinate is no number, and InstrumentError if the instrument's lengths leave no stem.
     """
-    inst = as_instrument(inst)
+    inst = as_short_form(inst)
     posture = _posture("posture", posture)
     inside: Any = True
     for name, (least, most) in limits(inst)._asdict().items():
@@ -222,7 +222,7 @@ def finite(key: str, value: ArrayLike, length: int | None = None) -> _Array:
     return array
 
 
-def _rows(inst: Instrument, posture: Posture) -> tuple[_Array, tuple[int, ...]]:
+def _rows(inst: ShortForm, posture: Posture) -> tuple[_Array, tuple[int, ...]]:
     """Return a posture as rows of the core's coordinates, and the shape that it broadcasts to."""
     rest = dimensions(inst).insertion
     values: dict[str, Any] = _posture("posture", posture)._asdict()
@@ -257,7 +257,7 @@ def _rows(inst: Instrument, posture: Posture) -> tuple[_Array, tuple[int, ...]]:
     return rows, shape
 
 
-def _column_order(inst: Instrument) -> list[int]:
+def _column_order(inst: ShortForm) -> list[int]:
     """Return the index of each coordinate in the core: bending joints from the stem outward."""
     bends = [*inst.axes, *({"yaw", "pitch"} - set(inst.axes))]
     return [0, 1, 2, 3, 4 + bends.index("yaw"), 4 + bends.index("pitch"), 6]
@@ -267,7 +267,7 @@ def _frame(rows: _Array, shape: tuple[int, ...]) -> Frame:
     return Frame(rows[:, :3].reshape(*shape, 3), rows[:, 3:].reshape(*shape, 4))
 
 
-def _unreached(inst: Instrument, goal: _Array, reach: _core.Reach) -> str:
+def _unreached(inst: ShortForm, goal: _Array, reach: _core.Reach) -> str:
     place = ", ".join(f"{value:.6g}" for value in goal[:3])
     reasons = {
         _core.Reach.UNREACHABLE: "no posture brings the tip there; it must be farther from the port than the "

@@ -5,8 +5,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from tenodesis import _core, statics
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
-from tenodesis.kinematics.dimensions import Dimensions, dimensions, limits
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
+from tenodesis.instrument.lengths import Dimensions
+from tenodesis.kinematics.dimensions import dimensions, limits
 from tenodesis.kinematics.motion import Posture, frames
 from tenodesis.statics.query import FloatOrArray
 
@@ -45,7 +46,7 @@ class Part(NamedTuple):
     """From and to along z, and radius, m."""
 
 
-def parts(inst: Instrument) -> list[Part]:
+def parts(inst: ShortForm) -> list[Part]:
     """Return the parts of an instrument, parents first, named as the bodies of :func:`frames`.
 
     Raises InstrumentError if the instrument's lengths leave no stem.
@@ -91,7 +92,7 @@ def joint_positions(inst: InstrumentLike, posture: Posture) -> dict[str, FloatOr
     NoSolutionError
         A single handle angle is left out, and the handle cannot bend as far as its output angle requires.
     """
-    inst = as_instrument(inst)
+    inst = as_short_form(inst)
     given = posture._asdict()
     if posture.insertion is None:
         given["insertion"] = dimensions(inst).insertion
@@ -114,7 +115,7 @@ def joint_positions(inst: InstrumentLike, posture: Posture) -> dict[str, FloatOr
     return {name: float(value) if np.ndim(value) == 0 else np.asarray(value) for name, value in found.items()}
 
 
-def _stack(inst: Instrument, lengths: Dimensions, *, distal: bool) -> list[Part]:
+def _stack(inst: ShortForm, lengths: Dimensions, *, distal: bool) -> list[Part]:
     """Return the parts of the bending joints at an end, from the stem outward; they point to -z at the handle."""
     end, side = ("", 1.0) if distal else ("handle_", -1.0)
     spacing = side * (lengths.joint_spacing if distal else lengths.handle_joint_spacing)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.kinematics.parts import STEEL, Joint, Part, parts, text
 
 _KINDS = {"hinge": "revolute", "slide": "prismatic"}
@@ -34,7 +34,7 @@ def urdf(inst: InstrumentLike) -> str:
     Positions of its joints are those of :func:`joint_positions`. Raises InstrumentError if the instrument's lengths
     leave no stem.
     """
-    inst = as_instrument(inst)
+    inst = as_short_form(inst)
     tree = parts(inst)
     note = NOTE.format(more=CONTINUUM if inst.joint_type == "continuum" else "")
     return robot(inst.name, note, "port", tree, _densities(inst, tree))
@@ -107,7 +107,7 @@ def _mass(part: Part, density: float) -> tuple[float, float, float]:
     return mass, mass * (3 * radius**2 + length**2) / 12, mass * radius**2 / 2
 
 
-def _densities(inst: Instrument, tree: list[Part]) -> dict[str, float]:
+def _densities(inst: ShortForm, tree: list[Part]) -> dict[str, float]:
     """Return the density of each part, kg/m³: steel, or what gives the tip the inertia that the file has."""
     named = {part.name: part for part in tree}
     found = dict.fromkeys(named, STEEL)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tenodesis import statics
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import AxisName, Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import AxisName, InstrumentLike, ShortForm, as_short_form
 from tenodesis.kinematics.dimensions import limits
 from tenodesis.kinematics.motion import Posture, forward, inverse
 
@@ -66,7 +66,7 @@ def workspace(inst: InstrumentLike, force: float = 0.0, *, points: int = 121) ->
     Raises ValueError if the force is negative or not finite, or there are fewer than two points, and InstrumentError if
     the instrument's lengths leave no stem.
     """
-    inst = as_instrument(inst)
+    inst = as_short_form(inst)
     bounds = limits(inst)
     if not (isinstance(force, Real) and isfinite(force) and force >= 0):
         raise ArgumentError(key="force", value=force, allowed="a finite force of at least 0 N")
@@ -94,7 +94,7 @@ class _Ray(NamedTuple):
 
 
 @lru_cache(maxsize=8)
-def _ray(inst: Instrument, points: int) -> _Ray:
+def _ray(inst: ShortForm, points: int) -> _Ray:
     """Return the postures on a ray; except for the pivot's limit, the section is the same all around the port."""
     axis = _axis(inst)
     pivot, turn = ("pan", (0.0, 1.0)) if axis == "yaw" else ("tilt", (-1.0, 0.0))
@@ -114,12 +114,12 @@ def _ray(inst: Instrument, points: int) -> _Ray:
     return _Ray(distance, direction, bent, pivoted, inserted)
 
 
-def _axis(inst: Instrument) -> AxisName:
+def _axis(inst: ShortForm) -> AxisName:
     """Return the axis whose plane the section is in."""
     return "yaw" if "yaw" in inst.axes else "pitch"
 
 
-def _largest_bend(axis: Instrument, force: float) -> float:
+def _largest_bend(axis: ShortForm, force: float) -> float:
     """Return the largest output angle of an axis against a load, rad, within its working range."""
     handle = np.linspace(0.0, axis.handle_range, _HANDLE_ANGLES)
     reached = np.asarray(statics.output_angle(axis, handle, force))

@@ -15,7 +15,7 @@ import numpy as np
 
 from tenodesis.devices.device import Capabilities
 from tenodesis.errors import LiveError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.live import folder as folders
 from tenodesis.live.commands import COMMANDS, Command, Connection
 from tenodesis.live.status import RuntimeState, Status, Timing
@@ -70,7 +70,7 @@ class Client(Connection):
         self._last_status: Status | None = None
 
     @property
-    def inst(self) -> Instrument:
+    def inst(self) -> ShortForm:
         """The instrument."""
         return self._reader.inst
 

@@ -20,7 +20,7 @@ from pydantic import TypeAdapter
 from tenodesis import simulate
 from tenodesis.devices.device import Capabilities
 from tenodesis.errors import LiveError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.live.status import Status
 from tenodesis.run import Array
 from tenodesis.simulate import Protocol
@@ -276,7 +276,7 @@ class Connection(Commands, ABC):
 
     @property
     @abstractmethod
-    def inst(self) -> Instrument:
+    def inst(self) -> ShortForm:
         """The instrument that runs."""
 
     @property

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from tenodesis.errors import LiveError
 from tenodesis.extras import require_live
 from tenodesis.files import atomic_file
-from tenodesis.instrument import Instrument, load
+from tenodesis.instrument import ShortForm, as_short_form
 
 # Every part of the live runtime that needs the C++ module's imports this module.
 require_live()
@@ -30,7 +30,7 @@ _SESSION = "session.json"
 class About(NamedTuple):
     """The description of a runtime."""
 
-    inst: Instrument
+    inst: ShortForm
     device: str
     period: float
     """Between ticks, s."""
@@ -65,7 +65,7 @@ def read(folder: Path) -> About:
     """
     try:
         content = json.loads((folder / _SESSION).read_text("utf-8"))
-        return About(load(folder / INSTRUMENT), **content)
+        return About(as_short_form(folder / INSTRUMENT), **content)
     except (OSError, ValueError, TypeError) as problem:
         raise LiveError(
             f"{folder} is no folder of a live instrument ({problem}); start one with `tenodesis console`."

@@ -16,7 +16,7 @@ from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.devices.device import Capabilities, Device
 from tenodesis.devices.serial import SerialController, StreamedController
 from tenodesis.errors import ArgumentError, DeviceError, LiveError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.instrument.devices import Serial
 from tenodesis.live import folder as folders
 from tenodesis.live.device_thread import DeviceThread
@@ -45,7 +45,7 @@ PROBLEMS = (
 """Problems of the core's loop, by number."""
 
 DeviceName: TypeAlias = Literal["twin", "nidaq", "canopen", "serial"]
-Maker: TypeAlias = Callable[[Instrument], Device]
+Maker: TypeAlias = Callable[[ShortForm], Device]
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Choices:
     """Delay above which the loop itself stops real motors, s; by default twice the instrument's watchdog."""
 
 
-def rehearse(inst: Instrument, choices: Choices) -> None:
+def rehearse(inst: ShortForm, choices: Choices) -> None:
     """Check all that can be checked of a loop without its device: instrument, twin, controller, table of the device.
 
     Raises
@@ -110,7 +110,7 @@ class LiveLoop:
     """
 
     def __init__(
-        self, inst: Instrument, folder: Path, choices: Choices | None = None, *, device: Device | None = None
+        self, inst: ShortForm, folder: Path, choices: Choices | None = None, *, device: Device | None = None
     ) -> None:
         self.inst, self.folder = inst, folder
         self.choices = choices = choices or Choices()
@@ -301,7 +301,7 @@ class LiveLoop:
             raise LiveError("too many commands at once; this one was refused.")
 
 
-def _controller(inst: Instrument, choices: Choices, *, served: bool) -> Controller:
+def _controller(inst: ShortForm, choices: Choices, *, served: bool) -> Controller:
     """Return the controller, disabled; spool angles count from pretension where they are the twin's."""
     if choices.device != "serial" or served:
         return Controller(inst, law=choices.law, actuation=choices.actuation, homed=not served, enabled=False)
@@ -322,12 +322,12 @@ def _controller(inst: Instrument, choices: Choices, *, served: bool) -> Controll
     )
 
 
-def _check_axes(has: Capabilities, inst: Instrument) -> None:
+def _check_axes(has: Capabilities, inst: ShortForm) -> None:
     if has.axes != inst.axes:
         raise DeviceError(f"{has.name} has {' and '.join(has.axes)}; {inst.name} has {' and '.join(inst.axes)}.")
 
 
-def _made(name: str, inst: Instrument) -> Device:
+def _made(name: str, inst: ShortForm) -> Device:
     from tenodesis.devices import registry  # noqa: PLC0415 - drivers are needed for their devices alone
 
     return registry.make(name, inst)

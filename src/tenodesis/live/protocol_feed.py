@@ -9,7 +9,7 @@ import numpy as np
 
 from tenodesis.control import OperatingState
 from tenodesis.control.controller import fault_names
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.simulate import Pretension
 from tenodesis.simulate.command import SMOOTH, VALUES, Command, between, sampled
@@ -96,7 +96,7 @@ class Player:
         ask: Callable[[str], object],
         latest: Callable[[], Mapping[str, Any]],
         *,
-        inst: Instrument,
+        inst: ShortForm,
         time_step: float,
     ) -> None:
         check_controllable(plan, inst)

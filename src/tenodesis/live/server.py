@@ -19,7 +19,7 @@ from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.devices.device import Capabilities
 from tenodesis.errors import Error, LiveError
 from tenodesis.files import atomic_file
-from tenodesis.instrument import Instrument, load
+from tenodesis.instrument import ShortForm, as_short_form
 from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
 from tenodesis.live.commands import COMMANDS, Commands, ControllerRequest
@@ -301,7 +301,7 @@ def _started(given: argparse.Namespace) -> Server:
 
 
 def _made(given: argparse.Namespace) -> Server:
-    inst = load(given.instrument)
+    inst = as_short_form(given.instrument)
     given.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     others = given.folder.stat().st_mode & 0o077
     if others:
@@ -324,7 +324,7 @@ def _made(given: argparse.Namespace) -> Server:
         raise
 
 
-def _served(given: argparse.Namespace, inst: Instrument, loop: LiveLoop) -> Server:
+def _served(given: argparse.Namespace, inst: ShortForm, loop: LiveLoop) -> Server:
     capabilities = loop.capabilities
     started = datetime.now(UTC).isoformat(timespec="milliseconds")
     folders.write(

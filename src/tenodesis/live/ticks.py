@@ -10,7 +10,7 @@ import numpy as np
 
 from tenodesis import _core
 from tenodesis.errors import LiveError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.live import folder as folders
 from tenodesis.run import TISSUE, TRUTH, Array, Run
 from tenodesis.twin import as_run
@@ -30,7 +30,7 @@ class Source(Protocol):
     """A source of the rows of a live instrument, such as a :class:`Reader`."""
 
     @property
-    def inst(self) -> Instrument:
+    def inst(self) -> ShortForm:
         """The instrument."""
         ...
 
@@ -81,7 +81,7 @@ class Reader:
         self._rows = np.empty((0, self._ring.columns))
 
     @property
-    def inst(self) -> Instrument:
+    def inst(self) -> ShortForm:
         """The instrument."""
         return self.about.inst
 
@@ -138,7 +138,7 @@ class Reader:
         return None
 
 
-def run_of(rows: Array, inst: Instrument, *, simulated: bool, distal: bool) -> Run:
+def run_of(rows: Array, inst: ShortForm, *, simulated: bool, distal: bool) -> Run:
     """Return rows of a ring as a run like a twin's, without the signals that a device does not have."""
     axes = inst.axes
     blocks = _blocks(rows, axes).copy()
@@ -163,7 +163,7 @@ def run_of(rows: Array, inst: Instrument, *, simulated: bool, distal: bool) -> R
     return with_currents(replace(run, request=by_axis(request), **missing), inst)
 
 
-def signals_of(row: Array, inst: Instrument) -> dict[str, Any]:
+def signals_of(row: Array, inst: ShortForm) -> dict[str, Any]:
     """Return a row as signals by name: numbers, or arrays by axis and tendon, with the data of the tick."""
     run = run_of(row[np.newaxis], inst, simulated=True, distal=True)
     named: dict[str, Any] = {name: values[0] for name, values in run.signals().items()}

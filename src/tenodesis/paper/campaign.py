@@ -8,7 +8,7 @@ import numpy as np
 
 from tenodesis import similarity, statics
 from tenodesis.control.parameters import tension_limit
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.paper import step_response
 from tenodesis.paper.context import Context, has_friction
 from tenodesis.paper.fig15_compensated import friction_errors, friction_label
@@ -35,7 +35,7 @@ class Condition(NamedTuple):
 
     key: str
     name: str
-    inst: Instrument
+    inst: ShortForm
     load: Callable[[float], float]
     """N, by output angle, rad."""
     identified: bool = True
@@ -67,7 +67,7 @@ class Metric(NamedTuple):
     unit: str
     description: str
     of: Callable[[Sequence[Trial]], float]
-    target: Callable[[Instrument], float] | None
+    target: Callable[[ShortForm], float] | None
     decimals: int = 2
 
 
@@ -277,12 +277,12 @@ def section(context: Context) -> Section:
     return Section("campaign", title(inst), text, [], [table, _by_state(inst, main)])
 
 
-def title(inst: Instrument) -> str:
+def title(inst: ShortForm) -> str:
     """Return the title of the section."""
     return TITLE if has_friction(inst) else "The robust law over states and seeds"
 
 
-def _metrics(inst: Instrument) -> tuple[Metric, ...]:
+def _metrics(inst: ShortForm) -> tuple[Metric, ...]:
     """Return the statistics that an instrument has."""
     return tuple(metric for metric in METRICS if metric.key != "friction_error" or has_friction(inst))
 
@@ -317,7 +317,7 @@ def _shown(metric: Metric, value: float) -> str:
     return "never" if np.isinf(value) else fixed(value, metric.decimals)
 
 
-def _by_state(inst: Instrument, main: Sequence[Trial]) -> Table:
+def _by_state(inst: ShortForm, main: Sequence[Trial]) -> Table:
     rows, metrics, rough = [], _metrics(inst), has_friction(inst)
     for state, error in dict.fromkeys((trial.state, trial.error) for trial in main):
         part = [trial for trial in main if (trial.state, trial.error) == (state, error)]

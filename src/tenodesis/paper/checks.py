@@ -7,7 +7,7 @@ import numpy as np
 
 from tenodesis import coupled, statics
 from tenodesis.errors import MissingExtraError
-from tenodesis.instrument import Instrument, TendonGear
+from tenodesis.instrument import ShortForm, TendonGear
 from tenodesis.kinematics import dimensions
 from tenodesis.paper.context import Context
 from tenodesis.report import style
@@ -86,7 +86,7 @@ def section(context: Context) -> Section:
     return Section("verification", _TITLE, f"{text}</p>{independence}", plots, [table], care)
 
 
-def _heavy(inst: Instrument) -> float:
+def _heavy(inst: ShortForm) -> float:
     """Return a load well into slack, N; without pretension, a load that costs half a radian."""
     slack = 1.3 * float(statics.slack_force(inst, 0.0))
     return slack or float(0.5 / statics.loss_of_dexterity(inst, 0.0, 1.0))
@@ -121,7 +121,7 @@ def _mujoco(context: Context, inst: TendonGear) -> tuple[float, float, float, fl
     return float(np.degrees(max(differences))), len(differences) - 1, slack, disputed
 
 
-def mujoco_cases(inst: Instrument, scaled: Instrument | None) -> int:
+def mujoco_cases(inst: ShortForm, scaled: ShortForm | None) -> int:
     """Return the number of progress reports of the section, for a progress bar."""
     if not isinstance(inst, TendonGear):
         return 0
@@ -202,7 +202,7 @@ def _coupled_difference(inst: TendonGear, found: mujoco_peer.Independence) -> fl
     return float(np.degrees(np.fmax.reduce(np.abs(angles - settled), axis=None)))
 
 
-def _axis_forces(inst: Instrument) -> Sequence[float]:
+def _axis_forces(inst: ShortForm) -> Sequence[float]:
     """Return two loads well below the fold of a strongly flexed joint, N."""
     return (0.07 * _heavy(inst), 0.17 * _heavy(inst))
 

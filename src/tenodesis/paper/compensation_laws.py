@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from tenodesis import statics
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.paper.context import Context, shown_force
 from tenodesis.report import style
 from tenodesis.report.content import Array, CarePoint, Chart, Column, Section, fixed, named
@@ -91,7 +91,7 @@ def _bars(axis: Axes, values: Array, place: int, groups: int, *, color: str, lab
     axis.bar_label(bars, fmt="%.1f", fontsize=7.5, padding=1)
 
 
-def _care(context: Context, inst: Instrument, handle: Array, force: float) -> list[CarePoint]:
+def _care(context: Context, inst: ShortForm, handle: Array, force: float) -> list[CarePoint]:
     if context.is_own or inst.joint_type != "tendon-gear" or not handle.size:
         return []
     middle = handle[handle.size // 3 : handle.size // 3 + 1]

@@ -7,7 +7,7 @@ import numpy as np
 
 from tenodesis import instrument as instruments
 from tenodesis import statics
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.report.content import Column, Published, Result, ResultTable
 from tenodesis.report.curves import forces
 from tenodesis.run import Run
@@ -25,7 +25,7 @@ COEFFICIENTS = ("vertex_coefficient", "sheath_coefficient", "constant")
 class RecordedRun:
     """A protocol that was run on the twin of an instrument, with the seed of its noise."""
 
-    inst: Instrument
+    inst: ShortForm
     protocol: Protocol
     seed: int
     run: Run
@@ -39,8 +39,8 @@ def _ignore(_: str) -> None:
 class Context:
     """Input of the sections, and their results."""
 
-    inst: Instrument
-    scaled: Instrument | None
+    inst: ShortForm
+    scaled: ShortForm | None
     is_paper: bool
     """Whether both instruments are the paper's own, so that its printed numbers apply."""
     seeds: int = SEEDS
@@ -58,8 +58,8 @@ class Context:
     @classmethod
     def of(
         cls,
-        inst: Instrument,
-        scaled: Instrument | None = None,
+        inst: ShortForm,
+        scaled: ShortForm | None = None,
         *,
         seeds: int = SEEDS,
         progress: Callable[[str], None] = _ignore,
@@ -81,7 +81,7 @@ class Context:
         )
 
     @property
-    def tested(self) -> Instrument:
+    def tested(self) -> ShortForm:
         """The one-axis instrument of the experiments: in the paper's report its scale model."""
         inst = self.scaled if self.is_paper and self.scaled is not None else self.inst
         return inst.planar[0]
@@ -112,17 +112,17 @@ class Context:
         return ResultTable(caption, columns, self.add)
 
 
-def shown_force(inst: Instrument) -> float:
+def shown_force(inst: ShortForm) -> float:
     """Return the load of single-load figures, N."""
     loads = forces(inst)[1:]
     return loads[min(1, len(loads) - 1)]
 
 
-def has_friction(inst: Instrument) -> bool:
+def has_friction(inst: ShortForm) -> bool:
     """Return whether an instrument's tendons have friction."""
     return inst.friction.law != "none" and any(getattr(inst.friction, key) for key in COEFFICIENTS)
 
 
-def held_angles(inst: Instrument) -> Sequence[float]:
+def held_angles(inst: ShortForm) -> Sequence[float]:
     """Return the output angles (rad) of the held states: those of the conditions, or four over the working range."""
     return inst.conditions.output_angles or tuple(np.linspace(0.0, 0.9 * inst.output_range, 4))

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from tenodesis import statics
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.paper.context import Context, shown_force
 from tenodesis.report import style
 from tenodesis.report.content import Chart, Column, Section, fixed, named
@@ -77,7 +77,7 @@ def section(context: Context) -> Section:
     return Section("loss", "Loss of output angle and its compensation by hand", text, [plot], [table])
 
 
-def _construction(chart: Chart, axis: Axes, inst: Instrument, force: float) -> None:
+def _construction(chart: Chart, axis: Axes, inst: ShortForm, force: float) -> None:
     """Draw the reference and the loaded curve, and between them the loss and the compensation angle."""
     desired = inst.output_range / 2
     held = float(statics.handle_angle(inst, desired))

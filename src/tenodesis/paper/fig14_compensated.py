@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from tenodesis import statics
 from tenodesis.control import Controller, LawName
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.paper import step_response
 from tenodesis.paper.context import Context, has_friction
 from tenodesis.report import style
@@ -68,19 +68,19 @@ class Tracking(NamedTuple):
     mean_at_end: float
 
 
-def amplitude(inst: Instrument) -> float:
+def amplitude(inst: ShortForm) -> float:
     """Return the amplitude of the handle, rad: from the conditions, or the working range."""
     return min(max(inst.conditions.handle_angles or (statics.reach(inst),)), statics.reach(inst))
 
 
-def cycles(inst: Instrument) -> Array:
+def cycles(inst: ShortForm) -> Array:
     """Return the handle angle of the cycles by step, (n,), rad; during the first the observer still learns."""
     time = np.arange(1, round(_CYCLES * _PERIOD / TIME_STEP) + 1) * TIME_STEP
     angle: Array = amplitude(inst) / 2 * (1 - np.cos(2 * np.pi * _FREQUENCY * time))
     return angle
 
 
-def wrist(inst: Instrument) -> Array:
+def wrist(inst: ShortForm) -> Array:
     """Return the handle angle of fast wrist motion by step, (n,), rad: sines of up to 2 Hz about half the amplitude."""
     time = np.arange(1, round((1 + _WRIST_PERIODS) * _WRIST_PERIOD / TIME_STEP) + 1) * TIME_STEP
     sines = sum(share * np.sin(2 * np.pi * frequency * time + phase) for frequency, share, phase in _WRIST)
@@ -89,7 +89,7 @@ def wrist(inst: Instrument) -> Array:
     return angle
 
 
-def track(inst: Instrument, motion: Array, force: float, compensation: Compensation, period: float) -> Tracking:
+def track(inst: ShortForm, motion: Array, force: float, compensation: Compensation, period: float) -> Tracking:
     """Run a motion (n,), rad, under a force (N) with compensation; the first period (s) is left out of the measures."""
     still = np.zeros(round((_LOADING + _RESTING) / TIME_STEP))
     handle = np.concatenate([still, motion])

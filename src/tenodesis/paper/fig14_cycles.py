@@ -6,7 +6,7 @@ import numpy as np
 
 from tenodesis import simulate, statics, twin
 from tenodesis.errors import NoSolutionError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.paper import published
 from tenodesis.paper.context import Context, RecordedRun, has_friction
 from tenodesis.report import style
@@ -45,7 +45,7 @@ class Cycles(NamedTuple):
     """Antagonist tension, by how much higher at extension than at flexion, N."""
 
 
-def protocol(inst: Instrument, force: float) -> simulate.Protocol:
+def protocol(inst: ShortForm, force: float) -> simulate.Protocol:
     """Return the protocol of the experiment under a force (N)."""
     return simulate.Protocol(
         name=f"cycles at {force:g} N",
@@ -58,7 +58,7 @@ def protocol(inst: Instrument, force: float) -> simulate.Protocol:
     )
 
 
-def cycle(inst: Instrument, force: float) -> Cycles | None:
+def cycle(inst: ShortForm, force: float) -> Cycles | None:
     """Run the cycles under a force (N) on the twin; None if the joint cannot hold it."""
     done = protocol(inst, force)
     try:
@@ -77,7 +77,7 @@ def _mean(values: Array) -> float:
     return float(finite.mean()) if finite.size else float("nan")
 
 
-def _widths(inst: Instrument, force: float, run: Run, estimate: Array) -> tuple[float, float, float, float, float]:
+def _widths(inst: ShortForm, force: float, run: Run, estimate: Array) -> tuple[float, float, float, float, float]:
     """Compare flexion and extension of the last cycle at the same handle angles, clear of the reversals."""
     cycles = inst.conditions.cycles or 2
     samples = len(run) // cycles
@@ -159,7 +159,7 @@ def _table(context: Context, cycles: list[Cycles]) -> Table:
     return table
 
 
-def _parameters(inst: Instrument) -> list[Table]:
+def _parameters(inst: ShortForm) -> list[Table]:
     """Return the table of the file's friction, mismatch and dynamics, with sources; empty if the file has none."""
     rows = []
     for name in ("friction", "mismatch", "dynamics"):
@@ -180,7 +180,7 @@ def _parameters(inst: Instrument) -> list[Table]:
     return [table] if rows else []
 
 
-def _text(context: Context, inst: Instrument) -> str:
+def _text(context: Context, inst: ShortForm) -> str:
     if inst.friction.law == "none":
         return (
             "<p>The instrument file has no friction, so the twin's loops are closed but for its sensors' noise; a "
@@ -210,7 +210,7 @@ def _loops(cycles: list[Cycles]) -> list[Loop]:
     return [Loop(load_name(done.force), done.run[_EVERY], done.estimate[_EVERY]) for done in cycles]
 
 
-def _angles(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
+def _angles(context: Context, inst: ShortForm, cycles: list[Cycles]) -> Plot:
     chart = hysteresis(inst, _loops(cycles), "twin, measured")
     return chart.plot(
         context.file_name("fig14a", "cycles"),
@@ -220,7 +220,7 @@ def _angles(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
     )
 
 
-def _tensions(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
+def _tensions(context: Context, inst: ShortForm, cycles: list[Cycles]) -> Plot:
     chart, axes = loop_panels(_loops(cycles), "tension [N]")
     grid = np.linspace(0, statics.reach(inst), 101)
     sides = (("agonist", style.AGONIST), ("antagonist", style.ANTAGONIST))

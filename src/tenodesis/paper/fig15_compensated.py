@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tenodesis.control import LawName
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.paper import step_response
 from tenodesis.paper.context import Context, has_friction
 from tenodesis.paper.fig15_step_load import AFTER, BEFORE
@@ -51,7 +51,7 @@ class _Case(NamedTuple):
         return f"robust, friction {friction_label(self.friction)}"
 
 
-def friction_errors(inst: Instrument) -> tuple[float, ...]:
+def friction_errors(inst: ShortForm) -> tuple[float, ...]:
     """Return the errors of the friction that an instrument's controller assumes; 0 alone where there is none."""
     return FRICTION_ERRORS if has_friction(inst) else (0.0,)
 
@@ -217,7 +217,7 @@ def _observations(traces: Sequence[Trace]) -> dict[str, bool]:
     }
 
 
-def readings(context: Context, inst: Instrument, states: Sequence[float], force: float) -> tuple[str, Table]:
+def readings(context: Context, inst: ShortForm, states: Sequence[float], force: float) -> tuple[str, Table]:
     """Compute the response of every reading in the four states; return the conclusions and the table."""
 
     def work(case: tuple[Reading, float]) -> Trace:

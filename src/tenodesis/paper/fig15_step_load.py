@@ -6,7 +6,7 @@ import numpy as np
 
 from tenodesis import simulate, statics, twin
 from tenodesis.errors import NoSolutionError, ProtocolError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.paper import published
 from tenodesis.paper.context import Context, RecordedRun, has_friction, held_angles, shown_force
 from tenodesis.report.content import Column, Plot, Section, fixed, named
@@ -45,7 +45,7 @@ class State(NamedTuple):
         return self.recorded.run
 
 
-def rigged(inst: Instrument) -> float | None:
+def rigged(inst: ShortForm) -> float | None:
     """Return the force that the weight on the load rig's cable causes at the tip, N; None without a rig."""
     weight, radius = inst.conditions.cable_force, inst.conditions.cable_pulley_radius
     return None if weight is None or radius is None else weight * radius / inst.rig_arm
@@ -56,7 +56,7 @@ def approach_time(handle_angle: float) -> float:
     return SMOOTH.peak * abs(handle_angle) / APPROACH
 
 
-def protocol(inst: Instrument, handle_angle: float, force: float) -> simulate.Protocol:
+def protocol(inst: ShortForm, handle_angle: float, force: float) -> simulate.Protocol:
     """Return the protocol at a handle angle (rad), loaded by the weight on the rig's cable or by the force (N)."""
     return simulate.Protocol(
         name=f"step load at {np.degrees(handle_angle):.1f} deg",
@@ -73,7 +73,7 @@ def protocol(inst: Instrument, handle_angle: float, force: float) -> simulate.Pr
     )
 
 
-def hold(inst: Instrument, desired: float, force: float) -> State | None:
+def hold(inst: ShortForm, desired: float, force: float) -> State | None:
     """Find the handle angle that brings the tip to an output angle (rad), as on the bench, and apply the load there.
 
     None if the handle cannot bring it there, or the joint not hold the load.
@@ -84,7 +84,7 @@ def hold(inst: Instrument, desired: float, force: float) -> State | None:
         return None
 
 
-def _hold(inst: Instrument, desired: float, force: float) -> State:
+def _hold(inst: ShortForm, desired: float, force: float) -> State:
     handle = float(statics.handle_angle(inst, desired))
     gradient = statics.gradient(statics.handle_angle, inst, np.array([desired]), wrt=["output_angle"])
     slope = float(gradient["output_angle"][0])
@@ -112,7 +112,7 @@ def _hold(inst: Instrument, desired: float, force: float) -> State:
     )
 
 
-def _approached(inst: Instrument, handle: float) -> float:
+def _approached(inst: ShortForm, handle: float) -> float:
     """Return the angle, rad, at which the tip comes to rest after the straight handle is moved to an angle."""
     steps = max(2, int(np.ceil(abs(handle) / np.radians(0.1))))
     run = twin.Twin(inst, quasi_static=True).run(np.linspace(0.0, handle, steps + 1))

@@ -3,14 +3,14 @@
 import numpy as np
 
 from tenodesis import statics
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.paper.context import Context
 from tenodesis.report import curves
 from tenodesis.report.content import Column, Section, fixed, named, number
 from tenodesis.report.curves import forces, load_name
 
 
-def slack_range(inst: Instrument, force: float, onset: float) -> str:
+def slack_range(inst: ShortForm, force: float, onset: float) -> str:
     """Return in words where in the working range the antagonist is slack under a force (N), given the onset (rad)."""
     slack = statics.slack_force(inst, np.linspace(0.0, inst.output_range, 401)) <= force
     if slack.all() or not slack.any():
@@ -73,7 +73,7 @@ def section(context: Context) -> Section:
     )
 
 
-def _text(inst: Instrument, ratio: float, end: float, gap: float, *, slackens: bool) -> str:
+def _text(inst: ShortForm, ratio: float, end: float, gap: float, *, slackens: bool) -> str:
     if inst.joint_type != "tendon-gear":
         steeper = ", and more steeply once the antagonist is slack and only one tendon resists" if slackens else ""
         return (

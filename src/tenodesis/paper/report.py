@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from tenodesis.control.plausibility import implausible
 from tenodesis.control.resolution import sentences, warnings
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.paper.context import Context, shown_force
 from tenodesis.report import page
 from tenodesis.report.content import Section, fixed, unit_text
@@ -66,7 +66,7 @@ def _marked(text: str) -> Markup:
     return Markup(re.sub(r"(?<![\w])([θκTlF])_([a-zθ])(?![a-z])", r"\1<sub>\2</sub>", text))
 
 
-def _dimensions(inst: Instrument) -> tuple[str, list[tuple[str, str, str]]]:
+def _dimensions(inst: ShortForm) -> tuple[str, list[tuple[str, str, str]]]:
     """Return an instrument's name and its values as text, each with its source."""
     units = {"m": "mm", "Pa": "GPa", "rad": "deg", "N*m^2": "N*mm^2"}
     rows = []

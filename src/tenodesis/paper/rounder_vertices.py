@@ -11,7 +11,7 @@ import numpy as np
 from tenodesis import statics
 from tenodesis.control import LawName
 from tenodesis.errors import InstrumentError, NoSolutionError, StudyError
-from tenodesis.instrument import Instrument, TendonGear
+from tenodesis.instrument import ShortForm, TendonGear
 from tenodesis.paper import published, step_response
 from tenodesis.report.content import Array
 from tenodesis.scaling import catalogue
@@ -122,7 +122,7 @@ class Outcome(NamedTuple):
 class Study:
     """The designs of a sweep with their outcomes."""
 
-    inst: Instrument
+    inst: ShortForm
     force: float
     """Load at the tip, N."""
     states: tuple[float, ...]
@@ -164,7 +164,7 @@ class Study:
         return _held(self.radii, self.limits)
 
 
-def radius_limits(inst: Instrument) -> RadiusLimits:
+def radius_limits(inst: ShortForm) -> RadiusLimits:
     """Return the largest radii of the arcs that round the vertices of an instrument's joints.
 
     At a vertex a tendon turns by half of its joint's angle, phi = theta / 2. An arc of radius rho that leaves the
@@ -212,7 +212,7 @@ def bending_stiffness(name: str, diameter: float, modulus: float) -> float:
     return modulus * math.pi * diameter**2 / 4 * wire**2 / 16
 
 
-def ropes(inst: Instrument) -> tuple[Rope, ...]:
+def ropes(inst: ShortForm) -> tuple[Rope, ...]:
     """Return a tendon that springs back, and of each construction in the catalogue the rope nearest in diameter.
 
     Raises
@@ -231,7 +231,7 @@ def ropes(inst: Instrument) -> tuple[Rope, ...]:
     return SPRINGY, *(rope for _, rope in by_construction.values())
 
 
-def _diameter(inst: Instrument) -> float:
+def _diameter(inst: ShortForm) -> float:
     if inst.tendon_diameter is None:
         raise InstrumentError(
             f"{inst.name} has no tendon_diameter, which the study of its vertices needs; give it in the file.",
@@ -240,7 +240,7 @@ def _diameter(inst: Instrument) -> float:
     return inst.tendon_diameter
 
 
-def redesigned(inst: Instrument, design: Design, reference_radius: float) -> Instrument:
+def redesigned(inst: ShortForm, design: Design, reference_radius: float) -> ShortForm:
     """Return an instrument with other vertices; coefficients are at its pretension and the reference radius (m).
 
     The tendons keep their stiffness: of a rope only the bending counts.
@@ -258,13 +258,13 @@ def redesigned(inst: Instrument, design: Design, reference_radius: float) -> Ins
     return inst.replace(**{f"friction.{key}": value for key, value in friction.items()})
 
 
-def _assumed(inst: Instrument, changed: Instrument) -> Instrument:
+def _assumed(inst: ShortForm, changed: ShortForm) -> ShortForm:
     """Return the controller's model: stiffness and coefficient at the pretension are identified, bending is not."""
     effective = changed.friction.vertex_coefficient * changed.friction.vertex_factor
     return step_response.controller_model(inst.replace(**{"friction.vertex_coefficient": effective}))
 
 
-def held(inst: Instrument, changed: Instrument, state: float, force: float, law: LawName) -> Held:
+def held(inst: ShortForm, changed: ShortForm, state: float, force: float, law: LawName) -> Held:
     """Hold an output angle (rad) under a load (N) by a law; `inst` is the instrument as in its file."""
     motion = step_response.held_motion(inst, state, force, BEFORE, AFTER)
     try:
@@ -275,7 +275,7 @@ def held(inst: Instrument, changed: Instrument, state: float, force: float, law:
     return Held(response.final, response.faulted)
 
 
-def loop(inst: Instrument, force: float) -> tuple[float, float]:
+def loop(inst: ShortForm, force: float) -> tuple[float, float]:
     """Return the mean width of the loop of output over handle angle under a load (N), deg, and the delay, deg.
 
     The handle goes through its working range to either side at rest; the width is between 0.15 and 0.9 of the range in
@@ -298,16 +298,14 @@ def loop(inst: Instrument, force: float) -> tuple[float, float]:
     return float(np.degrees(width.mean())), float(np.degrees(delay))
 
 
-def outcome(
-    inst: Instrument, design: Design, states: Sequence[float], force: float, reference_radius: float
-) -> Outcome:
+def outcome(inst: ShortForm, design: Design, states: Sequence[float], force: float, reference_radius: float) -> Outcome:
     """Compute what a design costs in the held states (rad) under a load (N)."""
     changed = redesigned(inst, design, reference_radius)
     by_law = {law: tuple(held(inst, changed, state, force, law) for state in states) for law in LAWS}
     return Outcome(*loop(changed, force), by_law)
 
 
-def held_states(inst: Instrument) -> tuple[float, ...]:
+def held_states(inst: ShortForm) -> tuple[float, ...]:
     """Return the states of Fig. 15 (rad) within an instrument's working range, or its own where that ends earlier."""
     angles = [math.radians(output.value) for _, output in published.STATES]
     if max(angles) > inst.output_range * (1 + 1e-9):
@@ -316,7 +314,7 @@ def held_states(inst: Instrument) -> tuple[float, ...]:
 
 
 def study(
-    inst: Instrument,
+    inst: ShortForm,
     force: float | None = None,
     *,
     radii: Iterable[float] | None = None,
@@ -414,7 +412,7 @@ def _held(radii: Sequence[float], limits: RadiusLimits) -> float:
 
 
 def _largest_coefficient(
-    inst: Instrument, states: Sequence[float], force: float, reference: float, case: tuple[Rope, float]
+    inst: ShortForm, states: Sequence[float], force: float, reference: float, case: tuple[Rope, float]
 ) -> float:
     """Return the largest coefficient below which, in steps, the paper's law is good enough in every state."""
     rope, radius = case
@@ -428,7 +426,7 @@ def _largest_coefficient(
     return good
 
 
-def pretension_shift(inst: Instrument, radius: float) -> float:
+def pretension_shift(inst: ShortForm, radius: float) -> float:
     """Return by how much arcs of a radius (m) change the pretension over the working range, N, at most.
 
     A tendon on an arc has the moment arm of the span's line, r cos phi -/+ rho (1 - cos phi) +/- b sin phi inside and

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tenodesis.errors import ArgumentError, ReportError
-from tenodesis.instrument import Instrument, TendonGear
+from tenodesis.instrument import ShortForm, TendonGear
 from tenodesis.paper import report
 from tenodesis.paper.context import SEEDS, Context
 from tenodesis.report import style
@@ -68,21 +68,21 @@ def chosen(context: Context, only: Collection[str] = ()) -> dict[str, Chapter]:
     return {name: one for name, one in CHAPTERS.items() if not context.is_own or one.concerns(context)}
 
 
-def steps(inst: Instrument, scaled: Instrument | None, only: Collection[str] = ()) -> int:
+def steps(inst: ShortForm, scaled: ShortForm | None, only: Collection[str] = ()) -> int:
     """Return how often a run reports progress."""
     chapters = chosen(Context.of(inst, scaled), only)
     return len(chapters) + 1 + (_mujoco_cases(inst, scaled) if "checks" in chapters else 0)
 
 
-def _mujoco_cases(inst: Instrument, scaled: Instrument | None) -> int:
+def _mujoco_cases(inst: ShortForm, scaled: ShortForm | None) -> int:
     from tenodesis.paper import checks  # noqa: PLC0415 - SciPy takes long to import
 
     return checks.mujoco_cases(inst, scaled)
 
 
 def run(
-    inst: Instrument,
-    scaled: Instrument | None = None,
+    inst: ShortForm,
+    scaled: ShortForm | None = None,
     out: Path = Path("out"),
     progress: Callable[[str], None] = lambda _: None,
     recordings: bool = True,

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from tenodesis import statics
 from tenodesis.control import Controller, LawName, Request
 from tenodesis.errors import FaultWarning, NoSolutionError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.paper.context import COEFFICIENTS, held_angles, shown_force
 from tenodesis.paper.fig15_step_load import approach_time, rigged
 from tenodesis.report.content import Array
@@ -66,7 +66,7 @@ class Response(NamedTuple):
     faulted: bool
 
 
-def controller_model(inst: Instrument, friction: float = 1.0, identified: bool = True) -> Instrument:
+def controller_model(inst: ShortForm, friction: float = 1.0, identified: bool = True) -> ShortForm:
     """Return the controller's model of an instrument: its friction by a factor, its stiffness identified or not."""
     changes: dict[str, float] = {}
     if friction != 1:
@@ -80,7 +80,7 @@ def controller_model(inst: Instrument, friction: float = 1.0, identified: bool =
     return inst.replace(**changes) if changes else inst
 
 
-def can_compensate(inst: Instrument) -> bool:
+def can_compensate(inst: ShortForm) -> bool:
     """Return whether a controller can compensate an instrument."""
     try:
         Controller(controller_model(inst))
@@ -89,7 +89,7 @@ def can_compensate(inst: Instrument) -> bool:
     return True
 
 
-def caveat(inst: Instrument) -> str:
+def caveat(inst: ShortForm) -> str:
     """Return what errors against eq. 18 leave out, as HTML; nothing if a law can bring them to zero."""
     if inst.joint_type != "continuum":
         return ""
@@ -99,19 +99,19 @@ def caveat(inst: Instrument) -> str:
     )
 
 
-def step_force(inst: Instrument) -> float:
+def step_force(inst: ShortForm) -> float:
     """Return the force that the step load makes at the tip, N."""
     return rigged(inst) or shown_force(inst)
 
 
-def held_states(inst: Instrument) -> list[float]:
+def held_states(inst: ShortForm) -> list[float]:
     """Return the output angles (rad) that are held, where the handle reaches them."""
     angles = held_angles(inst)
     handle = statics.handle_angle(inst, np.array(angles))
     return [output for output, angle in zip(angles, handle, strict=True) if abs(angle) <= inst.handle_range]
 
 
-def held_motion(inst: Instrument, desired: float, force: float, before: float, after: float) -> Motion:
+def held_motion(inst: ShortForm, desired: float, force: float, before: float, after: float) -> Motion:
     """Return the motion to the handle angle that without friction gives an output angle (rad), and the load (N) on it.
 
     The load comes after `before` s and stays for `after` s.
@@ -125,8 +125,8 @@ def held_motion(inst: Instrument, desired: float, force: float, before: float, a
 
 
 def simulate_motion(
-    inst: Instrument,
-    model: Instrument,
+    inst: ShortForm,
+    model: ShortForm,
     motion: Motion,
     law: LawName,
     actuation: Actuation = "differential",

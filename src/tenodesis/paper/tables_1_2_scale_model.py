@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from tenodesis import statics
-from tenodesis.instrument import Instrument, TendonGear
+from tenodesis.instrument import ShortForm, TendonGear
 from tenodesis.paper.context import Context
 from tenodesis.paper.published import CAPTION_FORCE, EQUIVALENT_FORCE, SCALE_FACTORS, STATES, STIFFNESS, TIP_FORCE
 from tenodesis.report.content import CarePoint, Chart, Column, Plot, Section, Table, fixed, named, number, unit_text
@@ -383,7 +383,7 @@ def _pretension(context: Context, comparison: Comparison) -> CarePoint:
     )
 
 
-def _pairs(context: Context, scaled: Instrument) -> CarePoint:
+def _pairs(context: Context, scaled: ShortForm) -> CarePoint:
     sentences = []
     for handle, output in STATES[1:]:
         follows = float(np.degrees(statics.output_angle(scaled, np.radians(handle.value))))

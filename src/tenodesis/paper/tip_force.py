@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from tenodesis import statics
 from tenodesis.control import LawName
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.paper import step_response
 from tenodesis.paper.context import Context
 from tenodesis.paper.fig15_compensated import FRICTION_ERRORS
@@ -52,7 +52,7 @@ def judge(off: ArrayLike, deviation: ArrayLike, plain: ArrayLike) -> Judged:
     )
 
 
-def by_tensions(inst: Instrument, output_angle: ArrayLike, tensions: ArrayLike) -> Array:
+def by_tensions(inst: ShortForm, output_angle: ArrayLike, tensions: ArrayLike) -> Array:
     """Return the force at the tip, N, (n,), by eq. 1 with measured tensions, (n, 2), at output angles, rad, (n,)."""
     most = 0.99 * min(inst.output_stop, float(statics.output_angle(inst, inst.handle_range)))
     angle = np.clip(np.asarray(output_angle, float), -most, most)
@@ -131,7 +131,7 @@ def _column(what: str, description: str, heading: str, unit: str = "N") -> Colum
     return Column(heading, key, unit, f"{description}, {{words}}; differs from the model: {{difference.name}}")
 
 
-def _runs(inst: Instrument, difference: Difference, law: LawName) -> list[_Held]:
+def _runs(inst: ShortForm, difference: Difference, law: LawName) -> list[_Held]:
     given = inst.replace(**difference.known)
     plant = given.replace(**difference.unknown)
     force = step_response.step_force(inst)
@@ -159,7 +159,7 @@ def _judge(found: list[_Held], law: LawName) -> Judged:
     return judge(estimate - load, deviation, plain - load)
 
 
-def _plot(inst: Instrument, held: _Held) -> Plot:
+def _plot(inst: ShortForm, held: _Held) -> Plot:
     run, every = held.run.rows(round(_BEFORE / TIME_STEP) // 2), slice(None, None, 20)
     skipped = len(held.run) - len(run)
     chart = drawing(

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tenodesis.control import LawName, homing_failure
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.paper import step_response
 from tenodesis.paper.context import Context
 from tenodesis.paper.fig15_compensated import FRICTION_ERRORS
@@ -50,7 +50,7 @@ class Outcome(NamedTuple):
     """Why homing refused, in the words of :func:`tenodesis.control.homing_failure`; empty if it did not"""
 
 
-def differences(inst: Instrument) -> list[Difference]:
+def differences(inst: ShortForm) -> list[Difference]:
     """Return the differences for an instrument with friction, none first and all at once last."""
     friction = inst.friction
     # Exponents add up, so that a base exponent is a wrap angle that remains.
@@ -83,7 +83,7 @@ def differences(inst: Instrument) -> list[Difference]:
     return found
 
 
-def outcomes(inst: Instrument, difference: Difference, law: LawName) -> list[Outcome]:
+def outcomes(inst: ShortForm, difference: Difference, law: LawName) -> list[Outcome]:
     """Run a law over the held states of an instrument and, if it is robust, the errors of its assumed friction."""
     given = inst.replace(**difference.known)
     plant = given.replace(**difference.unknown)
@@ -199,7 +199,7 @@ def _row(context: Context, difference: Difference, found: Mapping[LawName, Seque
     return cells
 
 
-def _plot(inst: Instrument, bars: Sequence[tuple[str, Sequence[float]]]) -> Plot:
+def _plot(inst: ShortForm, bars: Sequence[tuple[str, Sequence[float]]]) -> Plot:
     chart, (axis,) = Chart.panels(height=0.9 + 0.5 * len(bars))
     laws = list(zip(_LAWS.values(), (style.MUTED, style.ANTAGONIST, style.AGONIST), strict=True))
     place = np.arange(len(bars))[::-1]

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from tenodesis import kinematics
 from tenodesis.errors import InstrumentError, MissingExtraError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.kinematics import Posture, Workspace
 from tenodesis.paper.context import Context
 from tenodesis.report import style
@@ -113,7 +113,7 @@ def _check(context: Context) -> str:
     )
 
 
-def _off_mujoco(inst: Instrument) -> float:
+def _off_mujoco(inst: ShortForm) -> float:
     """Return how far the bodies are from MuJoCo's at random postures, m and as entries of rotation matrices."""
     random = np.random.default_rng(0)
     postures = []
@@ -132,7 +132,7 @@ def _off_mujoco(inst: Instrument) -> float:
     return worst
 
 
-def _plot(inst: Instrument, force: float, free: Workspace, loaded: Workspace) -> Plot:
+def _plot(inst: ShortForm, force: float, free: Workspace, loaded: Workspace) -> Plot:
     chart, axes = Chart.panels(3, width=10.5, height=3.6)
     shades = Normalize(0.0, float(np.degrees(free.span.max())))
     for axis, space, load in ((axes[0], free, "no load"), (axes[1], loaded, f"{force:.3g} N against flexion")):

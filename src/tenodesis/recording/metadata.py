@@ -9,7 +9,7 @@ import tomli_w
 from tenodesis.control import FAULTS, Controller
 from tenodesis.coupled import CoupledInstrument
 from tenodesis.errors import RecordingError
-from tenodesis.instrument import Instrument, parse
+from tenodesis.instrument import ShortForm, as_short_form, parse
 from tenodesis.instrument.text import to_toml, with_units
 from tenodesis.recording.reader import RecordedFile, Recording
 from tenodesis.simulate import Protocol
@@ -26,7 +26,7 @@ QUASI_STATIC = "quasi-static"
 
 
 def metadata_of(
-    inst: Instrument | CoupledInstrument,
+    inst: ShortForm | CoupledInstrument,
     protocol: Protocol | None = None,
     *,
     seed: int = 0,
@@ -52,13 +52,13 @@ def metadata_of(
     )
 
 
-def _text(inst: Instrument | CoupledInstrument) -> str:
+def _text(inst: ShortForm | CoupledInstrument) -> str:
     if isinstance(inst, CoupledInstrument):
         return tomli_w.dumps(with_units(inst, unset=False))
     return to_toml(inst)
 
 
-def metadata_of_replay(recording: Recording, inst: Instrument) -> dict[str, str]:
+def metadata_of_replay(recording: Recording, inst: ShortForm) -> dict[str, str]:
     """Return the metadata of a recording's replay on an instrument; the controller's instrument is unchanged."""
     metadata = {**recording.metadata, "instrument": to_toml(inst), "replay_of": str(recording.path)}
     if CONTROLLER in metadata and CONTROLLER_INSTRUMENT not in metadata and recording.instrument() != inst:
@@ -81,7 +81,7 @@ def controller_choices(recording: RecordedFile) -> dict[str, Any] | None:
         raise RecordingError(f"{recording.path}: metadata {CONTROLLER} is not valid TOML: {problem}.") from None
 
 
-def controller_instrument(recording: Recording) -> Instrument:
+def controller_instrument(recording: Recording) -> ShortForm:
     """Return the controller's instrument.
 
     Raises
@@ -92,7 +92,9 @@ def controller_instrument(recording: Recording) -> Instrument:
         The instrument is not valid in this version.
     """
     text = recording.metadata.get(CONTROLLER_INSTRUMENT)
-    return recording.instrument() if text is None else parse(text, f"{recording.path}: {CONTROLLER_INSTRUMENT}")
+    if text is None:
+        return recording.instrument()
+    return as_short_form(parse(text, f"{recording.path}: {CONTROLLER_INSTRUMENT}"))
 
 
 def restored_controller(recording: Recording) -> Controller | None:
@@ -116,13 +118,13 @@ def restored_controller(recording: Recording) -> Controller | None:
         raise RecordingError(f"{recording.path}: metadata {CONTROLLER}: {problem}") from None
 
 
-def in_words(choices: Mapping[str, Any], controller_inst: Instrument, inst: Instrument) -> str:
+def in_words(choices: Mapping[str, Any], controller_inst: ShortForm, inst: ShortForm) -> str:
     """Return a short description of a controller's choices, with its instrument if it differs from that of the run."""
     words = f"{choices.get('law')} law, {choices.get('observer')} observer, {choices.get('actuation')} actuation"
     return words if controller_inst == inst else f"{words}, made for another instrument ({controller_inst.name})"
 
 
-def _metadata_of_controller(controller: Controller, inst: Instrument | CoupledInstrument) -> dict[str, str]:
+def _metadata_of_controller(controller: Controller, inst: ShortForm | CoupledInstrument) -> dict[str, str]:
     choices = {
         "law": controller.law,
         "observer": controller.observer,

@@ -25,7 +25,7 @@ from tenodesis.run import Array, Run
 if TYPE_CHECKING:
     import pandas as pd
 
-    from tenodesis.instrument import Instrument
+    from tenodesis.instrument import ShortForm
 
 
 class TopicInfo(NamedTuple):
@@ -132,7 +132,7 @@ class Recording(RecordedFile):
             )
         return cls(*read)  # type: ignore[arg-type]
 
-    def instrument(self) -> "Instrument":
+    def instrument(self) -> "ShortForm":
         """Return the instrument that was recorded.
 
         Raises
@@ -142,9 +142,9 @@ class Recording(RecordedFile):
         InstrumentError
             The instrument it holds is not valid in this version.
         """
-        from tenodesis.instrument import parse  # noqa: PLC0415
+        from tenodesis.instrument import as_short_form, parse  # noqa: PLC0415
 
-        return parse(self._instrument_text(), f"{self.path}: instrument")
+        return as_short_form(parse(self._instrument_text(), f"{self.path}: instrument"))
 
 
 @dataclass(frozen=True, repr=False)

@@ -11,7 +11,7 @@ import numpy as np
 
 from tenodesis.control import Controller
 from tenodesis.errors import RecordingError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.recording.metadata import QUASI_STATIC, metadata_of_replay, restored_controller
 from tenodesis.recording.reader import Recording
 from tenodesis.recording.schemas import TRANSFERRED
@@ -54,7 +54,7 @@ class Replay:
     """
 
     recording: Recording
-    inst: Instrument
+    inst: ShortForm
     run: Run = field(repr=False)
     exact: bool
 
@@ -87,7 +87,7 @@ class Replay:
             recorder.write(self.run)
 
 
-def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
+def replay(recording: Recording, inst: ShortForm | None = None) -> Replay:
     """Run a recording's commands again on a twin that begins at rest, with the same seed, time step and mode.
 
     Where the commanded handle angle was not recorded, the measured one takes its place. A controller closes the loop

@@ -10,7 +10,7 @@ import numpy as np
 from tenodesis import coupled
 from tenodesis.control import Controller
 from tenodesis.coupled import CoupledInstrument, CoupledRun
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.recording import schemas
 from tenodesis.recording.metadata import metadata_of
 from tenodesis.recording.schemas import AnyRun
@@ -76,7 +76,7 @@ def record(
     ValueError
         The twin cannot have this time step or seed, or the controller is for other axes or joints.
     """
-    inst = as_instrument(inst)
+    inst = as_short_form(inst)
     twin = Twin(inst, time_step=time_step, seed=seed, quasi_static=quasi_static)
     plan = protocol.plan(inst, time_step)
     if controller is not None:
@@ -127,7 +127,7 @@ def record_coupled(
 
 def write_run(
     run: AnyRun,
-    inst: Instrument | CoupledInstrument,
+    inst: ShortForm | CoupledInstrument,
     path: str | Path,
     *,
     protocol: Protocol | None = None,
@@ -179,7 +179,7 @@ def without_tissue(run: Run) -> Run:
     return replace(run, **absent)
 
 
-def _slackening(inst: Instrument) -> float:
+def _slackening(inst: ShortForm) -> float:
     """Return a length, m, after which every tendon is slack if the motors let it out."""
     ratio = inst.mismatch.pretension_ratio / inst.mismatch.stiffness_ratio
     return max(_LEAST_SLACK, *(1.25 * ratio * axis.pretension / axis.tendon_stiffness for axis in inst.planar))

@@ -16,7 +16,7 @@ from tenodesis import statics
 from tenodesis.control import FAULTS, OperatingState, Request
 from tenodesis.coupled import CoupledRun
 from tenodesis.errors import InstrumentError, RecordingError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.recording.metadata import CONTROLLER, controller_choices, controller_instrument, in_words
 from tenodesis.recording.reader import AnyRecording, CoupledRecording
 from tenodesis.recording.schemas import AnyRun, signals_of
@@ -198,7 +198,7 @@ def _ends(run: AnyRun) -> Iterator[tuple[str, float | None, float | None, str]]:
             yield name, None, None, unit
 
 
-def tip_error(run: Run, inst: Instrument) -> Array:
+def tip_error(run: Run, inst: ShortForm) -> Array:
     """Return the tip's angle less that of eq. 18 without load and friction, rad, shape (n, axes).
 
     Angles that only the encoders have are taken from there.
@@ -222,7 +222,7 @@ def tip_error(run: Run, inst: Instrument) -> Array:
     return error
 
 
-def outcome(run: Run, inst: Instrument, names: Sequence[str] = FAULTS) -> dict[str, str]:
+def outcome(run: Run, inst: ShortForm, names: Sequence[str] = FAULTS) -> dict[str, str]:
     """Return the outcome of a run in words: its controller's state and faults, and the tip's deviation.
 
     Without a controller it is what the load took: the tip's largest and last deviation, tensions, and slack.

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from tenodesis import statics
 from tenodesis.coupled import CoupledRun
 from tenodesis.coupled.twin import signal as coupled_signal
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, unit_text
 from tenodesis.run import SIGNALS, TENDONS, Run
@@ -37,7 +37,7 @@ _NARROWEST = 7.0
 """Width, inches, that a legend above the panels needs."""
 
 
-def forces(inst: Instrument) -> list[float]:
+def forces(inst: ShortForm) -> list[float]:
     """Return the loads of the curves, N: zero, and those of the instrument's conditions."""
     by_text = {f"{force:g}": force for force in inst.conditions.forces or (0.5, 1.0, 1.5)}
     return [0.0, *sorted(by_text.values())]
@@ -48,7 +48,7 @@ def load_name(force: float) -> str:
     return "no load" if force == 0 else f"{force:g} N"
 
 
-def slack_onset(inst: Instrument, force: float) -> tuple[float, float]:
+def slack_onset(inst: ShortForm, force: float) -> tuple[float, float]:
     """Return output and handle angle, rad, from which the antagonist is slack; NaN if never in the working range."""
     output = np.linspace(0.0, inst.output_range, 4001)
     margin = statics.slack_force(inst, output) - force
@@ -62,7 +62,7 @@ def slack_onset(inst: Instrument, force: float) -> tuple[float, float]:
     return angle, float(handle[0])
 
 
-def input_output(inst: Instrument, loads: Sequence[float]) -> Chart:
+def input_output(inst: ShortForm, loads: Sequence[float]) -> Chart:
     """Draw the output angle over the handle angle under loads (N), with where the antagonist goes slack (Fig. 7)."""
     chart, (axis,) = Chart.panels()
     angles = np.linspace(0.0, min(inst.handle_range, 1.3 * statics.reach(inst)), 301)
@@ -90,7 +90,7 @@ def input_output(inst: Instrument, loads: Sequence[float]) -> Chart:
     return chart
 
 
-def linear_ratio(inst: Instrument) -> float:
+def linear_ratio(inst: ShortForm) -> float:
     """Return the ratio of output to handle angle near zero, without load."""
     return float(statics.gradient(statics.output_angle, inst, 0.0, wrt=["handle_angle"])["handle_angle"])
 
@@ -103,7 +103,7 @@ class TensionVariation(NamedTuple):
     antagonist: Array
 
 
-def tension_variation(inst: Instrument, force: float) -> TensionVariation:
+def tension_variation(inst: ShortForm, force: float) -> TensionVariation:
     """Return how the tensions vary under a force (N) while the handle moves to its end."""
     state = statics.equilibrium(inst, handle_angles(inst), force)
     inside = np.abs(state.output_angle) <= inst.output_range
@@ -113,7 +113,7 @@ def tension_variation(inst: Instrument, force: float) -> TensionVariation:
     return TensionVariation(np.where(inside, np.degrees(state.output_angle), np.nan), agonist, antagonist)
 
 
-def tension(inst: Instrument, loads: Sequence[float]) -> Chart:
+def tension(inst: ShortForm, loads: Sequence[float]) -> Chart:
     """Draw how both tensions vary with the output angle under loads (N), and where slack is (Fig. 8)."""
     chart, (axis,) = Chart.panels()
     chart.keep("handle_angle [deg]", np.degrees(handle_angles(inst)))
@@ -143,7 +143,7 @@ def tension(inst: Instrument, loads: Sequence[float]) -> Chart:
     return chart
 
 
-def transmissibility(inst: Instrument, loads: Sequence[float]) -> Chart:
+def transmissibility(inst: ShortForm, loads: Sequence[float]) -> Chart:
     """Draw the torque transmissibility over the output angle under loads, N (Fig. 9)."""
     chart, (axis,) = Chart.panels(height=3.7)
     handle = handle_angles(inst)
@@ -160,7 +160,7 @@ def transmissibility(inst: Instrument, loads: Sequence[float]) -> Chart:
     return chart
 
 
-def draw_losses(chart: Chart, axis: Axes, inst: Instrument, loads: Sequence[float]) -> None:
+def draw_losses(chart: Chart, axis: Axes, inst: ShortForm, loads: Sequence[float]) -> None:
     """Draw the loss over the unloaded output angle under loads (N), by the full model and by eq. 17 (Fig. 11)."""
     angles = np.linspace(0.0, inst.output_range, 241)
     output = chart.keep("unloaded_output_angle [deg]", np.degrees(angles))
@@ -183,13 +183,13 @@ class Loop(NamedTuple):
     estimate: Array
 
 
-def estimated_output_angle(inst: Instrument, run: Run) -> Array:
+def estimated_output_angle(inst: ShortForm, run: Run) -> Array:
     """Return the output angle (rad) that eq. 19 gives from the measured signals of a run."""
     handle = np.clip(run["measured_handle_angle"], -inst.handle_range, inst.handle_range)
     return np.asarray(statics.estimate_output_angle(inst, handle, *run["measured_tension"].T))
 
 
-def hysteresis(inst: Instrument, loops: Sequence[Loop], measured_by: str = "measured") -> Chart:
+def hysteresis(inst: ShortForm, loops: Sequence[Loop], measured_by: str = "measured") -> Chart:
     """Draw the output angle over the handle angle of runs, beside theory and estimate (Fig. 14a)."""
     chart, axes = loop_panels(loops, "output angle $\\theta_e$ [deg]")
     grid = np.linspace(0, statics.reach(inst), 101)
@@ -364,6 +364,6 @@ def _around(time: Array, loaded: float) -> tuple[slice, slice]:
     return slice(min(settled, first - 1), first), slice(int(np.searchsorted(time, time[-1] - _AVERAGED)), None)
 
 
-def handle_angles(inst: Instrument) -> Array:
+def handle_angles(inst: ShortForm) -> Array:
     """Return the handle angles (rad) of curves over the output angle, which go beyond the working range."""
     return np.linspace(0.0, min(inst.handle_range, 1.6 * statics.reach(inst)), 321)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tenodesis import statics
 from tenodesis.errors import DesignError
-from tenodesis.instrument import PARAMETERS, Instrument
+from tenodesis.instrument import PARAMETERS, ShortForm
 from tenodesis.run import Array
 from tenodesis.scaling.catalogue import Catalogue
 from tenodesis.scaling.catalogue_file import Constraints
@@ -46,7 +46,7 @@ class Wheel(NamedTuple):
         return self.radius + (self.module or 0.0)
 
 
-_Parts: TypeAlias = tuple[Instrument, tuple[tuple[Wheel, Wheel], ...], tuple[Rope, ...], tuple[Rod | None, ...], float]
+_Parts: TypeAlias = tuple[ShortForm, tuple[tuple[Wheel, Wheel], ...], tuple[Rope, ...], tuple[Rod | None, ...], float]
 """The first fields of :class:`Candidates`: the instrument, pairs, ropes, rods and pretension."""
 
 
@@ -57,7 +57,7 @@ class Candidates:
     Lengths in m; the last of a pair's end-effector lengths is the most similar one within the constraints.
     """
 
-    real_size: Instrument
+    real_size: ShortForm
     pairs: tuple[tuple[Wheel, Wheel], ...]
     """Distal and proximal wheels."""
     ropes: tuple[Rope, ...]
@@ -125,7 +125,7 @@ class Candidates:
 
 
 def candidates(
-    real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any], combinations: int = COMBINATIONS
+    real_size: ShortForm, catalogue: Catalogue, pins: Mapping[str, Any], combinations: int = COMBINATIONS
 ) -> Candidates:
     """Return about `combinations` scale models that a catalogue, narrowed to pins (SI units), allows for an instrument.
 
@@ -177,7 +177,7 @@ def _with_lengths(parts: _Parts, constraints: Constraints, levels: int, among: C
     )
 
 
-def _overall(real_size: Instrument, limits: tuple[float, float] | None, distal: Array, levels: int) -> Array:
+def _overall(real_size: ShortForm, limits: tuple[float, float] | None, distal: Array, levels: int) -> Array:
     if limits is None:
         scale = np.unique(distal / value_of(real_size, "distal_radius"))
         return np.linspace(scale[0], scale[-1], min(levels, scale.size)) * real_size.overall_length
@@ -199,7 +199,7 @@ def _made(lengths: Array, limits: tuple[float, float] | None, resolution: float 
     return made
 
 
-def _pairs(real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any]) -> tuple[tuple[Wheel, Wheel], ...]:
+def _pairs(real_size: ShortForm, catalogue: Catalogue, pins: Mapping[str, Any]) -> tuple[tuple[Wheel, Wheel], ...]:
     wheels = _wheels(real_size, catalogue)
     distal_field, proximal_field = (field_of(real_size, f"{which}_radius") for which in ("distal", "proximal"))
     foreign = [key for key in pins if key.endswith(("_radius", "_offset")) and key not in (
@@ -253,7 +253,7 @@ def _pairs(real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any])
     return tuple(pairs[size] for size in sorted(pairs))
 
 
-def _cost_of_ratio(real_size: Instrument, proximal: float) -> float:
+def _cost_of_ratio(real_size: ShortForm, proximal: float) -> float:
     """Return the similarity error, deg, of another proximal radius (m) at real size, where the working range ends."""
     end = statics.reach(real_size)
     other = real_size.replace(**{field_of(real_size, "proximal_radius"): proximal})
@@ -278,14 +278,14 @@ def _cut_to_order(catalogue: Catalogue, ratio: float, tolerance: float) -> str:
     )
 
 
-def _free(real_size: Instrument, catalogue: Catalogue) -> tuple[float, float]:
+def _free(real_size: ShortForm, catalogue: Catalogue) -> tuple[float, float]:
     """Return the least and largest radius (m) to which pulleys can be made; (inf, -inf) if they cannot."""
     radii = [one.radius for one in catalogue.pulleys if one.to_size and real_size.joint_type != "tendon-gear"]
     return min(radii, default=math.inf), max(radii, default=-math.inf)
 
 
 def _no_radius(
-    real_size: Instrument, catalogue: Catalogue, distals: Sequence[Wheel], factor: tuple[float, float]
+    real_size: ShortForm, catalogue: Catalogue, distals: Sequence[Wheel], factor: tuple[float, float]
 ) -> str:
     small = value_of(real_size, "distal_radius")
     low, high = factor
@@ -298,7 +298,7 @@ def _no_radius(
     )
 
 
-def _wheels(real_size: Instrument, catalogue: Catalogue) -> list[Wheel]:
+def _wheels(real_size: ShortForm, catalogue: Catalogue) -> list[Wheel]:
     if real_size.joint_type != "tendon-gear":
         return [Wheel(pulley.radius) for pulley in catalogue.pulleys]
     gears = catalogue.gears

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis import _core, statics
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.scaling.candidates import Candidates, Wheel
 from tenodesis.scaling.catalogue import Catalogue
@@ -33,7 +33,7 @@ class Points(NamedTuple):
     handle_angle: Array
     force: Array
 
-    def target(self, real_size: Instrument) -> _core.SimilarityTarget:
+    def target(self, real_size: ShortForm) -> _core.SimilarityTarget:
         """Return the reference by which the core judges scale models: equal loss of dexterity at mid-range."""
         at_angle = real_size.output_range / 2
         return _core.SimilarityTarget(
@@ -48,7 +48,7 @@ class WorkingRange(NamedTuple):
     coarse: Points
 
 
-def working_range(real_size: Instrument, largest_force: float) -> WorkingRange:
+def working_range(real_size: ShortForm, largest_force: float) -> WorkingRange:
     """Return the points at which scale models are judged, up to a force (N) and over the range of output angles.
 
     The few points are among the many: up to the largest force held at each of their handle angles, and the point of
@@ -74,7 +74,7 @@ def _evenly(numbers: Array, count: int) -> list[int]:
     return [int(numbers[round(at)]) for at in np.linspace(0, numbers.size - 1, count)]
 
 
-def _most_strained(real_size: Instrument, handle: Array, force: Array) -> tuple[int, int]:
+def _most_strained(real_size: ShortForm, handle: Array, force: Array) -> tuple[int, int]:
     tensions = statics.tensions(real_size, handle[:, None], force)
     largest = np.fmax(tensions.agonist, tensions.antagonist)
     row, column = np.unravel_index(int(np.nanargmax(largest)), largest.shape)
@@ -160,6 +160,6 @@ def tip_force(tension_resolution: Any, columns: Mapping[str, Any]) -> Any:
     return sqrt(2) * tension_resolution / columns["tension_per_force"] / columns["force_factor"]
 
 
-def _nearest_spool(real_size: Instrument, catalogue: Catalogue, distal: Wheel) -> Spool:
+def _nearest_spool(real_size: ShortForm, catalogue: Catalogue, distal: Wheel) -> Spool:
     wanted = real_size.drives.spool_radius * distal.radius / value_of(real_size, "distal_radius")
     return min(catalogue.spools, key=lambda one: abs(log(one.radius / wanted)))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tenodesis import notebook
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.run import Array
 from tenodesis.scaling import catalogue as catalogues
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates
@@ -107,7 +107,7 @@ class Front:
         return self[order]
 
     @property
-    def real_size(self) -> Instrument:
+    def real_size(self) -> ShortForm:
         """The real-size instrument."""
         return self.sweep.real_size
 
@@ -218,7 +218,7 @@ def design(
     DesignError
         A pin names no part, or no scale model meets the constraints; the message names the contradiction.
     """
-    real_size = as_instrument(real_size, "real_size")
+    real_size = as_short_form(real_size, "real_size")
     if isinstance(combinations, bool) or not isinstance(combinations, int) or not 1 <= combinations <= 10**9:
         raise ArgumentError(key="combinations", value=combinations, allowed="an integer from 1 to 10**9")
     given = parse(pins or {})

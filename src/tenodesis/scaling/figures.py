@@ -10,7 +10,7 @@ from matplotlib.patheffects import Normal, Stroke
 from numpy.typing import ArrayLike
 
 from tenodesis import statics
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.report import style
 from tenodesis.report.page import inline_svg
 from tenodesis.run import Array
@@ -129,7 +129,7 @@ def _handle(design: "Design") -> Array:
     return np.linspace(-design.comparison.reach, design.comparison.reach, _POINTS)
 
 
-def _output(inst: Instrument, handle: ArrayLike, force: float) -> Array:
+def _output(inst: ShortForm, handle: ArrayLike, force: float) -> Array:
     angles: Array = np.degrees(statics.output_angle(inst, handle, force))
     return angles
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.errors import DesignError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.scaling.catalogue import Catalogue
 from tenodesis.scaling.parts import Weight
@@ -43,7 +43,7 @@ class Forces(NamedTuple):
     tests: tuple[float, ...]
 
 
-def forces_of(real_size: Instrument, catalogue: Catalogue) -> Forces:
+def forces_of(real_size: ShortForm, catalogue: Catalogue) -> Forces:
     """Return the forces at which a scale model is judged and tested, N on the real-size instrument.
 
     Raises DesignError if a test force exceeds the largest force.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tenodesis import statics
 from tenodesis.errors import ArgumentError, DesignError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.scaling.candidates import CUT_TO_ORDER, Wheel
 from tenodesis.scaling.catalogue import Catalogue
@@ -174,7 +174,7 @@ def _by_parts(front: Front, stage: Stage, numbers: NDArray[np.int64], columns: M
     return np.column_stack([cost, wheels[:, 1] + ropes[:, 1] + made / 10])
 
 
-def _wheel(catalogue: Catalogue, real_size: Instrument, wheel: Wheel) -> tuple[float, float, float]:
+def _wheel(catalogue: Catalogue, real_size: ShortForm, wheel: Wheel) -> tuple[float, float, float]:
     """Return the cost of a joint's wheels, kinds of parts among them that take weeks, and parts to make."""
     if wheel.module is None:
         return 1 + _PER_DIAMETER * 2 * wheel.radius, 0, 1
@@ -193,7 +193,7 @@ def _few(columns: Array) -> NDArray[np.int64]:
     return np.unique([*best, *spread.tolist()]).astype(np.int64)
 
 
-def _as_built(real_size: Instrument, values: Mapping[str, float], largest: float) -> float:
+def _as_built(real_size: ShortForm, values: Mapping[str, float], largest: float) -> float:
     """Return the similarity error, deg, that 95 % keep with usual tolerances, by derivatives of the output angle."""
     named = real_size.parameter_fields.items()
     fields: dict[str, Any] = {field: values[name] for field, name in named if name in values}

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.scaling.transfer import carry
 from tenodesis.simulate import Cycles, Protocol, execute
@@ -36,7 +36,7 @@ class RoundTrip(NamedTuple):
 
 
 def round_trip(
-    real_size: Instrument, scaled_up: Instrument, force: float, *, amplitude: float, seed: int = 0
+    real_size: ShortForm, scaled_up: ShortForm, force: float, *, amplitude: float, seed: int = 0
 ) -> RoundTrip:
     """Run two hysteresis cycles on the scaled-up twin, convert them, and run the real-size twin directly.
 

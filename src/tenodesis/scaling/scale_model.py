@@ -10,7 +10,7 @@ import numpy as np
 
 from tenodesis.control.parameters import tension_limit
 from tenodesis.errors import DesignError, InstrumentError
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.run import Array
 from tenodesis.scaling.candidates import Wheel
 from tenodesis.scaling.catalogue import Catalogue
@@ -93,8 +93,8 @@ class TestLoad(NamedTuple):
 class Design:
     """A scaled-up instrument with its parts, objectives, test loads and resolutions."""
 
-    real_size: Instrument
-    scaled_up: Instrument
+    real_size: ShortForm
+    scaled_up: ShortForm
     choice: Choice
     catalogue: Catalogue
     objectives: Objectives
@@ -109,7 +109,7 @@ class Design:
     force_resolution: float
     """Resolution of the load cells, N at the real-size tip."""
 
-    def built_as(self, inst: Instrument) -> "Design":
+    def built_as(self, inst: ShortForm) -> "Design":
         """Return the design with its instrument as it was built, which differs in its dynamics only."""
         compared = compare(self.real_size, inst, largest_force=self.comparison.largest_force)
         return replace(self, scaled_up=inst, comparison=compared)
@@ -120,7 +120,7 @@ class Design:
 
 def name_of(real_size: InstrumentLike) -> str:
     """Return the name of an instrument's scale model."""
-    real_size = as_instrument(real_size, "real_size")
+    real_size = as_short_form(real_size, "real_size")
     return f"{real_size.name[:50]}-scaled-up"
 
 
@@ -184,7 +184,7 @@ def weights_for(catalogue: Catalogue, force: float, values: Mapping[str, float])
     return TestLoad(force, weights.weight * lever, weights, error)
 
 
-def _scaled_up(found: Sweep, choice: Choice, values: Mapping[str, float], tests: Sequence[TestLoad]) -> Instrument:
+def _scaled_up(found: Sweep, choice: Choice, values: Mapping[str, float], tests: Sequence[TestLoad]) -> ShortForm:
     real_size, constraints = found.real_size, found.catalogue.constraints
     changes: dict[str, Any] = {
         field: values[parameter] for field, parameter in real_size.parameter_fields.items() if parameter in values
@@ -233,7 +233,7 @@ def _scaled_up(found: Sweep, choice: Choice, values: Mapping[str, float], tests:
         raise DesignError(f"the scale model is not a valid instrument: {problem}") from None
 
 
-def _tension_limit(scaled_up: Instrument, largest: float) -> float | None:
+def _tension_limit(scaled_up: ShortForm, largest: float) -> float | None:
     """Return the limit (N) that lets the controller reach the plan's largest tension; None where the default does."""
     default, wanted = tension_limit(scaled_up), _OVER_LARGEST * largest
     room = min(

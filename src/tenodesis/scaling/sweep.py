@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.errors import DesignError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates, candidates, finer
 from tenodesis.scaling.catalogue import Catalogue
@@ -53,7 +53,7 @@ class Sweep:
     last one the parts of the first front and more lengths.
     """
 
-    real_size: Instrument
+    real_size: ShortForm
     catalogue: Catalogue
     forces: Forces
     range: WorkingRange
@@ -86,7 +86,7 @@ class Sweep:
 
 
 def sweep(
-    real_size: Instrument,
+    real_size: ShortForm,
     catalogue: Catalogue,
     pins: Mapping[str, Any],
     *,
@@ -167,7 +167,7 @@ def exact_costs(judge: Judge, bounds: tuple[Limit, ...], numbers: NDArray[np.int
 
 
 def contradiction(
-    real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any], tally: Tally, span: WorkingRange
+    real_size: ShortForm, catalogue: Catalogue, pins: Mapping[str, Any], tally: Tally, span: WorkingRange
 ) -> DesignError:
     """Return the error that names the two constraints that contradict each other, if there are two.
 
@@ -191,7 +191,7 @@ def contradiction(
 
 
 def _widened(
-    real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any]
+    real_size: ShortForm, catalogue: Catalogue, pins: Mapping[str, Any]
 ) -> Iterator[tuple[str, str, Catalogue, Mapping[str, Any]]]:
     """Yield, one range or pin at a time, its key, its text, and catalogue and pins without it."""
     for key in pins:

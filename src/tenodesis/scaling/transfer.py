@@ -11,7 +11,7 @@ import numpy as np
 import tomli_w
 
 from tenodesis.errors import RecordingError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.instrument.text import to_toml
 from tenodesis.recording import Recorder, Recording
 from tenodesis.recording.schemas import TRANSFERRED
@@ -37,9 +37,9 @@ class Carried:
 
     run: Run
     """In real-size units."""
-    real_size: Instrument
+    real_size: ShortForm
     """The real-size instrument with the axes of the run, and with the transferred friction if there is any."""
-    scaled_up: Instrument
+    scaled_up: ShortForm
     """The scaled-up instrument of the original run."""
     comparisons: Mapping[str, Comparison]
     """Both instruments as built, by axis."""
@@ -94,9 +94,9 @@ class Carried:
 
 def carry(
     source: Recording | Run,
-    real_size: Instrument,
+    real_size: ShortForm,
     *,
-    scaled_up: Instrument | None = None,
+    scaled_up: ShortForm | None = None,
     time_factor: float | None = None,
 ) -> Carried:
     """Convert a recording or run of a scaled-up instrument to real-size units.
@@ -157,7 +157,7 @@ def carry(
     )
 
 
-def _scaled_up(recording: Recording | None, run: Run, given: Instrument | None, where: str) -> Instrument:
+def _scaled_up(recording: Recording | None, run: Run, given: ShortForm | None, where: str) -> ShortForm:
     if given is not None:
         inst = given
     elif recording is not None and "instrument" in recording.metadata:
@@ -192,7 +192,7 @@ def _damages(recording: Recording) -> list[str]:
     return damage + [f"{topic} of {recording.path} is left out: {why}." for topic, why in recording.left_out.items()]
 
 
-def _warnings(scaled_up: Instrument, real_size: Instrument, pairs: Mapping[str, Comparison]) -> list[str]:
+def _warnings(scaled_up: ShortForm, real_size: ShortForm, pairs: Mapping[str, Comparison]) -> list[str]:
     sentences = []
     for axis, pair in pairs.items():
         sentences += _dissimilar(pair, f" ({axis})" if len(pairs) > 1 else "")

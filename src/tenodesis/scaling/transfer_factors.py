@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from tenodesis import plant
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.similarity import Comparison, compare
 
 KEYS = (
@@ -45,7 +45,7 @@ QUANTITY = {
 """Factor of each signal that scales; the others are the same on both instruments: angles, ratios and states."""
 
 
-def as_built(inst: Instrument) -> Instrument:
+def as_built(inst: ShortForm) -> ShortForm:
     """Return a one-axis instrument with the true stiffness and pretension of its table mismatch."""
     mismatch = inst.mismatch
     if mismatch.stiffness_ratio == 1 and mismatch.pretension_ratio == 1:
@@ -62,7 +62,7 @@ def as_built(inst: Instrument) -> Instrument:
     )
 
 
-def comparison(real_size: Instrument, scaled_up: Instrument) -> Comparison:
+def comparison(real_size: ShortForm, scaled_up: ShortForm) -> Comparison:
     """Return the comparison of two one-axis instruments as built, with their tables mismatch."""
     return compare(as_built(real_size), as_built(scaled_up))
 

@@ -5,13 +5,13 @@ from math import degrees
 from typing import TypeVar
 
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.scaling.transfer_factors import comparison, factors
 
-_T = TypeVar("_T", bound=Instrument)
+_T = TypeVar("_T", bound=ShortForm)
 
 
-def carry_friction(scaled: Instrument, real_size: _T, *, source: str = "", time_factor: float | None = None) -> _T:
+def carry_friction(scaled: ShortForm, real_size: _T, *, source: str = "", time_factor: float | None = None) -> _T:
     """Return the real-size instrument with the friction of the scaled-up instrument.
 
     Coefficients, bends and the arrangement of contacts stay the same, since capstan friction is dimensionless; constant
@@ -37,7 +37,7 @@ def carry_friction(scaled: Instrument, real_size: _T, *, source: str = "", time_
     return real_size.replace(friction=_scaled(scaled, scale), sources=sources)
 
 
-def shared_axes(scaled: Instrument, real_size: Instrument) -> tuple[str, ...]:
+def shared_axes(scaled: ShortForm, real_size: ShortForm) -> tuple[str, ...]:
     """Return the axes of the scaled-up instrument.
 
     Raises InstrumentError if the real-size one lacks one of them, or has another joint type.
@@ -55,7 +55,7 @@ def shared_axes(scaled: Instrument, real_size: Instrument) -> tuple[str, ...]:
     return scaled.axes
 
 
-def left_behind(scaled: Instrument) -> tuple[str, ...]:
+def left_behind(scaled: ShortForm) -> tuple[str, ...]:
     """Return sentences on entries of the scaled-up instrument's table mismatch that are not transferred."""
     mismatch = scaled.mismatch
     sentences = []
@@ -77,7 +77,7 @@ def left_behind(scaled: Instrument) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-def _scaled(scaled: Instrument, scale: Mapping[str, float]) -> dict[str, object]:
+def _scaled(scaled: ShortForm, scale: Mapping[str, float]) -> dict[str, object]:
     """Return the table friction of the real-size file, without defaults and without keys that its law does not use."""
     friction = scaled.friction
     speed = scale["motor_stroke"] / scale["time"]

@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 
 from tenodesis import statics
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.similarity import loops
 from tenodesis.similarity.frictionless import rms, similarity_error
@@ -95,7 +95,7 @@ class _Path:
             real_size, law_of_both(real_size, scaled_up), min(real_size.handle_range, pair.reach + 1e-9)
         )
 
-    def force(self, inst: Instrument, ratio: float, force: Array) -> Array:
+    def force(self, inst: ShortForm, ratio: float, force: Array) -> Array:
         """Return forces (N) with a ratio times the loss of dexterity that the given forces (N) cause at real size."""
         return force * (ratio * self.loss / float(statics.loss_of_dexterity(inst, self.angle, 1.0)))
 
@@ -184,7 +184,7 @@ def _derivatives(path: _Path, node: float, handle: Array, force: Array) -> dict[
     return parts
 
 
-def _changes(inst: Instrument) -> dict[str, dict[str, float]]:
+def _changes(inst: ShortForm) -> dict[str, dict[str, float]]:
     """Return the derivatives of an instrument's keys by each group, the others constant."""
     radius, stiffness = value_of(inst, "distal_radius"), inst.tendon_stiffness
     changes = {

@@ -10,7 +10,7 @@ import numpy as np
 
 from tenodesis import statics
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, as_short_form
 from tenodesis.similarity import causes, loops
 from tenodesis.similarity.causes import Causes, OnProgress
 from tenodesis.similarity.frictionless import GRID, SimilarityError, similarity_error
@@ -219,7 +219,7 @@ def compare(real_size: InstrumentLike, scaled_up: InstrumentLike, *, largest_for
     TypeError
         One is not an instrument.
     """
-    real_size, scaled_up = as_instrument(real_size, "real_size"), as_instrument(scaled_up, "scaled_up")
+    real_size, scaled_up = as_short_form(real_size, "real_size"), as_short_form(scaled_up, "scaled_up")
     force = max(real_size.conditions.forces, default=1.0) if largest_force is None else largest_force
     if not isinstance(force, int | float) or not (np.isfinite(force) and force > 0):
         raise ArgumentError(key="largest_force", value=force, allowed="a force above 0 N")

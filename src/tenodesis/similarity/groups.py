@@ -4,7 +4,8 @@ from math import isnan, nan
 from typing import Literal, NamedTuple, TypeAlias
 
 from tenodesis import plant, statics
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
+from tenodesis.instrument.compliance import compliance_shares
 from tenodesis.similarity.parameters import tension_scale
 
 Kind: TypeAlias = Literal["elastic", "load", "pretension", "slack", "friction", "handle", "motor", "inertia"]
@@ -102,12 +103,12 @@ class Group(NamedTuple):
         return abs(self.scaled_up - self.real_size) <= SAME * abs(self.real_size)
 
 
-def unit_of_time(inst: Instrument) -> float:
+def unit_of_time(inst: ShortForm) -> float:
     """Return sqrt(J / kappa), the period of the straight tip over two pi, s."""
     return 1 / plant.natural_frequency(inst)
 
 
-def groups_of(inst: Instrument) -> dict[str, float]:
+def groups_of(inst: ShortForm) -> dict[str, float]:
     """Return the groups of an instrument by name, without those of the load (Tables I and II, physics of the twin).
 
     The spools' radius has a factor but no group: only the tendon length it winds counts. Groups of the Stribeck law,
@@ -117,7 +118,7 @@ def groups_of(inst: Instrument) -> dict[str, float]:
     values = plant.parameters(inst)
     distal, proximal = values["distal_radius"], values["proximal_radius"]
     stiffness, tension, time = inst.tendon_stiffness, tension_scale(inst), unit_of_time(inst)
-    shares, friction = plant.compliance_shares(inst), inst.friction
+    shares, friction = compliance_shares(inst), inst.friction
     spool = values["spool_radius"]
     kappa = float(statics.flexural_stiffness(inst, 0.0))
     groups = {
@@ -178,7 +179,7 @@ def groups_of(inst: Instrument) -> dict[str, float]:
     return groups
 
 
-def groups_under_load(inst: Instrument, force: float, mid_range: float, time: float) -> dict[str, float]:
+def groups_under_load(inst: ShortForm, force: float, mid_range: float, time: float) -> dict[str, float]:
     """Return the groups of load, slack and inertia at a tip force (N), an output angle (rad) and a time (s)."""
     return {
         "F/(kr)": force / tension_scale(inst),

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tenodesis import plant, twin
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.similarity.frictionless import ErrorStatistics
 from tenodesis.similarity.pair import Pair
@@ -118,14 +118,14 @@ def motion_at_rest(reach: float) -> HandleMotion:
     return _motion(reach, 2 * reach / SPEED / STROKE_STEPS, STROKE_STEPS, STROKE_STEPS // 10)
 
 
-def nominal(inst: Instrument, time_step: float) -> Instrument:
+def nominal(inst: ShortForm, time_step: float) -> ShortForm:
     """Return the first axis without mismatch, sampled at every step, with a handle that follows its command exactly."""
     return inst.planar[0].replace(
         mismatch=None, **{"dynamics.hand_stiffness": None, "sensors.sampling_rate": 1 / time_step}
     )
 
 
-def loops(inst: Instrument, motion: HandleMotion, handle_angle: Array, forces: Array, *, quasi_static: bool) -> Array:
+def loops(inst: ShortForm, motion: HandleMotion, handle_angle: Array, forces: Array, *, quasi_static: bool) -> Array:
     """Return the output angles of a one-axis instrument after loading, rad, shape (forces, steps); NaN once lost.
 
     The handle angles (rad, by step) replace those of the motion; the forces (N) are constant, one per run.

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tenodesis import statics
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.similarity.groups import Group, groups_of, groups_under_load, paired, unit_of_time
 from tenodesis.similarity.parameters import tension_scale, value_of
 from tenodesis.statics.query import FloatOrArray
@@ -17,8 +17,8 @@ from tenodesis.statics.query import FloatOrArray
 class Pair:
     """A real-size instrument and its scaled-up model, with the factors between them."""
 
-    real_size: Instrument
-    scaled_up: Instrument
+    real_size: ShortForm
+    scaled_up: ShortForm
     largest_force: float
     """Largest force on the real-size instrument, N, at which similarity is judged."""
 

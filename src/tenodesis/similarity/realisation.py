@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from tenodesis import _core
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.instrument.hardware import FrictionLaw
 from tenodesis.similarity.groups import unit_of_time
 from tenodesis.similarity.parameters import field_of, tension_scale, value_of
@@ -29,11 +29,11 @@ _NEUTRAL = {"mu_0/mu": 1.0, "n": 1.0}
 class Realisation(NamedTuple):
     """Template, friction law and handle range of instruments with given groups."""
 
-    template: Instrument
+    template: ShortForm
     law: FrictionLaw
     handle_range: float
 
-    def instrument(self, groups: Mapping[str, float]) -> Instrument:
+    def instrument(self, groups: Mapping[str, float]) -> ShortForm:
         """Return the instrument that has these groups, and the template's where a group is not given.
 
         Raises InstrumentError if no instrument can have them.
@@ -85,7 +85,7 @@ class Realisation(NamedTuple):
         )
 
 
-def law_of_both(real_size: Instrument, scaled_up: Instrument) -> FrictionLaw:
+def law_of_both(real_size: ShortForm, scaled_up: ShortForm) -> FrictionLaw:
     """Return the more general friction law of the two instruments."""
     return max(real_size.friction.law, scaled_up.friction.law, key=_LAWS.index)
 

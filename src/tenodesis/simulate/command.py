@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis.control import Controller
 from tenodesis.coupled import CoupledInstrument, Held
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array, Run
 from tenodesis.twin import Contact
 
@@ -207,7 +207,7 @@ class Plant(Protocol):
     """What a protocol runs on: a twin, or any object with its interface for commands."""
 
     @property
-    def inst(self) -> Instrument:
+    def inst(self) -> ShortForm:
         """The instrument."""
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 
 from tenodesis.control import Controller, OperatingState, Request
 from tenodesis.errors import ArgumentError, FaultWarning, ProtocolError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array, Run, concatenate
 from tenodesis.simulate.command import Command, ControllablePlant, Plant, Segment, sampled
 from tenodesis.simulate.pretension import Pretension
@@ -152,7 +152,7 @@ def execute(
     return run
 
 
-def check_controllable(plan: Sequence[Planned], inst: Instrument) -> None:
+def check_controllable(plan: Sequence[Planned], inst: ShortForm) -> None:
     """Check that a controller can run phases: they must leave the spools to it and match the homing of its instrument.
 
     Raises ProtocolError if it cannot run a phase.
@@ -184,7 +184,7 @@ def _continued(plant: Plant | _Loop, commands: dict[str, Any]) -> Run:
         ) from None
 
 
-def _check_homing(phase: Pretension, initial: Command, inst: Instrument) -> None:
+def _check_homing(phase: Pretension, initial: Command, inst: ShortForm) -> None:
     if phase.axis is not None and len(inst.axes) > 1:
         raise ProtocolError(
             f"axis is {phase.axis}; with a controller give none, since it homes all axes", key="axis", value=phase.axis

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from tenodesis.errors import ProtocolError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.simulate.command import AnyCommand, CoupledCommand
 from tenodesis.simulate.model import ProtocolModel, check_choice
@@ -62,7 +62,7 @@ class AppliedLoad(ProtocolModel):
         """Whether the load is one of a coupled instrument instead."""
         return False
 
-    def tip_force(self, inst: Instrument) -> float:
+    def tip_force(self, inst: ShortForm) -> float:
         """Return the tangential force at the tip, N, for either form of the load.
 
         Raises ProtocolError if the load is a weight and the instrument's file lacks the radius of the cable's pulley.
@@ -128,7 +128,7 @@ def check_load_steps(steps: Sequence[LoadStep], seconds: float) -> None:
 
 
 def stepped_force(
-    steps: Sequence[LoadStep], inst: Instrument, force: Array, done: NDArray[np.int64], time_step: float
+    steps: Sequence[LoadStep], inst: ShortForm, force: Array, done: NDArray[np.int64], time_step: float
 ) -> Array:
     """Return the force (N) at numbers of steps done (n,), from what it is without load steps (n,)."""
     for step in steps:

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from tenodesis.coupled import CoupledInstrument, Joint
 from tenodesis.errors import ProtocolError
-from tenodesis.instrument import AxisName, Instrument
+from tenodesis.instrument import AxisName, ShortForm
 from tenodesis.run import Array
 from tenodesis.simulate.command import (
     SHAPES,
@@ -55,7 +55,7 @@ class Start(NamedTuple):
     Where joints share tendons, the axis is a joint of the handle, and `coupled` the whole instrument.
     """
 
-    moved: Instrument | Joint | None
+    moved: ShortForm | Joint | None
     axis: int
     command: AnyCommand
     time_step: float
@@ -64,9 +64,9 @@ class Start(NamedTuple):
     coupled: CoupledInstrument | None = None
 
     @property
-    def inst(self) -> Instrument:
+    def inst(self) -> ShortForm:
         """The planar instrument of the axis."""
-        if not isinstance(self.moved, Instrument):
+        if not isinstance(self.moved, ShortForm):
             raise ProtocolError("this is for planar instruments; the joints of this one share tendons")
         return self.moved
 
@@ -75,7 +75,7 @@ class Start(NamedTuple):
         """The handle angle of the axis, rad; 0 without a handle."""
         return float(self.command.handle_angle[self.axis]) if self.command.handle_angle.size else 0.0
 
-    def handle(self, key: str) -> Instrument | Joint:
+    def handle(self, key: str) -> ShortForm | Joint:
         """Return what moves by a value given by a key; raises ProtocolError if there is no joint at the handle."""
         if self.moved is None:
             raise ProtocolError(
@@ -430,7 +430,7 @@ class TissueContact(OpenLoop):
             free = touching.touching(start.axis, None)
             yield start.segment(free, free, 0.0)
 
-    def _contact(self, inst: Instrument) -> Contact | None:
+    def _contact(self, inst: ShortForm) -> Contact | None:
         if not self.stiffness or self.angle is None:
             return None
         if abs(self.angle) > inst.output_stop:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from tenodesis.errors import ProtocolError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array, Run
 from tenodesis.simulate.command import Command, Plant, Segment, sampled
 from tenodesis.simulate.phases import Phase
@@ -45,7 +45,7 @@ class Pretension(Phase):
         default=None, description="Length wound after which to give up; 10 mm and twice the stretch if not given"
     )
 
-    def end(self, command: Command, inst: Instrument) -> Command:
+    def end(self, command: Command, inst: ShortForm) -> Command:
         """Return the command that the phase ends with, after a command: the drives at rest."""
         for axis in self._axes(inst):
             command = command.on(axis, spool_velocity=0.0)
@@ -92,10 +92,10 @@ class Pretension(Phase):
             for axis, velocity in zip(axes, winding, strict=True):
                 command = command.on(axis, spool_velocity=velocity)
 
-    def _axes(self, inst: Instrument) -> list[int]:
+    def _axes(self, inst: ShortForm) -> list[int]:
         return list(range(len(inst.axes))) if self.axis is None else [inst.axes.index(self.axis)]
 
-    def _check_tip(self, inst: Instrument, turned: Array) -> None:
+    def _check_tip(self, inst: ShortForm, turned: Array) -> None:
         """Check that the tip (rad, by axis) is not pulled aside, as happens endlessly if the load cells disagree."""
         for axis, angle in zip(self._axes(inst), turned, strict=True):
             if abs(angle) > _DRIFT:
@@ -106,7 +106,7 @@ class Pretension(Phase):
                 )
 
     def _not_tight(
-        self, inst: Instrument, wrong: NDArray[np.bool_], limit: str, *, tension: Array, target: Array, wound: Array
+        self, inst: ShortForm, wrong: NDArray[np.bool_], limit: str, *, tension: Array, target: Array, wound: Array
     ) -> ProtocolError:
         """Return the error about the first tendon that is not tight at a limit, or about the first tendon."""
         row, tendon = np.argwhere(wrong)[0] if wrong.any() else (0, 0)

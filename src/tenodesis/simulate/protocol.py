@@ -11,7 +11,7 @@ from pydantic import Field, field_validator
 
 from tenodesis.coupled import CoupledInstrument, Joint
 from tenodesis.errors import ProtocolError
-from tenodesis.instrument import Instrument, InstrumentLike, Name, as_instrument
+from tenodesis.instrument import InstrumentLike, Name, ShortForm, as_short_form
 from tenodesis.instrument.text import with_units
 from tenodesis.run import Array
 from tenodesis.simulate.chirp import Chirp
@@ -92,7 +92,7 @@ class Protocol(ProtocolModel):
         Raises ProtocolError if a phase is closed-loop or has tissue, whose force is not known before, the instrument
         cannot run it, or not within an hour.
         """
-        inst = as_instrument(inst)
+        inst = as_short_form(inst)
         closed = [phase.kind for phase in self.phases if isinstance(phase, Pretension)]
         if closed:
             raise ProtocolError(
@@ -118,7 +118,7 @@ class Protocol(ProtocolModel):
 
         Raises ProtocolError if the instrument cannot run it, or not within an hour.
         """
-        inst = inst if isinstance(inst, CoupledInstrument) else as_instrument(inst)
+        inst = inst if isinstance(inst, CoupledInstrument) else as_short_form(inst)
         block_size(time_step, time_step)
         moved = _moved(inst)
         names = list(moved) or [""]
@@ -137,7 +137,7 @@ class Protocol(ProtocolModel):
                 if isinstance(phase, Pretension):
                     initial = cast("Command", command)
                     planned, before = Planned(phase, label, initial, (), phase.timeout), REST
-                    command = phase.end(initial, cast("Instrument", inst))
+                    command = phase.end(initial, cast("ShortForm", inst))
                 else:
                     index = names.index(axis)
                     edge = before if axis == before_axis else REST
@@ -238,7 +238,7 @@ _OF_COUPLED = {
 _KINDS = {"pretension": "hold; its tendons are at their pretension at the start", "contact": "object"}
 
 
-def _check_keys(phase: AnyPhase, inst: Instrument | CoupledInstrument) -> None:
+def _check_keys(phase: AnyPhase, inst: ShortForm | CoupledInstrument) -> None:
     """Refuse a phase of a kind, or with a key, that this kind of instrument does not have."""
     is_coupled = isinstance(inst, CoupledInstrument)
     what = "whose joints share tendons" if is_coupled else "whose axes are planar"
@@ -263,20 +263,20 @@ def _check_keys(phase: AnyPhase, inst: Instrument | CoupledInstrument) -> None:
             )
 
 
-def _moved(inst: Instrument | CoupledInstrument) -> dict[str, Instrument | Joint]:
+def _moved(inst: ShortForm | CoupledInstrument) -> dict[str, ShortForm | Joint]:
     """Return what a phase may move by its name: axes, or joints of the handle."""
     if isinstance(inst, CoupledInstrument):
         return {joint.name: joint for joint in inst.handle_joints}
     return dict(zip(inst.axes, inst.planar, strict=True))
 
 
-def _rest(inst: Instrument | CoupledInstrument, *, tissue: bool) -> AnyCommand:
+def _rest(inst: ShortForm | CoupledInstrument, *, tissue: bool) -> AnyCommand:
     if isinstance(inst, CoupledInstrument):
         return CoupledCommand.rest(inst)
     return Command.rest(len(inst.axes), tissue=tissue)
 
 
-def _check_axis(phase: AnyPhase, inst: Instrument | CoupledInstrument) -> None:
+def _check_axis(phase: AnyPhase, inst: ShortForm | CoupledInstrument) -> None:
     key = "joint" if phase.axis is None else "axis"
     given, names = phase.acts_on, list(_moved(inst))
     if given is not None and given not in names:

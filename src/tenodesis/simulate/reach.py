@@ -8,13 +8,13 @@ import numpy as np
 from tenodesis import statics
 from tenodesis.coupled import Joint
 from tenodesis.errors import NoSolutionError, ProtocolError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 
 _ROUNDING = 1 + 1e-9
 
 
-def check_handle_angles(inst: Instrument | Joint, names: Sequence[str], angles: Array) -> None:
+def check_handle_angles(inst: ShortForm | Joint, names: Sequence[str], angles: Array) -> None:
     """Check that handle angles are within the handle's range and do not bend the unloaded tip to its stop.
 
     The angles (rad, shape (n,)) are of one axis, or of a joint of the handle, whose range alone counts. They are named
@@ -40,13 +40,13 @@ def check_handle_angles(inst: Instrument | Joint, names: Sequence[str], angles: 
         )
 
 
-def check_handle_angle(inst: Instrument | Joint, key: str, angle: float) -> float:
+def check_handle_angle(inst: ShortForm | Joint, key: str, angle: float) -> float:
     """Return a handle angle (rad), given by a key, that :func:`check_handle_angles` accepts; errors as there."""
     check_handle_angles(inst, [key], np.array([angle]))
     return angle
 
 
-def unloaded_handle_angle(inst: Instrument, key: str, angle: float) -> float:
+def unloaded_handle_angle(inst: ShortForm, key: str, angle: float) -> float:
     """Return the handle angle (rad) of an output angle (rad), given by a key, without load.
 
     Raises ProtocolError if the output angle is beyond the output's range, or the handle cannot give it.

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 
 from tenodesis._core import Status
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, as_short_form
 from tenodesis.statics.query import INPUTS, FloatOrArray, check_solved, prepare, shaped, solve, variable
 
 Wound: TypeAlias = ArrayLike | tuple[ArrayLike, ArrayLike]
@@ -231,7 +231,7 @@ def gradient(
     ValueError
         The function or a name in `wrt` is unknown or has no effect.
     """
-    inst = as_instrument(inst)
+    inst = as_short_form(inst)
     name = function if isinstance(function, str) else getattr(function, "__name__", str(function))
     if name not in INPUTS or name == "equilibrium":
         allowed = ", ".join(key for key in INPUTS if key != "equilibrium")
@@ -250,7 +250,7 @@ def gradient(
 
 def reach(inst: InstrumentLike) -> float:
     """Return the handle angle (rad) that bends the unloaded tip through its working range, or the handle's range."""
-    inst = as_instrument(inst)
+    inst = as_short_form(inst)
     needed = handle_angle(inst, np.array([inst.output_range]))[0]
     return float(np.fmin(needed, inst.handle_range))
 

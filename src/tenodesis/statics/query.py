@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from tenodesis import _core
 from tenodesis._core import Status
 from tenodesis.errors import ArgumentError, NoSolutionError
-from tenodesis.instrument import PARAMETERS, Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import PARAMETERS, InstrumentLike, ShortForm, as_short_form
 from tenodesis.threads import threads
 
 FloatOrArray: TypeAlias = Any
@@ -58,7 +58,7 @@ class Query(NamedTuple):
 
     name: str
     operation: str
-    inst: Instrument
+    inst: ShortForm
     columns: list[NDArray[np.float64]]
     shape: tuple[int, ...]
 
@@ -82,7 +82,7 @@ def _operation(name: str, arguments: dict[str, Any]) -> str:
 
 def prepare(name: str, inst: InstrumentLike, arguments: dict[str, Any]) -> Query:
     """Return a function's arguments, checked and broadcast, for :func:`solve`."""
-    inst = as_instrument(inst)
+    inst = as_short_form(inst)
     values = dict(arguments)
     if "wound" in values:
         wound = values.pop("wound")
@@ -144,7 +144,7 @@ def shaped(values: NDArray[np.float64], shape: tuple[int, ...]) -> FloatOrArray:
     return float(values[0]) if shape == () else values.reshape(shape)
 
 
-def variable(name: str, inst: Instrument, key: str) -> int:
+def variable(name: str, inst: ShortForm, key: str) -> int:
     """Return the core's index of a parameter or an argument to differentiate by."""
     inputs = INPUTS[name]
     if key in inputs:
@@ -191,7 +191,7 @@ def _check_valid(query: Query, status: NDArray[np.uint8]) -> None:
     raise handle_angle_error(query.inst, angle, at)
 
 
-def handle_angle_error(inst: Instrument, angle: float, at: str) -> ArgumentError:
+def handle_angle_error(inst: ShortForm, angle: float, at: str) -> ArgumentError:
     """Return the error for a handle angle (rad) beyond the handle's range, at a place in its array."""
     allowed = f"within the handle's range of ±{degrees(inst.handle_range):.4g} deg"
     problem = f"handle_angle{at} is {_value('handle_angle', angle)}; it must be {allowed}."

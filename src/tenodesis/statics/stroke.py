@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.statics.equations import Actuation, Law, compensation_stroke, tensions
 
 _ITERATIONS = 200
@@ -11,7 +11,7 @@ _SETTLED = 1e-15  # m
 
 
 def settled_stroke(
-    inst: Instrument, handle_angle: NDArray[np.float64], force: float, actuation: Actuation, law: Law
+    inst: ShortForm, handle_angle: NDArray[np.float64], force: float, actuation: Actuation, law: Law
 ) -> NDArray[np.float64]:
     """Return the agonist's stroke, m, at which the law requires just the stroke already made, NaN if there is none.
 

@@ -8,7 +8,7 @@ import numpy as np
 from tenodesis import similarity
 from tenodesis._core import Status
 from tenodesis.errors import StudyError
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.run import Array
 from tenodesis.tolerance import engines, sampling
 from tenodesis.tolerance.defaults import default
@@ -73,7 +73,7 @@ def study(
         A tolerance or an argument is not valid, the scaled-up instrument does not reach half of the real-size working
         range, or the nominal instruments do not hold the force.
     """
-    real_size, scaled_up = as_instrument(real_size, "real_size"), as_instrument(scaled_up, "scaled_up")
+    real_size, scaled_up = as_short_form(real_size, "real_size"), as_short_form(scaled_up, "scaled_up")
     if not isinstance(samples, int | np.integer) or not LEAST_SAMPLES <= samples <= MOST_SAMPLES:
         raise StudyError(key="samples", value=samples, allowed=f"an integer from {LEAST_SAMPLES} to {MOST_SAMPLES}")
     if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or not 0 <= seed < 2**32:
@@ -106,7 +106,7 @@ def study(
     return replace(found, responses=responses)
 
 
-def _force(real_size: Instrument, scaled_up: Instrument, factor: float, force: float | None) -> float:
+def _force(real_size: ShortForm, scaled_up: ShortForm, factor: float, force: float | None) -> float:
     if force is None:
         tested = max(scaled_up.conditions.forces, default=0.0) / factor
         return tested or max(real_size.conditions.forces, default=1.0)
@@ -115,7 +115,7 @@ def _force(real_size: Instrument, scaled_up: Instrument, factor: float, force: f
     return float(force)
 
 
-def _compared(real_size: Instrument, scaled_up: Instrument) -> similarity.Comparison:
+def _compared(real_size: ShortForm, scaled_up: ShortForm) -> similarity.Comparison:
     try:
         compared = similarity.compare(real_size, scaled_up)
     except ValueError as problem:

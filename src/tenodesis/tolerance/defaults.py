@@ -3,7 +3,7 @@
 from math import inf
 from typing import Any
 
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.similarity.parameters import RADII
 from tenodesis.tolerance.files import Tolerance, Tolerances
 
@@ -44,7 +44,7 @@ def default(scaled_up: InstrumentLike) -> Tolerances:
     Radii have ISO 2768-1 class f and lengths class m, as half widths by their size; stiffness, pretension and friction
     have what we assume as the error of an identification. Keys that the instrument lacks, or has as zero, are left out.
     """
-    scaled_up = as_instrument(scaled_up, "scaled_up")
+    scaled_up = as_short_form(scaled_up, "scaled_up")
     found = []
     for keys, grade in ((RADII, "f"), (_LENGTHS, "m")):
         for key in keys:
@@ -72,7 +72,7 @@ def _machined(key: str, size: float, grade: str) -> Tolerance:
     )
 
 
-def _given(inst: Instrument, key: str) -> bool:
+def _given(inst: ShortForm, key: str) -> bool:
     if key == "tendon_stiffness":
         return inst.given_stiffness is not None
     if key == "tendon_modulus":

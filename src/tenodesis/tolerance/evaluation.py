@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tenodesis import statics, twin
 from tenodesis._core import Status
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.similarity import Comparison
 from tenodesis.tolerance.files import InstrumentName
@@ -77,8 +77,8 @@ def cycles(comparison: Comparison) -> tuple[Cycle, Cycle]:
 class Task(NamedTuple):
     """The data common to all samples of a study; it can be sent to another machine."""
 
-    real_size: Instrument
-    scaled_up: Instrument
+    real_size: ShortForm
+    scaled_up: ShortForm
     keys: tuple[tuple[InstrumentName, str], ...]
     """Instrument and key of each column of the samples."""
     cycle: Cycle
@@ -122,13 +122,13 @@ def evaluate(task: Task, rows: Array) -> Array:
     return np.column_stack([table, status])
 
 
-def angles_of(inst: Instrument, cycle: Cycle, force: float) -> tuple[Array, int]:
+def angles_of(inst: ShortForm, cycle: Cycle, force: float) -> tuple[Array, int]:
     """Return the output angle (rad) of an instrument over the cycle and the status of its run."""
     angles, status = angles_of_many([inst], cycle, force)
     return angles[0], int(status[0])
 
 
-def _built(task: Task, which: InstrumentName, row: Array) -> Instrument | None:
+def _built(task: Task, which: InstrumentName, row: Array) -> ShortForm | None:
     inst = task.real_size if which == "real-size" else task.scaled_up
     changes = {key: float(value) for (of, key), value in zip(task.keys, row, strict=True) if of == which}
     try:
@@ -138,7 +138,7 @@ def _built(task: Task, which: InstrumentName, row: Array) -> Instrument | None:
 
 
 def angles_of_many(
-    insts: Sequence[Instrument | None], cycle: Cycle, force: float | Array
+    insts: Sequence[ShortForm | None], cycle: Cycle, force: float | Array
 ) -> tuple[Array, NDArray[np.int64]]:
     """Return output angles by sample and step, rad, and the status of every run; the force is for all, or of each."""
     angles = np.full((len(insts), cycle.handle.size), np.nan)
@@ -155,7 +155,7 @@ def angles_of_many(
 
 
 def _run(
-    insts: Sequence[Instrument | None],
+    insts: Sequence[ShortForm | None],
     valid: list[int],
     cycle: Cycle,
     force: float | Array,
@@ -174,7 +174,7 @@ def _run(
     status[valid] = batch.status
 
 
-def _losses(insts: Sequence[Instrument | None], cycle: Cycle, angles: Array) -> tuple[Array, Array, Array]:
+def _losses(insts: Sequence[ShortForm | None], cycle: Cycle, angles: Array) -> tuple[Array, Array, Array]:
     """Return the loss at the end in flexion and in extension, and the mean width of the loop, rad."""
     end = np.array([cycle.end])
     unloaded = np.array([np.nan if inst is None else statics.output_angle(inst, end)[0] for inst in insts])

@@ -9,7 +9,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 from tenodesis.errors import StudyError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.report.content import unit_text
 from tenodesis.tolerance.files import DistributionName, InstrumentName, Tolerance, Tolerances
 from tenodesis.toml import did_you_mean
@@ -70,7 +70,7 @@ class _Number(NamedTuple):
     upper: float
 
 
-def resolve(tolerances: Tolerances, real_size: Instrument, scaled_up: Instrument) -> tuple[Parameter, ...]:
+def resolve(tolerances: Tolerances, real_size: ShortForm, scaled_up: ShortForm) -> tuple[Parameter, ...]:
     """Return the parameters of a study, from tolerances and the two instruments.
 
     Raises StudyError if a key is unknown or not a number, a width is not understood, zero or negative, or a
@@ -81,7 +81,7 @@ def resolve(tolerances: Tolerances, real_size: Instrument, scaled_up: Instrument
     )
 
 
-def _parameter(tolerance: Tolerance, inst: Instrument) -> Parameter:
+def _parameter(tolerance: Tolerance, inst: ShortForm) -> Parameter:
     number = _number(tolerance.key, inst)
     width = _width(tolerance, inst, number)
     parameter = Parameter(
@@ -99,7 +99,7 @@ def _parameter(tolerance: Tolerance, inst: Instrument) -> Parameter:
     return parameter
 
 
-def _number(key: str, inst: Instrument) -> _Number:
+def _number(key: str, inst: ShortForm) -> _Number:
     if key in _FIXED:
         raise StudyError(f"{key} of {inst.name} cannot vary: {_FIXED[key]}.", key=key)
     known = dict(_fields(inst))
@@ -149,7 +149,7 @@ def _bounds(field: FieldInfo) -> tuple[float, float]:
     return float(max(lower)), float(min(upper))
 
 
-def _width(tolerance: Tolerance, inst: Instrument, number: _Number) -> float:
+def _width(tolerance: Tolerance, inst: ShortForm, number: _Number) -> float:
     place = f"{tolerance.key} of {inst.name}: {tolerance.width_key} = {tolerance.width!r}"
     percent = _PERCENT.fullmatch(tolerance.width) if isinstance(tolerance.width, str) else None
     if percent is not None:
@@ -176,7 +176,7 @@ def _width(tolerance: Tolerance, inst: Instrument, number: _Number) -> float:
     return width
 
 
-def _refuse_outside(parameter: Parameter, inst: Instrument, width_key: str) -> None:
+def _refuse_outside(parameter: Parameter, inst: ShortForm, width_key: str) -> None:
     outside = probability_outside(parameter)
     if outside <= MOST_OUTSIDE:
         return

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.tolerance.files import Tolerances
 from tenodesis.tolerance.parameters import Parameter
@@ -95,8 +95,8 @@ class Response:
 class Study:
     """A tolerance study; :func:`tenodesis.tolerance.study` makes it."""
 
-    real_size: Instrument
-    scaled_up: Instrument
+    real_size: ShortForm
+    scaled_up: ShortForm
     tolerances: Tolerances
     parameters: tuple[Parameter, ...]
     samples: int

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core, plant
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.run import Array
 from tenodesis.statics.query import common_shape
 from tenodesis.threads import threads
@@ -152,7 +152,7 @@ def run_many(
 
 
 def _loops(
-    controllers: Sequence[LoopController] | None, insts: Sequence[Instrument], plant_: object
+    controllers: Sequence[LoopController] | None, insts: Sequence[ShortForm], plant_: object
 ) -> list[_core.Controller]:
     """Return the controllers' cores, each with its request for the first tick."""
     if controllers is None:
@@ -169,8 +169,8 @@ def _loops(
     return [controller.core for controller in controllers]
 
 
-def _instruments(inst: InstrumentLike | Sequence[InstrumentLike], vary: Mapping[str, ArrayLike]) -> list[Instrument]:
-    insts = [as_instrument(one) for one in ([inst] if isinstance(inst, InstrumentLike) else inst)]
+def _instruments(inst: InstrumentLike | Sequence[InstrumentLike], vary: Mapping[str, ArrayLike]) -> list[ShortForm]:
+    insts = [as_short_form(one) for one in ([inst] if isinstance(inst, InstrumentLike) else inst)]
     if not insts:
         raise ArgumentError("inst is empty; it must be one instrument or more.", key="inst")
     columns = {key: np.atleast_1d(np.asarray(values)) for key, values in vary.items()}
@@ -237,7 +237,7 @@ def _seeds(seeds: ArrayLike | None, runs: int) -> NDArray[np.uint64]:
     return np.array(given, np.uint64)
 
 
-def _rows(insts: Sequence[Instrument], time_step: float, quasi_static: bool) -> Array:
+def _rows(insts: Sequence[ShortForm], time_step: float, quasi_static: bool) -> Array:
     """Return the parameters of every run, each instrument checked and converted once."""
     rows: dict[int, list[float]] = {}
     for one in insts:

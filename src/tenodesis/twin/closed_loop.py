@@ -11,7 +11,7 @@ from tenodesis import _core
 from tenodesis._core import Status
 from tenodesis.control.controller import OperatingState, fault_names
 from tenodesis.errors import ArgumentError, FaultWarning
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array, Run
 from tenodesis.twin.rows import ARGUMENTS, CONTROL, SIGNALS
 
@@ -23,7 +23,7 @@ class LoopController(Protocol):
     def core(self) -> _core.Controller:
         """The controller of the core."""
 
-    def check_instrument(self, inst: Instrument) -> None:
+    def check_instrument(self, inst: ShortForm) -> None:
         """Raise ValueError for an instrument with other axes or joints than the controller's."""
 
     def begin(self, plant: object, time: float) -> None:
@@ -91,7 +91,7 @@ def run_closed_loop(
     return steps, Status(status), list(outs), list(control)
 
 
-def warn_of_faults(run: Run, inst: Instrument, *, stacklevel: int = 3) -> None:
+def warn_of_faults(run: Run, inst: ShortForm, *, stacklevel: int = 3) -> None:
     """Warn if the controller of a run on an instrument faulted, by :class:`FaultWarning`: when, and which faults."""
     states, masks = run.operating_state, run.faults
     if states is None or masks is None:

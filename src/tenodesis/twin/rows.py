@@ -8,7 +8,7 @@ import numpy as np
 from tenodesis import _core
 from tenodesis._core import Status
 from tenodesis.errors import ArgumentError, NoSolutionError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import TENDONS, TISSUE, Array, Run
 from tenodesis.statics.query import handle_angle_error, place
 
@@ -44,7 +44,7 @@ def check_finite(name: str, array: Array) -> None:
         raise ArgumentError(key=f"{name}{at}", value=float(array.flat[first]), allowed="a finite number")
 
 
-def check_handle_range(inst: Instrument, handle_angle: Array, axis: str = "") -> None:
+def check_handle_range(inst: ShortForm, handle_angle: Array, axis: str = "") -> None:
     """Raise ArgumentError for the first handle angle, rad, shape (n,), beyond the handle's range."""
     wrong = np.flatnonzero(np.abs(handle_angle) > inst.handle_range + 1e-9)
     if wrong.size:
@@ -52,7 +52,7 @@ def check_handle_range(inst: Instrument, handle_angle: Array, axis: str = "") ->
         raise handle_angle_error(inst, float(handle_angle[first]), f"[{first}]{f' of {axis}' if axis else ''}")
 
 
-def check_rig(inst: Instrument) -> None:
+def check_rig(inst: ShortForm) -> None:
     """Raise ArgumentError for an instrument on which the load rig has no pulley to hang a weight on."""
     if inst.conditions.cable_pulley_radius is None:
         raise ArgumentError(
@@ -90,7 +90,7 @@ def as_run(
     return Run(time, axes, **{**commanded, **controlled, **simulated})
 
 
-def with_currents(run: Run, inst: Instrument) -> Run:
+def with_currents(run: Run, inst: ShortForm) -> Run:
     """Return a run with the motors' currents, where these give the tensions of its instrument."""
     if inst.sensors.kind != "current" or run.measured_tension is None:
         return run

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from tenodesis import _core, plant
 from tenodesis._core import Status
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, as_short_form
 from tenodesis.run import TENDONS, Array, Run, concatenate
 from tenodesis.twin.closed_loop import LoopController, SignalFault, run_closed_loop, warn_of_faults
 from tenodesis.twin.contact import Contacts, by_axis, rows_of
@@ -93,7 +93,7 @@ class Twin:
     def __init__(
         self, inst: InstrumentLike, *, time_step: float = plant.TIME_STEP, seed: int = 0, quasi_static: bool = False
     ) -> None:
-        inst = as_instrument(inst)
+        inst = as_short_form(inst)
         check_seed(seed)
         self.inst = inst
         self.time_step = time_step

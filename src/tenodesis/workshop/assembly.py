@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from tenodesis.control.parameters import force_limit, tension_limit
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.scaling import Design
 from tenodesis.scaling.plan_text import angle, plain, quantity
 from tenodesis.workshop.budget import BACKLASHES, Budget
@@ -100,7 +100,7 @@ def checklist(design: Design, budget: Budget, run: FirstRun) -> tuple[Step, ...]
     )
 
 
-def _meshing(inst: Instrument, budget: Budget) -> Iterator[Step]:
+def _meshing(inst: ShortForm, budget: Budget) -> Iterator[Step]:
     """Yield the step that checks the gears' play at both joints."""
     if BACKLASHES[0] not in budget.dimensions:
         return

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tenodesis import statics
 from tenodesis.errors import ArgumentError, InstrumentError, StudyError
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.run import Array
 from tenodesis.similarity import Comparison, compare
 from tenodesis.similarity.parameters import field_of
@@ -74,7 +74,7 @@ class Dimension(NamedTuple):
 class _Built(NamedTuple):
     """Instruments that values make, and what else differs from one to the other."""
 
-    insts: list[Instrument | None]
+    insts: list[ShortForm | None]
     load: Array
     """What their weights give over nominal."""
     misread: Array
@@ -94,8 +94,8 @@ class Spread(NamedTuple):
 class Budget:
     """The cheapest tolerances found that keep a similarity error; :func:`tolerate` makes it."""
 
-    real_size: Instrument
-    scaled_up: Instrument
+    real_size: ShortForm
+    scaled_up: ShortForm
     target: float
     """Similarity error to keep, deg."""
     share: float
@@ -191,7 +191,7 @@ def tolerate(
     is_number = isinstance(backlash, int | float) and not isinstance(backlash, bool)
     if backlash is not None and not (is_number and 0 <= backlash < np.inf):
         raise ArgumentError(key="backlash", value=backlash, allowed="a length of at least 0 m, or None")
-    pair = _Pair.of(as_instrument(real_size, "real_size"), as_instrument(scaled_up, "scaled_up"))
+    pair = _Pair.of(as_short_form(real_size, "real_size"), as_short_form(scaled_up, "scaled_up"))
     choosing = _Choosing(pair, target, share, samples, seed, backlash)
     every = len(pair.forces)
     for count in range(every, 0, -1):
@@ -208,8 +208,8 @@ def tolerate(
 class _Pair:
     """Two instruments, their cycles of the handle, and the real-size output angles at every test force (N)."""
 
-    real_size: Instrument
-    scaled_up: Instrument
+    real_size: ShortForm
+    scaled_up: ShortForm
     comparison: Comparison
     forces: tuple[float, ...]
     cycle: Cycle
@@ -219,7 +219,7 @@ class _Pair:
     factor: float
 
     @classmethod
-    def of(cls, real_size: Instrument, scaled_up: Instrument) -> "_Pair":
+    def of(cls, real_size: ShortForm, scaled_up: ShortForm) -> "_Pair":
         real_size, scaled_up = real_size.planar[0], scaled_up.planar[0]
         try:
             comparison = compare(real_size, scaled_up)
@@ -279,7 +279,7 @@ class _Pair:
         """Return the instrument as designed."""
         return _Built([self.scaled_up], np.ones(1), np.zeros((2, 1)))
 
-    def _one(self, values: Mapping[str, float]) -> Instrument | None:
+    def _one(self, values: Mapping[str, float]) -> ShortForm | None:
         try:
             return self.scaled_up.replace(**values)
         except InstrumentError:
@@ -448,7 +448,7 @@ def _budget(choosing: _Choosing, taken: tuple[Grade, ...], errors: Array, count:
     )
 
 
-def _keys(inst: Instrument) -> Iterator[str]:
+def _keys(inst: ShortForm) -> Iterator[str]:
     for parameter in ("distal_radius", "proximal_radius"):
         yield field_of(inst, parameter)
     for key in _LENGTHS:
@@ -465,13 +465,13 @@ def _keys(inst: Instrument) -> Iterator[str]:
         yield "backbone_rigidity"
 
 
-def _value(inst: Instrument, key: str) -> float:
+def _value(inst: ShortForm, key: str) -> float:
     if key in BACKLASHES:
         return 0.0
     return float((inst.conditions.cable_pulley_radius or 0.0) if key == PULLEY else getattr(inst, key))
 
 
-def _pieces(inst: Instrument, key: str) -> int:
+def _pieces(inst: ShortForm, key: str) -> int:
     """Return how many pieces of one axis have a dimension: a joint of gears has two of them."""
     return 2 if key.endswith("gear_radius") else 1
 
@@ -480,7 +480,7 @@ def _variance(grade: Grade) -> float:
     return grade.width**2 * (1.0 if grade.is_normal else 1 / 3)
 
 
-def _with_friction(inst: Instrument | None, factors: NDArray[np.float64]) -> Instrument | None:
+def _with_friction(inst: ShortForm | None, factors: NDArray[np.float64]) -> ShortForm | None:
     if inst is None:
         return None
     friction = inst.friction

@@ -12,7 +12,7 @@ import numpy as np
 from tenodesis import statics
 from tenodesis.control import Controller
 from tenodesis.control.parameters import tension_limit
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array, Run, concatenate
 from tenodesis.scaling import Design, TestLoad
 from tenodesis.simulate import Protocol, execute
@@ -187,7 +187,7 @@ def _stages(design: Design, *, brief: bool = False) -> list[_Stage]:
     return found
 
 
-def _excitation(inst: Instrument, speed: float, test: TestLoad) -> Iterator[_Stage]:
+def _excitation(inst: ShortForm, speed: float, test: TestLoad) -> Iterator[_Stage]:
     """Yield the motions that tenodesis identify needs: of the handle, and of the motors, at several loads."""
     comment = "For tenodesis identify: the handle at two speeds, both motors together, a weight."
     moved = tuple(_cycles(share * inst.output_range, 3 * speed, 2, shape="sine") for share in (0.8, -0.8, 0.4, -0.4))
@@ -231,7 +231,7 @@ def _cycles(angle: float, speed: float, count: int, force: float | None = None, 
     )  # fmt: skip
 
 
-def _stroke(inst: Instrument, angle: float, count: int, faster: float) -> str:
+def _stroke(inst: ShortForm, angle: float, count: int, faster: float) -> str:
     """Return a short stroke of the handle about the angle of an output angle, toward the straight where it ends."""
     at = statics.handle_angle(inst, angle)
     near, far = at - math.copysign(_STROKE, at), at
@@ -241,7 +241,7 @@ def _stroke(inst: Instrument, angle: float, count: int, faster: float) -> str:
     )  # fmt: skip
 
 
-def _jogged(inst: Instrument, tendon: int | None, times: int = 1) -> tuple[str, ...]:
+def _jogged(inst: ShortForm, tendon: int | None, times: int = 1) -> tuple[str, ...]:
     """Return the ramps of a motor, or of both, that winds a share of its stretch and lets it out again."""
     angle = _JOG * inst.pretension / inst.tendon_stiffness / inst.drives.spool_radius
     speed = math.degrees(angle / (_JOG_HELD + _JOG_RAMP))
@@ -260,7 +260,7 @@ def _phase(kind: str, **values: str | int | list[str]) -> str:
     return "\n".join(["[[phases]]", f'kind = "{kind}"', *rows, ""])
 
 
-def _tolerance(inst: Instrument) -> float:
+def _tolerance(inst: ShortForm) -> float:
     """Return how far a load cell may read off the pretension, N."""
     return max(_LEAST_TOLERANCE, 0.01 * inst.pretension)
 
@@ -294,7 +294,7 @@ def rehearse(design: Design, *, brief: bool = False) -> FirstRun:
     return FirstRun(protocol(design), tuple(readings), _demand(inst, closed), left, int(np.bitwise_or.reduce(faults)))
 
 
-def _phases(inst: Instrument, planned: Protocol, controller: Controller | None = None) -> list[Run]:
+def _phases(inst: ShortForm, planned: Protocol, controller: Controller | None = None) -> list[Run]:
     """Return the run of every phase of one run of a protocol, on a twin whose tendons are slack before."""
     twin = Twin(inst)
     twin.loosen(max(2e-3, 1.25 * inst.pretension / inst.tendon_stiffness))
@@ -313,7 +313,7 @@ def _staged(stages: Sequence[_Stage], runs: Sequence[Run]) -> list[Run]:
     return [concatenate([next(given) for _ in stage.phases]) for stage in stages]
 
 
-def _with_friction(inst: Instrument, share: float) -> Instrument:
+def _with_friction(inst: ShortForm, share: float) -> ShortForm:
     friction = inst.friction
     return inst.replace(
         **{
@@ -354,7 +354,7 @@ def _readings(design: Design, stages: Sequence[_Stage], runs: Sequence[Sequence[
             yield from _hangs(_loads(design)[int(stage.value)], at, share)
 
 
-def _tightened(inst: Instrument, runs: Sequence[Run]) -> Iterator[Reading]:
+def _tightened(inst: ShortForm, runs: Sequence[Run]) -> Iterator[Reading]:
     for n, name in enumerate(("agonist", "antagonist")):
         read = [float(np.mean(_last(run, "measured_tension")[:, n])) for run in runs]
         yield _reading(
@@ -365,7 +365,7 @@ def _tightened(inst: Instrument, runs: Sequence[Run]) -> Iterator[Reading]:
     yield _reading("tighten", "tip", "deg", [0.0, *turned], 1.0, "cells differ in gain: swap them and see")
 
 
-def _moves(inst: Instrument, angle: float, runs: Sequence[Run]) -> Iterator[Reading]:
+def _moves(inst: ShortForm, angle: float, runs: Sequence[Run]) -> Iterator[Reading]:
     step, sign = f"move to {_angle(angle)}", np.sign(angle)
     reached = [float(np.degrees(sign * (sign * run["measured_output_angle"]).max())) for run in runs]
     yield _reading(step, "tip, farthest", "deg", reached, 0.5, "radii, or a tendon that slips on its wheel")
@@ -414,7 +414,7 @@ def _moved(run: Run, at: Array) -> float:
     return float(np.degrees(np.mean(angle[at]) - np.mean(before)))
 
 
-def _demand(inst: Instrument, runs: Sequence[Run]) -> Demand:
+def _demand(inst: ShortForm, runs: Sequence[Run]) -> Demand:
     radius = inst.drives.spool_radius
     tension = np.concatenate([run["tension"] for run in runs])
     velocity = np.concatenate([run["spool_velocity"] for run in runs])

@@ -7,7 +7,7 @@ two grades; replace them by your workshop's.
 from math import hypot, inf, radians
 from typing import NamedTuple
 
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.tolerance.defaults import general_tolerance
 
 # ISO 286-1, standard tolerances in um by grade, of the diameters up to each of the sizes, mm.
@@ -119,7 +119,7 @@ def of_stiffness(nominal: float, turn: float) -> tuple[Grade, ...]:
     return _worthwhile(grades)
 
 
-def of_pretension(inst: Instrument) -> tuple[Grade, ...]:
+def of_pretension(inst: ShortForm) -> tuple[Grade, ...]:
     """Return the grades of an instrument's pretension."""
     nominal, sensors = inst.pretension, inst.sensors
     step = sensors.load_cell_range / 2**sensors.load_cell_bits

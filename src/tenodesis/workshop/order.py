@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from tenodesis import kinematics
 from tenodesis.control.parameters import tension_limit
-from tenodesis.instrument import InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, as_short_form
 from tenodesis.report.content import fixed
 from tenodesis.scaling import Design, Wheel
 from tenodesis.scaling.parts import Hardware, Known, Motor
@@ -61,7 +61,7 @@ class RopeLength(NamedTuple):
 
 def rope_length(inst: InstrumentLike) -> RopeLength:
     """Return the rope to cut for a tendon of an instrument, m; of two axes, the first."""
-    inst = as_instrument(inst).planar[0]
+    inst = as_short_form(inst).planar[0]
     diameter = inst.tendon_diameter or 0.0
     spool = inst.drives.spool_radius + diameter / 2
     return RopeLength(

@@ -15,7 +15,7 @@ from canopen import objectdictionary as od
 from tenodesis.devices.can_layout import sources_of
 from tenodesis.devices.device import Measurement
 from tenodesis.devices.simulated.cia402 import Drive, Node
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.instrument.devices import CanAngle, CanAxis, CanOpen, CanTension
 from tenodesis.run import Array, Run
 from tenodesis.twin import Twin
@@ -86,7 +86,7 @@ class SimulatedBench:
 
     def __init__(
         self,
-        inst: Instrument,
+        inst: ShortForm,
         settings: CanOpen,
         bus: can.BusABC,
         *,

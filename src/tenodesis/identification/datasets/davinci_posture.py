@@ -31,7 +31,7 @@ from tenodesis.identification.datasets.reference import refuse_instrument
 from tenodesis.identification.formats.measured import MeasuredRun, Source
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.registry import Format
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 
 SOURCE = Source(
@@ -174,7 +174,7 @@ class Wrist(Tool):
 
 
 def problem(
-    train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None
+    train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: ShortForm | None
 ) -> Wrist:
     """Return the model with its recordings, those of train first; raises as `Wrist`, and for an instrument."""
     refuse_instrument(instrument, "a davinci-posture recording is of a tool without instrument file")

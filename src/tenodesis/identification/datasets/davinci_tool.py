@@ -39,7 +39,7 @@ from tenodesis.identification.formats.raw import Raw, Unit
 from tenodesis.identification.formats.table import read_rows
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.registry import Format
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 
 # The files.
@@ -328,7 +328,7 @@ class Tool(ReferenceProblem[Series]):
 
 
 def problem(
-    train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None
+    train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: ShortForm | None
 ) -> Tool:
     """Return the model with its recordings, those of train first; raises as `Tool`, and for an instrument."""
     refuse_instrument(instrument, "a davinci-tool recording is of a tool without instrument file")

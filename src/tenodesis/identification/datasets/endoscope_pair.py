@@ -42,7 +42,7 @@ from tenodesis.identification.formats.raw import GRAM_FORCE, Raw, Unit, spread_o
 from tenodesis.identification.formats.table import read_rows
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.registry import Format
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 
 # The files.
@@ -301,7 +301,7 @@ class Pair(ReferenceProblem[Series]):
 
 
 def problem(
-    train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None
+    train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: ShortForm | None
 ) -> Pair:
     """Return the model with its recordings, those of train first; raises as `Pair`, and for an instrument."""
     refuse_instrument(instrument, "an endoscope-pair recording is of a joint without one")

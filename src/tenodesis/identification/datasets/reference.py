@@ -11,7 +11,7 @@ from tenodesis.errors import IdentificationError
 from tenodesis.identification.datasets.dual_numbers import Dual
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.problem import Problem, Trace
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 
 
@@ -85,7 +85,7 @@ def check_recordings(recordings: Sequence[MeasuredRun]) -> None:
         raise IdentificationError("train is empty; it must hold at least one recording.", key="train")
 
 
-def refuse_instrument(instrument: Instrument | None, recorded: str) -> None:
+def refuse_instrument(instrument: ShortForm | None, recorded: str) -> None:
     """Raise IdentificationError for an instrument, which the model of a data set has none of."""
     if instrument is not None:
         raise IdentificationError(f"instrument is given; it must be left out: {recorded}.", key="instrument")

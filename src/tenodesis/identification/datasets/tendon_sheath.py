@@ -28,7 +28,7 @@ from tenodesis.identification.formats.table import heading, read_table, scale_of
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.registry import Format
 from tenodesis.identification.uncertainty import LossName
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 
 # The files.
@@ -181,7 +181,7 @@ class Sheath(ReferenceProblem[Series]):
 
 
 def problem(
-    train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None
+    train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: ShortForm | None
 ) -> Sheath:
     """Return the model with its recordings, those of train first; raises as `Sheath`, and for an instrument."""
     refuse_instrument(instrument, "a tendon-sheath recording is of a tendon without one")

@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeAlias
 
 from tenodesis import statics
 from tenodesis.errors import IdentificationError, NoSolutionError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.simulate import Cycles, Hold, Ramp, StepLoad
 from tenodesis.simulate.protocol import AnyPhase
 
@@ -51,7 +51,7 @@ class Candidate(NamedTuple):
     phases: tuple[Phase, ...]
 
 
-def loads(inst: Instrument, forces: Sequence[float] | None = None) -> tuple[float, ...]:
+def loads(inst: ShortForm, forces: Sequence[float] | None = None) -> tuple[float, ...]:
     """Return the forces at the tip (N), ascending: those given, or shares of the force at slack onset.
 
     Raises IdentificationError if a force is not a finite number above 0.
@@ -70,7 +70,7 @@ def loads(inst: Instrument, forces: Sequence[float] | None = None) -> tuple[floa
     return tuple(float(f"{share * limit:.2g}") for share in LOADS)
 
 
-def candidates(inst: Instrument, forces: Sequence[float]) -> list[Candidate]:
+def candidates(inst: ShortForm, forces: Sequence[float]) -> list[Candidate]:
     """Return all candidates for a one-axis instrument under the forces (N) of its bench."""
     reach = math.radians(math.floor(math.degrees(statics.reach(inst)) * 10) / 10)
     return [
@@ -82,7 +82,7 @@ def candidates(inst: Instrument, forces: Sequence[float]) -> list[Candidate]:
     ]
 
 
-def baselines(inst: Instrument, forces: Sequence[float], duration: float) -> dict[str, tuple[Phase, ...]]:
+def baselines(inst: ShortForm, forces: Sequence[float], duration: float) -> dict[str, tuple[Phase, ...]]:
     """Return protocols of a one-axis instrument by name: plain cycles without load, and the paper's cycles of Fig. 14.
 
     Each lasts `duration` (s), to the nearest integer number of cycles. The paper's cycles have forces (N) at the tip,
@@ -139,7 +139,7 @@ def _reversals(reach: float, forces: Sequence[float]) -> Iterator[Candidate]:
         yield Candidate(name, "load reversal", _bent(share * reach, (there, over, back)))
 
 
-def _strokes(inst: Instrument, reach: float, forces: Sequence[float]) -> Iterator[Candidate]:
+def _strokes(inst: ShortForm, reach: float, forces: Sequence[float]) -> Iterator[Candidate]:
     ways = {"pull": (1.0, 1.0), "release": (-1.0, -1.0), "pull against each other": (1.0, -1.0)}
     for (word, way), share, force in product(ways.items(), (0.0, 0.5), (0.0, *_middle(forces))):
         out, back = _wound(inst, way, STROKE)
@@ -151,7 +151,7 @@ def _strokes(inst: Instrument, reach: float, forces: Sequence[float]) -> Iterato
         yield Candidate(f"{word} let slack", "spools", (*out, *back))
 
 
-def _levels(inst: Instrument, reach: float, forces: Sequence[float]) -> Iterator[Candidate]:
+def _levels(inst: ShortForm, reach: float, forces: Sequence[float]) -> Iterator[Candidate]:
     for sign, force, share in product((1.0, -1.0), (0.0, *_middle(forces)), AMPLITUDES[1:]):
         out, back = _wound(inst, (sign, sign), STROKE)
         level = f"{100 * (1 + sign * STROKE):g} % of the pretension"
@@ -160,7 +160,7 @@ def _levels(inst: Instrument, reach: float, forces: Sequence[float]) -> Iterator
         yield Candidate(name, "pretension level", (*out, *moving, *back))
 
 
-def _wound(inst: Instrument, way: tuple[float, float], share: float) -> tuple[tuple[Phase, ...], tuple[Phase, ...]]:
+def _wound(inst: ShortForm, way: tuple[float, float], share: float) -> tuple[tuple[Phase, ...], tuple[Phase, ...]]:
     """Return phases that wind the spools so that a tension changes by a share of the pretension, and their reverse."""
     angle = share * inst.pretension / inst.tendon_stiffness / inst.drives.spool_radius
     limit = _MOST_SPEED * inst.drives.motor_speed / inst.drives.gear_ratio

@@ -11,7 +11,7 @@ from tenodesis.identification.problem import Trace
 from tenodesis.identification.quantisation import QuantisedSensor, encoder, load_cell
 from tenodesis.identification.twin_model.problem import TwinProblem
 from tenodesis.identification.uncertainty import Uncertainty
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 
 _UNSEEN = 1e-13
@@ -44,7 +44,7 @@ class Information:
         return Uncertainty(inverse @ self.scores @ inverse.T, inverse, directions[:, ~seen])
 
 
-def converters(inst: Instrument) -> dict[str, QuantisedSensor]:
+def converters(inst: ShortForm) -> dict[str, QuantisedSensor]:
     """Return the sensors of an instrument by the unit in which traces have their readings."""
     return {"deg": QuantisedSensor(*(math.degrees(one) for one in encoder(inst))), "N": load_cell(inst)}
 

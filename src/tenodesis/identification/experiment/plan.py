@@ -13,7 +13,7 @@ from tenodesis.identification.differences import scales
 from tenodesis.identification.experiment.candidates import Candidate
 from tenodesis.identification.experiment.choice import CriterionName
 from tenodesis.identification.problem import Parameter
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.instrument.text import readable, with_units
 from tenodesis.run import Run
 from tenodesis.simulate import Protocol
@@ -56,7 +56,7 @@ class Prediction:
 class Plan:
     """A proposed protocol with its predictions."""
 
-    inst: Instrument
+    inst: ShortForm
     law: str
     distal_encoder: bool
     duration: float

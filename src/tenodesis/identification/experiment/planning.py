@@ -18,7 +18,7 @@ from tenodesis.identification.experiment.information import Information
 from tenodesis.identification.experiment.plan import HELD_WITH, Block, Plan, Prediction, to_text
 from tenodesis.identification.experiment.simulated import InfeasibleProtocolError, SimulatedExperiment
 from tenodesis.identification.twin_model.problem import TwinProblem
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import Array, Run
 from tenodesis.simulate import Protocol
 from tenodesis.threads import thread_pool
@@ -31,7 +31,7 @@ WANTED = ("friction", "stiffness", "pretension")
 
 
 def plan(
-    inst: Instrument,
+    inst: ShortForm,
     want: Sequence[str] | None = None,
     *,
     duration: float = DURATION,

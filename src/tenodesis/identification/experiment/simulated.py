@@ -16,7 +16,7 @@ from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.twin_model.problem import TwinProblem
 from tenodesis.identification.twin_model.tuning import LONGEST_STEP
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import TENDONS, Array, Run
 from tenodesis.simulate import Protocol
 
@@ -37,7 +37,7 @@ class SimulatedExperiment:
     The mismatch of the instrument's file is left out; `law` is the friction law of the model.
     """
 
-    def __init__(self, inst: Instrument, law: str, *, distal_encoder: bool) -> None:
+    def __init__(self, inst: ShortForm, law: str, *, distal_encoder: bool) -> None:
         self.inst = inst.replace(mismatch=None)
         self.law = law
         self.distal_encoder = distal_encoder
@@ -129,7 +129,7 @@ class SimulatedExperiment:
         nothing = twin.Twin(self.inst, time_step=self.time_step).run(np.zeros(64))
         return TwinProblem([self._measured(nothing, 1)], self.law, self.inst)
 
-    def _run(self, inst: Instrument, commands: dict[str, Array]) -> Run:
+    def _run(self, inst: ShortForm, commands: dict[str, Array]) -> Run:
         try:
             run = twin.Twin(inst, time_step=self.time_step).run(
                 commands["handle_angle"],
@@ -177,7 +177,7 @@ def _beside(deviation: float, resolution: float, finer: int) -> float:
     return math.sqrt(max(deviation**2 - (resolution / finer) ** 2 / 12, 0.0))
 
 
-def _time_step(inst: Instrument) -> float:
+def _time_step(inst: ShortForm) -> float:
     """Return the sampling period, or an integer fraction of it that the tip's oscillation allows, s."""
     period = 1 / inst.sensors.sampling_rate
     return period / max(1, math.ceil(period / min(twin.TIME_STEP, plant.longest_step(inst)) * (1 - 1e-9)))

@@ -8,7 +8,7 @@ import numpy as np
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.formats.raw import CLOCKS, Raw, spread_of
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.run import TENDONS, Array, Run
 
 COLUMNS = {
@@ -57,7 +57,7 @@ class InstrumentRun(MeasuredRun):
     whatever else was recorded.
     """
 
-    instrument: Instrument | None = None
+    instrument: ShortForm | None = None
 
 
 def checked(
@@ -67,7 +67,7 @@ def checked(
     *,
     notes: Sequence[str] = (),
     checksum: str = "",
-    instrument: Instrument | None = None,
+    instrument: ShortForm | None = None,
     clocks: Sequence[tuple[str, float]] = CLOCKS,
 ) -> InstrumentRun:
     """Return a run whose columns are in SI and in order, or refuse it with the reason.
@@ -117,7 +117,7 @@ def measured(run: Run, instrument: InstrumentLike | None = None, *, name: str = 
     notes: list[str] = []
     columns = columns_of(first_axis(run), name, notes)
     notes += first_alone(run.axes)
-    inst = None if instrument is None else as_instrument(instrument).planar[0]
+    inst = None if instrument is None else as_short_form(instrument).planar[0]
     return checked(name, run.time, columns, notes=notes, instrument=inst, clocks=SECONDS)
 
 

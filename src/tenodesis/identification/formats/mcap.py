@@ -25,7 +25,7 @@ from tenodesis.identification.formats.instrument_run import (
 )
 from tenodesis.identification.formats.measured import checksum
 from tenodesis.identification.formats.raw import WIDE, Raw
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.recording import Recording, cdr, container, schemas
 from tenodesis.recording.decode import Decoded, LeftOut, Misfit, decode
 from tenodesis.run import SIGNALS, TENDONS, Array
@@ -42,7 +42,7 @@ class _Signals(NamedTuple):
     axes: tuple[str, ...]
     signals: Mapping[str, Array]
     notes: tuple[str, ...]
-    instrument: Instrument | None
+    instrument: ShortForm | None
 
 
 class _Series(NamedTuple):
@@ -220,7 +220,7 @@ def _known(time: Array, own: Array) -> NDArray[np.bool_]:
     return inside
 
 
-def _instrument(recording: Recording) -> Instrument | None:
+def _instrument(recording: Recording) -> ShortForm | None:
     try:
         inst = recording.instrument()
     except (InstrumentError, RecordingError):

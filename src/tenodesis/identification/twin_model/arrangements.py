@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
-from tenodesis import plant
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.registry import Arranged
 from tenodesis.identification.twin_model.problem import instrument_of
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
+from tenodesis.instrument.compliance import compliance_shares
 
 _FIRST_BASE_WRAP = 0.1
 """rad, at which the search for a base wrap begins."""
@@ -16,7 +16,7 @@ _COMPLIANCE = "handle_length_share"
 
 
 def arrangements(
-    runs: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None, fitted: Sequence[str]
+    runs: Sequence[MeasuredRun], *, law: str, instrument: ShortForm | None, fitted: Sequence[str]
 ) -> list[Arranged]:
     """Return the arrangements to compare, that of the instrument first.
 
@@ -39,7 +39,7 @@ def arrangements(
         unknowns = ("friction.base_wrap",) * (wrap and not own.base_wrap) + (_COMPLIANCE,) * share
         changed = inst.replace(**changes)
         known = not (changes or unknowns) or (share and _COMPLIANCE in fitted)
-        if not known and plant.compliance_shares(changed).stem > 0:
+        if not known and compliance_shares(changed).stem > 0:
             found.append(Arranged(_name(vertices, wrapped=wrap, free=share), changed, unknowns))
     return found
 

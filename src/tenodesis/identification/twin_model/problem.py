@@ -16,7 +16,8 @@ from tenodesis.identification.twin_model import tuning
 from tenodesis.identification.twin_model.marginalise import Marginalisation, marginalise
 from tenodesis.identification.twin_model.steps import READINGS, SteppedRun, in_steps
 from tenodesis.identification.twin_model.unknowns import LARGEST_OFFSET, SHOWN_BY_CURRENTS, UNKNOWNS
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
+from tenodesis.instrument.compliance import compliance_shares
 from tenodesis.run import TENDONS, Array
 
 DEFAULT_LAW = "capstan"
@@ -43,7 +44,7 @@ class TwinProblem(Problem):
     encoders. A run that does not begin at rest and straight is led there first.
     """
 
-    def __init__(self, runs: Sequence[MeasuredRun], law: str, inst: Instrument) -> None:
+    def __init__(self, runs: Sequence[MeasuredRun], law: str, inst: ShortForm) -> None:
         if law not in LAWS:
             raise IdentificationError(
                 key="law", value=law, allowed=f"one of {', '.join(LAWS)} for recordings of an instrument"
@@ -142,7 +143,7 @@ class TwinProblem(Problem):
             lower, upper = one.lower, one.upper
             start = (self._starts if _of_mismatch(name) else self._nominal)[one.number]
             if name == "handle_length_share":
-                shares = plant.compliance_shares(self._inst)
+                shares = compliance_shares(self._inst)
                 upper = min(
                     upper, tuning.MOST_HANDLE_SHARE * (1 - (shares.handle_joint + shares.tip_joint) - shares.anchor)
                 )
@@ -270,7 +271,7 @@ class TwinProblem(Problem):
             traces[_ANGLES.get(name, f"{name}_N")] = Trace(one.time, measured * scale, (measured - off[name]) * scale)
         return traces
 
-    def instrument(self, values: Array) -> Instrument:
+    def instrument(self, values: Array) -> ShortForm:
         """Return the instrument with these values in place, those that differ from its own."""
         # by default inertia and damping follow from the stiffness, which may change here
         inst = self._inst.replace(**{"dynamics.tip_inertia": self._nominal["tip_inertia"]})
@@ -364,7 +365,7 @@ class TwinProblem(Problem):
 
 
 def problem(
-    train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None
+    train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: ShortForm | None
 ) -> TwinProblem:
     """Return the problem of an instrument's recordings.
 
@@ -374,7 +375,7 @@ def problem(
     return TwinProblem(runs, law, instrument_of(runs, instrument).planar[0])
 
 
-def instrument_of(runs: Sequence[MeasuredRun], given: Instrument | None) -> Instrument:
+def instrument_of(runs: Sequence[MeasuredRun], given: ShortForm | None) -> ShortForm:
     """Return the given instrument, or that of the first recording that contains one, without its mismatch.
 
     Raises IdentificationError if none does.
@@ -406,7 +407,7 @@ def _of_mismatch(name: str) -> bool:
     return name.startswith("mismatch.") or name in {"stiffness_ratio", "pretension_ratio"}
 
 
-def _under(law: str, inst: Instrument) -> Instrument:
+def _under(law: str, inst: ShortForm) -> ShortForm:
     if law == inst.friction.law:
         return inst
     if law == "none":

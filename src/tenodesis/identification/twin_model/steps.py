@@ -13,7 +13,7 @@ from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.quantisation import QuantisedSensor, encoder, load_cell
 from tenodesis.identification.twin_model import tuning
 from tenodesis.identification.twin_model.inputs import PathError, ReconstructedPath, smoothed, unrounded
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import TENDONS, Array
 
 READINGS = ("measured_handle_angle", "measured_output_angle", "tension_agonist", "tension_antagonist")
@@ -66,7 +66,7 @@ class SteppedRun(NamedTuple):
         return {name: sensor.deviation for name, sensor in self.sensors.items()}
 
 
-def in_steps(run: MeasuredRun, inst: Instrument, stride: int) -> SteppedRun:
+def in_steps(run: MeasuredRun, inst: ShortForm, stride: int) -> SteppedRun:
     """Return a run, in columns of InstrumentRun, averaged over steps of `stride` samples.
 
     The instrument gives the sensors and the nominal pretension.
@@ -144,7 +144,7 @@ class _Grid:
 
 
 def _inputs(
-    run: MeasuredRun, columns: Mapping[str, Array], inst: Instrument, *, as_read: bool
+    run: MeasuredRun, columns: Mapping[str, Array], inst: ShortForm, *, as_read: bool
 ) -> list[tuple[int, float, ReconstructedPath]]:
     """Return the reconstructed motion of handle and spools: the command's column, and its factor from the path."""
     handle = ReconstructedPath(columns["handle_angle"])
@@ -170,7 +170,7 @@ def _fresh(columns: Mapping[str, Array], readings: list[str]) -> NDArray[np.bool
     return changed if changed.mean() < tuning.HELD_SHARE else np.ones_like(changed)
 
 
-def _slack(tensions: Array, filled: NDArray[np.intp], inst: Instrument) -> int:
+def _slack(tensions: Array, filled: NDArray[np.intp], inst: ShortForm) -> int:
     """Return the step at which both tendons, (2, n), are first slack, so that earlier motion has no effect.
 
     That is the beginning where none is slack in the first third of the run.
@@ -179,7 +179,7 @@ def _slack(tensions: Array, filled: NDArray[np.intp], inst: Instrument) -> int:
     return int(filled[loose[0]]) if loose.size and loose[0] < filled.size // 3 else 0
 
 
-def _reference(time: Array, spool: Array, tension: Array, inst: Instrument) -> float:
+def _reference(time: Array, spool: Array, tension: Array, inst: ShortForm) -> float:
     """Return the spool's angle at which its tendon has the pretension.
 
     That is its angle where a taut run begins, or where a slack tendon has first grown as tight as the instrument's
@@ -196,7 +196,7 @@ def _reference(time: Array, spool: Array, tension: Array, inst: Instrument) -> f
     return 0.0 if abs(pulled - expected) < tuning.REFERENCE_SHARE * inst.pretension else angle
 
 
-def _leading(first: Array, step: float, inst: Instrument) -> Array:
+def _leading(first: Array, step: float, inst: ShortForm) -> Array:
     """Return commands that lead from rest to the first command; none if that is rest."""
     scale = np.full(first.size, tuning.REST_SHARE * inst.pretension)
     scale[_HANDLE] = tuning.REST_SHARE * inst.handle_range

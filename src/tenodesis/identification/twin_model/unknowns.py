@@ -4,7 +4,7 @@ from collections.abc import Callable
 from math import pi
 from typing import Any, NamedTuple
 
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import ShortForm
 from tenodesis.run import TENDONS
 
 
@@ -16,26 +16,26 @@ class Unknown(NamedTuple):
     lower: float
     upper: float
     meaning: str
-    changes: Callable[[Instrument, float], dict[str, Any]]
+    changes: Callable[[ShortForm, float], dict[str, Any]]
     group: str
 
 
-def _stiffness(inst: Instrument, ratio: float) -> dict[str, Any]:
+def _stiffness(inst: ShortForm, ratio: float) -> dict[str, Any]:
     if inst.given_stiffness is not None:
         return {"tendon_stiffness": inst.given_stiffness * ratio}
     return {"tendon_modulus": (inst.tendon_modulus or 0.0) * ratio}
 
 
-def _pretension(inst: Instrument, ratio: float) -> dict[str, Any]:
+def _pretension(inst: ShortForm, ratio: float) -> dict[str, Any]:
     return {"pretension": inst.pretension * ratio}
 
 
-def _key(key: str) -> Callable[[Instrument, float], dict[str, Any]]:
+def _key(key: str) -> Callable[[ShortForm, float], dict[str, Any]]:
     return lambda _, value: {key: value}
 
 
-def _of_pair(key: str, place: int) -> Callable[[Instrument, float], dict[str, Any]]:
-    def changes(inst: Instrument, value: float) -> dict[str, Any]:
+def _of_pair(key: str, place: int) -> Callable[[ShortForm, float], dict[str, Any]]:
+    def changes(inst: ShortForm, value: float) -> dict[str, Any]:
         pair = list(getattr(inst.mismatch, key))
         pair[place] = value
         return {f"mismatch.{key}": tuple(pair)}

@@ -1,0 +1,198 @@
+"""An instrument as its file lists it: joints and tendons that may cross several of them."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from pydantic import Field, ValidationInfo, model_validator
+
+from tenodesis import notebook
+from tenodesis.errors import InstrumentError
+from tenodesis.instrument.hardware import Friction
+from tenodesis.instrument.instrument import Instrument
+from tenodesis.instrument.joints import Grip, Joint, LinkDynamics, Tendon
+from tenodesis.units import Length
+
+LAWS = ("none", "capstan", "capstan-constant")
+"""Friction laws that an instrument of joints and tendons may have."""
+MOST_SHEATH_CONTACTS = 4
+MOST_JOINTS = 6
+MOST_TENDONS = 12
+_OF_SHORT_FORM = frozenset(
+    {
+        *("joint_type", "axes", "axis", "planar", "spec", "parameter_fields", "quantities", "overrides"),
+        *("overall_length", "end_effector_length", "handle_length", "handle_range", "output_range", "output_stop"),
+        *("conditions", "mismatch", "geometry", "devices", "rig_arm", "tension_sensor"),
+        *("distal_gear_radius", "proximal_gear_radius", "distal_pulley_radius", "proximal_pulley_radius"),
+        *("distal_tendon_offset", "backbone_length", "backbone_rigidity"),
+    }
+)
+"""What only the short form has."""
+
+
+class RouteError(ValueError):
+    """What is wrong with the routes of an instrument, and where: a tendon, joints, or both.
+
+    Parameters
+    ----------
+    sentence
+        What is wrong.
+    inst
+        The instrument, whose tables are valid one by one.
+    tendon, joints
+        Their names, empty if it is not about one.
+    """
+
+    def __init__(self, sentence: str, inst: "FullForm", *, tendon: str = "", joints: Sequence[str] = ()) -> None:
+        super().__init__(sentence)
+        self.inst, self.tendon, self.joints = inst, tendon, tuple(joints)
+
+
+class FullForm(Instrument):
+    """An instrument whose file lists joints and tendons."""
+
+    stem_length: Length | None = Field(default=None, description="Of the stem, for drawings and models")
+    spool_radius: Length | None = Field(default=None, description="Radius of the motors' spools")
+    joints: tuple[Joint, ...] = Field(min_length=1, description="From the stem outward at either end")
+    tendons: tuple[Tendon, ...] = Field(min_length=1, max_length=MOST_TENDONS, description="All tendons")
+    grip: Grip | None = Field(default=None, description="Jaws that grip")
+    dynamics: LinkDynamics = LinkDynamics()
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            if name in _OF_SHORT_FORM:
+                raise self.not_short()
+            return super().__getattr__(name)
+
+    def not_short(self) -> InstrumentError:
+        """Return the error for what takes the short form."""
+        return InstrumentError(
+            f"{self.name} lists joints and tendons; it must be a planar instrument, with a joint_type.",
+            key="joint_type",
+            value=None,
+            allowed="a planar instrument",
+        )
+
+    def __repr__(self) -> str:
+        joints = ", ".join(joint.name for joint in self.tip_joints)
+        return f"<{type(self).__name__} {self.name!r}: {joints}; {len(self.tendons)} tendons>"
+
+    __str__ = __repr__
+
+    def __hash__(self) -> int:
+        return hash((self.name, len(self.joints), len(self.tendons), self.pretension))
+
+    def _repr_html_(self) -> str:
+        """Return a table for notebooks: the arms of the tendons about the tip's joints."""
+        arms = 1e3 * self.tendon_arms("tip")
+        rows = [(tendon.name, *(f"{arm:.4g}" for arm in row)) for tendon, row in zip(self.tendons, arms, strict=True)]
+        return notebook.table(f"{self.name}: arms in mm", ("tendon", *(j.name for j in self.tip_joints)), rows)
+
+    @model_validator(mode="after")
+    def _coherent(self, info: ValidationInfo) -> Self:
+        self._check_joints()
+        for tendon in self.tendons:
+            _check_route(self, tendon)
+            self.stiffness_of(tendon)
+        _check_distinct("tendons", [tendon.name for tendon in self.tendons])
+        self._check_held()
+        # A short form may have friction and sensors that no file of joints and tendons has yet.
+        if not (info.context and info.context.get("expanded")):
+            self._check_friction()
+            self._check_sensors()
+        return self
+
+    def _check_joints(self) -> None:
+        _check_distinct("joints", [joint.name for joint in self.joints])
+        tips, handles = self.tip_joints, self.handle_joints
+        if not 1 <= len(tips) <= MOST_JOINTS:
+            raise ValueError(f"joints has {len(tips)} at the tip; there must be 1 to {MOST_JOINTS}")
+        if len(handles) > len(tips):
+            raise ValueError(
+                f"joints has {len(handles)} at the handle; there must be at most {len(tips)}, as at the tip"
+            )
+        before: list[str] = ["stem"]
+        for joint in tips:
+            if joint.on is not None and joint.on not in before:
+                raise ValueError(f"joint {joint.name}: on = {joint.on!r}; it must be one of {', '.join(before)}")
+            before.append(joint.name)
+        held = self.grip.jaws if self.grip is not None and self.grip.length is not None and self.bearing else ()
+        for i in self.ends:
+            if tips[i].end_effector_length is None and tips[i].name not in held:
+                raise ValueError(f"joint {tips[i].name} is the last; its end_effector_length must be given")
+        if self.grip is not None:
+            names = [tips[i].name for i in self.ends]
+            wrong = [jaw for jaw in self.grip.jaws if jaw not in names]
+            if wrong:
+                raise ValueError(f"grip.jaws names {wrong[0]!r}; it must name the last joints: {', '.join(names)}")
+
+    def _check_friction(self) -> None:
+        friction = self.friction
+        if friction.law not in LAWS:
+            raise ValueError(
+                f'friction.law is "{friction.law}"; of a coupled instrument it must be one of {", ".join(LAWS)}'
+            )
+        if friction.sheath_contacts > MOST_SHEATH_CONTACTS:
+            given = friction.sheath_contacts
+            raise ValueError(f"friction.sheath_contacts is {given}; it must be at most {MOST_SHEATH_CONTACTS}")
+        planar = ("vertices_per_joint", "sheath_bend_per_handle_angle", "base_wrap", "tendon_bending_stiffness")
+        for key in (*planar, "passing_coefficient"):
+            given, default = getattr(friction, key), Friction.model_fields[key].default
+            if given != default:
+                instead = "; give base_wrap in a tendon's route" if key == "base_wrap" else ""
+                raise ValueError(f"friction.{key} is {given:g}, which a coupled instrument does not have{instead}")
+        if self.spool_radius is not None and "spool_radius" in self.drives.model_fields_set:
+            raise ValueError("spool_radius and drives.spool_radius are both given; give one of them")
+
+    def _check_sensors(self) -> None:
+        if self.sensors.kind != "load-cell":
+            raise ValueError(
+                f'sensors.kind is "{self.sensors.kind}", which instruments whose joints share tendons do not have; it '
+                "must be load-cell"
+            )
+
+    def _check_held(self) -> None:
+        """Refuse joints that nothing holds, and tendons that leave a motion of several joints free."""
+        arms = self.tendon_arms("tip")
+        sprung = np.array([joint.own_stiffness > 0 for joint in self.tip_joints])
+        for joint, column, spring in zip(self.tip_joints, arms.T, sprung, strict=True):
+            missing = [side for side, pulls in (("agonist", column > 0), ("antagonist", column < 0)) if not pulls.any()]
+            if missing and not spring:
+                raise RouteError(
+                    f"joint {joint.name} has no {' and no '.join(missing)}: no tendon crosses it on that side; give it "
+                    "one, or a spring by its stiffness",
+                    self,
+                    joints=[joint.name],
+                )
+        scale = np.abs(arms).max(axis=0)
+        held = np.vstack([arms / np.where(scale > 0, scale, 1.0), np.diag(sprung.astype(float))])
+        if np.linalg.matrix_rank(held) < len(self.tip_joints):
+            names = [joint.name for joint in self.tip_joints]
+            raise RouteError(
+                f"the coupling matrix of {', '.join(names)} is singular: a motion of several joints draws no tendon; "
+                "it must have full rank",
+                self,
+                joints=names,
+            )
+
+
+def _check_distinct(key: str, names: Sequence[str]) -> None:
+    double = next((name for name in names if names.count(name) > 1), None)
+    if double is not None:
+        raise ValueError(f"{key} has {double} twice; names must differ")
+
+
+def _check_route(inst: FullForm, tendon: Tendon) -> None:
+    known, sides = [joint.name for joint in inst.joints], dict[str, str]()
+    for crossing in tendon.route:
+        name = crossing.joint
+        if name not in known:
+            sentence = f"tendon {tendon.name}: joint = {name!r}; it must be one of {', '.join(known)}"
+            raise RouteError(sentence, inst, tendon=tendon.name, joints=[name])
+        if name in sides:
+            contradiction = sides[name] != crossing.side
+            how = f", as {sides[name]} and as {crossing.side}" if contradiction else ""
+            sentence = f"tendon {tendon.name} crosses joint {name} twice{how}; it must cross a joint once"
+            raise RouteError(sentence, inst, tendon=tendon.name, joints=[name])
+        sides[name] = crossing.side

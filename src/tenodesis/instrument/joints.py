@@ -1,0 +1,156 @@
+"""Joints and tendons, as a file lists them: what every instrument consists of."""
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from tenodesis.instrument.hardware import Hand
+from tenodesis.toml import FileTable
+from tenodesis.units import (
+    AngleRange,
+    Coefficient,
+    Damping,
+    FlexuralRigidity,
+    Force,
+    HandStiffness,
+    Inertia,
+    Length,
+    Mass,
+    Rate,
+    SheathBend,
+    Spacing,
+    Stiffness,
+    StopAngle,
+)
+
+Mechanism = Literal["tendon-gear", "pulley", "continuum"]
+Side = Literal["agonist", "antagonist", "middle"]
+
+AXES: Mapping[str, tuple[float, float, float]] = {"yaw": (0, 1, 0), "pitch": (-1, 0, 0), "roll": (0, 0, 1)}
+"""Axis about which a positive angle turns, by its name: yaw bends the tip toward x, pitch toward y."""
+
+MECHANISMS: Mapping[str, int] = {"tendon-gear": 0, "pulley": 1, "continuum": 2}
+"""The core's number of a mechanism, by its name."""
+SIGNS: Mapping[str, float] = {"agonist": 1.0, "antagonist": -1.0, "middle": 0.0}
+"""Side of a joint to which a tendon bends it, by its name."""
+
+
+def _short(name: str) -> str:
+    if not (name.isascii() and name.replace("_", "a").isalnum() and len(name) <= 40 and not name[0].isdigit()):
+        raise ValueError("it must be a name of letters, digits and underscores, of at most 40 characters")
+    return name
+
+
+ShortName = Annotated[str, Field(min_length=1), AfterValidator(_short)]
+"""Name of a joint or a tendon, as recordings and exported models have it."""
+
+
+class Joint(FileTable):
+    """A joint at the tip or at the handle."""
+
+    name: ShortName = Field(description="Name of the joint")
+    place: Literal["tip", "handle"] = Field(default="tip", description="End of the instrument that it is at")
+    mechanism: Mechanism = Field(description="Rolling gear pair, pulley on a fixed axis, or elastic backbone")
+    axis: Literal["yaw", "pitch", "roll"] | tuple[float, float, float] = Field(
+        description="What a positive angle turns toward: yaw x, pitch y; or the axis of the turn in the link before"
+    )
+    on: str | None = Field(default=None, description="Joint that it stands on; by default the one listed before it")
+    radius: Length = Field(description="Pitch radius of a gear, radius of a pulley, or offset of a continuum's tendons")
+    offset: Spacing = Field(default=0.0, description="From the far end of what it stands on")
+    backbone_length: Length | None = Field(default=None, description="Length of a continuum's backbone")
+    backbone_rigidity: FlexuralRigidity | None = Field(default=None, description="Flexural rigidity of a backbone")
+    stiffness: HandStiffness | None = Field(default=None, description="Of a spring in the joint")
+    range: AngleRange = Field(default=math.radians(80), description="Working range of its angle to either side")
+    end_effector_length: Length | None = Field(
+        default=None, description="From the far end of the last joint to where forces act; at the handle, the hand"
+    )
+    mass: Mass | None = Field(default=None, description="Of the link beyond the joint")
+    centre_of_mass: Spacing | None = Field(
+        default=None, description="From the joint's far end along the link; by default its middle"
+    )
+    inertia: Inertia | None = Field(
+        default=None, description="About axes through the joint's far end across the link; by default that of a rod"
+    )
+    damping: Damping | None = Field(default=None, description="Viscous damping of the joint's angle")
+    stop: StopAngle | None = Field(
+        default=None, description="Angle of its mechanical stop; by default a third beyond its range"
+    )
+
+    @property
+    def axis_vector(self) -> tuple[float, float, float]:
+        """Unit vector about which a positive angle turns."""
+        x, y, z = AXES[self.axis] if isinstance(self.axis, str) else self.axis
+        norm = math.sqrt(x * x + y * y + z * z)
+        return x / norm, y / norm, z / norm
+
+    @property
+    def chord(self) -> float:
+        """Length of the straight joint, m: between a gear pair's centres, or of the backbone."""
+        if self.mechanism == "continuum":
+            return self.backbone_length or 0.0
+        return 2 * self.radius if self.mechanism == "tendon-gear" else 0.0
+
+    @property
+    def own_stiffness(self) -> float:
+        """Stiffness of spring and backbone, N m/rad."""
+        backbone = (self.backbone_rigidity or 0.0) / self.backbone_length if self.backbone_length else 0.0
+        return (self.stiffness or 0.0) + backbone
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        is_continuum = self.mechanism == "continuum"
+        for key in ("backbone_length", "backbone_rigidity"):
+            if is_continuum != (getattr(self, key) is not None):
+                needed = "is missing" if is_continuum else f"is given, but a {self.mechanism} has no backbone"
+                raise ValueError(f"{key} {needed}; it must be {'given' if is_continuum else 'left out'}")
+        if not isinstance(self.axis, str) and not math.hypot(*self.axis) > 0:
+            raise ValueError(f"axis is {list(self.axis)}; it must be yaw, pitch, roll or a vector that is not zero")
+        if self.mechanism != "pulley" and abs(self.axis_vector[2]) > 1e-9:
+            given = self.axis if isinstance(self.axis, str) else list(self.axis)
+            raise ValueError(
+                f"axis is {given}; a {self.mechanism} bends only about an axis across z, the last number 0"
+            )
+        return self
+
+
+class LinkDynamics(Hand):
+    """Motion of the links, and of the hand on each joint of the handle."""
+
+    natural_frequency: Rate = Field(
+        default=20.0, description="Lowest of the unloaded wrist, from which the mass of links follows that is not given"
+    )
+    damping_ratio: Annotated[float, Field(ge=0, le=2)] = Field(
+        default=0.2, description="Share of critical damping of joints whose damping is not given"
+    )
+
+
+class Crossing(FileTable):
+    """Passage of a tendon over a joint."""
+
+    joint: str = Field(description="Name of the joint")
+    side: Side = Field(description="Side of the joint: agonist bends it to positive angles, middle does not bend it")
+    radius: Spacing | None = Field(default=None, description="Distance from the joint's middle; by default its radius")
+    base_wrap: SheathBend = Field(default=0.0, description="Bend of the tendon over the straight joint")
+    coefficient: Coefficient | None = Field(
+        default=None, description="Friction coefficient there; by default friction.vertex_coefficient"
+    )
+
+
+class Tendon(FileTable):
+    """A tendon and its route from the handle's end to the tip."""
+
+    name: ShortName = Field(description="Name of the tendon")
+    start: Literal["spool", "anchor"] = Field(default="spool", description="Its near end: a motor's spool, or fixed")
+    route: tuple[Crossing, ...] = Field(min_length=1, description="Joints that it crosses, from handle to tip")
+    stiffness: Stiffness | None = Field(default=None, description="By default E A / L")
+    length: Length | None = Field(default=None, description="By default the instrument's tendon_length")
+    pretension: Force | None = Field(default=None, description="Tension at rest; by default the instrument's")
+
+
+class Grip(FileTable):
+    """Jaws that press on an object."""
+
+    jaws: tuple[str, ...] = Field(min_length=1, max_length=2, description="Joints of the jaws; the first opens to +")
+    length: Length | None = Field(default=None, description="From the jaws' axis to the object; by default their tip")
