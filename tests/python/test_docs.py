@@ -76,6 +76,22 @@ def test_contributing_names_files_that_exist() -> None:
     assert [name for name in named if not any(path.endswith(f"/{name}") for path in tracked)] == []
 
 
+def test_the_map_of_contributing_names_every_header_and_every_package() -> None:
+    """Where a file or package is new, the map has to say what its idea is."""
+    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8").split("## The map")[1].split("\n## ")[0]
+    cells = {
+        title: set(re.findall(r"`([\w.]+)/?`", " ".join(re.findall(r"^\| (`[^|]*) \|", rows, re.M))))
+        for title, rows in re.findall(r"^\| (?:file in `)?([\w/]+)`? \|.*\n\|-.*\n((?:\|.*\n)+)", text, re.M)
+    }
+    headers = {
+        folder: {path.name for path in (ROOT / folder).iterdir() if path.suffix in (".hpp", ".h")}
+        for folder in ("include/tenodesis/", "src/engine/", "src/runtime/")
+    }
+    package = ROOT / "src/tenodesis"
+    parts = {path.stem for path in package.iterdir() if path.suffix == ".py" or any(path.glob("*.*"))}
+    assert cells == headers | {"package": parts - {"__init__", "__pycache__"}}
+
+
 def test_links_between_the_documents_lead_somewhere() -> None:
     for page in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]:
         for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8")):
