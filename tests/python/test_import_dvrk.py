@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import tenodesis as tn
-from tenodesis.coupled import CoupledInstrument, coupling, dvrk_text, from_dvrk, parse
-from tenodesis.errors import InstrumentError
+from tenodesis.coupled import CoupledInstrument, JawAngle, coupling, dvrk_text, from_dvrk, jaw_reading, parse
+from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.run import Array
 
 Run: TypeAlias = Callable[..., tuple[int, str, str]]
@@ -60,14 +60,17 @@ def write(folder: Path, values: Any, name: str = "LARGE_NEEDLE_DRIVER_400006") -
     return path
 
 
-def by_turns(inst: CoupledInstrument) -> Array:
-    """Return roll, pitch, yaw and jaw by the turns of the disks, each of which winds one tendon and unwinds another."""
+def by_turns(inst: CoupledInstrument, jaws: float = 1.0) -> Array:
+    """Return roll, pitch, yaw and jaw by the turns of the disks, each of which winds one tendon and unwinds another.
+
+    The jaw angle is a number of times the angle between the jaws.
+    """
     assert inst.spool_radius is not None
     drawn = np.kron(np.eye(len(inst.tip_joints)), [[inst.spool_radius], [-inst.spool_radius]])
     angles = coupling(inst) @ drawn
     if inst.grip is None:
         return angles
-    return np.vstack([angles[:2], angles[2:].mean(axis=0), angles[2] - angles[3]])
+    return np.vstack([angles[:2], angles[2:].mean(axis=0), jaws * (angles[2] - angles[3])])
 
 
 @pytest.mark.parametrize("name", MATRICES)
@@ -86,11 +89,38 @@ def test_rigid_coupling_is_any_invertible_matrix(tmp_path: Path, seed: int) -> N
     assert by_turns(from_dvrk(write(tmp_path, content(matrix.tolist())))) == pytest.approx(matrix, abs=1e-9)
 
 
+PROGRASP = MATRICES["PROGRASP_FORCEPS_420093"]
+
+
+def test_a_jaw_angle_of_each_jaw_is_the_files_matrix_too_and_half_of_that_between_them(tmp_path: Path) -> None:
+    path = write(tmp_path, content(PROGRASP))
+    inst = from_dvrk(path, jaw_angle="each")
+    assert by_turns(inst, 0.5) == pytest.approx(np.array(PROGRASP), abs=1e-9)
+    assert inst.tip_joints[2].range == pytest.approx(2 * 1.39626)
+    with pytest.raises(ArgumentError, match=r"^jaw_angle is 'both'; it must be between or each\.$"):
+        from_dvrk(path, jaw_angle="both")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("jaw_angle", "here", "there"), [("between", 32, 1), ("each", 1, 32)])
+def test_the_reading_of_the_jaw_angle_is_said_with_what_the_other_one_means(
+    tmp_path: Path, tenodesis: Run, jaw_angle: JawAngle, here: int, there: int
+) -> None:
+    path = write(tmp_path, content(PROGRASP))
+    said = jaw_reading(path, jaw_angle)
+    assert said is not None
+    assert [int(number) for number in re.findall(r"(\d+) %", said)] == [here, there]
+    code, printed, _ = tenodesis("import", "dvrk", path, "--out", tmp_path / "a.toml", "--jaw-angle", jaw_angle)
+    assert code == 0 and said in " ".join(printed.split())
+    assert said in (tmp_path / "a.toml").read_text("utf-8").replace("\n# ", " ")
+    assert tn.load(tmp_path / "a.toml") == from_dvrk(path, jaw_angle=jaw_angle)
+
+
 def test_a_tool_without_jaws_has_three_angles(tmp_path: Path) -> None:
     values = content(SPATULA, jaw={"qmin": 0.0, "qmax": 0.5, "ftmax": 0.0})
     inst = from_dvrk(write(tmp_path, values))
     assert by_turns(inst) == pytest.approx(np.array(SPATULA)[:3, :3], abs=1e-9)
     assert inst.grip is None
+    assert jaw_reading(tmp_path / "LARGE_NEEDLE_DRIVER_400006.json") is None
 
 
 def test_unloaded_angles_under_strokes_of_the_motors_are_the_files_too(tmp_path: Path) -> None:

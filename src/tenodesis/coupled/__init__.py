@@ -2,7 +2,7 @@
 
 from tenodesis.coupled.axes import Pair, compensated, pairs
 from tenodesis.coupled.description import CoupledInstrument, Crossing, Grip, Joint, RouteError, Tendon
-from tenodesis.coupled.dvrk import PULLEY_RADIUS, dvrk_text, from_dvrk
+from tenodesis.coupled.dvrk import PULLEY_RADIUS, JawAngle, dvrk_text, from_dvrk, jaw_reading
 from tenodesis.coupled.losses import Loss, hold, loss
 from tenodesis.coupled.mjcf import mjcf
 from tenodesis.coupled.motion import frames, jacobian, tip_pose
@@ -35,6 +35,7 @@ __all__ = [
     "Equilibrium",
     "Grip",
     "Held",
+    "JawAngle",
     "Joint",
     "Loss",
     "Pair",
@@ -56,6 +57,7 @@ __all__ = [
     "implausible",
     "is_coupled",
     "jacobian",
+    "jaw_reading",
     "joint_positions",
     "load",
     "load_matrix",

@@ -2,7 +2,8 @@
 
 A tool file has the angles of roll, pitch, yaw and jaw by the turns of four disks. Every disk winds a pair of tendons on
 spools of one radius; the arms of a pair about the joints are the spool's radius times the disk's row of the inverse
-matrix, with the angles of the two jaws, yaw + jaw/2 and yaw - jaw/2, in place of yaw and jaw.
+matrix, with the angles of the two jaws in place of yaw and jaw: yaw + jaw/2 and yaw - jaw/2 where the file's jaw angle
+is that between the jaws, yaw + jaw and yaw - jaw where it is each jaw's own.
 """
 
 import json
@@ -10,16 +11,20 @@ import math
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, TypeGuard
+from textwrap import wrap
+from typing import Any, Literal, TypeAlias, TypeGuard, get_args
 
 import numpy as np
 import tomli_w
 
 from tenodesis.coupled.description import CoupledInstrument
 from tenodesis.coupled.reading import parse
-from tenodesis.errors import InstrumentError
+from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.files import read_regular
 from tenodesis.instrument.instrument import Array
+
+JawAngle: TypeAlias = Literal["between", "each"]
+"""What a file's jaw angle is: that between the jaws, or that of each jaw from the middle."""
 
 PULLEY_RADIUS = 2.5e-3
 """Radius of the largest pulley about the pitch axis that is assumed, m: it fits into a stem of 8 mm."""
@@ -32,10 +37,12 @@ _NAMES = ("roll", "pitch", "yaw")
 _MOST_CONDITION = 1e6
 """Condition number above which a matrix is singular, for the six digits that files have."""
 # Strings stay as they are: two slashes may stand in them.
+_JAW_SHARE: dict[JawAngle, float] = {"between": 0.5, "each": 1.0}
+_JAW_MEANING: dict[JawAngle, str] = {"between": "that between the jaws", "each": "each jaw's own, from the middle"}
 _COMMENT = re.compile(r'("(?:[^"\\\n]|\\.)*")|//[^\n]*|/\*.*?\*/', re.DOTALL)
 _OURS = {
     "joints.radius": "ours: the file has ratios of radii only; the largest one about the pitch axis is given",
-    "joints.range": "the larger of the file's limits, at most 179 deg; of a jaw, yaw's and half of the jaw's",
+    "joints.range": "the larger of the file's limits, at most 179 deg; of a jaw, yaw's and what the jaw angle adds",
     "spool_radius": "ours: one for all disks; it follows from the pitch pulley's radius",
     "joints.end_effector_length": "ours: the file has none",
     "tendon_stiffness": "ours: at 2.5 mm near the compliance of a da Vinci grasper, docs/identification.md",
@@ -43,7 +50,9 @@ _OURS = {
 }
 
 
-def from_dvrk(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS) -> CoupledInstrument:
+def from_dvrk(
+    path: str | Path, *, pulley_radius: float = PULLEY_RADIUS, jaw_angle: JawAngle = "between"
+) -> CoupledInstrument:
     """Read a tool file of the da Vinci Research Kit as a coupled instrument.
 
     Parameters
@@ -52,37 +61,48 @@ def from_dvrk(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS) -> Coup
         The file, JSON with comments.
     pulley_radius
         Radius of the largest pulley about the pitch axis, m; all others, and the spools', scale with it.
+    jaw_angle
+        What the file's jaw angle is: that between the jaws, or that of each jaw from the middle; files do not say it.
 
     Raises
     ------
     InstrumentError
         It cannot be read, is no tool file, or its wrist is none of pitch, yaw and jaws on one axis.
+    ArgumentError
+        There is no such jaw angle.
     """
-    return parse(dvrk_text(path, pulley_radius=pulley_radius), str(path))
+    return parse(dvrk_text(path, pulley_radius=pulley_radius, jaw_angle=jaw_angle), str(path))
 
 
-def dvrk_text(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS) -> str:
+def jaw_reading(path: str | Path, jaw_angle: JawAngle = "between") -> str | None:
+    """Return how the jaw angle of a tool file is read, and what either reading means; None for a tool without jaws.
+
+    Of a wrist of pulleys one would expect that a disk turns one jaw alone. Arguments and errors as of
+    :func:`from_dvrk`.
+    """
+    matrix, limits = _couplings(_content(Path(path)), Path(path))
+    return _reading(matrix, jaw_angle) if len(limits) > len(_NAMES) else None
+
+
+def dvrk_text(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS, jaw_angle: JawAngle = "between") -> str:
     """Return the text of the instrument file that :func:`from_dvrk` reads; arguments and errors as there."""
+    if jaw_angle not in _JAW_SHARE:
+        raise ArgumentError(key="jaw_angle", value=jaw_angle, allowed=" or ".join(get_args(JawAngle)))
     path = Path(path)
     content = _content(path)
-    matrix, limits, lengths = _matrix(content, path), _limits(content, path), _lengths(content)
-    if limits[-1] is None:
-        matrix, limits = _without_jaws(matrix, path), limits[:-1]
-    size = len(matrix)
+    (matrix, limits), lengths = _couplings(content, path), _lengths(content)
+    jaws = len(matrix) > len(_NAMES)
     if np.linalg.cond(matrix) > _MOST_CONDITION:
         raise _refused(
             path, "coupling.ActuatorToJointPosition is singular: turns of the disks leave every angle unchanged", matrix
         )
-    names = ("roll", "pitch", "jaw_1", "jaw_2") if size == len(_NAMES) + 1 else _NAMES
-    angles = np.eye(size)
-    if size > len(_NAMES):
-        angles[2:, 2:] = [[1, 0.5], [1, -0.5]]
-    turns = np.linalg.inv(angles @ matrix)
+    names = ("roll", "pitch", "jaw_1", "jaw_2") if jaws else _NAMES
+    turns = np.linalg.inv(_with_jaws(matrix, jaw_angle) if jaws else matrix)
     pulleys = np.abs(turns).max(axis=0)
     spool = pulley_radius / pulleys[1]
-    ranges = [min(limit, _MOST) for limit in limits if limit is not None]
-    if size > len(_NAMES):
-        ranges[2:] = [min(ranges[2] + ranges[3] / 2, _MOST)] * 2
+    ranges = [min(limit, _MOST) for limit in limits]
+    if jaws:
+        ranges[2:] = [min(ranges[2] + ranges[3] * _JAW_SHARE[jaw_angle], _MOST)] * 2
     values: dict[str, Any] = {
         "name": path.stem.lower().replace("_", "-"),
         "description": "Imported from a tool file of the da Vinci Research Kit",
@@ -99,7 +119,7 @@ def dvrk_text(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS) -> str:
     }
     if lengths[0] > 0:
         values["stem_length"] = _mm(lengths[0])
-    if size > len(_NAMES):
+    if jaws:
         values["grip"] = {"jaws": list(names[2:])}
     values["sources"] = {
         "joints": f"coupling, limits and DH parameters of {path.name}",
@@ -108,11 +128,31 @@ def dvrk_text(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS) -> str:
     }
     head = (
         f"# {path.name} of the da Vinci Research Kit: roll, pitch, and "
-        f"{'two jaws on the yaw axis' if size > len(_NAMES) else 'yaw'}.\n"
+        f"{'two jaws on the yaw axis' if jaws else 'yaw'}.\n"
         "# Turns of its disks, each of which winds a pair of tendons on spools of one radius, give the file's angles.\n"
-        "# [sources] lists what is not in the file.\n\n"
+        "# [sources] lists what is not in the file.\n"
     )
-    return head + tomli_w.dumps(dict(sorted(values.items(), key=lambda one: isinstance(one[1], list | dict))))
+    if jaws:
+        head += "".join(f"# {line}\n" for line in wrap(_reading(matrix, jaw_angle), 118))
+    return head + "\n" + tomli_w.dumps(dict(sorted(values.items(), key=lambda one: isinstance(one[1], list | dict))))
+
+
+def _with_jaws(matrix: Array, jaw_angle: JawAngle) -> Array:
+    """Return the matrix with the angles of the two jaws in place of yaw and jaw."""
+    share = _JAW_SHARE[jaw_angle]
+    return np.vstack([matrix[:2], matrix[2] + share * matrix[3], matrix[2] - share * matrix[3]])
+
+
+def _reading(matrix: Array, jaw_angle: JawAngle) -> str:
+    turned = {
+        one: np.sort(np.abs(_with_jaws(matrix, one)[2:, np.flatnonzero(matrix[3])]), axis=0) for one in _JAW_SHARE
+    }
+    by = {one: f"{100 * (least / most).max():.0f} %" for one, (least, most) in turned.items()}
+    (other,) = set(_JAW_SHARE) - {jaw_angle}
+    return (
+        f"The file's jaw angle is taken as {_JAW_MEANING[jaw_angle]}: a disk that turns a jaw turns the other one by "
+        f"up to {by[jaw_angle]} of it. Taken as {_JAW_MEANING[other]} (--jaw-angle {other}), it is {by[other]}."
+    )
 
 
 def _joint(name: str, radius: float, limit: float, lengths: tuple[float, float]) -> dict[str, Any]:
@@ -182,14 +222,14 @@ def _matrix(content: dict[str, Any], path: Path) -> Array:
     return matrix
 
 
-def _limits(content: dict[str, Any], path: Path) -> list[float | None]:
-    """Return the larger limits of roll, pitch, yaw and jaw, rad; None for jaws that no torque moves."""
-    limits: list[float | None] = []
-    for place, name in enumerate(_NAMES):
-        limits.append(_limit(_dh_joint(content, place), f"DH.joints, {name}", path))
+def _couplings(content: dict[str, Any], path: Path) -> tuple[Array, list[float]]:
+    """Return the matrix and the larger limits of roll, pitch, yaw and jaw, rad; no jaw where no torque moves it."""
+    matrix = _matrix(content, path)
+    limits = [_limit(_dh_joint(content, place), f"DH.joints, {name}", path) for place, name in enumerate(_NAMES)]
     jaw = content.get("jaw")
-    limits.append(None if isinstance(jaw, dict) and jaw.get("ftmax") == 0 else _limit(jaw, "jaw", path))
-    return limits
+    if isinstance(jaw, dict) and jaw.get("ftmax") == 0:
+        return _without_jaws(matrix, path), limits
+    return matrix, [*limits, _limit(jaw, "jaw", path)]
 
 
 def _dh_joint(content: dict[str, Any], place: int) -> Any:
