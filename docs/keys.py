@@ -13,7 +13,7 @@ from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from tenodesis.instrument import JOINT_TYPES, FullForm, ShortForm
+from tenodesis.instrument import JOINT_TYPES, FullForm, Instrument, ShortForm
 from tenodesis.scaling.catalogue_file import CatalogueFile
 from tenodesis.simulate.protocol import Protocol
 from tenodesis.tolerance.files import Tolerances
@@ -30,8 +30,7 @@ and check.
 
 | file | what it describes | example |
 |---|---|---|
-| [instrument](#instrument-file) | one instrument: its dimensions, and what else is known of it | [pulley.toml](../examples/pulley.toml) |
-| [coupled instrument](#coupled-instrument-file) | joints and tendons, each tendon with the joints that it crosses ([explained](coupled.md)) | [needle-driver.toml](../instruments/needle-driver.toml) |
+| [instrument](#instrument-file) | one instrument: its joints and tendons, and what else is known of it | short form: [pulley.toml](../examples/pulley.toml); joints and tendons: [needle-driver.toml](../instruments/needle-driver.toml) |
 | [protocol](#protocol-file) | an experiment on the bench, phase by phase | [protocol.toml](../examples/protocol.toml) |
 | [motion](#motion-file) | a recorded motion of the handle, CSV | |
 | [catalogue](#catalogue-file) | parts and constraints for scale models | |
@@ -41,12 +40,9 @@ and check.
 
 ![Dimensions of a straight instrument and of a bent joint](dimensions.svg)
 
-What is *required* makes an instrument, with `tendon_diameter` and `tendon_modulus`, or with `tendon_stiffness`. All else has a default.
-In the names of tables `AXIS` is `yaw` or `pitch`.
-""",
-    "coupled": """## Coupled instrument file
-
-[Joints that share tendons](coupled.md) explains what they mean. A tendon must have a stiffness: `tendon_stiffness`, or `tendon_diameter`, `tendon_modulus` and `tendon_length`.
+A file has one of two forms: with `joint_type`, the short form of joints in one plane or two, each with a pair of tendons of its own; or with `[[joints]]` and `[[tendons]]`, where
+a tendon may cross several joints ([explained](coupled.md)). The short form is written out as joints and tendons when it is read.
+Tendons need a stiffness: `tendon_stiffness`, or `tendon_diameter`, `tendon_modulus` and a length. In the names of tables `AXIS` is `yaw` or `pitch`.
 """,
     "protocol": "## Protocol file\n",
     "motion": """## Motion file
@@ -78,8 +74,6 @@ def page() -> str:
             _PROSE["head"],
             _PROSE["instrument"],
             *_instrument(),
-            _PROSE["coupled"],
-            *_sections(FullForm, "the coupled instrument"),
             _PROSE["protocol"],
             *_sections(Protocol, "the protocol"),
             _PROSE["motion"],
@@ -105,16 +99,23 @@ def key(name: str, field: FieldInfo) -> str:
 
 def _instrument() -> Iterator[str]:
     yield f"### Every instrument\n\n{_HEADER}"
+    yield from (_row(name, field) for name, field in Instrument.model_fields.items())
+    yield f"\n### The short form\n\n{_HEADER}"
     kinds = " or ".join(f'`"{name}"`' for name in JOINT_TYPES)
     yield f"| `joint_type` | text | *required* | {kinds} | Mechanism of the joints |"
-    common = {name: field for name, field in ShortForm.model_fields.items() if name != "joint_type"}
-    yield from (_row(name, field) for name, field in common.items())
+    yield from (_row(name, field) for name, field in _own(ShortForm, Instrument).items() if name != "joint_type")
     for name, kind in JOINT_TYPES.items():
-        own = {name: field for name, field in kind.model_fields.items() if name not in ShortForm.model_fields}
         yield f'\n### `joint_type = "{name}"`\n\n{_sentence(kind)}\n\n{_HEADER}'
-        yield from (_row(key, field) for key, field in own.items())
+        yield from (_row(key, field) for key, field in _own(kind, ShortForm).items())
+    yield f"\n### Joints and tendons\n\n{_HEADER}"
+    yield from (_row(name, field) for name, field in _own(FullForm, Instrument).items())
     yield ""
-    yield from _tables_of(ShortForm)
+    yield from _tables_of(ShortForm, FullForm)
+
+
+def _own(kind: type[BaseModel], base: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Return the fields that a model has beside those of its base."""
+    return {name: field for name, field in kind.model_fields.items() if name not in base.model_fields}
 
 
 def _sections(kind: type[BaseModel], name: str) -> Iterator[str]:
@@ -124,10 +125,10 @@ def _sections(kind: type[BaseModel], name: str) -> Iterator[str]:
     yield from _tables_of(kind)
 
 
-def _tables_of(kind: type[BaseModel]) -> Iterator[str]:
-    """Yield a section for each table below a model, where tables of the same kind stand in one."""
+def _tables_of(*kinds: type[BaseModel]) -> Iterator[str]:
+    """Yield a section for each table below models, where tables of the same kind stand in one."""
     places: dict[type[BaseModel], list[str]] = {}
-    for place, table in _places(kind):
+    for place, table in (found for kind in kinds for found in _places(kind)):
         places.setdefault(table, []).append(re.sub(r"\.(yaw|pitch)\b", ".AXIS", place))
     for table, names in places.items():
         yield f"### {', '.join(dict.fromkeys(names))}\n\n{_sentence(table)}\n\n{_HEADER}"

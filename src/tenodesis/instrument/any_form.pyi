@@ -3,9 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Self
 
-from tenodesis.instrument.conditions import Conditions
-from tenodesis.instrument.devices import Devices
-from tenodesis.instrument.hardware import Geometry, Mismatch
+from tenodesis.instrument.hardware import Mismatch
 from tenodesis.instrument.joints import Grip, Joint, Tendon
 
 class AnyForm:
@@ -53,12 +51,6 @@ class AnyForm:
     @property
     def backbone_rigidity(self) -> float: ...
     @property
-    def conditions(self) -> Conditions: ...
-    @property
     def mismatch(self) -> Mismatch: ...
-    @property
-    def geometry(self) -> Geometry: ...
-    @property
-    def devices(self) -> Devices: ...
     @property
     def overrides(self) -> Mapping[Any, Mapping[str, Any]]: ...

@@ -22,7 +22,7 @@ _OF_SHORT_FORM = frozenset(
     {
         *("joint_type", "axes", "axis", "planar", "spec", "parameter_fields", "quantities", "overrides"),
         *("overall_length", "end_effector_length", "handle_length", "handle_range", "output_range", "output_stop"),
-        *("conditions", "mismatch", "geometry", "devices", "rig_arm", "tension_sensor"),
+        *("mismatch", "rig_arm", "tension_sensor"),
         *("distal_gear_radius", "proximal_gear_radius", "distal_pulley_radius", "proximal_pulley_radius"),
         *("distal_tendon_offset", "backbone_length", "backbone_rigidity"),
     }

@@ -11,7 +11,9 @@ from pydantic import AfterValidator, BaseModel, Field
 
 from tenodesis import _core
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument.hardware import Control, Drives, Friction, Sensors
+from tenodesis.instrument.conditions import Conditions
+from tenodesis.instrument.devices import Devices
+from tenodesis.instrument.hardware import Control, Drives, Friction, Geometry, Sensors
 from tenodesis.instrument.joints import MECHANISMS, SIGNS, Joint, Tendon
 from tenodesis.toml import FileTable, validated
 from tenodesis.units import Force, Length, Modulus, PositiveForce, Stiffness
@@ -60,10 +62,13 @@ class Instrument(FileTable, AnyForm):
     )
     pretension: Force = Field(description="Tension of every tendon at rest")
     breaking_load: PositiveForce | None = Field(default=None, description="Tension at which a tendon breaks")
+    conditions: Conditions = Conditions()
     friction: Friction = Friction()
     drives: Drives = Drives()
     sensors: Sensors = Sensors()
     control: Control = Control()
+    geometry: Geometry = Geometry()
+    devices: Devices = Devices()
     sources: Mapping[str, str] = Field(default={}, description="Source of each value, by key")
 
     @property

@@ -9,9 +9,7 @@ from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_va
 
 from tenodesis import _core, notebook
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument.conditions import Conditions
-from tenodesis.instrument.devices import Devices
-from tenodesis.instrument.hardware import Dynamics, Geometry, Mismatch
+from tenodesis.instrument.hardware import Dynamics, Mismatch
 from tenodesis.instrument.instrument import Instrument
 from tenodesis.instrument.tension import TensionSensor, tension_sensor
 from tenodesis.toml import did_you_mean, file_keys, validated
@@ -47,11 +45,8 @@ class ShortForm(Instrument):
     output_range: AngleRange = Field(
         default=math.radians(80), description="Working range of the output angle to either side"
     )
-    conditions: Conditions = Conditions()
     dynamics: Dynamics = Dynamics()
     mismatch: Mismatch = Mismatch()
-    geometry: Geometry = Geometry()
-    devices: Devices = Devices()
     overrides: Mapping[AxisName, Mapping[str, Any]] = Field(
         default={}, description="Values that differ on an axis, by axis"
     )
