@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from tenodesis import statics
-from tenodesis.coupled import CoupledLike, CoupledRun, load
+from tenodesis.coupled import CoupledLike, load
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.report import curves, space, style
@@ -103,15 +103,13 @@ def step_response(run: Run, inst: InstrumentLike) -> Figure:
         return curves.step_response([Step(heading, run, float(run.time[first]), theory)]).figure
 
 
-def run(run: Run | CoupledRun, signals: Sequence[str] = ()) -> Figure:
-    """Draw signals of a run over time, a column for each axis: those named, or angles, tensions and forces.
+def run(run: Run, signals: Sequence[str] = ()) -> Figure:
+    """Draw signals of a run over time, a panel each: those named, or angles, tensions and loads.
 
-    A coupled run has a panel for each signal, with a curve per joint or tendon: ``output_angle``, ``tension.jaw_1``.
-    Raises KeyError if a signal is unknown or was not recorded.
+    Each has a curve per joint, tendon or component; ``tension.jaw_1`` is one of them. Raises KeyError if a signal is
+    unknown or was not recorded.
     """
     with style.applied():
-        if isinstance(run, CoupledRun):
-            return curves.coupled_signals(run, signals).figure
         return curves.signals(run, signals).figure
 
 

@@ -4,7 +4,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,84 +19,183 @@ if TYPE_CHECKING:
 Array: TypeAlias = NDArray[np.float64]
 
 TENDONS = ("agonist", "antagonist")
-"""The tendons of an axis, in the order of arrays."""
+"""The tendons of a joint that has a pair of its own, in the order of arrays."""
+
+COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+"""Components of a wrench, in the order of arrays."""
+
+Owner: TypeAlias = Literal["joints", "handle_joints", "tendons", "compensated", "components", "run"]
+"""What a signal has a column for each of; "run": it has one alone."""
 
 
 class Signal(NamedTuple):
-    """A signal: its SI unit, whether it exists per tendon, and its description."""
+    """A signal: its SI unit, what it has columns of, and its description."""
 
     unit: str
-    per_tendon: bool
+    of: Owner
     description: str
 
+    @property
+    def per_tendon(self) -> bool:
+        """Whether it has a column per tendon."""
+        return self.of == "tendons"
 
-def _signal(group: str, unit: str, description: str, *, per_tendon: bool = False) -> Any:
+
+class Names(NamedTuple):
+    """What the columns of a run are named after."""
+
+    joints: tuple[str, ...]
+    """Of the tip."""
+    handle_joints: tuple[str, ...]
+    tendons: tuple[str, ...]
+    compensated: tuple[str, ...] = ()
+    """Joints of the tip that a controller serves, in its order."""
+
+    @classmethod
+    def paired(cls, joints: Sequence[str]) -> Self:
+        """Return the names where every joint has a joint at the handle and two tendons of its own."""
+        tendons = tuple(f"{joint}_{side}" for joint in joints for side in TENDONS)
+        return cls(tuple(joints), tuple(f"handle_{joint}" for joint in joints), tendons, tuple(joints))
+
+    def columns(self, signal: str) -> tuple[str, ...]:
+        """Return the names of a signal's columns; empty if it has one alone."""
+        of = SIGNALS[signal].of
+        if of == "run":
+            return ()
+        return COMPONENTS if of == "components" else getattr(self, of)
+
+    def shape(self, signal: str, rows: int) -> tuple[int, ...]:
+        """Return the shape of a signal of so many rows."""
+        columns = len(self.columns(signal))
+        single = SIGNALS[signal].of == "run" or (columns == 1 and not SIGNALS[signal].per_tendon)
+        return (rows,) if single else (rows, columns)
+
+    def column(self, signal: str, name: str) -> int:
+        """Return the number of a signal's column by its name, or by an end of it that no other has: ``agonist``.
+
+        Raises KeyError if there is no such column.
+        """
+        columns, wanted = self.columns(signal), name.replace(".", "_")
+        found = [wanted] if wanted in columns else [one for one in columns if one.endswith(f"_{wanted}")]
+        if len(found) != 1:
+            raise KeyError(f"{name} is not among the columns of {signal}; they are {', '.join(columns) or 'none'}")
+        return columns.index(found[0])
+
+
+def _signal(group: str, unit: str, of: Owner, description: str) -> Any:
     """Return the default of a signal's field: None, with the signal's definition as metadata."""
-    return field(default=None, metadata={"group": group, "signal": Signal(unit, per_tendon, description)})
+    return field(default=None, metadata={"group": group, "signal": Signal(unit, of, description)})
 
 
 @dataclass(frozen=True)
 class Run:
     """The signals of a run, one row per time step; :data:`SIGNALS` describes each.
 
-    Shapes, for n steps: (n,) and per tendon (n, 2), agonist first; with two axes (n, 2) and (n, 2, 2), axis before
-    tendon. A signal that was not recorded is None.
+    A signal has a column per joint, joint of the handle, tendon or component, named as :meth:`columns` gives them:
+    ``run["tension.pitch_wound"]`` is one of ``run["tension"]``. Shapes, for n steps: (n, columns), agonist before
+    antagonist; (n,) with one joint. Tendons and components always have an axis of their own. A signal that was not
+    recorded is None.
+
+    Without tendons named, every joint has a joint at the handle and two tendons of its own, as in a planar instrument.
     """
 
     time: Array
-    axes: tuple[str, ...]
-    commanded_handle_angle: Array | None = _signal("command", "rad", "Handle angle that the hand aims at")
-    force: Array | None = _signal("command", "N", "Tangential force at the tip; positive opposes positive flexion")
-    radial_force: Array | None = _signal("command", "N", "Force along the end-effector; positive outward")
-    contact_angle: Array | None = _signal("command", "rad", "Output angle at which the tip touches tissue")
+    joints: tuple[str, ...]
+    handle_joints: tuple[str, ...] = ()
+    tendons: tuple[str, ...] = ()
+    compensated: tuple[str, ...] = ()
+    """Joints of the tip that a controller serves, in its order."""
+    commanded_handle_angle: Array | None = _signal(
+        "command", "rad", "handle_joints", "Handle angle that the hand aims at"
+    )
+    force: Array | None = _signal(
+        "command", "N", "joints", "Tangential force at the tip; positive opposes positive flexion"
+    )
+    radial_force: Array | None = _signal("command", "N", "joints", "Force along the end-effector; positive outward")
+    contact_angle: Array | None = _signal("command", "rad", "joints", "Output angle at which the tip touches tissue")
     contact_stiffness: Array | None = _signal(
-        "command", "N/m", "Tissue's stiffness at the tip: positive in flexion, negative in extension; 0: there is none"
+        "command",
+        "N/m",
+        "joints",
+        "Tissue's stiffness at the tip: positive in flexion, negative in extension; 0: there is none",
     )
-    contact_damping: Array | None = _signal("command", "N*s/m", "Tissue's damping at the tip")
+    contact_damping: Array | None = _signal("command", "N*s/m", "joints", "Tissue's damping at the tip")
+    wrench: Array | None = _signal("command", "N, N*m", "components", "Force and moment on the tip: x, y, z of either")
+    applied_grip_force: Array | None = _signal(
+        "command", "N", "run", "Force that presses the jaws apart, besides that of what they hold"
+    )
     commanded_spool_velocity: Array | None = _signal(
-        "command", "rad/s", "Spool velocity commanded to the drives; positive winds", per_tendon=True
+        "command", "rad/s", "tendons", "Spool velocity commanded to the drives; positive winds"
     )
-    measured_handle_angle: Array | None = _signal("measured", "rad", "Handle angle by its encoder")
+    measured_handle_angle: Array | None = _signal("measured", "rad", "handle_joints", "Handle angle by its encoder")
     measured_output_angle: Array | None = _signal(
-        "measured", "rad", "Output angle by the distal encoder, which only a bench has"
+        "measured", "rad", "joints", "Output angle by the distal encoder, which only a bench has"
     )
     measured_tension: Array | None = _signal(
-        "measured", "N", "Tendon tension by the load cells beside the spools, or by currents", per_tendon=True
+        "measured", "N", "tendons", "Tendon tension by the load cells beside the spools, or by currents"
     )
     measured_current: Array | None = _signal(
-        "measured", "A", "Motor current, where it gives the measured tension", per_tendon=True
+        "measured", "A", "tendons", "Motor current, where it gives the measured tension"
     )
-    measured_spool_angle: Array | None = _signal(
-        "measured", "rad", "Spool angle by the motors' encoders", per_tendon=True
-    )
-    handle_angle: Array | None = _signal("truth", "rad", "Handle angle")
-    handle_torque: Array | None = _signal("truth", "N*m", "Torque of the hand on the handle")
-    output_angle: Array | None = _signal("truth", "rad", "Output angle of the end-effector")
-    output_velocity: Array | None = _signal("truth", "rad/s", "Its rate")
+    measured_spool_angle: Array | None = _signal("measured", "rad", "tendons", "Spool angle by the motors' encoders")
+    handle_angle: Array | None = _signal("truth", "rad", "handle_joints", "Handle angle")
+    handle_torque: Array | None = _signal("truth", "N*m", "handle_joints", "Torque of the hand on the handle")
+    output_angle: Array | None = _signal("truth", "rad", "joints", "Output angle of the end-effector")
+    output_velocity: Array | None = _signal("truth", "rad/s", "joints", "Its rate")
     contact_force: Array | None = _signal(
-        "truth", "N", "Tangential force of tissue on the tip, mean of the step; positive opposes positive flexion"
+        "truth",
+        "N",
+        "joints",
+        "Tangential force of tissue on the tip, mean of the step; positive opposes positive flexion",
     )
-    tension: Array | None = _signal("truth", "N", "Tendon tension beside the spool", per_tendon=True)
-    distal_tension: Array | None = _signal("truth", "N", "Tendon tension at the tip", per_tendon=True)
-    spool_angle: Array | None = _signal("truth", "rad", "Spool angle", per_tendon=True)
-    spool_velocity: Array | None = _signal("truth", "rad/s", "Its rate", per_tendon=True)
-    estimated_output_angle: Array | None = _signal("control", "rad", "Output angle by the controller's observer")
-    estimated_output_angle_std: Array | None = _signal("control", "rad", "Its standard deviation")
-    estimated_force: Array | None = _signal("control", "N", "Tangential force at the tip by the observer")
-    estimated_force_std: Array | None = _signal("control", "N", "Its standard deviation")
+    grip_force: Array | None = _signal("truth", "N", "run", "Force of the jaws on what they hold, mean of the step")
+    tension: Array | None = _signal("truth", "N", "tendons", "Tendon tension beside the spool")
+    distal_tension: Array | None = _signal("truth", "N", "tendons", "Tendon tension at the tip")
+    spool_angle: Array | None = _signal("truth", "rad", "tendons", "Spool angle")
+    spool_velocity: Array | None = _signal("truth", "rad/s", "tendons", "Its rate")
+    estimated_output_angle: Array | None = _signal(
+        "control", "rad", "compensated", "Output angle by the controller's observer"
+    )
+    estimated_output_angle_std: Array | None = _signal("control", "rad", "compensated", "Its standard deviation")
+    estimated_force: Array | None = _signal(
+        "control", "N", "compensated", "Tangential force at the tip by the observer"
+    )
+    estimated_force_std: Array | None = _signal("control", "N", "compensated", "Its standard deviation")
     friction_scale: Array | None = _signal(
-        "control", "1", "Estimated friction over that of the controller's instrument file"
+        "control", "1", "compensated", "Estimated friction over that of the controller's instrument file"
     )
-    friction_scale_std: Array | None = _signal("control", "1", "Its standard deviation")
-    operating_state: Array | None = _signal("control", "1", "0 disabled, 1 enabled, 2 paused, 3 fault")
-    faults: Array | None = _signal("control", "1", "Faults as a mask of bits, tenodesis.control.FAULTS in order")
+    friction_scale_std: Array | None = _signal("control", "1", "compensated", "Its standard deviation")
+    operating_state: Array | None = _signal("control", "1", "compensated", "0 disabled, 1 enabled, 2 paused, 3 fault")
+    faults: Array | None = _signal(
+        "control", "1", "compensated", "Faults as a mask of bits, tenodesis.control.FAULTS in order"
+    )
     phase: Array | None = _signal(
-        "control", "1", "Of the robust law: 0 rest, 1 track, 2 pull, 3 release, 4 restrained, 5 yielding"
+        "control", "1", "compensated", "Of the robust law: 0 rest, 1 track, 2 pull, 3 release, 4 restrained, 5 yielding"
     )
     homing_failure: Array | None = _signal(
-        "control", "1", "Why homing failed: number in tenodesis.control.HOMING_REASONS, and 256 per tendon"
+        "control",
+        "1",
+        "compensated",
+        "Why homing failed: number in tenodesis.control.HOMING_REASONS, and 256 per tendon",
     )
-    request: Array | None = _signal("control", "1", "Request to the controller, tenodesis.control.Request; 0 none")
+    request: Array | None = _signal(
+        "control", "1", "compensated", "Request to the controller, tenodesis.control.Request; 0 none"
+    )
+
+    def __post_init__(self) -> None:
+        if not self.tendons:
+            for group, names in Names.paired(self.joints)._asdict().items():
+                object.__setattr__(self, group, names)
+
+    @property
+    def names(self) -> Names:
+        """What the columns are named after."""
+        return Names(self.joints, self.handle_joints, self.tendons, self.compensated)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The joints of the tip, by the name that they have in a planar instrument."""
+        return self.joints
 
     def signals(self) -> dict[str, Array]:
         """Return the signals that were recorded, by name, without the time."""
@@ -108,9 +207,10 @@ class Run:
     @overload
     def __getitem__(self, key: slice) -> "Run": ...
     def __getitem__(self, key: str | slice) -> "Array | Run":
-        """Return a signal by name, or what lies between two times, s, both included: ``run[1.0:2.5]``, ``run[2.0:]``.
+        """Return a signal or one of its columns by name, or what lies between two times, s, both included.
 
-        A step is a number of rows: ``run[::20]``. For rows by number see :meth:`rows`.
+        ``run["tension"]``, ``run["tension.agonist"]``, ``run[1.0:2.5]``, ``run[2.0:]``. A step is a number of rows:
+        ``run[::20]``. For rows by number see :meth:`rows`.
 
         Raises
         ------
@@ -131,10 +231,21 @@ class Run:
                 )
             start, stop = -np.inf if key.start is None else key.start, np.inf if key.stop is None else key.stop
             return (self.between(start, stop) if bounds else self).rows(step=key.step)
-        values = getattr(self, key) if key in SIGNALS else None
+        name, _, column = key.partition(".")
+        values = getattr(self, name) if name in SIGNALS else None
         if values is None:
-            raise KeyError(f"{key} is not among the signals; they are {', '.join(self.signals())}")
-        return np.asarray(values)
+            raise KeyError(f"{name} is not among the signals; they are {', '.join(self.signals())}")
+        return np.asarray(self.by_column(name)[..., self.names.column(name, column)] if column else values)
+
+    def columns(self, signal: str) -> tuple[str, ...]:
+        """Return the names of a signal's columns; empty if it has one alone. Raises KeyError if it is unknown."""
+        return self.names.columns(signal)
+
+    def by_column(self, signal: str) -> Array:
+        """Return a recorded signal with an axis for its columns even if it has one: (n, columns)."""
+        values = np.asarray(getattr(self, signal))
+        count = 1 if SIGNALS[signal].of == "run" else len(self.columns(signal))
+        return values.reshape(*np.shape(self.time), count)
 
     def between(self, start: float = -np.inf, stop: float = np.inf) -> "Run":
         """Return the rows between two times, s, both included."""
@@ -157,7 +268,7 @@ class Run:
         return {name: float(times[row]) for row, name in first}
 
     def to_pandas(self) -> "pd.DataFrame":
-        """Return a DataFrame with a column per signal and axis or tendon, over the time in s.
+        """Return a DataFrame with a column per signal and joint, tendon or component, over the time in s.
 
         Raises
         ------
@@ -169,20 +280,29 @@ class Run:
         return tn.recording.to_pandas(self)
 
     def axis(self, name: str) -> "Run":
-        """Return the run of a single axis, with signals of shape (n,), per tendon (n, 2).
+        """Return the run of a single joint with its own joint of the handle and its own pair of tendons.
+
+        Its signals have shape (n,), per tendon (n, 2). Those of the entire tip remain.
 
         Raises
         ------
         KeyError
-            There is no such axis.
+            There is no such joint, or its tendons are not its own.
         """
-        if name not in self.axes:
-            raise KeyError(f"{name} is not among the axes; they are {', '.join(self.axes)}")
-        if len(self.axes) == 1:
+        own = Names.paired([name])
+        if name not in self.joints or not set(own.tendons) <= set(self.tendons):
+            alone = [joint for joint in self.joints if set(Names.paired([joint]).tendons) <= set(self.tendons)]
+            raise KeyError(f"{name} is not among the axes; they are {', '.join(alone)}")
+        if self.names == own:
             return self
-        index = self.axes.index(name)
-        own: dict[str, Any] = {key: values[:, index] for key, values in self.signals().items()}
-        return replace(self, axes=(name,), **own)
+        kept = Names(*(tuple(one for one in mine if one in own) for mine, own in zip(self.names, own, strict=True)))
+        signals: dict[str, Any] = {}
+        for key, values in self.signals().items():
+            numbers = [self.names.column(key, column) for column in kept.columns(key)]
+            shape = np.shape(self.time) + kept.shape(key, 1)[1:]
+            signals[key] = self.by_column(key)[..., numbers].reshape(shape) if numbers else values
+        of_others = {key for key in signals if SIGNALS[key].of != "run" and not kept.columns(key)}
+        return replace(self, **kept._asdict(), **(signals | dict.fromkeys(of_others)))
 
     def plot(self, *signals: str) -> "Figure":
         """Return a figure of signals over time: those named, or angles, tensions and forces; see :mod:`tenodesis.plot`.
@@ -220,10 +340,10 @@ class Run:
 
     @property
     def _extent(self) -> str:
-        """Rows, times and axes in words."""
+        """Rows, times and joints in words."""
         times = np.atleast_1d(self.time)
         span = f", {times[0]:.6g} to {times[-1]:.6g} s" if times.size else ""
-        return f"{times.size} rows{span}, {' and '.join(self.axes)}"
+        return f"{times.size} rows{span}, {' and '.join(self.joints)}"
 
 
 def _row(signal: Signal, name: str, values: Array) -> tuple[str, ...]:
@@ -263,13 +383,13 @@ def concatenate(runs: Sequence[Run]) -> Run:
     Raises
     ------
     ValueError
-        There is none, or they have different axes or signals.
+        There is none, or they have different joints, tendons or signals.
     """
     if not runs:
         raise ArgumentError(key="runs", value=runs, allowed="one run or more")
     first = runs[0]
     names = tuple(first.signals())
-    if any(run.axes != first.axes or tuple(run.signals()) != names for run in runs):
+    if any(run.names != first.names or tuple(run.signals()) != names for run in runs):
         raise ArgumentError("the runs differ in axes or signals; they must have the same.", key="runs")
     joined: dict[str, Any] = {name: np.concatenate([getattr(run, name) for run in runs]) for name in ("time", *names)}
     return replace(first, **joined)

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from tenodesis.recording import Recorder
-from tenodesis.recording.schemas import shape
-from tenodesis.run import SIGNALS, Run
+from tenodesis.run import SIGNALS, Names, Run
 
 
 def a_run(rows: int, axes: tuple[str, ...] = ("yaw",), start: int = 0, names: Any = SIGNALS) -> Run:
@@ -15,7 +14,7 @@ def a_run(rows: int, axes: tuple[str, ...] = ("yaw",), start: int = 0, names: An
     rng = np.random.default_rng(rows + start)
     signals = {}
     for name in names:
-        size = shape(name, rows, axes)
+        size = Names.paired(axes).shape(name, rows)
         values = rng.integers(0, 2**64, size, np.uint64).view(np.float64)
         values[rng.random(size) < 0.2] = np.nan
         signals[name] = values
@@ -28,7 +27,7 @@ def bits(run: Run, rows: int | None = None) -> dict[str, tuple[tuple[int, ...], 
 
 
 def recorded(path: Path, *runs: Run, **options: Any) -> Path:
-    with Recorder(path, axes=runs[0].axes, **options) as recorder:
+    with Recorder(path, axes=runs[0].names, **options) as recorder:
         for run in runs:
             recorder.write(run)
     return path

@@ -10,14 +10,12 @@ import pytest
 
 import tenodesis as tn
 from tenodesis.errors import ProtocolError, RecordingError
-from tenodesis.recording import CoupledRecording, Recorder, Recording, open_recording, tables
-from tenodesis.recording.schemas import CoupledNames
+from tenodesis.recording import Recorder, Recording, tables
 from tenodesis.recording.simulation import record_coupled, write_run
 from tenodesis.recording.summary import facts
 from tenodesis.simulate import Cycles, GrippedObject, Hold, Protocol, Ramp, StepLoad, Wrench
 
 from .conftest import EXAMPLES
-from .recording_samples import a_run, recorded
 
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
 
@@ -32,7 +30,7 @@ def wrist() -> tn.coupled.CoupledInstrument:
 
 
 @pytest.fixture(scope="module")
-def run(wrist: tn.coupled.CoupledInstrument) -> tn.coupled.CoupledRun:
+def run(wrist: tn.coupled.CoupledInstrument) -> tn.Run:
     return tn.simulate.execute_coupled(
         tn.coupled.Twin(wrist, seed=3), tn.simulate.load(EXAMPLES / "coupled_protocol.toml")
     )
@@ -46,20 +44,20 @@ def test_the_default_protocol_moves_loads_and_grips_and_comes_back_bit_by_bit(na
     assert (np.abs(run["output_angle"]).max(axis=0) > np.radians(8)).all()
     assert set(np.unique(np.sign(run["wrench"][:, :2]))) == {-1, 0, 1}
     assert inst.grip is None or run["grip_force"].max() > 0.1
-    back = CoupledRecording.open(tmp_path / "run.mcap")
+    back = Recording.open(tmp_path / "run.mcap")
     assert back.instrument() == inst
-    assert back.run.signals.keys() == run.signals.keys()
+    assert back.run.signals().keys() == run.signals().keys()
     assert (back.run.joints, back.run.handle_joints, back.run.tendons) == (run.joints, run.handle_joints, run.tendons)
-    for signal in ("time", *run.signals):
+    for signal in ("time", *run.signals()):
         there, again = ((one.time if signal == "time" else one[signal]) for one in (run, back.run))
         assert np.array_equal(there, again), signal
     again = tn.simulate.execute_coupled(
         tn.coupled.Twin(inst, seed=1, time_step=2e-3, quasi_static=True), tn.simulate.parse(back.metadata["protocol"])
     )
-    assert all(np.array_equal(again[signal], run[signal]) for signal in run.signals)
+    assert all(np.array_equal(again[signal], run[signal]) for signal in run.signals())
 
 
-def test_a_recording_names_joints_tendons_units_and_meanings(run: tn.coupled.CoupledRun, tmp_path: Path) -> None:
+def test_a_recording_names_joints_tendons_units_and_meanings(run: tn.Run, tmp_path: Path) -> None:
     from mcap.reader import make_reader
 
     wrist = tn.coupled.load("hybrid-scaled-up")
@@ -70,9 +68,9 @@ def test_a_recording_names_joints_tendons_units_and_meanings(run: tn.coupled.Cou
     assert tip["signals"].split() == ["output_angle", "output_velocity"]
     assert tip["units"].split() == ["rad", "rad/s"]
     assert len(tip["meanings"].split("; ")) == 2
-    load = channels["/rig/measured_cf"]
+    load = channels["/rig/wrench"]
     assert dict(zip(load["signals"].split(), load["units"].split(), strict=True))["wrench.mz"] == "N*m"
-    metadata = open_recording(tmp_path / "run.mcap").metadata
+    metadata = Recording.open(tmp_path / "run.mcap").metadata
     assert metadata["joints"].split() == ["yaw", "pitch", "jaw"]
     assert metadata["tendons"].split()[-1] == "grip"
 
@@ -83,10 +81,10 @@ def test_a_controllers_estimates_and_faults_are_recorded_by_joint(
     controller = tn.control.Controller(tn.coupled.compensated(wrist))
     load = StepLoad(wrench=Wrench(fy=0.5), duration=0.1)
     run = record_coupled(wrist, protocol(load), tmp_path / "run.mcap", controller=controller)
-    recording = CoupledRecording.open(tmp_path / "run.mcap")
+    recording = Recording.open(tmp_path / "run.mcap")
     assert recording.run.columns("estimated_force") == run.compensated == ("yaw", "pitch")
-    assert recording.run.signals.keys() == run.signals.keys()
-    assert all(np.array_equal(recording.run[signal], run[signal], equal_nan=True) for signal in run.signals)
+    assert recording.run.signals().keys() == run.signals().keys()
+    assert all(np.array_equal(recording.run[signal], run[signal], equal_nan=True) for signal in run.signals())
     said = facts(recording)
     assert said["controller"] == "robust law, friction observer, differential actuation, of yaw and pitch"
     assert said["faults"] == "none"
@@ -96,7 +94,7 @@ def test_a_controllers_estimates_and_faults_are_recorded_by_joint(
     assert not (tmp_path / "no.mcap").exists()
 
 
-def test_tables_have_a_column_for_each_joint_and_tendon(run: tn.coupled.CoupledRun, tmp_path: Path) -> None:
+def test_tables_have_a_column_for_each_joint_and_tendon(run: tn.Run, tmp_path: Path) -> None:
     few = run.rows(last=50)
     columns = tables.columns(few)
     assert np.array_equal(columns["output_angle.pitch [rad]"], few["output_angle.pitch"])
@@ -108,34 +106,26 @@ def test_tables_have_a_column_for_each_joint_and_tendon(run: tn.coupled.CoupledR
     assert "tension.yaw_agonist [N]" in header.split(",")
 
 
-def test_a_truncated_recording_reads_up_to_its_last_chunk(run: tn.coupled.CoupledRun, tmp_path: Path) -> None:
+def test_a_truncated_recording_reads_up_to_its_last_chunk(run: tn.Run, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     write_run(run, tn.coupled.load("hybrid-scaled-up"), path)
     path.write_bytes(path.read_bytes()[:1_000_000])
-    back = open_recording(path)
+    back = Recording.open(path)
     assert back.damage is not None
     assert 0 < len(back.run) < len(run)
     assert np.array_equal(back.run["tension"], run["tension"][: len(back.run)])
 
 
-def test_planar_and_coupled_recordings_are_told_apart_in_a_sentence(run: tn.coupled.CoupledRun, tmp_path: Path) -> None:
-    write_run(run.rows(last=10), tn.coupled.load("hybrid-scaled-up"), tmp_path / "run.mcap")
-    with pytest.raises(RecordingError, match="joints share tendons, and this takes planar ones"):
-        Recording.open(tmp_path / "run.mcap")
-    planar = recorded(tmp_path / "planar.mcap", a_run(10))
-    with pytest.raises(RecordingError, match="is of a planar instrument"):
-        CoupledRecording.open(planar)
-    other = CoupledNames.of_instrument(tn.coupled.load("needle-driver"))
+def test_a_run_of_other_joints_is_refused_in_a_sentence(run: tn.Run, tmp_path: Path) -> None:
+    other = tn.coupled.names_of(tn.coupled.load("needle-driver"))
     with (
         Recorder(tmp_path / "other.mcap", axes=other) as recorder,
-        pytest.raises(RecordingError, match=r"joints and tendons are yaw.*they must be pitch, jaw_1"),
+        pytest.raises(RecordingError, match=r"the run's joints are yaw.*they must be pitch, jaw_1"),
     ):
         recorder.write(run)
 
 
-def test_commands_are_by_joint_tendon_and_component(
-    run: tn.coupled.CoupledRun, wrist: tn.coupled.CoupledInstrument
-) -> None:
+def test_commands_are_by_joint_tendon_and_component(run: tn.Run, wrist: tn.coupled.CoupledInstrument) -> None:
     assert run["commanded_handle_angle.handle_pitch"].max() == pytest.approx(np.radians(20))
     assert run["commanded_handle_angle"][-1] == pytest.approx(np.radians([-15, -10, 20]))
     assert np.abs(run["wrench"]).max(axis=0) == pytest.approx([0, 0.5, 0, 0, 0, 2e-3])
@@ -205,7 +195,7 @@ def test_an_object_wider_than_the_jaws_are_open_is_refused(wrist: tn.coupled.Cou
         tn.simulate.execute_coupled(tn.coupled.Twin(wrist), protocol(wide))
 
 
-def test_a_figure_has_a_curve_for_each_joint_and_tendon(run: tn.coupled.CoupledRun) -> None:
+def test_a_figure_has_a_curve_for_each_joint_and_tendon(run: tn.Run) -> None:
     figure = run.plot()
     legends = [[text.get_text() for text in panel.get_legend().get_texts()] for panel in figure.axes]
     assert ["yaw", "pitch", "jaw"] in legends

@@ -14,7 +14,7 @@ from tenodesis.identification import measured
 from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.recording import Recording, container, schemas
 from tenodesis.recording.simulation import record
-from tenodesis.run import Run
+from tenodesis.run import Names, Run
 
 from .recording_files import PROTOCOL, read, same
 
@@ -73,7 +73,8 @@ def written(
     """Write a run as another program would: each topic a little later than the one before, one ending early."""
     with path.open("wb") as file:
         writer = Writer(file)
-        for n, topic in enumerate(t for t in schemas.topics(("yaw",)) if t.name not in leave and t.name != "/time"):
+        all_topics = schemas.topics(Names.paired(["yaw"]))
+        for n, topic in enumerate(t for t in all_topics if t.name not in leave and t.name != "/time"):
             if topic.name.startswith(("/twin", "/controller")) or topic.name == "/motors/setpoint_js":
                 continue
             if not set(topic.signals.values()) <= run.signals().keys():
@@ -204,7 +205,7 @@ def test_a_bag_in_sqlite_in_two_parts_is_brought_together(plain: Path, tmp_path:
     folder = tmp_path / "bag"
     folder.mkdir()
     # the tenth part comes before the second by its name
-    topics = [topic.name for topic in schemas.topics(("yaw",))]
+    topics = [topic.name for topic in schemas.topics(Names.paired(["yaw"]))]
     as_sqlite(plain, folder / "bag_2.db3", edit=dict.fromkeys(topics, lambda all_: all_[:half]))
     as_sqlite(plain, folder / "bag_10.db3", edit=dict.fromkeys(topics, lambda all_: all_[half:]))
     loaded = read(folder)
@@ -316,7 +317,7 @@ def test_a_tendon_without_a_joint_of_its_own_is_said(plain: Path, tmp_path: Path
 
 
 def test_stamps_are_seconds_whatever_their_interval(plain: Path, tmp_path: Path) -> None:
-    slow = {topic.name: lambda all_: all_[::1300] for topic in schemas.topics(("yaw",))}
+    slow = {topic.name: lambda all_: all_[::1300] for topic in schemas.topics(Names.paired(["yaw"]))}
     with pytest.raises(
         IdentificationError, match=r"time rises by 0\.65 a row \(median\), which is no clock of 2 Hz to 50 kHz in s$"
     ):

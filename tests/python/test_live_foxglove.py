@@ -26,6 +26,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.live.foxglove import Server, serve, warning
 from tenodesis.recording import Recorder
 from tenodesis.recording.schemas import topics
+from tenodesis.run import Names
 
 from .live_loop import LiveLoop, Played
 from .test_recording import a_run
@@ -101,10 +102,10 @@ def test_topics_schemas_and_values_are_those_of_a_recording(
     with Server(source, port=0, rate=None, folder=tmp_path) as server:
         server.publish()
         with client(server) as watcher:
-            watcher.subscribe(1 + len(topics(axes)))
+            watcher.subscribe(1 + len(topics(Names.paired(axes))))
             while server.publish():
                 pass
-            for topic in topics(axes):
+            for topic in topics(Names.paired(axes)):
                 watcher.take(topic.name, 200 - FIRST)
 
     stamps = [stamp for stamp, _ in watcher.messages["/time"]]
@@ -146,7 +147,7 @@ def test_a_stock_decoder_reads_the_values_of_the_loop_itself(tmp_path: Path) -> 
     with Server(Played(run, loop.inst, [FIRST, 290]), port=0, rate=None) as server:
         server.publish()
         with client(server) as watcher:
-            watcher.subscribe(1 + len(topics(("yaw",))) - 1)
+            watcher.subscribe(1 + len(topics(Names.paired(["yaw"]))) - 1)
             server.publish()
             for topic in ("/tendons/measured_js", "/rig/measured_cf", *FORCE, "/controller/operating_state", "/time"):
                 watcher.take(topic, 290)

@@ -40,7 +40,7 @@ def test_in_pieces_or_step_by_step_it_is_the_run_in_one(real: Instrument) -> Non
     t = clock(0.2)
     handle_angle = np.stack([0.2 * np.sin(9 * t), 0.1 * np.sin(5 * t)], -1)
     force = np.stack([0.2 * np.sin(20 * t), 0.1 * t], -1)
-    velocity = np.stack([[[0.1, -0.1], [0.2, 0.0]]] * t.size)
+    velocity = np.tile([0.1, -0.1, 0.2, 0.0], (t.size, 1))
     at_once = Twin(real, seed=4).run(handle_angle, force, spool_velocity=velocity)
     pieces, steps = Twin(real, seed=4), Twin(real, seed=4)
     cut = [0, 1, 7, 130, t.size]
@@ -49,7 +49,7 @@ def test_in_pieces_or_step_by_step_it_is_the_run_in_one(real: Instrument) -> Non
     ]
     singles = [steps.step(handle_angle[k], force[k], spool_velocity=velocity[k]) for k in range(t.size)]
     for name, values in at_once.signals().items():
-        assert SIGNALS[name].per_tendon == (values.ndim == 3)
+        assert values.shape[1] == (4 if SIGNALS[name].per_tendon else 2)
         np.testing.assert_array_equal(values, np.concatenate([part.signals()[name] for part in parts]))
         np.testing.assert_array_equal(values, np.stack([single.signals()[name] for single in singles]))
     assert [float(single.time) for single in singles] == pytest.approx(at_once.time)
@@ -65,7 +65,11 @@ def test_each_axis_is_a_twin_of_its_own(real: Instrument) -> None:
         one = Twin(real.axis(name)).run(handle_angle[:, n], force[:, n])
         for signal, values in one.signals().items():
             if not signal.startswith("measured"):
-                np.testing.assert_array_equal(both.signals()[signal][:, n], values)
+                np.testing.assert_array_equal(both.axis(name).signals()[signal], values)
+                tendon = f"{name}_antagonist"
+                if SIGNALS[signal].per_tendon:
+                    np.testing.assert_array_equal(both[f"{signal}.{tendon}"], values[:, 1])
+                    np.testing.assert_array_equal(both[signal][:, both.tendons.index(tendon)], values[:, 1])
     noise = both.measured_handle_angle - both.handle_angle
     assert not np.array_equal(noise[:, 0], noise[:, 1])
     shared = Twin(real).run(handle_angle, force[:, 0])

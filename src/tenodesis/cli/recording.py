@@ -29,14 +29,14 @@ from tenodesis.cli.outputs import FIGURE, RECORDING, TABLES, Overwrite, check_su
 from tenodesis.control import Controller
 from tenodesis.control.controller import ActuationName, LawName, ObserverName
 from tenodesis.errors import CommandError, CommandInterruptedError, ProtocolError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.live import event_summary
-from tenodesis.recording import Recording, open_recording, tables
+from tenodesis.recording import Recording, tables
 from tenodesis.recording.replay import Replay
 from tenodesis.recording.replay import replay as run_again
 from tenodesis.recording.simulation import record as record_run
 from tenodesis.recording.simulation import record_coupled
-from tenodesis.recording.summary import contents, coupled_outcome, describe, outcome
+from tenodesis.recording.summary import contents, describe, outcome
 from tenodesis.run import Run
 from tenodesis.units import Duration, in_unit
 
@@ -154,8 +154,7 @@ def _record_coupled(instrument_file: str, protocol_file: str | None, path: Path,
     with value_errors(), _progress(path) as progress:
         run = record_coupled(inst, protocol, path, progress=progress, **choices)
     say(f"{path}: {protocol.name} on {inst.name}, {run.time[-1]:.6g} s, {len(run)} rows, {file_size(path)}.")
-    for about, fact in coupled_outcome(run).items():
-        say(f"{about}: {fact}.")
+    _print_outcome(run, inst)
 
 
 def info(
@@ -164,15 +163,15 @@ def info(
 ) -> None:
     """Print the contents of recordings: origin, topics, ranges of the signals, and events."""
     if as_json:
-        found = [{"file": str(file), **contents(open_recording(file))} for file in files]
+        found = [{"file": str(file), **contents(Recording.open(file))} for file in files]
         typer.echo(json.dumps(found, indent=1, ensure_ascii=False))
         return
     for file in files:
-        recording = open_recording(file)
+        recording = Recording.open(file)
         if files[1:]:
             console.rule(escape(str(file)))
         console.print(describe(recording))
-        events = event_summary.describe(recording) if isinstance(recording, Recording) else None
+        events = event_summary.describe(recording)
         if events is not None:
             console.print(events)
 
@@ -223,7 +222,7 @@ def export_recording(
     check_suffix("--out", path, TABLES)
     writer = {".csv": tables.to_csv, ".parquet": tables.to_parquet}[path.suffix]
     with writing([("--out", path)], [file], overwrite=overwrite):
-        recording = open_recording(file)
+        recording = Recording.open(file)
         writer(recording.run, path)
         if recording.damage is not None:
             say(recording.damage)
@@ -290,7 +289,7 @@ def _controller(
     )
 
 
-def _print_outcome(run: Run, inst: ShortForm) -> None:
+def _print_outcome(run: Run, inst: Instrument) -> None:
     """Print what came of a run."""
     for about, fact in outcome(run, inst).items():
         say(f"{about}: {fact}.")
@@ -324,7 +323,7 @@ def _progress(path: Path) -> Iterator["_Interruptible"]:
 
 def _recorded(path: Path) -> str:
     """Return in words what an interrupted recording holds."""
-    run = open_recording(path).run
+    run = Recording.open(path).run
     return f"{path} holds the run up to there, {run.time[-1] if len(run) else 0:.6g} s, {len(run)} rows"
 
 

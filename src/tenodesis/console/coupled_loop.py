@@ -3,7 +3,6 @@
 import threading
 import time
 from collections import deque
-from dataclasses import replace
 from math import nan
 from typing import Any, NamedTuple
 
@@ -14,13 +13,13 @@ from tenodesis import plant
 from tenodesis.console.log import rare_log
 from tenodesis.control import Controller, OperatingState
 from tenodesis.control.controller import fault_names
-from tenodesis.coupled import CoupledInstrument, CoupledRun, Held, Twin, compensated
+from tenodesis.coupled import CoupledInstrument, Held, Twin, compensated
 from tenodesis.devices.device import Capabilities
 from tenodesis.errors import ArgumentError, LiveError, NoSolutionError
 from tenodesis.instrument import ShortForm
 from tenodesis.live.commands import ControllerRequest, RestartableConnection
 from tenodesis.live.status import RuntimeState, Status, Timing
-from tenodesis.run import Array
+from tenodesis.run import Array, Run, concatenate
 
 _log = rare_log(__name__)
 _STEPS = 20
@@ -98,7 +97,7 @@ class CoupledLoop:
         self._state = RuntimeState.DISABLED if self.inst.handle_joints else RuntimeState.ENABLED
         self._at = np.zeros(len(self.driven))
         self.asked = Asked(self._at, np.zeros(3))
-        self.rows: deque[CoupledRun] = deque(maxlen=round(_KEPT / _BLOCK))
+        self.rows: deque[Run] = deque(maxlen=round(_KEPT / _BLOCK))
         self._times: deque[float] = deque(maxlen=100)
         self.problem: str | None = None
         self._advance()
@@ -230,11 +229,7 @@ class CoupledLink(RestartableConnection):
             asked = self.loop.asked
         kept = kept[:: -(-len(kept) // rows)]
         # A controller may have begun anew, but none comes or goes.
-        signals = {
-            name: np.concatenate([row.signals[name] for row in kept]) for name in _CURVES if name in kept[0].signals
-        }
-        run = replace(kept[0], time=np.concatenate([row.time for row in kept]), signals=signals)
-        return {"run": run, "asked": asked}
+        return {"run": concatenate(kept), "asked": asked}
 
     def status(self) -> Status:
         """Return the state of loop and controller."""

@@ -19,10 +19,10 @@ from tenodesis.console.session import Folders, PageState, PanelSection, Session,
 from tenodesis.console.solids import coupled_solids
 from tenodesis.console.status import StatusHeader
 from tenodesis.console.tab_move import follow, slider_values
-from tenodesis.coupled import CoupledInstrument, CoupledRun, Held
+from tenodesis.coupled import CoupledInstrument, Held
 from tenodesis.coupled.motion import STEM, arc
 from tenodesis.kinematics import Frames
-from tenodesis.run import Array
+from tenodesis.run import Array, Run
 
 if TYPE_CHECKING:
     import viser
@@ -50,7 +50,7 @@ set points of the motors: the angles of the joints if no tendon stretched.
 class CoupledShown(NamedTuple):
     """What browsers show of rows of a run."""
 
-    run: CoupledRun
+    run: Run
     target: Array
     """Angles of the tip's joints without load and friction, rad, (rows, joints)"""
     asked: Asked
@@ -61,14 +61,15 @@ class CoupledShown(NamedTuple):
 def shown_rows(inst: CoupledInstrument, signals: Mapping[str, Any], drawn: CoupledInstrument) -> CoupledShown:
     """Return what browsers show of a link's signals, with the instrument that is drawn."""
     run = signals["run"]
+    handle, output = run.by_column("handle_angle"), run.by_column("output_angle")
     # Without a handle, the lengths that the motors have wound are what the tip is asked for.
     strokes = 0.0 if inst.handle_joints else run["spool_angle"] * spool_radius(inst)
-    target = coupled.output_angles(inst, run["handle_angle"], strokes=strokes)
+    target = coupled.output_angles(inst, handle, strokes=strokes)
     frames = None
-    if "tension" in run.signals:
-        both = np.concatenate([run["output_angle"], np.nan_to_num(target)])
+    if len(run) == 1:
+        both = np.concatenate([output, np.nan_to_num(target)])
         # A joint that a load turns past its stop is drawn at half a turn.
-        frames = coupled.frames(drawn, both.clip(-_HALF_TURN, _HALF_TURN), run["handle_angle"])
+        frames = coupled.frames(drawn, both.clip(-_HALF_TURN, _HALF_TURN), handle)
     return CoupledShown(run, target, signals["asked"], frames)
 
 
@@ -216,9 +217,9 @@ class CoupledCurves:
         run = seconds.run
         if len(run) < 2:
             return
-        estimated = run.signals.get("estimated_output_angle")
+        estimated = run.by_column("estimated_output_angle") if run.estimated_output_angle is not None else None
         for j, chart in enumerate(self._charts):
-            angle, target = np.degrees(run["output_angle"][:, j]), np.degrees(seconds.target[:, j])
+            angle, target = np.degrees(run.by_column("output_angle")[:, j]), np.degrees(seconds.target[:, j])
             curves = [without_gaps(target, angle), angle]
             if j in self._compensated:
                 known = angle if estimated is None else np.degrees(estimated[:, self._compensated.index(j)])
@@ -236,7 +237,7 @@ class CoupledCurves:
 def readings(inst: CoupledInstrument, shown: CoupledShown, colours: TensionColours) -> str:
     """Return as HTML angles with what they have lost, tensions, grip force and, from the law, its estimates."""
     run = shown.run
-    angles, target = np.degrees(run["output_angle"][-1]), np.degrees(shown.target[-1])
+    angles, target = np.degrees(run.by_column("output_angle")[-1]), np.degrees(shown.target[-1])
     known = dict(zip(run.compensated, _last(run, "estimated_output_angle"), strict=False))
     rows: list[tuple[str, ...]] = [("joint", "angle", "unloaded", "lost", "estimated")]
     for j, joint in enumerate(inst.tip_joints):
@@ -303,7 +304,7 @@ class CoupledScene(View):
         with self._client.atomic():
             frames = self._place_all(shown.frames, tension)
             for name, (j, line) in self._backbones.items():
-                joint, angle = self._inst.tip_joints[j], run["output_angle"][-1, j, np.newaxis]
+                joint, angle = self._inst.tip_joints[j], run.by_column("output_angle")[-1, j, np.newaxis]
                 path = np.stack(list(arc(joint, frames.bodies[f"{name}_carrier"], angle)))
                 self._draw_backbone(name, line, path)
             for name, arrow in self._arrows.items():
@@ -314,7 +315,7 @@ class CoupledScene(View):
         """Show the joints' angles and what they have lost as text."""
         lines = ["angle, lost"]
         for j, joint in enumerate(self._inst.tip_joints):
-            angle, target = np.degrees(shown.run["output_angle"][-1, j]), np.degrees(shown.target[-1, j])
+            angle, target = np.degrees(shown.run.by_column("output_angle")[-1, j]), np.degrees(shown.target[-1, j])
             lines.append(f"{joint.name} {in_degrees(angle)}, {in_degrees(target - angle)}")
         text = "\n".join(lines)
         if self._label.text != text:
@@ -380,8 +381,8 @@ def largest_force(inst: CoupledInstrument) -> float:
     return round(_LARGEST_FORCE * inst.pretension, 2)
 
 
-def _last(run: CoupledRun, name: str) -> Array:
-    return run[name][-1] if name in run.signals else np.zeros(0)
+def _last(run: Run, name: str) -> Array:
+    return run.by_column(name)[-1] if name in run.signals() else np.zeros(0)
 
 
 def _words(name: str) -> str:

@@ -14,7 +14,7 @@ from tenodesis.console.display import ShownSignals, shown_signals
 from tenodesis.console.plots import AGONIST, INK, TARGET, add_chart, series, without_gaps
 from tenodesis.console.session import PageState, Session, as_plain, enable, set_properties
 from tenodesis.errors import RecordingError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import ShortForm, as_short_form
 from tenodesis.recording import Recording
 from tenodesis.run import Array
 from tenodesis.simulate import Motion, Protocol
@@ -105,7 +105,7 @@ class FilesTab:
         if name not in _recordings(self._session.folders.recordings):
             raise RecordingError(f"{name} is not among the recordings of {self._session.folders.recordings}.")
         recording = Recording.open(self._session.folders.recordings / name)
-        inst = recording.instrument() if "instrument" in recording.metadata else self._inst
+        inst = as_short_form(recording.instrument()) if "instrument" in recording.metadata else self._inst
         if recording.run.axes != inst.axes:
             raise RecordingError(
                 f"{name} has {' and '.join(recording.run.axes)} and does not contain its instrument; it must have "

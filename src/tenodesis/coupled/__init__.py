@@ -21,7 +21,7 @@ from tenodesis.coupled.statics import (
     straight_arms,
     tensions,
 )
-from tenodesis.coupled.twin import CoupledRun, Held, Twin
+from tenodesis.coupled.twin import Held, Twin, names_of
 from tenodesis.coupled.urdf import urdf
 from tenodesis.coupled.wrench import TipWrench, estimated_wrench, load_matrix, tip_wrench
 
@@ -29,7 +29,6 @@ __all__ = [
     "PULLEY_RADIUS",
     "CoupledInstrument",
     "CoupledLike",
-    "CoupledRun",
     "Crossing",
     "Doubt",
     "Equilibrium",
@@ -63,6 +62,7 @@ __all__ = [
     "load_matrix",
     "loss",
     "mjcf",
+    "names_of",
     "of_planar",
     "output_angles",
     "pairs",

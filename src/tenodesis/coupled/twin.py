@@ -1,11 +1,11 @@
 """The twin of a coupled instrument in time: friction at every bend of its tendons, inertia of links, jaws that grip."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tenodesis import _core, plant
 from tenodesis._core import Status
@@ -16,24 +16,28 @@ from tenodesis.coupled.reading import CoupledLike, load
 from tenodesis.coupled.rows import twin_rows
 from tenodesis.coupled.statics import Axes
 from tenodesis.errors import ArgumentError, NoSolutionError
-from tenodesis.run import SIGNALS as PLANAR_SIGNALS
-from tenodesis.run import TENDONS, Signal
+from tenodesis.run import TENDONS, Array, Names, Run
 from tenodesis.statics.query import common_shape, numbers, place
 from tenodesis.twin.rows import CONTROL, check_seed
 from tenodesis.twin.twin import Energy
 
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
-
 _OF_CONTROLLER = tuple(name for name in CONTROL if "." not in name)
-_OWN_SIGNALS = {
-    "wrench": Signal("N, N*m", False, "Force and moment on the tip: x, y, z of either"),
-    "applied_grip_force": Signal("N", False, "Force that presses the jaws apart, besides that of what they hold"),
-    "grip_force": Signal("N", False, "Force of the jaws on what they hold, mean of the step"),
-}
+_SIGNALS = (
+    "output_angle",
+    "output_velocity",
+    "handle_angle",
+    "handle_torque",
+    "tension",
+    "distal_tension",
+    "spool_angle",
+    "spool_velocity",
+    "grip_force",
+    "measured_handle_angle",
+    "measured_output_angle",
+    "measured_tension",
+    "measured_spool_angle",
+)
+"""Signals of the core's rows, in their order."""
 
 
 class Held(NamedTuple):
@@ -45,98 +49,6 @@ class Held(NamedTuple):
     """N/m"""
     damping: float = 0.0
     """N s/m"""
-
-
-@dataclass(frozen=True)
-class CoupledRun:
-    """The signals of a run by name, one row per time step; columns are joints or tendons by :attr:`columns`.
-
-    Names and units are those of :class:`tenodesis.Run`, without its axes: `output_angle` has a column per joint of the
-    tip, `tension` one per tendon.
-    """
-
-    time: Array
-    joints: tuple[str, ...]
-    handle_joints: tuple[str, ...]
-    tendons: tuple[str, ...]
-    signals: dict[str, Array]
-    compensated: tuple[str, ...] = ()
-    """Joints of the tip that a controller compensated: the columns of its signals"""
-
-    def __getitem__(self, name: str) -> Array:
-        """Return a signal, (n, columns), or (n,) if it has one; ``run["output_angle.yaw"]`` is one of its columns.
-
-        Raises KeyError if it is unknown.
-        """
-        signal, _, column = name.partition(".")
-        if signal not in self.signals:
-            raise KeyError(f"{signal} is not among the signals; they are {', '.join(self.signals)}")
-        if not column:
-            return self.signals[signal]
-        names = self.columns(signal)
-        if column not in names:
-            raise KeyError(f"{column} is not among the columns of {signal}; they are {', '.join(names) or 'none'}")
-        return self.signals[signal][:, names.index(column)]
-
-    def columns(self, signal: str) -> tuple[str, ...]:
-        """Return the names of a signal's columns: joints, tendons, components; empty if it has one."""
-        if signal == "wrench":
-            return "fx", "fy", "fz", "mx", "my", "mz"
-        if self.signals[signal].ndim == 1:
-            return ()
-        if signal in _OF_CONTROLLER:
-            return self.compensated
-        if "handle" in signal:
-            return self.handle_joints
-        return self.joints if "output" in signal else self.tendons
-
-    def rows(self, first: int | None = None, last: int | None = None, step: int | None = None) -> "CoupledRun":
-        """Return every step-th row from the first on, before the last, as slices count."""
-        kept = {name: values[first:last:step] for name, values in self.signals.items()}
-        return replace(self, time=self.time[first:last:step], signals=kept)
-
-    def to_pandas(self) -> "pd.DataFrame":
-        """Return a DataFrame over the time in s; columns as ``output_angle.yaw``.
-
-        Raises
-        ------
-        MissingExtraError
-            pandas is not installed.
-        """
-        from tenodesis.extras import require  # noqa: PLC0415 - pandas takes long to load
-
-        frame: dict[str, Array] = {}
-        for name, values in self.signals.items():
-            if values.ndim == 1:
-                frame[name] = values
-            else:
-                frame |= {f"{name}.{column}": values[:, n] for n, column in enumerate(self.columns(name))}
-        pandas: Any = require("pandas", "tables")
-        return pandas.DataFrame(frame, index=pandas.Index(self.time, name="time"))
-
-    def plot(self, *signals: str) -> "Figure":
-        """Return a figure of signals over time: those named, or angles, tensions and loads; see :mod:`tenodesis.plot`.
-
-        Raises
-        ------
-        KeyError
-            A signal is unknown.
-        """
-        import tenodesis as tn  # noqa: PLC0415 - by the public name, since figures stand above runs
-
-        return tn.plot.run(self, signals)
-
-    def __len__(self) -> int:
-        return int(self.time.size)
-
-    def __repr__(self) -> str:
-        span = f", {self.time[0]:.6g} to {self.time[-1]:.6g} s" if self.time.size else ""
-        return f"<CoupledRun of {self.time.size} rows{span}: {', '.join(self.joints)}, {len(self.signals)} signals>"
-
-
-def signal(name: str) -> Signal:
-    """Return unit and meaning of a signal of :class:`CoupledRun`; raises KeyError if it is unknown."""
-    return _OWN_SIGNALS[name] if name in _OWN_SIGNALS else PLANAR_SIGNALS[name]
 
 
 class Twin:
@@ -176,26 +88,11 @@ class Twin:
         self._steps = 0
         self._angles = np.zeros(len(self.inst.tip_joints))
         self._held: Held | None = None
-        joints, handles = len(self.inst.tip_joints), len(self.inst.handle_joints)
-        tendons = len(self.inst.tendons)
-        self._signals: tuple[tuple[str, int | None], ...] = (
-            ("output_angle", joints),
-            ("output_velocity", joints),
-            ("handle_angle", handles),
-            ("handle_torque", handles),
-            ("tension", tendons),
-            ("distal_tension", tendons),
-            ("spool_angle", tendons),
-            ("spool_velocity", tendons),
-            ("grip_force", None),
-            ("measured_handle_angle", handles),
-            ("measured_output_angle", joints),
-            ("measured_tension", tendons),
-            ("measured_spool_angle", tendons),
-        )
+        self.names = names_of(self.inst)
+        self._widths = {name: len(self.names.columns(name)) if name != "grip_force" else 1 for name in _SIGNALS}
 
         # The last column is the number of passes.
-        self._width = sum(1 if width is None else width for _, width in self._signals) + 1
+        self._width = sum(self._widths.values()) + 1
 
     @property
     def time(self) -> float:
@@ -217,7 +114,7 @@ class Twin:
         axes: Axes = "tip",
         controller: Controller | None = None,
         request: ArrayLike = 0,
-    ) -> CoupledRun:
+    ) -> Run:
         """Step over arrays of commands, from the present state, and return the signals, one row per step.
 
         Parameters
@@ -257,17 +154,11 @@ class Twin:
             controlled = self._closed(controller, request, commands, out)
         first = self._steps - len(commands) + 1
         time = np.arange(first, first + len(commands), dtype=np.float64) * self.time_step
-        signals = dict(given)
-        column = 0
-        for name, width in self._signals:
-            signals[name] = out[:, column] if width is None else out[:, column : column + width]
-            column += 1 if width is None else width
-        joints, handles, tendons = (
-            tuple(one.name for one in group)
-            for group in (self.inst.tip_joints, self.inst.handle_joints, self.inst.tendons)
-        )
-        own = tuple(self.inst.tip_joints[pair.joint].name for pair in self._pairs.values()) if controlled else ()
-        return CoupledRun(time, joints, handles, tendons, signals | controlled, own)
+        ends = np.cumsum([0, *self._widths.values()]).tolist()
+        signals = {name: out[:, start:end] for name, (start, end) in zip(self._widths, pairwise(ends), strict=True)}
+        signals = given | signals | controlled
+        shaped = {name: values.reshape(self.names.shape(name, len(time))) for name, values in signals.items()}
+        return Run(time, *self.names, **shaped)
 
     def _closed(self, controller: Controller, request: ArrayLike, commands: Array, out: Array) -> dict[str, Array]:
         """Step with a controller in the loop and return its signals."""
@@ -404,6 +295,13 @@ class Twin:
             "commanded_spool_velocity": full["spool_velocity"],
         }
         return np.ascontiguousarray(np.concatenate(columns, axis=1)), commanded
+
+
+def names_of(inst: CoupledInstrument) -> Names:
+    """Return what the columns of an instrument's runs are named after."""
+    own = [inst.tip_joints[pair.joint] for pair in pairs(inst).values()]
+    groups = (inst.tip_joints, inst.handle_joints, inst.tendons, own)
+    return Names(*(tuple(one.name for one in group) for group in groups))
 
 
 def _rows(key: str, value: ArrayLike, width: int) -> Array:

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from tenodesis.coupled.axes import compensated, pairs
 from tenodesis.coupled.motion import angle_rows, jacobian, rotated, tip_pose
 from tenodesis.coupled.reading import CoupledLike, load
-from tenodesis.coupled.twin import CoupledRun
 from tenodesis.errors import ArgumentError
+from tenodesis.run import Run
 from tenodesis.statics.query import numbers
 
 Array = NDArray[np.float64]
@@ -96,25 +96,25 @@ def tip_wrench(
     return TipWrench(np.asarray(wrench), np.asarray(covariance), np.where(before > 0, narrowed, 1.0))
 
 
-def estimated_wrench(inst: CoupledLike, run: CoupledRun, *, usual: ArrayLike = USUAL) -> TipWrench:
+def estimated_wrench(inst: CoupledLike, run: Run, *, usual: ArrayLike = USUAL) -> TipWrench:
     """Return the wrench at the tip by what the controller of a run estimated, at every step.
 
     Arguments otherwise as :func:`tip_wrench`; raises ArgumentError if there was no controller.
     """
     inst = load(inst)
-    if not run.compensated:
+    if run.estimated_output_angle is None:
         raise ArgumentError("the run has no estimates; it must be one with a controller.", key="run")
     planar = compensated(inst)
     shape = (len(run), len(inst.tip_joints))
     angles, moments, deviations = np.zeros(shape), np.full(shape, np.nan), np.full(shape, np.nan)
     for n, (axis, pair) in enumerate(pairs(inst).items()):
         own = planar.axis(axis)
-        angle = run["estimated_output_angle"][:, n]
+        angle = run.by_column("estimated_output_angle")[:, n]
         rolls = inst.tip_joints[pair.joint].mechanism == "tendon-gear"
         radius = inst.tip_joints[pair.joint].radius if rolls else 0.0
         # The controller's force is tangential at the end of a planar axis (eq. 6), positive against flexion.
         arm = own.end_effector_length + radius * np.cos(angle / 2)
         angles[:, pair.joint] = angle
-        moments[:, pair.joint] = -arm * run["estimated_force"][:, n]
-        deviations[:, pair.joint] = arm * run["estimated_force_std"][:, n]
+        moments[:, pair.joint] = -arm * run.by_column("estimated_force")[:, n]
+        deviations[:, pair.joint] = arm * run.by_column("estimated_force_std")[:, n]
     return tip_wrench(inst, angles, moments, deviations, usual=usual)

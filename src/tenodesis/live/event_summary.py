@@ -10,12 +10,9 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from tenodesis.control import FAULTS
-from tenodesis.errors import InstrumentError, RecordingError
 from tenodesis.live.events import LIVE
 from tenodesis.recording import Recording
-from tenodesis.recording.metadata import CONTROLLER
 from tenodesis.recording.reader import Event
-from tenodesis.recording.summary import outcome
 from tenodesis.run import Run
 
 _SHOWN = 5
@@ -30,7 +27,6 @@ def describe(recording: Recording) -> Group | None:
     events = [event for event in recording.events if "since" not in event.content]
     facts = {
         "in force": ", ".join(f"{_kind(event)} by {_origin(event)}" for event in before) or "unknown",
-        **_controlled(recording),
         "faults": _faults(recording.run, recording.events),
         "lost rows": _missing(events, "rows_lost", "rows", "after"),
         "given up": _missing(events, "ticks_missed", "ticks", "until"),
@@ -43,17 +39,6 @@ def describe(recording: Recording) -> Group | None:
     for name, fact in facts.items():
         table.add_row(name, Text(fact))
     return Group(table, _by_kind(events)) if events else Group(table)
-
-
-def _controlled(recording: Recording) -> dict[str, str]:
-    """Return the outcome of the run, unless the recording describes its controller, which is shown elsewhere."""
-    if CONTROLLER in recording.metadata:
-        return {}
-    try:
-        facts = outcome(recording.run, recording.instrument())
-    except (InstrumentError, RecordingError):
-        return {}
-    return {about: fact for about, fact in facts.items() if about != "faults"}
 
 
 def _faults(run: Run, events: Sequence[Event]) -> str:

@@ -132,7 +132,7 @@ class Server:
             self._start = start_time(run)
             self._channels = [
                 (one, self._channel(one.topic.name, one.topic.type, {"signals": " ".join(one.signals.values())}))
-                for one in schemas.messages_of(run.axes, schemas.flat_columns(run).keys())
+                for one in schemas.messages_of(run.names, schemas.flat_columns(run).keys())
             ]
         first = -self._row % self._stride
         self._row += len(run)

@@ -7,11 +7,11 @@ from typing import Any
 import tomli_w
 
 from tenodesis.control import FAULTS, Controller
-from tenodesis.coupled import CoupledInstrument
+from tenodesis.coupled import compensated
 from tenodesis.errors import RecordingError
-from tenodesis.instrument import ShortForm, as_short_form, parse
+from tenodesis.instrument import Instrument, ShortForm, as_short_form, parse
 from tenodesis.instrument.text import to_toml, with_units
-from tenodesis.recording.reader import RecordedFile, Recording
+from tenodesis.recording.reader import Recording
 from tenodesis.simulate import Protocol
 from tenodesis.twin import TIME_STEP
 
@@ -26,7 +26,7 @@ QUASI_STATIC = "quasi-static"
 
 
 def metadata_of(
-    inst: ShortForm | CoupledInstrument,
+    inst: Instrument,
     protocol: Protocol | None = None,
     *,
     seed: int = 0,
@@ -52,8 +52,8 @@ def metadata_of(
     )
 
 
-def _text(inst: ShortForm | CoupledInstrument) -> str:
-    if isinstance(inst, CoupledInstrument):
+def _text(inst: Instrument) -> str:
+    if not isinstance(inst, ShortForm):
         return tomli_w.dumps(with_units(inst, unset=False))
     return to_toml(inst)
 
@@ -66,7 +66,7 @@ def metadata_of_replay(recording: Recording, inst: ShortForm) -> dict[str, str]:
     return metadata
 
 
-def controller_choices(recording: RecordedFile) -> dict[str, Any] | None:
+def controller_choices(recording: Recording) -> dict[str, Any] | None:
     """Return the controller's choices in a recording's form, or None if there was no controller.
 
     Raises
@@ -93,8 +93,13 @@ def controller_instrument(recording: Recording) -> ShortForm:
     """
     text = recording.metadata.get(CONTROLLER_INSTRUMENT)
     if text is None:
-        return recording.instrument()
+        return controlled(recording.instrument())
     return as_short_form(parse(text, f"{recording.path}: {CONTROLLER_INSTRUMENT}"))
+
+
+def controlled(inst: Instrument) -> ShortForm:
+    """Return what a controller of an instrument is made for by default."""
+    return inst if isinstance(inst, ShortForm) else compensated(inst)
 
 
 def restored_controller(recording: Recording) -> Controller | None:
@@ -118,13 +123,14 @@ def restored_controller(recording: Recording) -> Controller | None:
         raise RecordingError(f"{recording.path}: metadata {CONTROLLER}: {problem}") from None
 
 
-def in_words(choices: Mapping[str, Any], controller_inst: ShortForm, inst: ShortForm) -> str:
+def in_words(choices: Mapping[str, Any], controller_inst: ShortForm, inst: Instrument) -> str:
     """Return a short description of a controller's choices, with its instrument if it differs from that of the run."""
     words = f"{choices.get('law')} law, {choices.get('observer')} observer, {choices.get('actuation')} actuation"
-    return words if controller_inst == inst else f"{words}, made for another instrument ({controller_inst.name})"
+    own = controlled(inst) == controller_inst
+    return words if own else f"{words}, made for another instrument ({controller_inst.name})"
 
 
-def _metadata_of_controller(controller: Controller, inst: ShortForm | CoupledInstrument) -> dict[str, str]:
+def _metadata_of_controller(controller: Controller, inst: Instrument) -> dict[str, str]:
     choices = {
         "law": controller.law,
         "observer": controller.observer,
@@ -137,4 +143,8 @@ def _metadata_of_controller(controller: Controller, inst: ShortForm | CoupledIns
     }
     # With the names of the fault bits, a file explains its own faults.
     metadata = {CONTROLLER: tomli_w.dumps({**choices, "faults": list(FAULTS)})}
-    return metadata if controller.inst == inst else metadata | {CONTROLLER_INSTRUMENT: to_toml(controller.inst)}
+    return (
+        metadata
+        if controller.inst == controlled(inst)
+        else metadata | {CONTROLLER_INSTRUMENT: to_toml(controller.inst)}
+    )

@@ -5,27 +5,23 @@ import struct
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from mcap.records import Channel
 from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
-from tenodesis.coupled import CoupledInstrument, CoupledRun
-from tenodesis.coupled import parse as parse_coupled
 from tenodesis.errors import RecordingError
 from tenodesis.files import read_regular
+from tenodesis.instrument import Instrument, parse
 from tenodesis.recording import cdr, container, schemas, tables
 from tenodesis.recording.container import Contents, Message
 from tenodesis.recording.decode import Decoded, LeftOut, Misfit, decode
-from tenodesis.recording.schemas import AnyRun, CoupledNames, Names
-from tenodesis.run import Array, Run
+from tenodesis.run import Array, Names, Run
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from tenodesis.instrument import ShortForm
 
 
 class TopicInfo(NamedTuple):
@@ -44,17 +40,17 @@ class Event(NamedTuple):
 
 
 @dataclass(frozen=True)
-class RecordedFile:
-    """A recording read from a file; use :func:`open_recording`, or `open` of the kind that is wanted.
+class Recording:
+    """A recording; use :meth:`open` to read one.
 
     Attributes
     ----------
     path
         The file.
     run
-        Its signals; :class:`tenodesis.run.Run` and :class:`tenodesis.coupled.CoupledRun` give their shapes.
+        Its signals; :class:`tenodesis.run.Run` gives their shapes.
     metadata
-        Text by key: ``instrument``, ``axes`` (or ``joints``, ``handle_joints`` and ``tendons``), ``seed``,
+        Text by key: ``instrument``, ``joints``, ``handle_joints``, ``tendons`` and ``compensated``, ``seed``,
         ``protocol``, ``time_step``, versions, and of a run with a controller its choices; empty for a file of another
         program.
     topics
@@ -68,12 +64,48 @@ class RecordedFile:
     """
 
     path: Path
-    run: AnyRun = field(repr=False)
+    run: Run = field(repr=False)
     metadata: Mapping[str, str] = field(repr=False)
     topics: Mapping[str, TopicInfo] = field(repr=False)
     left_out: Mapping[str, LeftOut]
     damage: str | None
     events: tuple[Event, ...] = field(default=(), repr=False)
+
+    @classmethod
+    def open(cls, path: str | Path) -> Self:
+        """Read a recording, up to the first damage if there is any.
+
+        Raises
+        ------
+        RecordingError
+            The file cannot be read, is no MCAP file, or contains no topic of a recording.
+        """
+        path = Path(path)
+        contents = container.scan(_bytes(path))
+        metadata = contents.metadata.get(schemas.METADATA, {})
+        names = schemas.names_in(metadata)
+        wanted = schemas.TOPICS if names is None else schemas.read_topics(names)
+        present = {channel.topic for channel in contents.channels.values()}
+        wanted |= {copy for copy, original in schemas.COPIES.items() if original not in present}
+        decoded, left_out = _decoded(contents, wanted)
+        names = names or _paired(decoded)
+        if names is None:
+            raise RecordingError(f"{path} contains no topic of a recording: {_found(contents)}.")
+        run, misfits = _run(names, decoded, _carried(contents))
+        left_out |= misfits
+        if left_out and not any(values.size for values in run.signals().values()):
+            reasons = "; ".join(f"{topic}: {reason}" for topic, reason in left_out.items())
+            raise RecordingError(f"{path} contains no topic of a recording that can be used: {reasons}.")
+        damage = contents.damage
+        events: tuple[Event, ...] = ()
+        if schemas.METADATA in contents.metadata:
+            run, gap = _without_gap(run, contents)
+            events, torn = _events(contents)
+            damage = gap or damage or torn
+        if damage is not None:
+            until = f"{run.time[-1]:.6g} s ({len(run)} rows)" if len(run) else "before its first row"
+            damage = f"{path} is read up to {until} only: {damage}."
+        return cls(path, run, metadata, _infos(contents), left_out, damage, events)
 
     def __repr__(self) -> str:
         damage = ", damaged" if self.damage else ""
@@ -86,7 +118,7 @@ class RecordedFile:
 
     def to_numpy(self) -> dict[str, Array]:
         """Return the time and the signals by name, in their shapes."""
-        return {"time": self.run.time, **schemas.signals_of(self.run)}
+        return {"time": self.run.time, **self.run.signals()}
 
     def to_pandas(self) -> "pd.DataFrame":
         """Return the signals as a DataFrame; see :func:`tenodesis.recording.tables.to_pandas`."""
@@ -100,144 +132,25 @@ class RecordedFile:
         """Write the signals as Parquet; see :func:`tenodesis.recording.tables.to_parquet`."""
         tables.to_parquet(self.run, path)
 
-    def _instrument_text(self) -> str:
+    def instrument(self) -> Instrument:
+        """Return the instrument that was recorded.
+
+        Raises
+        ------
+        RecordingError
+            The file does not contain its instrument.
+        InstrumentError
+            The instrument it holds is not valid in this version.
+        """
         if "instrument" not in self.metadata:
             raise RecordingError(f"{self.path} does not contain its instrument; only recordings of this package do.")
-        return self.metadata["instrument"]
+        return parse(self.metadata["instrument"], f"{self.path}: instrument")
 
 
-@dataclass(frozen=True, repr=False)
-class Recording(RecordedFile):
-    """A recording of a planar instrument."""
-
-    run: Run = field(repr=False)
-
-    @classmethod
-    def open(cls, path: str | Path) -> Self:
-        """Read a recording, up to the first damage if there is any.
-
-        Raises
-        ------
-        RecordingError
-            The file cannot be read, is no MCAP file, contains no topic of a recording, or is of a coupled instrument.
-        """
-        read = _read(Path(path))
-        if isinstance(read[1], CoupledRun):
-            raise RecordingError(
-                f"{path} is of an instrument whose joints share tendons, and this takes planar ones; tenodesis info "
-                "and export recording take it, and tn.recording.CoupledRecording in Python.",
-                key="file",
-                value=str(path),
-                allowed="a recording of a planar instrument",
-            )
-        return cls(*read)  # type: ignore[arg-type]
-
-    def instrument(self) -> "ShortForm":
-        """Return the instrument that was recorded.
-
-        Raises
-        ------
-        RecordingError
-            The file does not contain its instrument.
-        InstrumentError
-            The instrument it holds is not valid in this version.
-        """
-        from tenodesis.instrument import as_short_form, parse  # noqa: PLC0415
-
-        return as_short_form(parse(self._instrument_text(), f"{self.path}: instrument"))
-
-
-@dataclass(frozen=True, repr=False)
-class CoupledRecording(RecordedFile):
-    """A recording of an instrument whose joints share tendons."""
-
-    run: CoupledRun = field(repr=False)
-
-    @classmethod
-    def open(cls, path: str | Path) -> Self:
-        """Read a recording, up to the first damage if there is any.
-
-        Raises
-        ------
-        RecordingError
-            The file cannot be read, is no MCAP file, contains no topic of a recording, or is of a planar instrument.
-        """
-        read = _read(Path(path))
-        if not isinstance(read[1], CoupledRun):
-            raise RecordingError(
-                f"{path} is of a planar instrument; tn.Recording.open takes it.",
-                key="file",
-                value=str(path),
-                allowed="a recording of a coupled instrument",
-            )
-        return cls(*read)  # type: ignore[arg-type]
-
-    def instrument(self) -> CoupledInstrument:
-        """Return the instrument that was recorded.
-
-        Raises
-        ------
-        RecordingError
-            The file does not contain its instrument.
-        InstrumentError
-            The instrument it holds is not valid in this version.
-        """
-        return parse_coupled(self._instrument_text(), f"{self.path}: instrument")
-
-
-AnyRecording: TypeAlias = Recording | CoupledRecording
-
-
-def open_recording(path: str | Path) -> AnyRecording:
-    """Read a recording of a planar or a coupled instrument, up to the first damage if there is any.
-
-    Raises
-    ------
-    RecordingError
-        The file cannot be read, is no MCAP file, or contains no topic of a recording.
-    """
-    read = _read(Path(path))
-    kind = CoupledRecording if isinstance(read[1], CoupledRun) else Recording
-    return kind(*read)  # type: ignore[arg-type]
-
-
-_Parts: TypeAlias = tuple[
-    Path, AnyRun, Mapping[str, str], Mapping[str, TopicInfo], Mapping[str, LeftOut], str | None, tuple[Event, ...]
-]
-
-
-def _read(path: Path) -> _Parts:
-    """Return the fields of a recording."""
-    contents = container.scan(_bytes(path))
-    metadata = contents.metadata.get(schemas.METADATA, {})
-    by_name = CoupledNames.from_texts(metadata)
-    wanted = schemas.TOPICS if by_name is None else schemas.read_topics(by_name)
-    present = {channel.topic for channel in contents.channels.values()}
-    wanted |= {copy for copy, original in schemas.COPIES.items() if original not in present}
-    decoded, left_out = _decoded(contents, wanted)
-    names = by_name or _axes(metadata, decoded)
-    if not names:
-        raise RecordingError(f"{path} contains no topic of a recording: {_found(contents)}.")
-    run, misfits = _run(names, decoded, _carried(contents))
-    left_out |= misfits
-    if left_out and not schemas.signals_of(run):
-        reasons = "; ".join(f"{topic}: {reason}" for topic, reason in left_out.items())
-        raise RecordingError(f"{path} contains no topic of a recording that can be used: {reasons}.")
-    damage = contents.damage
-    events: tuple[Event, ...] = ()
-    if schemas.METADATA in contents.metadata:
-        run, gap = _without_gap(run, contents)
-        events, torn = _events(contents)
-        damage = gap or damage or torn
-    if damage is not None:
-        until = f"{run.time[-1]:.6g} s ({len(run)} rows)" if len(run) else "before its first row"
-        damage = f"{path} is read up to {until} only: {damage}."
-    return path, run, metadata, _infos(contents), left_out, damage, events
-
-
-def _axes(metadata: Mapping[str, str], decoded: Mapping[str, Decoded]) -> tuple[str, ...]:
+def _paired(decoded: Mapping[str, Decoded]) -> Names | None:
+    """Return the names of joints with tendons of their own that topics are about."""
     axes = schemas.axes_of({name: topic.joints for name, topic in decoded.items()})
-    return axes or tuple(metadata.get("axes", "").split()) or (("yaw",) if decoded else ())
+    return Names.paired(axes or ("yaw",)) if decoded else None
 
 
 def _bytes(path: Path) -> bytes:
@@ -303,31 +216,35 @@ def _carried(contents: Contents) -> dict[str, list[str]]:
 
 def _run(
     names: Names, decoded: Mapping[str, Decoded], carried: Mapping[str, list[str]]
-) -> tuple[AnyRun, dict[str, LeftOut]]:
+) -> tuple[Run, dict[str, LeftOut]]:
     """Return the run of the topics that fit together, and the reasons why others do not."""
     left_out: dict[str, LeftOut] = {}
     stamps = max((topic.stamps for topic in decoded.values()), key=len, default=np.empty(0, np.int64))
     rows = stamps.size
     columns: dict[str, list[Array]] = {}
     for topic in schemas.topics(names):
-        found = decoded.get(topic.name)
+        name = topic.before if topic.before in decoded and topic.name not in decoded else topic.name
+        found = decoded.get(name)
         if found is None:
             continue
+        given = carried.get(name, list(topic.signals.values()) if name == topic.name else [])
+        if not set(given) & set(topic.signals.values()):
+            continue
         if (found.stamps != stamps[: found.stamps.size]).any():
-            left_out[topic.name] = LeftOut(Misfit.STAMPS, "its stamps are not those of the other topics")
+            left_out[name] = LeftOut(Misfit.STAMPS, "its stamps are not those of the other topics")
             continue
         joints = found.joints or topic.joints
-        if not set(topic.joints) <= set(joints):
-            left_out[topic.name] = LeftOut(Misfit.JOINTS, f"its joints are {', '.join(joints)}")
+        order = schemas.places(topic.joints, joints)
+        if order is None:
+            left_out[name] = LeftOut(Misfit.JOINTS, f"its joints are {', '.join(joints)}")
             continue
-        order = [joints.index(joint) for joint in topic.joints]
         for array, signal in topic.signals.items():
             values = found.numbers.get(array)
-            if values is None or signal not in carried.get(topic.name, [signal]):
+            if values is None or signal not in given:
                 continue
             if topic.joints and values.shape[1] != len(joints):
                 why = f"it has {values.shape[1]} values of {array} for {len(joints)} joints"
-                left_out[topic.name] = LeftOut(Misfit.JOINTS, why)
+                left_out[name] = LeftOut(Misfit.JOINTS, why)
                 continue
             columns.setdefault(signal, []).append(values[:, order] if topic.joints else values)
         rows = min(rows, found.stamps.size)
@@ -341,7 +258,7 @@ def _seconds(stamps: NDArray[np.int64]) -> Array:
     return seconds
 
 
-def _without_gap(run: AnyRun, contents: Contents) -> tuple[AnyRun, str | None]:
+def _without_gap(run: Run, contents: Contents) -> tuple[Run, str | None]:
     """Return a run up to its first missing row, and whether a row is missing."""
     for channel, messages in _channels(contents):
         if channel.topic == schemas.EVENTS:

@@ -11,7 +11,7 @@ import numpy as np
 
 from tenodesis.control import Controller
 from tenodesis.errors import RecordingError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import ShortForm, as_short_form
 from tenodesis.recording.metadata import QUASI_STATIC, metadata_of_replay, restored_controller
 from tenodesis.recording.reader import Recording
 from tenodesis.recording.schemas import TRANSFERRED
@@ -65,7 +65,7 @@ class Replay:
         return tuple(name for name in found if name is not None)
 
     def differences(self) -> Mapping[str, Difference]:
-        """Return the differences of output angles and tensions by column, like ``tension.yaw.agonist``."""
+        """Return the differences of output angles and tensions by column, like ``tension.yaw_agonist``."""
         before, after = columns(self.recording.run), columns(self.run)
         found = {}
         for heading, values in after.items():
@@ -83,7 +83,7 @@ class Replay:
             The file cannot be written, or exists.
         """
         metadata = metadata_of_replay(self.recording, self.inst)
-        with Recorder(path, axes=self.run.axes, metadata=metadata, overwrite=overwrite) as recorder:
+        with Recorder(path, axes=self.run.names, metadata=metadata, overwrite=overwrite) as recorder:
             recorder.write(self.run)
 
 
@@ -114,7 +114,7 @@ def replay(recording: Recording, inst: ShortForm | None = None) -> Replay:
     if TRANSFERRED in metadata:
         raise RecordingError(f"{recording.path} was converted from {metadata[TRANSFERRED]}; replay that recording.")
     if inst is None:
-        inst = recording.instrument()
+        inst = as_short_form(recording.instrument())
     if inst.axes != recorded.axes:
         raise RecordingError(
             f"{recording.path} has the axes {' and '.join(recorded.axes)}, {inst.name} {' and '.join(inst.axes)}; "

@@ -3,17 +3,13 @@
 import json
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, fields
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis import coupled
-from tenodesis.coupled import CoupledInstrument, CoupledRun
-from tenodesis.coupled.twin import signal as coupled_signal
 from tenodesis.recording import cdr
-from tenodesis.run import SIGNALS, TENDONS, TISSUE, Array, Run, Signal
+from tenodesis.run import COMPONENTS, SIGNALS, TENDONS, TISSUE, Array, Names, Run, Signal
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 WRENCH = "geometry_msgs/msg/WrenchStamped"
@@ -47,7 +43,7 @@ _CONTROL_NUMBERS = (
 _WRENCH = {
     f"{vector}.{axis}": f"wrench.{part}{axis}" for vector, part in (("force", "f"), ("torque", "m")) for axis in "xyz"
 }
-"""Component of a coupled run's wrench in each field of the message."""
+"""Component of the wrench in each field of the message."""
 _GRIP = {"/rig/grip_force": "applied_grip_force", "/twin/grip_force": "grip_force"}
 """Signals of jaws, by topic."""
 
@@ -69,48 +65,14 @@ _FIELDS = {
 }
 
 
-@dataclass(frozen=True)
-class CoupledNames:
-    """What the columns of a coupled run are named after: joints of the tip, of the handle, and tendons.
-
-    And the joints that a controller compensates, none without one.
-    """
-
-    joints: tuple[str, ...]
-    handle_joints: tuple[str, ...]
-    tendons: tuple[str, ...]
-    compensated: tuple[str, ...] = ()
-
-    @classmethod
-    def of_instrument(cls, inst: CoupledInstrument, *, controlled: bool = False) -> "CoupledNames":
-        """Return the names of an instrument's joints and tendons; controlled: under a controller."""
-        pairs = [inst.tip_joints[pair.joint] for pair in coupled.pairs(inst).values()] if controlled else []
-        groups = (inst.tip_joints, inst.handle_joints, inst.tendons, pairs)
-        return cls(*(tuple(one.name for one in group) for group in groups))
-
-    @classmethod
-    def from_texts(cls, texts: Mapping[str, str]) -> "CoupledNames | None":
-        """Return the names in a recording's metadata, or None if it is not of a coupled instrument."""
-        return cls(*(tuple(texts.get(key, "").split()) for key in _NAMED)) if _NAMED[0] in texts else None
-
-    @property
-    def texts(self) -> dict[str, str]:
-        """The names as metadata."""
-        return {key: " ".join(getattr(self, key)) for key in _NAMED}
-
-
-_NAMED = tuple(one.name for one in fields(CoupledNames))
-
-Names: TypeAlias = tuple[str, ...] | CoupledNames
-"""What the columns of a run are named after: the axes of a planar instrument, or joints and tendons."""
-
-AnyRun: TypeAlias = Run | CoupledRun
+_TIP = "tip_"
+"""What joints of the tip begin with in recordings of planar instruments by earlier versions."""
 
 
 class Topic(NamedTuple):
     """A topic: its message type, its joints, and the signal in each of the message's arrays.
 
-    Of a signal's columns, in order of axes and then tendons, the topic carries `columns`.
+    Of a signal's columns the topic carries `columns`.
     """
 
     name: str
@@ -121,6 +83,8 @@ class Topic(NamedTuple):
     frame: str = ""
     copy_of: str | None = None
     """Topic that has its signals, too, from which they are read if there is one."""
+    before: str = ""
+    """Name of the topic in recordings of instruments with shared tendons by earlier versions."""
 
 
 def definition(message_type: str) -> str:
@@ -137,64 +101,71 @@ def definition(message_type: str) -> str:
     return "".join(texts)
 
 
+def names_in(metadata: Mapping[str, str]) -> Names | None:
+    """Return the names in a recording's metadata, or None if there are none."""
+    if Names._fields[0] in metadata:
+        return Names(*(tuple(metadata.get(group, "").split()) for group in Names._fields))
+    return Names.paired(metadata["axes"].split()) if metadata.get("axes", "").split() else None
+
+
+def texts_of(names: Names) -> dict[str, str]:
+    """Return names as metadata."""
+    return {group: " ".join(own) for group, own in names._asdict().items()}
+
+
 def topics(names: Names) -> tuple[Topic, ...]:
-    """Return every topic of an instrument with these axes, or these joints and tendons."""
-    if isinstance(names, CoupledNames):
-        joints = _joint_topics(names.handle_joints, names.joints, names.tendons, names.compensated)
-        return (
-            Topic(TIME, FLOAT64, (), {"data": "time"}),
-            *(topic for topic in joints if topic.joints),
-            Topic(_rig(None), WRENCH, (), _WRENCH, frame="tip"),
-            *(Topic(topic, FLOAT64, (), {"data": signal}) for topic, signal in _GRIP.items()),
-            *_number_topics("controller", _CONTROL_NUMBERS, names.compensated, always=True),
-        )
-    axes = names
-    handle = tuple(f"handle_{axis}" for axis in axes)
-    tip = tuple(f"tip_{axis}" for axis in axes)
-    tendons = tuple(f"{axis}_{tendon}" for axis in axes for tendon in TENDONS)
+    """Return every topic of an instrument with these joints and tendons."""
+    joints = names.joints
     forces = {"force.x": "force", "force.z": "radial_force"}
     return (
         Topic(TIME, FLOAT64, (), {"data": "time"}),
-        *_joint_topics(handle, tip, tendons, tip),
+        *(topic for topic in _joint_topics(names) if topic.joints),
         *(
-            Topic(_rig(axis if axes[1:] else None), WRENCH, (), forces, slice(i, i + 1), f"tip_{axis}")
-            for i, axis in enumerate(axes)
+            Topic(_of_one("rig", joint, joints, "measured_cf"), WRENCH, (), forces, slice(i, i + 1), f"{_TIP}{joint}")
+            for i, joint in enumerate(joints)
         ),
+        Topic("/rig/wrench", WRENCH, (), _WRENCH, frame="tip", before="/rig/measured_cf"),
+        *(Topic(topic, FLOAT64, (), {"data": signal}) for topic, signal in _GRIP.items()),
         *(
             Topic(
-                f"/controller/{f'{axis}/' if axes[1:] else ''}measured_cf",
+                _of_one("controller", joint, names.compensated, "measured_cf"),
                 WRENCH,
                 (),
                 {"force.x": "estimated_force"},
                 slice(i, i + 1),
-                f"tip_{axis}",
+                f"{_TIP}{joint}",
                 copy_of="/controller/tip/measured_js",
             )
-            for i, axis in enumerate(axes)
+            for i, joint in enumerate(names.compensated)
         ),
-        *_number_topics("controller", _CONTROL_NUMBERS, axes),
-        *_number_topics("twin", TISSUE, axes),
+        *_number_topics("controller", _CONTROL_NUMBERS, names.compensated),
+        *_number_topics("twin", TISSUE, joints),
     )
 
 
-def _number_topics(origin: str, signals: Sequence[str], axes: tuple[str, ...], *, always: bool = False) -> list[Topic]:
-    """Return a topic for each signal of each axis, whose name has the axis if there are several, or always."""
+def _number_topics(origin: str, signals: Sequence[str], joints: tuple[str, ...]) -> list[Topic]:
+    """Return a topic for each signal of each joint."""
     return [
         Topic(
-            f"/{origin}/{f'{axis}/' if always or axes[1:] else ''}{signal}",
+            _of_one(origin, joint, joints, signal),
             FLOAT64,
             (),
             {"data": signal},
             slice(i, i + 1),
+            before=f"/{origin}/{joint}/{signal}",
         )
         for signal in signals
-        for i, axis in enumerate(axes)
+        for i, joint in enumerate(joints)
     ]
 
 
-def _joint_topics(
-    handle: tuple[str, ...], tip: tuple[str, ...], tendons: tuple[str, ...], compensated: tuple[str, ...]
-) -> list[Topic]:
+def _of_one(origin: str, joint: str, joints: tuple[str, ...], name: str) -> str:
+    """Return the name of a topic of one joint, which it has if there are several."""
+    return f"/{origin}/{joint}/{name}" if joints[1:] else f"/{origin}/{name}"
+
+
+def _joint_topics(names: Names) -> list[Topic]:
+    tip, handle, tendons, compensated = names
     joint_states = (
         ("/handle/measured_js", handle, {"position": "measured_handle_angle"}),
         ("/handle/setpoint_js", handle, {"position": "commanded_handle_angle"}),
@@ -226,88 +197,66 @@ def _joint_topics(
     return [Topic(name, JOINT_STATE, joints, signals) for name, joints, signals in joint_states]
 
 
-def _rig(axis: str | None) -> str:
-    return "/rig/measured_cf" if axis is None else f"/rig/{axis}/measured_cf"
-
-
 def read_topics(names: Names) -> frozenset[str]:
     """Return the names of the topics from which signals are read, without copies."""
-    return frozenset(topic.name for topic in topics(names) if topic.copy_of is None)
+    found = [topic for topic in topics(names) if topic.copy_of is None]
+    return frozenset(name for topic in found for name in (topic.name, topic.before) if name)
 
 
-TOPICS = read_topics(("",)) | read_topics(("yaw", "pitch"))
-"""Names of all topics from which signals are read, of instruments with one axis or two, without copies."""
+_USUAL = (Names.paired(["yaw"]), Names.paired(["yaw", "pitch"]))
+TOPICS = frozenset[str]().union(*(read_topics(names) for names in _USUAL))
+"""Names of all topics from which signals are read where no metadata name the joints, without copies."""
 
-COPIES = {topic.name: topic.copy_of for axes in (("",), ("yaw", "pitch")) for topic in topics(axes) if topic.copy_of}
+COPIES = {topic.name: topic.copy_of for names in _USUAL for topic in topics(names) if topic.copy_of}
 """Topics from which signals are read where these are missing."""
 
 
-def shape(signal: str, rows: int, axes: tuple[str, ...]) -> tuple[int, ...]:
-    """Return the shape of a signal in a `Run`."""
-    return (rows, *((len(axes),) if axes[1:] else ()), *((2,) if SIGNALS[signal].per_tendon else ()))
+def places(joints: Sequence[str], found: Sequence[str]) -> list[int] | None:
+    """Return where joints are among those that a message has; None unless all of them are there."""
+    plain = [one if one in joints else one.removeprefix(_TIP) for one in found]
+    return [plain.index(joint) for joint in joints] if set(joints) <= set(plain) else None
 
 
 def described(signal: str) -> Signal:
-    """Return unit and meaning of a signal of either kind of run, or of a component such as ``wrench.fx``."""
+    """Return unit and meaning of a signal, or of a component such as ``wrench.fx``."""
     name, _, part = signal.partition(".")
-    about = SIGNALS[name] if name in SIGNALS else coupled_signal(name)
     if name != "wrench" or not part:
-        return about
+        return SIGNALS[name]
     kind, unit = ("Force", "N") if part.startswith("f") else ("Moment", "N*m")
-    return Signal(unit, False, f"{kind} on the tip, {part[1:]}")
+    return Signal(unit, "run", f"{kind} on the tip, {part[1:]}")
 
 
-def signals_of(run: AnyRun) -> dict[str, Array]:
-    """Return a run's signals by name."""
-    return run.signals if isinstance(run, CoupledRun) else run.signals()
-
-
-def names_of(run: AnyRun) -> Names:
-    """Return what the columns of a run are named after."""
-    if isinstance(run, CoupledRun):
-        return CoupledNames(run.joints, run.handle_joints, run.tendons, run.compensated)
-    return tuple(run.axes)
-
-
-def listed(names: Names) -> str:
-    """Return names in words."""
-    return ", ".join(" ".join(names.texts.values()).split() if isinstance(names, CoupledNames) else names)
-
-
-def run_of(names: Names, time: Array, columns: Mapping[str, Array]) -> AnyRun:
+def run_of(names: Names, time: Array, columns: Mapping[str, Array]) -> Run:
     """Return the run of signals and times (n,) from arrays of shape (n, columns), without incomplete signals."""
     rows = time.size
-    if not isinstance(names, CoupledNames):
-        shapes = {name: shape(name, rows, names) for name in columns}
-        whole = {name: values for name, values in columns.items() if values.size == math.prod(shapes[name])}
-        return Run(time, names, **{name: values.reshape(shapes[name]) for name, values in whole.items()})
     signals = dict(columns)
     wrench = [signals.pop(name, None) for name in _WRENCH.values()]
     if all(part is not None for part in wrench):
         signals["wrench"] = np.concatenate([part for part in wrench if part is not None], axis=1)
-    for name in _GRIP.values():
-        if name in signals:
-            signals[name] = signals[name][:, 0]
     if not names.handle_joints:
-        of_handle = [topic for topic in _joint_topics((), ("",), ("",), ("",)) if not topic.joints]
-        signals |= {name: np.empty((rows, 0)) for topic in of_handle for name in topic.signals.values()}
-    return CoupledRun(time, names.joints, names.handle_joints, names.tendons, signals, names.compensated)
+        signals |= {name: np.empty((rows, 0)) for name, one in SIGNALS.items() if one.of == "handle_joints"}
+    shapes = {name: names.shape(name, rows) for name in signals}
+    whole = {name: values for name, values in signals.items() if values.size == math.prod(shapes[name])}
+    return Run(time, *names, **{name: values.reshape(shapes[name]) for name, values in whole.items()})
 
 
 def axes_of(joints: Mapping[str, tuple[str, ...]]) -> tuple[str, ...] | None:
     """Return the axes that the joints (names by topic) belong to, or None if they belong to no axis."""
-    for topic in topics(("",)):
-        marks = [joint.strip("_") for joint in topic.joints]
-        found = [
-            name.removeprefix(f"{mark}_").removesuffix(f"_{mark}")
-            for name in joints.get(topic.name, ())
-            for mark in marks
-            if name.startswith(f"{mark}_") or name.endswith(f"_{mark}")
-        ]
+    for topic in topics(_USUAL[0]):
+        found = [axis for name in joints.get(topic.name, ()) if (axis := _axis_of(name))]
         if found:
             return tuple(dict.fromkeys(found))
-    rigs = tuple(axis for axis in ("yaw", "pitch") if _rig(axis) in joints)
+    rigs = tuple(axis for axis in ("yaw", "pitch") if f"/rig/{axis}/measured_cf" in joints)
     return rigs or None
+
+
+def _axis_of(joint: str) -> str:
+    """Return the axis in the name of a joint or tendon; empty if it is not named after one."""
+    for mark in ("handle_", _TIP):
+        if joint.startswith(mark):
+            return joint.removeprefix(mark)
+    side = next((side for side in TENDONS if joint.endswith(f"_{side}")), None)
+    return "" if side is None else joint.removesuffix(f"_{side}")
 
 
 class Messages(NamedTuple):
@@ -333,18 +282,12 @@ def messages_of(names: Names, carried: Collection[str]) -> list[Messages]:
     return found
 
 
-def flat_columns(run: AnyRun) -> dict[str, Array]:
-    """Return a run's signals and time by name, each of shape (n, columns): by axis, then tendon.
-
-    The components of a coupled run's wrench are signals of their own.
-    """
-    if not isinstance(run, CoupledRun):
-        return {name: values.reshape(len(run), -1) for name, values in ({"time": run.time} | run.signals()).items()}
-    columns = {"time": run.time} | run.signals
-    if "wrench" in columns:
-        wrench = columns.pop("wrench")
-        columns |= {f"wrench.{part}": wrench[:, n] for n, part in enumerate(run.columns("wrench"))}
-    return {name: values if values.ndim == 2 else values[:, np.newaxis] for name, values in columns.items()}
+def flat_columns(run: Run) -> dict[str, Array]:
+    """Return a run's signals and time by name, each of shape (n, columns); components of the wrench singly."""
+    columns = {"time": run.time[:, np.newaxis]} | {name: run.by_column(name) for name in run.signals()}
+    wrench = columns.pop("wrench", None)
+    parts = {} if wrench is None else {f"wrench.{part}": wrench[:, [n]] for n, part in enumerate(COMPONENTS)}
+    return columns | parts
 
 
 def event_message(time: float, content: Mapping[str, Any]) -> bytes:

@@ -9,11 +9,8 @@ import numpy as np
 
 from tenodesis import coupled
 from tenodesis.control import Controller
-from tenodesis.coupled import CoupledInstrument, CoupledRun
-from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
-from tenodesis.recording import schemas
+from tenodesis.instrument import Instrument, InstrumentLike, as_short_form
 from tenodesis.recording.metadata import metadata_of
-from tenodesis.recording.schemas import AnyRun
 from tenodesis.recording.writer import Recorder
 from tenodesis.run import CONTROL, TISSUE, Run, concatenate
 from tenodesis.simulate import Pretension, Protocol, execute, execute_coupled
@@ -98,7 +95,7 @@ def record(
 
 
 def record_coupled(
-    inst: CoupledInstrument,
+    inst: Instrument,
     protocol: Protocol,
     path: str | Path,
     *,
@@ -108,7 +105,7 @@ def record_coupled(
     quasi_static: bool = False,
     overwrite: bool = False,
     progress: Callable[[float, float], object] | None = None,
-) -> CoupledRun:
+) -> Run:
     """Run a protocol on the twin of an instrument whose joints share tendons, and record it; otherwise as `record`.
 
     The controller is one for :func:`tenodesis.coupled.compensated`.
@@ -117,17 +114,16 @@ def record_coupled(
     check_coupled(protocol.plan(inst, time_step), inst, controller)
     if controller is not None:
         controller.reset()
-    names = schemas.CoupledNames.of_instrument(inst, controlled=controller is not None)
     metadata = metadata_of(
         inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
     )
-    with Recorder(path, axes=names, metadata=metadata, overwrite=overwrite) as recorder:
+    with Recorder(path, axes=twin.names, metadata=metadata, overwrite=overwrite) as recorder:
         return execute_coupled(twin, protocol, controller, on_block=recorder.write, progress=progress)
 
 
 def write_run(
-    run: AnyRun,
-    inst: ShortForm | CoupledInstrument,
+    run: Run,
+    inst: Instrument,
     path: str | Path,
     *,
     protocol: Protocol | None = None,
@@ -158,24 +154,19 @@ def write_run(
     metadata = metadata_of(
         inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
     )
-    if isinstance(inst, CoupledInstrument):
-        controlled = isinstance(run, CoupledRun) and bool(run.compensated)
-        names: schemas.Names = schemas.CoupledNames.of_instrument(inst, controlled=controlled)
-    else:
-        names = inst.axes
-    with Recorder(path, axes=names, metadata=metadata, overwrite=overwrite) as recorder:
+    with Recorder(path, axes=coupled.names_of(inst), metadata=metadata, overwrite=overwrite) as recorder:
         recorder.write(run)
 
 
 def without_control(run: Run) -> Run:
     """Return a run with the signals of a controller that did not run yet, all NaN."""
-    absent: dict[str, Any] = {name: np.full(schemas.shape(name, len(run), run.axes), np.nan) for name in CONTROL}
+    absent: dict[str, Any] = {name: np.full(run.names.shape(name, len(run)), np.nan) for name in CONTROL}
     return replace(run, **absent)
 
 
 def without_tissue(run: Run) -> Run:
     """Return a run with the signals of tissue that is not there."""
-    absent: dict[str, Any] = {name: np.zeros(schemas.shape(name, len(run), run.axes)) for name in TISSUE}
+    absent: dict[str, Any] = {name: np.zeros(run.names.shape(name, len(run))) for name in TISSUE}
     return replace(run, **absent)
 
 

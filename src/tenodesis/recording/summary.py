@@ -14,16 +14,14 @@ from rich.text import Text
 
 from tenodesis import statics
 from tenodesis.control import FAULTS, OperatingState, Request
-from tenodesis.coupled import CoupledRun
 from tenodesis.errors import InstrumentError, RecordingError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.recording.metadata import CONTROLLER, controller_choices, controller_instrument, in_words
-from tenodesis.recording.reader import AnyRecording, CoupledRecording
-from tenodesis.recording.schemas import AnyRun, signals_of
+from tenodesis.recording.reader import Recording
 from tenodesis.recording.tables import columns
-from tenodesis.run import COMMANDS, CONTROL, MEASURED, TENDONS, Array, Run
+from tenodesis.run import COMMANDS, CONTROL, MEASURED, Array, Run
 
-_RANGED = ({**COMMANDS, **MEASURED, **CONTROL}.keys() | {"wrench", "applied_grip_force", "grip_force"}) - {
+_RANGED = ({**COMMANDS, **MEASURED, **CONTROL}.keys() | {"grip_force"}) - {
     "operating_state",
     "faults",
     "phase",
@@ -35,7 +33,7 @@ _RANGED = ({**COMMANDS, **MEASURED, **CONTROL}.keys() | {"wrench", "applied_grip
 _VERSIONS = ("tenodesis", "python", "numpy")
 
 
-def describe(recording: AnyRecording) -> Group:
+def describe(recording: Recording) -> Group:
     """Return a recording's contents, for a rich console: its origin, its topics, and the ranges of its signals."""
     parts: list[Text | Table] = []
     if recording.damage is not None:
@@ -44,7 +42,7 @@ def describe(recording: AnyRecording) -> Group:
     return Group(*parts)
 
 
-def contents(recording: AnyRecording) -> dict[str, Any]:
+def contents(recording: Recording) -> dict[str, Any]:
     """Return a recording's contents as plain values: origin, topics, ranges of the signals, and number of events."""
     signals = {
         name: {"least": least, "greatest": greatest, "unit": unit}
@@ -70,7 +68,7 @@ def contents(recording: AnyRecording) -> dict[str, Any]:
     }
 
 
-def facts(recording: AnyRecording) -> dict[str, str]:
+def facts(recording: Recording) -> dict[str, str]:
     """Return a recording's origin in words, by what is said; empty where nothing is recorded."""
     run, metadata = recording.run, recording.metadata
     steps = np.diff(run.time)
@@ -87,17 +85,14 @@ def facts(recording: AnyRecording) -> dict[str, str]:
     }
 
 
-def _facts(recording: AnyRecording) -> Table:
+def _facts(recording: Recording) -> Table:
     table = Table.grid(padding=(0, 2))
     for name, fact in facts(recording).items():
         table.add_row(name, Text(fact or "not recorded"))
     return table
 
 
-def _named(run: AnyRun) -> dict[str, str]:
-    """Return the axes, or joints and tendons."""
-    if not isinstance(run, CoupledRun):
-        return {"axes": ", ".join(run.axes)}
+def _named(run: Run) -> dict[str, str]:
     return {
         "joints": ", ".join(run.joints),
         "handle": ", ".join(run.handle_joints) or "no joints",
@@ -105,42 +100,23 @@ def _named(run: AnyRun) -> dict[str, str]:
     }
 
 
-def _controller(recording: AnyRecording) -> dict[str, str]:
+def _controller(recording: Recording) -> dict[str, str]:
     """Return the controller's choices and the outcome of the run; empty without a controller."""
-    if isinstance(recording, CoupledRecording):
-        return _coupled_controller(recording) | coupled_outcome(recording.run)
     try:
         choices = controller_choices(recording)
         inst = recording.instrument()
-        controller_inst = controller_instrument(recording)
+        assumed = None if choices is None else controller_instrument(recording)
     except (InstrumentError, RecordingError) as problem:
         return {"controller": str(problem)} if CONTROLLER in recording.metadata else {}
-    if choices is None:
-        return {}
+    if choices is None or assumed is None:
+        return outcome(recording.run, inst)
     names = [str(name) for name in choices.get("faults", [])]
-    return {"controller": in_words(choices, controller_inst, inst), **outcome(recording.run, inst, names)}
+    run = recording.run
+    served = f", of {' and '.join(run.compensated)}" if run.compensated != run.joints else ""
+    return {"controller": f"{in_words(choices, assumed, inst)}{served}", **outcome(run, inst, names)}
 
 
-def _coupled_controller(recording: CoupledRecording) -> dict[str, str]:
-    try:
-        choices = controller_choices(recording)
-    except RecordingError as problem:
-        return {"controller": str(problem)}
-    if choices is None:
-        return {}
-    words = ", ".join(f"{choices.get(choice)} {choice}" for choice in ("law", "observer", "actuation"))
-    return {"controller": f"{words}, of {' and '.join(recording.run.compensated)}"}
-
-
-def coupled_outcome(run: CoupledRun) -> dict[str, str]:
-    """Return the outcome of a coupled run in words: a controller's state and faults, tensions, and slack."""
-    if "operating_state" not in run.signals or not len(run):
-        return tension_facts(run)
-    state = {"state": _states(run["operating_state"][:, 0], run.time)}
-    return state | {"faults": _faults(run["faults"], run.time, FAULTS)} | tension_facts(run)
-
-
-def _instrument(recording: AnyRecording) -> str:
+def _instrument(recording: Recording) -> str:
     try:
         return recording.instrument().name
     except RecordingError:
@@ -158,7 +134,7 @@ def _protocol_name(protocol: str) -> str:
     return name if isinstance(name, str) else protocol.strip().partition("\n")[0]
 
 
-def _topics(recording: AnyRecording) -> Table:
+def _topics(recording: Recording) -> Table:
     # On 80 columns nothing is cut off.
     table = Table(
         Column("Topic", no_wrap=True),
@@ -177,14 +153,14 @@ def _topics(recording: AnyRecording) -> Table:
     return table
 
 
-def _ranges(run: AnyRun) -> Table:
+def _ranges(run: Run) -> Table:
     table = Table("Signal", "Least", "Greatest", "Unit", box=box.SIMPLE_HEAD)
     for name, *ends, unit in _ends(run):
         table.add_row(name, *("" if end is None else f"{end:.4g}" for end in ends), unit)
     return table
 
 
-def _ends(run: AnyRun) -> Iterator[tuple[str, float | None, float | None, str]]:
+def _ends(run: Run) -> Iterator[tuple[str, float | None, float | None, str]]:
     """Yield signals with their smallest and largest value, None without one, and their unit; angles in deg."""
     for heading, values in columns(run).items():
         name, unit = heading.removesuffix("]").split(" [")
@@ -208,12 +184,11 @@ def tip_error(run: Run, inst: ShortForm) -> Array:
     KeyError
         The run has no handle angle, or no output angle.
     """
-    rows = (len(run), len(run.axes))
     handle, output = (
-        (run[name] if name in run.signals() else run[f"measured_{name}"]).reshape(rows)
+        run.by_column(name if name in run.signals() else f"measured_{name}")
         for name in ("handle_angle", "output_angle")
     )
-    error = np.empty(rows)
+    error = np.empty(output.shape)
     for n, planar in enumerate(inst.planar):
         within = np.clip(handle[:, n], -planar.handle_range, planar.handle_range)
         # Eq. 19 with equal tensions.
@@ -222,10 +197,8 @@ def tip_error(run: Run, inst: ShortForm) -> Array:
     return error
 
 
-def outcome(run: Run, inst: ShortForm, names: Sequence[str] = FAULTS) -> dict[str, str]:
-    """Return the outcome of a run in words: its controller's state and faults, and the tip's deviation.
-
-    Without a controller it is what the load took: the tip's largest and last deviation, tensions, and slack.
+def outcome(run: Run, inst: Instrument, names: Sequence[str] = FAULTS) -> dict[str, str]:
+    """Return the outcome of a run in words: its controller's state and faults, the tip's deviation, and tensions.
 
     Parameters
     ----------
@@ -240,21 +213,22 @@ def outcome(run: Run, inst: ShortForm, names: Sequence[str] = FAULTS) -> dict[st
         return {}
     signals = run.signals().keys()
     angles = {"handle_angle", "measured_handle_angle"} & signals and {"output_angle", "measured_output_angle"} & signals
+    error = tip_error(run, inst) if angles and isinstance(inst, ShortForm) else None
     if run.operating_state is None or run.faults is None:
-        tip = {"tip": _deviation(run, tip_error(run, inst))} if angles else {}
-        return tip | tension_facts(run)
-    state = run.operating_state.reshape(len(run), -1)[:, 0]
-    facts = {"state": _states(state, run.time), "faults": _faults(run.faults, run.time, names)}
-    if angles:
-        facts["tip"] = _tip(run, tip_error(run, inst), _compensating(run, state))
-    return facts | _tip_force(run)
+        tip = {} if error is None else {"tip": _deviation(run, error)}
+        return tip | _tensions(run)
+    state = run.by_column("operating_state")[:, 0]
+    facts = {"state": _states(state, run.time), "faults": _faults(run.by_column("faults"), run.time, names)}
+    if error is not None:
+        facts["tip"] = _tip(run, error, _compensating(run, state))
+    return facts | _tip_force(run) | _tensions(run)
 
 
 def _compensating(run: Run, state: Array) -> NDArray[np.bool_]:
     """Return the rows (n,) in which the controller was enabled, other than to home."""
     enabled: NDArray[np.bool_] = state == OperatingState.ENABLED
     if run.request is not None:
-        for row in np.flatnonzero(run.request.reshape(len(run), -1)[:, 0] == Request.HOME):
+        for row in np.flatnonzero(run.by_column("request")[:, 0] == Request.HOME):
             rest = np.flatnonzero(~enabled[row + 1 :])
             enabled[row : row + 1 + rest[0] if rest.size else None] = False
     return enabled
@@ -262,7 +236,7 @@ def _compensating(run: Run, state: Array) -> NDArray[np.bool_]:
 
 def _tip(run: Run, error: Array, during: NDArray[np.bool_]) -> str:
     parts = []
-    for name, off in zip(run.axes, error.T, strict=True):
+    for name, off in zip(run.joints, error.T, strict=True):
         rms = f", {degrees(np.sqrt(np.mean(off[during] ** 2))):.2f} deg RMS while enabled" if during.any() else ""
         parts.append(f"{name} {degrees(off[-1]):+.2f} deg off the unloaded angle (eq. 18 of the paper) at the end{rms}")
     return "; ".join(parts)
@@ -272,16 +246,15 @@ def _tip_force(run: Run) -> dict[str, str]:
     """Return the observer's last force at the tip; empty where it knows no deviation of it."""
     if run.estimated_force is None or run.estimated_force_std is None:
         return {}
-    last = zip(
-        run.axes, np.atleast_1d(run.estimated_force[-1]), np.atleast_1d(run.estimated_force_std[-1]), strict=True
-    )
+    forces = (run.by_column(name)[-1] for name in ("estimated_force", "estimated_force_std"))
+    last = zip(run.compensated, *forces, strict=True)
     parts = [f"{name} {force:+.2f} ± {2 * std:.2f} N" for name, force, std in last if np.isfinite(std)]
     return {"tip force": f"{', '.join(parts)} at the end, by the observer (two standard deviations)"} if parts else {}
 
 
 def _deviation(run: Run, error: Array) -> str:
     parts = []
-    for name, off in zip(run.axes, error.T, strict=True):
+    for name, off in zip(run.joints, error.T, strict=True):
         if np.isnan(off).all():
             continue
         worst = int(np.nanargmax(np.abs(off)))
@@ -292,26 +265,19 @@ def _deviation(run: Run, error: Array) -> str:
     return "; ".join(parts)
 
 
-def tension_facts(run: AnyRun) -> dict[str, str]:
+def _tensions(run: Run) -> dict[str, str]:
     """Return the ranges of the tensions beside the spools, and for how long tendons were slack at the tip."""
-    signals = signals_of(run)
-    tension = signals.get("tension", signals.get("measured_tension"))
-    if tension is None or not len(run):
+    tension = run.measured_tension if run.tension is None else run.tension
+    if tension is None:
         return {}
-    if isinstance(run, CoupledRun):
-        names = list(run.tendons)
-    else:
-        names = [f"{axis} {tendon}" if len(run.axes) > 1 else tendon for axis in run.axes for tendon in TENDONS]
-    rows = tension.reshape(len(run), -1).T
-    ranges = (f"{name} {np.nanmin(row):.3g} to {np.nanmax(row):.3g} N" for name, row in zip(names, rows, strict=True))
-    facts = {"tensions": ", ".join(ranges)}
-    if "distal_tension" in signals:
+    columns = zip(run.tendons, tension.T, strict=True)
+    facts = {"tensions": ", ".join(f"{name} {np.nanmin(one):.3g} to {np.nanmax(one):.3g} N" for name, one in columns)}
+    if run.distal_tension is not None:
         step = float(np.median(np.diff(run.time))) if len(run) > 1 else 0.0
-        loose = (signals["distal_tension"] <= 0).reshape(len(run), -1).T
         slack = [
-            f"{name} for {np.count_nonzero(row) * step:.3g} s, first at {run.time[row.argmax()]:.4g} s"
-            for name, row in zip(names, loose, strict=True)
-            if row.any()
+            f"{name} for {np.count_nonzero(loose) * step:.3g} s, first at {run.time[loose.argmax()]:.4g} s"
+            for name, loose in zip(run.tendons, run.distal_tension.T <= 0, strict=True)
+            if loose.any()
         ]
         facts["slack"] = ", ".join(slack) or "no tendon"
     return facts
@@ -333,7 +299,7 @@ def _state_name(state: float) -> str:
 
 def _faults(faults: Array, time: Array, names: Sequence[str]) -> str:
     """Return the faults, and when each came first."""
-    masks = np.bitwise_or.reduce(np.nan_to_num(faults).astype(np.int64).reshape(time.size, -1), axis=1)
+    masks = np.bitwise_or.reduce(np.nan_to_num(faults).astype(np.int64), axis=1)
     found = {name: np.flatnonzero(masks >> bit & 1) for bit, name in enumerate(names)}
     first = sorted((int(rows[0]), name) for name, rows in found.items() if rows.size)
     return ", ".join(f"{name} from {time[row]:.6g} s" for row, name in first) or "none"

@@ -12,8 +12,8 @@ import numpy as np
 from tenodesis.errors import RecordingError
 from tenodesis.extras import require
 from tenodesis.files import atomic_file
-from tenodesis.recording.schemas import AnyRun, described
-from tenodesis.run import SIGNALS, TENDONS, Array, Run
+from tenodesis.recording.schemas import described
+from tenodesis.run import SIGNALS, Array, Run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,25 +22,16 @@ TIME = "time [s]"
 """Heading of the time."""
 
 
-def columns(run: AnyRun) -> dict[str, Array]:
-    """Return a run's signals (n,) by heading: ``measured_tension.yaw.agonist [N]``, ``tension.jaw_1_wound [N]``."""
+def columns(run: Run) -> dict[str, Array]:
+    """Return a run's signals (n,) by heading: ``measured_tension.yaw_agonist [N]``, ``wrench.fx [N]``."""
     table: dict[str, Array] = {}
-    if not isinstance(run, Run):
-        for name in run.signals:
-            for heading in [f"{name}.{column}" for column in run.columns(name)] or [name] * (run[name].ndim == 1):
-                table[f"{heading} [{described(heading).unit}]"] = run[heading]
-        return table
-    for name, values in run.signals().items():
-        signal = SIGNALS[name]
-        ends = TENDONS if signal.per_tendon else (None,)
-        parts = [[name, axis, end] for axis in run.axes for end in ends]
-        for i, labels in enumerate(parts):
-            heading = f"{'.'.join(label for label in labels if label)} [{signal.unit}]"
-            table[heading] = values.reshape(len(run), len(parts))[:, i]
+    for name in run.signals():
+        for heading in [f"{name}.{column}" for column in run.columns(name)] or [name] * (SIGNALS[name].of == "run"):
+            table[f"{heading} [{described(heading).unit}]"] = run[heading]
     return table
 
 
-def to_pandas(run: AnyRun) -> "pd.DataFrame":
+def to_pandas(run: Run) -> "pd.DataFrame":
     """Return a run as a DataFrame, a column per signal and axis, joint or tendon, over the time in s.
 
     Raises
@@ -53,7 +44,7 @@ def to_pandas(run: AnyRun) -> "pd.DataFrame":
     return table
 
 
-def to_csv(run: AnyRun, path: str | Path) -> None:
+def to_csv(run: Run, path: str | Path) -> None:
     """Write a run as CSV, numbers to the last bit and NaN as an empty cell.
 
     Raises
@@ -69,7 +60,7 @@ def to_csv(run: AnyRun, path: str | Path) -> None:
             writer.writerow("" if math.isnan(value) else value for value in row)
 
 
-def to_parquet(run: AnyRun, path: str | Path) -> None:
+def to_parquet(run: Run, path: str | Path) -> None:
     """Write a run as Parquet, with the columns of :func:`to_pandas`.
 
     Raises

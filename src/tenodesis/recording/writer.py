@@ -2,7 +2,7 @@
 
 import math
 import platform
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from tenodesis.errors import RecordingError
 from tenodesis.recording import cdr, schemas
 from tenodesis.recording.chunks import ChunkedFile
-from tenodesis.recording.schemas import AnyRun, CoupledNames, Messages, Names
-from tenodesis.run import Array, Run
+from tenodesis.recording.schemas import Messages
+from tenodesis.run import Array, Names, Run
 
 _LAST_STAMP = 2**31 * cdr.SECOND - 1
 _SEQUENCES = 2**32
@@ -36,7 +36,7 @@ class Recorder:
     path
         The file; it must not exist yet.
     axes
-        The axes of the runs to come, or the joints and tendons of coupled runs.
+        What the columns of the runs to come are named after, or joints that have each their own tendons.
     metadata
         Text by key, kept with the runs: ``instrument`` (the instrument file), ``seed``, ``protocol``, ``time_step``
         and others; axes and versions are added.
@@ -57,14 +57,14 @@ class Recorder:
         self,
         path: str | Path,
         *,
-        axes: Names,
+        axes: Names | Sequence[str],
         metadata: Mapping[str, str] | None = None,
         start_time: int = 0,
         chunk_seconds: float = 0.25,
         overwrite: bool = False,
     ) -> None:
         self.path = Path(path)
-        self.axes: Names = axes if isinstance(axes, CoupledNames) else tuple(axes)
+        self.names = axes if isinstance(axes, Names) else Names.paired(axes)
         self._start = start_time
         self._chunk_length = max(round(chunk_seconds * cdr.SECOND), 1)
         self._channels: list[_Channel] = []
@@ -92,7 +92,7 @@ class Recorder:
     ) -> None:
         self.close()
 
-    def write(self, run: AnyRun) -> None:
+    def write(self, run: Run) -> None:
         """Append the rows of a run, whose time continues that of the rows before.
 
         Raises
@@ -112,7 +112,7 @@ class Recorder:
         with self._reported():
             if self._signals is None:
                 self._register(columns)
-                self._signals = set(schemas.signals_of(run))
+                self._signals = set(run.signals())
             chunks = (stamps - self._first_stamp) // self._chunk_length
             bounds = [0, *(np.flatnonzero(np.diff(chunks)) + 1).tolist(), stamps.size]
             for start, stop in pairwise(bounds):
@@ -184,8 +184,7 @@ class Recorder:
             if not isinstance(text, str):
                 raise RecordingError(f"{self.path}: metadata {key} = {text!r}: it must be text.")
         made_with = {"tenodesis": __version__, "python": platform.python_version(), "numpy": np.__version__}
-        named = self.axes.texts if isinstance(self.axes, CoupledNames) else {"axes": " ".join(self.axes)}
-        return dict(metadata) | named | made_with
+        return dict(metadata) | schemas.texts_of(self.names) | made_with
 
     def _opened(self, overwrite: bool) -> IO[bytes]:
         try:
@@ -213,25 +212,25 @@ class Recorder:
                 f"readable: at least {self._rows_safe} rows, {max(seconds, 0.0):.6g} s."
             ) from problem
 
-    def _columns(self, run: AnyRun) -> dict[str, Array]:
-        """Return a run's signals and time as arrays with a row per time and a column per axis and tendon."""
-        names = schemas.names_of(run)
-        if names != self.axes:
-            kind = "joints and tendons" if isinstance(names, CoupledNames) else "axes"
-            given, wanted = schemas.listed(names), schemas.listed(self.axes)
-            raise RecordingError(f"{self.path}: the run's {kind} are {given}; they must be {wanted}.")
-        signals = schemas.signals_of(run)
+    def _columns(self, run: Run) -> dict[str, Array]:
+        """Return a run's signals and time as arrays with a row per time and a column per joint or tendon."""
+        for group, own in run.names._asdict().items():
+            wanted = getattr(self.names, group)
+            if own != wanted:
+                given, wanted = (", ".join(names) or "none" for names in (own, wanted))
+                about = group.replace("_", " ")
+                raise RecordingError(f"{self.path}: the run's {about} are {given}; they must be {wanted}.")
+        signals = run.signals()
         if self._signals is not None and (changed := self._signals ^ signals.keys()):
             had = "had" if min(changed) in self._signals else "did not have"
             raise RecordingError(
                 f"{self.path}: the runs before {had} {min(changed)}; all runs of a recording must have the same "
                 "signals."
             )
-        if isinstance(run, Run):
-            for name, values in signals.items():
-                expected = schemas.shape(name, len(run), run.axes)
-                if values.shape != expected:
-                    raise RecordingError(f"{self.path}: {name} has shape {values.shape}; it must have {expected}.")
+        for name, values in signals.items():
+            expected = run.names.shape(name, len(run))
+            if values.shape != expected:
+                raise RecordingError(f"{self.path}: {name} has shape {values.shape}; it must have {expected}.")
         return schemas.flat_columns(run) if len(run) else {}
 
     def _stamps(self, time: Array) -> NDArray[np.int64]:
@@ -252,7 +251,7 @@ class Recorder:
 
     def _register(self, columns: Mapping[str, Array]) -> None:
         """Open the channels for these signals."""
-        for messages in schemas.messages_of(self.axes, columns.keys()):
+        for messages in schemas.messages_of(self.names, columns.keys()):
             # A wrench always has all its numbers; the channel names those that carry a signal.
             about = [schemas.described(signal) for signal in messages.signals.values() if signal != "time"]
             carried = {

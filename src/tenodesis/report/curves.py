@@ -7,12 +7,10 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from tenodesis import statics
-from tenodesis.coupled import CoupledRun
-from tenodesis.coupled.twin import signal as coupled_signal
 from tenodesis.instrument import ShortForm
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, unit_text
-from tenodesis.run import SIGNALS, TENDONS, Run
+from tenodesis.run import SIGNALS, Names, Run
 from tenodesis.units import in_unit
 
 _SHOWN = (
@@ -20,9 +18,9 @@ _SHOWN = (
     ("measured_tension",),
     ("force", "contact_force", "estimated_force"),
 )
-"""Signals of a run that are drawn, a panel each, if nothing else is wanted."""
-_COUPLED_SHOWN = ("commanded_handle_angle", "output_angle", "tension", "wrench", "grip_force")
-"""Signals of a coupled run that are drawn, a panel each, where they are not zero throughout."""
+"""Signals of one joint that are drawn together, a panel each, if nothing else is wanted."""
+_SHOWN_OF_SEVERAL = ("commanded_handle_angle", "output_angle", "tension", "wrench", "grip_force")
+"""Signals of several joints that are drawn, a panel each, where they are not zero throughout."""
 _QUANTITIES = {"N, N*m": "load", "rad": "angle", "rad/s": "speed", "N": "force", "N*m": "moment"}
 _READABLE = {"rad": "deg", "rad/s": "deg/s"}
 _MOST_POINTS = 20_000
@@ -271,62 +269,38 @@ def step_response(steps: Sequence[Step]) -> Chart:
 
 
 def signals(run: Run, names: Sequence[str] = ()) -> Chart:
-    """Draw signals of a run over time, a column for each axis: those named, or angles, tensions and forces.
+    """Draw signals of a run over time, a panel each: those named, or angles, tensions and loads.
 
-    Raises KeyError if a signal is unknown or was not recorded.
+    Joints that have each their own tendons get a column of panels each, whose curves are few; else a panel has a curve
+    per joint, tendon or component. Raises KeyError if a signal is unknown or was not recorded.
     """
     recorded = {name: run[name] for name in names}
-    panels = [[name] for name in recorded] or [kept for kept in (_recorded(run, kind) for kind in _SHOWN) if kept]
-    figure = style.drawing(width=7.0 * len(run.axes), height=0.6 + 1.9 * len(panels))
-    chart = Chart(figure)
-    axes = figure.subplots(len(panels), len(run.axes), squeeze=False, sharex=True)
+    paired = run.names == Names.paired(run.joints)
+    panels = [[name] for name in recorded]
+    if not panels and paired:
+        panels = [kept for kept in (_recorded(run, kind) for kind in _SHOWN) if kept]
+    elif not panels:
+        panels = [[name] for name in _SHOWN_OF_SEVERAL if _moves(run, name)]
     thin = run[:: max(1, len(run) // _MOST_POINTS)]
+    alone = paired and not any("." in name for name in recorded)
+    parts = [thin.axis(joint) for joint in run.joints] if alone else [thin]
+    figure = style.drawing(width=7.0 * len(parts), height=0.6 + (1.9 if alone else 2.2) * len(panels))
+    chart = Chart(figure)
+    axes = figure.subplots(len(panels), len(parts), squeeze=False, sharex=True)
     time = chart.keep("time [s]", thin.time)
-    for column, axis in enumerate(run.axes):
-        one = thin.axis(axis)
+    for column, part in enumerate(parts):
         for panel, shown in zip(axes[:, column], panels, strict=True):
-            _draw_signals(chart, panel, one, shown)
-        axes[0, column].set_title(axis if run.axes[1:] else "", loc="right")
+            _draw_signals(chart, panel, part, shown)
+        axes[0, column].set_title(part.joints[0] if parts[1:] else "", loc="right")
         axes[-1, column].set_xlabel("time [s]")
         axes[-1, column].set_xlim(time[0], time[-1]) if len(time) > 1 else None
     figure.align_ylabels()
     return chart
 
 
-def coupled_signals(run: CoupledRun, names: Sequence[str] = ()) -> Chart:
-    """Draw signals of a coupled run over time, a panel each with a curve per joint or tendon.
-
-    Those named, ``output_angle`` or ``output_angle.yaw``, or angles, tensions, loads and grip. Raises KeyError if a
-    signal is unknown or was not recorded.
-    """
-    shown = {name: run[name] for name in names or [name for name in _COUPLED_SHOWN if _moves(run, name)]}
-    figure = style.drawing(width=7.0, height=0.6 + 2.2 * len(shown))
-    chart = Chart(figure)
-    thin = run.rows(step=max(1, len(run) // _MOST_POINTS))
-    time = chart.keep("time [s]", thin.time)
-    panels = figure.subplots(len(shown), 1, squeeze=False, sharex=True)[:, 0]
-    for panel, name in zip(panels, shown, strict=True):
-        signal, _, one = name.partition(".")
-        unit = coupled_signal(signal).unit
-        readable = _READABLE.get(unit, unit)
-        factor = in_unit(readable, unit) if readable != unit else 1.0
-        parts = [one] if one else list(run.columns(signal))
-        drawn = [part for part in parts if one or _moves(run, f"{signal}.{part}")] or parts[:1]
-        headings = [f"{signal}.{part}" for part in drawn] or [signal]
-        for heading, tone in zip(headings, style.colors(len(headings)), strict=True):
-            label = heading.partition(".")[2] or signal.replace("_", " ")
-            chart.curve(panel, time, f"{heading} [{readable}]", factor * thin[heading], color=tone, lw=1.2, label=label)
-        panel.set_ylabel(f"{signal.replace('_', ' ')}\n[{unit_text(readable)}]")
-        style.legend_above(panel, 4)
-    panels[-1].set_xlabel("time [s]")
-    panels[-1].set_xlim(time[0], time[-1]) if len(time) > 1 else None
-    figure.align_ylabels()
-    return chart
-
-
-def _moves(run: CoupledRun, name: str) -> bool:
+def _moves(run: Run, name: str) -> bool:
     """Return whether a run has a signal, or a column of one, that is not zero throughout."""
-    return name.partition(".")[0] in run.signals and bool(np.nan_to_num(run[name]).any())
+    return name.partition(".")[0] in run.signals() and bool(np.nan_to_num(run[name]).any())
 
 
 def _recorded(run: Run, names: Sequence[str]) -> list[str]:
@@ -336,20 +310,34 @@ def _recorded(run: Run, names: Sequence[str]) -> list[str]:
 
 
 def _draw_signals(chart: Chart, panel: Axes, run: Run, names: Sequence[str]) -> None:
-    """Draw signals of one unit and one axis into a panel, with a legend above it."""
-    unit = SIGNALS[names[0]].unit
+    """Draw signals of one unit into a panel, with a legend above it."""
+    first = names[0].partition(".")[0]
+    unit = SIGNALS[first].unit
     shown = _READABLE.get(unit, unit)
     factor = in_unit(shown, unit) if shown != unit else 1.0
-    for name, color in zip(names, style.colors(len(names)), strict=True):
-        ends = zip(("." + end for end in TENDONS), (style.AGONIST, style.ANTAGONIST), run[name].T, strict=True)
-        curves = list(ends) if SIGNALS[name].per_tendon else [("", color, run[name])]
-        for end, tone, values in curves:
-            heading = f"{name}.{run.axes[0]}{end} [{shown}]"
-            label = f"{name}{end}".replace("_", " ").replace(".", ", ")
-            chart.curve(panel, run.time, heading, factor * values, color=tone, lw=1.2, label=label)
-    quantity = "tension" if names[0].endswith("tension") else _QUANTITIES.get(unit, "")
-    panel.set_ylabel(f"{quantity} [{unit_text(shown)}]".strip() if unit != "1" else "")
-    style.legend_above(panel, 3)
+    curves = [heading for name in names for heading in _headings(run, name)]
+    pair = [style.AGONIST, style.ANTAGONIST] if SIGNALS[first].per_tendon and len(run.joints) == 1 else []
+    colors = pair if len(pair) == len(curves) else style.colors(len(curves))
+    for heading, color in zip(curves, colors, strict=True):
+        signal, _, column = heading.partition(".")
+        words = signal.replace("_", " ")
+        if len(run.joints) > 1:
+            label = column or words
+        else:
+            label = f"{words}, {column.removeprefix(f'{run.joints[0]}_')}" if SIGNALS[signal].per_tendon else words
+        chart.curve(panel, run.time, f"{heading} [{shown}]", factor * run[heading], color=color, lw=1.2, label=label)
+    quantity = "tension" if first.endswith("tension") else _QUANTITIES.get(unit, "")
+    about = f"{first.replace('_', ' ')}\n" if len(run.joints) > 1 else f"{quantity} "
+    panel.set_ylabel(f"{about}[{unit_text(shown)}]".strip() if unit != "1" else "")
+    style.legend_above(panel, 3 if len(run.joints) == 1 else 4)
+
+
+def _headings(run: Run, name: str) -> list[str]:
+    """Return the columns of a signal that are not zero throughout, or its first; or the signal if it has one alone."""
+    headings = [f"{name}.{column}" for column in run.columns(name)] if "." not in name else []
+    if len(run.joints) == 1:
+        return headings or [name]
+    return [heading for heading in headings if _moves(run, heading)] or headings[:1] or [name]
 
 
 def output_of(run: Run) -> Array:

@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 
 from tenodesis.errors import RecordingError
 from tenodesis.recording.replay import Replay
-from tenodesis.recording.tables import columns
 from tenodesis.report import style
 from tenodesis.run import TENDONS
 
@@ -48,14 +47,13 @@ def _draw(panel: Axes, replay: Replay, name: str, axis: str) -> None:
     kind = name.removeprefix("measured_")
     colors = {f"{name}.{axis}": style.ACCENT}
     if kind == "tension":
-        colors = {f"{name}.{axis}.{TENDONS[0]}": style.AGONIST, f"{name}.{axis}.{TENDONS[1]}": style.ANTAGONIST}
+        colors = {f"{name}.{axis}_{TENDONS[0]}": style.AGONIST, f"{name}.{axis}_{TENDONS[1]}": style.ANTAGONIST}
     thin = slice(None, None, max(1, len(replay.run) // _MOST_POINTS))
     sources = (("recorded", replay.recording.run, 3.0, 0.35), ("replayed", replay.run, 1.0, 1.0))
     for label, run, width, alpha in sources:
-        table = {heading.partition(" [")[0]: values for heading, values in columns(run).items()}
         for key, color in colors.items():
-            values = np.degrees(table[key]) if kind == "output_angle" else table[key]
-            tendon = f"{key.rpartition('.')[2]}, " if kind == "tension" else ""
+            values = np.degrees(run[key]) if kind == "output_angle" else run[key]
+            tendon = f"{key.rpartition('_')[2]}, " if kind == "tension" else ""
             panel.plot(run.time[thin], values[thin], color=color, lw=width, alpha=alpha, label=f"{tendon}{label}")
     measured = " by the sensors" if name != kind else ""
     panel.set_ylabel(_LABELS[kind].replace(" [", f"{measured} ["))

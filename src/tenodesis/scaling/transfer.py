@@ -11,11 +11,11 @@ import numpy as np
 import tomli_w
 
 from tenodesis.errors import RecordingError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import ShortForm, as_short_form
 from tenodesis.instrument.text import to_toml
 from tenodesis.recording import Recorder, Recording
 from tenodesis.recording.schemas import TRANSFERRED
-from tenodesis.run import SIGNALS, Array, Run
+from tenodesis.run import SIGNALS, TENDONS, Array, Run
 from tenodesis.scaling.transfer_factors import QUANTITY, comparison, factors
 from tenodesis.scaling.transfer_friction import carry_friction, left_behind, shared_axes
 from tenodesis.similarity import Comparison
@@ -88,7 +88,7 @@ class Carried:
 
         Raises RecordingError if the file cannot be written, or exists, or time steps shrink to less than 1 ns.
         """
-        with Recorder(path, axes=self.run.axes, metadata=self.metadata, overwrite=overwrite) as recorder:
+        with Recorder(path, axes=self.run.names, metadata=self.metadata, overwrite=overwrite) as recorder:
             recorder.write(self.run)
 
 
@@ -161,7 +161,7 @@ def _scaled_up(recording: Recording | None, run: Run, given: ShortForm | None, w
     if given is not None:
         inst = given
     elif recording is not None and "instrument" in recording.metadata:
-        inst = recording.instrument()
+        inst = as_short_form(recording.instrument())
     else:
         raise RecordingError(f"{where} does not contain its instrument; give the scaled-up instrument as well.")
     if inst.axes != run.axes:
@@ -173,11 +173,10 @@ def _scaled_up(recording: Recording | None, run: Run, given: ShortForm | None, w
 
 
 def _by_axis(scales: list[float], signal: str) -> Array | float:
-    """Return factors by axis in the shape of a signal's axes and tendons."""
+    """Return factors by axis in the shape of a signal's columns."""
     if len(scales) == 1:
         return scales[0]
-    column = np.array(scales)
-    return column[:, np.newaxis] if SIGNALS[signal].per_tendon else column
+    return np.repeat(scales, len(TENDONS)) if SIGNALS[signal].per_tendon else np.array(scales)
 
 
 def _largest(run: Run, *names: str) -> float:

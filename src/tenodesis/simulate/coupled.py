@@ -2,15 +2,14 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from tenodesis import coupled
 from tenodesis.control import Controller
-from tenodesis.coupled import CoupledInstrument, CoupledRun, Held
+from tenodesis.coupled import CoupledInstrument, Held
 from tenodesis.errors import ArgumentError, ProtocolError
-from tenodesis.run import Array
+from tenodesis.run import Array, Run, concatenate
 from tenodesis.simulate.command import Between, sampled
 from tenodesis.simulate.loads import Wrench
 from tenodesis.simulate.phases import Cycles, GrippedObject, Hold, Ramp, StepLoad
@@ -37,9 +36,9 @@ def execute_coupled(
     protocol: Protocol,
     controller: Controller | None = None,
     *,
-    on_block: Callable[[CoupledRun], object] | None = None,
+    on_block: Callable[[Run], object] | None = None,
     progress: Callable[[float, float], object] | None = None,
-) -> CoupledRun:
+) -> Run:
     """Run a protocol on a twin at rest: straight, without load, with nothing between the jaws.
 
     Parameters
@@ -67,7 +66,7 @@ def execute_coupled(
     plan = protocol.plan(twin.inst, twin.time_step)
     check_coupled(plan, twin.inst, controller)
     total = sum(planned.seconds for planned in plan)
-    runs: list[CoupledRun] = []
+    runs: list[Run] = []
     angles = np.zeros(len(twin.inst.tip_joints))
     between: Between | None = None
     held: Held | None = None
@@ -78,18 +77,12 @@ def execute_coupled(
                     between = block["between"]
                     held = None if between is None else between.held(float(twin.inst.grip_arms @ angles))
                 runs.append(_continued(twin, block, held, controller))
-                angles = runs[-1]["output_angle"][-1]
+                angles = runs[-1].by_column("output_angle")[-1]
                 if on_block is not None:
                     on_block(runs[-1])
                 if progress is not None:
                     progress(min(twin.time, total), total)
-    return joined(runs)
-
-
-def joined(runs: Sequence[CoupledRun]) -> CoupledRun:
-    """Return consecutive runs of an instrument as one."""
-    signals = {name: np.concatenate([run.signals[name] for run in runs]) for name in runs[0].signals}
-    return replace(runs[0], time=np.concatenate([run.time for run in runs]), signals=signals)
+    return concatenate(runs)
 
 
 def default_protocol(inst: CoupledInstrument) -> Protocol:
@@ -129,9 +122,7 @@ def check_coupled(plan: Sequence[Planned], inst: CoupledInstrument, controller: 
             )
 
 
-def _continued(
-    twin: coupled.Twin, block: dict[str, Array], held: Held | None, controller: Controller | None
-) -> CoupledRun:
+def _continued(twin: coupled.Twin, block: dict[str, Array], held: Held | None, controller: Controller | None) -> Run:
     try:
         return twin.run(
             block["handle_angle"],

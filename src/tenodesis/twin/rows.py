@@ -94,9 +94,8 @@ def with_currents(run: Run, inst: ShortForm) -> Run:
     """Return a run with the motors' currents, where these give the tensions of its instrument."""
     if inst.sensors.kind != "current" or run.measured_tension is None:
         return run
-    per_current = np.array([axis.tension_sensor.per_current for axis in inst.planar])
-    shaped = per_current[:, np.newaxis] if len(inst.axes) > 1 else per_current
-    return replace(run, measured_current=run.measured_tension / shaped)
+    per_current = np.repeat([axis.tension_sensor.per_current for axis in inst.planar], len(TENDONS))
+    return replace(run, measured_current=run.measured_tension / per_current)
 
 
 def commanded(commands: Sequence[Array], *, tissue: bool) -> dict[str, Array]:
@@ -108,6 +107,8 @@ def commanded(commands: Sequence[Array], *, tissue: bool) -> dict[str, Array]:
 
 def _of_axes(stack: Sequence[Array], columns: int | slice) -> Array:
     per_axis = [rows[:, columns] for rows in stack]
+    if isinstance(columns, slice):
+        return np.concatenate(per_axis, axis=1)
     return per_axis[0] if len(stack) == 1 else np.stack(per_axis, 1)
 
 

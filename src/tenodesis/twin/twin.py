@@ -192,8 +192,7 @@ class Twin:
         weight
             Weight on one cable of the load rig more than on the other, N, which makes a tangential force (Fig. 13).
         spool_velocity
-            Spool velocities commanded, rad/s, agonist and antagonist: shape (n, 2), or (2,); with two axes
-            (n, 2, 2), axis before tendon.
+            Spool velocities commanded, rad/s, agonist and antagonist of each axis: shape (n, tendons), or (tendons,).
         sheath_bend
             Bend of the sheath in addition to the instrument's, rad; as handle_angle, or a number.
         let_out
@@ -285,9 +284,7 @@ class Twin:
             np.asarray(force, float)[np.newaxis],
             radial_force=np.asarray(radial_force, float)[np.newaxis],
             weight=np.asarray(weight, float)[np.newaxis],
-            spool_velocity=np.broadcast_to(np.asarray(spool_velocity, float), (2,) if len(self._axes) == 1 else (2, 2))[
-                np.newaxis
-            ],
+            spool_velocity=np.broadcast_to(np.asarray(spool_velocity, float), 2 * len(self._axes))[np.newaxis],
             contact=contact,
         )
         return Run(run.time[0], run.axes, **{name: values[0] for name, values in run.signals().items()})
@@ -356,7 +353,7 @@ class Twin:
         count = max(1, round(_LOOSENING_BLOCK / self.time_step))
         aim = np.array([axis.handle_wanted for axis in self._axes])
         handle = np.tile(aim, (count, 1)) if len(self._axes) > 1 else np.full(count, aim[0])
-        return self.run(handle, spool_velocity=np.full((*handle.shape, len(TENDONS)), velocity))
+        return self.run(handle, spool_velocity=np.full((count, len(TENDONS) * len(self._axes)), velocity))
 
     def _commands(self, *arguments: ArrayLike) -> list[Array]:
         """Return the commands of each axis as rows, checked."""
@@ -367,9 +364,11 @@ class Twin:
         rows = np.zeros((axes, count, len(COMMANDS)))
         for (name, columns), array in zip(ARGUMENTS.items(), arrays, strict=False):
             per_tendon = name in PER_TENDON
-            shape = (*base, 2) if per_tendon else base
+            shape = (count, 2 * axes) if per_tendon else base
             # A value per step is for both axes.
             given = array[:, np.newaxis] if axes == 2 and not per_tendon and array.shape == (count,) else array
+            if per_tendon and array.shape[-2:] == (axes, 2) and axes > 1:
+                given = array.reshape(*array.shape[:-2], -1)
             try:
                 full = np.broadcast_to(given, shape)
             except ValueError:
@@ -377,7 +376,8 @@ class Twin:
                 raise ArgumentError(problem, key=name, value=array.shape, allowed=str(shape)) from None
             check_finite(name, array)
             for n in range(axes):
-                rows[n, :, columns] = full if axes == 1 else full[:, n]
+                own = full[:, 2 * n : 2 * n + 2] if per_tendon else full if axes == 1 else full[:, n]
+                rows[n, :, columns] = own
         if rows[..., COMMANDS.index("weight")].any():
             check_rig(self.inst)
         for n, planar in enumerate(self.inst.planar):

@@ -123,8 +123,7 @@ def measured(run: Run, instrument: InstrumentLike | None = None, *, name: str = 
 
 def first_axis(run: Run) -> dict[str, Array]:
     """Return the signals of a run's first axis, each (n,) or per tendon (n, 2)."""
-    found = {name: values for name, values in run.signals().items() if name in USED}
-    return {name: values[:, 0] if run.axes[1:] else values for name, values in found.items()}
+    return {name: values for name, values in run.axis(run.axes[0]).signals().items() if name in USED}
 
 
 def first_alone(axes: Sequence[str]) -> list[str]:

@@ -25,10 +25,10 @@ from tenodesis.identification.formats.instrument_run import (
 )
 from tenodesis.identification.formats.measured import checksum
 from tenodesis.identification.formats.raw import WIDE, Raw
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import ShortForm, as_short_form
 from tenodesis.recording import Recording, cdr, container, schemas
 from tenodesis.recording.decode import Decoded, LeftOut, Misfit, decode
-from tenodesis.run import SIGNALS, TENDONS, Array
+from tenodesis.run import SIGNALS, TENDONS, Array, Names
 
 __all__ = ["TENDONS", "InstrumentRun", "load"]
 
@@ -101,13 +101,13 @@ def _recorded(path: Path) -> _Signals | None:
     recording = Recording.open(path)
     if any(topic.reason is Misfit.STAMPS for topic in recording.left_out.values()):
         return None
-    run = recording.run
+    run, inst = recording.run, _instrument(recording)
     notes = [] if recording.damage is None else [recording.damage]
     notes += [f"{topic} is left out: {reason}" for topic, reason in recording.left_out.items()]
     longest = max((info.messages for name, info in recording.topics.items() if name in schemas.TOPICS), default=0)
     if recording.damage is None and longest > len(run):
         notes.append(f"topics do not end together: the first {len(run)} of up to {longest} rows are taken")
-    return _Signals(run.time, run.axes, first_axis(run), tuple(notes), _instrument(recording))
+    return _Signals(run.time, run.axes, first_axis(run), tuple(notes), inst)
 
 
 def _merged(path: Path, files: Sequence[Path]) -> _Signals:
@@ -126,7 +126,7 @@ def _merged(path: Path, files: Sequence[Path]) -> _Signals:
     inside = np.ones(time.size, dtype=np.bool_)
     found: dict[str, Array] = {}
     apart = False
-    for topic in schemas.topics(axes):
+    for topic in schemas.topics(Names.paired(axes)):
         own = series.get(topic.name)
         for field, signal in topic.signals.items() if own is not None else ():
             if own is None or signal not in USED or signal in found or field not in own.numbers:
@@ -205,8 +205,8 @@ def _first_axis(joints: Sequence[str], own: _Series, field: str, count: int) -> 
     """Return the columns of the first axis in a topic's numbers, None where the joints leave them open."""
     if not joints:
         return [0]
-    at = [own.joints.index(joint) for joint in joints if joint in own.joints][:count]
-    return at if len(at) == count and own.numbers[field].shape[1] == len(own.joints) else None
+    at = schemas.places(joints[:count], own.joints)
+    return at if at is not None and own.numbers[field].shape[1] == len(own.joints) else None
 
 
 def _known(time: Array, own: Array) -> NDArray[np.bool_]:
@@ -221,8 +221,9 @@ def _known(time: Array, own: Array) -> NDArray[np.bool_]:
 
 
 def _instrument(recording: Recording) -> ShortForm | None:
-    try:
-        inst = recording.instrument()
-    except (InstrumentError, RecordingError):
+    if "instrument" not in recording.metadata:
         return None
-    return inst.planar[0]
+    try:
+        return as_short_form(recording.instrument()).planar[0]
+    except InstrumentError:
+        return None
