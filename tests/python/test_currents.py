@@ -74,7 +74,7 @@ def test_currents_are_their_tensions_over_the_constant_of_the_drive(geared: Inst
     assert tension_from_current(geared, run["measured_current"]) == pytest.approx(run["measured_tension"])
     with Recorder(tmp_path / "run.mcap", axes=run.axes) as recorder:
         recorder.write(run)
-    read = tn.recording.open_recording(tmp_path / "run.mcap")
+    read = tn.Recording.open(tmp_path / "run.mcap")
     assert np.array_equal(read.run["measured_current"], run["measured_current"])
     assert np.array_equal(read.run["estimated_force"], run["estimated_force"])
     assert read.topics["/controller/measured_cf"].type == "geometry_msgs/msg/WrenchStamped"

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -157,7 +157,8 @@ class Twin:
         ends = np.cumsum([0, *self._widths.values()]).tolist()
         signals = {name: out[:, start:end] for name, (start, end) in zip(self._widths, pairwise(ends), strict=True)}
         signals = given | signals | controlled
-        shaped = {name: values.reshape(self.names.shape(name, len(time))) for name, values in signals.items()}
+        shape = self.names.shape
+        shaped: dict[str, Any] = {name: values.reshape(shape(name, len(time))) for name, values in signals.items()}
         return Run(time, *self.names, **shaped)
 
     def _closed(self, controller: Controller, request: ArrayLike, commands: Array, out: Array) -> dict[str, Array]:
@@ -297,8 +298,9 @@ class Twin:
         return np.ascontiguousarray(np.concatenate(columns, axis=1)), commanded
 
 
-def names_of(inst: CoupledInstrument) -> Names:
+def names_of(inst: CoupledLike) -> Names:
     """Return what the columns of an instrument's runs are named after."""
+    inst = load(inst)
     own = [inst.tip_joints[pair.joint] for pair in pairs(inst).values()]
     groups = (inst.tip_joints, inst.handle_joints, inst.tendons, own)
     return Names(*(tuple(one.name for one in group) for group in groups))

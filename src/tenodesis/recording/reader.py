@@ -83,11 +83,13 @@ class Recording:
         path = Path(path)
         contents = container.scan(_bytes(path))
         metadata = contents.metadata.get(schemas.METADATA, {})
-        names = schemas.names_in(metadata)
+        decoded, left_out = _decoded(contents, schemas.JOINT_TOPICS)
+        names = schemas.names_in(metadata, {name: topic.joints for name, topic in decoded.items()})
         wanted = schemas.TOPICS if names is None else schemas.read_topics(names)
         present = {channel.topic for channel in contents.channels.values()}
         wanted |= {copy for copy, original in schemas.COPIES.items() if original not in present}
-        decoded, left_out = _decoded(contents, wanted)
+        others = _decoded(contents, wanted - schemas.JOINT_TOPICS)
+        decoded, left_out = decoded | others[0], left_out | others[1]
         names = names or _paired(decoded)
         if names is None:
             raise RecordingError(f"{path} contains no topic of a recording: {_found(contents)}.")

@@ -101,11 +101,17 @@ def definition(message_type: str) -> str:
     return "".join(texts)
 
 
-def names_in(metadata: Mapping[str, str]) -> Names | None:
-    """Return the names in a recording's metadata, or None if there are none."""
+def names_in(metadata: Mapping[str, str], joints: Mapping[str, tuple[str, ...]]) -> Names | None:
+    """Return the names in a recording's metadata and joints (by topic), or None if there are none.
+
+    Names in messages count first: checksums protect them.
+    """
     if Names._fields[0] in metadata:
-        return Names(*(tuple(metadata.get(group, "").split()) for group in Names._fields))
-    return Names.paired(metadata["axes"].split()) if metadata.get("axes", "").split() else None
+        found = {group: tuple(metadata.get(group, "").split()) for group in Names._fields}
+        found |= {topic.joints[0]: joints[topic.name] for topic in _JOINT_TOPICS if topic.name in joints}
+        return Names(**found)
+    axes = axes_of(joints) or tuple(metadata.get("axes", "").split())
+    return Names.paired(axes) if axes else None
 
 
 def texts_of(names: Names) -> dict[str, str]:
@@ -197,6 +203,12 @@ def _joint_topics(names: Names) -> list[Topic]:
     return [Topic(name, JOINT_STATE, joints, signals) for name, joints, signals in joint_states]
 
 
+_JOINT_TOPICS = _joint_topics(Names(*((group,) for group in Names._fields)))
+"""The topics with joints, whose joints are here what they are named after."""
+
+JOINT_TOPICS = frozenset(topic.name for topic in _JOINT_TOPICS)
+
+
 def read_topics(names: Names) -> frozenset[str]:
     """Return the names of the topics from which signals are read, without copies."""
     found = [topic for topic in topics(names) if topic.copy_of is None]
@@ -236,13 +248,15 @@ def run_of(names: Names, time: Array, columns: Mapping[str, Array]) -> Run:
     if not names.handle_joints:
         signals |= {name: np.empty((rows, 0)) for name, one in SIGNALS.items() if one.of == "handle_joints"}
     shapes = {name: names.shape(name, rows) for name in signals}
-    whole = {name: values for name, values in signals.items() if values.size == math.prod(shapes[name])}
-    return Run(time, *names, **{name: values.reshape(shapes[name]) for name, values in whole.items()})
+    whole: dict[str, Any] = {
+        name: values.reshape(shapes[name]) for name, values in signals.items() if values.size == math.prod(shapes[name])
+    }
+    return Run(time, *names, **whole)
 
 
 def axes_of(joints: Mapping[str, tuple[str, ...]]) -> tuple[str, ...] | None:
     """Return the axes that the joints (names by topic) belong to, or None if they belong to no axis."""
-    for topic in topics(_USUAL[0]):
+    for topic in _JOINT_TOPICS:
         found = [axis for name in joints.get(topic.name, ()) if (axis := _axis_of(name))]
         if found:
             return tuple(dict.fromkeys(found))

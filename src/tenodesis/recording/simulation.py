@@ -9,7 +9,7 @@ import numpy as np
 
 from tenodesis import coupled
 from tenodesis.control import Controller
-from tenodesis.instrument import Instrument, InstrumentLike, as_short_form
+from tenodesis.instrument import FullForm, Instrument, InstrumentLike, ShortForm, as_short_form
 from tenodesis.recording.metadata import metadata_of
 from tenodesis.recording.writer import Recorder
 from tenodesis.run import CONTROL, TISSUE, Run, concatenate
@@ -95,7 +95,7 @@ def record(
 
 
 def record_coupled(
-    inst: Instrument,
+    inst: FullForm,
     protocol: Protocol,
     path: str | Path,
     *,

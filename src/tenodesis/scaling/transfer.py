@@ -132,6 +132,9 @@ def carry(
     shared_axes(original, real_size)
     if not len(run):
         raise RecordingError(f"{where} has no rows; there is nothing to convert.")
+    undivided = [name for name in run.signals() if SIGNALS[name].of in ("components", "run")]
+    if undivided:
+        raise RecordingError(f"{where} has {undivided[0]}, which is of no axis; it must have forces of its axes.")
     pairs = {axis: comparison(real_size.axis(axis), original.axis(axis)) for axis in run.axes}
     scale = {axis: factors(pair, time_factor) for axis, pair in pairs.items()}
     # Axes share one clock.

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -87,7 +88,8 @@ def as_run(
     """
     controlled = {name: _of_axes(controls, _columns(CONTROL, name)) for name in _CONTROLLED} if controls else {}
     simulated = {name: _of_axes(outs, _columns(SIGNALS, name)) for name in _MEASURED_AND_TRUE}
-    return Run(time, axes, **{**commanded, **controlled, **simulated})
+    signals: dict[str, Any] = {**commanded, **controlled, **simulated}
+    return Run(time, axes, **signals)
 
 
 def with_currents(run: Run, inst: ShortForm) -> Run:
