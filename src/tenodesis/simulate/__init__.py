@@ -9,7 +9,7 @@ from tenodesis.errors import ProtocolError
 from tenodesis.run import concatenate
 from tenodesis.simulate.chirp import Chirp
 from tenodesis.simulate.command import Plant
-from tenodesis.simulate.coupled import default_protocol, execute_coupled
+from tenodesis.simulate.default import default_protocol
 from tenodesis.simulate.execution import execute
 from tenodesis.simulate.fault_injection import INJECTION_POINTS, FaultInjection
 from tenodesis.simulate.loads import LoadStep, Wrench
@@ -39,7 +39,6 @@ __all__ = [
     "concatenate",
     "default_protocol",
     "execute",
-    "execute_coupled",
     "json_schema",
     "load",
     "parse",

@@ -6,12 +6,12 @@ from itertools import groupby
 from typing import Any, Literal, NamedTuple, Protocol, Self, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from tenodesis.control import Controller
-from tenodesis.coupled import CoupledInstrument, Held
-from tenodesis.instrument import ShortForm
+from tenodesis.coupled import Held
+from tenodesis.instrument import Instrument
 from tenodesis.run import Array, Run
+from tenodesis.simulate.places import Place, Places
 from tenodesis.twin import Contact
 
 PathByStep: TypeAlias = Callable[[NDArray[np.int64]], Array]
@@ -43,52 +43,6 @@ def arriving(speed: float) -> Callable[[Array], Array]:
     return lambda time: time**3 * (10 - 4 * speed + time * (7 * speed - 15 + time * (6 - 3 * speed)))
 
 
-class Command(NamedTuple):
-    """Command at an instant, by axis: handle angle (rad), forces (N), spool velocities (rad/s), and tissue.
-
-    Without an entry for tissue the plant need not know of it.
-    """
-
-    handle_angle: Array
-    force: Array
-    radial_force: Array
-    spool_velocity: Array
-    contact: tuple[Contact | None, ...] | None = None
-
-    @classmethod
-    def rest(cls, axes: int, *, tissue: bool = False) -> Self:
-        """Return the command of an instrument that is straight, unloaded and not driven; tissue: it may get some."""
-        contact = (None,) * axes if tissue else None
-        return cls(np.zeros(axes), np.zeros(axes), np.zeros(axes), np.zeros((axes, 2)), contact)
-
-    @property
-    def values(self) -> dict[str, Array]:
-        """What may change along a segment, by name."""
-        return {name: getattr(self, name) for name in VALUES}
-
-    @property
-    def constant(self) -> dict[str, Any]:
-        """What stays along a segment, by name."""
-        return {} if self.contact is None else {"contact": self.contact}
-
-    def on(self, axis: int, **changes: float | Sequence[float] | Array | None) -> Self:
-        """Return this command with values changed on an axis; None leaves a value unchanged."""
-        changed = {}
-        for name, value in changes.items():
-            if value is not None:
-                changed[name] = getattr(self, name).copy()
-                changed[name][axis] = value
-        return self._replace(**changed)
-
-    def touching(self, axis: int, contact: Contact | None) -> Self:
-        """Return this command with tissue on an axis, or without."""
-        before = self.contact or (None,) * self.handle_angle.size
-        return self._replace(contact=(*before[:axis], contact, *before[axis + 1 :]))
-
-
-VALUES = ("handle_angle", "force", "radial_force", "spool_velocity")
-
-
 class Between(NamedTuple):
     """What is between the jaws, as :class:`tenodesis.coupled.Held`; without an opening as far as they are open."""
 
@@ -101,71 +55,96 @@ class Between(NamedTuple):
         return Held(opening if self.opening is None else self.opening, self.stiffness, self.damping)
 
 
-class CoupledCommand(NamedTuple):
-    """Command at an instant to an instrument whose joints share tendons.
+class Command(NamedTuple):
+    """Command at an instant; a load without an entry, or tissue, is one that the plant need not know of.
 
-    Angles of the handle's joints (rad), wrench at the tip (6,), force that presses the jaws apart (1,), velocities of
-    the tendons' spools (rad/s), and what is between the jaws.
+    Angles of the handle's joints (rad), velocities of the tendons' spools (rad/s), and loads: forces by axis (N), or a
+    wrench at the tip (6,) and a force that presses the jaws apart (1,).
     """
 
     handle_angle: Array
-    wrench: Array
-    grip_force: Array
     spool_velocity: Array
+    force: Array | None = None
+    radial_force: Array | None = None
+    wrench: Array | None = None
+    grip_force: Array | None = None
+    contact: tuple[Contact | None, ...] | None = None
+    """Tissue by axis."""
     between: Between | None = None
 
     @classmethod
-    def rest(cls, inst: CoupledInstrument) -> Self:
-        """Return the command of an instrument that is straight, unloaded and not driven."""
-        handles, tendons = len(inst.handle_joints), len(inst.tendons)
-        return cls(np.zeros(handles), np.zeros(6), np.zeros(1), np.zeros(tendons))
+    def rest(cls, places: Places, *, wrench: bool = False, tissue: bool = False) -> Self:
+        """Return the command of an instrument that is straight, unloaded and not driven.
+
+        It may get forces by axis where there are axes, else a wrench; both with `wrench`, and tissue.
+        """
+        axes = len(places.axes)
+        still = cls(np.zeros(len(places.inst.handle_joints)), np.zeros(len(places.inst.tendons)))
+        if axes:
+            still = still._replace(force=np.zeros(axes), radial_force=np.zeros(axes))
+        if wrench or not axes:
+            still = still._replace(wrench=np.zeros(6), grip_force=np.zeros(1))
+        return still._replace(contact=(None,) * axes if tissue else None)
 
     @property
     def values(self) -> dict[str, Array]:
         """What may change along a segment, by name."""
-        return {name: values for name, values in self._asdict().items() if name != "between"}
+        named = {name: getattr(self, name) for name in (*LOADS, "handle_angle", "spool_velocity")}
+        return {name: values for name, values in named.items() if values is not None}
 
     @property
     def constant(self) -> dict[str, Any]:
         """What stays along a segment, by name."""
-        return {"between": self.between}
+        named = {"contact": self.contact, "between": self.between}
+        return {name: value for name, value in named.items() if value is not None}
 
-    def on(self, axis: int, **changes: float | Sequence[float] | Array | None) -> Self:
-        """Return this command with values changed, the handle's angle for one of its joints; None changes nothing."""
-        changed = {name: getattr(self, name).copy() for name, value in changes.items() if value is not None}
-        for name, values in changed.items():
-            if values.size:
-                values[axis if name == "handle_angle" else slice(None)] = changes[name]
+    @property
+    def is_loaded(self) -> bool:
+        """Whether a load is on the tip."""
+        return any(self.values[name].any() for name in LOADS if name in self.values)
+
+    def on(self, place: Place, **changes: float | Sequence[float] | None) -> Self:
+        """Return this command with values changed at a place; None leaves a value unchanged."""
+        changed = {}
+        for name, value in changes.items():
+            if value is not None:
+                changed[name] = getattr(self, name).copy()
+                changed[name][place.columns(name)] = value
         return self._replace(**changed)
 
+    def touching(self, axis: int, contact: Contact | None) -> Self:
+        """Return this command with tissue on an axis, or without."""
+        before = self.contact or ()
+        return self._replace(contact=(*before[:axis], contact, *before[axis + 1 :]))
 
-AnyCommand: TypeAlias = Command | CoupledCommand
+
+LOADS = ("force", "radial_force", "wrench", "grip_force")
 
 
 @dataclass(frozen=True)
 class Segment:
     """A part of a phase: every command goes linearly from start to end, where the last step is.
 
-    Where there is a path for a command, it gives that of one axis instead. Tissue is that of the start.
+    Where there is a path for a command, it gives that of one place instead. What does not change is that of the start.
     """
 
-    start: AnyCommand
-    end: AnyCommand
+    start: Command
+    end: Command
     steps: int
-    axis: int = 0
+    place: Place = field(default_factory=Place)
     paths: Mapping[Moved, PathByStep] = field(default_factory=dict)
 
     def sample(self, first: int, last: int) -> dict[str, Array]:
-        """Return the commands from step `first` + 1 to step `last`; a single axis has no dimension of its own."""
+        """Return the commands from step `first` + 1 to step `last`; a single column has no dimension of its own."""
         done = np.arange(first + 1, last + 1)
         columns = {
             name: between(start, end, done / self.steps)
             for (name, start), end in zip(self.start.values.items(), self.end.values.values(), strict=True)
         }
         for name, path in self.paths.items():
-            columns[name][:, self.axis] = path(done)
-        single = isinstance(self.start, Command) and self.start.handle_angle.size == 1
-        return {name: values[:, 0] if single else values for name, values in columns.items()}
+            columns[name][:, self.place.columns(name)] = path(done)[:, np.newaxis]
+        single = [name for name, values in columns.items() if values.shape[1] == 1 and name != "spool_velocity"]
+        return columns | {name: columns[name][:, 0] for name in single}
 
 
 def between(start: float | Array, end: float | Array, fraction: Array) -> Array:
@@ -207,7 +186,7 @@ class Plant(Protocol):
     """What a protocol runs on: a twin, or any object with its interface for commands."""
 
     @property
-    def inst(self) -> ShortForm:
+    def inst(self) -> Instrument:
         """The instrument."""
 
     @property
@@ -218,30 +197,9 @@ class Plant(Protocol):
     def spool_radius(self) -> float:
         """Radius of the spools, m."""
 
-    def run(
-        self,
-        *,
-        handle_angle: Array,
-        force: Array,
-        radial_force: Array,
-        spool_velocity: Array,
-        contact: Sequence[Contact | None] | None = None,
-    ) -> Run:
-        """Continue from the present state by as many time steps as there are commands."""
+    def run(self, *, handle_angle: Array, spool_velocity: Array, **commands: Any) -> Run:
+        """Continue from the present state by as many time steps as there are commands.
 
-
-class ControllablePlant(Plant, Protocol):
-    """A plant that can be run with a controller in the loop, which moves the spools itself."""
-
-    def run(
-        self,
-        *,
-        handle_angle: Array,
-        force: Array,
-        radial_force: Array,
-        spool_velocity: Array,
-        contact: Sequence[Contact | None] | None = None,
-        controller: Controller | None = None,
-        request: ArrayLike = 0,
-    ) -> Run:
-        """Continue as :meth:`Plant.run`; a controller gets a request at each step."""
+        Others are as for :meth:`tenodesis.twin.Twin.run`: loads, tissue or an object, and a controller with its
+        requests, each only where the protocol or the instrument has it.
+        """

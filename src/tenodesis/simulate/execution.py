@@ -3,18 +3,18 @@
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from tenodesis.control import Controller, OperatingState, Request
+from tenodesis.coupled import Held, compensated, pairs
 from tenodesis.errors import ArgumentError, FaultWarning, ProtocolError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.run import Array, Run, concatenate
-from tenodesis.simulate.command import Command, ControllablePlant, Plant, Segment, sampled
+from tenodesis.simulate.command import Between, Command, Plant, Segment, sampled
 from tenodesis.simulate.pretension import Pretension
 from tenodesis.simulate.protocol import Planned, Protocol, block_size, errors_of
-from tenodesis.twin import Contact
 from tenodesis.twin.closed_loop import warn_of_faults
 
 _BLOCK = 1.0
@@ -24,41 +24,50 @@ _HOMING_BLOCK = 0.01
 """Time between two checks of whether homing is done, s."""
 
 
-class _Loop:
-    """A plant with a controller that moves its motors; the requests to the controller are in the runs."""
+class _Bench:
+    """A plant, what its jaws hold, and its controller if there is one, the requests to which are in the runs."""
 
-    def __init__(self, plant: ControllablePlant, controller: Controller) -> None:
+    def __init__(self, plant: Plant, controller: Controller | None) -> None:
         self.plant, self.controller = plant, controller
+        self._last: Run | None = None
+        self._between: Between | None = None
+        self._held: Held | None = None
 
-    def run(
-        self,
-        *,
-        handle_angle: Array,
-        force: Array,
-        radial_force: Array,
-        spool_velocity: Array,
-        contact: Sequence[Contact | None] | None = None,
-    ) -> Run:
+    def run(self, **commands: Any) -> Run:
         """Continue by as many time steps as there are commands; the controller's pending request comes with the first.
 
-        The spool velocities are 0.
+        Raises ProtocolError if the tip is inside tissue that is placed, or the jaws are too narrow for an object.
         """
-        request = np.zeros(len(handle_angle), np.uint8)
-        request[0] = self.controller.take_request()
-        tissue: dict[str, Any] = {} if contact is None else {"contact": contact}
+        self._put_between(commands.pop("between", None))
+        if self._held is not None:
+            commands["held"] = self._held
+        request = np.zeros(len(commands["handle_angle"]), np.uint8)
+        if self.controller is not None:
+            request[0] = self.controller.take_request()
+            commands |= {"controller": self.controller, "request": request}
         with warnings.catch_warnings():
             # Once for the entire run, not for each of its blocks.
             warnings.simplefilter("ignore", FaultWarning)
-            run = self.plant.run(
-                handle_angle=handle_angle,
-                force=force,
-                radial_force=radial_force,
-                spool_velocity=spool_velocity,
-                **tissue,
-                controller=self.controller,
-                request=request,
-            )
-        return with_request(run, request.astype(np.float64))
+            try:
+                run = self.plant.run(**commands)
+            except ArgumentError as problem:
+                what, _, key = problem.key.partition(".")
+                if what not in ("contact", "held"):
+                    raise
+                sentence = str(problem).removeprefix(f"{what}.").rstrip(".")
+                raise ProtocolError(sentence, key=key, value=problem.value, allowed=problem.allowed) from None
+        self._last = run
+        return run if self.controller is None else with_request(run, request.astype(np.float64))
+
+    def _put_between(self, between: Between | None) -> None:
+        """Put something between the jaws, or take it away; what was there stays as it is."""
+        if between == self._between:
+            return
+        self._between, self._held = between, None
+        if between is not None:
+            arms = self.plant.inst.grip_arms
+            angles = np.zeros(len(arms)) if self._last is None else self._last["output_angle"][-1]
+            self._held = between.held(float(arms @ angles))
 
     def home(self, command: Command, timeout: float) -> Iterator[Run]:
         """Home, resume if the controller starts enabled, and yield the plant's response in short runs.
@@ -68,7 +77,8 @@ class _Loop:
         time_step = self.plant.time_step
         steps = max(1, round(_HOMING_BLOCK / time_step))
         (commands,) = sampled([Segment(command, command, steps)], steps)
-        self.controller.ask(Request.HOME)
+        controller = cast("Controller", self.controller)
+        controller.ask(Request.HOME)
         run = self.run(**commands)
         yield run
         elapsed = steps * time_step
@@ -83,25 +93,25 @@ class _Loop:
             run = self.run(**commands)
             yield run
             elapsed += steps * time_step
-        if self.controller.enabled_at_start and run["operating_state"][-1].max() == OperatingState.PAUSED:
-            self.controller.ask(Request.RESUME)
+        if controller.enabled_at_start and run["operating_state"][-1].max() == OperatingState.PAUSED:
+            controller.ask(Request.RESUME)
             yield self.run(**commands)
 
 
 def execute(
-    plant: ControllablePlant,
+    plant: Plant,
     protocol: Protocol,
     controller: Controller | None = None,
     *,
     on_block: Callable[[Run], object] | None = None,
     progress: Callable[[float, float], object] | None = None,
 ) -> Run:
-    """Run a protocol, checked before, on a plant whose handle is straight, without load, the drives at rest.
+    """Run a protocol, checked before, on a plant at rest: straight, without load, nothing between its jaws.
 
-    A controller moves the motors itself. A pretension phase is then its homing, whether or not it was homed before: all
-    axes at once, to the pretension, at the speed and within the stroke of the table control of its instrument; after
-    that it resumes if it starts enabled. After a fault the motors hold and the protocol goes on; the run has the fault
-    among its signals.
+    A controller moves the motors of its axes itself. A pretension phase is then its homing, whether or not it was homed
+    before: all axes at once, to the pretension, at the speed and within the stroke of the table control of its
+    instrument; after that it resumes if it starts enabled. After a fault the motors hold and the protocol goes on; the
+    run has the fault among its signals.
 
     Parameters
     ----------
@@ -115,9 +125,9 @@ def execute(
     Raises
     ------
     ProtocolError
-        The instrument cannot run the protocol, a tendon does not get tight, or the tip is inside tissue that is placed;
-        with a controller, the protocol moves the spools or requires a pretension that homing does not reach, or homing
-        outlasts its phase.
+        The instrument cannot run the protocol, a tendon does not get tight, the tip is inside tissue that is placed, or
+        its jaws are too narrow for an object; with a controller, the protocol moves its spools or requires a pretension
+        that homing does not reach, or homing outlasts its phase.
     ValueError
         The controller is for other axes or joints, or has run on another plant and was not reset.
 
@@ -127,18 +137,17 @@ def execute(
         The controller faulted.
     """
     plan = protocol.plan(plant.inst, plant.time_step)
-    loop = None
     if controller is not None:
-        controller.check_instrument(plant.inst)
-        check_controllable(plan, controller.inst)
-        loop = _Loop(plant, controller)
+        controller.check_instrument(compensated(plant.inst))
+        check_controllable(plan, plant.inst, controller.inst)
+    bench = _Bench(plant, controller)
     total = sum(planned.seconds for planned in plan)
     runs: list[Run] = []
     begun = 0.0
     for planned in plan:
         done = begun
         begun += planned.seconds
-        for run in _runs(plant, loop, planned):
+        for run in _runs(bench, planned):
             runs.append(run)
             done += len(run) * plant.time_step
             if on_block is not None:
@@ -148,40 +157,37 @@ def execute(
     if progress is not None:
         progress(total, total)
     run = concatenate(runs)
-    warn_of_faults(run, plant.inst)
+    if controller is not None:
+        warn_of_faults(run, compensated(plant.inst))
     return run
 
 
-def check_controllable(plan: Sequence[Planned], inst: ShortForm) -> None:
-    """Check that a controller can run phases: they must leave the spools to it and match the homing of its instrument.
+def check_controllable(plan: Sequence[Planned], inst: Instrument, assumed: ShortForm) -> None:
+    """Check that a controller can run phases on an instrument: they leave its spools to it, and match its homing.
 
-    Raises ProtocolError if it cannot run a phase.
+    Raises ProtocolError if it cannot run a phase. The controller is made for the instrument `assumed`.
     """
+    own = [tendon for pair in pairs(inst).values() for tendon in (pair.agonist, pair.antagonist)]
     for planned in plan:
         with errors_of(planned.label):
             if isinstance(planned.phase, Pretension):
-                _check_homing(planned.phase, planned.initial, inst)
-            elif any(command.spool_velocity.any() for part in planned.segments for command in (part.start, part.end)):
+                _check_homing(planned.phase, planned.initial, assumed)
+                continue
+            commands = [command for part in planned.segments for command in (part.start, part.end)]
+            moved = next((m for m in own if any(command.spool_velocity[m] for command in commands)), None)
+            if moved is not None:
+                name = inst.tendons[moved].name
                 raise ProtocolError(
-                    "spool_velocity is given; with a controller a phase must leave the motors to it",
+                    f"spool_velocity is given for {name}; with a controller a phase must leave its motors to it",
                     key="spool_velocity",
+                    value=name,
                 )
 
 
 def with_request(run: Run, request: Array) -> Run:
     """Return a run with the requests to its controller at each step, shape (n,)."""
-    return replace(run, request=request if len(run.axes) == 1 else np.stack([request] * len(run.axes), -1))
-
-
-def _continued(plant: Plant | _Loop, commands: dict[str, Any]) -> Run:
-    try:
-        return plant.run(**commands)
-    except ArgumentError as problem:
-        if problem.key != "contact.angle":
-            raise
-        raise ProtocolError(
-            str(problem).removeprefix("contact.").rstrip("."), key="angle", value=problem.value, allowed=problem.allowed
-        ) from None
+    shape = run.names.shape("request", len(run))
+    return replace(run, request=np.broadcast_to(request.reshape(-1, *(1,) * (len(shape) - 1)), shape).copy())
 
 
 def _check_homing(phase: Pretension, initial: Command, inst: ShortForm) -> None:
@@ -189,7 +195,7 @@ def _check_homing(phase: Pretension, initial: Command, inst: ShortForm) -> None:
         raise ProtocolError(
             f"axis is {phase.axis}; with a controller give none, since it homes all axes", key="axis", value=phase.axis
         )
-    if initial.force.any() or initial.radial_force.any():
+    if initial.is_loaded:
         raise ProtocolError("the tip is loaded; with a controller homing must be without load")
     for planar in inst.planar:
         if phase.tension is not None and abs(phase.tension - planar.pretension) > phase.tolerance:
@@ -202,15 +208,13 @@ def _check_homing(phase: Pretension, initial: Command, inst: ShortForm) -> None:
             )
 
 
-def _runs(plant: Plant, loop: _Loop | None, planned: Planned) -> Iterator[Run]:
+def _runs(bench: _Bench, planned: Planned) -> Iterator[Run]:
     """Yield the runs of a phase."""
-    if not isinstance(planned.phase, Pretension):
-        with errors_of(planned.label):
-            for commands in sampled(planned.segments, block_size(plant.time_step, _BLOCK)):
-                yield _continued(loop or plant, commands)
-        return
     with errors_of(planned.label):
-        if loop is None:
-            yield from planned.phase.run(plant, planned.initial)
+        if not isinstance(planned.phase, Pretension):
+            for commands in sampled(planned.segments, block_size(bench.plant.time_step, _BLOCK)):
+                yield bench.run(**commands)
+        elif bench.controller is None:
+            yield from planned.phase.run(bench.plant, planned.initial)
         else:
-            yield from loop.home(planned.initial, planned.phase.timeout)
+            yield from bench.home(planned.initial, planned.phase.timeout)

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from tenodesis.errors import ProtocolError
 from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
-from tenodesis.simulate.command import AnyCommand, CoupledCommand
+from tenodesis.simulate.command import Command
 from tenodesis.simulate.model import ProtocolModel, check_choice
 from tenodesis.units import Delay, Duration, SignedForce, SignedMoment
 
@@ -27,20 +27,25 @@ class Wrench(ProtocolModel):
 
 
 class NamedLoad(ProtocolModel):
-    """A load on an instrument whose joints share tendons."""
+    """A load on the tip by its components."""
 
-    wrench: Wrench | None = Field(default=None, description="Load on the tip, where joints share tendons")
+    wrench: Wrench | None = Field(default=None, description="Force and moment on the tip")
     grip_force: SignedForce | None = Field(default=None, description="Force that presses the jaws apart")
 
-    def on_tip(self, command: AnyCommand) -> AnyCommand:
+    @property
+    def names_load(self) -> bool:
+        """Whether it has such a load."""
+        return self.wrench is not None or self.grip_force is not None
+
+    def on_tip(self, command: Command) -> Command:
         """Return a command with this load."""
-        if not isinstance(command, CoupledCommand):
-            return command
-        wrench = command.wrench.copy()
-        for n, name in enumerate(Wrench.model_fields):
-            component = getattr(self.wrench, name, None)
-            wrench[n] = wrench[n] if component is None else component
-        return command.on(0, wrench=wrench, grip_force=self.grip_force)
+        if self.wrench is not None and command.wrench is not None:
+            given = [getattr(self.wrench, name) for name in Wrench.model_fields]
+            wrench = [now if new is None else new for now, new in zip(command.wrench, given, strict=True)]
+            command = command._replace(wrench=np.array(wrench, float))
+        if self.grip_force is not None:
+            command = command._replace(grip_force=np.array([self.grip_force]))
+        return command
 
 
 class AppliedLoad(ProtocolModel):
@@ -53,14 +58,18 @@ class AppliedLoad(ProtocolModel):
 
     @model_validator(mode="after")
     def _check_form(self) -> Self:
-        if not self._named:
-            check_choice(self, "force", "weight", "moment")
+        check_choice(self, "force", "weight", "moment", required=not self.names_load)
         return self
 
     @property
-    def _named(self) -> bool:
-        """Whether the load is one of a coupled instrument instead."""
+    def names_load(self) -> bool:
+        """Whether it has a load by its components as well."""
         return False
+
+    @property
+    def is_tangential(self) -> bool:
+        """Whether it has a force at the tip, in any form."""
+        return (self.force, self.weight, self.moment) != (None,) * 3
 
     def tip_force(self, inst: ShortForm) -> float:
         """Return the tangential force at the tip, N, for either form of the load.

@@ -12,8 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from tenodesis import statics
-from tenodesis.coupled import Joint
 from tenodesis.errors import ProtocolError
 from tenodesis.files import read_regular
 from tenodesis.run import Array
@@ -125,18 +123,23 @@ class Motion(Loaded):
         way = float(angles[0]) - start.handle_angle
         return speed if way * speed > 0 and abs(speed) <= self.approach and not start.at(float(angles[0])) else 0.0
 
+    @property
+    def _source(self) -> str:
+        """The key that gives the samples."""
+        return "file" if self.file else "data"
+
     def _handle_angles(self, start: Start) -> Array:
         """Return the handle angle at every sample, rad, shape (n,)."""
         angles = self.scale * _RADIANS[self.angle_unit] * self.samples.values + self.offset
         if not self.limit:
             return angles
-        reach = start.moved.range if isinstance(start.moved, Joint) else statics.reach(start.inst)
+        reach = start.handle(self._source).reach
         return np.clip(angles, -reach, reach)
 
     def _check_angles(self, start: Start, angles: Array) -> None:
         places = zip(self.samples.lines, self.samples.times, strict=True)
         names = [f"{self.file or 'data'}: line {line} ({time:g} s): the handle angle" for line, time in places]
-        check_handle_angles(start.handle("file" if self.file else "data"), names, angles)
+        check_handle_angles(start.handle(self._source), names, angles)
 
 
 def _opening_after(start: Start, angle: float) -> Edge:
@@ -144,7 +147,7 @@ def _opening_after(start: Start, angle: float) -> Edge:
     if start.after is None:
         return REST
     try:
-        return start.after.edges(start._replace(command=start.command.on(start.axis, handle_angle=angle)))[0]
+        return start.after.edges(start._replace(command=start.command.on(start.place, handle_angle=angle)))[0]
     except ProtocolError:
         return REST
 

@@ -3,23 +3,20 @@
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import Literal, NamedTuple, Self
+from typing import Literal, NamedTuple, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from tenodesis.coupled import CoupledInstrument, Joint
 from tenodesis.errors import ProtocolError
 from tenodesis.instrument import AxisName, ShortForm
 from tenodesis.run import Array
 from tenodesis.simulate.command import (
     SHAPES,
     SMOOTH,
-    AnyCommand,
     Between,
     Command,
-    CoupledCommand,
     Moved,
     PathByStep,
     Segment,
@@ -30,6 +27,7 @@ from tenodesis.simulate.command import (
 from tenodesis.simulate.joint import REST, Edge
 from tenodesis.simulate.loads import AppliedLoad, LoadStep, NamedLoad, check_load_steps, stepped_force
 from tenodesis.simulate.model import ProtocolModel, check_choice
+from tenodesis.simulate.places import Place, Places
 from tenodesis.simulate.reach import check_handle_angle, unloaded_handle_angle
 from tenodesis.twin import Contact, Side
 from tenodesis.units import (
@@ -49,39 +47,35 @@ _ROUNDING = 1e-12
 
 
 class Start(NamedTuple):
-    """The start of a phase: the instrument of its axis, the axis's index, the last command, the time step (s).
+    """The start of a phase: what it acts on, the last command, and the time step (s).
 
-    And its neighbours: the end of the phase before, and the phase after if that is open-loop and of the same axis.
-    Where joints share tendons, the axis is a joint of the handle, and `coupled` the whole instrument.
+    And its neighbours: the end of the phase before, and the phase after if that is open-loop and of the same place.
     """
 
-    moved: ShortForm | Joint | None
-    axis: int
-    command: AnyCommand
+    place: Place
+    command: Command
     time_step: float
+    places: Places
     before: Edge = REST
     after: "OpenLoop | None" = None
-    coupled: CoupledInstrument | None = None
 
     @property
-    def inst(self) -> ShortForm:
-        """The planar instrument of the axis."""
-        if not isinstance(self.moved, ShortForm):
-            raise ProtocolError("this is for planar instruments; the joints of this one share tendons")
-        return self.moved
+    def plane(self) -> ShortForm:
+        """The instrument of the axis alone; phases that need it are refused where there is none."""
+        return cast("ShortForm", self.place.plane)
 
     @property
     def handle_angle(self) -> float:
-        """The handle angle of the axis, rad; 0 without a handle."""
-        return float(self.command.handle_angle[self.axis]) if self.command.handle_angle.size else 0.0
+        """The handle angle of the joint, rad; 0 without a handle."""
+        return float(self.command.handle_angle[self.place.handle]) if self.command.handle_angle.size else 0.0
 
-    def handle(self, key: str) -> ShortForm | Joint:
+    def handle(self, key: str) -> Place:
         """Return what moves by a value given by a key; raises ProtocolError if there is no joint at the handle."""
-        if self.moved is None:
+        if self.place.joint is None:
             raise ProtocolError(
                 f"{key} is given, but there is no joint at the handle; give spool_velocities of a ramp", key=key
             )
-        return self.moved
+        return self.place
 
     def reached(self, key: str, angle: float) -> float:
         """Return a handle angle (rad), given by a key; raises ProtocolError if the handle does not reach it."""
@@ -95,20 +89,19 @@ class Start(NamedTuple):
         """Return the number of time steps of a duration (s), rounded up."""
         return math.ceil(seconds / self.time_step * (1 - 1e-9))
 
-    def segment(self, first: AnyCommand, last: AnyCommand, seconds: float) -> Segment:
+    def segment(self, first: Command, last: Command, seconds: float) -> Segment:
         """Return the linear segment between two commands over a duration (s)."""
         return Segment(first, last, self.steps(seconds))
 
 
 class Phase(ProtocolModel):
-    """A part of a protocol, on one axis."""
+    """A part of a protocol, on one axis or joint of the handle."""
 
     axis: AxisName | None = Field(default=None, description="Axis it acts on; the first if not given")
 
-    @property
-    def acts_on(self) -> str | None:
-        """Name of the axis, or of the joint of the handle, that it acts on; None for the first."""
-        return self.axis
+    def place(self, places: Places) -> Place:
+        """Return what it acts on; raises ProtocolError if the instrument does not have it."""
+        return places.first if self.axis is None else places.named("axis", self.axis)
 
 
 class OpenLoop(Phase):
@@ -127,14 +120,18 @@ class Moving(OpenLoop):
     """A phase that begins at a handle angle of its own."""
 
     joint: str | None = Field(
-        default=None, description="Joint of the handle that it moves, where joints share tendons; the first by default"
+        default=None, description="Joint of the handle that it moves, in place of an axis; the first if not given"
     )
     approach: HandleSpeed = Field(default=math.radians(20), description="Largest handle speed on the way to its start")
 
-    @property
-    def acts_on(self) -> str | None:
-        """Name of the axis, or of the joint of the handle, that it acts on; None for the first."""
-        return self.axis or self.joint
+    @model_validator(mode="after")
+    def _check_place(self) -> Self:
+        check_choice(self, "axis", "joint", required=False)
+        return self
+
+    def place(self, places: Places) -> Place:
+        """Return what it moves; raises ProtocolError if the instrument does not have it."""
+        return super().place(places) if self.joint is None else places.named("joint", self.joint)
 
     def approached(self, start: Start, angle: float, speed: float = 0.0) -> Iterator[Segment]:
         """Yield the smooth move (minimum jerk) to a handle angle (rad), if the handle is not there.
@@ -147,9 +144,9 @@ class Moving(OpenLoop):
         if steps:
             yield Segment(
                 start.command,
-                start.command.on(start.axis, handle_angle=angle),
+                start.command.on(start.place, handle_angle=angle),
                 steps,
-                start.axis,
+                start.place,
                 {"handle_angle": lambda done: between(begin, angle, way(done / steps))},
             )
 
@@ -176,20 +173,20 @@ class Loaded(NamedLoad, Moving):
         """
         check_load_steps(self.load_steps, steps * start.time_step)
         first = self.on_tip(start.command).on(
-            start.axis, handle_angle=angles[0], force=self.force, radial_force=self.radial_force
+            start.place, handle_angle=angles[0], force=self.force, radial_force=self.radial_force
         )
-        last = first.on(start.axis, handle_angle=angles[1], force=self.force_end)
+        last = first.on(start.place, handle_angle=angles[1], force=self.force_end)
         paths: dict[Moved, PathByStep] = {"handle_angle": path}
-        if isinstance(first, Command) and isinstance(last, Command) and (self.load_steps or more is not None):
-            ends = float(first.force[start.axis]), float(last.force[start.axis])
+        if first.force is not None and last.force is not None and (self.load_steps or more is not None):
+            ends = float(first.force[start.place.axis]), float(last.force[start.place.axis])
 
             def force(done: NDArray[np.int64]) -> Array:
                 base = between(*ends, done / steps) + (0.0 if more is None else more(done))
-                return stepped_force(self.load_steps, start.inst, base, done, start.time_step)
+                return stepped_force(self.load_steps, start.plane, base, done, start.time_step)
 
             paths["force"] = force
-            last = last.on(start.axis, force=float(force(np.array([steps]))[0]))
-        return Segment(first, last, steps, start.axis, paths)
+            last = last.on(start.place, force=float(force(np.array([steps]))[0]))
+        return Segment(first, last, steps, start.place, paths)
 
 
 class Hold(OpenLoop):
@@ -215,54 +212,47 @@ class Ramp(NamedLoad, OpenLoop):
         default=None, description="Spool velocities at the end, agonist's and antagonist's; positive winds"
     )
     handle_angles: Mapping[str, Angle] = Field(
-        default={}, description="Handle angles at the end by joint, where joints share tendons"
+        default={}, description="Handle angles at the end by joint of the handle, several at once"
     )
     spool_velocities: Mapping[str, SpoolVelocity] = Field(
-        default={}, description="Spool velocities at the end by tendon, where joints share tendons"
+        default={}, description="Spool velocities at the end by tendon, several at once"
     )
 
     @model_validator(mode="after")
     def _check_given(self) -> Self:
-        planar = (self.handle_angle, self.force, self.radial_force, self.spool_velocity)
-        if (*planar, self.wrench, self.grip_force) == (None,) * 6 and not (self.handle_angles or self.spool_velocities):
+        of_axis = (self.handle_angle, self.force, self.radial_force, self.spool_velocity)
+        if of_axis == (None,) * 4 and not (self.names_load or self.handle_angles or self.spool_velocities):
             raise ValueError("nothing is ramped; give handle_angle, force, radial_force or spool_velocity")
+        for one, several in (("handle_angle", "handle_angles"), ("spool_velocity", "spool_velocities")):
+            if getattr(self, one) is not None and getattr(self, several):
+                raise ValueError(f"{one} and {several} are given; give only one of them")
         return self
 
     def edges(self, start: Start) -> tuple[Edge, Edge]:
         """Return the constant speed of the handle."""
-        angle = self.handle_angle
-        if isinstance(start.moved, Joint):
-            angle = self.handle_angles.get(start.moved.name)
+        name = "" if start.place.joint is None else start.place.joint.name
+        angle = self.handle_angles.get(name, self.handle_angle)
         way = 0.0 if angle is None else angle - start.handle_angle
         return (Edge(way / self.duration),) * 2
 
     def segments(self, start: Start) -> Iterator[Segment]:
         """Yield its only segment."""
         if self.handle_angle is not None:
-            check_handle_angle(start.inst, "handle_angle", self.handle_angle)
+            start.reached("handle_angle", self.handle_angle)
         end = self.on_tip(start.command).on(
-            start.axis,
+            start.place,
             handle_angle=self.handle_angle,
             force=self.force,
             radial_force=self.radial_force,
             spool_velocity=self.spool_velocity,
         )
-        if start.coupled is not None:
-            end = self._by_name(start.coupled, end)
-        yield start.segment(start.command, end, self.duration)
-
-    def _by_name(self, inst: CoupledInstrument, end: AnyCommand) -> AnyCommand:
-        """Return a command with the values that are given by joint and tendon."""
-        joints = {joint.name: n for n, joint in enumerate(inst.handle_joints)}
         for name, angle in self.handle_angles.items():
-            place = _place("handle_angles", name, joints, "joints of the handle")
-            check_handle_angle(inst.handle_joints[place], f"handle_angles.{name}", angle)
-            end = end.on(place, handle_angle=angle)
-        tendons = {tendon.name: n for n, tendon in enumerate(inst.tendons) if tendon.start == "spool"}
+            place = start.places.joint("handle_angles", name)
+            end = end.on(place, handle_angle=check_handle_angle(place, f"handle_angles.{name}", angle))
         velocities = end.spool_velocity.copy()
         for name, velocity in self.spool_velocities.items():
-            velocities[_place("spool_velocities", name, tendons, "tendons with a spool")] = velocity
-        return end.on(0, spool_velocity=velocities)
+            velocities[start.places.tendon("spool_velocities", name)] = velocity
+        yield start.segment(start.command, end._replace(spool_velocity=velocities), self.duration)
 
 
 class Cycles(Loaded):
@@ -297,7 +287,7 @@ class Cycles(Loaded):
         if self.amplitude is not None:
             far = start.reached("amplitude", self.amplitude)
         else:
-            far = unloaded_handle_angle(start.inst, "output_amplitude", self.output_amplitude or 0.0)
+            far = unloaded_handle_angle(start.plane, "output_amplitude", self.output_amplitude or 0.0)
         near = -far if self.symmetric else start.reached("from", self.start)
         if near == far:
             raise ProtocolError("the cycles start at their far end; give an amplitude that differs from the start")
@@ -349,8 +339,9 @@ class StepLoad(NamedLoad, Moving, AppliedLoad):
     def segments(self, start: Start) -> Iterator[Segment]:
         """Yield the move to the handle angle, the delay, the load, and its release."""
         angle = self._angle(start)
-        free = start.command.on(start.axis, handle_angle=angle)
-        loaded = self.on_tip(free) if self._named else free.on(start.axis, force=self.tip_force(start.inst))
+        free = start.command.on(start.place, handle_angle=angle)
+        force = self.tip_force(start.plane) if self.is_tangential else None
+        loaded = self.on_tip(free).on(start.place, force=force)
         yield from self.approached(start, angle)
         yield start.segment(free, free, self.delay)
         yield start.segment(free, loaded, self.rise)
@@ -361,14 +352,10 @@ class StepLoad(NamedLoad, Moving, AppliedLoad):
 
     def _angle(self, start: Start) -> float:
         if self.output_angle is not None:
-            return unloaded_handle_angle(start.inst, "output_angle", self.output_angle)
+            return unloaded_handle_angle(start.plane, "output_angle", self.output_angle)
         if self.handle_angle is not None:
             return start.reached("handle_angle", self.handle_angle)
         return start.handle_angle
-
-    @property
-    def _named(self) -> bool:
-        return self.wrench is not None or self.grip_force is not None
 
 
 class GrippedObject(OpenLoop):
@@ -387,10 +374,6 @@ class GrippedObject(OpenLoop):
 
     def segments(self, start: Start) -> Iterator[Segment]:
         """Yield the time with the object, and what follows it."""
-        if start.coupled is None or not isinstance(start.command, CoupledCommand) or start.coupled.grip is None:
-            raise ProtocolError(
-                "there are no jaws that grip; the instrument's file must have a table [grip]", key="kind"
-            )
         between = Between(self.opening, self.stiffness, self.damping) if self.stiffness else None
         placed = start.command._replace(between=between)
         yield start.segment(placed, placed, self.duration or start.time_step)
@@ -421,13 +404,10 @@ class TissueContact(OpenLoop):
 
     def segments(self, start: Start) -> Iterator[Segment]:
         """Yield the time in contact, and what follows it."""
-        contact = self._contact(start.inst)
-        if not isinstance(start.command, Command):
-            raise TypeError("tissue touches planar instruments")
-        touching = start.command.touching(start.axis, contact)
+        touching = start.command.touching(start.place.axis, self._contact(start.plane))
         yield start.segment(touching, touching, self.duration or start.time_step)
         if self.duration is not None:
-            free = touching.touching(start.axis, None)
+            free = touching.touching(start.place.axis, None)
             yield start.segment(free, free, 0.0)
 
     def _contact(self, inst: ShortForm) -> Contact | None:
@@ -442,12 +422,3 @@ class TissueContact(OpenLoop):
                 allowed=stop,
             )
         return Contact(self.angle, self.stiffness, self.damping, self.side)
-
-
-def _place(key: str, name: str, places: Mapping[str, int], what: str) -> int:
-    if name not in places:
-        allowed = ", ".join(places) or "none"
-        raise ProtocolError(
-            f"{key} names {name}; it must name {what}: {allowed}", key=f"{key}.{name}", value=name, allowed=allowed
-        )
-    return places[name]

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from tenodesis.errors import ProtocolError
-from tenodesis.instrument import ShortForm
-from tenodesis.run import Array, Run
+from tenodesis.run import TENDONS, Array, Run
 from tenodesis.simulate.command import Command, Plant, Segment, sampled
 from tenodesis.simulate.phases import Phase
+from tenodesis.simulate.places import Places
 from tenodesis.units import Duration, Length, WindingSpeed, WindingTension
 
 _CYCLE = 0.01
@@ -45,11 +45,9 @@ class Pretension(Phase):
         default=None, description="Length wound after which to give up; 10 mm and twice the stretch if not given"
     )
 
-    def end(self, command: Command, inst: ShortForm) -> Command:
+    def end(self, command: Command, places: Places) -> Command:
         """Return the command that the phase ends with, after a command: the drives at rest."""
-        for axis in self._axes(inst):
-            command = command.on(axis, spool_velocity=0.0)
-        return command
+        return self._winding(command, places, 0.0)
 
     def run(self, plant: Plant, command: Command) -> Iterator[Run]:
         """Wind, from a command on, and yield the plant's response in short runs.
@@ -57,16 +55,16 @@ class Pretension(Phase):
         Raises ProtocolError if a tendon does not get tight within timeout and travel, its load cell reads nothing, or
         the tip is pulled aside.
         """
-        axes = self._axes(plant.inst)
-        insts = [plant.inst.planar[axis] for axis in axes]
-        target = np.array([[inst.pretension if self.tension is None else self.tension] for inst in insts])
-        stretch = target / [[inst.tendon_stiffness] for inst in insts]
-        travel = _SLACK + 2 * stretch if self.travel is None else np.full_like(target, self.travel)
+        places = Places.of(plant.inst)
+        tendons = self._tendons(places)
+        stiffness = plant.inst.stiffnesses[tendons]
+        target = plant.inst.pretensions[tendons] if self.tension is None else np.full(len(tendons), self.tension)
+        travel = _SLACK + 2 * target / stiffness if self.travel is None else np.full_like(target, self.travel)
         settling = max(_SETTLING, _SLOWNESS * plant.inst.drives.time_constant)
-        gain = np.array([[1 / (inst.tendon_stiffness * settling)] for inst in insts])
+        gain = 1 / (stiffness * settling)
         steps = max(1, round(_CYCLE / plant.time_step))
         stopped = _STOPPED + plant.inst.drives.time_constant
-        command, elapsed, settled = self.end(command, plant.inst), 0.0, 0.0
+        command, elapsed, settled = self.end(command, places), 0.0, 0.0
         first: Run | None = None
         while settled < _SETTLED + stopped:
             (commands,) = sampled([Segment(command, command, steps)], steps)
@@ -74,65 +72,73 @@ class Pretension(Phase):
             yield run
             first = first or run
             elapsed += steps * plant.time_step
-            tension = _measured_tension(run)[axes]
+            tension = _measured_tension(run)[tendons]
             error = target - tension
             tight = np.abs(error) <= self.tolerance
             settled = settled + steps * plant.time_step if tight.all() else 0.0
-            wound = _turned(first, run, "measured_spool_angle", (-1, 2))[axes] * plant.spool_radius
-            self._check_tip(plant.inst, _turned(first, run, "measured_output_angle", (-1,))[axes])
+            wound = _turned(first, run, "measured_spool_angle", len(plant.inst.tendons))[tendons] * plant.spool_radius
+            self._check_tip(places, _turned(first, run, "measured_output_angle", len(places.axes)))
             beyond = (wound > travel) & ~tight
             if beyond.any():
-                limit = f"the travel of {travel[beyond.any(axis=1)][0, 0] * 1e3:.3g} mm"
-                raise self._not_tight(plant.inst, beyond, limit, tension=tension, target=target, wound=wound)
+                limit = f"the travel of {travel[beyond][0] * 1e3:.3g} mm"
+                raise self._not_tight(places, beyond, limit, tension=tension, target=target, wound=wound)
             if settled < _SETTLED + stopped and elapsed >= self.timeout:
                 limit = f"the timeout of {self.timeout:g} s"
-                raise self._not_tight(plant.inst, ~tight, limit, tension=tension, target=target, wound=wound)
+                raise self._not_tight(places, ~tight, limit, tension=tension, target=target, wound=wound)
             speed = self.rate if settled < _SETTLED else 0.0
-            winding = np.clip(error * gain, -speed, speed) / plant.spool_radius
-            for axis, velocity in zip(axes, winding, strict=True):
-                command = command.on(axis, spool_velocity=velocity)
+            command = self._winding(command, places, np.clip(error * gain, -speed, speed) / plant.spool_radius)
 
-    def _axes(self, inst: ShortForm) -> list[int]:
-        return list(range(len(inst.axes))) if self.axis is None else [inst.axes.index(self.axis)]
+    def _axes(self, places: Places) -> list[str]:
+        return [axis for axis in places.axes if self.axis in (None, axis)]
 
-    def _check_tip(self, inst: ShortForm, turned: Array) -> None:
+    def _tendons(self, places: Places) -> list[int]:
+        return [tendon for axis in self._axes(places) for tendon in places.axes[axis].tendons]
+
+    def _winding(self, command: Command, places: Places, velocity: Array | float) -> Command:
+        """Return a command with velocities of the spools, rad/s."""
+        velocities = command.spool_velocity.copy()
+        velocities[self._tendons(places)] = velocity
+        return command._replace(spool_velocity=velocities)
+
+    def _check_tip(self, places: Places, turned: Array) -> None:
         """Check that the tip (rad, by axis) is not pulled aside, as happens endlessly if the load cells disagree."""
-        for axis, angle in zip(self._axes(inst), turned, strict=True):
+        for axis in self._axes(places):
+            angle = turned[places.axes[axis].axis]
             if abs(angle) > _DRIFT:
                 raise ProtocolError(
-                    f"the tip's {inst.axes[axis]} turned by {math.degrees(angle):.3g} deg while its tendons were "
+                    f"the tip's {axis} turned by {math.degrees(angle):.3g} deg while its tendons were "
                     f"wound; it must be at most {math.degrees(_DRIFT):.3g} deg: hook both tendons in, or calibrate "
                     "their load cells"
                 )
 
     def _not_tight(
-        self, inst: ShortForm, wrong: NDArray[np.bool_], limit: str, *, tension: Array, target: Array, wound: Array
+        self, places: Places, wrong: NDArray[np.bool_], limit: str, *, tension: Array, target: Array, wound: Array
     ) -> ProtocolError:
         """Return the error about the first tendon that is not tight at a limit, or about the first tendon."""
-        row, tendon = np.argwhere(wrong)[0] if wrong.any() else (0, 0)
-        name = f"the {('agonist', 'antagonist')[tendon]} of {inst.axes[self._axes(inst)[row]]}"
-        length = wound[row, tendon]
+        tendon = int(np.argmax(wrong))
+        name = f"the {TENDONS[tendon % 2]} of {self._axes(places)[tendon // 2]}"
+        length = wound[tendon]
         by_motor = "" if np.isnan(length) else f" with {length * 1e3:.3g} mm wound"
         advice = "hook it in, or give a larger timeout, rate or tolerance"
         if not np.isnan(length):
             advice = "see whether it is unhooked, broken or jammed, or give a larger timeout, travel, rate or tolerance"
         return ProtocolError(
-            f"{name} reads {tension[row, tendon]:.4g} N after {limit}{by_motor}; it must be "
-            f"{target[row, 0]:g} ± {self.tolerance:g} N for {_STOPPED:g} s: {advice}"
+            f"{name} reads {tension[tendon]:.4g} N after {limit}{by_motor}; it must be "
+            f"{target[tendon]:g} ± {self.tolerance:g} N for {_STOPPED:g} s: {advice}"
         )
 
 
 def _measured_tension(run: Run) -> Array:
-    """Return the mean tensions that the load cells read, N, shape (axes, 2)."""
+    """Return the mean tensions that the load cells read, N, by tendon."""
     read = np.full(2, np.nan) if run.measured_tension is None else np.mean(run.measured_tension, axis=0)
     if not np.isfinite(read).all():
         raise ProtocolError("the load cells read no tension; both tendons' tension must be measured")
-    return read.reshape(-1, 2)
+    return np.asarray(read)
 
 
-def _turned(first: Run, last: Run, name: str, shape: tuple[int, ...]) -> Array:
-    """Return by how much a measured angle has changed between two runs, rad, by axis; NaN where it is not measured."""
+def _turned(first: Run, last: Run, name: str, columns: int) -> Array:
+    """Return by how much a measured angle changed between two runs, rad, by column; NaN where it is not measured."""
     before, after = getattr(first, name), getattr(last, name)
     if before is None or after is None:
-        return np.full((len(first.axes), *shape[1:]), np.nan)
-    return np.asarray(after[-1] - before[0]).reshape(shape)
+        return np.full(columns, np.nan)
+    return np.asarray(after[-1] - before[0]).reshape(columns)

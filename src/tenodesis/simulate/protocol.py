@@ -4,22 +4,24 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, TypeAlias, cast
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import tomli_w
 from pydantic import Field, field_validator
 
-from tenodesis.coupled import CoupledInstrument, Joint
 from tenodesis.errors import ProtocolError
-from tenodesis.instrument import InstrumentLike, Name, ShortForm, as_short_form
+from tenodesis.instrument import InstrumentLike, Name, as_instrument
 from tenodesis.instrument.text import with_units
 from tenodesis.run import Array
+from tenodesis.simulate.applies import check_applies
 from tenodesis.simulate.chirp import Chirp
-from tenodesis.simulate.command import AnyCommand, Command, CoupledCommand, Segment, sampled
+from tenodesis.simulate.command import Command, Segment, sampled
 from tenodesis.simulate.joint import REST
+from tenodesis.simulate.loads import NamedLoad
 from tenodesis.simulate.model import ProtocolModel
 from tenodesis.simulate.motion import Motion
 from tenodesis.simulate.phases import Cycles, GrippedObject, Hold, Ramp, Start, StepLoad, TissueContact
+from tenodesis.simulate.places import Place, Places
 from tenodesis.simulate.pretension import Pretension
 from tenodesis.toml import parse_toml, read_text, validated
 
@@ -36,10 +38,7 @@ _SHIPPED = Path(__file__).parent / "shipped"
 
 
 class Planned(NamedTuple):
-    """A phase on an instrument: its label in errors, its initial command, and its segments if it is open-loop.
-
-    Where joints share tendons the initial command is a CoupledCommand, which nothing asks for.
-    """
+    """A phase on an instrument: its label in errors, its initial command, and its segments if it is open-loop."""
 
     phase: AnyPhase
     label: str
@@ -75,7 +74,7 @@ class Protocol(ProtocolModel):
         tables = [{"kind": phase.kind} | with_units(phase, unset=False) for phase in phases]
         return tomli_w.dumps(with_units(self, unset=False) | {"phases": tables}, multiline_strings=True)
 
-    def duration(self, inst: InstrumentLike | CoupledInstrument, time_step: float = 1e-3) -> float:
+    def duration(self, inst: InstrumentLike, time_step: float = 1e-3) -> float:
         """Return the duration of a run, s; closed-loop phases count with their timeout.
 
         Every move is rounded up to full time steps (s). Raises ProtocolError if the instrument cannot run it, or not
@@ -86,24 +85,25 @@ class Protocol(ProtocolModel):
     def commands(self, inst: InstrumentLike, time_step: float) -> dict[str, Array]:
         """Return the commands of all time steps (s), by name.
 
-        For n steps: handle_angle (rad), force and radial_force (N), of shape (n,), and spool_velocity (rad/s), of shape
-        (n, 2), agonist first; with two axes (n, 2) and (n, 2, 2), axis before tendon.
+        For n steps: handle_angle (rad) by joint of the handle, (n, joints), and spool_velocity (rad/s) by tendon,
+        (n, tendons). Loads (N, N m) where every joint of the tip has a pair of tendons of its own: force and
+        radial_force by axis, (n, axes), and wrench (n, 6) if a phase gives one; else wrench, and grip_force (n,). With
+        a single joint its angle and forces have shape (n,).
 
-        Raises ProtocolError if a phase is closed-loop or has tissue, whose force is not known before, the instrument
-        cannot run it, or not within an hour.
+        Raises ProtocolError if a phase is closed-loop or has tissue or an object, whose force is not known before, the
+        instrument cannot run it, or not within an hour.
         """
-        inst = as_short_form(inst)
-        closed = [phase.kind for phase in self.phases if isinstance(phase, Pretension)]
-        if closed:
-            raise ProtocolError(
-                f"{self.name}: the commands of a {closed[0]} phase follow from its load cells; "
-                "execute the protocol on a twin instead"
-            )
-        if self.has_tissue:
-            raise ProtocolError(
-                f"{self.name}: the force in a contact phase follows from the tip's angle; execute the protocol on a "
-                "twin instead"
-            )
+        for phase in self.phases:
+            if isinstance(phase, Pretension):
+                raise ProtocolError(
+                    f"{self.name}: the commands of a {phase.kind} phase follow from its load cells; "
+                    "execute the protocol on a twin instead"
+                )
+            if isinstance(phase, TissueContact | GrippedObject):
+                raise ProtocolError(
+                    f"{self.name}: the force in a {phase.kind} phase follows from the tip's angle; execute the "
+                    "protocol on a twin instead"
+                )
         segments = [segment for planned in self.plan(inst, time_step) for segment in planned.segments]
         (commands,) = sampled(segments, sum(segment.steps for segment in segments))
         return commands
@@ -113,39 +113,31 @@ class Protocol(ProtocolModel):
         """Whether the tip meets tissue in it."""
         return any(isinstance(phase, TissueContact) for phase in self.phases)
 
-    def plan(self, inst: InstrumentLike | CoupledInstrument, time_step: float) -> list[Planned]:
+    def plan(self, inst: InstrumentLike, time_step: float) -> list[Planned]:
         """Return the phases planned on an instrument, at a time step (s).
 
         Raises ProtocolError if the instrument cannot run it, or not within an hour.
         """
-        inst = inst if isinstance(inst, CoupledInstrument) else as_short_form(inst)
+        places = Places.of(as_instrument(inst))
         block_size(time_step, time_step)
-        moved = _moved(inst)
-        names = list(moved) or [""]
         plan: list[Planned] = []
-        command, total = _rest(inst, tissue=self.has_tissue), 0.0
-        before, before_axis = REST, ""
+        named = any(phase.names_load for phase in self.phases if isinstance(phase, NamedLoad))
+        command, total = Command.rest(places, wrench=named, tissue=self.has_tissue), 0.0
+        before, before_at = REST, Place()
         for number, (phase, following) in enumerate(zip(self.phases, (*self.phases[1:], None), strict=True), 1):
             label = f"{self.name}: phase {number} ({phase.kind})"
-            axis = phase.acts_on or names[0]
-            after = following if isinstance(following, OpenLoopPhase) else None
-            if after is not None and (after.acts_on or names[0]) != axis:
-                after = None
             with errors_of(label):
-                _check_keys(phase, inst)
-                _check_axis(phase, inst)
+                check_applies(phase, places)
+                at = phase.place(places)
                 if isinstance(phase, Pretension):
-                    initial = cast("Command", command)
-                    planned, before = Planned(phase, label, initial, (), phase.timeout), REST
-                    command = phase.end(initial, cast("ShortForm", inst))
+                    planned, before = Planned(phase, label, command, (), phase.timeout), REST
+                    command = phase.end(command, places)
                 else:
-                    index = names.index(axis)
-                    edge = before if axis == before_axis else REST
-                    whole = inst if isinstance(inst, CoupledInstrument) else None
-                    start = Start(moved.get(axis), index, command, time_step, edge, after, whole)
+                    edge = before if at == before_at else REST
+                    start = Start(at, command, time_step, places, edge, _continuing(following, at, places))
                     planned, before = _planned(phase, label, start), phase.edges(start)[1]
                     command = planned.segments[-1].end
-            before_axis = axis
+            before_at = at
             plan.append(planned)
             total += planned.seconds
             if total > LONGEST * (1 + 1e-6):
@@ -211,87 +203,17 @@ def block_size(time_step: float, seconds: float) -> int:
     return max(1, math.floor(seconds / time_step * (1 + 1e-9)))
 
 
-_OF_PLANAR = {
-    "axis": "joint",
-    "force": "wrench",
-    "force_end": "wrench of a ramp",
-    "radial_force": "wrench",
-    "weight": "wrench",
-    "moment": "wrench",
-    "load_steps": "wrench of a step-load",
-    "force_amplitude": "amplitude",
-    "output_amplitude": "amplitude",
-    "output_angle": "handle_angle",
-    "spool_velocity": "spool_velocities",
-}
-"""Keys of planar instruments, and what takes their place where joints share tendons."""
-
-_OF_COUPLED = {
-    "joint": "axis",
-    "wrench": "force and radial_force",
-    "grip_force": "force",
-    "handle_angles": "handle_angle",
-    "spool_velocities": "spool_velocity",
-}
-"""The same the other way round."""
-
-_KINDS = {"pretension": "hold; its tendons are at their pretension at the start", "contact": "object"}
-
-
-def _check_keys(phase: AnyPhase, inst: ShortForm | CoupledInstrument) -> None:
-    """Refuse a phase of a kind, or with a key, that this kind of instrument does not have."""
-    is_coupled = isinstance(inst, CoupledInstrument)
-    what = "whose joints share tendons" if is_coupled else "whose axes are planar"
-    kinds = _KINDS if is_coupled else {"object": "contact"}
-    if phase.kind in kinds:
-        raise ProtocolError(
-            f"kind is {phase.kind}, which {inst.name}, {what}, does not have; it must be {kinds[phase.kind]}",
-            key="kind",
-            value=phase.kind,
-            allowed=kinds[phase.kind],
-        )
-    instead = _OF_PLANAR if is_coupled else _OF_COUPLED
-    if is_coupled and phase.kind == "ramp":
-        instead = instead | {"handle_angle": "handle_angles"}
-    for key in instead:
-        if key in phase.model_fields_set and getattr(phase, key) not in (None, (), {}):
-            raise ProtocolError(
-                f"{key} is given, which {inst.name}, {what}, does not have; give {instead[key]}",
-                key=key,
-                value=getattr(phase, key),
-                allowed=instead[key],
-            )
-
-
-def _moved(inst: ShortForm | CoupledInstrument) -> dict[str, ShortForm | Joint]:
-    """Return what a phase may move by its name: axes, or joints of the handle."""
-    if isinstance(inst, CoupledInstrument):
-        return {joint.name: joint for joint in inst.handle_joints}
-    return dict(zip(inst.axes, inst.planar, strict=True))
-
-
-def _rest(inst: ShortForm | CoupledInstrument, *, tissue: bool) -> AnyCommand:
-    if isinstance(inst, CoupledInstrument):
-        return CoupledCommand.rest(inst)
-    return Command.rest(len(inst.axes), tissue=tissue)
-
-
-def _check_axis(phase: AnyPhase, inst: ShortForm | CoupledInstrument) -> None:
-    key = "joint" if phase.axis is None else "axis"
-    given, names = phase.acts_on, list(_moved(inst))
-    if given is not None and given not in names:
-        allowed = " or ".join(names) or "left out"
-        raise ProtocolError(
-            f"{key} is {given}; it must be {allowed}, which {inst.name} has"
-            if names
-            else f"{key} is {given}; it must be left out, since {inst.name} has no joint at its handle",
-            key=key,
-            value=given,
-            allowed=allowed,
-        )
+def _continuing(following: AnyPhase | None, at: Place, places: Places) -> OpenLoopPhase | None:
+    """Return the phase after one if it is open-loop and of the same place; its own plan reports what is wrong."""
+    if following is None or isinstance(following, Pretension):
+        return None
+    try:
+        return following if following.place(places) == at else None
+    except ProtocolError:
+        return None
 
 
 def _planned(phase: OpenLoopPhase, label: str, start: Start) -> Planned:
     segments = tuple(phase.segments(start))
     seconds = math.fsum(segment.steps * start.time_step for segment in segments)
-    return Planned(phase, label, cast("Command", start.command), segments, seconds)
+    return Planned(phase, label, start.command, segments, seconds)

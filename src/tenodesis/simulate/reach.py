@@ -6,25 +6,25 @@ from math import degrees
 import numpy as np
 
 from tenodesis import statics
-from tenodesis.coupled import Joint
 from tenodesis.errors import NoSolutionError, ProtocolError
 from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
+from tenodesis.simulate.places import Place
 
 _ROUNDING = 1 + 1e-9
 
 
-def check_handle_angles(inst: ShortForm | Joint, names: Sequence[str], angles: Array) -> None:
+def check_handle_angles(place: Place, names: Sequence[str], angles: Array) -> None:
     """Check that handle angles are within the handle's range and do not bend the unloaded tip to its stop.
 
-    The angles (rad, shape (n,)) are of one axis, or of a joint of the handle, whose range alone counts. They are named
-    in the error, a ProtocolError about the first that is not.
+    The angles (rad, shape (n,)) are of one joint of the handle, whose range alone counts without an axis of its own.
+    They are named in the error, a ProtocolError about the first that is not.
     """
+    largest, inst = 0.0 if place.joint is None else place.joint.range, place.plane
     for name, angle in zip(names, angles, strict=True):
-        largest = inst.range if isinstance(inst, Joint) else inst.handle_range
         if abs(angle) > largest:
             raise _beyond(name, float(angle), f"within the handle's range of ±{degrees(largest):.6g} deg")
-    if isinstance(inst, Joint):
+    if inst is None:
         return
     bent = np.asarray(statics.output_angle(inst, angles))
     beyond = np.flatnonzero(~(np.abs(bent) <= inst.output_stop * _ROUNDING))
@@ -40,9 +40,9 @@ def check_handle_angles(inst: ShortForm | Joint, names: Sequence[str], angles: A
         )
 
 
-def check_handle_angle(inst: ShortForm | Joint, key: str, angle: float) -> float:
+def check_handle_angle(place: Place, key: str, angle: float) -> float:
     """Return a handle angle (rad), given by a key, that :func:`check_handle_angles` accepts; errors as there."""
-    check_handle_angles(inst, [key], np.array([angle]))
+    check_handle_angles(place, [key], np.array([angle]))
     return angle
 
 
