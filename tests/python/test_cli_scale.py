@@ -58,7 +58,7 @@ def test_a_workshop_gets_an_instrument_file_a_plan_and_the_front(tenodesis: Comm
     # The pack is consistent: its protocols fit its instrument file, and the controller can run that which is for it.
     for name in ("first-run", "first-run-controlled"):
         assert 300 < tn.simulate.load(folder / f"{name}.toml").duration(inst) < 600
-    check_controllable(tn.simulate.load(folder / "first-run-controlled.toml").plan(inst, 1e-3), inst)
+    check_controllable(tn.simulate.load(folder / "first-run-controlled.toml").plan(inst, 1e-3), inst, inst)
     assert tn.tolerance.load(folder / "tolerances.toml").name == "as drawn"
     page = (folder / "plan.html").read_text("utf-8")
     assert "as designed: largest similarity error" in page and "as built: its median" in page

@@ -31,9 +31,7 @@ def wrist() -> tn.coupled.CoupledInstrument:
 
 @pytest.fixture(scope="module")
 def run(wrist: tn.coupled.CoupledInstrument) -> tn.Run:
-    return tn.simulate.execute_coupled(
-        tn.coupled.Twin(wrist, seed=3), tn.simulate.load(EXAMPLES / "coupled_protocol.toml")
-    )
+    return tn.simulate.execute(tn.coupled.Twin(wrist, seed=3), tn.simulate.load(EXAMPLES / "coupled_protocol.toml"))
 
 
 @pytest.mark.parametrize("name", tn.coupled.shipped())
@@ -51,7 +49,7 @@ def test_the_default_protocol_moves_loads_and_grips_and_comes_back_bit_by_bit(na
     for signal in ("time", *run.signals()):
         there, again = ((one.time if signal == "time" else one[signal]) for one in (run, back.run))
         assert np.array_equal(there, again), signal
-    again = tn.simulate.execute_coupled(
+    again = tn.simulate.execute(
         tn.coupled.Twin(inst, seed=1, time_step=2e-3, quasi_static=True), tn.simulate.parse(back.metadata["protocol"])
     )
     assert all(np.array_equal(again[signal], run[signal]) for signal in run.signals())
@@ -89,7 +87,7 @@ def test_a_controllers_estimates_and_faults_are_recorded_by_joint(
     assert said["controller"] == "robust law, friction observer, differential actuation, of yaw and pitch"
     assert said["faults"] == "none"
     winding = Ramp(duration=0.1, spool_velocities={"yaw_agonist": 0.1})
-    with pytest.raises(ProtocolError, match="spool_velocities names yaw_agonist; a phase must leave that motor"):
+    with pytest.raises(ProtocolError, match="spool_velocities is given for yaw_agonist; with a controller"):
         record_coupled(wrist, protocol(winding), tmp_path / "no.mcap", controller=controller)
     assert not (tmp_path / "no.mcap").exists()
 
@@ -138,7 +136,7 @@ def test_commands_are_by_joint_tendon_and_component(run: tn.Run, wrist: tn.coupl
 def test_a_ramp_may_end_in_any_load_and_the_jaws_may_be_pressed_apart(wrist: tn.coupled.CoupledInstrument) -> None:
     ramp = Ramp(duration=0.1, wrench=Wrench(fz=-1.0), grip_force=0.2)
     step = StepLoad(joint="handle_yaw", handle_angle=0.1, grip_force=0.1, duration=0.1, release=0.1)
-    run = tn.simulate.execute_coupled(tn.coupled.Twin(wrist), protocol(ramp, Hold(duration=0.05), step))
+    run = tn.simulate.execute(tn.coupled.Twin(wrist), protocol(ramp, Hold(duration=0.05), step))
     assert np.array_equal(run["wrench"][-1], [0, 0, -1, 0, 0, 0])
     assert run["applied_grip_force"][-1] == 0.2
     assert run["applied_grip_force"].min() < 0.1 + 1e-12
@@ -177,8 +175,9 @@ def test_what_a_coupled_instrument_cannot_run_is_refused_in_a_sentence(name: str
     ("phase", "says"),
     [
         (StepLoad(wrench=Wrench(fx=1.0), duration=1), "wrench is given.*give force"),
-        (Ramp(handle_angles={"yaw": 0.1}, duration=1), "handle_angles is given.*give handle_angle"),
-        (Cycles(joint="yaw", amplitude=0.1, speed=1, count=1), "joint is given.*give axis"),
+        (StepLoad(grip_force=1.0, duration=1), "grip_force is given, but scaled-up has no jaws that grip; give force"),
+        (Ramp(handle_angles={"yaw": 0.1}, duration=1), "names yaw; it must name joints of the handle: handle_yaw"),
+        (Cycles(joint="yaw", amplitude=0.1, speed=1, count=1), "joint is yaw; it must be handle_yaw, which scaled-up"),
         (GrippedObject(stiffness=1e3), "kind is object.*it must be contact"),
     ],
 )
@@ -192,7 +191,7 @@ def test_what_a_planar_instrument_cannot_run_is_refused_in_a_sentence(
 def test_an_object_wider_than_the_jaws_are_open_is_refused(wrist: tn.coupled.CoupledInstrument) -> None:
     wide = GrippedObject(stiffness=1e3, opening=5e-3)
     with pytest.raises(ProtocolError, match=r"phase 1 \(object\): opening.*to which the jaws are open"):
-        tn.simulate.execute_coupled(tn.coupled.Twin(wrist), protocol(wide))
+        tn.simulate.execute(tn.coupled.Twin(wrist), protocol(wide))
 
 
 def test_a_figure_has_a_curve_for_each_joint_and_tendon(run: tn.Run) -> None:
@@ -232,7 +231,7 @@ def test_record_info_and_export_take_a_coupled_instrument(tenodesis: Command, tm
     [
         (("--law", "robust"), "needle-driver has no joint that a controller can compensate"),
         (("--axis", "yaw"), "--axis is 'yaw', but needle-driver lists joints and tendons; it is for planar"),
-        (("cycles",), "cycles: phase 1 (cycles): output_amplitude is given, which needle-driver, whose joints share"),
+        (("cycles",), "cycles: phase 1 (cycles): output_amplitude is given, but pitch of needle-driver has no"),
         (("scaled-up",), "scaled-up is an instrument; it must be a protocol"),
     ],
 )

@@ -11,6 +11,7 @@ import pytest
 
 import tenodesis as tn
 from tenodesis import simulate
+from tenodesis.errors import ProtocolError
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.simulate import Cycles, Hold, Motion, Protocol, Ramp, StepLoad
@@ -279,12 +280,12 @@ def test_on_two_axes_the_other_one_keeps_its_last_command(real: Instrument) -> N
     )
     steps = run["force"].shape[0]
     assert run["handle_angle"].shape == run["force"].shape == run["radial_force"].shape == (steps, 2)
-    assert run["spool_velocity"].shape == (steps, 2, 2)
+    assert run["spool_velocity"].shape == (steps, 4)
     assert (run["handle_angle"][:-100, 0] == 0).all()
     assert run["handle_angle"][:, 1].max() == 0.3
     np.testing.assert_array_equal(run["handle_angle"][-1], [-0.2, 0.1])
     np.testing.assert_array_equal(run["force"][-1], [0, 1])
-    np.testing.assert_array_equal(run["spool_velocity"][-1], [[1, 2], [0, 0]])
+    np.testing.assert_array_equal(run["spool_velocity"][-1], [1, 2, 0, 0])
 
 
 def test_a_motion_of_astronomic_duration_is_refused_as_too_long(scaled: Instrument) -> None:
@@ -293,3 +294,39 @@ def test_a_motion_of_astronomic_duration_is_refused_as_too_long(scaled: Instrume
     )
     with pytest.raises(tn.ProtocolError, match=r"phase 1 \(motion\): the run lasts .* it must last at most 1 h"):
         simulate.Protocol(name="endless", phases=(motion,)).plan(scaled, 5e-4)
+
+
+def test_joints_of_the_handle_and_tendons_may_be_named_in_place_of_axes(real: Instrument) -> None:
+    by_axis = (
+        Ramp(axis="pitch", handle_angle=0.1, spool_velocity=(0.2, -0.1), duration=0.1),
+        Cycles(axis="pitch", amplitude=0.2, period=0.4, count=1),
+    )
+    by_name = (
+        Ramp(
+            handle_angles={"handle_pitch": 0.1},
+            spool_velocities={"pitch_agonist": 0.2, "pitch_antagonist": -0.1},
+            duration=0.1,
+        ),
+        Cycles(joint="handle_pitch", amplitude=0.2, period=0.4, count=1),
+    )
+    one, other = (Protocol(name="p", phases=phases).commands(real, DT) for phases in (by_axis, by_name))
+    assert one.keys() == other.keys()
+    for name, values in one.items():
+        np.testing.assert_array_equal(values, other[name])
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"handle_angle": 0.1, "handle_angles": {"handle_yaw": 0.1}},
+        {"spool_velocity": (1, 1), "spool_velocities": {"yaw_agonist": 1.0}},
+    ],
+)
+def test_a_ramp_is_given_by_axis_or_by_name(given: dict[str, Any]) -> None:
+    with pytest.raises(ProtocolError, match=f"{' and '.join(given)} are given; give only one of them"):
+        Ramp(duration=1.0, **given)
+
+
+def test_a_motion_is_of_an_axis_or_of_a_joint() -> None:
+    with pytest.raises(ProtocolError, match="axis and joint are given; give only one of them"):
+        Cycles(axis="yaw", joint="handle_yaw", amplitude=0.1, period=1.0, count=1)

@@ -276,7 +276,7 @@ def test_a_brief_first_run_has_the_same_phases_and_one_for_the_controller_leaves
     assert [phase.kind for phase in brief.phases] == [phase.kind for phase in whole.phases]
     assert brief.duration(design.scaled_up) < whole.duration(design.scaled_up) / 2
     controlled = first_run.protocol(design, controlled=True)
-    check_controllable(controlled.plan(design.scaled_up, 1e-3), design.scaled_up)
+    check_controllable(controlled.plan(design.scaled_up, 1e-3), design.scaled_up, design.scaled_up)
     wound = [phase for phase in whole.phases if phase.kind == "ramp" and phase.spool_velocity is not None]
     assert len(wound) > 12
     assert len([phase for phase in controlled.phases if phase.kind == "step-load"]) == len(

@@ -13,7 +13,7 @@ from tenodesis.coupled.description import CoupledInstrument, Joint
 from tenodesis.coupled.reading import CoupledLike, load
 from tenodesis.coupled.rows import link_rows, mass_matrix
 from tenodesis.errors import ArgumentError, InstrumentError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import ShortForm, as_instrument
 from tenodesis.instrument.mechanisms import JOINT_TYPES
 from tenodesis.toml import validated
 
@@ -58,16 +58,20 @@ def pairs(inst: CoupledLike) -> dict[str, Pair]:
 
 
 def compensated(inst: CoupledLike) -> ShortForm:
-    """Return the instrument of one or two planar axes that a controller of a coupled instrument is made for.
+    """Return the instrument of one or two planar axes that a controller of an instrument is made for.
 
-    Its axes are the joints with a pair of their own (:func:`pairs`): ``Controller(tn.coupled.compensated(inst))``.
+    Its axes are the joints with a pair of their own (:func:`pairs`): ``Controller(tn.coupled.compensated(inst))``. One
+    in the short form has no others, and is returned as it is.
 
     Raises
     ------
     ArgumentError
         No joint has a pair of its own, or their mechanisms differ.
     """
-    inst = load(inst)
+    given = as_instrument(inst)
+    if isinstance(given, ShortForm):
+        return given
+    inst = load(given)
     axes = pairs(inst)
     if not axes:
         raise ArgumentError(

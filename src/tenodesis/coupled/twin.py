@@ -95,6 +95,11 @@ class Twin:
         self._width = sum(self._widths.values()) + 1
 
     @property
+    def spool_radius(self) -> float:
+        """Radius of the spools, m."""
+        return self.inst.spool_radius or self.inst.drives.spool_radius
+
+    @property
     def time(self) -> float:
         """Time simulated since the start, s."""
         return self._steps * self.time_step
@@ -105,7 +110,7 @@ class Twin:
 
     def run(
         self,
-        handle_angles: ArrayLike,
+        handle_angle: ArrayLike,
         wrench: ArrayLike = 0.0,
         *,
         grip_force: ArrayLike = 0.0,
@@ -119,7 +124,7 @@ class Twin:
 
         Parameters
         ----------
-        handle_angles
+        handle_angle
             Of the handle's joints, or the hand's aim if the hand has a stiffness, (n, handle joints), rad; 0 for all.
         wrench
             Force (N) and moment (N m) on the tip, (n, 6) or (6,): x, y, z of either.
@@ -145,7 +150,7 @@ class Twin:
         NoSolutionError
             The load is more than the tendons can hold; the twin is then in its state before the call.
         """
-        commands, given = self._commands(handle_angles, wrench, grip_force, spool_velocity, held, axes)
+        commands, given = self._commands(handle_angle, wrench, grip_force, spool_velocity, held, axes)
         out = np.empty((len(commands), self._width))
         controlled: dict[str, Array] = {}
         if controller is None:

@@ -9,11 +9,13 @@ import numpy as np
 
 from tenodesis.control import OperatingState
 from tenodesis.control.controller import fault_names
+from tenodesis.errors import ProtocolError
 from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.simulate import Pretension
-from tenodesis.simulate.command import SMOOTH, VALUES, Command, between, sampled
+from tenodesis.simulate.command import SMOOTH, Command, between, sampled
 from tenodesis.simulate.execution import check_controllable
+from tenodesis.simulate.loads import NamedLoad
 from tenodesis.simulate.protocol import Planned, block_size
 from tenodesis.twin.contact import NO_TISSUE, Contact
 
@@ -29,7 +31,9 @@ _UNLOADING = 0.5
 """Least time in which loads change on that way, s."""
 _PATIENCE = 1.0
 """Time within which the instrument must begin what was requested, s, on its clock."""
-_COMMANDED = ("commanded_handle_angle", "force", "radial_force")
+_TAKEN = ("handle_angle", "force", "radial_force")
+"""Commands that an instrument takes while it is live, by axis."""
+_COMMANDED = ("commanded_handle_angle", *_TAKEN[1:])
 _COLUMNS = len(_COMMANDED) + len(NO_TISSUE)
 
 
@@ -86,7 +90,8 @@ class Player:
     Raises
     ------
     ProtocolError
-        A controller cannot run it: it moves the spools, or requires of homing what that does not do.
+        A controller cannot run it: it moves the spools, or requires of homing what that does not do; or it has loads
+        that a live instrument does not take.
     """
 
     def __init__(
@@ -99,7 +104,8 @@ class Player:
         inst: ShortForm,
         time_step: float,
     ) -> None:
-        check_controllable(plan, inst)
+        check_controllable(plan, inst, inst)
+        _check_taken(plan)
         self._plan, self._queue, self._ask, self._latest = tuple(plan), queue, ask, latest
         self._axes, self._time_step = len(inst.axes), time_step
         self._total = math.fsum(planned.seconds for planned in plan)
@@ -269,7 +275,7 @@ class Player:
 
     def _rows(self, commands: Mapping[str, Any]) -> Array:
         """Return commands of :func:`sampled` as rows, shape (n, axes, 6)."""
-        moved = np.stack([commands[name].reshape(-1, self._axes) for name in VALUES[:3]], axis=-1)
+        moved = np.stack([commands[name].reshape(-1, self._axes) for name in _TAKEN], axis=-1)
         tissue = _tissue(commands.get("contact"), self._axes)
         return np.concatenate([moved, np.broadcast_to(tissue, (len(moved), *tissue.shape))], axis=-1)
 
@@ -297,9 +303,23 @@ class _Homing(Enum):
     FAILED = auto()
 
 
+def _check_taken(plan: Sequence[Planned]) -> None:
+    """Raise ProtocolError if a phase needs more than an instrument takes while it is live."""
+    for planned in plan:
+        load = planned.phase
+        if isinstance(load, NamedLoad) and load.names_load:
+            key = "grip_force" if load.wrench is None else "wrench"
+            raise ProtocolError(
+                f"{planned.label}: {key} is given, which a live instrument does not take; give force and radial_force.",
+                key=key,
+                value=getattr(load, key),
+                allowed="force and radial_force",
+            )
+
+
 def _rows(command: Command) -> Array:
     """Return a command as a row, shape (axes, 6)."""
-    moved = np.stack([command.handle_angle, command.force, command.radial_force], axis=-1)
+    moved = np.stack([command.values[name] for name in _TAKEN], axis=-1)
     return np.concatenate([moved, _tissue(command.contact, len(moved))], axis=-1)
 
 

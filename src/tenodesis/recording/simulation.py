@@ -13,8 +13,7 @@ from tenodesis.instrument import FullForm, Instrument, InstrumentLike, ShortForm
 from tenodesis.recording.metadata import metadata_of
 from tenodesis.recording.writer import Recorder
 from tenodesis.run import CONTROL, TISSUE, Run, concatenate
-from tenodesis.simulate import Pretension, Protocol, execute, execute_coupled
-from tenodesis.simulate.coupled import check_coupled
+from tenodesis.simulate import Pretension, Protocol, execute
 from tenodesis.simulate.execution import check_controllable
 from tenodesis.twin import TIME_STEP, Twin
 
@@ -79,7 +78,7 @@ def record(
     if controller is not None:
         controller.reset()
         controller.check_instrument(inst)
-        check_controllable(plan, controller.inst)
+        check_controllable(plan, inst, controller.inst)
     metadata = metadata_of(
         inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
     )
@@ -111,14 +110,15 @@ def record_coupled(
     The controller is one for :func:`tenodesis.coupled.compensated`.
     """
     twin = coupled.Twin(inst, time_step=time_step, seed=seed, quasi_static=quasi_static)
-    check_coupled(protocol.plan(inst, time_step), inst, controller)
+    plan = protocol.plan(inst, time_step)
     if controller is not None:
         controller.reset()
+        check_controllable(plan, inst, controller.inst)
     metadata = metadata_of(
         inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
     )
     with Recorder(path, axes=twin.names, metadata=metadata, overwrite=overwrite) as recorder:
-        return execute_coupled(twin, protocol, controller, on_block=recorder.write, progress=progress)
+        return execute(twin, protocol, controller, on_block=recorder.write, progress=progress)
 
 
 def write_run(

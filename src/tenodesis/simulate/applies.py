@@ -1,12 +1,10 @@
 """Which phases and keys an instrument has use for, by what it has: pairs of tendons, joints at the handle, jaws."""
 
-from collections.abc import Mapping
-
 from tenodesis.errors import ProtocolError
 from tenodesis.simulate.phases import Phase
 from tenodesis.simulate.places import Places
 
-_PAIRED: Mapping[str, str] = {
+_PAIRED = {
     "axis": "joint",
     "force": "wrench",
     "force_end": "wrench of a ramp",
@@ -24,28 +22,27 @@ _PAIRED: Mapping[str, str] = {
 
 def check_applies(phase: Phase, places: Places) -> None:
     """Refuse a phase of a kind, or with a key, for which an instrument lacks what it acts on, by ProtocolError."""
-    inst = places.inst
-    unpaired = f"which takes a pair of tendons for every joint of the tip, and {inst.name} has none of its own for "
-    unpaired += " and ".join(places.unpaired)
+    inst, kind = places.inst, str(getattr(phase, "kind", ""))
     jawless = f"but {inst.name} has no jaws that grip"
-    kind = str(getattr(phase, "kind", ""))
-    if kind in ("pretension", "contact") and places.unpaired:
-        touching = "object" if inst.grip is not None else "step-load with a wrench"
-        instead = touching if kind == "contact" else "hold; its tendons are at their pretension at the start"
-        raise _wrong_kind(kind, unpaired, instead)
-    if kind == "object" and inst.grip is None:
-        if places.unpaired:
-            raise ProtocolError(f"kind is object, {jawless}; its file must have a table [grip]", key="kind", value=kind)
-        raise _wrong_kind(kind, jawless, "contact")
-    wrong = {}
+    wrong = {"wrench": ("force and radial_force", f"but {inst.name} takes forces by axis")}
     if places.unpaired:
-        wrong = _PAIRED | ({"handle_angle": "handle_angles"} if kind == "ramp" else {})
+        why = f"but {places.unpaired[0]} of {inst.name} has no handle joint and pair of tendons of its own"
+        if kind == "pretension":
+            raise _wrong_kind(kind, why, "hold; its tendons are at their pretension at the start")
+        if kind == "contact":
+            raise _wrong_kind(kind, why, "object" if inst.grip is not None else "step-load with a wrench")
+        wrong = {key: (instead, why) for key, instead in _PAIRED.items()}
+        if kind == "ramp":
+            wrong["handle_angle"] = "handle_angles", why
     if inst.grip is None:
-        wrong |= {"grip_force": "wrench" if places.unpaired else "force"}
-    for key, instead in wrong.items():
+        if kind == "object" and places.unpaired:
+            raise ProtocolError(f"kind is object, {jawless}; its file must have a table [grip]", key="kind", value=kind)
+        if kind == "object":
+            raise _wrong_kind(kind, jawless, "contact")
+        wrong["grip_force"] = "wrench" if places.unpaired else "force", jawless
+    for key, (instead, why) in wrong.items():
         value = getattr(phase, key, None)
         if key in phase.model_fields_set and value not in (None, ()):
-            why = jawless if key == "grip_force" else unpaired
             raise ProtocolError(f"{key} is given, {why}; give {instead}", key=key, value=value, allowed=instead)
 
 

@@ -89,7 +89,7 @@ class Command(NamedTuple):
     @property
     def values(self) -> dict[str, Array]:
         """What may change along a segment, by name."""
-        named = {name: getattr(self, name) for name in (*LOADS, "handle_angle", "spool_velocity")}
+        named = {name: getattr(self, name) for name in ("handle_angle", *LOADS, "spool_velocity")}
         return {name: values for name, values in named.items() if values is not None}
 
     @property
@@ -197,9 +197,11 @@ class Plant(Protocol):
     def spool_radius(self) -> float:
         """Radius of the spools, m."""
 
-    def run(self, *, handle_angle: Array, spool_velocity: Array, **commands: Any) -> Run:
-        """Continue from the present state by as many time steps as there are commands.
+    @property
+    def run(self) -> Callable[..., Run]:
+        """Continue from the present state by as many time steps as there are commands, and return what is measured.
 
-        Others are as for :meth:`tenodesis.twin.Twin.run`: loads, tissue or an object, and a controller with its
-        requests, each only where the protocol or the instrument has it.
+        It takes those of :class:`Command` that the instrument or the protocol has, as :meth:`tenodesis.twin.Twin.run`
+        does: handle_angle and spool_velocity, loads, tissue or what the jaws hold; and a controller with its requests
+        if there is one.
         """

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from tenodesis import coupled
-from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import FullForm, InstrumentLike, expanded
 from tenodesis.run import Array
 from tenodesis.simulate.loads import Wrench
 from tenodesis.simulate.phases import Cycles, GrippedObject, Hold, Ramp, StepLoad
@@ -32,7 +32,7 @@ def default_protocol(inst: InstrumentLike) -> Protocol:
     Every joint of the handle in turn goes through half of its range and back; without a handle the spools drive every
     joint of the tip so. Then the tip is loaded across, each way, and jaws grip an object.
     """
-    inst = as_instrument(inst)
+    inst = expanded(inst)
     phases: list[AnyPhase] = [
         Cycles(joint=name, amplitude=place.reach / 2, speed=_SPEED, count=1, shape="smooth")
         for name, place in Places.of(inst).joints.items()
@@ -41,7 +41,7 @@ def default_protocol(inst: InstrumentLike) -> Protocol:
         phases = [phase for n in range(len(inst.tip_joints)) for phase in _there_and_back(inst, n)]
     across = np.abs(coupled.rates(inst, np.zeros(len(inst.handle_joints))).by_wrench[:, :2])
     force = float(f"{min(_LOAD, _LOST / across.max()):.1g}")
-    for component, bends in zip(("fx", "fy"), across.any(axis=0), strict=True):
+    for component, bends in zip(("fx", "fy"), across.max(axis=0), strict=True):
         for sign in (1, -1) if bends else ():
             wrench = Wrench(**{component: sign * force})
             phases.append(StepLoad(wrench=wrench, delay=0.2, rise=0.1, duration=0.5, release=0.3))
@@ -50,7 +50,7 @@ def default_protocol(inst: InstrumentLike) -> Protocol:
     return Protocol(name="default", description=f"Motion, load and grip of {inst.name}"[:200], phases=tuple(phases))
 
 
-def _there_and_back(inst: Instrument, number: int) -> list[AnyPhase]:
+def _there_and_back(inst: FullForm, number: int) -> list[AnyPhase]:
     """Return phases in which the spools drive a joint of the tip through half of its range and back."""
     angles = np.zeros(len(inst.tip_joints))
     # A jaw opens.
@@ -59,7 +59,7 @@ def _there_and_back(inst: Instrument, number: int) -> list[AnyPhase]:
     return [*_driven(inst, angles, seconds), Hold(duration=_RISE), *_driven(inst, -angles, seconds)]
 
 
-def _driven(inst: Instrument, angles: Array, seconds: float) -> list[AnyPhase]:
+def _driven(inst: FullForm, angles: Array, seconds: float) -> list[AnyPhase]:
     """Return phases in which the spools draw what tendons that do not stretch would for a change of the angles."""
     speeds = inst.tendon_arms("tip") @ angles / (inst.spool_radius or inst.drives.spool_radius) / seconds
     spools = {
@@ -76,7 +76,7 @@ def _driven(inst: Instrument, angles: Array, seconds: float) -> list[AnyPhase]:
     ]
 
 
-def _gripping(inst: Instrument) -> list[AnyPhase]:
+def _gripping(inst: FullForm) -> list[AnyPhase]:
     """Return phases in which the jaws close on an object, hold it, and let go."""
     arms = inst.grip_arms
     placed: list[AnyPhase] = [GrippedObject(stiffness=_OBJECT)]

@@ -177,9 +177,10 @@ def check_controllable(plan: Sequence[Planned], inst: Instrument, assumed: Short
             moved = next((m for m in own if any(command.spool_velocity[m] for command in commands)), None)
             if moved is not None:
                 name = inst.tendons[moved].name
+                key = "spool_velocities" if getattr(planned.phase, "spool_velocities", None) else "spool_velocity"
                 raise ProtocolError(
-                    f"spool_velocity is given for {name}; with a controller a phase must leave its motors to it",
-                    key="spool_velocity",
+                    f"{key} is given for {name}; with a controller a phase must leave its motors to it",
+                    key=key,
                     value=name,
                 )
 
