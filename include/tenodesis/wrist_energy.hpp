@@ -28,10 +28,12 @@ T::S wrist_stored_energy(const T& twin, const typename T::State& state) {
       for (int j = 0; j < N; ++j) twice = twice + state.velocity[i] * matrix[i][j] * state.velocity[j];
   }
   const S pressed = larger(state.command.held.opening - twin.opening(state.angle), S(0));
-  return S(0.5) * (twice + state.command.held.stiffness * pressed * pressed);
+  S stored = S(0.5) * (twice + state.command.held.stiffness * pressed * pressed);
+  for (int i = 0; i < N; ++i) stored = stored + stored_in(twin.path(i), state.command.contact[i], state.angle[i]);
+  return stored;
 }
 
-/// The energies of a step between two states; tissue is what is lost in what the jaws hold.
+/// The energies of a step between two states; tissue is what is lost in it and in what the jaws hold.
 template <class T>
 Energy<typename T::S> wrist_energy(const T& twin, const typename T::State& before, const typename T::State& after) {
   using S = T::S;
@@ -47,7 +49,7 @@ Energy<typename T::S> wrist_energy(const T& twin, const typename T::State& befor
     Bend<S> bend[N];
     for (int i = 0; i < N; ++i)
       bend[i] = Bend<S>(twin.wrist.joint[i], coordinate_at(twin.wrist.joint[i].mechanism, state.angle[i]));
-    twin.wrist.load_moments(bend, state.command.load, moment, rate);
+    twin.wrist.load_moments(bend, twin.load_of(state.command), moment, rate);
   };
   loads(before, was);
   loads(after, is);
@@ -81,6 +83,16 @@ Energy<typename T::S> wrist_energy(const T& twin, const typename T::State& befor
   if (!twin.quasi_static)
     energy.tissue = energy.tissue + after.grip_force * (twin.opening(before.angle) - twin.opening(after.angle)) +
                     stored(held, before.angle) - stored(held, after.angle);
+  for (int i = 0; i < N; ++i) {
+    const auto in = [&](const T::State& by, const S& angle) {
+      return stored_in(twin.path(i), by.command.contact[i], angle);
+    };
+    const S was_in = in(after, before.angle[i]);
+    energy.tissue = energy.tissue + in(before, before.angle[i]) - was_in;
+    if (!twin.quasi_static)
+      energy.tissue = energy.tissue - after.contact_moment[i] * (after.angle[i] - before.angle[i]) + was_in -
+                      in(after, after.angle[i]);
+  }
   return energy;
 }
 

@@ -95,11 +95,12 @@ template <class S>
 struct Passage {
   int joint{-1};    ///< of the tip, or of the handle counted from N on; -1: the sheath
   S coefficient{};  ///< of friction
-  S ratio{1};       ///< of the tensions at which the sheath, or the straight joint, slips
+  S wrap{};         ///< in the sheath, or on the straight joint, rad
+  S share{1};       ///< of the joint's angle, and of the constant and viscous friction of joint or sheath
   S arm{};          ///< by which a unit of the joint's coordinate lengthens the segment that it draws, m
 };
 
-/// A segment of a tendon that a joint draws.
+/// A segment of a tendon that a joint draws; of two vertices, that between them.
 template <class S>
 struct Draw {
   int segment{};

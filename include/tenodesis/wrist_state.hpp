@@ -15,6 +15,30 @@ struct Held {
   S damping{};    ///< N s/m
 };
 
+/// The path of the tip about one joint while the others stay straight, as tissue.hpp asks for it.
+template <class S>
+struct TipPath {
+  Mechanism mechanism{};
+  S chord{};  ///< of the straight joint, m
+  S reach{};  ///< from its far end to the tip, m
+
+  S coordinate(const S& angle) const { return coordinate_at(mechanism, angle); }
+  S tip_path(const S& angle, const S& x) const {
+    return about([&](const auto& joint) { return joint.tip_path(angle, x); });
+  }
+  S tangential_arm(const S& x) const {
+    return about([&](const auto& joint) { return joint.tangential_arm(x); });
+  }
+
+ private:
+  template <class Ask>
+  S about(const Ask& ask) const {
+    if (mechanism == Mechanism::gear) return ask(TendonGear<S>{chord * S(0.5), reach});
+    if (mechanism == Mechanism::pulley) return ask(TendonPulley<S>{S(0), reach});
+    return ask(TendonContinuum<S>{S(0), reach, chord, S(0)});
+  }
+};
+
 template <class W>
 struct WristCommand {
   using S = W::S;
@@ -22,32 +46,51 @@ struct WristCommand {
   S spool_velocity[W::tendons]{};  ///< rad/s
   WristLoad<S> load{};
   Held<S> held{};
+  S weight{};                       ///< on the load rig, N
+  S sheath_bend{};                  ///< added to that of every tendon's sheath, rad
+  S let_out[W::tendons]{};          ///< tendon length that has come off the spool, or is torn, m
+  Contact<S> contact[W::joints]{};  ///< tissue across the tip's path about each joint
 
   bool finite() const {
     bool all = all_finite(load.wrench.force.x, load.wrench.force.y, load.wrench.force.z, load.wrench.moment.x,
                           load.wrench.moment.y, load.wrench.moment.z, load.grip) &&
-               all_finite(held.opening, held.stiffness, held.damping);
+               all_finite(held.opening, held.stiffness, held.damping, weight, sheath_bend);
     for (const S& angle : handle_angle) all = all && is_finite(angle);
     for (const S& velocity : spool_velocity) all = all && is_finite(velocity);
+    for (const S& length : let_out) all = all && is_finite(length);
+    for (const auto& tissue : contact) all = all && all_finite(tissue.angle, tissue.stiffness, tissue.damping);
     return all;
   }
 };
 
+/// What a friction law remembers of every tendon's contacts, m/s; nothing where it does not depend on the slip's speed.
+template <class Slips, int M, bool depends_on_speed>
+struct SlipSpeeds {};
+template <class Slips, int M>
+struct SlipSpeeds<Slips, M, true> {
+  Slips of[M]{};
+};
+
 /// Angles of all joints, of the tip first, then of the handle, with rates and moments.
-template <class W, int most_contacts>
+template <class W, int most_contacts, class Law>
 struct WristState {
   using S = W::S;
+  using Rows = BoundedContacts<most_contacts>;
   static constexpr int N = W::joints, M = W::tendons;
 
   S angle[2 * N]{};       ///< rad
   S velocity[2 * N]{};    ///< rad/s
-  S moment[2 * N]{};      ///< of everything except inertia and what is gripped, N m
+  S moment[2 * N]{};      ///< of everything except inertia, tissue and what is gripped, N m
   S band_angle[2 * N]{};  ///< that the last step's friction is of, rad
   S handle_moment[N]{};   ///< of the tendons on the handle's joints, against positive angles, N m
   S grip_force{};         ///< on what is gripped, mean of the last step, N
+  S contact_force[N]{};   ///< of tissue on the tip about each joint, mean of the last step, against its angle, N
+  S contact_moment[N]{};  ///< its mean moment, N m
   WristCommand<W> command{};
-  TendonState<S, BoundedContacts<most_contacts>> tendon[M]{};
+  TendonState<S, Rows> tendon[M]{};
+  SlipSpeeds<typename Rows::template PerContact<S>, M, Law::depends_on_speed> slip_speed{};
   DriveState<S> drive[M]{};
+  CurrentState<S> current[M]{};
   Noise noise{};
   S measured_handle[N]{};
   S measured_angle[N]{};
@@ -55,6 +98,7 @@ struct WristState {
   S measured_spool[M]{};
   int until_sample{};
   int sweeps{};
+  S residual_in_parts{-1};  ///< largest of the last step's parts; -1: it was not divided
 };
 
 }  // namespace tenodesis

@@ -6,6 +6,7 @@
 // iteration, and the guess is revised until nothing contradicts it. A joint at the handle draws the segment before its
 // contact, one at the tip the segment beyond.
 
+#include "tenodesis/twin_at_rest.hpp"
 #include "tenodesis/wrist_inertia.hpp"
 #include "tenodesis/wrist_state.hpp"
 #include "tenodesis/wrist_statics.hpp"
@@ -61,25 +62,27 @@ struct WristStep {
       guess();
     }
     set_pulls();
+    for (int g = 0; g < joints; ++g) next.band_angle[g] = angle[g];
     set_bands();
     next.sweeps = 0;
     Status found = settle();
-    // Quasi-static, friction is that of the step's end; in motion the first guess is close enough.
-    bool agreed = !twin.quasi_static;
+    // Quasi-static, friction is that of the step's end, as it is at a handle that a hand moves; at the tip in motion the
+    // first guess is close enough.
+    const int first_exact = twin.quasi_static ? 0 : N;
+    bool agreed = first_exact >= U;
     for (int n = 0; n < most_corrections && !agreed && found == Status::ok; ++n) {
-      S was[joints];
-      for (int g = 0; g < joints; ++g) was[g] = angle[g];
+      S was[U];
+      for (int u = first_exact; u < U; ++u) was[u] = next.band_angle[u] = angle[u];
       set_bands();
       found = settle();
       agreed = true;
-      for (int g = 0; g < joints; ++g) agreed = agreed && abs(angle[g] - was[g]) <= settled<ValueOf<S>>;
+      for (int u = first_exact; u < U; ++u) agreed = agreed && abs(angle[u] - was[u]) <= settled<ValueOf<S>>;
     }
     if (found == Status::ok && !agreed) return Status::no_equilibrium;
     if (found == Status::ok) finish();
     return found;
   }
 
-  static constexpr int most_corrections = 64;
   // Change of angles within which a load's moments are linear to rounding, rad.
   static constexpr double near_angle = 1e-5;
 
@@ -101,7 +104,8 @@ struct WristStep {
     S turned[U];
     for (int u = 0; u < U; ++u) {
       const S gripped = u < N ? twin.wrist.joint[u].grip * before.grip_force : S(0);
-      turned[u] = before.moment[u] + gripped - bias[u];
+      const S pushed_back = u < N ? before.contact_moment[u] : S(0);
+      turned[u] = before.moment[u] + gripped + pushed_back - bias[u];
     }
     if (solve_linear(heavy, turned) == 0) return;
     for (int u = 0; u < U; ++u) angle[u] = angle[u] + before.velocity[u] * duration + turned[u];
@@ -129,18 +133,17 @@ struct WristStep {
         const Draw<S>& by = twin.draw[m][d];
         if (U > N || by.joint < N) pull[m][by.segment].by[by.joint] = by.arm;
       }
-      spool[m] = tendon.held_by_spool(twin.drive.spool_radius * next.drive[m].spool);
+      spool[m] = tendon.held_by_spool(twin.drive.spool_radius * next.drive[m].spool - command.let_out[m]);
     }
   }
 
   void set_bands() {
-    for (int g = 0; g < joints; ++g) next.band_angle[g] = angle[g];
-    typename T::Turned turned[joints];
+    typename T::Shared shared[joints + 1];
     for (int m = 0; m < M; ++m)
-      if (twin.taut(m)) twin.bands(m, angle, turned, band[m]);
+      if (twin.taut(m)) twin.bands(m, next.band_angle, command.sheath_bend, per_second, before, shared, band[m]);
   }
 
-  S tolerance(int m) const { return friction_tolerance<ValueOf<S>> * twin.tension_scale(m); }
+  S tolerance(int m) const { return friction_tolerance<ValueOf<S>> * twin.tension_scale[m]; }
 
   // Tensions of a tendon as functions of the coordinates under its guess, as moments on the joints.
   void eliminate(int m) {
@@ -290,7 +293,7 @@ struct WristStep {
       if (!within()) return Status::no_equilibrium;
       using V = ValueOf<S>;
       // In motion inertia outweighs all else: the next correction would be of this one's square, and smaller still.
-      const V arrived = twin.quasi_static ? settled<V> : sizeof(V) == 4 ? V(1e-4) : V(3e-5);
+      const V arrived = twin.quasi_static ? settled<V> : sizeof(V) == 4 ? V(1e-4) : V(1e-7);
       if (largest <= arrived) return Status::ok;
     }
     return Status::no_equilibrium;
@@ -313,6 +316,12 @@ struct WristStep {
           off[u] = off[u] - heavy.at[u][v] * turned;
           slope.at[u][v] = slope.at[u][v] - heavy.at[u][v];
         }
+    for (int i = 0; i < N; ++i) {
+      if (!any(command.contact[i].present())) continue;
+      const Resistance<S> tissue = resistance_about(i);
+      off[i] = off[i] + tissue.moment;
+      slope.at[i][i] = slope.at[i][i] - tissue.stiffness;
+    }
     const Held<S>& held = command.held;
     const S pressed = held.opening - twin.opening(angle);
     if (!(held.stiffness > S(0)) || !(pressed > S(0))) {
@@ -330,6 +339,18 @@ struct WristStep {
     }
   }
 
+  // Of tissue to the tip's turn about a joint.
+  Resistance<S> resistance_about(int i) const {
+    const TipPath<S> path = twin.path(i);
+    const Contact<S>& contact = command.contact[i];
+    const Tip<S> tip{angle[i], coordinate[i]};
+    if (!twin.quasi_static) return resistance(path, contact, per_second, before.angle[i], tip);
+    Resistance<S> at_rest = resistance_at_rest(path, contact, tip);
+    const S arm = path.tangential_arm(tip.x);
+    if (any(depth(path, contact, tip) > S(0))) at_rest.stiffness = abs(contact.stiffness) * arm * arm;
+    return at_rest;
+  }
+
   // Rate of a joint's coordinate by its angle.
   S turn_at(int g, const S& x) const {
     return twin.mechanism(g) == Mechanism::gear ? S(0.5) * sqrt((S(1) - x) * (S(1) + x)) : S(1);
@@ -345,7 +366,7 @@ struct WristStep {
         bend[i] = Bend<S>(twin.wrist.joint[i], x[i]);
         load_angle[i] = angle[i];
       }
-      twin.wrist.load_moments(bend, command.load, load_moment, load_rate);
+      twin.wrist.load_moments(bend, twin.load_of(command), load_moment, load_rate);
       is_loaded = true;
     }
     for (int i = 0; i < N; ++i) {
@@ -378,11 +399,7 @@ struct WristStep {
         slope.at[i][i] =
             slope.at[i][i] - spring - twin.damping[i] * speed_rate - (beyond == S(0) ? S(0) : twin.stop_stiffness[i]);
         // A joint that nothing holds stays where it is.
-        if (twin.quasi_static) {
-          const S keep = detail::slack_stiffness<S> * twin.stop_stiffness[i];
-          at[i] = at[i] - keep * (angle[i] - before.angle[i]);
-          slope.at[i][i] = slope.at[i][i] - keep;
-        }
+        if (twin.quasi_static) slope.at[i][i] = slope.at[i][i] - detail::slack_stiffness<S> * twin.stop_stiffness[i];
       } else {
         const S rest = twin.quasi_static ? S(0) : twin.hand.damping;
         at[u] = at[u] + twin.hand.stiffness * (command.handle_angle[u - N] - angle[u]) - rest * velocity;
@@ -399,6 +416,17 @@ struct WristStep {
       next.angle[g] = angle[g];
       next.moment[g] = g < U ? pushed[g < U ? g : 0] : S(0);
     }
+    for (int i = 0; i < N; ++i) {
+      const bool touched = any(command.contact[i].present());
+      const Resistance<S> tissue = touched ? resistance_about(i) : Resistance<S>{};
+      next.contact_force[i] = tissue.force;
+      next.contact_moment[i] = tissue.moment;
+    }
+    if constexpr (T::Law::depends_on_speed)
+      for (int m = 0; m < M; ++m)
+        for (int j = 0; j < twin.tendon[m].contacts(); ++j)
+          next.slip_speed.of[m][j] = twin.law.speed_after(
+              before.slip_speed.of[m][j], next.tendon[m].slip[j] - before.tendon[m].slip[j], duration);
     S pulled[joints]{};
     for (int m = 0; m < M; ++m)
       for (int d = 0; d < twin.draws[m] && twin.taut(m); ++d) {

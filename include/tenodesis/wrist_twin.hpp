@@ -6,40 +6,51 @@
 
 namespace tenodesis {
 
-template <class W, int most>
+/// W: a wrist; most: contacts of a tendon; Law: one of friction.hpp's.
+template <class W, int most, class LawOf = CapstanWithConstant<typename W::S>>
 struct WristTwin {
   using S = W::S;
   using Wrist = W;
+  using Law = LawOf;
   static constexpr int N = W::joints, M = W::tendons, joints = 2 * N;
   using Rows = BoundedContacts<most>;
-  using State = WristState<W, most>;
+  using State = WristState<W, most, Law>;
   using Command = WristCommand<W>;
   using Rope = Tendon<S, Rows>;
 
   W wrist{};
+  Law law{};
   Rope tendon[M]{};
   Passage<S> passage[M][most]{};
-  Draw<S> draw[M][joints]{};  ///< by the passages, see set_draws()
+  Draw<S> draw[M][joints]{};  ///< by the passages, see prepare()
   int draws[M]{};
   Link<S> link[N]{};
+  S reach[N]{};    ///< of the tip from each joint's far end while the joints beyond are straight, m
   S damping[N]{};  ///< of the tip's joints, N m s/rad
   S stop[N]{};     ///< angle of the mechanical stop, rad
   S stop_stiffness[N]{};
-  S constant{};    ///< friction of each joint and of the sheath that does not depend on the load, N
-  S viscous{};     ///< likewise, N s/m
-  Hand<S> hand{};  ///< on each joint of the handle
+  S viscous{};           ///< friction of each joint and of the sheath, N s/m
+  S sheath_bend_rate{};  ///< bend of a tendon's sheath per radian of each |angle| of the handle's joints that draw it
+  Hand<S> hand{};        ///< on each joint of the handle
   Drive<S> drive{};
-  int sheath_contacts{1};
-  Sensor<S> encoder{};
-  Sensor<S> load_cell{};
+  Wrench<S> rig{};  ///< on the tip by a newton on the load rig, in the axes of the load
+  Sensor<S> handle_encoder{};
+  Sensor<S> output_encoder{};
+  Sensor<S> load_cell[M]{};
   Sensor<S> motor_encoder{};
+  CurrentSense<S> current{};
   S time_step{};
   int steps_per_sample{1};
   bool quasi_static{};
 
+  S tension_scale[M]{};  ///< typical tensions, see prepare(), N
+
   /// Lists what joints draw, the nearest to the spool first; to be called when all passages are there.
-  void set_draws() {
+  void prepare() {
     for (int m = 0; m < M; ++m) {
+      S largest(0);
+      for (int i = 0; i < N; ++i) largest = larger(largest, abs(wrist.arm[m][i]));
+      tension_scale[m] = tendon[m].rest_tension + wrist.stiffness[m] * largest * S(0.1);
       draws[m] = 0;
       for (int j = 0; j < tendon[m].contacts(); ++j) {
         const Passage<S>& at = passage[m][j];
@@ -54,9 +65,9 @@ struct WristTwin {
     for (int m = 0; m < M; ++m) {
       for (int i = 0; i <= tendon[m].contacts(); ++i) state.tendon[m].tension[i] = tendon[m].rest_tension;
       state.drive[m].angle = drive.backlash * S(0.5);
+      state.current[m] = {tendon[m].rest_tension, drive.backlash * S(0.5), S(0)};
     }
     state.noise.seed = seed;
-    for (int i = 0; i < N; ++i) state.moment[i] = S(0);
     read(state);
     state.until_sample = steps_per_sample;
     return state;
@@ -67,9 +78,16 @@ struct WristTwin {
     if (!command.finite()) return Status::not_finite;
     for (int h = 0; h < wrist.handles; ++h)
       if (!(abs(command.handle_angle[h]) < S(pi))) return Status::out_of_range;
+    for (const Contact<S>& tissue : command.contact)
+      if (abs(tissue.angle) > S(pi)) return Status::unreachable;
     State next = state;
-    Status found = advance_to(command, time_step, state, next);
-    if (found == Status::no_equilibrium && quasi_static) found = in_parts(command, state, next);
+    next.residual_in_parts = S(-1);
+    for (int m = 0; m < M; ++m)
+      if (wrist.motor[m] && taut(m))
+        next.drive[m] =
+            advance(drive, state.drive[m], command.spool_velocity[m], state.tendon[m].tension[0], time_step);
+    Status found = move(command, time_step, state, next);
+    if (found == Status::no_equilibrium && quasi_static) found = move_in_parts(command, state, next);
     if (found != Status::ok) return found;
     next.command = command;
     if (--next.until_sample <= 0) {
@@ -83,9 +101,6 @@ struct WristTwin {
   bool prescribed() const { return !(hand.stiffness > S(0)); }
   S per_second() const { return S(1) / time_step; }
 
-  /// A typical tension, N.
-  S tension_scale(int m) const { return tendon[m].rest_tension + wrist.stiffness[m] * S(1e-3); }
-
   /// Opening of the jaws by the arms of the grip, m.
   S opening(const S* angle) const {
     S sum(0);
@@ -93,41 +108,79 @@ struct WristTwin {
     return sum;
   }
 
-  /// Ratio of tensions that a joint's angle adds, which most tendons over it share.
-  struct Turned {
-    S coefficient{-1};
-    S ratio{};
+  /// The load of a command, with that of the rig.
+  WristLoad<S> load_of(const Command& command) const {
+    WristLoad<S> load = command.load;
+    if (command.weight == S(0)) return load;
+    load.wrench.force = load.wrench.force + command.weight * rig.force;
+    load.wrench.moment = load.wrench.moment + command.weight * rig.moment;
+    return load;
+  }
+
+  /// Torque that the hand holds a joint of the handle with, N m.
+  S handle_torque(const State& state, int h) const {
+    if (prescribed()) return state.handle_moment[h];
+    const S resistance = quasi_static ? S(0) : hand.damping * state.velocity[N + h];
+    return hand.stiffness * (state.command.handle_angle[h] - state.angle[N + h]) - resistance;
+  }
+
+  TipPath<S> path(int i) const { return {wrist.joint[i].mechanism, wrist.joint[i].chord, reach[i]}; }
+
+  /// The segment whose tension turns a tendon's last joint.
+  int tip_segment(int m) const {
+    int j = tendon[m].contacts() - 1;
+    if (passage[m][j].joint < 0) return j + 1;
+    while (j > 0 && passage[m][j - 1].joint == passage[m][j].joint) --j;
+    return j + 1;
+  }
+
+  /// The last exponent at a joint or in the sheaths and its band, which most tendons share.
+  struct Shared {
+    S exponent{-1};
+    Band<S> band{};
   };
 
-  /// Bands of a tendon's contacts at given angles of all joints; shared: of every joint, filled as needed.
-  void bands(int m, const S* angle, Turned* shared, Rope::Bands& band) const {
+  /// Bands of a tendon's contacts in a step of 1/rate from a state, at given angles of all joints; shared: of every
+  /// joint and of the sheaths, filled as needed.
+  void bands(int m, const S* angle, const S& more_bend, const S& rate, const State& before, Shared* shared,
+             Rope::Bands& band) const {
     const int n = tendon[m].contacts();
-    const S drag = viscous * per_second();
+    const S drag = viscous * rate;
     const S least = least_drag<ValueOf<S>> * wrist.stiffness[m];
-    const S share = S(1) / S(sheath_contacts);
+    S bent = more_bend;
+    if (sheath_bend_rate > S(0))
+      for (int d = 0; d < draws[m]; ++d)
+        if (draw[m][d].joint >= N) bent = bent + sheath_bend_rate * abs(angle[draw[m][d].joint]);
     for (int j = 0; j < n; ++j) {
       const Passage<S>& at = passage[m][j];
-      if (at.joint < 0) {
-        band[j] = {at.ratio, constant * share, drag * share + least};
-        continue;
+      const bool in_sheath = at.joint < 0;
+      const S wrap = in_sheath ? larger(at.wrap + bent * at.share, S(0)) : at.wrap + abs(angle[at.joint]) * at.share;
+      const S exponent = at.coefficient * wrap;
+      if constexpr (Law::depends_on_tension) {
+        // The held side is the slacker one.
+        const S held = smaller(before.tendon[m].tension[j], before.tendon[m].tension[j + 1]);
+        band[j] = law.band(exponent, held);
+        if (!in_sheath) band[j] = law.bend(wrap, held, band[j]);
+        band[j].constant = band[j].constant - law.constant * (S(1) - at.share);
+      } else {
+        if constexpr (Law::depends_on_speed) {
+          band[j] = law.band(exponent, before.slip_speed.of[m][j]);
+        } else if constexpr (Real<S>) {
+          Shared& same = shared[in_sheath ? joints : at.joint];
+          if (same.exponent != exponent) same = {exponent, law.band(exponent, S(0))};
+          band[j] = same.band;
+        } else {
+          band[j] = law.band(exponent, S(0));
+        }
+        band[j].constant = band[j].constant * at.share;
       }
-      Turned& turned = shared[at.joint];
-      if (turned.coefficient != at.coefficient) turned = {at.coefficient, exp(at.coefficient * abs(angle[at.joint]))};
-      band[j] = {at.ratio * turned.ratio, constant, drag + least};
+      band[j].drag = drag * at.share + least;
     }
   }
 
   /// Largest violation of the friction law in a step, as a share of the tension scale.
   S residual(const State& before, const State& after) const {
-    S worst(0);
-    Turned turned[joints];
-    for (int m = 0; m < M; ++m) {
-      if (!taut(m)) continue;
-      typename Rope::Bands band;
-      bands(m, after.band_angle, turned, band);
-      worst = larger(worst, tendon[m].residual(band, before.tendon[m].slip, after.tendon[m]) / tension_scale(m));
-    }
-    return worst;
+    return after.residual_in_parts >= S(0) ? after.residual_in_parts : residual(before, after, per_second());
   }
 
   /// Whether a tendon is there.
@@ -135,51 +188,73 @@ struct WristTwin {
   Mechanism mechanism(int g) const { return g < N ? wrist.joint[g].mechanism : wrist.handle[g - N]; }
 
  private:
-  void read(State& state) const {
-    for (int h = 0; h < wrist.handles; ++h) state.measured_handle[h] = encoder.read(state.angle[N + h], state.noise);
-    for (int i = 0; i < N; ++i) state.measured_angle[i] = encoder.read(state.angle[i], state.noise);
+  S residual(const State& before, const State& after, const S& rate) const {
+    S worst(0);
+    Shared shared[joints + 1];
     for (int m = 0; m < M; ++m) {
       if (!taut(m)) continue;
-      state.measured_tension[m] = load_cell.read(state.tendon[m].tension[0], state.noise);
+      typename Rope::Bands band;
+      bands(m, after.band_angle, after.command.sheath_bend, rate, before, shared, band);
+      worst = larger(worst, tendon[m].residual(band, before.tendon[m].slip, after.tendon[m]) / tension_scale[m]);
+    }
+    return worst;
+  }
+
+  void read(State& state) const {
+    for (int h = 0; h < wrist.handles; ++h)
+      state.measured_handle[h] = handle_encoder.read(state.angle[N + h], state.noise);
+    for (int i = 0; i < N; ++i) state.measured_angle[i] = output_encoder.read(state.angle[i], state.noise);
+    for (int m = 0; m < M; ++m) {
+      if (!taut(m)) continue;
+      S tension = state.tendon[m].tension[0];
+      if (current.on) tension = sense(current, tension, state.drive[m].angle, state.current[m]);
+      state.measured_tension[m] = load_cell[m].read(tension, state.noise);
       state.measured_spool[m] = motor_encoder.read(state.drive[m].angle - drive.backlash * S(0.5), state.noise);
     }
   }
 
   // Divides a large quasi-static step: a guess within it may have no equilibrium although the wrist has one.
-  [[gnu::noinline, gnu::cold]] Status in_parts(const Command& command, const State& before, State& next) const {
+  [[gnu::noinline, gnu::cold]] Status move_in_parts(const Command& command, const State& before, State& next) const {
+    const State wound = next;
+    const Command& from = before.command;
     Status found = Status::no_equilibrium;
-    for (int parts = 16; parts <= 1024 && found == Status::no_equilibrium; parts *= 8) {
+    for (int parts = 16; parts <= most_parts && found == Status::no_equilibrium; parts *= 8) {
       State at = before;
+      S worst(0);
+      int sweeps = 0;
       found = Status::ok;
       for (int k = 1; k <= parts && found == Status::ok; ++k) {
         const S share = S(k) / S(parts);
-        const auto between = [&](const S& from, const S& to) { return from + (to - from) * share; };
+        const auto between = [&](const S& a, const S& b) { return a + (b - a) * share; };
         Command part = command;
-        const Command& from = before.command;
         for (int h = 0; h < N; ++h) part.handle_angle[h] = between(from.handle_angle[h], command.handle_angle[h]);
         part.load = {{from.load.wrench.force + share * (command.load.wrench.force - from.load.wrench.force),
                       from.load.wrench.moment + share * (command.load.wrench.moment - from.load.wrench.moment)},
                      between(from.load.grip, command.load.grip),
                      command.load.in_stem_axes};
+        part.weight = between(from.weight, command.weight);
         if (from.held.stiffness > S(0) || command.held.stiffness > S(0))
           part.held.stiffness = between(from.held.stiffness, command.held.stiffness);
         State to = at;
-        found = advance_to(part, time_step / S(parts), at, to);
+        to.command = part;
+        for (int m = 0; m < M; ++m) {
+          to.drive[m] = wound.drive[m];
+          to.drive[m].spool = between(before.drive[m].spool, wound.drive[m].spool);
+        }
+        found = move(part, time_step / S(parts), at, to);
+        worst = larger(worst, residual(at, to, S(parts) * per_second()));
+        sweeps += to.sweeps;
         at = to;
       }
-      if (found == Status::ok) {
-        at.until_sample = next.until_sample;
-        next = at;
-      }
+      at.sweeps = sweeps;
+      at.residual_in_parts = worst;
+      next = at;
     }
+    for (int g = 0; g < joints; ++g) next.velocity[g] = (next.angle[g] - before.angle[g]) * per_second();
     return found;
   }
 
-  Status advance_to(const Command& command, const S& duration, const State& before, State& next) const {
-    for (int m = 0; m < M; ++m)
-      if (wrist.motor[m] && taut(m))
-        next.drive[m] =
-            advance(drive, before.drive[m], command.spool_velocity[m], before.tendon[m].tension[0], duration);
+  Status move(const Command& command, const S& duration, const State& before, State& next) const {
     return prescribed() ? WristStep<WristTwin, N>(*this, command, duration, before, next).solve()
                         : WristStep<WristTwin, joints>(*this, command, duration, before, next).solve();
   }

@@ -6,7 +6,7 @@
 #include <optional>
 #include <utility>
 
-#include "engine/closed_loop.hpp"
+#include "engine/any_twin.hpp"
 #include "module.hpp"
 
 namespace tenodesis::bindings {
@@ -111,12 +111,14 @@ std::tuple<std::size_t, Status> run_controlled(const std::vector<AnyTwin*>& twin
   rows.reserve(axes);
   for (std::size_t n = 0; n < axes; ++n) rows.push_back({commands.data() + n * count * command_count});
   const nb::gil_scoped_release release;
-  ClosedLoop loop({twins.data(), twins.size()}, controller, steps_per_tick, time_step, relay);
-  const Progress progress =
-      loop.run(rows, count, started, injected, [&](std::size_t i, std::size_t n, const Command<double>& command) {
-        std::ranges::copy(twins[n]->signals(command), out.data() + (n * count + i) * signal_count);
-        std::ranges::copy(control_signals(controller, n), control.data() + (n * count + i) * control_signal_count);
-      });
+  TwinsByAxis plant(twins, rows);
+  ClosedLoop loop(plant, controller, steps_per_tick, time_step, relay);
+  const Progress progress = loop.run(count, started, injected, [&](std::size_t i) {
+    for (std::size_t n = 0; n < axes; ++n) {
+      std::ranges::copy(plant.signals(n), out.data() + (n * count + i) * signal_count);
+      std::ranges::copy(control_signals(controller, n), control.data() + (n * count + i) * control_signal_count);
+    }
+  });
   return {progress.steps, progress.status};
 }
 

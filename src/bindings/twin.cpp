@@ -6,7 +6,7 @@
 #include <memory>
 #include <thread>
 
-#include "engine/closed_loop.hpp"
+#include "engine/any_twin.hpp"
 #include "engine/vectors.hpp"
 #include "module.hpp"
 
@@ -166,16 +166,17 @@ class TwinBatch {
     } else {
       AnyTwin* const twins[] = {alone_[i].get()};
       const Commands rows[] = {{work.commands_of(i)}};
-      ClosedLoop loop(twins, *work.controllers[i], work.steps_per_tick, work.time_step);
-      const auto keep = [&](std::size_t step, std::size_t, const Command<double>& command) {
+      TwinsByAxis plant(twins, rows);
+      ClosedLoop loop(plant, *work.controllers[i], work.steps_per_tick, work.time_step);
+      const auto keep = [&](std::size_t step) {
         if ((step + 1) % work.every != 0) return;
-        const auto found = alone_[i]->signals(command);
+        const auto found = plant.signals(0);
         for (std::size_t s = 0; s < work.signals.size(); ++s)
           if (work.signals[s] < signal_count)
             work.kept(i)[s * work.columns + step / work.every] = found[work.signals[s]];
         keep_control(work, i, step / work.every);
       };
-      progress = loop.run(rows, work.steps, 0, {}, keep);
+      progress = loop.run(work.steps, 0, {}, keep);
     }
     work.outcome[2 * i] = std::int64_t(progress.steps);
     work.outcome[2 * i + 1] = std::int64_t(progress.status);

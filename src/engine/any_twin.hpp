@@ -9,8 +9,8 @@
 #include <string>
 #include <type_traits>
 
+#include "closed_loop.hpp"
 #include "tenodesis/energy.hpp"
-#include "twin_rows.hpp"
 #include "twin_spec.hpp"
 
 namespace tenodesis::engine {
@@ -141,6 +141,35 @@ class TwinOf final : public AnyTwin {
 
   T twin_;
   State state_;
+};
+
+/// Twins side by side, one an axis, as a closed loop's plant.
+class TwinsByAxis {
+ public:
+  /// commands: of each axis.
+  TwinsByAxis(std::span<AnyTwin* const> twins, std::span<const Commands> commands)
+      : twins_(twins), commands_(commands), last_(twins.size()) {}
+
+  Measurement<double> reading(std::size_t n) const {
+    return measurement_as<Measurement<double>>(twins_[n]->reading());
+  }
+
+  Status step(std::size_t i, const SpoolVelocities* velocity) {
+    for (std::size_t n = 0; n < twins_.size(); ++n) {
+      last_[n] = commands_[n][i];
+      std::ranges::copy(velocity[n], last_[n].spool_velocity);
+      const Status status = twins_[n]->step(last_[n]);
+      if (status != Status::ok) return status;
+    }
+    return Status::ok;
+  }
+
+  std::array<double, signal_count> signals(std::size_t n) const { return twins_[n]->signals(last_[n]); }
+
+ private:
+  std::span<AnyTwin* const> twins_;
+  std::span<const Commands> commands_;
+  std::vector<Command<double>> last_;
 };
 
 inline std::unique_ptr<AnyTwin> make_twin(const TwinSpec& spec, std::uint64_t seed) {

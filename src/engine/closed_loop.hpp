@@ -1,12 +1,12 @@
 #pragma once
-// Twins and a controller in a closed loop, with the faults that are injected between them.
+// A plant and a controller in a closed loop, with the faults that are injected between them.
 
 #include <cmath>
 #include <limits>
-#include <span>
+#include <vector>
 
 #include "any_controller.hpp"
-#include "any_twin.hpp"
+#include "twin_rows.hpp"
 
 namespace tenodesis::engine {
 
@@ -23,18 +23,26 @@ struct InjectedSteps {
   }
 };
 
+/// Velocities of an axis's two spools, rad/s.
+using SpoolVelocities = std::array<double, 2>;
+
+/// Plant: reading(axis), a Measurement, and step(i, velocities by axis), the Status of its i-th step.
+template <class Plant>
 class ClosedLoop {
  public:
   /// relay: time in which one in the motors' supply opens once the controller demands it, s; infinite: there is none.
-  ClosedLoop(std::span<AnyTwin* const> twins, AnyController& controller, int steps_per_tick, double time_step,
+  ClosedLoop(Plant& plant, AnyController& controller, int steps_per_tick, double time_step,
              double relay = std::numeric_limits<double>::infinity())
-      : twins_(twins), controller_(controller), steps_per_tick_(steps_per_tick), time_step_(time_step), relay_(relay) {}
+      : plant_(plant),
+        controller_(controller),
+        steps_per_tick_(steps_per_tick),
+        time_step_(time_step),
+        relay_(relay),
+        velocity_(std::size_t(controller.axes())) {}
 
-  /// Runs over count steps, of which `started` came before; calls keep(step, axis, command) after each. Returns how far
-  /// it came.
+  /// Runs over count steps, of which `started` came before; calls keep(step) after each. Returns how far it came.
   template <class Keep>
-  Progress run(std::span<const Commands> commands, std::size_t count, std::size_t started,
-               const InjectedSteps& injected, const Keep& keep) {
+  Progress run(std::size_t count, std::size_t started, const InjectedSteps& injected, const Keep& keep) {
     Progress progress;
     for (std::size_t i = 0; i < count; ++i) {
       if (injected.request != nullptr && injected.request[i] != 0) controller_.request = Request(injected.request[i]);
@@ -44,16 +52,14 @@ class ClosedLoop {
       double& demanded = controller_.cut_demanded;
       demanded = controller_.last.cut_power ? demanded + time_step_ : 0.0;
       const bool still = silent || demanded > relay_;
-      for (std::size_t n = 0; n < twins_.size(); ++n) {
-        Command<double> command = commands[n][i];
-        const auto velocity =
-            controller_.injector.pass_pair(n, at_velocity, controller_.last.axis[n].spool_velocity,
-                                           [&](std::size_t point) { return injected.at(n, i, count, point); });
-        for (std::size_t k = 0; k < 2; ++k) command.spool_velocity[k] = still ? 0.0 : velocity[k];
-        progress.status = twins_[n]->step(command);
-        if (progress.status != Status::ok) return progress;
-        keep(i, n, command);
+      for (std::size_t n = 0; n < velocity_.size(); ++n) {
+        velocity_[n] = controller_.injector.pass_pair(n, at_velocity, controller_.last.axis[n].spool_velocity,
+                                                      [&](std::size_t point) { return injected.at(n, i, count, point); });
+        if (still) velocity_[n] = {};
       }
+      progress.status = plant_.step(i, velocity_.data());
+      if (progress.status != Status::ok) return progress;
+      keep(i);
       progress.steps = i + 1;
     }
     return progress;
@@ -67,19 +73,18 @@ class ClosedLoop {
     input.time = static_cast<std::uint64_t>(std::llround(time));
     input.request = controller_.request;
     controller_.request = Request::none;
-    for (std::size_t n = 0; n < twins_.size(); ++n) {
-      const auto read = measurement_as<Measurement<double>>(twins_[n]->reading());
-      input.axis[n] =
-          controller_.injector.pass(n, read, [&](std::size_t point) { return injected.at(n, i, count, point); });
-    }
+    for (std::size_t n = 0; n < velocity_.size(); ++n)
+      input.axis[n] = controller_.injector.pass(
+          n, plant_.reading(n), [&](std::size_t point) { return injected.at(n, i, count, point); });
     controller_.step(input, controller_.last);
   }
 
-  std::span<AnyTwin* const> twins_;
+  Plant& plant_;
   AnyController& controller_;
   int steps_per_tick_;
   double time_step_;
   double relay_;
+  std::vector<SpoolVelocities> velocity_;
 };
 
 }  // namespace tenodesis::engine

@@ -42,7 +42,7 @@ T<S> twin(bool quasi_static, double hand = 0) {
     t.wrist.motor[m] = true;
     t.tendon[m].rest_tension = S(30);
     int n = 0;
-    const auto passes = [&](int joint, double arm) { t.passage[m][n++] = {joint, S(0.1), S(1.02), S(arm)}; };
+    const auto passes = [&](int joint, double arm) { t.passage[m][n++] = {joint, S(0.1), S(0.2), S(1), S(arm)}; };
     passes(-1, 0);
     passes(2 + axis, side * 9e-3);
     if (axis > 0) {
@@ -55,12 +55,12 @@ T<S> twin(bool quasi_static, double hand = 0) {
   }
   t.hand = {S(hand), S(0.05), S(2e-3)};
   t.drive = {S(5e-3), S(20), S(400), S(0.01), S(0)};
-  t.encoder = {S(1), S(0), S(0), S(-4), S(4), S(1e-6)};
-  t.load_cell = {S(1), S(0), S(0), S(-200), S(200), S(1e-4)};
+  t.handle_encoder = t.output_encoder = {S(1), S(0), S(0), S(-4), S(4), S(1e-6)};
+  for (auto& cell : t.load_cell) cell = {S(1), S(0), S(0), S(-200), S(200), S(1e-4)};
   t.motor_encoder = {S(1), S(0), S(0), S(-1e6), S(1e6), S(1e-6)};
   t.time_step = S(5e-4);
   t.quasi_static = quasi_static;
-  t.set_draws();
+  t.prepare();
   return t;
 }
 
