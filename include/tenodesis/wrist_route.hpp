@@ -100,6 +100,48 @@ struct Passage {
   S arm{};          ///< by which a unit of the joint's coordinate lengthens the segment that it draws, m
 };
 
+/// Band of a contact, without its drag, by a law of friction.hpp; speed: at which it slips (m/s), held: the tension
+/// that the band is linear about, N.
+template <class Law, class S>
+Band<S> band_of(const Law& law, const S& exponent, const S& wrap, const Passage<S>& at, const S& speed, const S& held) {
+  if constexpr (Law::depends_on_tension) {
+    Band<S> band = law.band(exponent, held);
+    if (at.joint >= 0) band = law.bend(wrap, held, band);
+    band.constant = band.constant - law.constant * (S(1) - at.share);
+    return band;
+  } else {
+    Band<S> band = law.band(exponent, speed);
+    band.constant = band.constant * at.share;
+    return band;
+  }
+}
+
+/// One of the laws, chosen when a twin is made.
+template <class S>
+struct ChosenLaw {
+  static constexpr bool depends_on_speed = true;
+  static constexpr bool depends_on_tension = false;
+  enum class Kind : unsigned char { capstan_with_constant, stribeck, capstan_power };
+
+  Kind kind{};
+  CapstanWithConstant<S> capstan{};
+  Stribeck<S> stribeck{};
+  PowerCapstan<S> power{};
+
+  S speed_after(const S& before, const S& slipped, const S& time_step) const {
+    return kind == Kind::stribeck ? stribeck.speed_after(before, slipped, time_step) : S(0);
+  }
+};
+
+template <class S>
+Band<S> band_of(const ChosenLaw<S>& law, const S& exponent, const S& wrap, const Passage<S>& at, const S& speed,
+                const S& held) {
+  using Kind = ChosenLaw<S>::Kind;
+  if (law.kind == Kind::stribeck) return band_of(law.stribeck, exponent, wrap, at, speed, held);
+  if (law.kind == Kind::capstan_power) return band_of(law.power, exponent, wrap, at, speed, held);
+  return band_of(law.capstan, exponent, wrap, at, speed, held);
+}
+
 /// A segment of a tendon that a joint draws; of two vertices, that between them.
 template <class S>
 struct Draw {

@@ -66,8 +66,8 @@ struct WristStep {
     set_bands();
     next.sweeps = 0;
     Status found = settle();
-    // Quasi-static, friction is that of the step's end, as it is at a handle that a hand moves; at the tip in motion the
-    // first guess is close enough.
+    // Quasi-static, friction is that of the step's end, as it is at a handle that a hand moves; at the tip in motion
+    // the first guess is close enough.
     const int first_exact = twin.quasi_static ? 0 : N;
     bool agreed = first_exact >= U;
     for (int n = 0; n < most_corrections && !agreed && found == Status::ok; ++n) {
@@ -425,8 +425,8 @@ struct WristStep {
     if constexpr (T::Law::depends_on_speed)
       for (int m = 0; m < M; ++m)
         for (int j = 0; j < twin.tendon[m].contacts(); ++j)
-          next.slip_speed.of[m][j] = twin.law.speed_after(
-              before.slip_speed.of[m][j], next.tendon[m].slip[j] - before.tendon[m].slip[j], duration);
+          next.slip_speed.of[m][j] = twin.law.speed_after(before.slip_speed.of[m][j],
+                                                          next.tendon[m].slip[j] - before.tendon[m].slip[j], duration);
     S pulled[joints]{};
     for (int m = 0; m < M; ++m)
       for (int d = 0; d < twin.draws[m] && twin.taut(m); ++d) {

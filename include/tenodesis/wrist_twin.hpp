@@ -156,23 +156,20 @@ struct WristTwin {
       const bool in_sheath = at.joint < 0;
       const S wrap = in_sheath ? larger(at.wrap + bent * at.share, S(0)) : at.wrap + abs(angle[at.joint]) * at.share;
       const S exponent = at.coefficient * wrap;
-      if constexpr (Law::depends_on_tension) {
-        // The held side is the slacker one.
-        const S held = smaller(before.tendon[m].tension[j], before.tendon[m].tension[j + 1]);
-        band[j] = law.band(exponent, held);
-        if (!in_sheath) band[j] = law.bend(wrap, held, band[j]);
-        band[j].constant = band[j].constant - law.constant * (S(1) - at.share);
-      } else {
-        if constexpr (Law::depends_on_speed) {
-          band[j] = law.band(exponent, before.slip_speed.of[m][j]);
-        } else if constexpr (Real<S>) {
-          Shared& same = shared[in_sheath ? joints : at.joint];
-          if (same.exponent != exponent) same = {exponent, law.band(exponent, S(0))};
-          band[j] = same.band;
-        } else {
-          band[j] = law.band(exponent, S(0));
-        }
+      const auto& tension = before.tendon[m].tension;
+      // The held side is the slacker one.
+      const auto held = [&] { return smaller(tension[j], tension[j + 1]); };
+      if constexpr (Law::depends_on_speed) {
+        band[j] = band_of(law, exponent, wrap, at, before.slip_speed.of[m][j], held());
+      } else if constexpr (Law::depends_on_tension) {
+        band[j] = band_of(law, exponent, wrap, at, S(0), held());
+      } else if constexpr (Real<S>) {
+        Shared& same = shared[in_sheath ? joints : at.joint];
+        if (same.exponent != exponent) same = {exponent, law.band(exponent, S(0))};
+        band[j] = same.band;
         band[j].constant = band[j].constant * at.share;
+      } else {
+        band[j] = band_of(law, exponent, wrap, at, S(0), S(0));
       }
       band[j].drag = drag * at.share + least;
     }

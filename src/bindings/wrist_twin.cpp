@@ -1,342 +1,137 @@
-// The twin of a wrist of joints that share tendons: commands in, signals out, row by row.
+// The twin of a wrist of joints that share tendons, for Python.
 
-#include <algorithm>
-#include <array>
-#include <cmath>
+#include "engine/wrist_twin.hpp"
 
-#include "engine/any_controller.hpp"
-#include "tenodesis/wrist_energy.hpp"
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+
 #include "wrist_spec.hpp"
 
 namespace tenodesis::bindings {
 namespace {
 
-inline constexpr std::size_t most_wrist_sheath_contacts = 4;
-/// Numbers of a contact and of a joint's link, in this order.
-enum PassageNumber { passage_joint, passage_coefficient, passage_wrap, passage_arm, passage_numbers };
-enum LinkNumber {
-  link_mass,
-  link_centre,
-  inertia_x,
-  inertia_y,
-  inertia_z,
-  link_damping,
-  link_stop,
-  link_stop_stiffness,
-  link_numbers
-};
+using namespace engine;
 
-/// Parameters of a wrist's twin, in this order.
-inline constexpr std::array wrist_twin_names{"constant",
-                                             "viscous",
-                                             "hand_stiffness",
-                                             "hand_damping",
-                                             "hand_inertia",
-                                             "spool_radius",
-                                             "spool_speed_limit",
-                                             "spool_acceleration_limit",
-                                             "drive_time_constant",
-                                             "backlash",
-                                             "encoder_noise",
-                                             "encoder_range",
-                                             "encoder_resolution",
-                                             "motor_encoder_resolution",
-                                             "load_cell_noise",
-                                             "load_cell_range",
-                                             "load_cell_resolution",
-                                             "time_step"};
-enum WristTwinNumber {
-  constant,
-  viscous,
-  hand_stiffness,
-  hand_damping,
-  hand_inertia,
-  spool_radius,
-  spool_speed_limit,
-  spool_acceleration_limit,
-  drive_time_constant,
-  backlash,
-  encoder_noise,
-  encoder_range,
-  encoder_resolution,
-  motor_encoder_resolution,
-  load_cell_noise,
-  load_cell_range,
-  load_cell_resolution,
-  time_step
-};
+using Outcome = std::tuple<std::size_t, Status>;
 
-inline constexpr std::array wrist_energy_names{"stored_before",  "stored_after",  "handle",  "spools",
-                                               "load",           "friction",      "damping", "gripped",
-                                               "least_friction", "worst_residual"};
-
-/// Constants of a twin as Python gives them.
-struct WristTwinRows {
-  const In<3>& passages;  // tendons, contacts, numbers
-  const std::vector<int>& contacts;
-  const In<2>& segments;  // tendons, contacts + 1: stiffness
-  const In<2>& links;
-  const std::vector<double>& parameters;
-  int sheath_contacts;
-  int steps_per_sample;
-  bool quasi_static;
-};
-
-Link<double> link_of(const double* row) {
-  return {row[link_mass], row[link_centre], {row[inertia_x], row[inertia_y], row[inertia_z]}};
-}
-
-/// A joint that a controller's axis compensates, with its joint of the handle and its pair of tendons.
-struct CompensatedAxis {
-  std::size_t handle, agonist, antagonist;
-};
-
-/// A controller in the loop of a run.
-struct Loop {
-  engine::AnyController& controller;
-  std::vector<CompensatedAxis> axes;
-  int steps_per_tick;
-  double time_step;
-  std::size_t started;
-  const std::uint8_t* requests;
-  double* control;  ///< by step and axis
-};
-
-class WristTwinBase {
+/// A twin with its state, and the shapes of its rows.
+class PyWristTwin {
  public:
-  virtual ~WristTwinBase() = default;
-  virtual std::pair<std::size_t, Status> run(const double* commands, std::size_t count, double* out, double* energy,
-                                             const Loop* loop) = 0;
-  virtual std::unique_ptr<WristTwinBase> copy() const = 0;
-};
-
-template <class W>
-class WristTwinOf final : public WristTwinBase {
-  using Twin = WristTwin<W, 2 * W::joints + int(most_wrist_sheath_contacts)>;
-
- public:
-  WristTwinOf(const W& wrist, const WristSpec& spec, const WristTwinRows& rows, std::uint64_t seed)
-      : joints_(spec.joints()), tendons_(spec.tendons()), handles_(spec.handles()) {
-    twin_.wrist = wrist;
-    const auto& p = rows.parameters;
-    const std::size_t width = rows.passages.shape(1);
-    for (std::size_t m = 0; m < tendons_; ++m) {
-      const int n = rows.contacts[m];
-      require(n >= 1 && std::cmp_less_equal(n, width) && n <= 2 * W::joints + int(most_wrist_sheath_contacts),
-              "a tendon has too many contacts");
-      twin_.tendon[m].rest_tension = wrist.pretension[m];
-      twin_.tendon[m].stiffness.length = n + 1;
-      for (int i = 0; i <= n; ++i)
-        twin_.tendon[m].stiffness[i] = rows.segments.data()[m * (width + 1) + std::size_t(i)];
-      for (int j = 0; j < n; ++j) {
-        const double* at = rows.passages.data() + (m * width + std::size_t(j)) * passage_numbers;
-        const int joint = int(at[passage_joint]);
-        require(joint >= -1 && joint < int(joints_ + handles_), "a tendon crosses a joint that is not there");
-        // Joints of the handle are counted from the room for the tip's on.
-        const int place = std::cmp_less(joint, joints_) ? joint : joint - int(joints_) + W::joints;
-        const double ratio = std::exp(at[passage_coefficient] * at[passage_wrap]);
-        twin_.passage[m][j] = {place, at[passage_coefficient], ratio, at[passage_arm]};
-      }
-    }
-    for (std::size_t i = 0; i < joints_; ++i) {
-      const double* at = rows.links.data() + i * link_numbers;
-      twin_.link[i] = link_of(at);
-      twin_.damping[i] = at[link_damping];
-      twin_.stop[i] = at[link_stop];
-      twin_.stop_stiffness[i] = at[link_stop_stiffness];
-    }
-    twin_.sheath_contacts = rows.sheath_contacts;
-    twin_.constant = p[constant];
-    twin_.viscous = p[viscous];
-    twin_.hand = {p[hand_stiffness], p[hand_damping], p[hand_inertia]};
-    twin_.drive = {p[spool_radius], p[spool_speed_limit], p[spool_acceleration_limit], p[drive_time_constant],
-                   p[backlash]};
-    const double half = p[encoder_range] / 2;
-    twin_.encoder = {1, 0, p[encoder_noise], -half, half, p[encoder_resolution]};
-    twin_.load_cell = {1, 0, p[load_cell_noise], -p[load_cell_range], p[load_cell_range], p[load_cell_resolution]};
-    twin_.motor_encoder = {1, 0, 0, -1e9, 1e9, p[motor_encoder_resolution]};
-    twin_.time_step = p[time_step];
-    twin_.steps_per_sample = rows.steps_per_sample;
-    twin_.quasi_static = rows.quasi_static;
-    twin_.set_draws();
-    state_ = twin_.rest(seed);
-  }
-
-  std::pair<std::size_t, Status> run(const double* commands, std::size_t count, double* out, double* energy,
-                                     const Loop* loop) override {
-    const std::size_t columns = handles_ + tendons_ + load_components + 4;
-    if (energy != nullptr) {
-      std::fill_n(energy, wrist_energy_names.size(), 0.0);
-      energy[0] = energy[1] = wrist_stored_energy(twin_, state_);
-    }
-    for (std::size_t i = 0; i < count; ++i) {
-      const double* from = commands + i * columns;
-      WristCommand<W> command{};
-      std::copy_n(from, handles_, command.handle_angle);
-      from += handles_;
-      std::copy_n(from, tendons_, command.spool_velocity);
-      from += tendons_;
-      command.load = {{{from[0], from[1], from[2]}, {from[3], from[4], from[5]}}, from[6], from[7] != 0};
-      command.held = {from[8], from[9], from[10]};
-      if (loop != nullptr) close(*loop, i, command);
-      const auto before = state_;
-      const Status found = twin_.step(command, state_);
-      if (found != Status::ok) return {i, found};
-      if (energy != nullptr) add(before, energy);
-      out = store(out);
-    }
-    return {count, Status::ok};
-  }
-
-  std::unique_ptr<WristTwinBase> copy() const override { return std::make_unique<WristTwinOf>(*this); }
-
- private:
-  // A tick of the controller where one is due, and its velocities.
-  void close(const Loop& loop, std::size_t i, WristCommand<W>& command) const {
-    engine::AnyController& controller = loop.controller;
-    if (loop.requests != nullptr && loop.requests[i] != 0) controller.request = Request(loop.requests[i]);
-    const std::size_t step = loop.started + i;
-    if (step % std::size_t(loop.steps_per_tick) == 0) {
-      engine::AnyInput input{};
-      input.time = std::uint64_t(std::llround(double(step + 1) * loop.time_step * 1e9));
-      input.request = controller.request;
-      controller.request = Request::none;
-      for (std::size_t n = 0; n < loop.axes.size(); ++n) {
-        const CompensatedAxis& of = loop.axes[n];
-        input.axis[n] = {state_.measured_handle[of.handle],
-                         {state_.measured_tension[of.agonist], state_.measured_tension[of.antagonist]},
-                         {state_.measured_spool[of.agonist], state_.measured_spool[of.antagonist]}};
-      }
-      controller.step(input, controller.last);
-    }
-    double* to = loop.control + i * loop.axes.size() * engine::control_signal_count;
-    for (std::size_t n = 0; n < loop.axes.size(); ++n) {
-      const CompensatedAxis& of = loop.axes[n];
-      command.spool_velocity[of.agonist] = controller.last.axis[n].spool_velocity[0];
-      command.spool_velocity[of.antagonist] = controller.last.axis[n].spool_velocity[1];
-      to = std::ranges::copy(engine::control_signals(controller, n), to).out;
-    }
-  }
-
-  void add(const Twin::State& before, double* energy) const {
-    const auto of = wrist_energy(twin_, before, state_);
-    energy[1] = of.stored;
-    energy[2] += of.handle;
-    energy[3] += of.spools;
-    energy[4] += of.load;
-    energy[5] += of.friction;
-    energy[6] += of.damping;
-    energy[7] += of.tissue;
-    energy[8] = std::min(energy[8], of.friction_at_end);
-    energy[9] = std::max(energy[9], twin_.residual(before, state_));
-  }
-
-  double* store(double* out) const {
-    const auto& s = state_;
-    constexpr int N = W::joints;
-    const auto each_tendon = [&](const auto& value) {
-      for (std::size_t m = 0; m < tendons_; ++m) *out++ = value(m);
-    };
-    out = std::copy_n(s.angle, joints_, out);
-    out = std::copy_n(s.velocity, joints_, out);
-    out = std::copy_n(s.angle + N, handles_, out);
-    for (std::size_t h = 0; h < std::min<std::size_t>(handles_, N); ++h)
-      *out++ = twin_.prescribed() ? s.handle_moment[h]
-                                  : twin_.hand.stiffness * (s.command.handle_angle[h] - s.angle[N + h]) -
-                                        (twin_.quasi_static ? 0.0 : twin_.hand.damping * s.velocity[N + h]);
-    each_tendon([&](std::size_t m) { return s.tendon[m].tension[0]; });
-    each_tendon([&](std::size_t m) { return s.tendon[m].tension[twin_.tendon[m].contacts()]; });
-    each_tendon([&](std::size_t m) { return s.drive[m].spool; });
-    each_tendon([&](std::size_t m) { return s.drive[m].speed; });
-    *out++ = s.grip_force;
-    out = std::copy_n(s.measured_handle, handles_, out);
-    out = std::copy_n(s.measured_angle, joints_, out);
-    out = std::copy_n(s.measured_tension, tendons_, out);
-    out = std::copy_n(s.measured_spool, tendons_, out);
-    *out++ = s.sweeps;
-    return out;
-  }
-
-  std::size_t joints_, tendons_, handles_;
-  Twin twin_{};
-  Twin::State state_{};
-};
-
-class AnyWristTwin {
- public:
-  AnyWristTwin(const WristSpec& spec, const In<3>& passages, const std::vector<int>& contacts, const In<2>& segments,
-               const In<2>& links, const std::vector<double>& parameters, int sheath_contacts, int steps_per_sample,
-               bool quasi_static, std::uint64_t seed)
-      : handles_(spec.handles()),
-        tendons_(spec.tendons()),
-        steps_per_sample_(steps_per_sample),
-        commands_(spec.handles() + spec.tendons() + load_components + 4),
-        signals_(3 * spec.joints() + 3 * spec.handles() + 6 * spec.tendons() + 2) {
-    require(passages.shape(0) == spec.tendons() && passages.shape(2) == passage_numbers &&
-                contacts.size() == spec.tendons() && segments.shape(0) == spec.tendons() &&
-                segments.shape(1) == passages.shape(1) + 1 && links.shape(0) == spec.joints() &&
-                links.shape(1) == link_numbers && parameters.size() == wrist_twin_names.size(),
+  PyWristTwin(const WristSpec& spec, const In<3>& passages, const std::vector<int>& contacts, const In<2>& segments,
+              const In<2>& links, const In<2>& load_cells, const std::array<double, wrench_components>& rig,
+              const std::vector<double>& parameters, int law, int steps_per_sample, bool quasi_static, bool currents,
+              std::uint64_t seed) {
+    const std::size_t tendons = spec.tendons();
+    require(passages.shape(0) == tendons && passages.shape(2) == passage_numbers && contacts.size() == tendons &&
+                tendons > 0 && segments.shape(0) == tendons && segments.shape(1) == passages.shape(1) + 1 &&
+                links.shape(0) == spec.joints() && links.shape(1) == link_numbers && load_cells.shape(0) == tendons &&
+                load_cells.shape(1) == load_cell_numbers && parameters.size() == wrist_twin_names.size() && law >= 0 &&
+                law <= int(WristLaw::capstan_power),
             "the twin's rows do not fit the wrist");
-    const WristTwinRows rows{passages,   contacts,        segments,         links,
-                             parameters, sheath_contacts, steps_per_sample, quasi_static};
-    twin_ = std::visit(
-        [&]<class W>(const W& wrist) -> std::unique_ptr<WristTwinBase> {
-          return std::make_unique<WristTwinOf<W>>(wrist, spec, rows, seed);
-        },
-        spec.any());
-  }
-  AnyWristTwin(const AnyWristTwin& other)
-      : handles_(other.handles_),
-        tendons_(other.tendons_),
-        steps_per_sample_(other.steps_per_sample_),
-        commands_(other.commands_),
-        signals_(other.signals_),
-        twin_(other.twin_->copy()) {}
-
-  nb::tuple run(const In<2>& commands, const Out<2>& out, const nb::object& energy) {
-    require(commands.shape(1) == commands_ && out.shape(1) == signals_ && out.shape(0) == commands.shape(0),
-            "commands or signals do not fit the twin");
-    double* totals = nullptr;
-    if (!energy.is_none()) {
-      const auto row = nb::cast<Out<1>>(energy);
-      require(row.shape(0) == wrist_energy_names.size(), "energies do not fit");
-      totals = row.data();
+    const auto most = std::size_t(2 * most_vertices) * spec.joints() + std::size_t(most_long_sheath_contacts);
+    for (std::size_t m = 0; m < tendons; ++m) {
+      require(contacts[m] >= 1 && std::cmp_less_equal(contacts[m], passages.shape(1)) &&
+                  std::cmp_less_equal(contacts[m], most),
+              "a tendon has too many contacts");
+      for (std::size_t j = 0; std::cmp_less(j, contacts[m]); ++j)
+        require(passages(m, j, passage_joint) >= -1 &&
+                    passages(m, j, passage_joint) < double(spec.joints() + spec.handles()),
+                "a tendon crosses a joint that is not there");
     }
-    std::pair<std::size_t, Status> progress;
-    {
-      const nb::gil_scoped_release release;
-      progress = twin_->run(commands.data(), commands.shape(0), out.data(), totals, nullptr);
-    }
-    return nb::make_tuple(progress.first, int(progress.second));
+    const WristTwinRows rows{passages.data(),
+                             passages.shape(1),
+                             contacts,
+                             segments.data(),
+                             links.data(),
+                             load_cells.data(),
+                             rig.data(),
+                             parameters.data(),
+                             WristLaw(law),
+                             steps_per_sample,
+                             quasi_static,
+                             currents,
+                             seed};
+    const WristSizes sizes{spec.joints(), spec.handles(), tendons};
+    twin_ = std::visit([&](const auto& wrist) { return make_twin<int(most_wrist_tendons)>(wrist, rows, sizes); },
+                       spec.any());
+    commands_ = width_of(wrist_commands(sizes));
+    signals_ = width_of(wrist_signals(sizes));
   }
+  PyWristTwin(const PyWristTwin& other)
+      : twin_(other.twin_->copy()), commands_(other.commands_), signals_(other.signals_) {}
+  PyWristTwin& operator=(const PyWristTwin&) = delete;
+  ~PyWristTwin() = default;
 
-  nb::tuple run_controlled(engine::AnyController& controller, const std::vector<std::array<int, 3>>& axes,
-                           const In<2>& commands, double time_step, std::size_t started,
-                           const Array<const std::uint8_t, 1>& requests, const Out<2>& out, const Out<3>& control) {
+  AnyWristTwin& twin() const { return *twin_; }
+
+  Outcome run(const In<2>& commands, const Out<2>& out, const std::optional<Out<1>>& energy) {
     require(commands.shape(1) == commands_ && out.shape(1) == signals_ && out.shape(0) == commands.shape(0) &&
-                requests.shape(0) == commands.shape(0) && std::cmp_equal(axes.size(), controller.axes()) &&
-                control.shape(0) == commands.shape(0) && control.shape(1) == axes.size() &&
-                control.shape(2) == engine::control_signal_count,
-            "commands, requests, signals and axes do not fit the twin and its controller");
-    Loop loop{controller, {}, steps_per_sample_, time_step, started, requests.data(), control.data()};
-    for (const auto& [handle, agonist_at, antagonist_at] : axes) {
-      require(handle >= 0 && std::cmp_less(handle, handles_) && agonist_at >= 0 &&
-                  std::cmp_less(agonist_at, tendons_) && antagonist_at >= 0 && std::cmp_less(antagonist_at, tendons_),
-              "an axis names what is not there");
-      loop.axes.push_back({std::size_t(handle), std::size_t(agonist_at), std::size_t(antagonist_at)});
-    }
+                (!energy || energy->shape(0) == wrist_energy_names.size()),
+            "commands, signals or energies do not fit the twin");
     const nb::gil_scoped_release release;
-    const auto progress = twin_->run(commands.data(), commands.shape(0), out.data(), nullptr, &loop);
-    const nb::gil_scoped_acquire acquire;
-    return nb::make_tuple(progress.first, int(progress.second));
+    double* const totals = energy ? energy->data() : nullptr;
+    if (totals != nullptr) {
+      std::fill_n(totals, wrist_energy_names.size(), 0.0);
+      totals[0] = totals[1] = twin_->stored();
+    }
+    double* to = out.data();
+    for (std::size_t i = 0; i < commands.shape(0); ++i) {
+      const double* row = commands.data() + i * commands_;
+      const Status found = totals != nullptr ? twin_->audit(row, totals) : twin_->step(row);
+      if (found != Status::ok) return {i, found};
+      to = twin_->store(to);
+    }
+    return {commands.shape(0), Status::ok};
+  }
+
+  Outcome run_controlled(AnyController& controller, const std::vector<std::array<int, 3>>& axes, const In<2>& commands,
+                         int steps_per_tick, double time_step, double relay, std::size_t started,
+                         const std::optional<Array<const std::uint8_t, 1>>& requests,
+                         const std::optional<In<3>>& values, const std::optional<Array<const std::uint8_t, 3>>& modes,
+                         const Out<2>& out, const Out<3>& control) {
+    const std::size_t count = commands.shape(0);
+    const auto fits = [&](const auto& stack) {
+      return stack.shape(0) == axes.size() && stack.shape(1) == count && stack.shape(2) == injection_point_count;
+    };
+    require(commands.shape(1) == commands_ && out.shape(1) == signals_ && out.shape(0) == count &&
+                steps_per_tick >= 1 && (!requests || requests->shape(0) == count) &&
+                values.has_value() == modes.has_value() && (!values || (fits(*values) && fits(*modes))) &&
+                std::cmp_equal(axes.size(), controller.axes()) && control.shape(0) == count &&
+                control.shape(1) == axes.size() && control.shape(2) == control_signal_count,
+            "commands, requests, injected faults, signals and axes do not fit the twin and its controller");
+    const WristSizes& sizes = twin_->sizes();
+    std::vector<CompensatedAxis> compensated;
+    for (const auto& [handle, agonist_at, antagonist_at] : axes) {
+      require(handle >= 0 && std::cmp_less(handle, sizes.handles) && agonist_at >= 0 &&
+                  std::cmp_less(agonist_at, sizes.tendons) && antagonist_at >= 0 &&
+                  std::cmp_less(antagonist_at, sizes.tendons),
+              "an axis names what is not there");
+      compensated.push_back({std::size_t(handle), std::size_t(agonist_at), std::size_t(antagonist_at)});
+    }
+    InjectedSteps injected;
+    if (values && modes) injected = {values->data(), modes->data(), nullptr};
+    if (requests) injected.request = requests->data();
+    const nb::gil_scoped_release release;
+    CompensatedWrist plant(*twin_, compensated, commands.data());
+    ClosedLoop loop(plant, controller, steps_per_tick, time_step, relay);
+    double* to = out.data();
+    double* said = control.data();
+    const Progress progress = loop.run(count, started, injected, [&](std::size_t) {
+      to = twin_->store(to);
+      for (std::size_t n = 0; n < compensated.size(); ++n)
+        said = std::ranges::copy(control_signals(controller, n), said).out;
+    });
+    return {progress.steps, progress.status};
   }
 
  private:
-  std::size_t handles_, tendons_;
-  int steps_per_sample_;
-  std::size_t commands_, signals_;
-  std::unique_ptr<WristTwinBase> twin_;
+  std::unique_ptr<AnyWristTwin> twin_;
+  std::size_t commands_{}, signals_{};
 };
+
+using Columns = std::vector<std::pair<std::string, std::size_t>>;
+
+Columns named(const std::vector<Column>& columns) { return {columns.begin(), columns.end()}; }
 
 /// Mass matrix and moments of constant rates of every point.
 void wrist_inertia(const WristSpec& spec, const In<2>& links, const In<2>& angles, const In<2>& speeds,
@@ -351,7 +146,10 @@ void wrist_inertia(const WristSpec& spec, const In<2>& links, const In<2>& angle
       [&]<class W>(const W& wrist) {
         constexpr int N = W::joints;
         Link<double> link[N]{};
-        for (int i = 0; i < N; ++i) link[i] = link_of(links.data() + i * link_numbers);
+        for (int i = 0; i < N; ++i) {
+          const double* at = links.data() + std::size_t(i) * link_numbers;
+          link[i] = {at[link_mass], at[link_centre], {at[inertia_x], at[inertia_y], at[inertia_z]}};
+        }
         for (std::size_t p = 0; p < count; ++p) {
           double x[N], mass[N][N];
           for (int i = 0; i < N; ++i)
@@ -366,20 +164,69 @@ void wrist_inertia(const WristSpec& spec, const In<2>& links, const In<2>& angle
 }  // namespace
 
 void bind_wrist_twin(nb::module_& m) {
-  nb::class_<AnyWristTwin>(m, "WristTwin")
-      .def(nb::init<const WristSpec&, const In<3>&, const std::vector<int>&, const In<2>&, const In<2>&,
-                    const std::vector<double>&, int, int, bool, std::uint64_t>(),
-           "wrist"_a, "passages"_a, "contacts"_a, "segments"_a, "links"_a, "parameters"_a, "sheath_contacts"_a,
-           "steps_per_sample"_a, "quasi_static"_a, "seed"_a)
-      .def("copy", [](const AnyWristTwin& twin) { return AnyWristTwin(twin); })
-      .def("run", &AnyWristTwin::run, "commands"_a, "out"_a, "energy"_a.none(),
-           nb::sig("def run(self, commands: NDArray[numpy.float64], out: NDArray[numpy.float64], energy: "
-                   "NDArray[numpy.float64] | None) -> tuple[int, int]"))
-      .def("run_controlled", &AnyWristTwin::run_controlled, "controller"_a, "axes"_a, "commands"_a, "time_step"_a,
-           "started"_a, "requests"_a, "out"_a, "control"_a,
+  nb::class_<PyWristTwin>(m, "WristTwin", "The twin of a wrist, with its state.")
+      .def(nb::init<const WristSpec&, const In<3>&, const std::vector<int>&, const In<2>&, const In<2>&, const In<2>&,
+                    const std::array<double, wrench_components>&, const std::vector<double>&, int, int, bool, bool,
+                    std::uint64_t>(),
+           "wrist"_a, "passages"_a, "contacts"_a, "segments"_a, "links"_a, "load_cells"_a, "rig"_a, "parameters"_a,
+           "law"_a, "steps_per_sample"_a, "quasi_static"_a, "currents"_a, "seed"_a,
+           "passages: by tendon and contact the joint (-1: the sheath; the handle's count on), friction coefficient, "
+           "wrap in rad of the straight joint or in the sheath, share, arm in m; links: by joint mass, its centre, "
+           "inertia about x, y, z, damping, stop, its stiffness, reach of the tip; load_cells: gain and bias; rig: "
+           "wrench on the tip by a newton of weight; law: 0 capstan with a constant part, 1 Stribeck, 2 power.")
+      .def("copy", [](const PyWristTwin& twin) { return PyWristTwin(twin); })
+      .def(
+          "run", &PyWristTwin::run, "commands"_a, "out"_a, "energy"_a.none(),
+          nb::sig("def run(self, commands: NDArray[numpy.float64], out: NDArray[numpy.float64], energy: "
+                  "NDArray[numpy.float64] | None) -> tuple[int, Status]"),
+          "Step over rows of commands; a row of signals per step in out, totals in energy. Returns the steps taken and "
+          "the last status.")
+      .def("run_controlled", &PyWristTwin::run_controlled, "controller"_a, "axes"_a, "commands"_a, "steps_per_tick"_a,
+           "time_step"_a, "relay"_a, "started"_a, "requests"_a.none(), "values"_a.none(), "modes"_a.none(), "out"_a,
+           "control"_a,
            nb::sig("def run_controlled(self, controller: Controller, axes: Sequence[Sequence[int]], commands: "
-                   "NDArray[numpy.float64], time_step: float, started: int, requests: NDArray[numpy.uint8], out: "
-                   "NDArray[numpy.float64], control: NDArray[numpy.float64]) -> tuple[int, int]"));
+                   "NDArray[numpy.float64], steps_per_tick: int, time_step: float, relay: float, started: int, "
+                   "requests: NDArray[numpy.uint8] | None, values: NDArray[numpy.float64] | None, modes: "
+                   "NDArray[numpy.uint8] | None, out: NDArray[numpy.float64], control: NDArray[numpy.float64]) -> "
+                   "tuple[int, Status]"),
+           "The same with a controller in the loop; axes: joint of the handle, agonist and antagonist of each; values "
+           "and modes: what is injected, by axis, step and point; control: the controller's signals by step and axis.")
+      .def_prop_rw(
+          "state",
+          [](const PyWristTwin& twin) {
+            const std::string bytes = twin.twin().state();
+            return nb::bytes(bytes.data(), bytes.size());
+          },
+          [](PyWristTwin& twin, const nb::bytes& bytes) { twin.twin().set_state({bytes.c_str(), bytes.size()}); },
+          "The state, as bytes.")
+      .def_prop_ro(
+          "commands", [](const PyWristTwin& twin) { return named(wrist_commands(twin.twin().sizes())); },
+          "Names and widths of a command's columns.")
+      .def_prop_ro(
+          "signals", [](const PyWristTwin& twin) { return named(wrist_signals(twin.twin().sizes())); },
+          "Names and widths of the signals that a step writes.")
+      .def(
+          "now",
+          [](const PyWristTwin& twin, const Out<1>& out) {
+            require(out.shape(0) == width_of(wrist_signals(twin.twin().sizes())), "signals do not fit the twin");
+            twin.twin().store(out.data());
+          },
+          "out"_a, nb::sig("def now(self, out: NDArray[numpy.float64]) -> None"), "Write the signals as they stand.")
+      .def(
+          "handle_wanted",
+          [](const PyWristTwin& twin, std::size_t joint) {
+            require(joint < twin.twin().sizes().handles, "no such joint of the handle");
+            return twin.twin().handle_wanted(joint);
+          },
+          "joint"_a, "Angle of a joint of the handle by the last command, rad.")
+      .def(
+          "contact",
+          [](const PyWristTwin& twin, std::size_t joint) {
+            require(joint < twin.twin().sizes().joints, "no such joint");
+            const Contact<double> contact = twin.twin().contact(joint);
+            return std::make_tuple(contact.angle, contact.stiffness, contact.damping);
+          },
+          "joint"_a, "Tissue across the tip's path about a joint by the last command: angle in rad, N/m, N s/m.");
   m.def("wrist_inertia", &wrist_inertia, "wrist"_a, "links"_a, "angles"_a, "speeds"_a, "matrix"_a, "bias"_a);
   m.def("wrist_twin_parameters", [] { return list_of(wrist_twin_names); });
   m.def("wrist_energies", [] { return list_of(wrist_energy_names); });

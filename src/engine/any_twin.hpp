@@ -150,9 +150,7 @@ class TwinsByAxis {
   TwinsByAxis(std::span<AnyTwin* const> twins, std::span<const Commands> commands)
       : twins_(twins), commands_(commands), last_(twins.size()) {}
 
-  Measurement<double> reading(std::size_t n) const {
-    return measurement_as<Measurement<double>>(twins_[n]->reading());
-  }
+  Measurement<double> reading(std::size_t n) const { return measurement_as<Measurement<double>>(twins_[n]->reading()); }
 
   Status step(std::size_t i, const SpoolVelocities* velocity) {
     for (std::size_t n = 0; n < twins_.size(); ++n) {

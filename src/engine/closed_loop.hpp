@@ -53,8 +53,9 @@ class ClosedLoop {
       demanded = controller_.last.cut_power ? demanded + time_step_ : 0.0;
       const bool still = silent || demanded > relay_;
       for (std::size_t n = 0; n < velocity_.size(); ++n) {
-        velocity_[n] = controller_.injector.pass_pair(n, at_velocity, controller_.last.axis[n].spool_velocity,
-                                                      [&](std::size_t point) { return injected.at(n, i, count, point); });
+        velocity_[n] =
+            controller_.injector.pass_pair(n, at_velocity, controller_.last.axis[n].spool_velocity,
+                                           [&](std::size_t point) { return injected.at(n, i, count, point); });
         if (still) velocity_[n] = {};
       }
       progress.status = plant_.step(i, velocity_.data());
@@ -74,8 +75,8 @@ class ClosedLoop {
     input.request = controller_.request;
     controller_.request = Request::none;
     for (std::size_t n = 0; n < velocity_.size(); ++n)
-      input.axis[n] = controller_.injector.pass(
-          n, plant_.reading(n), [&](std::size_t point) { return injected.at(n, i, count, point); });
+      input.axis[n] = controller_.injector.pass(n, plant_.reading(n),
+                                                [&](std::size_t point) { return injected.at(n, i, count, point); });
     controller_.step(input, controller_.last);
   }
 

@@ -238,9 +238,14 @@ void compare(const Case& of, const TwinSpec& spec, const P& planar) {
     worst.sweeps_general += b.sweeps;
     const auto ea = account(planar, a_before, a, a_before.load, a.load);
     const auto eb = wrist_energy(joined, b_before, b);
-    for (const auto& [x, y] : {std::pair{ea.stored, eb.stored}, {ea.handle, eb.handle}, {ea.spools, eb.spools},
-                               {ea.load, eb.load}, {ea.friction, eb.friction}, {ea.damping, eb.damping},
-                               {ea.tissue, eb.tissue}, {ea.friction_at_end, eb.friction_at_end}})
+    for (const auto& [x, y] : {std::pair{ea.stored, eb.stored},
+                               {ea.handle, eb.handle},
+                               {ea.spools, eb.spools},
+                               {ea.load, eb.load},
+                               {ea.friction, eb.friction},
+                               {ea.damping, eb.damping},
+                               {ea.tissue, eb.tissue},
+                               {ea.friction_at_end, eb.friction_at_end}})
       note(worst.energy, x, y);
     residual = std::fmax(residual, joined.residual(b_before, b));
   }
@@ -250,11 +255,13 @@ void compare(const Case& of, const TwinSpec& spec, const P& planar) {
   CLAIM(worst.moment < 1e-8);
   CLAIM(worst.energy < 1e-8);
   CLAIM(residual < 1e-9);
-  std::printf("joint %d qs %d speed %d tension %d s %d v %d hand %g cur %d tissue %d slack %d: angle %.1e force %.1e moment %.1e reading "
-              "%.1e energy %.1e residual %.1e sweeps %d %d\n",
-              int(of.joint), of.quasi_static, of.speed_dependent, of.tension_dependent, of.sheath, of.vertices, of.hand,
-              of.currents, of.tissue, of.slack, worst.angle, worst.force, worst.moment, worst.reading, worst.energy, residual,
-              worst.sweeps_planar, worst.sweeps_general);
+  std::printf(
+      "joint %d qs %d speed %d tension %d s %d v %d hand %g cur %d tissue %d slack %d: angle %.1e force %.1e moment "
+      "%.1e reading "
+      "%.1e energy %.1e residual %.1e sweeps %d %d\n",
+      int(of.joint), of.quasi_static, of.speed_dependent, of.tension_dependent, of.sheath, of.vertices, of.hand,
+      of.currents, of.tissue, of.slack, worst.angle, worst.force, worst.moment, worst.reading, worst.energy, residual,
+      worst.sweeps_planar, worst.sweeps_general);
 }
 
 void claim(const Case& of) {

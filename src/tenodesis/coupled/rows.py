@@ -10,6 +10,7 @@ from tenodesis import _core, plant
 from tenodesis.coupled.description import CoupledInstrument, Joint, Tendon
 from tenodesis.coupled.statics import straight_arms
 from tenodesis.errors import ArgumentError
+from tenodesis.instrument.hardware import Friction
 
 Array = NDArray[np.float64]
 
@@ -23,12 +24,17 @@ class TwinRows(NamedTuple):
     """Arguments of the core's twin."""
 
     passages: Array
-    """By tendon and contact: joint (-1: the sheath), friction coefficient, wrap of the straight joint, arm."""
+    """By tendon and contact: joint (-1: the sheath), friction coefficient, wrap of sheath or straight joint, share, arm."""
     contacts: list[int]
     segments: Array
     """Stiffness by tendon and segment, N/m."""
     links: Array
+    load_cells: Array
+    """Gain and bias by tendon."""
+    rig: list[float]
+    """Wrench on the tip by a newton on the load rig."""
     parameters: list[float]
+    law: int
     steps_per_sample: int
 
 
@@ -51,7 +57,7 @@ def twin_rows(inst: CoupledInstrument, time_step: float, quasi_static: bool) -> 
     per_sample = plant.steps_per_period(inst.sensors.sampling_rate, time_step)
     routes = [_Route(inst, tendon, float(k)) for tendon, k in zip(inst.tendons, inst.stiffnesses, strict=True)]
     width = max(len(route.passages) for route in routes)
-    passages, segments = np.zeros((len(routes), width, 4)), np.ones((len(routes), width + 1))
+    passages, segments = np.zeros((len(routes), width, 5)), np.ones((len(routes), width + 1))
     for m, route in enumerate(routes):
         passages[m, : len(route.passages)] = route.passages
         segments[m, : len(route.passages) + 1] = route.segments
@@ -59,14 +65,31 @@ def twin_rows(inst: CoupledInstrument, time_step: float, quasi_static: bool) -> 
     if inst.spool_radius is not None:
         drives = drives.model_copy(update={"spool_radius": inst.spool_radius})
     values = {
-        "constant": inst.friction.constant,
-        "viscous": inst.friction.viscous,
+        **_friction(inst.friction),
+        "stiffness_ratio": 1.0,
+        "pretension_ratio": 1.0,
+        "handle_encoder_offset": 0.0,
+        "output_encoder_offset": 0.0,
+        **plant.current_parameters(drives),
         **plant.hand_parameters(inst.dynamics),
         **plant.hardware_parameters(drives, inst.sensors),
         "time_step": time_step,
     }
     parameters = [values[name] for name in _PARAMETERS]
-    return TwinRows(passages, [len(route.passages) for route in routes], segments, links, parameters, per_sample)
+    contacts = [len(route.passages) for route in routes]
+    cells = np.tile([1.0, 0.0], (len(routes), 1))
+    law = {"stribeck": 1, "capstan-power": 2}.get(inst.friction.law, 2 if inst.friction.bends else 0)
+    return TwinRows(passages, contacts, segments, links, cells, [0.0] * 6, parameters, law, per_sample)
+
+
+def _friction(friction: Friction) -> dict[str, float]:
+    radius = friction.reference_radius if friction.vertex_radius is None else friction.vertex_radius
+    names = ("constant", "viscous", "static_ratio", "stribeck_speed", "memory", "load_index", "reference_tension")
+    return {
+        **{name: getattr(friction, name) for name in names},
+        "bending_loss": friction.tendon_bending_stiffness / (2 * radius**2),
+        "sheath_bend_rate": friction.sheath_bend_per_handle_angle,
+    }
 
 
 class _Route:
@@ -85,10 +108,12 @@ class _Route:
         if in_handle is None:
             in_handle = min(sum(held) / length, 0.5) if held and length else _HANDLE_SHARE
         bend = friction.sheath_bend / count
-        self.passages = [(-1.0, friction.sheath_coefficient, bend, 0.0)] * count
+        self.passages = [(-1.0, friction.sheath_coefficient, bend, 1 / count, 0.0)] * count
         shares = [in_handle / (count + 1)] * (count + 1)
         stem = None
-        spans = 0.0
+        spans = span = 0.0
+        vertices = friction.vertices_per_joint
+        part = 1 / vertices
         for place in ("handle", "tip"):
             given = friction.handle_joint_compliance_share if place == "handle" else friction.tip_joint_compliance_share
             for crossing in tendon.route:
@@ -98,16 +123,27 @@ class _Route:
                 span = given if given is not None else (_span(joint) / length if length else 0.0)
                 spans += span
                 name = crossing.joint
-                sign = 1.0 if place == "handle" else -1.0
+                arm = arms[name] if place == "handle" else -arms[name]
                 coefficient = friction.vertex_coefficient if crossing.coefficient is None else crossing.coefficient
-                self.passages.append((float(places[name]), coefficient, crossing.base_wrap, sign * arms[name]))
-                # A joint's span is the segment that it draws: before the contact at the handle, beyond it at the tip.
-                if place == "handle":
+                one = (float(places[name]), coefficient * friction.vertex_factor, crossing.base_wrap / vertices, part)
+                # A joint's span is the segment that it draws: between two vertices, or before the only one at the
+                # handle and beyond it at the tip.
+                if vertices > 1:
+                    stem = len(shares) - 1 if stem is None and place == "tip" else stem
+                    self.passages += [(*one, 0.0), (*one, arm)] if place == "handle" else [(*one, arm), (*one, 0.0)]
+                    shares += [span, 0.0]
+                elif place == "handle":
+                    self.passages.append((*one, arm))
                     shares[-1] += span
                     shares.append(0.0)
                 else:
+                    self.passages.append((*one, arm))
                     stem = len(shares) - 1 if stem is None else stem
                     shares.append(span)
+        if vertices > 1 and stem is not None:
+            given = friction.anchor_compliance_share
+            shares[-1] = span / 2 if given is None else given
+            spans += shares[-1]
         rest = 1 - in_handle - spans
         if rest <= 0:
             raise ArgumentError(
@@ -134,20 +170,27 @@ def _span(joint: Joint) -> float:
 
 
 def link_rows(inst: CoupledInstrument) -> Array:
-    """Return mass, its centre, inertia about x, y, z, damping, stop and its stiffness by joint of the tip, SI."""
+    """Return mass, its centre, inertia about x, y, z, damping, stop, its stiffness and reach by joint of the tip, SI."""
     stiffness = np.diag(straight_stiffness(inst))
     rods = _links(inst, 1.0)
     lowest = _frequencies(inst, rods)[0]
     density = (lowest / (2 * math.pi * inst.dynamics.natural_frequency)) ** 2
     links = _links(inst, density)
     inertia, _ = mass_matrix(inst, links, np.zeros(len(inst.tip_joints)))
-    rows = np.zeros((len(inst.tip_joints), 8))
+    rows = np.zeros((len(inst.tip_joints), 9))
     rows[:, :5] = links
+    for i in reversed(range(len(inst.tip_joints))):
+        beyond = [
+            other.offset + other.chord + rows[j, 8]
+            for j, (other, on) in enumerate(zip(inst.tip_joints, inst.parents, strict=True))
+            if on == i
+        ]
+        rows[i, 8] = max([inst.tip_joints[i].end_effector_length or 0.0, *beyond])
     for i, joint in enumerate(inst.tip_joints):
         critical = 2 * math.sqrt(stiffness[i] * inertia[i, i])
         damping = inst.dynamics.damping_ratio * critical if joint.damping is None else joint.damping
         stop = min(4 / 3 * joint.range, _FARTHEST_STOP) if joint.stop is None else joint.stop
-        rows[i, 5:] = damping, stop, plant.STOP_STIFFNESS_RATIO * stiffness[i]
+        rows[i, 5:8] = damping, stop, plant.STOP_STIFFNESS_RATIO * stiffness[i]
     return rows
 
 
@@ -192,7 +235,7 @@ def mass_matrix(
     Links as :func:`link_rows` has them, their first five columns; angles (rad) and rates (rad/s) of shape (joints,).
     """
     count = len(inst.tip_joints)
-    rows = np.zeros((count, 8))
+    rows = np.zeros((count, 9))
     rows[:, :5] = links[:, :5]
     matrix, bias = np.empty((1, count, count)), np.empty((1, count))
     moving = np.zeros(count) if speeds is None else speeds

@@ -22,22 +22,8 @@ from tenodesis.twin.rows import CONTROL, check_seed
 from tenodesis.twin.twin import Energy
 
 _OF_CONTROLLER = tuple(name for name in CONTROL if "." not in name)
-_SIGNALS = (
-    "output_angle",
-    "output_velocity",
-    "handle_angle",
-    "handle_torque",
-    "tension",
-    "distal_tension",
-    "spool_angle",
-    "spool_velocity",
-    "grip_force",
-    "measured_handle_angle",
-    "measured_output_angle",
-    "measured_tension",
-    "measured_spool_angle",
-)
-"""Signals of the core's rows, in their order."""
+_LEFT_OUT = ("contact_force", "sweeps")
+"""Signals of the core that are not kept."""
 
 
 class Held(NamedTuple):
@@ -78,21 +64,23 @@ class Twin:
             rows.contacts,
             rows.segments,
             rows.links,
+            rows.load_cells,
+            rows.rig,
             rows.parameters,
-            self.inst.friction.sheath_contacts,
+            rows.law,
             rows.steps_per_sample,
             quasi_static,
+            self.inst.sensors.kind == "current",
             int(seed),
         )
+        self._steps_per_tick = rows.steps_per_sample
         self._pairs = pairs(self.inst)
         self._steps = 0
         self._angles = np.zeros(len(self.inst.tip_joints))
         self._held: Held | None = None
         self.names = names_of(self.inst)
-        self._widths = {name: len(self.names.columns(name)) if name != "grip_force" else 1 for name in _SIGNALS}
-
-        # The last column is the number of passes.
-        self._width = sum(self._widths.values()) + 1
+        self._signals: list[tuple[str, int]] = self.core.signals
+        self._width = sum(width for _, width in self._signals)
 
     @property
     def spool_radius(self) -> float:
@@ -159,9 +147,13 @@ class Twin:
             controlled = self._closed(controller, request, commands, out)
         first = self._steps - len(commands) + 1
         time = np.arange(first, first + len(commands), dtype=np.float64) * self.time_step
-        ends = np.cumsum([0, *self._widths.values()]).tolist()
-        signals = {name: out[:, start:end] for name, (start, end) in zip(self._widths, pairwise(ends), strict=True)}
-        signals = given | signals | controlled
+        ends = np.cumsum([width for _, width in self._signals]).tolist()
+        kept = {
+            name: out[:, end - width : end]
+            for (name, width), end in zip(self._signals, ends, strict=True)
+            if name not in _LEFT_OUT
+        }
+        signals = given | kept | controlled
         shape = self.names.shape
         shaped: dict[str, Any] = {name: values.reshape(shape(name, len(time))) for name, values in signals.items()}
         return Run(time, *self.names, **shaped)
@@ -188,7 +180,20 @@ class Twin:
         core, steps = controller.core, self._steps
         self._advance(
             out,
-            lambda: self.core.run_controlled(core, axes, commands, self.time_step, steps, requests, out, control),
+            lambda: self.core.run_controlled(
+                core,
+                axes,
+                commands,
+                self._steps_per_tick,
+                self.time_step,
+                np.inf,
+                steps,
+                requests,
+                None,
+                None,
+                out,
+                control,
+            ),
         )
         controller.begin(self, self.time)
         velocity = commands[:, len(self.inst.handle_joints) :][:, : len(self.inst.tendons)].copy()
@@ -213,16 +218,13 @@ class Twin:
         out = np.empty((len(commands), self._width))
         totals = np.zeros(len(_core.wrist_energies()))
         self._advance(out, lambda: self.core.run(commands, out, totals))
-        stored_before, stored_after, handle, spools, load, friction, damping, gripped, least, residual = totals.tolist()
-        sweeps = int(out[:, -1].max(initial=0))
-        return Energy(
-            stored_before, stored_after, handle, spools, load, friction, damping, gripped, least, residual, sweeps
-        )
+        *energies, sweeps = totals.tolist()
+        return Energy(*energies, int(sweeps))
 
-    def _advance(self, out: Array, step: Callable[[], tuple[int, int]]) -> None:
+    def _advance(self, out: Array, step: Callable[[], tuple[int, Status]]) -> None:
         before = self.core.copy()
         steps, status = step()
-        if status:
+        if status != Status.OK:
             self.core = before
             raise _lost(self.inst, Status(status), f"step {steps} ({self.time + steps * self.time_step:.6g} s)")
         self._steps += len(out)
@@ -293,7 +295,9 @@ class Twin:
             _check_range(inst, given["handle_angles"])
         full = {name: np.broadcast_to(rows, (*shape, rows.shape[-1])) for name, rows in given.items()}
         constant = np.broadcast_to([float(axes == "stem"), *self._place(held)], (*shape, 4))
-        columns = (full["handle_angles"], full["spool_velocity"], full["wrench"], full["grip_force"], constant)
+        # Weight, bend of the sheaths, length let out, tissue.
+        none = np.zeros((*shape, 2 + len(inst.tendons) + 3 * len(inst.tip_joints)))
+        columns = (full["handle_angles"], full["spool_velocity"], full["wrench"], full["grip_force"], constant, none)
         commanded = {
             "commanded_handle_angle": full["handle_angles"],
             "wrench": full["wrench"],

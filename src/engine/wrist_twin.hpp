@@ -1,0 +1,396 @@
+#pragma once
+// A twin of any wrist behind one interface: commands in, signals out, row by row.
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <memory>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "closed_loop.hpp"
+#include "tenodesis/wrist_energy.hpp"
+
+namespace tenodesis::engine {
+
+/// Numbers of a contact, of a joint's link and of a load cell, in this order; share: of the joint's angle that the
+/// contact takes, and of the constant and viscous friction of joint or sheath.
+enum PassageNumber { passage_joint, passage_coefficient, passage_wrap, passage_share, passage_arm, passage_numbers };
+enum LinkNumber {
+  link_mass,
+  link_centre,
+  inertia_x,
+  inertia_y,
+  inertia_z,
+  link_damping,
+  link_stop,
+  link_stop_stiffness,
+  link_reach,
+  link_numbers
+};
+enum LoadCellNumber { load_cell_gain, load_cell_bias, load_cell_numbers };
+
+/// Parameters of a wrist's twin, in SI units and the order of a row.
+#define TENODESIS_WRIST_TWIN_PARAMETERS(ROW)                                                                          \
+  ROW(constant), ROW(viscous), ROW(static_ratio), ROW(stribeck_speed), ROW(memory), ROW(load_index),                  \
+      ROW(reference_tension), ROW(bending_loss), ROW(sheath_bend_rate), ROW(stiffness_ratio), ROW(pretension_ratio),  \
+      ROW(hand_stiffness), ROW(hand_damping), ROW(hand_inertia), ROW(spool_radius), ROW(spool_speed_limit),           \
+      ROW(spool_acceleration_limit), ROW(drive_time_constant), ROW(backlash), ROW(encoder_noise), ROW(encoder_range), \
+      ROW(encoder_resolution), ROW(handle_encoder_offset), ROW(output_encoder_offset), ROW(motor_encoder_resolution), \
+      ROW(load_cell_noise), ROW(load_cell_range), ROW(load_cell_resolution), ROW(gear_efficiency),                    \
+      ROW(friction_torque), ROW(torque_ripple), ROW(ripple_rate), ROW(thermal_drift), ROW(thermal_time),              \
+      ROW(time_step)
+
+#define TENODESIS_ROW(name) name
+enum class WristParameter : std::size_t { TENODESIS_WRIST_TWIN_PARAMETERS(TENODESIS_ROW) };
+#undef TENODESIS_ROW
+#define TENODESIS_ROW(name) #name
+inline constexpr std::array wrist_twin_names{TENODESIS_WRIST_TWIN_PARAMETERS(TENODESIS_ROW)};
+#undef TENODESIS_ROW
+
+/// Friction laws by number; capstan friction without a constant part, and none, are the first with zeros.
+using WristLaw = ChosenLaw<double>::Kind;
+
+inline constexpr std::array wrist_energy_names{"stored_before",  "stored_after",   "handle",     "spools",
+                                               "load",           "friction",       "damping",    "tissue",
+                                               "least_friction", "worst_residual", "most_sweeps"};
+inline constexpr std::size_t wrench_components = 6;
+
+/// Sizes of a wrist.
+struct WristSizes {
+  std::size_t joints{}, handles{}, tendons{};
+};
+
+/// A name and the number of its columns.
+using Column = std::pair<const char*, std::size_t>;
+
+/// Columns of a row of commands; contact: angle, stiffness and damping of each joint; held: opening, stiffness,
+/// damping.
+inline std::vector<Column> wrist_commands(const WristSizes& of) {
+  return {{"handle_angle", of.handles},
+          {"spool_velocity", of.tendons},
+          {"wrench", wrench_components},
+          {"grip_force", 1},
+          {"in_stem_axes", 1},
+          {"held", 3},
+          {"weight", 1},
+          {"sheath_bend", 1},
+          {"let_out", of.tendons},
+          {"contact", 3 * of.joints}};
+}
+
+/// Signals that a step writes, in order.
+inline std::vector<Column> wrist_signals(const WristSizes& of) {
+  return {{"output_angle", of.joints},
+          {"output_velocity", of.joints},
+          {"handle_angle", of.handles},
+          {"handle_torque", of.handles},
+          {"tension", of.tendons},
+          {"distal_tension", of.tendons},
+          {"spool_angle", of.tendons},
+          {"spool_velocity", of.tendons},
+          {"grip_force", 1},
+          {"contact_force", of.joints},
+          {"measured_handle_angle", of.handles},
+          {"measured_output_angle", of.joints},
+          {"measured_tension", of.tendons},
+          {"measured_spool_angle", of.tendons},
+          {"sweeps", 1}};
+}
+
+inline std::size_t width_of(const std::vector<Column>& columns) {
+  std::size_t sum = 0;
+  for (const auto& [name, width] : columns) sum += width;
+  return sum;
+}
+
+/// Constants of a twin in arrays.
+struct WristTwinRows {
+  const double* passages;  ///< tendons x contacts x numbers
+  std::size_t most_contacts;
+  const std::vector<int>& contacts;  ///< of each tendon
+  const double* segments;            ///< stiffness, tendons x (contacts + 1), N/m
+  const double* links;
+  const double* load_cells;
+  const double* rig;  ///< wrench on the tip by a newton on the load rig
+  const double* parameters;
+  WristLaw law{};
+  int steps_per_sample{1};
+  bool quasi_static{};
+  bool currents{};
+  std::uint64_t seed{};
+};
+
+/// A joint that a controller's axis compensates, with its joint of the handle and its pair of tendons.
+struct CompensatedAxis {
+  std::size_t handle, agonist, antagonist;
+};
+
+class AnyWristTwin {
+ public:
+  virtual ~AnyWristTwin() = default;
+  virtual std::unique_ptr<AnyWristTwin> copy() const = 0;
+  virtual const WristSizes& sizes() const = 0;
+  /// One step by a row of commands.
+  virtual Status step(const double* command) = 0;
+  /// The same, with its energies added to a row of wrist_energy_names.
+  virtual Status audit(const double* command, double* energy) = 0;
+  virtual double stored() const = 0;
+  /// Writes a row of signals; returns what follows it.
+  virtual double* store(double* out) const = 0;
+  virtual Measurement<double> reading(const CompensatedAxis& axis) const = 0;
+  /// By the last command, rad.
+  virtual double handle_wanted(std::size_t h) const = 0;
+  virtual Contact<double> contact(std::size_t joint) const = 0;
+  /// Whether the tip is within tissue across its path about a joint, were it there.
+  virtual bool inside(std::size_t joint, const Contact<double>& contact) const = 0;
+  virtual std::string state() const = 0;
+  virtual void set_state(const std::string& bytes) = 0;
+
+ protected:
+  AnyWristTwin() = default;
+  AnyWristTwin(const AnyWristTwin&) = default;
+  AnyWristTwin& operator=(const AnyWristTwin&) = default;
+};
+
+/// Fills in the constants of a twin whose wrist is there.
+template <class T>
+void fill(T& twin, const WristTwinRows& rows, const WristSizes& sizes) {
+  const auto p = [&](WristParameter at) { return rows.parameters[std::size_t(at)]; };
+  using enum WristParameter;
+  constexpr int N = T::N;
+  for (std::size_t m = 0; m < sizes.tendons; ++m) {
+    const int n = rows.contacts[m];
+    auto& tendon = twin.tendon[m];
+    twin.wrist.stiffness[m] *= p(stiffness_ratio);
+    twin.wrist.pretension[m] *= p(pretension_ratio);
+    tendon.rest_tension = twin.wrist.pretension[m];
+    tendon.stiffness.length = n + 1;
+    for (int i = 0; i <= n; ++i)
+      tendon.stiffness[i] = p(stiffness_ratio) * rows.segments[m * (rows.most_contacts + 1) + std::size_t(i)];
+    for (int j = 0; j < n; ++j) {
+      const double* at = rows.passages + (m * rows.most_contacts + std::size_t(j)) * passage_numbers;
+      const int joint = int(at[passage_joint]);
+      // Joints of the handle are counted from the room for the tip's on.
+      const int place = std::cmp_less(joint, sizes.joints) ? joint : joint - int(sizes.joints) + N;
+      twin.passage[m][j] = {place, at[passage_coefficient], at[passage_wrap], at[passage_share], at[passage_arm]};
+    }
+    const double* cell = rows.load_cells + m * load_cell_numbers;
+    twin.load_cell[m] = {cell[load_cell_gain], cell[load_cell_bias], p(load_cell_noise),
+                         -p(load_cell_range),  p(load_cell_range),   p(load_cell_resolution)};
+  }
+  for (std::size_t i = 0; i < sizes.joints; ++i) {
+    const double* at = rows.links + i * link_numbers;
+    twin.link[i] = {at[link_mass], at[link_centre], {at[inertia_x], at[inertia_y], at[inertia_z]}};
+    twin.damping[i] = at[link_damping];
+    twin.stop[i] = at[link_stop];
+    twin.stop_stiffness[i] = at[link_stop_stiffness];
+    twin.reach[i] = at[link_reach];
+  }
+  twin.viscous = p(viscous);
+  twin.sheath_bend_rate = p(sheath_bend_rate);
+  twin.hand = {p(hand_stiffness), p(hand_damping), p(hand_inertia)};
+  twin.drive = {p(spool_radius), p(spool_speed_limit), p(spool_acceleration_limit), p(drive_time_constant),
+                p(backlash)};
+  twin.rig = {{rows.rig[0], rows.rig[1], rows.rig[2]}, {rows.rig[3], rows.rig[4], rows.rig[5]}};
+  const double half = p(encoder_range) / 2;
+  const auto encoder = [&](double offset) {
+    return Sensor<double>{1, offset, p(encoder_noise), -half, half, p(encoder_resolution)};
+  };
+  twin.handle_encoder = encoder(p(handle_encoder_offset));
+  twin.output_encoder = encoder(p(output_encoder_offset));
+  twin.motor_encoder = {1, 0, 0, -1e9, 1e9, p(motor_encoder_resolution)};  // a motor's encoder has no end
+  twin.time_step = p(time_step);
+  if (rows.currents) {
+    const double sample = p(time_step) * rows.steps_per_sample;
+    twin.current = {true,           p(gear_efficiency), p(friction_torque) / p(spool_radius), p(torque_ripple),
+                    p(ripple_rate), p(thermal_drift),   sample / (p(thermal_time) + sample)};
+  }
+  twin.steps_per_sample = rows.steps_per_sample;
+  twin.quasi_static = rows.quasi_static;
+  if constexpr (requires { twin.law.kind; })
+    twin.law = {rows.law,
+                {p(constant)},
+                {p(constant), p(static_ratio), p(stribeck_speed), p(memory)},
+                {p(constant), p(load_index), p(reference_tension), p(bending_loss),
+                 1e-3 * *std::ranges::max_element(twin.wrist.pretension)}};
+  else
+    twin.law = {p(constant)};
+  twin.prepare();
+}
+
+template <class T>
+class WristTwinOf final : public AnyWristTwin {
+ public:
+  using State = T::State;
+  using Command = T::Command;
+  static_assert(std::is_trivially_copyable_v<State>);
+
+  WristTwinOf(const T::Wrist& wrist, const WristTwinRows& rows, const WristSizes& sizes) : sizes_(sizes) {
+    twin_.wrist = wrist;
+    fill(twin_, rows, sizes);
+    state_ = twin_.rest(rows.seed);
+  }
+
+  std::unique_ptr<AnyWristTwin> copy() const override { return std::make_unique<WristTwinOf>(*this); }
+  const WristSizes& sizes() const override { return sizes_; }
+  Status step(const double* command) override { return twin_.step(command_of(command), state_); }
+
+  Status audit(const double* command, double* energy) override {
+    const State before = state_;
+    const Status found = step(command);
+    if (found != Status::ok) return found;
+    const auto of = wrist_energy(twin_, before, state_);
+    energy[1] = of.stored;
+    energy[2] += of.handle;
+    energy[3] += of.spools;
+    energy[4] += of.load;
+    energy[5] += of.friction;
+    energy[6] += of.damping;
+    energy[7] += of.tissue;
+    energy[8] = std::min(energy[8], of.friction_at_end);
+    energy[9] = std::max(energy[9], twin_.residual(before, state_));
+    energy[10] = std::max(energy[10], double(state_.sweeps));
+    return found;
+  }
+
+  double stored() const override { return wrist_stored_energy(twin_, state_); }
+
+  double* store(double* out) const override {
+    constexpr int N = T::N;
+    const State& s = state_;
+    const auto each = [&](std::size_t count, const auto& value) {
+      for (std::size_t k = 0; k < count; ++k) *out++ = value(int(k));
+    };
+    out = std::copy_n(s.angle, sizes_.joints, out);
+    out = std::copy_n(s.velocity, sizes_.joints, out);
+    out = std::copy_n(s.angle + N, sizes_.handles, out);
+    each(sizes_.handles, [&](int h) { return twin_.handle_torque(s, h); });
+    each(sizes_.tendons, [&](int m) { return s.tendon[m].tension[0]; });
+    each(sizes_.tendons, [&](int m) { return s.tendon[m].tension[twin_.tip_segment(m)]; });
+    each(sizes_.tendons, [&](int m) { return s.drive[m].spool; });
+    each(sizes_.tendons, [&](int m) { return s.drive[m].speed; });
+    *out++ = s.grip_force;
+    out = std::copy_n(s.contact_force, sizes_.joints, out);
+    out = std::copy_n(s.measured_handle, sizes_.handles, out);
+    out = std::copy_n(s.measured_angle, sizes_.joints, out);
+    out = std::copy_n(s.measured_tension, sizes_.tendons, out);
+    out = std::copy_n(s.measured_spool, sizes_.tendons, out);
+    *out++ = s.sweeps;
+    return out;
+  }
+
+  Measurement<double> reading(const CompensatedAxis& of) const override {
+    return {state_.measured_handle[of.handle],
+            {state_.measured_tension[of.agonist], state_.measured_tension[of.antagonist]},
+            {state_.measured_spool[of.agonist], state_.measured_spool[of.antagonist]}};
+  }
+
+  double handle_wanted(std::size_t h) const override { return state_.command.handle_angle[h]; }
+  Contact<double> contact(std::size_t joint) const override { return state_.command.contact[joint]; }
+  bool inside(std::size_t joint, const Contact<double>& contact) const override {
+    const auto path = twin_.path(int(joint));
+    return touches(path, contact, tip_at(path, state_.angle[joint]));
+  }
+
+  std::string state() const override {
+    std::string bytes(sizeof(State), '\0');
+    std::memcpy(bytes.data(), &state_, sizeof(State));
+    return bytes;
+  }
+
+  void set_state(const std::string& bytes) override {
+    if (bytes.size() != sizeof(State)) throw std::invalid_argument("the state belongs to another kind of twin");
+    std::memcpy(&state_, bytes.data(), sizeof(State));
+  }
+
+ private:
+  Command command_of(const double* from) const {
+    Command command{};
+    const auto take = [&](double* to, std::size_t count) {
+      std::copy_n(from, count, to);
+      from += count;
+    };
+    take(command.handle_angle, sizes_.handles);
+    take(command.spool_velocity, sizes_.tendons);
+    command.load = {{{from[0], from[1], from[2]}, {from[3], from[4], from[5]}}, from[6], from[7] != 0};
+    command.held = {from[8], from[9], from[10]};
+    command.weight = from[11];
+    command.sheath_bend = from[12];
+    from += 13;
+    take(command.let_out, sizes_.tendons);
+    for (std::size_t i = 0; i < sizes_.joints; ++i, from += 3) command.contact[i] = {from[0], from[1], from[2]};
+    return command;
+  }
+
+  WristSizes sizes_;
+  T twin_{};
+  State state_{};
+};
+
+/// A twin whose command rows a controller's velocities replace, as a closed loop's plant.
+class CompensatedWrist {
+ public:
+  CompensatedWrist(AnyWristTwin& twin, std::span<const CompensatedAxis> axes, const double* commands)
+      : twin_(twin), axes_(axes), commands_(commands), row_(width_of(wrist_commands(twin.sizes()))) {}
+
+  Measurement<double> reading(std::size_t n) const { return twin_.reading(axes_[n]); }
+
+  Status step(std::size_t i, const SpoolVelocities* velocity) {
+    std::copy_n(commands_ + i * row_.size(), row_.size(), row_.begin());
+    const std::size_t first = twin_.sizes().handles;
+    for (std::size_t n = 0; n < axes_.size(); ++n) {
+      row_[first + axes_[n].agonist] = velocity[n][0];
+      row_[first + axes_[n].antagonist] = velocity[n][1];
+    }
+    return twin_.step(row_.data());
+  }
+
+ private:
+  AnyWristTwin& twin_;
+  std::span<const CompensatedAxis> axes_;
+  const double* commands_;
+  std::vector<double> row_;
+};
+
+inline constexpr int most_short_sheath_contacts = 4;
+inline constexpr int most_long_sheath_contacts = 32;
+inline constexpr int most_vertices = 2;
+
+/// A wrist with room for more tendons.
+template <int M, class W>
+Wrist<typename W::S, W::joints, M> with_room(const W& wrist) {
+  Wrist<typename W::S, W::joints, M> to{};
+  std::ranges::copy(wrist.joint, to.joint);
+  for (int m = 0; m < W::tendons; ++m) {
+    std::ranges::copy(wrist.arm[m], to.arm[m]);
+    std::ranges::copy(wrist.handle_arm[m], to.handle_arm[m]);
+    to.stiffness[m] = wrist.stiffness[m];
+    to.pretension[m] = wrist.pretension[m];
+    to.motor[m] = wrist.motor[m];
+  }
+  to.handles = wrist.handles;
+  std::ranges::copy(wrist.handle, to.handle);
+  return to;
+}
+
+/// The twin of a wrist. Short routes with the capstan's law are the fastest; others make do with one size, that of most
+/// tendons M.
+template <int M, class W>
+std::unique_ptr<AnyWristTwin> make_twin(const W& wrist, const WristTwinRows& rows, const WristSizes& sizes) {
+  using S = W::S;
+  constexpr int N = W::joints;
+  constexpr int few = 2 * N + most_short_sheath_contacts;
+  if (rows.law == WristLaw::capstan_with_constant && *std::ranges::max_element(rows.contacts) <= few)
+    return std::make_unique<WristTwinOf<WristTwin<W, few>>>(wrist, rows, sizes);
+  using Roomy = Wrist<S, N, M>;
+  constexpr int many = 2 * most_vertices * N + most_long_sheath_contacts;
+  return std::make_unique<WristTwinOf<WristTwin<Roomy, many, ChosenLaw<S>>>>(with_room<M>(wrist), rows, sizes);
+}
+
+}  // namespace tenodesis::engine
