@@ -191,7 +191,6 @@ Command<double> command(const Case& of, int step) {
 
 struct Worst {
   double angle{}, force{}, moment{}, reading{}, energy{};
-  int sweeps_planar{}, sweeps_general{};
 };
 
 template <class P>
@@ -216,10 +215,7 @@ void compare(const Case& of, const TwinSpec& spec, const P& planar) {
     const auto b_before = b;
     const Status one = planar.step(given, a), other = joined.step(same, b);
     CLAIM(one == other);
-    if (one != Status::ok || other != Status::ok) {
-      std::printf("  status %d %d at step %d\n", int(one), int(other), steps);
-      break;
-    }
+    if (one != Status::ok || other != Status::ok) break;
     note(worst.angle, a.output_angle, b.angle[0]);
     note(worst.angle, a.handle_angle, b.angle[1]);
     for (int m = 0; m < 2; ++m) {
@@ -234,8 +230,6 @@ void compare(const Case& of, const TwinSpec& spec, const P& planar) {
     note(worst.moment, planar.handle_torque(given, a), joined.handle_torque(b, 0));
     note(worst.reading, a.reading.handle_angle, b.measured_handle[0]);
     note(worst.reading, a.reading.output_angle, b.measured_angle[0]);
-    worst.sweeps_planar += a.sweeps;
-    worst.sweeps_general += b.sweeps;
     const auto ea = account(planar, a_before, a, a_before.load, a.load);
     const auto eb = wrist_energy(joined, b_before, b);
     for (const auto& [x, y] : {std::pair{ea.stored, eb.stored},
@@ -250,18 +244,16 @@ void compare(const Case& of, const TwinSpec& spec, const P& planar) {
     residual = std::fmax(residual, joined.residual(b_before, b));
   }
   CLAIM(steps == 1200);
-  CLAIM(worst.angle < 1e-9);
-  CLAIM(worst.force < 1e-7);
-  CLAIM(worst.moment < 1e-8);
-  CLAIM(worst.energy < 1e-8);
+  // The planar twin ends its searches for the handle's angle and, where tendons go slack, for the tip's, within 1e-11
+  // rad, from which velocities differ.
+  const bool searches = !of.quasi_static && (of.hand > 0 || of.slack);
+  CLAIM(worst.angle < (searches ? 5e-8 : 1e-9));
+  CLAIM(worst.force < (searches ? 1e-5 : 1e-7));
+  CLAIM(worst.moment < (searches ? 5e-7 : 1e-8));
+  CLAIM(worst.energy < (searches ? 2e-8 : 1e-9));
+  // At most a step of a converter.
+  CLAIM(worst.reading < 1.1e-3);
   CLAIM(residual < 1e-9);
-  std::printf(
-      "joint %d qs %d speed %d tension %d s %d v %d hand %g cur %d tissue %d slack %d: angle %.1e force %.1e moment "
-      "%.1e reading "
-      "%.1e energy %.1e residual %.1e sweeps %d %d\n",
-      int(of.joint), of.quasi_static, of.speed_dependent, of.tension_dependent, of.sheath, of.vertices, of.hand,
-      of.currents, of.tissue, of.slack, worst.angle, worst.force, worst.moment, worst.reading, worst.energy, residual,
-      worst.sweeps_planar, worst.sweeps_general);
 }
 
 void claim(const Case& of) {

@@ -243,13 +243,11 @@ def test_bad_commands_are_refused_in_a_sentence(arguments: dict[str, object], me
         twin.run(**{"handle_angles": np.zeros((5, 3)), **arguments})  # type: ignore[arg-type]
 
 
-def test_a_grip_without_jaws_and_friction_that_no_joint_has_are_refused() -> None:
+def test_a_grip_without_jaws_and_a_base_wrap_of_all_joints_are_refused() -> None:
     with pytest.raises(tn.ArgumentError, match="nothing that grips"):
         tn.coupled.Twin("two-segment-continuum").run(0, np.zeros((3, 6)), held=tn.coupled.Held(1e-3, 1e3))
-    with pytest.raises(tn.InstrumentError, match="stribeck"):
-        shipped("needle-driver", friction={"law": "stribeck", "vertex_coefficient": 0.1})
-    with pytest.raises(tn.InstrumentError, match="vertices_per_joint is 2"):
-        shipped("needle-driver", friction={"law": "capstan", "vertices_per_joint": 2})
+    with pytest.raises(tn.InstrumentError, match="base_wrap is 0.1"):
+        shipped("needle-driver", friction={"law": "capstan", "base_wrap": 0.1})
     with pytest.raises(tn.ArgumentError, match="a twelfth of a period"):
         tn.coupled.Twin("needle-driver", time_step=5e-3)
 

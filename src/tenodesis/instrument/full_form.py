@@ -13,9 +13,6 @@ from tenodesis.instrument.instrument import Instrument
 from tenodesis.instrument.joints import Grip, Joint, LinkDynamics, Tendon
 from tenodesis.units import Length
 
-LAWS = ("none", "capstan", "capstan-constant")
-"""Friction laws that an instrument of joints and tendons may have."""
-MOST_SHEATH_CONTACTS = 4
 MOST_JOINTS = 6
 MOST_TENDONS = 12
 _OF_SHORT_FORM = frozenset(
@@ -129,15 +126,7 @@ class FullForm(Instrument):
 
     def _check_friction(self) -> None:
         friction = self.friction
-        if friction.law not in LAWS:
-            raise ValueError(
-                f'friction.law is "{friction.law}"; of a coupled instrument it must be one of {", ".join(LAWS)}'
-            )
-        if friction.sheath_contacts > MOST_SHEATH_CONTACTS:
-            given = friction.sheath_contacts
-            raise ValueError(f"friction.sheath_contacts is {given}; it must be at most {MOST_SHEATH_CONTACTS}")
-        planar = ("vertices_per_joint", "sheath_bend_per_handle_angle", "base_wrap", "tendon_bending_stiffness")
-        for key in (*planar, "passing_coefficient"):
+        for key in ("base_wrap", "passing_coefficient"):
             given, default = getattr(friction, key), Friction.model_fields[key].default
             if given != default:
                 instead = "; give base_wrap in a tendon's route" if key == "base_wrap" else ""
