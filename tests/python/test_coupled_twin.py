@@ -312,10 +312,10 @@ def test_a_seed_repeats_its_noise_and_a_lost_call_changes_nothing() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"handle_angles": np.zeros((5, 2))}, r"handle_angles has shape \(5, 2\); it must be of shape \(n, 3\)"),
+        ({"handle_angle": np.zeros((5, 2))}, r"handle_angle has shape \(5, 2\); it must be of shape \(n, 3\)"),
         (
-            {"handle_angles": np.full((5, 3), 1.0)},
-            r"handle_angles\[0\] of handle_yaw is 1.0; it must be within its range",
+            {"handle_angle": np.full((5, 3), 1.0)},
+            r"handle_angle\[0\] of handle_yaw is 1.0; it must be within its range",
         ),
         ({"wrench": np.full((5, 6), np.nan)}, r"wrench\[0, 0\] is nan"),
         ({"spool_velocity": np.zeros((4, 5))}, "differ|fit|shape"),
@@ -326,7 +326,7 @@ def test_a_seed_repeats_its_noise_and_a_lost_call_changes_nothing() -> None:
 def test_bad_commands_are_refused_in_a_sentence(arguments: dict[str, object], message: str) -> None:
     twin = tn.coupled.Twin("hybrid-real-size")
     with pytest.raises(tn.ArgumentError, match=message):
-        twin.run(**{"handle_angles": np.zeros((5, 3)), **arguments})  # type: ignore[arg-type]
+        twin.run(**{"handle_angle": np.zeros((5, 3)), **arguments})  # type: ignore[arg-type]
 
 
 def test_a_grip_without_jaws_and_a_base_wrap_of_all_joints_are_refused() -> None:

@@ -24,7 +24,7 @@ class TwinRows(NamedTuple):
     """Arguments of the core's twin."""
 
     passages: Array
-    """By tendon and contact: joint (-1: the sheath), friction coefficient, wrap of sheath or straight joint, share, arm."""
+    """By tendon and contact: joint (-1: the sheath), coefficient, wrap of sheath or straight joint, share, arm."""
     contacts: list[int]
     segments: Array
     """Stiffness by tendon and segment, N/m."""
@@ -170,7 +170,7 @@ def _span(joint: Joint) -> float:
 
 
 def link_rows(inst: CoupledInstrument) -> Array:
-    """Return mass, its centre, inertia about x, y, z, damping, stop, its stiffness and reach by joint of the tip, SI."""
+    """Return mass, its centre, inertia about x, y, z, damping, stop, its stiffness, reach by joint of the tip, SI."""
     stiffness = np.diag(straight_stiffness(inst))
     rods = _links(inst, 1.0)
     lowest = _frequencies(inst, rods)[0]

@@ -1,7 +1,6 @@
 """The twin of a coupled instrument in time: friction at every bend of its tendons, inertia of links, jaws that grip."""
 
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -218,8 +217,8 @@ class Twin:
         out = np.empty((len(commands), self._width))
         totals = np.zeros(len(_core.wrist_energies()))
         self._advance(out, lambda: self.core.run(commands, out, totals))
-        *energies, sweeps = totals.tolist()
-        return Energy(*energies, int(sweeps))
+        before, after, handle, spools, load, friction, damping, tissue, least, residual, sweeps = totals.tolist()
+        return Energy(before, after, handle, spools, load, friction, damping, tissue, least, residual, int(sweeps))
 
     def _advance(self, out: Array, step: Callable[[], tuple[int, Status]]) -> None:
         before = self.core.copy()
@@ -272,7 +271,7 @@ class Twin:
                 allowed="nothing without a table [grip]",
             )
         given = {
-            "handle_angles": _rows("handle_angles", handle_angles, len(inst.handle_joints)),
+            "handle_angle": _rows("handle_angle", handle_angles, len(inst.handle_joints)),
             "wrench": _rows("wrench", wrench, 6),
             "grip_force": grip[..., np.newaxis],
             "spool_velocity": _rows("spool_velocity", spool_velocity, len(inst.tendons)),
@@ -287,19 +286,19 @@ class Twin:
         if len(shape) != 1:
             raise ArgumentError(
                 f"the commands have shape {shape} without joints or tendons; it must be (n,), one row per step.",
-                key="handle_angles",
+                key="handle_angle",
                 value=shape,
                 allowed="(n,)",
             )
         if not inst.dynamics.hand_stiffness:
-            _check_range(inst, given["handle_angles"])
+            _check_range(inst, given["handle_angle"])
         full = {name: np.broadcast_to(rows, (*shape, rows.shape[-1])) for name, rows in given.items()}
         constant = np.broadcast_to([float(axes == "stem"), *self._place(held)], (*shape, 4))
         # Weight, bend of the sheaths, length let out, tissue.
         none = np.zeros((*shape, 2 + len(inst.tendons) + 3 * len(inst.tip_joints)))
-        columns = (full["handle_angles"], full["spool_velocity"], full["wrench"], full["grip_force"], constant, none)
+        columns = (full["handle_angle"], full["spool_velocity"], full["wrench"], full["grip_force"], constant, none)
         commanded = {
-            "commanded_handle_angle": full["handle_angles"],
+            "commanded_handle_angle": full["handle_angle"],
             "wrench": full["wrench"],
             "applied_grip_force": full["grip_force"][:, 0],
             "commanded_spool_velocity": full["spool_velocity"],
@@ -333,7 +332,7 @@ def _check_range(inst: CoupledInstrument, angles: Array) -> None:
         row, column = map(int, beyond[0])
         joint = inst.handle_joints[column]
         raise ArgumentError(
-            key=f"handle_angles[{row}] of {joint.name}",
+            key=f"handle_angle[{row}] of {joint.name}",
             value=float(np.atleast_2d(angles)[row, column]),
             allowed=f"within its range of ±{joint.range:.4g} rad",
         )
