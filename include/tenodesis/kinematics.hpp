@@ -1,32 +1,15 @@
 #pragma once
-// Kinematics of the instrument in space: a spherical joint at the port, a prismatic joint through it, the bending
-// joints and the roll of the end-effector (Fig. 1: seven joints, with two bending axes), and the handle at the stem's
-// other end.
+// Kinematics of the instrument in space: a spherical joint at the port, a prismatic joint through it, the joints of the
+// tip in a tree, the roll of the end-effectors, and the joints of the handle at the stem's other end (Fig. 1: seven
+// joints, with two bending axes).
 //
 // The port is the origin. At zero angles the stem lies along z, tip up; yaw bends the tip toward x and pitch toward y,
-// as pan and tilt do with the stem. A rolling gear pair rotates by half its angle about the centre of the fixed gear
-// and by the other half about that of the moving gear; the other mechanisms do the same at the ends of their chords.
+// as pan and tilt do with the stem. A joint turns by half its angle, moves along its chord, and turns by the other
+// half: a rolling gear pair about the centre of the fixed gear and then about that of the moving gear.
 
-#include "tenodesis/rotation.hpp"
-#include "tenodesis/statics.hpp"
+#include "tenodesis/wrist.hpp"
 
 namespace tenodesis {
-
-enum class Direction : unsigned char { yaw, pitch };
-
-/// Length between the two ends of a joint bent by an angle (rad), m; it makes half the angle with either end.
-template <class S, class T>
-constexpr T chord(const TendonGear<S>& joint, const T&) {
-  return T(S(2) * joint.radius);
-}
-template <class S, class T>
-constexpr T chord(const TendonPulley<S>&, const T&) {
-  return T(0);
-}
-template <class S, class T>
-constexpr T chord(const TendonContinuum<S>& joint, const T& angle) {
-  return T(joint.backbone_length) * sinc_of_square(angle * angle * T(0.25));
-}
 
 /// Position, m, and orientation of a body.
 template <class S>
@@ -39,137 +22,130 @@ struct Frame {
   constexpr Frame moved(const Vector<S>& by) const { return {position + rotation * by, rotation}; }
 };
 
-/// Coordinates of every joint, rad and m; bending joints from the stem outward. All but the handle's determine the tip.
-template <class S>
+/// Coordinates of every joint, rad and m; joints in the chain's order. All but the handle's determine the ends.
+template <class S, int N>
 struct Posture {
-  static constexpr int coordinates = 5 + most_axes;
-
   S pan{}, tilt{}, spin{};  ///< of the stem about the port
   S insertion{};            ///< of the stem's distal end beyond the port
-  S bend[most_axes]{};      ///< output angles
-  S roll{};                 ///< of the end-effector about itself
-  S handle[most_axes]{};    ///< handle angles
+  S bend[N]{};              ///< output angles
+  S roll{};                 ///< of the end-effectors about themselves
+  S handle[N]{};            ///< handle angles
 };
 
-/// Frames of all bodies; a joint's carrier starts at its end on the stem's side, its far body at the other end.
+/// A bent joint: its carrier starts at its end on the stem's side, its far body at the other end.
 template <class S>
+struct Bent {
+  Frame<S> carrier, far;
+};
+
+/// Frames of all bodies.
+template <class S, int N>
 struct Bodies {
   Frame<S> stem;  ///< at its distal end
-  Frame<S> carrier[most_axes], far[most_axes];
-  Frame<S> end_effector;  ///< the last joint's far body, rolled
-  Frame<S> tip;           ///< where the force acts
-  Frame<S> handle_carrier[most_axes], handle_far[most_axes];
-  Frame<S> grip;  ///< where the hand acts
+  Bent<S> tip[N], handle[N];
+  Frame<S> end_effector[N];  ///< the far body of a tip's joint, rolled
+  Frame<S> end[N];           ///< where the force acts
+  Frame<S> grip[N];          ///< where the hand acts beyond a joint of the handle
 };
 
-/// The constants of the instrument, lengths in m.
-template <class A>
+/// The constants of an instrument of at most N joints at either end, lengths in m.
+template <class Scalar, int N>
 struct Chain {
-  using Scalar = A::Scalar;
+  using S = Scalar;
 
-  int axes{1};
-  A axis[most_axes]{};               ///< from the stem outward
-  Direction direction[most_axes]{};  ///< of each axis
-  Scalar stem_length{};              ///< between the joints' ends nearest to it
-  Scalar joint_spacing{};            ///< of two distal joints, from end to end
-  Scalar handle_joint_spacing{};     ///< of two proximal joints
-
-  /// Place of the axis nearest to the tip.
-  constexpr int last() const { return axes == most_axes ? most_axes - 1 : 0; }
-  /// From the last distal joint's far end to where the force acts.
-  constexpr Scalar end_effector_length() const { return axis[last()].distal.length; }
-  /// From the last proximal joint's far end to where the hand acts.
-  constexpr Scalar handle_length() const { return axis[last()].proximal.length; }
+  int joints{1}, handles{};
+  WristJoint<S> tip[N]{};     ///< each after the one that it stands on
+  WristJoint<S> handle[N]{};  ///< one after another, from the stem outward
+  S stem_length{};            ///< between the joints' ends nearest to it
 };
-
-/// Rotation that bends a straight joint by an angle (rad).
-template <class S>
-Rotation<S> bend(Direction direction, const S& angle) {
-  return direction == Direction::yaw ? about_y(angle) : about_x(-angle);
-}
 
 /// Orientation of the stem.
 template <class S>
 Rotation<S> stem_rotation(const S& pan, const S& tilt, const S& spin) {
-  return bend(Direction::yaw, pan) * bend(Direction::pitch, tilt) * about_z(spin);
+  return about_y(pan) * about_x(-tilt) * about_z(spin);
 }
 
-namespace detail {
-
-/// Places a joint's carrier and far body on a frame, and returns the latter; side is -1 where it points to the handle.
-template <class S, class J>
-Frame<S> pass(const Frame<S>& on, const J& joint, Direction direction, const S& angle, int side, Frame<S>& carrier,
-              Frame<S>& far) {
-  const Rotation<S> half = bend(direction, angle * S(0.5));
-  carrier = on.turned(half);
-  return far = carrier.moved(S(side) * chord(joint, angle)).turned(half);
+/// Side to which a positive angle bends a joint about an axis (a unit vector): that of the agonist.
+template <class S>
+Vector<S> bend_side(const Vector<S>& axis) {
+  const bool rolls = axis.z > S(0.999) || axis.z < S(-0.999);
+  const Vector<S> side = rolls ? cross(axis, Vector<S>{S(1), S(0), S(0)}) : Vector<S>{axis.y, -axis.x, S(0)};
+  return (S(1) / norm(side)) * side;
 }
 
-}  // namespace detail
+/// Length between the two ends of a joint bent by an angle (rad), m, and its rate by the angle, m/rad.
+template <class C, class S>
+constexpr auto chord_of(const WristJoint<C>& joint, const S& angle) {
+  struct Chord {
+    S length{}, rate{};
+  };
+  const Bend<S> bent(joint, coordinate_at(joint.mechanism, angle));
+  return Chord{bent.chord, bent.chord_rate};
+}
+
+/// A joint that begins at a frame, bent by an angle (rad); side is -1 where it points to the handle.
+template <class C, class S>
+Bent<S> bent(const Frame<S>& near, const WristJoint<C>& joint, const S& angle, int side) {
+  const Rotation<S> half = about(joint.axis, angle * S(0.5));
+  const Frame<S> carrier = near.turned(half);
+  return {carrier, carrier.moved(S(side) * chord_of(joint, angle).length).turned(half)};
+}
 
 /// Frames of all bodies at a posture, in any number type that the chain's scalar converts to (Fig. 1).
-template <class A, class S>
-Bodies<S> bodies(const Chain<A>& chain, const Posture<S>& at) {
-  Bodies<S> found{};
+template <class C, class S, int N>
+Bodies<S, N> bodies(const Chain<C, N>& chain, const Posture<S, N>& at) {
+  Bodies<S, N> found{};
   found.stem = Frame<S>{{}, stem_rotation(at.pan, at.tilt, at.spin)}.moved(at.insertion);
-  Frame<S> on = found.stem;
-  Frame<S> handle_on = found.stem.moved(S(-chain.stem_length));
-  for (int i = 0; i < chain.axes; ++i) {
-    if (i > 0) {
-      on = on.moved(S(chain.joint_spacing));
-      handle_on = handle_on.moved(S(-chain.handle_joint_spacing));
-    }
-    const Direction direction = chain.direction[i];
-    on = detail::pass(on, chain.axis[i].distal, direction, at.bend[i], 1, found.carrier[i], found.far[i]);
-    handle_on = detail::pass(handle_on, chain.axis[i].proximal, direction, at.handle[i], -1, found.handle_carrier[i],
-                             found.handle_far[i]);
+  const Rotation<S> rolled = about_z(at.roll);
+  for (int i = 0; i < chain.joints; ++i) {
+    const WristJoint<C>& joint = chain.tip[i];
+    const Frame<S>& on = joint.parent < 0 ? found.stem : found.tip[joint.parent].far;
+    found.tip[i] = bent(on.moved(S(joint.offset)), joint, at.bend[i], 1);
+    found.end_effector[i] = found.tip[i].far.turned(rolled);
+    found.end[i] = found.end_effector[i].moved(S(joint.length));
   }
-  found.end_effector = on.turned(about_z(at.roll));
-  found.tip = found.end_effector.moved(S(chain.end_effector_length()));
-  found.grip = handle_on.moved(S(-chain.handle_length()));
+  Frame<S> on = found.stem.moved(S(-chain.stem_length));
+  for (int i = 0; i < chain.handles; ++i) {
+    const WristJoint<C>& joint = chain.handle[i];
+    found.handle[i] = bent(on.moved(S(-joint.offset)), joint, at.handle[i], -1);
+    on = found.handle[i].far;
+    found.grip[i] = on.moved(S(-joint.length));
+  }
   return found;
 }
 
-/// Velocity (m/s) and angular velocity (rad/s) of the tip by the rate of each coordinate, in the port's frame.
-template <class S>
+/// Velocity (m/s) and angular velocity (rad/s) of an end by the rate of each coordinate, in the port's frame: pan,
+/// tilt, spin, insertion, the tip's joints, roll.
+template <class S, int N>
 struct Jacobian {
-  Vector<S> linear[Posture<S>::coordinates]{};
-  Vector<S> angular[Posture<S>::coordinates]{};
+  Vector<S> linear[5 + N]{};
+  Vector<S> angular[5 + N]{};
 };
 
-/// The Jacobian of a posture's tip, by dual numbers.
-template <class A>
-Jacobian<typename A::Scalar> jacobian(const Chain<A>& chain, const Posture<typename A::Scalar>& at) {
-  using S = A::Scalar;
-  constexpr int n = Posture<S>::coordinates;
-  using D = Dual<S, n>;
-  Posture<D> point{D::variable(at.pan, 0),
-                   D::variable(at.tilt, 1),
-                   D::variable(at.spin, 2),
-                   D::variable(at.insertion, 3),
-                   {},
-                   D::variable(at.roll, n - 1),
-                   {}};
-  for (int i = 0; i < most_axes; ++i) {
-    point.bend[i] = D::variable(at.bend[i], std::size_t(4) + std::size_t(i));
-    point.handle[i] = D(at.handle[i]);
+/// The Jacobian of the end beyond a joint of the tip: both halves of an angle turn what is beyond them, and a
+/// backbone's chord shortens.
+template <class S, int N>
+Jacobian<S, N> jacobian(const Chain<S, N>& chain, const Posture<S, N>& at, int end) {
+  const Bodies<S, N> found = bodies(chain, at);
+  const Vector<S> tip = found.end[end].position, ahead{S(0), S(0), S(1)};
+  Jacobian<S, N> rates{};
+  const auto turn = [&](int column, const Vector<S>& axis, const Vector<S>& centre) {
+    rates.linear[column] = cross(axis, tip - centre);
+    rates.angular[column] = axis;
+  };
+  const Vector<S> stem = found.stem.rotation * ahead;
+  turn(0, Vector<S>{S(0), S(1), S(0)}, {});
+  turn(1, about_y(at.pan) * Vector<S>{S(-1), S(0), S(0)}, {});
+  turn(2, stem, {});
+  rates.linear[3] = stem;
+  for (int i = end; i >= 0; i = chain.tip[i].parent) {
+    const auto& [carrier, far] = found.tip[i];
+    // Its own half turn leaves the axis where it is.
+    turn(4 + i, carrier.rotation * chain.tip[i].axis, S(0.5) * (carrier.position + far.position));
+    rates.linear[4 + i] = rates.linear[4 + i] + chord_of(chain.tip[i], at.bend[i]).rate * (carrier.rotation * ahead);
   }
-  const Frame<D> tip = bodies(chain, point).tip;
-  const Rotation<D>& r = tip.rotation;
-  const Rotation<S> back = Rotation<S>{r.w.value, r.x.value, r.y.value, r.z.value}.inverse();
-  Jacobian<S> found{};
-  for (int k = 0; k < n; ++k) {
-    found.linear[k] = {tip.position.x.slope[k], tip.position.y.slope[k], tip.position.z.slope[k]};
-    const Rotation<S> rate = Rotation<S>{r.w.slope[k], r.x.slope[k], r.y.slope[k], r.z.slope[k]} * back;
-    found.angular[k] = S(2) * Vector<S>{rate.x, rate.y, rate.z};
-  }
-  return found;
-}
-
-/// Handle angle that holds an axis's output angle without a load, rad (eq. 18).
-template <class A>
-auto unloaded_handle(const Chain<A>& chain, int axis, const typename A::Scalar& output_angle) {
-  return handle_angle(chain.axis[axis], output_angle, Load<typename A::Scalar>{});
+  turn(4 + chain.joints, found.end_effector[end].rotation * ahead, found.end_effector[end].position);
+  return rates;
 }
 
 /// How an inverse ended.
@@ -178,12 +154,13 @@ enum class Reach : unsigned char {
   unreachable,  ///< the tip is too near to the port for the bending joints
   singular,     ///< two joints have the same axis there
   not_finite,
+  other_joints,  ///< the tip does not have one or two joints, across the stem and each other
 };
 
 /// Result of an inverse.
-template <class S>
+template <class S, int N>
 struct Reached {
-  Posture<S> posture{};
+  Posture<S, N> posture{};
   S residual{};  ///< error of the tip's position, m
   Reach reach{};
 };
@@ -207,34 +184,45 @@ S angle_between(const Vector<S>& a, const Vector<S>& b) {
   return S(2) * asin(smaller(sqrt(square) * S(0.5), S(1)));
 }
 
-template <class S>
-constexpr S along(Direction direction, const Vector<S>& v) {
-  return direction == Direction::yaw ? v.x : v.y;
+template <class S, class C>
+constexpr Vector<S> converted(const Vector<C>& v) {
+  return {S(v.x), S(v.y), S(v.z)};
+}
+
+/// Whether one or two joints, one on the other, bend the tip about axes across the stem and each other.
+template <class S, int N>
+bool solvable(const Chain<S, N>& chain) {
+  const S fine = S(64) * std::numeric_limits<S>::epsilon();
+  const auto across = [&](const S& cosine) { return abs(cosine) <= fine; };
+  const WristJoint<S>&first = chain.tip[0], &last = chain.tip[chain.joints - 1];
+  return chain.joints <= 2 && across(first.axis.z) && across(last.axis.z) &&
+         (chain.joints == 1 || (last.parent == 0 && across(dot(first.axis, last.axis))));
 }
 
 /// From the stem's distal end to the tip, in the stem's frame; the end-effector's direction determines the bending.
-template <class A, class S>
-Vector<S> reach_of(const Chain<A>& chain, const Vector<S>& pointing) {
+template <class C, class S, int N>
+Vector<S> reach_of(const Chain<C, N>& chain, const Vector<S>& pointing) {
   Vector<S> from{S(0), S(0), S(1)};
   Vector<S> sum{};
-  for (int i = 0; i < chain.axes; ++i) {
+  for (int i = 0; i < chain.joints; ++i) {
+    const WristJoint<C>& joint = chain.tip[i];
     Vector<S> to = pointing;
-    if (i + 1 < chain.axes) {
+    if (i + 1 < chain.joints) {
       // The link between two joints stays in the plane of the first.
-      (chain.direction[i] == Direction::yaw ? to.y : to.x) = S(0);
+      const Vector<S> axis = converted<S>(joint.axis);
+      to = to - dot(axis, to) * axis;
       to = (S(1) / norm(to)) * to;
-      sum = sum + S(chain.joint_spacing) * to;
     }
-    sum = sum + chord(chain.axis[i].distal, angle_between(from, to)) * bisector(from, to);
+    sum = sum + S(joint.offset) * from + chord_of(joint, angle_between(from, to)).length * bisector(from, to);
     from = to;
   }
-  return sum + S(chain.end_effector_length()) * pointing;
+  return sum + S(chain.tip[chain.joints - 1].length) * pointing;
 }
 
 /// Vector from port to tip less the joints' part, in the stem's frame before its spin: x and y must vanish, z is the
 /// insertion.
-template <class A, class S, class V>
-Vector<S> left_over(const Chain<A>& chain, const Frame<V>& goal, const S& pan, const S& tilt, const V& spin) {
+template <class C, class S, class V, int N>
+Vector<S> left_over(const Chain<C, N>& chain, const Frame<V>& goal, const S& pan, const S& tilt, const V& spin) {
   const Vector<V> axis = goal.rotation * Vector<V>{V(0), V(0), V(1)};
   const Rotation<S> back = stem_rotation(pan, tilt, S(0)).inverse();
   const Vector<S> pointing = back * Vector<S>{S(axis.x), S(axis.y), S(axis.z)};
@@ -276,8 +264,8 @@ struct Pivot {
 };
 
 /// Newton's method from a start; a step that does not reduce the error is halved.
-template <Real S, class A>
-void aim(const Chain<A>& chain, const Frame<S>& goal, const S& spin, const S& scale, Pivot<S>& at) {
+template <Real S, int N>
+void aim(const Chain<S, N>& chain, const Frame<S>& goal, const S& spin, const S& scale, Pivot<S>& at) {
   using D = Dual<S, 2>;
   const S fine = S(8) * std::numeric_limits<S>::epsilon() * scale;
   for (int step = 0; step < most_reach_steps; ++step) {
@@ -313,13 +301,13 @@ void aim(const Chain<A>& chain, const Frame<S>& goal, const S& spin, const S& sc
 
 /// The pivot that reaches a goal. Where several do (the second joint bent by more than 60 deg), one on the straight
 /// instrument's side of the singularity is preferred, unless a start is given.
-template <Real S, class A>
-Pivot<S> pivot(const Chain<A>& chain, const Frame<S>& goal, const S& spin, const Start<S>& start) {
+template <Real S, int N>
+Pivot<S> pivot(const Chain<S, N>& chain, const Frame<S>& goal, const S& spin, const Start<S>& start) {
   const Vector<S>& p = goal.position;
   const Vector<S> ahead{S(0), S(0), S(1)};
   const S straight = reach_of(chain, ahead).z;
   // As if all joints bent about one point.
-  const Vector<S> middle = p - (S(0.5) * (straight + chain.end_effector_length())) * (goal.rotation * ahead);
+  const Vector<S> middle = p - (S(0.5) * (straight + chain.tip[chain.joints - 1].length)) * (goal.rotation * ahead);
   const S pan = start.given ? start.pan : angle_of(middle.x, middle.z);
   const S tilt = start.given ? start.tilt : angle_of(middle.y, sqrt(middle.x * middle.x + middle.z * middle.z));
   Pivot<S> found{};
@@ -338,44 +326,43 @@ Pivot<S> pivot(const Chain<A>& chain, const Frame<S>& goal, const S& spin, const
 
 /// Posture that brings the tip to a goal, by Newton's method in pan and tilt; the rest follows in closed form.
 ///
-/// With two bending axes the chain is redundant, and the spin is as given. With one axis the spin follows, within a
-/// quarter turn of the given one. The second bending angle is within a quarter turn. The handle is left straight: its
-/// angle depends on the load.
-template <Real S, class A>
-Reached<S> inverse(const Chain<A>& chain, const Frame<S>& goal, const S& spin, const Start<S>& start = {}) {
+/// With two joints the chain is redundant, and the spin is as given. With one joint the spin follows, within a quarter
+/// turn of the given one. The second bending angle is within a quarter turn. The handle is left straight: its angle
+/// depends on the load.
+template <Real S, int N>
+Reached<S, N> inverse(const Chain<S, N>& chain, const Frame<S>& goal, const S& spin, const Start<S>& start = {}) {
   const Vector<S>& p = goal.position;
   const Rotation<S>& r = goal.rotation;
-  Reached<S> found{};
-  if (!all_finite(p.x, p.y, p.z, r.w, r.x, r.y, r.z, spin, start.pan, start.tilt)) {
-    found.reach = Reach::not_finite;
-    return found;
-  }
+  Reached<S, N> found{};
+  if (!detail::solvable(chain)) found.reach = Reach::other_joints;
+  if (!all_finite(p.x, p.y, p.z, r.w, r.x, r.y, r.z, spin, start.pan, start.tilt)) found.reach = Reach::not_finite;
+  if (found.reach != Reach::ok) return found;
   const detail::Pivot<S> pivot = detail::pivot(chain, goal, spin, start);
   found.reach = pivot.reach;
   found.residual = pivot.residual;
   if (found.reach != Reach::ok) return found;
 
-  const Vector<S> axis = r * Vector<S>{S(0), S(0), S(1)};
-  Posture<S>& at = found.posture;
+  const Vector<S> ahead{S(0), S(0), S(1)}, axis = r * ahead;
+  Posture<S, N>& at = found.posture;
   at = {detail::within_half_turn(pivot.pan), detail::within_half_turn(pivot.tilt), spin, pivot.insertion, {}, {}, {}};
   Vector<S> pointing = stem_rotation(pivot.pan, pivot.tilt, S(0)).inverse() * axis;
-  if (chain.axes == 1) {
-    const S off = sqrt(pointing.x * pointing.x + pointing.y * pointing.y);
-    const bool yaws = chain.direction[0] == Direction::yaw;
-    if (off > S(0)) {
-      const S toward = yaws ? angle_of(pointing.y, pointing.x) : angle_of(-pointing.x, pointing.y);
+  const Vector<S> side = bend_side(chain.tip[0].axis);
+  if (chain.joints == 1) {
+    const S toward_side = dot(side, pointing), beside = dot(cross(ahead, side), pointing);
+    if (toward_side * toward_side + beside * beside > S(0)) {
+      const S toward = angle_of(beside, toward_side);
       const S half_turns = round((spin - toward) * S(1 / pi));
       at.spin = toward + S(pi) * half_turns;
     }
-    pointing = about_z(at.spin).inverse() * pointing;
-    at.bend[0] = angle_of(detail::along(chain.direction[0], pointing), pointing.z);
-  } else {
-    pointing = about_z(spin).inverse() * pointing;
-    const S first = detail::along(chain.direction[0], pointing);
-    at.bend[0] = angle_of(first, pointing.z);
-    at.bend[1] = angle_of(detail::along(chain.direction[1], pointing), sqrt(first * first + pointing.z * pointing.z));
   }
-  const Frame<S> unrolled = bodies(chain, at).tip;
+  pointing = about_z(at.spin).inverse() * pointing;
+  const S first = dot(side, pointing);
+  at.bend[0] = angle_of(first, pointing.z);
+  if (chain.joints == 2) {
+    const S second = dot(bend_side(chain.tip[1].axis), pointing);
+    at.bend[1] = angle_of(second, sqrt(first * first + pointing.z * pointing.z));
+  }
+  const Frame<S> unrolled = bodies(chain, at).end[chain.joints - 1];
   const Rotation<S> rolled = unrolled.rotation.inverse() * r;
   at.roll = detail::within_half_turn(S(2) * angle_of(rolled.z, rolled.w));
   const Vector<S> off = unrolled.position - p;

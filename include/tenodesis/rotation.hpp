@@ -72,6 +72,13 @@ Rotation<S> about_z(const S& angle) {
   return {half.cosine, S(0), S(0), half.sine};
 }
 
+/// About an axis, a unit vector.
+template <class S, class C>
+Rotation<S> about(const Vector<C>& axis, const S& angle) {
+  const HalfTurn<S> half(angle);
+  return {half.cosine, half.sine * S(axis.x), half.sine * S(axis.y), half.sine * S(axis.z)};
+}
+
 template <class S>
 S norm(const Vector<S>& v) {
   return sqrt(dot(v, v));

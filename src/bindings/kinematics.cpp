@@ -1,9 +1,9 @@
-// Kinematics for Python: rows of joint coordinates in, frames, Jacobians and coordinates out.
+// Kinematics for Python: rows of joint coordinates in, frames, lines, Jacobians and coordinates out.
 
 #include "tenodesis/kinematics.hpp"
 
+#include <algorithm>
 #include <cmath>
-#include <string>
 #include <tuple>
 #include <variant>
 #include <vector>
@@ -16,65 +16,68 @@ namespace {
 
 using namespace engine;
 
-using AnyChain = std::variant<Chain<GearAxis<double>>, Chain<PulleyAxis<double>>, Chain<ContinuumAxis<double>>>;
+constexpr int most_joints = 6;
+using AnyChain = Chain<double, most_joints>;
+using At = Posture<double, most_joints>;
 
-// A row of coordinates: pan, tilt, spin, insertion, bends, roll, handle angles.
-constexpr std::size_t row_length = std::size_t(Posture<double>::coordinates) + most_axes;
-constexpr std::size_t frame_length = 7;  // x, y, z; w, x, y, z
-constexpr std::size_t tip_coordinates = std::size_t(Posture<double>::coordinates);
+// Columns of a row: pan, tilt, spin, insertion, the tip's joints, roll, the handle's joints.
+constexpr std::size_t own_columns = 5;
+constexpr std::size_t frame_length = 7;   // x, y, z; w, x, y, z
+constexpr std::size_t tip_frames = 4;     // carrier, far, end-effector, end
+constexpr std::size_t handle_frames = 3;  // carrier, far, grip
 
-/// Points along a tendon at one joint: both ends of a gear pair's, or enough of an arc to look like one.
-template <class J>
-constexpr std::size_t points_over = 9;
-template <>
-constexpr std::size_t points_over<TendonGear<double>> = 2;
+/// A tendon's passage over a joint: whether that is at the tip, its place there, the tendon's offset from its middle.
+using Passage = std::tuple<bool, int, double, double, double>;
+/// Mechanisms, parents, and rows of axis, offset, straight chord and length beyond, of the joints at an end.
+using Joints = std::tuple<std::vector<int>, std::vector<int>, std::vector<std::array<double, 6>>>;
+using Described = std::tuple<Joints, Joints, double, std::vector<std::vector<Passage>>>;
 
-using Described = std::tuple<std::vector<Spec>, std::vector<bool>, double, double, double>;
-
-AnyChain make_chain(const Described& of) {
-  const auto& [specs, pitches, stem, spacing, handle_spacing] = of;
-  if (specs.empty() || specs.size() > std::size_t(most_axes) || pitches.size() != specs.size())
-    throw nb::value_error("a chain has one or two axes");
-  return std::visit(
-      [&](const auto& first) -> AnyChain {
-        using A = std::remove_cvref_t<decltype(first)>;
-        Chain<A> chain{};
-        chain.axes = int(specs.size());
-        for (std::size_t i = 0; i < specs.size(); ++i) {
-          const AnyAxis<double> any = make_axis(specs[i]);
-          if (!std::holds_alternative<A>(any)) throw nb::value_error("axes differ in joint type");
-          chain.axis[i] = std::get<A>(any);
-          chain.direction[i] = pitches[i] ? Direction::pitch : Direction::yaw;
-        }
-        chain.stem_length = stem;
-        chain.joint_spacing = spacing;
-        chain.handle_joint_spacing = handle_spacing;
-        return chain;
-      },
-      make_axis(specs[0]));
+int read_joints(const Joints& joints, WristJoint<double>* out) {
+  const auto& [mechanisms, parents, numbers] = joints;
+  const std::size_t count = mechanisms.size();
+  require(count <= std::size_t(most_joints) && parents.size() == count && numbers.size() == count,
+          "a chain has at most six joints at an end");
+  for (std::size_t i = 0; i < count; ++i) {
+    require(mechanisms[i] >= 0 && mechanisms[i] <= int(Mechanism::continuum), "there is no such mechanism");
+    require(parents[i] >= -1 && parents[i] < int(i), "a joint stands on one before it");
+    const auto& [x, y, z, offset, chord, length] = numbers[i];
+    out[i].mechanism = static_cast<Mechanism>(mechanisms[i]);
+    out[i].parent = parents[i];
+    out[i].axis = {x, y, z};
+    out[i].offset = offset;
+    out[i].chord = chord;
+    out[i].length = length;
+  }
+  return int(count);
 }
 
-/// A chain with its description.
+/// A chain with the routes of its tendons.
 struct BoundChain {
   Described described;
-  AnyChain chain;
+  AnyChain chain{};
 
-  explicit BoundChain(const Described& of) : described(of), chain(make_chain(of)) {}
+  explicit BoundChain(const Described& of) : described(of) {
+    const auto& [tip, handle, stem, routes] = of;
+    chain.joints = read_joints(tip, chain.tip);
+    chain.handles = read_joints(handle, chain.handle);
+    chain.stem_length = stem;
+    require(chain.joints > 0, "a chain has a joint at the tip");
+    for (const auto& route : routes)
+      for (const auto& [at_tip, joint, x, y, z] : route)
+        require(joint >= 0 && joint < (at_tip ? chain.joints : chain.handles), "a tendon crosses joints of the chain");
+  }
+  const std::vector<std::vector<Passage>>& routes() const { return std::get<3>(described); }
+  std::size_t joints() const { return std::size_t(chain.joints); }
+  std::size_t handles() const { return std::size_t(chain.handles); }
+  std::size_t tip_columns() const { return own_columns + joints(); }
+  std::size_t row_length() const { return tip_columns() + handles(); }
+  std::size_t frames() const { return 1 + tip_frames * joints() + handle_frames * handles(); }
 };
 
-Posture<double> posture_of(const double* row) {
-  return {row[0], row[1], row[2], row[3], {row[4], row[5]}, row[6], {row[7], row[8]}};
-}
-
-/// The same, where handle angles that are NaN follow the output without a load.
-template <class A>
-Posture<double> with_handle(const Chain<A>& chain, const double* row) {
-  Posture<double> at = posture_of(row);
-  for (int i = 0; i < chain.axes; ++i) {
-    if (!std::isnan(at.handle[i])) continue;
-    const Result<double> follows = unloaded_handle(chain, i, at.bend[i]);
-    at.handle[i] = follows.status == Status::ok ? follows.value : nan;
-  }
+At posture_of(const BoundChain& bound, const double* row) {
+  At at{row[0], row[1], row[2], row[3], {}, row[4 + bound.joints()], {}};
+  std::copy_n(row + 4, bound.joints(), at.bend);
+  std::copy_n(row + bound.tip_columns(), bound.handles(), at.handle);
   return at;
 }
 
@@ -86,218 +89,195 @@ void write(const Frame<double>& frame, double* out) {
   std::copy_n(values, frame_length, out);
 }
 
-/// Names of the frames, in the order they are written in.
-template <class A>
-std::vector<std::string> frame_names(const Chain<A>& chain) {
-  std::vector<std::string> names{"stem"};
-  const auto add = [&](const std::string& end) {
-    for (int i = 0; i < chain.axes; ++i) {
-      const std::string name = end + (chain.direction[i] == Direction::yaw ? "yaw" : "pitch");
-      names.push_back(name + "_carrier");
-      names.push_back(name + "_far");
-    }
-  };
-  add("");
-  names.insert(names.end(), {"end_effector", "tip"});
-  add("handle_");
-  names.emplace_back("grip");
-  return names;
-}
-
-template <class A>
-void write_frames(const Chain<A>& chain, const Bodies<double>& found, double* out) {
+void write_frames(const BoundChain& bound, const Bodies<double, most_joints>& found, double* out) {
   const auto next = [&](const Frame<double>& frame) {
     write(frame, out);
     out += frame_length;
   };
   next(found.stem);
-  for (int i = 0; i < chain.axes; ++i) {
-    next(found.carrier[i]);
-    next(found.far[i]);
+  for (std::size_t i = 0; i < bound.joints(); ++i) {
+    next(found.tip[i].carrier);
+    next(found.tip[i].far);
+    next(found.end_effector[i]);
+    next(found.end[i]);
   }
-  next(found.end_effector);
-  next(found.tip);
-  for (int i = 0; i < chain.axes; ++i) {
-    next(found.handle_carrier[i]);
-    next(found.handle_far[i]);
+  for (std::size_t i = 0; i < bound.handles(); ++i) {
+    next(found.handle[i].carrier);
+    next(found.handle[i].far);
+    next(found.grip[i]);
   }
-  next(found.grip);
 }
 
-void check_rows(const In<2>& rows, std::size_t length, std::size_t written) {
-  if (rows.shape(1) != length || rows.shape(0) != written) throw nb::value_error("arrays do not fit");
+void check_rows(const BoundChain& bound, const In<2>& rows, std::size_t written) {
+  require(rows.shape(1) == bound.row_length() && rows.shape(0) == written, "arrays do not fit");
 }
 
 void frames(const BoundChain& bound, const In<2>& rows, const Out<3>& out, int threads) {
-  check_rows(rows, row_length, out.shape(0));
-  std::visit(
-      [&](const auto& chain) {
-        if (out.shape(1) != frame_names(chain).size() || out.shape(2) != frame_length)
-          throw nb::value_error("out does not fit the chain");
-        const nb::gil_scoped_release release;
-        over_threads(rows.shape(0), threads, points_per_thread, [&](std::size_t begin, std::size_t end) {
-          for (std::size_t i = begin; i < std::min(end, rows.shape(0)); ++i)
-            write_frames(chain, bodies(chain, with_handle(chain, rows.data() + i * row_length)),
-                         out.data() + i * out.shape(1) * frame_length);
-        });
-      },
-      bound.chain);
+  check_rows(bound, rows, out.shape(0));
+  const std::size_t length = bound.row_length(), count = bound.frames();
+  require(out.shape(1) == count && out.shape(2) == frame_length, "out does not fit the chain");
+  const nb::gil_scoped_release release;
+  over_threads(rows.shape(0), threads, points_per_thread, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < std::min(end, rows.shape(0)); ++i)
+      write_frames(bound, bodies(bound.chain, posture_of(bound, rows.data() + i * length)),
+                   out.data() + i * count * frame_length);
+  });
 }
 
-void tip(const BoundChain& bound, const In<2>& rows, const Out<2>& out, int threads) {
-  check_rows(rows, row_length, out.shape(0));
-  if (out.shape(1) != frame_length) throw nb::value_error("out does not fit");
+void jacobians(const BoundChain& bound, const In<2>& rows, const std::vector<int>& ends, const Out<4>& out,
+               int threads) {
+  check_rows(bound, rows, out.shape(0));
+  const std::size_t columns = bound.tip_columns();
+  require(out.shape(1) == ends.size() && out.shape(2) == 6 && out.shape(3) == columns, "out does not fit");
+  for (const int end : ends) require(end >= 0 && end < bound.chain.joints, "an end is beyond a joint of the tip");
   const nb::gil_scoped_release release;
-  std::visit(
-      [&](const auto& chain) {
-        over_threads(rows.shape(0), threads, points_per_thread, [&](std::size_t begin, std::size_t end) {
-          for (std::size_t i = begin; i < std::min(end, rows.shape(0)); ++i)
-            write(bodies(chain, posture_of(rows.data() + i * row_length)).tip, out.data() + i * frame_length);
-        });
-      },
-      bound.chain);
-}
-
-void jacobians(const BoundChain& bound, const In<2>& rows, const Out<3>& out, int threads) {
-  check_rows(rows, row_length, out.shape(0));
-  if (out.shape(1) != 6 || out.shape(2) != tip_coordinates) throw nb::value_error("out does not fit");
-  const nb::gil_scoped_release release;
-  std::visit(
-      [&](const auto& chain) {
-        over_threads(rows.shape(0), threads, points_per_thread / 8, [&](std::size_t begin, std::size_t end) {
-          for (std::size_t i = begin; i < std::min(end, rows.shape(0)); ++i) {
-            const Jacobian<double> found = jacobian(chain, posture_of(rows.data() + i * row_length));
-            double* at = out.data() + i * 6 * tip_coordinates;
-            for (std::size_t k = 0; k < tip_coordinates; ++k) {
-              const auto &v = found.linear[k], &w = found.angular[k];
-              const double column[6] = {v.x, v.y, v.z, w.x, w.y, w.z};
-              for (std::size_t j = 0; j < 6; ++j) at[j * tip_coordinates + k] = column[j];
-            }
-          }
-        });
-      },
-      bound.chain);
+  over_threads(rows.shape(0), threads, points_per_thread / 8, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < std::min(end, rows.shape(0)); ++i) {
+      const At at = posture_of(bound, rows.data() + i * bound.row_length());
+      for (std::size_t e = 0; e < ends.size(); ++e) {
+        const auto found = jacobian(bound.chain, at, ends[e]);
+        double* to = out.data() + (i * ends.size() + e) * 6 * columns;
+        for (std::size_t k = 0; k < columns; ++k) {
+          const auto &v = found.linear[k], &w = found.angular[k];
+          const double column[6] = {v.x, v.y, v.z, w.x, w.y, w.z};
+          for (std::size_t j = 0; j < 6; ++j) to[j * columns + k] = column[j];
+        }
+      }
+    }
+  });
 }
 
 void inverses(const BoundChain& bound, const In<2>& goals, const In<2>& start, const Out<2>& out, const Statuses& reach,
               int threads) {
-  check_rows(goals, frame_length, out.shape(0));
-  const std::size_t count = goals.shape(0);
-  if (out.shape(1) != tip_coordinates || start.shape(0) != count || start.shape(1) != 3 || reach.shape(0) != count)
-    throw nb::value_error("arrays do not fit");
+  const std::size_t count = goals.shape(0), columns = bound.tip_columns();
+  require(goals.shape(1) == frame_length && out.shape(0) == count && out.shape(1) == columns &&
+              start.shape(0) == count && start.shape(1) == 3 && reach.shape(0) == count,
+          "arrays do not fit");
   const nb::gil_scoped_release release;
-  std::visit(
-      [&](const auto& chain) {
-        over_threads(count, threads, points_per_thread / 8, [&](std::size_t begin, std::size_t end) {
-          for (std::size_t i = begin; i < std::min(end, count); ++i) {
-            const double* g = goals.data() + i * frame_length;
-            const double* t = start.data() + i * 3;
-            const Reached<double> found =
-                inverse(chain, Frame<double>{{g[0], g[1], g[2]}, {g[3], g[4], g[5], g[6]}}, t[0],
-                        std::isnan(t[1]) ? Start<double>{} : Start<double>{true, t[1], t[2]});
-            const Posture<double>& at = found.posture;
-            const double row[tip_coordinates] = {at.pan,     at.tilt,    at.spin, at.insertion,
-                                                 at.bend[0], at.bend[1], at.roll};
-            for (std::size_t k = 0; k < tip_coordinates; ++k)
-              out.data()[i * tip_coordinates + k] = found.reach == Reach::ok ? row[k] : nan;
-            reach.data()[i] = static_cast<unsigned char>(found.reach);
-          }
-        });
-      },
-      bound.chain);
+  over_threads(count, threads, points_per_thread / 8, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < std::min(end, count); ++i) {
+      const double* g = goals.data() + i * frame_length;
+      const double* t = start.data() + i * 3;
+      const auto found = inverse(bound.chain, Frame<double>{{g[0], g[1], g[2]}, {g[3], g[4], g[5], g[6]}}, t[0],
+                                 std::isnan(t[1]) ? Start<double>{} : Start<double>{true, t[1], t[2]});
+      const At& at = found.posture;
+      double* to = out.data() + i * columns;
+      const double own[4] = {at.pan, at.tilt, at.spin, at.insertion};
+      std::copy_n(own, 4, to);
+      std::copy_n(at.bend, bound.joints(), to + 4);
+      to[columns - 1] = at.roll;
+      if (found.reach != Reach::ok) std::fill_n(to, columns, nan);
+      reach.data()[i] = static_cast<unsigned char>(found.reach);
+    }
+  });
 }
 
-/// A tendon's path over a joint: the joint's near end, its angle, and the tendon's offset from its middle.
-struct Path {
+/// A joint as a line runs over it, from its end on the stem's side; side is -1 where it points to the handle.
+struct Passed {
+  const WristJoint<double>& joint;
   Frame<double> near;
-  Direction direction{};
   double angle{};
-  int side{};  // -1 where the joint points to the handle
-  Vector<double> offset;
-  bool own{};  // whether the tendon bends this joint and ends at it, or passes through its middle plane
+  int side{};
 };
 
-/// Places the points of one tendon over one joint, from the near end to the far end.
-template <class J, class Place>
-void over(const J& joint, const Path& path, const Place& place) {
-  constexpr std::size_t points = points_over<J>;
-  for (std::size_t k = 0; k < points; ++k) {
-    // A part of an arc is an arc of its own; a gear pair has only two ends.
-    const double share = double(k) / double(points - 1);
-    Frame<double> carrier, far;
-    detail::pass(path.near, joint, path.direction, share * path.angle, path.side, carrier, far);
-    const Vector<double> middle = path.near.position + share * (far.position - path.near.position);
-    place(middle + far.rotation * path.offset);
-  }
-}
+/// Points along a tendon at one joint: both ends of a gear pair's, or enough of an arc to look like one.
+std::size_t points_over(const WristJoint<double>& joint) { return joint.mechanism == Mechanism::gear ? 2 : 9; }
 
-/// On a pulley the tendon wraps from the stem's side to its end, a quarter turn when the joint is straight.
+/// Places the points of a line over a joint at an offset from its middle, outward.
 template <class Place>
-void over(const TendonPulley<double>&, const Path& path, const Place& place) {
-  constexpr std::size_t points = points_over<TendonPulley<double>>;
-  const double sign = path.offset.x + path.offset.y < 0 ? -1 : 1;
-  const double wrap = path.own ? 0.5 * pi - sign * path.side * path.angle : 0;
-  for (std::size_t k = 0; k < points; ++k) {
-    const double angle = -sign * path.side * wrap * double(k) / double(points - 1);
-    place(path.near.position + path.near.rotation * (bend(path.direction, angle) * path.offset));
+void over(const Passed& passed, const Vector<double>& offset, bool ends, const Place& place) {
+  const auto& [joint, near, angle, side] = passed;
+  const std::size_t last = points_over(joint) - 1;
+  // On a pulley where it ends, a tendon wraps from the stem's side by a quarter turn while the joint is straight.
+  const double toward = dot(bend_side(joint.axis), offset);
+  const double quarter = ends && toward != 0 ? (toward < 0 ? -0.5 : 0.5) * side * pi : 0;
+  for (std::size_t k = 0; k <= last; ++k) {
+    const double share = double(k) / double(last);
+    if (joint.mechanism == Mechanism::pulley) {
+      place(near.position + near.rotation * (about(joint.axis, share * (angle - quarter)) * offset));
+      continue;
+    }
+    // A part of an arc is an arc of its own; a gear pair has only two ends.
+    const Frame<double> far = bent(near, joint, share * angle, side).far;
+    place(near.position + share * (far.position - near.position) + far.rotation * offset);
   }
 }
 
-template <class A>
-std::size_t path_length(const Chain<A>& chain) {
-  using Proximal = std::remove_cvref_t<decltype(chain.axis[0].proximal)>;
-  using Distal = std::remove_cvref_t<decltype(chain.axis[0].distal)>;
-  return std::size_t(chain.axes) * (points_over<Proximal> + points_over<Distal>);
+/// Lengths of the lines: of every tendon, and of every backbone, of the tip's joints and then of the handle's.
+std::vector<std::size_t> line_lengths(const BoundChain& bound) {
+  const AnyChain& chain = bound.chain;
+  std::vector<std::size_t> lengths;
+  for (const auto& route : bound.routes()) {
+    std::size_t points = std::get<0>(route.front()) ? 1 : 0;
+    for (const auto& [at_tip, joint, x, y, z] : route)
+      points += points_over(at_tip ? chain.tip[joint] : chain.handle[joint]);
+    lengths.push_back(points);
+  }
+  const auto backbones = [&](const WristJoint<double>* joints, int count) {
+    for (int i = 0; i < count; ++i)
+      if (joints[i].mechanism == Mechanism::continuum) lengths.push_back(points_over(joints[i]));
+  };
+  backbones(chain.tip, chain.joints);
+  backbones(chain.handle, chain.handles);
+  return lengths;
 }
 
-/// Two tendons of every axis, agonist first, from the handle to their ends; the points of a tendon that ends before the
-/// last joint repeat its end.
-template <class A>
-void write_paths(const Chain<A>& chain, const Posture<double>& at, double* out) {
-  const Bodies<double> found = bodies(chain, at);
-  const std::size_t length = path_length(chain);
-  for (int axis = 0; axis < chain.axes; ++axis) {
-    for (const double sign : {1.0, -1.0}) {
+/// Tendons from the handle's end to the tip, and backbones outward; a tendon without a joint at the handle begins at
+/// the stem's end there.
+void write_lines(const BoundChain& bound, const At& at, double* out) {
+  const AnyChain& chain = bound.chain;
+  const Bodies<double, most_joints> found = bodies(chain, at);
+  const Frame<double> bottom = found.stem.moved(-chain.stem_length);
+  const auto place = [&](const Vector<double>& point) {
+    const double coordinates[3] = {point.x, point.y, point.z};
+    out = std::copy_n(coordinates, 3, out);
+  };
+  const auto passed = [&](bool at_tip, int i) {
+    if (at_tip) {
+      const WristJoint<double>& joint = chain.tip[i];
+      const Frame<double>& on = joint.parent < 0 ? found.stem : found.tip[joint.parent].far;
+      return Passed{joint, on.moved(joint.offset), at.bend[i], 1};
+    }
+    const WristJoint<double>& joint = chain.handle[i];
+    return Passed{joint, (i == 0 ? bottom : found.handle[i - 1].far).moved(-joint.offset), at.handle[i], -1};
+  };
+  for (const auto& route : bound.routes()) {
+    for (std::size_t k = 0; k < route.size(); ++k) {
+      const auto& [at_tip, joint, x, y, z] = route[k];
+      const Vector<double> offset{x, y, z};
+      if (at_tip) {
+        if (k == 0) place(bottom.position + bottom.rotation * offset);
+        over(passed(true, joint), offset, k + 1 == route.size(), place);
+        continue;
+      }
       std::vector<Vector<double>> points;
-      const auto place = [&](const Vector<double>& point) { points.push_back(point); };
-      const auto offset = [&](double radius) {
-        return chain.direction[axis] == Direction::yaw ? Vector<double>{sign * radius, 0, 0}
-                                                       : Vector<double>{0, sign * radius, 0};
-      };
-      for (int i = 0; i <= axis; ++i) {
-        const Frame<double> near =
-            i == 0 ? found.stem.moved(-chain.stem_length) : found.handle_far[i - 1].moved(-chain.handle_joint_spacing);
-        over(chain.axis[i].proximal,
-             Path{near, chain.direction[i], at.handle[i], -1, offset(chain.axis[axis].proximal.radius), i == axis},
-             place);
-      }
-      std::ranges::reverse(points);
-      for (int i = 0; i <= axis; ++i) {
-        const Frame<double> near = i == 0 ? found.stem : found.far[i - 1].moved(chain.joint_spacing);
-        over(chain.axis[i].distal,
-             Path{near, chain.direction[i], at.bend[i], 1, offset(chain.axis[axis].distal.radius), i == axis}, place);
-      }
-      points.resize(length, points.back());
-      for (const Vector<double>& point : points) {
-        const double coordinates[3] = {point.x, point.y, point.z};
-        out = std::copy_n(coordinates, 3, out);
-      }
+      over(passed(false, joint), offset, k == 0, [&](const Vector<double>& point) { points.push_back(point); });
+      std::for_each(points.rbegin(), points.rend(), place);
     }
   }
+  const auto backbones = [&](bool at_tip, int count) {
+    for (int i = 0; i < count; ++i) {
+      const Passed joint = passed(at_tip, i);
+      if (joint.joint.mechanism == Mechanism::continuum) over(joint, {}, false, place);
+    }
+  };
+  backbones(true, chain.joints);
+  backbones(false, chain.handles);
 }
 
-void tendon_paths(const BoundChain& bound, const In<2>& rows, const Out<3>& out) {
-  check_rows(rows, row_length, out.shape(0));
-  std::visit(
-      [&](const auto& chain) {
-        const std::size_t points = 2 * std::size_t(chain.axes) * path_length(chain);
-        if (out.shape(1) != points || out.shape(2) != 3) throw nb::value_error("out does not fit the chain");
-        const nb::gil_scoped_release release;
-        for (std::size_t i = 0; i < rows.shape(0); ++i)
-          write_paths(chain, with_handle(chain, rows.data() + i * row_length), out.data() + i * points * 3);
-      },
-      bound.chain);
+void lines(const BoundChain& bound, const In<2>& rows, const Out<3>& out) {
+  check_rows(bound, rows, out.shape(0));
+  std::size_t points = 0;
+  for (const std::size_t length : line_lengths(bound)) points += length;
+  require(out.shape(1) == points && out.shape(2) == 3, "out does not fit the chain");
+  const nb::gil_scoped_release release;
+  for (std::size_t i = 0; i < rows.shape(0); ++i)
+    write_lines(bound, posture_of(bound, rows.data() + i * bound.row_length()), out.data() + i * points * 3);
 }
+
+double straight(const TendonGear<double>& joint) { return 2 * joint.radius; }
+double straight(const TendonPulley<double>&) { return 0; }
+double straight(const TendonContinuum<double>& joint) { return joint.backbone_length; }
 
 }  // namespace
 
@@ -306,45 +286,40 @@ void bind_kinematics(nb::module_& m) {
       .value("OK", Reach::ok, "solved")
       .value("UNREACHABLE", Reach::unreachable, "no posture brings the tip there")
       .value("SINGULAR", Reach::singular, "two joints turn about one axis there")
-      .value("NOT_FINITE", Reach::not_finite, "NaN or infinite input");
+      .value("NOT_FINITE", Reach::not_finite, "NaN or infinite input")
+      .value("OTHER_JOINTS", Reach::other_joints, "not one or two joints, across the stem and each other");
 
-  nb::class_<BoundChain>(m, "Chain", "The kinematic chain: axes from the stem outward, and lengths between them, m.")
+  nb::class_<BoundChain>(m, "Chain", "The kinematic chain, with the routes of its tendons; lengths in m.")
       .def(
           "__init__",
-          [](BoundChain* self, const std::vector<Spec>& specs, const std::vector<bool>& pitches, double stem_length,
-             double joint_spacing, double handle_joint_spacing) {
-            new (self) BoundChain(Described{specs, pitches, stem_length, joint_spacing, handle_joint_spacing});
+          [](BoundChain* self, const Joints& tip, const Joints& handle, double stem_length,
+             const std::vector<std::vector<Passage>>& routes) {
+            new (self) BoundChain(Described{tip, handle, stem_length, routes});
           },
-          "specs"_a, "pitches"_a, "stem_length"_a, "joint_spacing"_a, "handle_joint_spacing"_a)
-      .def_prop_ro(
-          "frame_names",
-          [](const BoundChain& bound) {
-            return std::visit([](const auto& chain) { return frame_names(chain); }, bound.chain);
-          },
-          "Names of the frames, in their order.")
-      .def_prop_ro(
-          "path_length",
-          [](const BoundChain& bound) {
-            return std::visit([](const auto& chain) { return path_length(chain); }, bound.chain);
-          },
-          "Points that a tendon is drawn with.");
+          "tip"_a, "handle"_a, "stem_length"_a, "routes"_a,
+          "Joints from the stem outward: mechanisms, parents, and rows of axis, offset, straight chord, length beyond. "
+          "Routes of tendons: whether a joint is at the tip, its place there, the tendon's offset from its middle.")
+      .def_prop_ro("line_lengths", &line_lengths, "Points of every tendon and of every backbone, tip first.");
 
   m.def(
       "joint_lengths",
       [](const Spec& spec) {
         return std::visit(
-            [](const auto& axis) { return std::make_tuple(chord(axis.distal, 0.0), chord(axis.proximal, 0.0)); },
+            [](const auto& axis) { return std::make_tuple(straight(axis.distal), straight(axis.proximal)); },
             make_axis(spec));
       },
       "spec"_a, "Lengths of the straight joints, distal and proximal, m.");
-  m.def("chain_frames", &frames, "chain"_a, "rows"_a, "out"_a, "threads"_a, "Write the frames of all bodies.");
-  m.def("chain_tip", &tip, "chain"_a, "rows"_a, "out"_a, "threads"_a, "Write the frame of the tip.");
-  m.def("chain_jacobian", &jacobians, "chain"_a, "rows"_a, "out"_a, "threads"_a, "Write the tip's Jacobian.");
+  m.def(
+      "chain_frames", &frames, "chain"_a, "rows"_a, "out"_a, "threads"_a,
+      "Write the frames of all bodies: stem; carrier, far, end-effector and end of the tip's joints; carrier, far and "
+      "grip of the handle's.");
+  m.def("chain_jacobian", &jacobians, "chain"_a, "rows"_a, "ends"_a, "out"_a, "threads"_a,
+        "Write the Jacobians of the ends beyond joints of the tip.");
   m.def(
       "chain_inverse", &inverses, "chain"_a, "goals"_a, "start"_a, "out"_a, "reach"_a, "threads"_a,
       "Write the coordinates that bring the tip to its goals, and how each solve ended; start: spin, and pan and tilt "
       "to start from, NaN for none.");
-  m.def("chain_paths", &tendon_paths, "chain"_a, "rows"_a, "out"_a, "Write the points of all tendons.");
+  m.def("chain_lines", &lines, "chain"_a, "rows"_a, "out"_a, "Write the points of all tendons and backbones.");
 }
 
 }  // namespace tenodesis::bindings

@@ -633,37 +633,36 @@ class Reach(enum.IntEnum):
     NOT_FINITE = 3
     """NaN or infinite input"""
 
+    OTHER_JOINTS = 4
+    """not one or two joints, across the stem and each other"""
+
 class Chain:
-    """
-    The kinematic chain: axes from the stem outward, and lengths between them, m.
-    """
+    """The kinematic chain, with the routes of its tendons; lengths in m."""
 
-    def __init__(self, specs: Sequence[Spec], pitches: Sequence[bool], stem_length: float, joint_spacing: float, handle_joint_spacing: float) -> None: ...
-
-    @property
-    def frame_names(self) -> list[str]:
-        """Names of the frames, in their order."""
+    def __init__(self, tip: tuple[Sequence[int], Sequence[int], Sequence[Sequence[float]]], handle: tuple[Sequence[int], Sequence[int], Sequence[Sequence[float]]], stem_length: float, routes: Sequence[Sequence[tuple[bool, int, float, float, float]]]) -> None:
+        """
+        Joints from the stem outward: mechanisms, parents, and rows of axis, offset, straight chord, length beyond. Routes of tendons: whether a joint is at the tip, its place there, the tendon's offset from its middle.
+        """
 
     @property
-    def path_length(self) -> int:
-        """Points that a tendon is drawn with."""
+    def line_lengths(self) -> list[int]:
+        """Points of every tendon and of every backbone, tip first."""
 
 def joint_lengths(spec: Spec) -> tuple[float, float]:
     """Lengths of the straight joints, distal and proximal, m."""
 
 def chain_frames(chain: Chain, rows: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu')], threads: int) -> None:
-    """Write the frames of all bodies."""
+    """
+    Write the frames of all bodies: stem; carrier, far, end-effector and end of the tip's joints; carrier, far and grip of the handle's.
+    """
 
-def chain_tip(chain: Chain, rows: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')], threads: int) -> None:
-    """Write the frame of the tip."""
-
-def chain_jacobian(chain: Chain, rows: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu')], threads: int) -> None:
-    """Write the tip's Jacobian."""
+def chain_jacobian(chain: Chain, rows: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], ends: Sequence[int], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None, None), order='C', device='cpu')], threads: int) -> None:
+    """Write the Jacobians of the ends beyond joints of the tip."""
 
 def chain_inverse(chain: Chain, goals: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], start: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')], reach: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu')], threads: int) -> None:
     """
     Write the coordinates that bring the tip to its goals, and how each solve ended; start: spin, and pan and tilt to start from, NaN for none.
     """
 
-def chain_paths(chain: Chain, rows: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:
-    """Write the points of all tendons."""
+def chain_lines(chain: Chain, rows: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:
+    """Write the points of all tendons and backbones."""

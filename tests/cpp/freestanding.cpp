@@ -56,11 +56,11 @@ extern "C" void derivatives(const double* in, double* out) {
 template <class A>
 auto a_motion(const A& axis, const typename A::Scalar* in) {
   using S = A::Scalar;
-  const Chain<A> chain{2, {axis, axis}, {Direction::yaw, Direction::pitch}, in[0], in[1], in[2]};
-  const Posture<S> at{in[3], in[4], in[5], in[6], {in[7], in[8]}, in[9], {in[10], in[11]}};
-  const Bodies<S> found = bodies(chain, at);
-  return found.grip.position.x + jacobian(chain, at).linear[4].x + inverse(chain, found.tip, in[5]).posture.roll +
-         unloaded_handle(chain, 0, in[7]).value;
+  const Chain<S, 2> chain = instruments::chain_of(axis, 2, instruments::Toward::yaw);
+  const Posture<S, 2> at{in[3], in[4], in[5], in[6], {in[7], in[8]}, in[9], {in[10], in[11]}};
+  const Bodies<S, 2> found = bodies(chain, at);
+  return found.grip[1].position.x + jacobian(chain, at, 1).linear[4].x +
+         inverse(chain, found.end[1], in[5]).posture.roll;
 }
 
 extern "C" float motions_in_float(const float* in) {

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from tenodesis import coupled
+from tenodesis import coupled, kinematics
 from tenodesis.cli.live import live_console
 from tenodesis.console import serve_coupled
 from tenodesis.console.coupled_loop import CoupledLink, CoupledLoop
@@ -207,7 +207,7 @@ def test_a_slider_moves_the_twin_and_the_view_while_others_watch(page: CoupledPa
 
         def drawn_where_it_is() -> bool:
             row = loop.rows[-1]
-            there = coupled.frames(with_short_stem(loop.inst), row["output_angle"][-1], row["handle_angle"][-1])
+            there = kinematics.frames(with_short_stem(loop.inst), row["output_angle"][-1], row["handle_angle"][-1])
             place = scene._scale * there.bodies["jaw_tip"].position
             return bool(np.abs(scene._bodies["jaw_tip"].position - place).max() < 5e-3)
 

@@ -41,7 +41,7 @@ def test_solids_of_a_coupled_instrument_are_closed_and_lie_on_its_links(name: st
     inst = coupled.load(name)
     found = coupled_solids(inst)
     assert all(solid.mesh.is_volume for solid in found)
-    assert {solid.body for solid in found} <= coupled.frames(inst, 0.0).bodies.keys()
+    assert {solid.body for solid in found} <= kinematics.frames(inst, 0.0).bodies.keys()
     assert len(found) == len({solid.name for solid in found})
 
 
@@ -50,7 +50,7 @@ def test_a_stem_drawn_short_leaves_both_ends_as_they_are(any_inst: Instrument) -
     assert kinematics.dimensions(short).stem_length <= kinematics.dimensions(any_inst).stem_length
     angles = dict.fromkeys(any_inst.axes, 0.4) | {f"handle_{axis}": 0.3 for axis in any_inst.axes}
     whole, cut = (kinematics.frames(inst, Posture(**angles)).bodies for inst in (any_inst, short))
-    for end, start in (("tip", "stem"), ("grip", f"handle_{any_inst.axes[0]}_carrier")):
+    for end, start in (("tip", "stem"), ("grip", f"handle_{any_inst.axes[0]}_far")):
         ways = [bodies[end].position - bodies[start].position for bodies in (whole, cut)]
         assert ways[0] == pytest.approx(ways[1], abs=1e-12)
 

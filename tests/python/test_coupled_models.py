@@ -11,7 +11,9 @@ import tenodesis as tn
 from tenodesis import coupled, kinematics
 from tenodesis.cli.app import app
 from tenodesis.coupled import CoupledInstrument
-from tenodesis.kinematics import Posture
+from tenodesis.instrument import expanded
+from tenodesis.kinematics import Port, Posture
+from tenodesis.verification.kinematics_peers import mujoco_poses
 
 from .coupled_samples import backbone, drawn, holds, jaws
 from .kinematic_instruments import INSTRUMENTS
@@ -37,12 +39,12 @@ def apart(inst: CoupledInstrument, text: str, format: Any) -> float:
     data, worst = mujoco.MjData(model), 0.0
     names = {model.body(place).name for place in range(model.nbody)}
     for tip, handle in zip(*bent(inst), strict=True):
-        positions = coupled.joint_positions(inst, tip, handle, format=format)
+        positions = kinematics.joint_positions(inst, tip, handle, format=format)
         assert {model.joint(place).name for place in range(model.njnt)} == set(positions)
         for name, value in positions.items():
             data.joint(name).qpos[0] = value
         mujoco.mj_forward(model, data)
-        found = coupled.frames(inst, tip, handle).bodies
+        found = kinematics.frames(inst, tip, handle).bodies
         # MuJoCo merges URDF links that a fixed joint ties.
         for name in names & set(found):
             turned = data.body(name).xquat * np.sign(data.body(name).xquat @ found[name].quaternion)
@@ -54,21 +56,21 @@ def apart(inst: CoupledInstrument, text: str, format: Any) -> float:
 
 @every_sample
 def test_links_of_the_urdf_are_where_the_frames_are(inst: CoupledInstrument) -> None:
-    assert apart(inst, coupled.urdf(inst), "urdf") < 1e-12
+    assert apart(inst, kinematics.urdf(inst), "urdf") < 1e-12
 
 
 @every_sample
 def test_bodies_of_the_mujoco_model_are_where_the_frames_are(inst: CoupledInstrument) -> None:
     has_row = any(joint.mechanism == "continuum" for joint in inst.joints)
     # A row of vertebrae is an arc up to a high order of its bends.
-    assert apart(inst, coupled.mjcf(inst), "mjcf") < (2e-5 if has_row else 1e-12)
+    assert apart(inst, kinematics.mjcf(inst), "mjcf") < (2e-5 if has_row else 1e-12)
 
 
 def test_the_model_as_written_follows_its_controls_to_where_the_statics_are() -> None:
     mujoco = pytest.importorskip("mujoco")
     inst = coupled.load("hybrid-real-size")
     handle, stroke, force = [0.2, -0.15, 0.3], 5e-4, 0.4
-    model = mujoco.MjModel.from_xml_string(coupled.mjcf(inst))
+    model = mujoco.MjModel.from_xml_string(kinematics.mjcf(inst))
     data = mujoco.MjData(model)
     for joint, angle in zip(inst.handle_joints, handle, strict=True):
         data.actuator(joint.name).ctrl[0] = angle / (2 if joint.mechanism == "tendon-gear" else 1)
@@ -78,7 +80,7 @@ def test_the_model_as_written_follows_its_controls_to_where_the_statics_are() ->
     assert np.abs(data.qvel).max() < 1e-6
     strokes = np.array([stroke if tendon.name == "yaw_agonist" else 0.0 for tendon in inst.tendons])
     rest = coupled.equilibrium(inst, handle, [0, force, 0, 0, 0, 0], strokes=strokes)
-    positions = coupled.joint_positions(inst, rest.angles, handle, format="mjcf")
+    positions = kinematics.joint_positions(inst, rest.angles, handle, format="mjcf")
     found = {name: float(data.joint(name).qpos[0]) for name in positions}
     assert found == pytest.approx(positions, abs=np.radians(1e-3))
     tensions = [-float(data.actuator(tendon.name).force[0]) for tendon in inst.tendons]
@@ -88,23 +90,47 @@ def test_the_model_as_written_follows_its_controls_to_where_the_statics_are() ->
 @every_sample
 def test_the_urdf_is_read_by_pinocchio_with_all_its_joints(inst: CoupledInstrument) -> None:
     pinocchio = pytest.importorskip("pinocchio")
-    names = set(pinocchio.buildModelFromXML(coupled.urdf(inst)).names) - {"universe"}
-    assert names == set(coupled.joint_positions(inst, 0.0))
+    names = set(pinocchio.buildModelFromXML(kinematics.urdf(inst)).names) - {"universe"}
+    assert names == set(kinematics.joint_positions(inst, 0.0))
 
 
 @pytest.mark.parametrize("name", INSTRUMENTS)
-def test_a_planar_instrument_has_the_poses_that_its_own_kinematics_have(name: str) -> None:
+def test_joints_and_tendons_of_a_planar_file_have_its_poses_without_the_port(name: str) -> None:
     planar = INSTRUMENTS[name]
-    inst = coupled.of_planar(planar)
+    inst = expanded(planar)
     tip, handle = bent(inst)
-    held = {f"handle_{axis}": handle[:, i] for i, axis in enumerate(planar.axes)}
-    posture = Posture(insertion=kinematics.limits(planar).insertion[1], **held)
-    posture = posture._replace(**{axis: tip[:, i] for i, axis in enumerate(planar.axes)})
-    theirs, ours = kinematics.frames(planar, posture).bodies, coupled.frames(inst, tip, handle).bodies
-    end, last = theirs["stem"].position, planar.axes[-1]
+    port = Port(pan=0.3, tilt=-0.2, spin=0.4, insertion=0.1, roll=0.7)
+    angles = {joint.name: tip[:, i] for i, joint in enumerate(inst.tip_joints)}
+    angles |= {joint.name: handle[:, i] for i, joint in enumerate(inst.handle_joints)}
+    posture = Posture(**port._asdict(), **angles)
+    theirs, ours = kinematics.frames(planar, posture).bodies, kinematics.frames(inst, tip, handle, port=port).bodies
+    last = planar.axes[-1]
     for mine, other in ((f"{last}_tip", "tip"), (f"handle_{last}_grip", "grip"), (f"{last}_far", f"{last}_far")):
-        np.testing.assert_allclose(ours[mine].position, theirs[other].position - end, atol=1e-15)
-        np.testing.assert_allclose(ours[mine].quaternion, theirs[other].quaternion, atol=1e-15)
+        np.testing.assert_array_equal(ours[mine].position, theirs[other].position)
+        np.testing.assert_array_equal(ours[mine].quaternion, theirs[other].quaternion)
+
+
+@pytest.mark.parametrize("inst", [SHIPPED[0], jaws(), backbone()], ids=lambda inst: inst.name)
+def test_a_port_in_the_file_places_the_stem_in_frames_and_models(inst: CoupledInstrument) -> None:
+    ported = inst.replace(geometry={"pivot_range": 1.0, "insertion": 0.04, "least_insertion": 0.02})
+    port = Port(pan=0.3, tilt=-0.2, spin=0.4, insertion=0.05, roll=0.6 if len(inst.bearing) == 1 else 0.0)
+    tip, handle = (angles[0] for angles in bent(ported))
+    ours = kinematics.frames(ported, tip, handle, port=port).bodies
+    assert kinematics.frames(ported, 0.0).bodies["stem"].position[2] == 0.04
+    for format, text in (("urdf", kinematics.urdf(ported)), ("mjcf", kinematics.mjcf(ported))):
+        mujoco = pytest.importorskip("mujoco")
+        positions = kinematics.joint_positions(ported, tip, handle, port=port, format=format)
+        assert {"pan", "tilt", "spin", "insertion"} <= set(positions)
+        (poses,) = mujoco_poses(text, [positions])
+        has_row = format == "mjcf" and any(joint.mechanism == "continuum" for joint in inst.joints)
+        for name in set(poses) & set(ours):
+            np.testing.assert_allclose(ours[name].position, poses[name][0], atol=5e-5 if has_row else 1e-12)
+        assert {f"{joint.name}_far" for joint in inst.joints} <= set(poses)
+        if format == "mjcf":
+            model = mujoco.MjModel.from_xml_string(text)
+            data = mujoco.MjData(model)
+            mujoco.mj_resetDataKeyframe(model, data, 0)
+            assert data.joint("insertion").qpos[0] == data.actuator("insertion").ctrl[0] == 0.04
 
 
 @pytest.mark.parametrize("inst", [inst for inst in SAMPLES if holds(inst)], ids=lambda inst: inst.name)
@@ -113,17 +139,17 @@ def test_the_jacobian_gives_the_moments_by_which_the_statics_answer_a_wrench(ins
     rest = coupled.equilibrium(inst, handle)
     assert rest.status[0] == tn.statics.Status.OK
     answer = coupled.rates(inst, handle, axes="stem")
-    moments = coupled.jacobian(inst, rest.angles).mean(axis=-3).swapaxes(-1, -2)
+    moments = kinematics.jacobian(inst, rest.angles).mean(axis=-3).swapaxes(-1, -2)
     np.testing.assert_allclose(answer.stiffness @ answer.by_wrench, moments, atol=1e-12)
 
 
 def test_a_tendon_ends_where_it_meets_its_last_joint_whatever_the_angles() -> None:
     driver = coupled.load("needle-driver")
     tip, _ = bent(driver, 5)
-    paths, bodies = coupled.frames(driver, tip).tendons, coupled.frames(driver, tip).bodies
+    paths, bodies = kinematics.frames(driver, tip).tendons, kinematics.frames(driver, tip).bodies
     ends = np.linalg.norm(paths["jaw_1_wound"][:, -1] - bodies["jaw_1_far"].position, axis=-1)
     np.testing.assert_allclose(ends, driver.tip_joints[1].radius)
-    assert coupled.tip_pose(driver, tip).position.shape == (5, 2, 3)
+    assert kinematics.tip_pose(driver, tip).position.shape == (5, 2, 3)
 
 
 @pytest.mark.parametrize(("name", "ends"), [("two-segment-continuum", 1), ("hybrid-real-size", 2)])
@@ -137,7 +163,7 @@ def test_the_picture_in_space_shows_the_ends_that_have_joints_and_every_tendon(n
 @pytest.mark.parametrize("angles", [[0.0, 0.0, np.nan], [0.0, 0.0, 4.0], [0.0, 0.0]], ids=["nan", "wide", "two"])
 def test_angles_that_are_none_are_refused(angles: list[float]) -> None:
     with pytest.raises(tn.ArgumentError, match="angles"):
-        coupled.tip_pose("needle-driver", angles)
+        kinematics.tip_pose("needle-driver", angles)
 
 
 @pytest.mark.parametrize(("kind", "lost"), [("urdf", "- tendons:"), ("mjcf", "- friction of the tendons")])
@@ -148,6 +174,6 @@ def test_export_writes_the_model_and_says_what_is_lost(
     done = CliRunner().invoke(app, ["export", kind, "two-segment-continuum"])
     (file,) = tmp_path.iterdir()
     inst = coupled.load("two-segment-continuum")
-    assert file.read_text("utf-8") == (coupled.urdf if kind == "urdf" else coupled.mjcf)(inst)
+    assert file.read_text("utf-8") == (kinematics.urdf if kind == "urdf" else kinematics.mjcf)(inst)
     assert lost in done.output
     assert "the arc of a backbone" in done.output

@@ -36,9 +36,9 @@ def matrix(quaternion):
     return Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
 
 
-def largest_difference(inst, posture, theirs):
+def largest_difference(inst, posture, theirs, *, left_out=()):
     """How far the bodies of our frames are from a peer's, m and as entries of rotation matrices."""
-    bodies = km.frames(inst, posture).bodies
+    bodies = {name: frame for name, frame in km.frames(inst, posture).bodies.items() if name not in left_out}
     assert set(bodies) <= set(theirs[0])
     worst = 0.0
     for i, poses in enumerate(theirs):
@@ -49,8 +49,8 @@ def largest_difference(inst, posture, theirs):
     return worst
 
 
-def joint_rows(inst, posture, count):
-    return [km.joint_positions(inst, one(posture, i)) for i in range(count)]
+def joint_rows(inst, posture, count, format):
+    return [km.joint_positions(inst, one(posture, i), format=format) for i in range(count)]
 
 
 def span(path):
@@ -60,8 +60,10 @@ def span(path):
 @every_instrument
 def test_every_body_is_where_mujoco_puts_it(inst):
     posture = postures(inst, 40, handle=True)
-    theirs = peers.mujoco_poses(km.mjcf(inst), joint_rows(inst, posture, 40))
-    assert largest_difference(inst, posture, theirs) < 1e-12
+    theirs = peers.mujoco_poses(km.mjcf(inst), joint_rows(inst, posture, 40, "mjcf"))
+    # There a backbone is a row of vertebrae, which is an arc up to a high order of its bends, and has no carrier.
+    rows = {f"{axis}_carrier" for axis in inst.axes if inst.joint_type == "continuum"}
+    assert largest_difference(inst, posture, theirs, left_out=rows) < (5e-5 if rows else 1e-12)
 
 
 @pytest.mark.slow
@@ -69,7 +71,7 @@ def test_every_body_is_where_mujoco_puts_it(inst):
 def test_every_body_is_where_pinocchio_puts_it(inst):
     pytest.importorskip("pinocchio")
     posture = postures(inst, 40, seed=1, handle=True)
-    theirs = peers.pinocchio_poses(km.urdf(inst), joint_rows(inst, posture, 40))
+    theirs = peers.pinocchio_poses(km.urdf(inst), joint_rows(inst, posture, 40, "urdf"))
     assert largest_difference(inst, posture, theirs) < 1e-12
 
 

@@ -147,8 +147,8 @@ def pulley_parts(joint: PulleyJoint, end: End, sizes: Sizes) -> list[Part]:
             joint.pin,
             joint.pin_length,
             dowel,
-            end.carrier,
-            (k.at(),),
+            "stem",
+            (k.at() if tip else k.at(z=-end.stem_length),),
             (0, out, 0),
         ),
     ]

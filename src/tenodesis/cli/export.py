@@ -6,12 +6,11 @@ from typing import Annotated
 
 import typer
 
-from tenodesis import control, coupled, kinematics
+from tenodesis import control, kinematics
 from tenodesis.cli.common import InstrumentFile, load_instrument, load_short_form, value_errors
 from tenodesis.cli.outputs import HEADER, MODELS, Overwrite, check_suffix, write_errors, write_text, writing
 from tenodesis.control.controller import ActuationName, LawName, ObserverName
-from tenodesis.coupled import CoupledInstrument
-from tenodesis.instrument import ShortForm, expanded
+from tenodesis.instrument import Instrument, expanded
 
 Out = Annotated[Path | None, typer.Option(help="The file. Default: by the instrument's name.", show_default=False)]
 
@@ -60,29 +59,24 @@ def export_controller(  # noqa: PLR0917
 
 def export_urdf(instrument_file: InstrumentFile, out: Out = None, overwrite: Overwrite = False) -> None:
     """Write an instrument as a URDF robot: links, joints, mimics; no tendons. Says what is missing."""
-    _export(instrument_file, kinematics.urdf, coupled.urdf, ".urdf", out, overwrite)
+    _export(instrument_file, kinematics.urdf, ".urdf", out, overwrite)
 
 
 def export_mjcf(instrument_file: InstrumentFile, out: Out = None, overwrite: Overwrite = False) -> None:
     """Write an instrument as a MuJoCo model: bodies, tied joints, tendons. Says what is missing."""
-    _export(instrument_file, kinematics.mjcf, coupled.mjcf, ".xml", out, overwrite)
+    _export(instrument_file, kinematics.mjcf, ".xml", out, overwrite)
 
 
-def _export(  # noqa: PLR0917
-    source: str,
-    of_planar: Callable[[ShortForm], str],
-    of_coupled: Callable[[CoupledInstrument], str],
-    extension: str,
-    out: Path | None,
-    overwrite: bool,
+def _export(
+    source: str, written: Callable[[Instrument], str], extension: str, out: Path | None, overwrite: bool
 ) -> None:
     inst = load_instrument(source)
     path = Path(f"{inst.name.replace(' ', '-').replace('/', '-')}{extension}") if out is None else out
     check_suffix("--out", path, MODELS[extension])
-    text = of_planar(inst) if isinstance(inst, ShortForm) else of_coupled(expanded(inst))
+    text = written(inst)
     with writing([("--out", path)], [source], overwrite=overwrite):
         write_text(path, text)
-    of = inst.axes if isinstance(inst, ShortForm) else [joint.name for joint in inst.joints]
-    typer.echo(f"{path}: {inst.name} ({', '.join(of)}). Its first lines repeat what the format does not contain:")
+    joints = [joint.name for joint in expanded(inst).joints]
+    typer.echo(f"{path}: {inst.name} ({', '.join(joints)}). Its first lines repeat what the format does not contain:")
     note = text[: text.index("-->")]
     typer.echo(note[note.index("\n- ") + 1 :].strip())

@@ -10,9 +10,9 @@ import trimesh
 from tenodesis import kinematics
 from tenodesis.console.solids import Solid, about
 from tenodesis.coupled.description import AXES
-from tenodesis.coupled.motion import rotated
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import ShortForm
+from tenodesis.kinematics.chain import rotated
 from tenodesis.kinematics.gltf import BODY_NODE, described
 from tenodesis.run import Array
 

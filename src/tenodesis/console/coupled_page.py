@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from tenodesis import coupled
+from tenodesis import coupled, kinematics
 from tenodesis.console.browser import Browser
 from tenodesis.console.coupled_loop import Asked, CoupledLoop, spool_radius
 from tenodesis.console.page import Page
@@ -20,8 +20,8 @@ from tenodesis.console.solids import coupled_solids
 from tenodesis.console.status import StatusHeader
 from tenodesis.console.tab_move import follow, slider_values
 from tenodesis.coupled import CoupledInstrument, Held
-from tenodesis.coupled.motion import STEM, arc
 from tenodesis.kinematics import Frames
+from tenodesis.kinematics.chain import STEM
 from tenodesis.run import Array, Run
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def shown_rows(inst: CoupledInstrument, signals: Mapping[str, Any], drawn: Coupl
     if len(run) == 1:
         both = np.concatenate([output, np.nan_to_num(target)])
         # A joint that a load turns past its stop is drawn at half a turn.
-        frames = coupled.frames(drawn, both.clip(-_HALF_TURN, _HALF_TURN), handle)
+        frames = kinematics.frames(drawn, both.clip(-_HALF_TURN, _HALF_TURN), handle)
     return CoupledShown(run, target, signals["asked"], frames)
 
 
@@ -281,12 +281,12 @@ class CoupledScene(View):
         solids = coupled_solids(inst)
         with client.atomic():
             super().__init__(client, scale, points, small=small)
-            rest = coupled.frames(inst, 0.0)
+            rest = kinematics.frames(inst, 0.0)
             self._build(rest, solids, (one for one in solids if one.body in turned), TensionColours(inst))
             self._backbones = {
-                joint.name: (j, self._backbone(joint.name, joint.radius))
-                for j, joint in enumerate(inst.tip_joints)
-                if joint.mechanism == "continuum"
+                joint.name: self._backbone(joint.name, joint.radius)
+                for joint in inst.tip_joints
+                if joint.name in rest.backbones
             }
             self._arrows = {
                 name: self._arrow(f"{name}/force")
@@ -303,10 +303,8 @@ class CoupledScene(View):
         tension = np.stack([run["tension"][-1], run["distal_tension"][-1]], -1)
         with self._client.atomic():
             frames = self._place_all(shown.frames, tension)
-            for name, (j, line) in self._backbones.items():
-                joint, angle = self._inst.tip_joints[j], run.by_column("output_angle")[-1, j, np.newaxis]
-                path = np.stack(list(arc(joint, frames.bodies[f"{name}_carrier"], angle)))
-                self._draw_backbone(name, line, path)
+            for name, line in self._backbones.items():
+                self._draw_backbone(name, line, frames.backbones[name])
             for name, arrow in self._arrows.items():
                 # Of several ends each bears an equal share.
                 self._draw_force(name, arrow, shown.asked.force / len(self._arrows), self._largest_force)
@@ -364,7 +362,7 @@ def serve_coupled(
 
 def extents(inst: CoupledInstrument) -> tuple[float, float, float]:
     """Return the lengths of tip, stem and handle of the straight instrument, m."""
-    heights = [float(frame.position[2]) for frame in coupled.frames(inst, 0.0).bodies.values()]
+    heights = [float(frame.position[2]) for frame in kinematics.frames(inst, 0.0).bodies.values()]
     stem = inst.stem_length or STEM
     return max(heights), stem, max(0.0, -stem - min(heights))
 

@@ -142,6 +142,7 @@ class View:
         frames = Frames(
             {name: Frame(frame.position[0], frame.quaternion[0]) for name, frame in both.bodies.items()},
             {name: path[0] for name, path in both.tendons.items()},
+            {name: path[0] for name, path in both.backbones.items()},
         )
         for name, frame in frames.bodies.items():
             self._place(name, self._bodies[name], frame)
@@ -253,8 +254,7 @@ class Scene(View):
                 if solid.body.startswith(DISC)
             }
             self._build(rest, drawn, ghosts, TensionColours(inst))
-            continuum = inst.axes if inst.joint_type == "continuum" else ()
-            self._backbones = {axis: self._backbone(axis, lengths.stem_diameter) for axis in continuum}
+            self._backbones = {axis: self._backbone(axis, lengths.stem_diameter) for axis in rest.backbones}
             self._arrows = {axis: self._arrow(f"tip/force_{axis}") for axis in inst.axes}
             self._label = scene.add_label(f"{ROOT}/tip/label", "", anchor="top-left", font_screen_scale=1.0)
 
@@ -267,9 +267,8 @@ class Scene(View):
             tension = np.stack([shown.tension, shown.distal_tension], -1).reshape(-1, 2)
             frames = self._place_all(both, tension)
             self._place_discs(frames)
-            tendons = frames.tendons
             for axis, line in self._backbones.items():
-                self._draw_backbone(axis, line, (tendons[f"{axis}_agonist"] + tendons[f"{axis}_antagonist"]) / 2)
+                self._draw_backbone(axis, line, frames.backbones[axis])
             for number, (axis, arrow) in enumerate(self._arrows.items()):
                 force = float(np.nan_to_num(shown.force[number]) + np.nan_to_num(shown.contact_force[number]))
                 # It pushes on the tip against positive flexion, and turns with the tip.

@@ -9,10 +9,10 @@ from trimesh import Trimesh
 
 from tenodesis.coupled import CoupledInstrument
 from tenodesis.coupled.description import AXES
-from tenodesis.coupled.motion import bend_side
-from tenodesis.coupled.parts import moving, parts
 from tenodesis.instrument import ShortForm
 from tenodesis.kinematics import Dimensions
+from tenodesis.kinematics.chain import bend_side
+from tenodesis.kinematics.parts import moving, parts
 from tenodesis.run import Array
 
 METAL = (176, 184, 194)
@@ -67,7 +67,7 @@ def solids(inst: ShortForm, lengths: Dimensions) -> list[Solid]:
 
 
 def coupled_solids(inst: CoupledInstrument) -> list[Solid]:
-    """Return all solids of a coupled instrument, on the bodies of :func:`tenodesis.coupled.frames`."""
+    """Return all solids of a coupled instrument, on the bodies of :func:`tenodesis.kinematics.frames`."""
     tree = {part.name: part for part in parts(inst, "urdf")}
     found = []
     for part in tree.values():

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis.coupled.axes import compensated, pairs
-from tenodesis.coupled.motion import angle_rows, jacobian, rotated, tip_pose
 from tenodesis.coupled.reading import CoupledLike, load
 from tenodesis.errors import ArgumentError
+from tenodesis.kinematics.chain import rotated
+from tenodesis.kinematics.motion import angle_rows, jacobian, tip_pose
 from tenodesis.run import Run
 from tenodesis.statics.query import numbers
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Self
 
-from tenodesis.instrument.hardware import Mismatch
+from tenodesis.instrument.hardware import Hand, Mismatch
 from tenodesis.instrument.joints import Grip, Joint, Tendon
 
 class AnyForm:
@@ -50,6 +50,8 @@ class AnyForm:
     def backbone_length(self) -> float: ...
     @property
     def backbone_rigidity(self) -> float: ...
+    @property
+    def dynamics(self) -> Hand: ...
     @property
     def mismatch(self) -> Mismatch: ...
     @property

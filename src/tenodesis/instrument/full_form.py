@@ -77,9 +77,6 @@ class FullForm(Instrument):
 
     __str__ = __repr__
 
-    def __hash__(self) -> int:
-        return hash((self.name, len(self.joints), len(self.tendons), self.pretension))
-
     def _repr_html_(self) -> str:
         """Return a table for notebooks: the arms of the tendons about the tip's joints."""
         arms = 1e3 * self.tendon_arms("tip")

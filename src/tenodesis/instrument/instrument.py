@@ -161,6 +161,15 @@ class Instrument(FileTable, AnyForm):
             np.ascontiguousarray(self.tendon_arms("handle")),
         )
 
+    def __eq__(self, other: object) -> bool:
+        # What is computed from the fields and kept may hold arrays, which have no single truth.
+        return type(self) is type(other) and all(
+            getattr(self, key) == getattr(other, key) for key in type(self).model_fields
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.pretension))
+
     def replace(self, **changes: Any) -> Self:
         """Return this instrument with some values changed, by key; lists of tables as lists of dictionaries.
 

@@ -8,6 +8,7 @@ from tenodesis import _core
 from tenodesis.errors import InstrumentError
 
 if TYPE_CHECKING:
+    from tenodesis.instrument.instrument import Instrument
     from tenodesis.instrument.short_form import ShortForm
 
 # Defaults of what a file leaves out, as shares. The first is the paper's (Table I), the others are our choice.
@@ -57,15 +58,6 @@ def lengths(inst: "ShortForm") -> Dimensions:
             value=inst.overall_length,
             allowed=f"above {taken:g} m",
         )
-    least, insertion, most = insertions(inst, stem)
-    if not least <= insertion <= most:
-        raise InstrumentError(
-            f"{inst.name}: geometry.insertion is {insertion:g} m; it must be from least_insertion, {least:g} m, to "
-            f"most_insertion, {most:g} m.",
-            key="geometry.insertion",
-            value=insertion,
-            allowed=f"from {least:g} to {most:g} m",
-        )
     return Dimensions(
         axes=tuple(inst.axes),
         stem_length=stem,
@@ -74,20 +66,36 @@ def lengths(inst: "ShortForm") -> Dimensions:
         handle_joint_spacing=handle_spacing,
         end_effector_length=effector,
         handle_length=handle,
-        jaw_length=_JAW_SHARE * effector if geometry.jaw_length is None else geometry.jaw_length,
+        jaw_length=jaw_length(inst, effector),
         distal_radii=distal,
         proximal_radii=proximal,
-        insertion=insertion,
+        insertion=insertions(inst, stem)[1],
     )
 
 
-def insertions(inst: "ShortForm", stem: float) -> tuple[float, float, float]:
-    """Return the least, the resting and the most insertion through the port, m, with a stem of a length (m)."""
+def insertions(inst: "Instrument", stem: float) -> tuple[float, float, float]:
+    """Return the least, the resting and the most insertion through the port, m, with a stem of a length (m).
+
+    Raises InstrumentError if the resting one is not between the others.
+    """
     given = inst.geometry.least_insertion, inst.geometry.insertion, inst.geometry.most_insertion
     least, rest, most = (
         share * stem if length is None else length for share, length in zip(_INSERTION_SHARES, given, strict=True)
     )
+    if not least <= rest <= most:
+        raise InstrumentError(
+            f"{inst.name}: geometry.insertion is {rest:g} m; it must be from least_insertion, {least:g} m, to "
+            f"most_insertion, {most:g} m.",
+            key="geometry.insertion",
+            value=rest,
+            allowed=f"from {least:g} to {most:g} m",
+        )
     return least, rest, most
+
+
+def jaw_length(inst: "Instrument", effector: float) -> float:
+    """Return the length of the jaws of an end-effector of a length, m."""
+    return _JAW_SHARE * effector if inst.geometry.jaw_length is None else inst.geometry.jaw_length
 
 
 def _radius(axis: "ShortForm", end: str) -> float:

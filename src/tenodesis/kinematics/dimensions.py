@@ -1,11 +1,9 @@
 """Lengths and limits of an instrument from handle to tip, including those that its file omits."""
 
-from functools import lru_cache
 from typing import NamedTuple
 
-from tenodesis import _core
-from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
-from tenodesis.instrument.lengths import Dimensions, insertions, lengths
+from tenodesis.instrument import Instrument, InstrumentLike, as_short_form
+from tenodesis.instrument.lengths import Dimensions, insertions, jaw_length, lengths
 
 
 class Limits(NamedTuple):
@@ -18,6 +16,19 @@ class Limits(NamedTuple):
     yaw: tuple[float, float]
     pitch: tuple[float, float]
     roll: tuple[float, float]
+
+
+class PortRange(NamedTuple):
+    """Smallest and largest value of the stem's coordinates and of the roll, rad and m, and lengths at rest, m."""
+
+    pan: tuple[float, float]
+    tilt: tuple[float, float]
+    spin: tuple[float, float]
+    insertion: tuple[float, float]
+    roll: tuple[float, float]
+    at_rest: float
+    """Insertion."""
+    jaw_length: float
 
 
 def dimensions(inst: InstrumentLike) -> Dimensions:
@@ -42,30 +53,35 @@ def limits(inst: InstrumentLike) -> Limits:
     Raises InstrumentError as :func:`dimensions`.
     """
     inst = as_short_form(inst)
-    stem = dimensions(inst).stem_length
-    least, _, most = insertions(inst, stem)
-    geometry = inst.geometry
+    along = dimensions(inst)
+    at_port = port_range(inst, along.stem_length, along.end_effector_length)
     bends = {axis: planar.output_range for axis, planar in zip(inst.axes, inst.planar, strict=True)}
-    pivot, yaw, pitch = geometry.pivot_range, bends.get("yaw", 0.0), bends.get("pitch", 0.0)
+    yaw, pitch = bends.get("yaw", 0.0), bends.get("pitch", 0.0)
     return Limits(
-        pan=(-pivot, pivot),
-        tilt=(-pivot, pivot),
-        spin=(-geometry.spin_range, geometry.spin_range),
-        insertion=(least, most),
+        pan=at_port.pan,
+        tilt=at_port.tilt,
+        spin=at_port.spin,
+        insertion=at_port.insertion,
         yaw=(-yaw, yaw),
         pitch=(-pitch, pitch),
-        roll=(-geometry.roll_range, geometry.roll_range),
+        roll=at_port.roll,
     )
 
 
-@lru_cache(maxsize=64)
-def chain(inst: ShortForm) -> _core.Chain:
-    """Return the chain from port to tip in the core's form."""
-    along = dimensions(inst)
-    return _core.Chain(
-        [axis.spec for axis in inst.planar],
-        [axis == "pitch" for axis in inst.axes],
-        along.stem_length,
-        along.joint_spacing,
-        along.handle_joint_spacing,
+def port_range(inst: Instrument, stem_length: float, end_effector_length: float) -> PortRange:
+    """Return what the table geometry says of the port of an instrument with a stem and an end-effector of lengths, m.
+
+    Raises InstrumentError if the insertion at rest is not between the least and the most.
+    """
+    geometry = inst.geometry
+    pivot, spin, roll = geometry.pivot_range, geometry.spin_range, geometry.roll_range
+    least, rest, most = insertions(inst, stem_length)
+    return PortRange(
+        pan=(-pivot, pivot),
+        tilt=(-pivot, pivot),
+        spin=(-spin, spin),
+        insertion=(least, most),
+        roll=(-roll, roll),
+        at_rest=rest,
+        jaw_length=jaw_length(inst, end_effector_length),
     )

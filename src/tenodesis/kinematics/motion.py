@@ -1,21 +1,19 @@
-"""Forward kinematics, Jacobian and inverse kinematics of the chain through the port."""
+"""Forward kinematics, Jacobian and inverse kinematics of an instrument."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import degrees, pi, prod
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from tenodesis import _core
+from tenodesis import _core, statics
 from tenodesis.errors import ArgumentError, NoSolutionError
-from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
-from tenodesis.kinematics.dimensions import chain, dimensions, limits
-from tenodesis.run import TENDONS
+from tenodesis.instrument import InstrumentLike, Joint, ShortForm, as_short_form
+from tenodesis.kinematics.chain import Array, Skeleton, skeleton
+from tenodesis.kinematics.dimensions import dimensions, limits
 from tenodesis.statics.query import FloatOrArray, common_shape, numbers
 from tenodesis.threads import threads
-
-_Array = NDArray[np.float64]
 
 _FARTHEST = 1e6  # m
 
@@ -24,7 +22,7 @@ COORDINATES = ("pan", "tilt", "spin", "insertion", "yaw", "pitch", "roll")
 
 
 class Posture(NamedTuple):
-    """Coordinates of every joint, rad and m, numbers or arrays that broadcast."""
+    """Coordinates of an instrument that bends by yaw and pitch, rad and m, numbers or arrays that broadcast."""
 
     pan: ArrayLike = 0.0
     """Of the stem about the port, toward x."""
@@ -46,25 +44,41 @@ class Posture(NamedTuple):
     """Likewise of the pitch joint."""
 
 
+class Port(NamedTuple):
+    """Coordinates of the stem in its port and of the end-effectors' roll, rad and m, as in a :class:`Posture`."""
+
+    pan: ArrayLike = 0.0
+    tilt: ArrayLike = 0.0
+    spin: ArrayLike = 0.0
+    insertion: ArrayLike | None = None
+    """By default the instrument's at rest; 0 without a port in its file, so that the stem's tip end is the origin."""
+    roll: ArrayLike = 0.0
+
+
+AT_REST = Port()
+
+
 class Frame(NamedTuple):
     """Position (..., 3), m, and orientation of a body, a quaternion w, x, y, z (..., 4)."""
 
-    position: _Array
-    quaternion: _Array
+    position: Array
+    quaternion: Array
 
 
 class Frames(NamedTuple):
-    """What to draw of an instrument: frames by body, and polylines (..., points, 3) by tendon, m.
+    """What to draw of an instrument: frames by body, and polylines (..., points, 3) by tendon and by backbone, m.
 
-    Bodies are "stem" (at its distal end), "yaw_carrier" and "yaw_far" (the link between the centres of a gear pair, at
-    the near one, and the far gear at its own), likewise for pitch, "end_effector" (at the last far body, rolled), "tip"
-    (where the force acts), and at the other end "handle_yaw_carrier", "handle_yaw_far", likewise for pitch, and "grip"
-    (where the hand acts). The z axis of each points along it, from handle to tip. Tendons are "yaw_agonist",
-    "yaw_antagonist" and likewise for pitch, from the handle's end to the tip's.
+    Bodies are "stem" (at its distal end), and of each joint "NAME_far", the link that it turns, and "NAME_carrier" (the
+    link between the centres of a gear pair, at the near one; not of pulleys); of the handle of a planar instrument
+    "handle_yaw_far" and so on. Beyond the last are "NAME_tip" (where the force acts, or an object is held) and
+    "NAME_grip" (where the hand acts), of a planar instrument "end_effector" (rolled), "tip" and "grip". The z axis of
+    each points along it, from handle to tip. Tendons run from the handle's end, or the stem's if they have no joint
+    there, to the tip's; backbones, by joint, from the stem outward.
     """
 
     bodies: Mapping[str, Frame]
-    tendons: Mapping[str, _Array]
+    tendons: Mapping[str, Array]
+    backbones: Mapping[str, Array]
 
 
 def forward(inst: InstrumentLike, posture: Posture) -> Frame:
@@ -75,45 +89,81 @@ def forward(inst: InstrumentLike, posture: Posture) -> Frame:
     ValueError
         A coordinate is not finite, a bending angle is half a turn or more, or the instrument lacks its axis.
     InstrumentError
-        The instrument's lengths leave no stem.
+        The instrument is not planar, or its lengths leave no stem.
     """
-    inst = as_short_form(inst)
-    rows, shape = _rows(inst, posture)
-    out = np.empty((len(rows), 7))
-    _core.chain_tip(chain(inst), rows, out, threads())
-    return _frame(out, shape)
+    return _bodies(skeleton(inst), *_rows(inst, _posture("posture", posture)))["tip"]
 
 
-def frames(inst: InstrumentLike, posture: Posture) -> Frames:
-    """Return the frames of all bodies and the polylines of all tendons at a posture, m; errors as :func:`forward`.
+def tip_pose(inst: InstrumentLike, angles: ArrayLike, *, port: Port = AT_REST) -> Frame:
+    """Return position (..., ends, 3), m, and orientation (..., ends, 4), w, x, y, z, of the ends at which forces act.
 
-    Where a handle angle is left out and the handle cannot bend so far, the handle's bodies and the tendons are NaN.
+    There is one end, or one a jaw: those of the joints with an end_effector_length. Arguments and errors as
+    :func:`frames`.
     """
-    inst = as_short_form(inst)
-    bound = chain(inst)
-    rows, shape = _rows(inst, posture)
-    names, length = bound.frame_names, bound.path_length
-    out = np.empty((len(rows), len(names), 7))
-    _core.chain_frames(bound, rows, out, threads())
-    bodies = {name: _frame(out[:, i], shape) for i, name in enumerate(names)}
-    tendons = [f"{axis}_{side}" for axis in inst.axes for side in TENDONS]
-    points = np.empty((len(rows), len(tendons) * length, 3))
-    _core.chain_paths(bound, rows, points)
-    paths = points.reshape(*shape, len(tendons), length, 3)
-    return Frames(bodies, {name: paths[..., i, :, :] for i, name in enumerate(tendons)})
+    of = skeleton(inst)
+    bodies = _bodies(of, *_rows(inst, angles, port=port))
+    ends = [bodies[of.end(of.inst.tip_joints[end], "tip")] for end in of.inst.bearing]
+    return Frame(np.stack([end.position for end in ends], -2), np.stack([end.quaternion for end in ends], -2))
 
 
-def jacobian(inst: InstrumentLike, posture: Posture) -> _Array:
-    """Return the Jacobian of the tip (..., 6, 7): velocity (m/s) over angular velocity (rad/s) in the port's frame.
+def frames(
+    inst: InstrumentLike, angles: Posture | ArrayLike, handle_angles: ArrayLike = 0.0, *, port: Port = AT_REST
+) -> Frames:
+    """Return the frames of all bodies and the polylines of all tendons and backbones, m.
 
-    Columns are pan, tilt, spin, insertion, yaw, pitch, roll; zero for an axis that the instrument does not have. Errors
-    are those of :func:`forward`.
+    Parameters
+    ----------
+    inst
+        Any instrument.
+    angles
+        A posture, or the angles of the tip's joints, (..., joints), rad; 0 for all.
+    handle_angles
+        Of the handle's joints, (..., handle joints), rad; 0 for all. A posture has its own: where one is left out and
+        the handle cannot bend so far, the handle's bodies and the tendons are NaN.
+    port
+        Where the stem is; a posture has its own.
+
+    Raises
+    ------
+    ArgumentError
+        An angle is not finite, or half a turn or more, or a shape does not fit the instrument.
+    InstrumentError
+        The instrument's lengths leave no stem, or a posture is given and it is not planar.
     """
-    inst = as_short_form(inst)
-    rows, shape = _rows(inst, posture)
-    out = np.empty((len(rows), 6, len(COORDINATES)))
-    _core.chain_jacobian(chain(inst), rows, out, threads())
-    return np.ascontiguousarray(out[..., _column_order(inst)]).reshape(*shape, 6, len(COORDINATES))
+    of = skeleton(inst)
+    rows, shape = _rows(inst, angles, handle_angles, port)
+    lengths = of.core.line_lengths
+    points = np.empty((len(rows), sum(lengths), 3))
+    _core.chain_lines(of.core, rows, points)
+    paths = [path.reshape(*shape, -1, 3) for path in np.split(points, np.cumsum(lengths)[:-1], axis=1)]
+    tendons = [tendon.name for tendon in of.inst.tendons]
+    backbones = [
+        joint.name for joint in (*of.inst.tip_joints, *of.inst.handle_joints) if joint.mechanism == "continuum"
+    ]
+    return Frames(
+        _bodies(of, rows, shape),
+        dict(zip(tendons, paths, strict=False)),
+        dict(zip(backbones, paths[len(tendons) :], strict=True)),
+    )
+
+
+def jacobian(inst: InstrumentLike, angles: Posture | ArrayLike, *, port: Port = AT_REST) -> Array:
+    """Return the Jacobian: velocity (m/s) over angular velocity (rad/s) of the tip in the port's frame.
+
+    At a posture (..., 6, 7): columns are pan, tilt, spin, insertion, yaw, pitch, roll; zero for an axis that the
+    instrument does not have. At angles of the tip's joints (..., ends, 6, joints), of the ends of :func:`tip_pose`; its
+    transpose gives the moments of a wrench at the ends about the joints. Errors are those of :func:`frames`.
+    """
+    of = skeleton(inst)
+    rows, shape = _rows(inst, angles, port=port)
+    joints, ends = len(of.inst.tip_joints), of.inst.bearing
+    out = np.empty((len(rows), len(ends), 6, 5 + joints))
+    _core.chain_jacobian(of.core, rows, list(ends), out, threads())
+    if not isinstance(angles, Posture):
+        return np.ascontiguousarray(out[..., 4 : 4 + joints]).reshape(*shape, len(ends), 6, joints)
+    found = np.zeros((len(rows), 6, len(COORDINATES)))
+    found[..., [COORDINATES.index(key) for key in _columns(as_short_form(inst))]] = out[:, 0]
+    return found.reshape(*shape, 6, len(COORDINATES))
 
 
 def inverse(
@@ -179,14 +229,15 @@ def inverse(
     goals = np.empty((count, 7))
     goals[:, :3] = np.broadcast_to(places, (*shape, 3)).reshape(count, 3)
     goals[:, 3:] = np.broadcast_to(turns / lengths, (*shape, 4)).reshape(count, 4)
-    out, reach = np.empty((count, len(COORDINATES))), np.empty(count, np.uint8)
+    keys = _columns(inst)
+    out, reach = np.empty((count, len(keys))), np.empty(count, np.uint8)
     starts = np.stack([np.broadcast_to(angle, shape).reshape(count) for angle in start], axis=-1)
-    _core.chain_inverse(chain(inst), goals, starts, out, reach, threads())
+    _core.chain_inverse(skeleton(inst).core, goals, starts, out, reach, threads())
     if shape == () and reach[0] != _core.Reach.OK:
         raise NoSolutionError(_unreached(inst, goals[0], _core.Reach(int(reach[0]))))
-    columns = out[:, _column_order(inst)].T
-    found = [float(column[0]) if shape == () else column.reshape(shape) for column in columns]
-    return Posture(**dict(zip(COORDINATES, found, strict=True)))
+    columns = [column[0].item() if shape == () else column.reshape(shape) for column in out.T]
+    straight: Any = 0.0 if shape == () else np.where(reach.reshape(shape) == _core.Reach.OK, 0.0, np.nan)
+    return Posture(**dict.fromkeys(COORDINATES, straight) | dict(zip(keys, columns, strict=True)))
 
 
 def within_limits(inst: InstrumentLike, posture: Posture) -> FloatOrArray:
@@ -211,7 +262,7 @@ def _posture(key: str, value: Posture) -> Posture:
     return value
 
 
-def finite(key: str, value: ArrayLike, length: int | None = None) -> _Array:
+def finite(key: str, value: ArrayLike, length: int | None = None) -> Array:
     """Return an argument as finite float64, with its last dimension checked."""
     array = numbers(key, value)
     if length is not None and (array.ndim == 0 or array.shape[-1] != length):
@@ -222,12 +273,52 @@ def finite(key: str, value: ArrayLike, length: int | None = None) -> _Array:
     return array
 
 
-def _rows(inst: ShortForm, posture: Posture) -> tuple[_Array, tuple[int, ...]]:
-    """Return a posture as rows of the core's coordinates, and the shape that it broadcasts to."""
-    rest = dimensions(inst).insertion
-    values: dict[str, Any] = _posture("posture", posture)._asdict()
+def angle_rows(key: str, value: ArrayLike, joints: Sequence[Joint]) -> Array:
+    """Return angles with the joints in the last axis; a single 0 stands for all zeros."""
+    if np.ndim(value) == 0 and not np.any(value):
+        return np.zeros(len(joints))
+    rows = finite(key, value, len(joints))
+    if rows.size and not np.abs(rows).max() < pi:
+        worst = float(rows.flat[int(np.abs(rows).argmax())])
+        raise ArgumentError(key=key, value=worst, allowed="less than half a turn")
+    return rows
+
+
+def coordinates(
+    inst: InstrumentLike,
+    angles: Posture | ArrayLike,
+    handle_angles: ArrayLike = 0.0,
+    port: Port = AT_REST,
+    *,
+    reachable: bool = False,
+) -> dict[str, Array]:
+    """Return every coordinate (...), rad and m: pan, tilt, spin, insertion, roll, and by the names of all joints.
+
+    Arguments and errors as :func:`frames`. A handle angle of a posture that its handle cannot reach is NaN, or refused
+    with a NoSolutionError if it is a single one that must be reachable.
+    """
+    of = skeleton(inst)
+    tips, handles = of.inst.tip_joints, of.inst.handle_joints
+    if isinstance(angles, Posture):
+        return _named(as_short_form(inst), angles, reachable=reachable)
+    rows = {
+        "angles": angle_rows("angles", angles, tips),
+        "handle_angles": angle_rows("handle_angles", handle_angles, handles),
+    }
+    placed = port._replace(insertion=of.insertion if port.insertion is None else port.insertion)
+    found = {key: finite(key, value) for key, value in placed._asdict().items()}
+    common_shape(
+        {key: value.shape[:-1] for key, value in rows.items()} | {key: value.shape for key, value in found.items()}
+    )
+    for joints, value in zip((tips, handles), rows.values(), strict=True):
+        found |= {joint.name: value[..., place] for place, joint in enumerate(joints)}
+    return found
+
+
+def _named(inst: ShortForm, posture: Posture, *, reachable: bool) -> dict[str, Array]:
+    values: dict[str, Any] = posture._asdict()
     if values["insertion"] is None:
-        values["insertion"] = rest
+        values["insertion"] = dimensions(inst).insertion
     given = {key: finite(key, value) for key, value in values.items() if value is not None}
     for axis in ("yaw", "pitch"):
         for key in (axis, f"handle_{axis}"):
@@ -243,31 +334,46 @@ def _rows(inst: ShortForm, posture: Posture) -> tuple[_Array, tuple[int, ...]]:
                     value=float(worst),
                     allowed="less than half a turn",
                 )
-    shape = common_shape({key: value.shape for key, value in given.items()})
-    rows = np.zeros((prod(shape), 9))
-    bends = list(inst.axes)
-    for place, key in [
-        *enumerate(("pan", "tilt", "spin", "insertion")),
-        *((4 + i, axis) for i, axis in enumerate(bends)),
-        (6, "roll"),
-        *((7 + i, f"handle_{axis}") for i, axis in enumerate(bends)),
-    ]:
-        value = given.get(key)
-        rows[:, place] = np.nan if value is None else np.broadcast_to(value, shape).reshape(-1)
+    common_shape({key: value.shape for key, value in given.items()})
+    for axis, planar in zip(inst.axes, inst.planar, strict=True):
+        if f"handle_{axis}" not in given:
+            angle = given[axis] if reachable else np.atleast_1d(given[axis])
+            given[f"handle_{axis}"] = np.reshape(statics.handle_angle(planar, angle), given[axis].shape)
+    kept = {*COORDINATES[:4], "roll", *inst.axes, *(f"handle_{axis}" for axis in inst.axes)}
+    return {key: value for key, value in given.items() if key in kept}
+
+
+def _rows(
+    inst: InstrumentLike, angles: Posture | ArrayLike, handle_angles: ArrayLike = 0.0, port: Port = AT_REST
+) -> tuple[Array, tuple[int, ...]]:
+    """Return coordinates as rows of the core's, and the shape that they broadcast to."""
+    of = skeleton(inst)
+    given = coordinates(inst, angles, handle_angles, port)
+    shape = np.broadcast_shapes(*(value.shape for value in given.values()))
+    tips, handles = ([joint.name for joint in joints] for joints in (of.inst.tip_joints, of.inst.handle_joints))
+    keys = [*COORDINATES[:4], *tips, "roll", *handles]
+    rows = np.empty((prod(shape), len(keys)))
+    for place, key in enumerate(keys):
+        rows[:, place] = np.broadcast_to(given[key], shape).reshape(-1)
     return rows, shape
 
 
-def _column_order(inst: ShortForm) -> list[int]:
-    """Return the index of each coordinate in the core: bending joints from the stem outward."""
-    bends = [*inst.axes, *({"yaw", "pitch"} - set(inst.axes))]
-    return [0, 1, 2, 3, 4 + bends.index("yaw"), 4 + bends.index("pitch"), 6]
+def _columns(inst: ShortForm) -> list[str]:
+    """Return the coordinates of the tip in the core's order."""
+    return [*COORDINATES[:4], *inst.axes, "roll"]
 
 
-def _frame(rows: _Array, shape: tuple[int, ...]) -> Frame:
-    return Frame(rows[:, :3].reshape(*shape, 3), rows[:, 3:].reshape(*shape, 4))
+def _bodies(of: Skeleton, rows: Array, shape: tuple[int, ...]) -> dict[str, Frame]:
+    places = of.bodies
+    out = np.empty((len(rows), 1 + 4 * len(of.inst.tip_joints) + 3 * len(of.inst.handle_joints), 7))
+    _core.chain_frames(of.core, rows, out, threads())
+    return {
+        name: Frame(out[:, place, :3].reshape(*shape, 3), out[:, place, 3:].reshape(*shape, 4))
+        for name, place in places.items()
+    }
 
 
-def _unreached(inst: ShortForm, goal: _Array, reach: _core.Reach) -> str:
+def _unreached(inst: ShortForm, goal: Array, reach: _core.Reach) -> str:
     place = ", ".join(f"{value:.6g}" for value in goal[:3])
     reasons = {
         _core.Reach.UNREACHABLE: "no posture brings the tip there; it must be farther from the port than the "

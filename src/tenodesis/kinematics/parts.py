@@ -1,26 +1,28 @@
-"""The instrument as a tree of rigid parts with hinges and slides, from which URDF and MJCF are written."""
+"""An instrument as a tree of rigid parts with hinges and slides, from which URDF and MJCF are written."""
 
-from typing import Literal, NamedTuple
+from math import radians
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from tenodesis import _core, statics
-from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
-from tenodesis.instrument.lengths import Dimensions
-from tenodesis.kinematics.dimensions import dimensions, limits
-from tenodesis.kinematics.motion import Posture, frames
+from tenodesis.instrument import InstrumentLike
+from tenodesis.instrument import Joint as Bending
+from tenodesis.instrument.joints import AXES
+from tenodesis.instrument.lengths import STEM_PER_RADIUS
+from tenodesis.kinematics.chain import Skeleton, end_length, skeleton
+from tenodesis.kinematics.motion import AT_REST, Port, Posture, coordinates, frames
 from tenodesis.statics.query import FloatOrArray
 
 Triple = tuple[float, float, float]
+Format: TypeAlias = Literal["urdf", "mjcf"]
 
 Z: Triple = (0.0, 0.0, 1.0)
-BEND: dict[str, Triple] = {"yaw": (0.0, 1.0, 0.0), "pitch": (-1.0, 0.0, 0.0)}
-"""Axis that a positive angle turns about, by direction."""
-TOWARD: dict[str, Triple] = {"yaw": (1.0, 0.0, 0.0), "pitch": (0.0, 1.0, 0.0)}
-"""Side of the agonist, by direction."""
-
 STEEL = 7800.0
 """Density of the parts, which are solid, kg/m^3."""
+_VERTEBRAE = 8  # that MuJoCo's backbone is divided into
+# A string wraps around a MuJoCo cylinder by a quarter turn while its joint is straight, and leaves it beyond.
+_WIDEST_WRAP = radians(80)
 
 
 class Joint(NamedTuple):
@@ -46,99 +48,85 @@ class Part(NamedTuple):
     """From and to along z, and radius, m."""
 
 
-def parts(inst: ShortForm) -> list[Part]:
-    """Return the parts of an instrument, parents first, named as the bodies of :func:`frames`.
+class _Piece(NamedTuple):
+    """A rigid part of a bending joint: name, offset from the one before (m), and what moves it."""
 
-    Raises InstrumentError if the instrument's lengths leave no stem.
+    name: str
+    offset: float
+    hinges: bool = True
+    slides: bool = False
+
+
+def parts(inst: InstrumentLike, format: Format) -> list[Part]:
+    """Return the parts of an instrument for a format, parents first, named as the bodies of :func:`frames`.
+
+    A backbone is its chord between two hinges in URDF, and a row of vertebrae in MuJoCo. Raises InstrumentError if the
+    instrument's lengths leave no stem.
     """
-    lengths, bounds = dimensions(inst), limits(inst)
-    thick = lengths.stem_diameter / 2
-    stem = Part(
-        "stem",
-        None,
-        0.0,
-        (
-            Joint("pan", "hinge", BEND["yaw"], *bounds.pan),
-            Joint("tilt", "hinge", BEND["pitch"], *bounds.tilt),
-            Joint("spin", "hinge", Z, *bounds.spin),
-            Joint("insertion", "slide", Z, *bounds.insertion),
-        ),
-        (-lengths.stem_length, 0.0, thick),
-    )
-    jaws = lengths.end_effector_length - lengths.jaw_length
-    found = [stem, *_stack(inst, lengths, distal=True)]
-    found += [
-        Part(
-            "end_effector",
-            found[-1].name,
-            0.0,
-            (Joint("roll", "hinge", Z, *bounds.roll),),
-            (0.0, max(jaws, 0.2 * lengths.end_effector_length), 0.8 * thick),
-        ),
-        Part("tip", "end_effector", lengths.end_effector_length, (), (-lengths.jaw_length, 0.0, 0.4 * thick)),
-    ]
-    handle = _stack(inst, lengths, distal=False)
-    grip = Part("grip", handle[-1].name, -lengths.handle_length, (), (0.0, lengths.handle_length, 2 * thick))
-    return [*found, *handle, grip]
-
-
-def joint_positions(inst: InstrumentLike, posture: Posture) -> dict[str, FloatOrArray]:
-    """Return the positions of the joints of an exported model at a posture, rad and m, by name.
-
-    Raises
-    ------
-    ValueError, InstrumentError
-        As :func:`forward`.
-    NoSolutionError
-        A single handle angle is left out, and the handle cannot bend as far as its output angle requires.
-    """
-    inst = as_short_form(inst)
-    given = posture._asdict()
-    if posture.insertion is None:
-        given["insertion"] = dimensions(inst).insertion
-    for name, planar in zip(inst.axes, inst.planar, strict=True):
-        if given[f"handle_{name}"] is None:
-            given[f"handle_{name}"] = statics.handle_angle(planar, given[name])
-    bodies = frames(inst, Posture(**given)).bodies
-    found: dict[str, FloatOrArray] = {}
-    for part in parts(inst):
-        for joint in part.joints:
-            if joint.name in given:
-                found[joint.name] = given[joint.name]
-                continue
-            bend = part.name.rpartition("_")[0]
-            if joint.kind == "slide":
-                apart = bodies[part.name].position - bodies[f"{bend}_carrier"].position
-                found[joint.name] = np.linalg.norm(apart, axis=-1) - abs(part.offset)
-            else:
-                found[joint.name] = np.asarray(given[bend]) / 2
-    return {name: float(value) if np.ndim(value) == 0 else np.asarray(value) for name, value in found.items()}
-
-
-def _stack(inst: ShortForm, lengths: Dimensions, *, distal: bool) -> list[Part]:
-    """Return the parts of the bending joints at an end, from the stem outward; they point to -z at the handle."""
-    end, side = ("", 1.0) if distal else ("handle_", -1.0)
-    spacing = side * (lengths.joint_spacing if distal else lengths.handle_joint_spacing)
-    on, offset = "stem", 0.0 if distal else -lengths.stem_length
-    found = []
-    for place, (axis, planar) in enumerate(zip(lengths.axes, inst.planar, strict=True)):
-        chords = _core.joint_lengths(planar.spec)
-        chord = side * (chords[0] if distal else chords[1])
-        radius = (lengths.distal_radii if distal else lengths.proximal_radii)[place]
-        half = (planar.output_stop if distal else planar.handle_range) / 2
-        name = f"{end}{axis}"
-        carrier = Joint(f"{name}_carrier", "hinge", BEND[axis], -half, half)
-        far = Joint(f"{name}_far", "hinge", BEND[axis], -half, half, same_as=carrier.name)
-        # A backbone bends along its length, so that its chord shortens.
-        bends_along = distal and inst.joint_type == "continuum"
-        slides = (Joint(f"{name}_chord", "slide", Z, -abs(chord), 0.0),) if bends_along else ()
-        link = spacing if place + 1 < len(lengths.axes) else 0.0
-        found += [
-            Part(carrier.name, on, offset, (carrier,), cylinder(0.0, chord, 0.5 * radius)),
-            Part(far.name, carrier.name, chord, (*slides, far), cylinder(-side * radius / 2, link, 0.7 * radius)),
-        ]
-        on, offset = far.name, spacing
+    of = skeleton(inst)
+    radii = [joint.radius for joint in of.inst.tip_joints]
+    thick = (STEM_PER_RADIUS * max(radii) if of.inst.stem_diameter is None else of.inst.stem_diameter) / 2
+    found = [Part("stem", None, 0.0, _in_port(of), (-of.stem_length, 0.0, thick))]
+    for joint, on, beyond in _stacked(of):
+        side = 1.0 if joint.place == "tip" else -1.0
+        at, start = (f"{on}_far", 0.0) if on else ("stem", 0.0 if side > 0 else -of.stem_length)
+        pieces = _pieces(joint, format)
+        turning = moving(joint, format)
+        share = _limit(joint) / len(turning)
+        for place, piece in enumerate(pieces):
+            name = f"{joint.name}_{piece.name}"
+            offset = start + side * (piece.offset + (joint.offset if place == 0 else 0.0))
+            following = pieces[place + 1].offset if place + 1 < len(pieces) else beyond
+            first = None if name == turning[0] else turning[0]
+            slide = Joint(f"{joint.name}_chord", "slide", (0.0, 0.0, side), -joint.chord, 0.0)
+            hinge = Joint(name, "hinge", joint.axis_vector, -share, share, same_as=first)
+            joints = ((slide,) if piece.slides else ()) + ((hinge,) if piece.hinges else ())
+            is_far = piece.name == "far"
+            back = -joint.radius / 2 if is_far and joint.mechanism != "continuum" else 0.0
+            wide = (0.7 if is_far else 0.5) * joint.radius
+            found.append(Part(name, at, offset, joints, _cylinder(side * back, side * following, wide)))
+            at, start = name, 0.0
+        reach = end_length(of.inst, joint)
+        if reach is not None:
+            found += _end(of, joint, reach, reach - min(beyond, reach), thick)
     return found
+
+
+def joint_positions(
+    inst: InstrumentLike,
+    angles: Posture | ArrayLike,
+    handle_angles: ArrayLike = 0.0,
+    *,
+    port: Port = AT_REST,
+    format: Format = "urdf",
+) -> dict[str, FloatOrArray]:
+    """Return the positions of the joints of an exported model, rad and m, by name, (...) each.
+
+    Arguments and errors as :func:`frames`, and NoSolutionError if a posture leaves a single handle angle out and the
+    handle cannot bend as far as the output angle requires.
+    """
+    of = skeleton(inst)
+    given = coordinates(inst, angles, handle_angles, port, reachable=True)
+    bodies = frames(inst, angles, handle_angles, port=port).bodies
+    bending = {f"{joint.name}_{piece.name}": joint for joint in of.inst.joints for piece in _pieces(joint, format)}
+    found = {}
+    for part in parts(inst, format):
+        for joint in part.joints:
+            own = bending.get(part.name)
+            if own is None:
+                value = given[joint.name]
+            elif joint.kind == "hinge":
+                value = given[own.name] / len(moving(own, format))
+            else:
+                apart = bodies[part.name].position - bodies[f"{own.name}_carrier"].position
+                value = np.linalg.norm(apart, axis=-1) - own.chord
+            found[joint.name] = float(value) if np.ndim(value) == 0 else value
+    return found
+
+
+def moving(joint: Bending, format: Format) -> list[str]:
+    """Return the names of the parts that turn with a bending joint, each by the same share of its angle."""
+    return [f"{joint.name}_{piece.name}" for piece in _pieces(joint, format) if piece.hinges]
 
 
 def text(value: float) -> str:
@@ -146,6 +134,65 @@ def text(value: float) -> str:
     return repr(float(value))
 
 
-def cylinder(start: float, end: float, radius: float) -> tuple[float, float, float] | None:
+def _in_port(of: Skeleton) -> tuple[Joint, ...]:
+    """Return the joints of the stem, of an instrument whose file gives a port."""
+    if of.port is None:
+        return ()
+    bounds = of.port
+    return (
+        Joint("pan", "hinge", AXES["yaw"], *bounds.pan),
+        Joint("tilt", "hinge", AXES["pitch"], *bounds.tilt),
+        Joint("spin", "hinge", Z, *bounds.spin),
+        Joint("insertion", "slide", Z, *bounds.insertion),
+    )
+
+
+def _end(of: Skeleton, joint: Bending, reach: float, free: float, thick: float) -> list[Part]:
+    """Return what is beyond a last joint, over a free length, m."""
+    far = f"{joint.name}_far"
+    if joint.place == "handle":
+        return [Part(of.end(joint, "grip"), far, -reach, (), _cylinder(0.0, free, 2 * thick))]
+    if of.port is None or not of.rolls:
+        return [Part(of.end(joint, "tip"), far, reach, (), _cylinder(-free, 0.0, 0.4 * thick))]
+    rolled, jaws = of.end(joint, "end_effector"), of.port.jaw_length
+    roll = Joint("roll", "hinge", Z, *of.port.roll)
+    return [
+        Part(rolled, far, 0.0, (roll,), (0.0, max(reach - jaws, 0.2 * reach), 0.8 * thick)),
+        Part(of.end(joint, "tip"), rolled, reach, (), (-jaws, 0.0, 0.4 * thick)),
+    ]
+
+
+def _limit(joint: Bending) -> float:
+    """Return the angle of a joint's mechanical stop, rad: as given, or the end of its working range."""
+    return joint.range if joint.stop is None else joint.stop
+
+
+def _pieces(joint: Bending, format: Format) -> list[_Piece]:
+    if joint.mechanism == "pulley":
+        halves = format == "mjcf" and _limit(joint) > _WIDEST_WRAP
+        return [_Piece("carrier", 0.0), _Piece("far", 0.0)] if halves else [_Piece("far", 0.0)]
+    if joint.mechanism == "tendon-gear" or format == "urdf":
+        return [_Piece("carrier", 0.0), _Piece("far", joint.chord, slides=joint.mechanism == "continuum")]
+    pitch = joint.chord / _VERTEBRAE
+    # In the proportions of Gregory's rule the row reaches as far as the arc, but for a high order of its bends.
+    steps = [5 / 12, 13 / 12, *[1.0] * (_VERTEBRAE - 3), 13 / 12]
+    row = [_Piece(f"{place}", step * pitch) for place, step in enumerate(steps, 1)]
+    return [*row, _Piece("far", 5 / 12 * pitch, hinges=False)]
+
+
+def _stacked(of: Skeleton) -> list[tuple[Bending, str, float]]:
+    """Return the joints, each with the one that it stands on, if any, and the length to those that stand on it, m."""
+    tips, handles = of.inst.tip_joints, of.inst.handle_joints
+    parents = zip(tips, of.inst.parents, strict=True)
+    on = {joint.name: "" if parent < 0 else tips[parent].name for joint, parent in parents}
+    on |= {joint.name: handles[place - 1].name if place else "" for place, joint in enumerate(handles)}
+    beyond = dict.fromkeys(on, 0.0)
+    for joint in (*tips, *handles):
+        if on[joint.name]:
+            beyond[on[joint.name]] = max(beyond[on[joint.name]], joint.offset)
+    return [(joint, on[joint.name], beyond[joint.name]) for joint in (*tips, *handles)]
+
+
+def _cylinder(start: float, end: float, radius: float) -> tuple[float, float, float] | None:
     """Return the cylinder of a part between two places along it, m; None if it has no length."""
     return None if start == end else (min(start, end), max(start, end), radius)

@@ -4,7 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
-from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
+from tenodesis.instrument import InstrumentLike
+from tenodesis.kinematics.chain import Skeleton, skeleton
 from tenodesis.kinematics.parts import STEEL, Joint, Part, parts, text
 
 _KINDS = {"hinge": "revolute", "slide": "prismatic"}
@@ -13,36 +14,41 @@ _LEAST_MASS, _LEAST_INERTIA = 1e-6, 1e-9
 # URDF requires an effort and a velocity at every limited joint; the instrument file has neither.
 _EFFORT, _VELOCITY = "1000", "100"
 
-NOTE = """Written by tenodesis. Units: m, rad, kg. The port is the origin; z points into the patient.
+NOTE = """Written by tenodesis. Units: m, rad, kg. {origin}
 What this format does not contain:
-- tendons: nothing ties the tip to the handle; the output angle without a load is 2 asin(R/r sin(handle angle / 2))
-  for gears, which no mimic can express, since it is not linear; set both handle and tip;
+- tendons: nothing ties the tip to the handle, nor a joint to others that its tendons cross, and nothing is elastic; set
+  both handle and tip. What the tip of a planar instrument does without a load, 2 asin(R/r sin(handle angle / 2)) for
+  gears, no mimic can express, since it is not linear;
+- springs in the joints;
 - rolling contact: a gear pair is two revolute joints, half its angle each, the second a mimic of the first, which tools
   may ignore;
-- friction, drives, sensors, the controller, and limits by loads: joint limits are mechanical stops;
+- friction, drives, sensors, the controller, and limits by loads: joint limits are mechanical stops, or working ranges
+  where none are given;
+- contact: jaws are two joints of their own, and grip no object;
 - efforts and velocities: their values are there only because the format needs them;
 - masses: parts are drawn, and weighed, as solid steel; where the file has dynamics.tip_inertia, the parts that turn
   with the tip weigh what gives that inertia; links between a part's joints weigh 1 mg.{more}"""
-CONTINUUM = """
+_CONTINUUM = """
 - the arc of a backbone: it is its chord between two revolute joints; how much the chord shortens, the joint named
   chord, no mimic can express."""
 
 
 def urdf(inst: InstrumentLike) -> str:
-    """Return an instrument as the text of a URDF file: links as the bodies of :func:`frames`, the port its base.
+    """Return an instrument as the text of a URDF file: links as the bodies of :func:`frames`, on the port.
 
-    Positions of its joints are those of :func:`joint_positions`. Raises InstrumentError if the instrument's lengths
-    leave no stem.
+    Without a port in the file the base is the stem's tip end. Positions of its joints are those of
+    :func:`joint_positions`. What the format does not contain stands in its first lines. Raises InstrumentError if the
+    instrument's lengths leave no stem.
     """
-    inst = as_short_form(inst)
-    tree = parts(inst)
-    note = NOTE.format(more=CONTINUUM if inst.joint_type == "continuum" else "")
-    return robot(inst.name, note, "port", tree, _densities(inst, tree))
-
-
-def robot(name: str, note: str, base: str, tree: Sequence[Part], density: Mapping[str, float] | None = None) -> str:
-    """Return parts as the text of a URDF file, whose first lines are a note; density in kg/m³, by default steel."""
-    root = Element("robot", name=name.replace(" ", "_"))
+    of = skeleton(inst)
+    tree = parts(inst, "urdf")
+    density = _densities(of, tree)
+    note = NOTE.format(
+        origin=origin_of(of),
+        more=_CONTINUUM if any(joint.mechanism == "continuum" for joint in of.inst.joints) else "",
+    )
+    base = "base" if of.port is None else "port"
+    root = Element("robot", name=of.inst.name.replace(" ", "_"))
     root.append(Comment(f"\n{note}\n"))
     SubElement(root, "link", name=base)
     for part in tree:
@@ -58,9 +64,16 @@ def robot(name: str, note: str, base: str, tree: Sequence[Part], density: Mappin
         if not part.joints:
             fixed = SubElement(root, "joint", name=f"{part.name}_fixed", type="fixed")
             _between(fixed, parent, part.name, part.offset)
-        _link(root, part, STEEL if density is None else density[part.name])
+        _link(root, part, density[part.name])
     indent(root)
     return '<?xml version="1.0"?>\n' + tostring(root, encoding="unicode") + "\n"
+
+
+def origin_of(of: Skeleton) -> str:
+    """Return where the origin of a model is, as a sentence."""
+    if of.port is None:
+        return "The stem's tip end is the origin; z points along it to the tip."
+    return "The port is the origin; z points into the patient."
 
 
 def _joint(root: Element, joint: Joint, parent: str, child: str, offset: float) -> None:
@@ -107,22 +120,23 @@ def _mass(part: Part, density: float) -> tuple[float, float, float]:
     return mass, mass * (3 * radius**2 + length**2) / 12, mass * radius**2 / 2
 
 
-def _densities(inst: ShortForm, tree: list[Part]) -> dict[str, float]:
+def _densities(of: Skeleton, tree: Sequence[Part]) -> Mapping[str, float]:
     """Return the density of each part, kg/m³: steel, or what gives the tip the inertia that the file has."""
     named = {part.name: part for part in tree}
     found = dict.fromkeys(named, STEEL)
-    axis, wanted = inst.axes[-1], inst.planar[-1].dynamics.tip_inertia
+    wanted = getattr(of.given.dynamics, "tip_inertia", None)
     if wanted is None:
         return found
-    carrier, far = named[f"{axis}_carrier"], named[f"{axis}_far"]
-    turning = (far, named["end_effector"], named["tip"])
-    # The carrier turns by half the angle, and takes the far part along, as if that turned about its middle.
-    steel = _inertia(carrier, 0.0) / 4
-    place = far.offset / 2
+    last = of.inst.tip_joints[-1]
+    carrier, far = named.get(f"{last.name}_carrier"), named[f"{last.name}_far"]
+    turning = [far, *(named[of.end(last, kind)] for kind in ("end_effector", "tip"))]
+    # A carrier turns by half the angle, and takes the far part along, as if that turned about its middle.
+    steel = 0.0 if carrier is None else _inertia(carrier, 0.0) / 4
+    place = 0.0 if carrier is None else far.offset / 2
     for part in turning:
         place += 0.0 if part is far else part.offset
         steel += _inertia(part, place)
-    for part in (carrier, *turning):
+    for part in (*turning, *(() if carrier is None else (carrier,))):
         found[part.name] = STEEL * wanted / steel
     return found
 

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import ArrayLike
 
-from tenodesis.coupled import CoupledInstrument, Joint, frames
-from tenodesis.coupled.motion import STEM, Array, angle_rows, arc, bend_side, rotated
-from tenodesis.coupled.parts import parts
-from tenodesis.kinematics import Frame, Frames
+from tenodesis.instrument import FullForm, Joint
+from tenodesis.kinematics import Frame, Frames, frames
+from tenodesis.kinematics.chain import STEM, Array, bend_side, rotated
+from tenodesis.kinematics.parts import parts
 from tenodesis.report import style
 from tenodesis.report.routing import tendon_colours
 
@@ -25,37 +25,31 @@ _VIEW = {"elev": 18.0, "azim": -62.0}
 _End: TypeAlias = Literal["handle", "tip"]
 
 
-def draw(inst: CoupledInstrument, angles: ArrayLike = 0.0, handle_angles: ArrayLike = 0.0) -> Figure:
+def draw(inst: FullForm, angles: ArrayLike = 0.0, handle_angles: ArrayLike = 0.0) -> Figure:
     """Return the picture of an instrument at angles (rad): its tip, and its handle if it has joints.
 
     Each end has its own scale, and a piece of the stem.
     """
     ends: list[_End] = ["handle", "tip"] if inst.handle_joints else ["tip"]
     bent = frames(inst, angles, handle_angles)
-    joints = (*inst.handle_joints, *inst.tip_joints)
-    rows = [
-        angle_rows("handle_angles", handle_angles, inst.handle_joints),
-        angle_rows("angles", angles, inst.tip_joints),
-    ]
-    turned = dict(zip([joint.name for joint in joints], np.concatenate(rows)[:, np.newaxis], strict=True))
     with style.applied():
         fig = style.Drawing(figsize=(4.2 * len(ends), 4.6))
         for place, end in enumerate(ends, 1):
             axis: Any = fig.add_subplot(1, len(ends), place, projection="3d", computed_zorder=False)
-            _draw_end(axis, inst, end, bent, turned)
+            _draw_end(axis, inst, end, bent)
         handles = [mpl.lines.Line2D([], [], color=colour, lw=1.4) for colour in tendon_colours(len(inst.tendons))]
         fig.legend(handles, [tendon.name for tendon in inst.tendons], loc="lower center", ncols=3, fontsize=7.5)
         fig.subplots_adjust(0, 0.1, 1, 0.95, 0, 0)
     return fig
 
 
-def write(path: Path, inst: CoupledInstrument, angles: ArrayLike, handle_angles: ArrayLike = 0.0) -> None:
+def write(path: Path, inst: FullForm, angles: ArrayLike, handle_angles: ArrayLike = 0.0) -> None:
     """Write the picture as SVG, PNG or PDF."""
     with mpl.rc_context({"svg.fonttype": "none"}):
         draw(inst, angles, handle_angles).savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
 
 
-def _draw_end(axis: Any, inst: CoupledInstrument, end: _End, bent: Frames, turned: dict[str, Array]) -> None:
+def _draw_end(axis: Any, inst: FullForm, end: _End, bent: Frames) -> None:
     tree = {part.name: part for part in parts(inst, "urdf")}
     joints = [joint for joint in inst.joints if joint.place == end]
     names = [name for joint in joints for name in tree if name.rpartition("_")[0] == joint.name]
@@ -63,7 +57,7 @@ def _draw_end(axis: Any, inst: CoupledInstrument, end: _End, bent: Frames, turne
     stub = min(_STUB * reach, length / 2)
     cut = -stub if end == "tip" else stub - length
     thick = (tree["stem"].cylinder or (0.0, 0.0, 0.0))[2]
-    backbones = {f"{joint.name}_carrier" for joint in joints if joint.mechanism == "continuum"}
+    backbones = {f"{joint}_carrier" for joint in bent.backbones}
     solids = [(_cylinder(thick, *sorted((cut, 0.0 if end == "tip" else -length))), _METAL)]
     for name in names:
         cylinder = tree[name].cylinder
@@ -72,10 +66,8 @@ def _draw_end(axis: Any, inst: CoupledInstrument, end: _End, bent: Frames, turne
             solids.append((_placed(_cylinder(radius, start, stop), bent.bodies[name]), _METAL))
     for joint in joints:
         far, carrier = bent.bodies[f"{joint.name}_far"], bent.bodies.get(f"{joint.name}_carrier")
-        if joint.mechanism == "continuum":
-            assert carrier is not None
-            along = np.array(list(arc(joint, carrier, turned[joint.name])))
-            axis.plot(*along.T, color=_BACKBONE, lw=5, zorder=1)
+        if joint.name in bent.backbones:
+            axis.plot(*bent.backbones[joint.name].T, color=_BACKBONE, lw=5, zorder=1)
             continue
         solids += [(_wheel(joint, frame), _WHEEL) for frame in (carrier, far) if frame is not None]
     faces = [face for solid, _ in solids for face in solid]

@@ -1,8 +1,8 @@
 """Joints that share tendons in motion, simulated in MuJoCo.
 
-The mechanism is the exported model of :func:`tenodesis.coupled.mjcf`, without friction and gravity: strings that only
-pull, handle joints that move as prescribed, loads that turn with the tip. Links have the masses, inertias and dampings
-that the twin has; mechanical stops are left out. Quantities are in SI units (m, N, rad, s).
+The mechanism is the exported model of :func:`tenodesis.kinematics.mjcf`, without friction and gravity: strings that
+only pull, handle joints that move as prescribed, loads that turn with the tip. Links have the masses, inertias and
+dampings that the twin has; mechanical stops are left out. Quantities are in SI units (m, N, rad, s).
 
 A gear pair is two hinges, half its angle each, a backbone eight; ties hold them together. Bodies between them weigh
 nothing, so that their hinges have a little inertia of their own.
@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tenodesis import coupled
+from tenodesis import kinematics
 from tenodesis.coupled import CoupledInstrument
-from tenodesis.coupled.parts import moving
 from tenodesis.coupled.rows import link_rows
 from tenodesis.errors import NoSolutionError
 from tenodesis.extras import require
+from tenodesis.kinematics.parts import moving
 from tenodesis.verification.coupled_peer import CoupledPeer
 
 Array = NDArray[np.float64]
@@ -30,6 +30,7 @@ _ARMATURE_SHARE = 1e-3
 _LEAST = 1e-14  # kg, kg m^2: MuJoCo compiles no body that weighs less
 # Inertia (kg m^2) against which no tendon changes the prescribed velocity of the handle's joints.
 _IMMOVABLE = 1e12
+_TOLERANCE = 1e-8  # of the solver: MuJoCo's own
 _BATCH = 1000  # steps between two looks at the clock
 
 
@@ -47,8 +48,8 @@ class _Model:
     def __init__(self, inst: CoupledInstrument, time_step: float) -> None:
         mujoco = self.mujoco = require("mujoco", "verify")
         self.inst = inst
-        spec = mujoco.MjSpec.from_string(coupled.mjcf(inst))
-        spec.option.timestep = time_step
+        spec = mujoco.MjSpec.from_string(kinematics.mjcf(inst))
+        spec.option.timestep, spec.option.tolerance = time_step, _TOLERANCE
         without = mujoco.mjtDisableBit
         spec.option.disableflags = int(without.mjDSBL_CONTACT | without.mjDSBL_LIMIT)
         for geom in spec.geoms:
@@ -185,8 +186,8 @@ def steps_per_second(
     mujoco = require("mujoco", "verify")
     acting = np.tile(np.asarray(wrench, float) / len(inst.bearing), len(inst.bearing))
     if as_exported:
-        model = mujoco.MjModel.from_xml_string(coupled.mjcf(inst))
-        model.opt.timestep = time_step
+        model = mujoco.MjModel.from_xml_string(kinematics.mjcf(inst))
+        model.opt.timestep, model.opt.tolerance = time_step, _TOLERANCE
         data = mujoco.MjData(model)
         data.ctrl[-acting.size :] = acting
     else:

@@ -13,9 +13,10 @@ from xml.etree.ElementTree import SubElement, fromstring, tostring
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tenodesis import coupled
+from tenodesis import kinematics
 from tenodesis.coupled import CoupledInstrument
 from tenodesis.extras import require
+from tenodesis.kinematics.parts import moving
 from tenodesis.verification.mujoco_peer import relax
 
 Array = NDArray[np.float64]
@@ -45,8 +46,7 @@ class CoupledPeer:
         self._model.body_inertia *= 1e-3
         mujoco.mj_setConst(self._model, self._data)
         self._hinges = {
-            joint.name: [self._model.joint(name).qposadr[0] for name in coupled.parts.moving(joint, "mjcf")]
-            for joint in inst.joints
+            joint.name: [self._model.joint(name).qposadr[0] for name in moving(joint, "mjcf")] for joint in inst.joints
         }
 
     def settle(
@@ -88,7 +88,7 @@ class CoupledPeer:
 
 def _with_fixed_wrench(inst: CoupledInstrument) -> str:
     """Return the model with a second wrench at each end, in the stem's axes."""
-    root = fromstring(coupled.mjcf(inst))
+    root = fromstring(kinematics.mjcf(inst))
     actuators = root.find("actuator")
     assert actuators is not None
     for motor in actuators.findall("motor"):
