@@ -16,10 +16,13 @@
 //   tendon_span()                 length of tendon within the straight joint, m
 //   rig_arm()                     from the pivot of a load rig to the tip of the straight joint, m
 //   limit()                       bound of |x|
+//   chord(angle)                  between the ends of the bent joint, m; it makes half the angle with either end
 //   values()                      the same joint in real numbers
 // All arms follow from virtual work on the joint's exact kinematics.
+//
+// A chain of joints (wrist.hpp) has the mechanism of each as a value, and asks the functions at the end.
 
-#include "tenodesis/scalar.hpp"
+#include "tenodesis/rotation.hpp"
 
 namespace tenodesis {
 
@@ -59,6 +62,10 @@ struct TendonGear {
   constexpr S tip_path(const S& angle, const S& x) const { return length * angle + S(2) * radius * x; }
   constexpr S radial_arm(const S& x) const { return radius * x; }
   static constexpr S passive_stiffness() { return S(0); }
+  template <class T>
+  constexpr T chord(const T&) const {
+    return T(S(2) * radius);
+  }
 
   // (F (l + r c) - F_r r x) / (r c) with c = cos(angle / 2), times c^3.
   Demand<S> demand(const S& x, const Load<S>& load) const {
@@ -99,6 +106,10 @@ struct TendonPulley {
   constexpr S tip_path(const S& angle, const S&) const { return length * angle; }
   static constexpr S radial_arm(const S&) { return S(0); }
   static constexpr S passive_stiffness() { return S(0); }
+  template <class T>
+  static constexpr T chord(const T&) {
+    return T(0);
+  }
 
   constexpr Demand<S> demand(const S&, const Load<S>& load) const {
     return {load.force * (length / radius), S(0), S(1)};
@@ -131,6 +142,10 @@ struct TendonContinuum {
   }
   constexpr S radial_arm(const S& x) const { return radial(x, backbone_length); }
   constexpr S passive_stiffness() const { return backbone_rigidity / backbone_length; }
+  template <class T>
+  constexpr T chord(const T& angle) const {
+    return T(backbone_length) * sinc_of_square(angle * angle * T(0.25));
+  }
 
   constexpr Demand<S> demand(const S& x, const Load<S>& load) const {
     using D = Dual<S, 1>;
@@ -164,5 +179,115 @@ struct TendonContinuum {
     return backbone * x * bow_of_square(x * x);
   }
 };
+
+enum class Mechanism : unsigned char { gear, pulley, continuum };
+
+/// Largest |coordinate| of a mechanism.
+template <class S>
+constexpr S coordinate_limit(Mechanism mechanism) {
+  return mechanism == Mechanism::gear ? TendonGear<S>::limit() : TendonPulley<S>::limit();
+}
+
+/// Angle of a joint at a coordinate, rad.
+template <class S>
+S angle_at(Mechanism mechanism, const S& x) {
+  return mechanism == Mechanism::gear ? TendonGear<S>::angle(x) : x;
+}
+
+/// Coordinate of a joint at an angle (rad).
+template <class S>
+constexpr S coordinate_at(Mechanism mechanism, const S& angle) {
+  return mechanism == Mechanism::gear ? TendonGear<S>::coordinate(angle) : angle;
+}
+
+/// Tendon drawn by a unit of the coordinate at a distance from the joint's middle plane (m), m.
+template <class S>
+constexpr S excursion_slope(Mechanism mechanism, const S& distance) {
+  return mechanism == Mechanism::gear ? TendonGear<S>{distance}.excursion_slope()
+                                      : TendonPulley<S>{distance}.excursion_slope();
+}
+
+/// Chord of a straight joint of a radius or, of a backbone, of a length, m.
+template <class S>
+constexpr S straight_chord(Mechanism mechanism, const S& radius, const S& backbone_length) {
+  if (mechanism == Mechanism::continuum) return TendonContinuum<S>{radius, S(0), backbone_length}.chord(S(0));
+  return mechanism == Mechanism::gear ? TendonGear<S>{radius}.chord(S(0)) : TendonPulley<S>::chord(S(0));
+}
+
+/// Whether a load may exceed what any tension holds on the way to the limit.
+constexpr bool folds(Mechanism mechanism) {
+  return mechanism == Mechanism::gear ? TendonGear<double>::folds() : TendonPulley<double>::folds();
+}
+
+/// A joint bent to a coordinate.
+template <class S>
+struct Bend {
+  S sine{};         ///< of half the angle
+  S cosine{};       ///< likewise
+  S turn{};         ///< rate of the coordinate by the angle
+  S per_turn{};     ///< its inverse
+  S chord{};        ///< m
+  S chord_rate{};   ///< by the angle, m
+  S chord_curve{};  ///< second rate, m
+
+  constexpr Bend() = default;
+  /// straight: the chord of the straight joint, m.
+  template <class C>
+  constexpr Bend(Mechanism mechanism, const C& straight, const S& x) {
+    const bool rolls = mechanism == Mechanism::gear;
+    sine = rolls ? x : sin_quarter(x * S(0.5));
+    cosine = sqrt((S(1) - sine) * (S(1) + sine));
+    turn = rolls ? cosine * S(0.5) : S(1);
+    per_turn = rolls ? S(1) / turn : S(1);
+    chord = S(straight);
+    if (mechanism != Mechanism::continuum) return;
+    // L sin(h)/h of the half angle h; its rates by h follow from g = (cos h - sin(h)/h)/h^2 = bow - (1 - cos h)/h^2.
+    const S half = x * S(0.5);
+    const S square = half * half;
+    const S quarter = sinc_of_square(square * S(0.25));
+    const S sinc = sinc_of_square(square);
+    const S g = bow_of_square(square) - S(0.5) * quarter * quarter;
+    chord_rate = chord * S(0.5) * half * g;
+    chord_curve = chord * S(-0.25) * (sinc + S(2) * g);
+    chord = chord * sinc;
+  }
+  /// Of anything that has a mechanism and a chord.
+  template <class J>
+  constexpr Bend(const J& joint, const S& x) : Bend(joint.mechanism, joint.chord, x) {}
+
+  /// A vector of the far side in the axes of the middle, or of the middle in those of the near side.
+  template <class C>
+  constexpr Vector<S> inward(const Vector<C>& axis, const Vector<S>& v) const {
+    return rotated(axis, v, sine);
+  }
+  /// The inverse.
+  template <class C>
+  constexpr Vector<S> outward(const Vector<C>& axis, const Vector<S>& v) const {
+    return rotated(axis, v, -sine);
+  }
+
+ private:
+  template <class C>
+  constexpr Vector<S> rotated(const Vector<C>& axis, const Vector<S>& v, const S& by) const {
+    // About an axis of the link itself two components turn.
+    if (axis.x == C(0) && axis.z == C(0)) {
+      const S s = S(axis.y) * by;
+      return {cosine * v.x + s * v.z, v.y, cosine * v.z - s * v.x};
+    }
+    if (axis.y == C(0) && axis.z == C(0)) {
+      const S s = S(axis.x) * by;
+      return {v.x, cosine * v.y - s * v.z, cosine * v.z + s * v.y};
+    }
+    const Vector<S> about{S(axis.x), S(axis.y), S(axis.z)};
+    return cosine * v + by * cross(about, v) + ((S(1) - cosine) * dot(about, v)) * about;
+  }
+};
+
+/// Rate of a bent joint's per_turn by the coordinate; a gear's per_turn is 2/sqrt(1 - x^2).
+template <class S>
+constexpr S per_turn_rate(Mechanism mechanism, const Bend<S>& bend) {
+  if (mechanism != Mechanism::gear) return S(0);
+  return bend.sine * S(0.25) * bend.per_turn * bend.per_turn * bend.per_turn;
+}
 
 }  // namespace tenodesis

@@ -156,18 +156,48 @@ Result<S> loss_of_dexterity(const A& axis, const S& output_angle, const S& force
   return {force * arm / stiffness.value, Status::ok};
 }
 
-/// Tangential force at which the antagonist goes slack at an output angle, N (eqs. 1, 8 where they meet).
+namespace detail {
+
+// Tangential force that takes a tension difference to hold at a coordinate.
+template <class A, class S>
+S force_of(const A& axis, const S& x, const S& tension_difference) {
+  const auto held = [&](const S& force) {
+    const Demand<S> demand = axis.distal.demand(x, Load<S>{force, S(0)});
+    return demand.value / demand.weight;
+  };
+  const S unloaded = held(S(0));
+  return (tension_difference - unloaded) / (held(S(1)) - unloaded);
+}
+
+}  // namespace detail
+
+/// Tangential force at which the antagonist is slack at a held output angle, N (eqs. 1, 8 where they meet): negative
+/// where it is slack without a force.
 template <class A, class S>
 Result<S> slack_force(const A& axis, const S& output_angle) {
   if (!is_finite(value_of(output_angle))) return {{}, Status::not_finite};
   if (!(abs(output_angle) < S(pi))) return {{}, Status::unreachable};
-  const S x = axis.distal.coordinate(output_angle);
-  const auto difference = [&](const S& force) {
-    const Demand<S> demand = axis.distal.demand(x, Load<S>{force, S(0)});
-    return demand.value / demand.weight;
-  };
-  const S unloaded = difference(S(0));
-  return {(S(2) * axis.pretension - unloaded) / (difference(S(1)) - unloaded), Status::ok};
+  return {detail::force_of(axis, axis.distal.coordinate(output_angle), S(2) * axis.pretension), Status::ok};
+}
+
+/// Tangential force under which a tendon goes slack at a held handle, N: 0 where one is slack without a force.
+template <class A, class S>
+Result<S> slack_load(const A& axis, const S& handle_angle, const Stroke<S>& wound = {}) {
+  const Equilibrium<S> free = equilibrium(axis, handle_angle, Load<S>{}, wound);
+  if (free.status != Status::ok) return {{}, free.status};
+  const auto pair = TendonPair<S>::at_handle(axis, handle_angle, wound);
+  const Tensions<S> rest = pair.tensions(free.coordinate);
+  if (!(rest.agonist > S(0) && rest.antagonist > S(0))) return {S(0), Status::ok};
+  // A positive force draws the agonist and lets the antagonist go.
+  const S x = -pair.antagonist / pair.rate;
+  if (!(abs(x) < axis.distal.limit())) return {{}, Status::unreachable};
+  const S force = detail::force_of(axis, x, pair.agonist + pair.antagonist);
+  // The joint may have snapped through before.
+  const Equilibrium<S> at = equilibrium(axis, handle_angle, Load<S>{force, S(0)}, wound);
+  if (at.status != Status::ok) return {{}, at.status};
+  using V = ValueOf<S>;
+  if (!(abs(value_of(at.coordinate - x)) <= V(sizeof(V) == 4 ? 1e-3 : 1e-6))) return {{}, Status::no_equilibrium};
+  return {force, Status::ok};
 }
 
 /// Output angle from the proximal sensors without friction, rad (eq. 19, slack and motors included).

@@ -3,36 +3,14 @@
 //
 // Every joint turns by half its angle, moves along its chord, and turns by the other half, as in kinematics.hpp. Its
 // coordinate x is the one of joint.hpp, in which the excursion of every tendon is linear: what a tendon is drawn by is
-// the sum of arm times x over the joints that it crosses. A gear's coordinate is the sine of half its angle, and a
-// tendon at a distance a from its middle plane has the arm 2 a there; elsewhere x is the angle and the arm the
-// distance.
+// the sum of arm times x over the joints that it crosses.
 
 #include <cstdint>
+#include <utility>
 
 #include "tenodesis/joint.hpp"
-#include "tenodesis/rotation.hpp"
 
 namespace tenodesis {
-
-enum class Mechanism : unsigned char { gear, pulley, continuum };
-
-/// Largest |coordinate| of a mechanism.
-template <class S>
-constexpr S coordinate_limit(Mechanism mechanism) {
-  return mechanism == Mechanism::gear ? TendonGear<S>::limit() : TendonPulley<S>::limit();
-}
-
-/// Angle of a joint at a coordinate, rad.
-template <class S>
-S angle_at(Mechanism mechanism, const S& x) {
-  return mechanism == Mechanism::gear ? TendonGear<S>::angle(x) : x;
-}
-
-/// Coordinate of a joint at an angle (rad).
-template <class S>
-constexpr S coordinate_at(Mechanism mechanism, const S& angle) {
-  return mechanism == Mechanism::gear ? TendonGear<S>::coordinate(angle) : angle;
-}
 
 /// A joint of a wrist, in the frame of the link before it: z along the straight joint toward the tip.
 template <class S>
@@ -60,66 +38,6 @@ struct WristLoad {
   Wrench<S> wrench{};
   S grip{};             ///< force that presses the jaws apart, as an object between them does, N
   bool in_stem_axes{};  ///< whether the wrench keeps its direction while the tip turns
-};
-
-/// A joint bent to a coordinate.
-template <class S>
-struct Bend {
-  S sine{};         ///< of half the angle
-  S cosine{};       ///< likewise
-  S turn{};         ///< rate of the coordinate by the angle
-  S per_turn{};     ///< its inverse
-  S chord{};        ///< m
-  S chord_rate{};   ///< by the angle, m
-  S chord_curve{};  ///< second rate, m
-
-  constexpr Bend() = default;
-  template <class C>
-  constexpr Bend(const WristJoint<C>& joint, const S& x) {
-    const bool rolls = joint.mechanism == Mechanism::gear;
-    sine = rolls ? x : sin_quarter(x * S(0.5));
-    cosine = sqrt((S(1) - sine) * (S(1) + sine));
-    turn = rolls ? cosine * S(0.5) : S(1);
-    per_turn = rolls ? S(1) / turn : S(1);
-    chord = S(joint.chord);
-    if (joint.mechanism != Mechanism::continuum) return;
-    // L sin(h)/h of the half angle h; its rates by h follow from g = (cos h - sin(h)/h)/h^2 = bow - (1 - cos h)/h^2.
-    const S half = x * S(0.5);
-    const S square = half * half;
-    const S quarter = sinc_of_square(square * S(0.25));
-    const S sinc = sinc_of_square(square);
-    const S g = bow_of_square(square) - S(0.5) * quarter * quarter;
-    chord = S(joint.chord) * sinc;
-    chord_rate = S(joint.chord) * S(0.5) * half * g;
-    chord_curve = S(joint.chord) * S(-0.25) * (sinc + S(2) * g);
-  }
-
-  /// A vector of the far side in the axes of the middle, or of the middle in those of the near side.
-  template <class C>
-  constexpr Vector<S> inward(const Vector<C>& axis, const Vector<S>& v) const {
-    return rotated(axis, v, sine);
-  }
-  /// The inverse.
-  template <class C>
-  constexpr Vector<S> outward(const Vector<C>& axis, const Vector<S>& v) const {
-    return rotated(axis, v, -sine);
-  }
-
- private:
-  template <class C>
-  constexpr Vector<S> rotated(const Vector<C>& axis, const Vector<S>& v, const S& by) const {
-    // About an axis of the link itself two components turn.
-    if (axis.x == C(0) && axis.z == C(0)) {
-      const S s = S(axis.y) * by;
-      return {cosine * v.x + s * v.z, v.y, cosine * v.z - s * v.x};
-    }
-    if (axis.y == C(0) && axis.z == C(0)) {
-      const S s = S(axis.x) * by;
-      return {v.x, cosine * v.y - s * v.z, cosine * v.z + s * v.y};
-    }
-    const Vector<S> about{S(axis.x), S(axis.y), S(axis.z)};
-    return cosine * v + by * cross(about, v) + ((S(1) - cosine) * dot(about, v)) * about;
-  }
 };
 
 /// The constants of a wrist of N joints and at most M tendons; a tendon that is not there has no stiffness.
@@ -164,24 +82,36 @@ struct Wrist {
     return T(pretension[m]) + T(stiffness[m]) * (wound - drawn);
   }
 
+  /// Whether every joint stands on the one before it.
+  constexpr bool is_serial() const {
+    for (int i = 0; i < N; ++i)
+      if (joint[i].parent != i - 1) return false;
+    return true;
+  }
+
   /// Moments of a load about every joint in the direction of its angle, by virtual work, N m, and their rates by the
   /// angles, N m/rad.
-  template <class T>
+  ///
+  /// serial: the joints stand one on another, and the wrench turns with the tip; all places are then known when this is
+  /// compiled, and numbers stay in registers.
+  template <bool serial = false, class T>
   [[gnu::always_inline]] constexpr void load_moments(const Bend<T>* bend, const WristLoad<T>& load, T* moment,
                                                      T (*rate)[N]) const {
     // At the far end of every joint, in its axes: the wrench, and its rates by the angles of the joints beyond.
     Wrench<T> at[N]{};
     Wrench<T> by[N][N]{};
     std::uint32_t beyond[N]{};
-    if (load.in_stem_axes) turn_with_stem(bend, load.wrench, at, by, beyond);
-    for (int i = 0; i < N; ++i) {
+    const bool turns = !serial && load.in_stem_axes;
+    if (turns) turn_with_stem(bend, load.wrench, at, by, beyond);
+    each_joint([&](auto i) {
       const T share(joint[i].share);
-      const Wrench<T>& own = load.in_stem_axes ? at[i] : load.wrench;
+      const Wrench<T>& own = turns ? at[i] : load.wrench;
       at[i] = shared(own, share, T(joint[i].length));
-      if (!load.in_stem_axes) continue;
+      if (!turns) return;
       for (int j = 0; j <= i; ++j) by[i][j] = shared(by[i][j], share, T(joint[i].length));
-    }
-    for (int i = N - 1; i >= 0; --i) {
+    });
+    each_joint([&](auto from_stem) {
+      constexpr int i = N - 1 - decltype(from_stem)::value;
       const auto& on = joint[i];
       const Vector<T> axis{T(on.axis.x), T(on.axis.y), T(on.axis.z)};
       const Bend<T>& bent = bend[i];
@@ -194,7 +124,7 @@ struct Wrist {
       const auto near = [&](const Wrench<T>& mid) {
         return Wrench<T>{bent.inward(on.axis, mid.force), bent.inward(on.axis, mid.moment)};
       };
-      const int parent = on.parent;
+      const int parent = serial ? i - 1 : on.parent;
       const auto hand_on = [&](Wrench<T>& to, const Wrench<T>& from) {
         to.force = to.force + from.force;
         to.moment = to.moment + from.moment + T(on.offset) * along(from.force);
@@ -205,7 +135,7 @@ struct Wrist {
       // By its own angle: both halves turn, and the chord changes.
       Wrench<T> own{};
       rate[i][i] = T(0);
-      if (load.in_stem_axes) own = pass(by[i][i], rate[i][i]);
+      if (turns) own = pass(by[i][i], rate[i][i]);
       const Vector<T> force_rate = T(0.5) * cross(axis, mid.force);
       own.force = own.force + force_rate;
       const Vector<T> moment_rate = T(0.5) * cross(axis, mid.moment - bent.chord * along(mid.force)) +
@@ -221,17 +151,25 @@ struct Wrist {
         hand_on(by[parent][i], own);
         beyond[parent] |= beyond[i] | std::uint32_t(1) << i;
       }
-      for (int j = 0; j < N; ++j) {
-        if (j == i) continue;
+      each_joint([&](auto j) {
+        if (j == i) return;
         rate[i][j] = T(0);
-        if ((beyond[i] >> j & 1u) == 0) continue;
+        if (serial ? j < i : (beyond[i] >> j & 1u) == 0) return;
         const Wrench<T> turned = near(pass(by[i][j], rate[i][j]));
         if (parent >= 0) hand_on(by[parent][j], turned);
-      }
-    }
+      });
+    });
   }
 
  private:
+  // Calls f with the place of every joint, as a constant.
+  template <class F>
+  [[gnu::always_inline]] static constexpr void each_joint(const F& f) {
+    [&]<int... i>(std::integer_sequence<int, i...>) {
+      (f(std::integral_constant<int, i>{}), ...);
+    }(std::make_integer_sequence<int, N>{});
+  }
+
   // A wrench in the stem's axes, in those of every joint's far end; its rates by the angles that turn these.
   template <class T>
   constexpr void turn_with_stem(const Bend<T>* bend, const Wrench<T>& wrench, Wrench<T>* at, Wrench<T> (*by)[N],

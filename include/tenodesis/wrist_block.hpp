@@ -3,8 +3,8 @@
 //
 // Newton's iteration as in wrist_statics.hpp, a fixed number of steps from the unloaded angles. A lane counts if the
 // scalar search would have gone the same way: no tendon slack before the load, every slope stable, no step shortened,
-// and no coordinate farther than a part of a load may move it. The last step is so short that the next, of the order of
-// its square, would be rounding.
+// and no coordinate farther than a part of a load may move it. The last step is so short that the next would be
+// rounding.
 
 #include "tenodesis/lanes.hpp"
 #include "tenodesis/wrist_statics.hpp"
@@ -15,9 +15,9 @@ namespace tenodesis {
 
 /// Newton's steps of a block.
 inline constexpr int wrist_block_steps = 4;
-/// Longest last step.
+/// Longest step that may follow: the steps shrink by as much as the last one did, or faster.
 template <Real S>
-inline constexpr S longest_last_step = sizeof(S) == 4 ? S(1e-3) : S(2e-7);
+inline constexpr S longest_next_step = sizeof(S) == 4 ? S(1e-6) : S(1e-13);
 
 /// Coordinates and whether each lane is decided: 1 or 0.
 template <class L, int N>
@@ -28,7 +28,7 @@ struct WristLanes {
 };
 
 /// Solves all lanes; those that are not decided are left to solve().
-template <class W, class S, int K>
+template <bool serial = false, class W, class S, int K>
 [[gnu::always_inline]] inline WristLanes<Lanes<S, K>, W::joints> solve_lanes(const W& wrist, const Lanes<S, K>* wound,
                                                                              const WristLoad<Lanes<S, K>>& load) {
   using L = Lanes<S, K>;
@@ -57,25 +57,29 @@ template <class W, class S, int K>
     if (wrist.stiffness[m] > S(0)) keep(wrist.stretched(m, wound[m], drawn[m]).v >= L(S(0)).v);
   L start[N];
   for (int i = 0; i < N; ++i) start[i] = at.x[i];
-  L last(S(0));
-  for (int step = 0; step < wrist_block_steps; ++step) {
-    const WristBalance<L, N> of = balance(wrist, wound, load, at.x, S(0));
-    // Elimination without pivots: all pivots of a stable slope are positive, or the lane is not decided.
-    L matrix[N][N], right[N];
-    for (int i = 0; i < N; ++i) {
-      right[i] = of.residual[i];
-      for (int j = 0; j < N; ++j) matrix[i][j] = -of.slope.at[i][j];
-    }
-    for (int k = 0; k < N; ++k) {
-      keep(matrix[k][k].v > L(S(0)).v);
-      const L inverse = L(S(1)) / matrix[k][k];
-      for (int i = k + 1; i < N; ++i) {
-        const L by = matrix[i][k] * inverse;
-        for (int j = k + 1; j < N; ++j) matrix[i][j] = matrix[i][j] - by * matrix[k][j];
-        right[i] = right[i] - by * right[k];
+  L last(S(0)), before(S(0));
+  // Elimination without pivots: all pivots of a stable slope are positive, or the lane is not
+  // decided.
+  L matrix[N][N];
+  const auto step = [&](auto renews) {
+    const WristBalance<L, N> of = balance<serial>(wrist, wound, load, at.x, S(0));
+    L right[N];
+    for (int i = 0; i < N; ++i) right[i] = of.residual[i];
+    if constexpr (decltype(renews)::value) {
+      for (int i = 0; i < N; ++i)
+        for (int j = 0; j < N; ++j) matrix[i][j] = -of.slope.at[i][j];
+      for (int k = 0; k < N; ++k) {
+        keep(matrix[k][k].v > L(S(0)).v);
+        matrix[k][k] = L(S(1)) / matrix[k][k];
+        for (int i = k + 1; i < N; ++i) {
+          matrix[i][k] = matrix[i][k] * matrix[k][k];
+          for (int j = k + 1; j < N; ++j) matrix[i][j] = matrix[i][j] - matrix[i][k] * matrix[k][j];
+        }
       }
-      matrix[k][k] = inverse;
     }
+    for (int k = 0; k < N; ++k)
+      for (int i = k + 1; i < N; ++i) right[i] = right[i] - matrix[i][k] * right[k];
+    before = last;
     last = L(S(0));
     for (int k = N - 1; k >= 0; --k) {
       for (int j = k + 1; j < N; ++j) right[k] = right[k] - matrix[k][j] * right[j];
@@ -84,8 +88,12 @@ template <class W, class S, int K>
     }
     keep(last.v <= L(S(0.25)).v);
     for (int i = 0; i < N; ++i) at.x[i] = at.x[i] + right[i];
-  }
-  keep(last.v <= L(longest_last_step<S>).v);
+  };
+  for (int n = 1; n < wrist_block_steps; ++n) step(std::true_type{});
+  // The slopes of the step before the last are as good as its own.
+  step(std::false_type{});
+  const L longest(longest_next_step<S>);
+  keep((last * last).v <= (longest * (before + longest)).v);
   for (int i = 0; i < N; ++i) {
     keep(abs(at.x[i]).v < L(coordinate_limit<S>(wrist.joint[i].mechanism)).v);
     keep(abs(at.x[i] - start[i]).v <= L(S(detail::longest_part)).v);

@@ -81,8 +81,9 @@ inline constexpr S slack_stiffness = sizeof(S) == 4 ? S(1e-4) : S(1e-8);
 
 /// What is left of the balance at coordinates x, and its slopes.
 ///
-/// T is a number, or several in lanes. slack: share of their stiffness that slack tendons keep in the slopes.
-template <class W, class T>
+/// T is a number, or several in lanes. serial: as of load_moments. slack: share of their stiffness that slack tendons
+/// keep in the slopes.
+template <bool serial = false, class W, class T>
 [[gnu::always_inline]] constexpr WristBalance<T, W::joints> balance(const W& wrist, const T* wound,
                                                                     const WristLoad<T>& load, const T* x,
                                                                     const typename W::S& slack) {
@@ -91,7 +92,7 @@ template <class W, class T>
   Bend<T> bend[N];
   for (int i = 0; i < N; ++i) bend[i] = Bend<T>(wrist.joint[i], x[i]);
   T moment[N], rate[N][N], drawn[M];
-  wrist.load_moments(bend, load, moment, rate);
+  wrist.template load_moments<serial>(bend, load, moment, rate);
   wrist.excursions(x, drawn);
   for (int m = 0; m < M; ++m) {
     const T tension = wrist.stretched(m, wound[m], drawn[m]);
@@ -116,9 +117,7 @@ template <class W, class T>
     const T& per = bend[i].per_turn;
     at.residual[i] = at.residual[i] + moment[i] * per;
     for (int j = 0; j < N; ++j) at.slope.at[i][j] = at.slope.at[i][j] + rate[i][j] * per * bend[j].per_turn;
-    // The rate of a gear's 2/sqrt(1 - x^2).
-    if (wrist.joint[i].mechanism == Mechanism::gear)
-      at.slope.at[i][i] = at.slope.at[i][i] + moment[i] * x[i] * T(0.25) * per * per * per;
+    at.slope.at[i][i] = at.slope.at[i][i] + moment[i] * per_turn_rate(wrist.joint[i].mechanism, bend[i]);
   }
   return at;
 }
@@ -173,10 +172,9 @@ Status newton(const W& wrist, const S* wound, const WristLoad<S>& load, S* x, in
     const S share = largest > longest ? longest / largest : S(1);
     for (int i = 0; i < N; ++i) {
       x[i] = x[i] - share * step[i];
-      // Beyond a gear's limit there is only its fold.
       const Mechanism mechanism = wrist.joint[i].mechanism;
       if (!(abs(x[i]) < coordinate_limit<S>(mechanism)))
-        return mechanism == Mechanism::gear ? Status::no_equilibrium : Status::unreachable;
+        return folds(mechanism) ? Status::no_equilibrium : Status::unreachable;
     }
     if (largest <= settled<S>) return Status::ok;
   }
@@ -220,6 +218,13 @@ bool loose(const W& wrist, const S* wound, const WristLoad<S>& load, const S* x)
 
 }  // namespace detail
 
+template <class S>
+bool is_finite(const WristLoad<S>& load) {
+  const Vector<S>& force = load.wrench.force;
+  const Vector<S>& moment = load.wrench.moment;
+  return all_finite(force.x, force.y, force.z, moment.x, moment.y, moment.z, load.grip);
+}
+
 /// Equilibrium on the branch that starts unloaded.
 ///
 /// wound: length wound in by handle and motors on each tendon, m.
@@ -227,9 +232,7 @@ template <class W, class S = W::S>
 WristEquilibrium<S, W::joints> solve(const W& wrist, const S* wound, const WristLoad<S>& load) {
   constexpr int N = W::joints, M = W::tendons;
   WristEquilibrium<S, N> at{};
-  const Vector<S>& f = load.wrench.force;
-  const Vector<S>& moment = load.wrench.moment;
-  bool finite = all_finite(f.x, f.y, f.z, moment.x, moment.y, moment.z, load.grip);
+  bool finite = is_finite(load);
   for (int m = 0; m < M; ++m) finite = finite && is_finite(wound[m]);
   if (!finite) {
     at.status = Status::not_finite;
@@ -328,8 +331,7 @@ Status answer(const W& wrist, const S* wound, const WristLoad<S>& load, const S*
     rates(moment, [&](int i, const S& by) { out.by_stroke[i][m] = by; });
   }
   for (int h = 0; h < wrist.handles; ++h) {
-    const WristJoint<S> at_handle{wrist.handle[h]};
-    const S turn = Bend<S>(at_handle, coordinate_at(wrist.handle[h], handle_angle[h])).turn;
+    const S turn = Bend<S>(wrist.handle[h], S(0), coordinate_at(wrist.handle[h], handle_angle[h])).turn;
     for (int i = 0; i < N; ++i) {
       out.by_handle[i][h] = S(0);
       for (int m = 0; m < M; ++m)
@@ -344,6 +346,7 @@ template <class W, class S = W::S>
 Status handle_angles(const W& wrist, const S* angle, const WristLoad<S>& load, const S* stroke, S* handle_angle) {
   constexpr int N = W::joints, M = W::tendons;
   if (wrist.handles != N) return Status::unreachable;
+  if (!is_finite(load)) return Status::not_finite;
   S x[N], y[N];
   for (int i = 0; i < N; ++i) {
     if (!is_finite(angle[i])) return Status::not_finite;
@@ -404,6 +407,7 @@ Status handle_angles(const W& wrist, const S* angle, const WristLoad<S>& load, c
 template <class W, class S = W::S>
 Status compensation_strokes(const W& wrist, const S* wound, const WristLoad<S>& load, S* stroke) {
   constexpr int N = W::joints, M = W::tendons;
+  if (!is_finite(load)) return Status::not_finite;
   const WristEquilibrium<S, N> at = solve(wrist, wound, WristLoad<S>{});
   if (at.status != Status::ok) return at.status;
   Bend<S> bend[N];

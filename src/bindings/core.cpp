@@ -169,6 +169,7 @@ NB_MODULE(_core, m) {
   m.def("tension_from_current", &tension_from_current<double>, "current"_a, "tension_per_current"_a, "range"_a,
         "Tension that a motor's current (A) stands for, N.");
 
+  bind_joint(m);
   bind_tendon(m);
   bind_wrist(m);
   bind_wrist_twin(m);

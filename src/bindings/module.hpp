@@ -49,6 +49,7 @@ inline void require(bool condition, const char* otherwise) {
 void bind_twin(nb::module_& m);
 void bind_twin_gradient(nb::module_& m);
 void bind_control(nb::module_& m);
+void bind_joint(nb::module_& m);
 void bind_kinematics(nb::module_& m);
 void bind_runtime(nb::module_& m);
 void bind_serial(nb::module_& m);

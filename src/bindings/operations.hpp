@@ -113,6 +113,16 @@ struct SlackForce {
   }
 };
 
+struct SlackLoad {
+  static constexpr const char* name = "slack_load";
+  static constexpr int inputs = 3;
+  static constexpr int outputs = 1;
+  template <class A, class S>
+  static Status run(const A& axis, const S* in, S* out) {
+    return store(slack_load(axis, in[0], Stroke<S>{in[1], in[2]}), out);
+  }
+};
+
 struct EstimateOutputAngle {
   static constexpr const char* name = "estimate_output_angle";
   static constexpr int inputs = 6;
@@ -142,7 +152,7 @@ struct List {};
 
 using HeldOperations = List<OutputAngle, TendonTensions, HeldState, TorqueTransmissibility>;
 using DirectOperations =
-    List<HandleAngle, FlexuralStiffness, LossOfDexterity, SlackForce, EstimateOutputAngle,
+    List<HandleAngle, FlexuralStiffness, LossOfDexterity, SlackForce, SlackLoad, EstimateOutputAngle,
          CompensationStroke<Actuation::agonist, Law::exact>, CompensationStroke<Actuation::differential, Law::exact>,
          CompensationStroke<Actuation::agonist, Law::paper>>;
 

@@ -69,14 +69,14 @@ class AnyWrist : public WristSpec {
   using WristSpec::WristSpec;
 
   /// Angles, tensions and status of every point.
-  void solve(const In<2>& handle, const In<2>& stroke, const In<2>& load, bool in_stem_axes, const Out<2>& angle,
-             const Out<2>& tension, const Statuses& status, int threads) const {
-    check(handle, stroke, load, status);
+  void solve(const In<2>& handle, const In<2>& stroke, const In<2>& wrench, const In<2>& grip, bool in_stem_axes,
+             const Out<2>& angle, const Out<2>& tension, const Statuses& status, int threads) const {
+    const Rows rows{handle, stroke, wrench, grip, in_stem_axes};
+    check(rows, status);
     const nb::gil_scoped_release release;
     std::visit(
         [&](const auto& wrist) {
           using W = std::decay_t<decltype(wrist)>;
-          const Rows rows{handle, stroke, load, in_stem_axes};
           const auto store = [&](std::size_t p, const Solved<W>& found, Status status_of) {
             const bool ok = status_of == Status::ok;
             for (std::size_t i = 0; i < joints(); ++i) angle.data()[p * joints() + i] = ok ? found.angle[i] : nan;
@@ -84,9 +84,9 @@ class AnyWrist : public WristSpec {
             status.data()[p] = static_cast<unsigned char>(status_of);
           };
           over_threads(status.shape(0), threads, 256, [&](std::size_t begin, std::size_t end) {
-            Solved<W> found[lanes];
-            for (std::size_t base = begin; base < end; base += lanes) {
-              const std::size_t n = std::min(lanes, end - base);
+            Solved<W> found[block];
+            for (std::size_t base = begin; base < end; base += block) {
+              const std::size_t n = std::min(block, end - base);
               const std::uint32_t decided = solve_block(wrist, rows, base, n, found);
               for (std::size_t k = 0; k < n; ++k) {
                 const bool is_decided = (decided >> k & 1u) != 0;
@@ -99,17 +99,16 @@ class AnyWrist : public WristSpec {
   }
 
   /// Rates of the angles: rows of joints by stiffness, wrench, grip, stroke, handle.
-  void answer(const In<2>& handle, const In<2>& stroke, const In<2>& load, bool in_stem_axes, const Out<3>& out,
-              const Statuses& status, int threads) const {
+  void answer(const In<2>& handle, const In<2>& stroke, const In<2>& wrench, const In<2>& grip, bool in_stem_axes,
+              const Out<3>& out, const Statuses& status, int threads) const {
     const std::size_t width = joints() + load_components + tendons() + handles();
     require(out.shape(1) == joints() && out.shape(2) == width, "rates do not fit the wrist");
-    each(handle, stroke, load, status, threads, [&](const auto& wrist, std::size_t p) {
-      using W = std::decay_t<decltype(wrist)>;
-      const Point<W> at(wrist, row(handle, p), row(stroke, p), row(load, p), handles(), tendons(), in_stem_axes);
-      const auto found = tenodesis::solve(wrist, at.wound, at.load);
-      WristAnswer<W> rates{};
+    each({handle, stroke, wrench, grip, in_stem_axes}, status, threads, [&](const auto& at, std::size_t p) {
+      const auto found = tenodesis::solve(at.wrist, at.wound, at.load);
+      WristAnswer<std::decay_t<decltype(at.wrist)>> rates{};
       Status status_of = found.status;
-      if (status_of == Status::ok) status_of = tenodesis::answer(wrist, at.wound, at.load, at.handle, found.x, rates);
+      if (status_of == Status::ok)
+        status_of = tenodesis::answer(at.wrist, at.wound, at.load, at.handle, found.x, rates);
       for (std::size_t i = 0; i < joints(); ++i) {
         double* to = out.data() + (p * joints() + i) * width;
         if (status_of != Status::ok) {
@@ -126,49 +125,89 @@ class AnyWrist : public WristSpec {
     });
   }
 
-  void handle_angles(const In<2>& angle, const In<2>& stroke, const In<2>& load, bool in_stem_axes, const Out<2>& out,
-                     const Statuses& status, int threads) const {
-    each(angle, stroke, load, status, threads, [&](const auto& wrist, std::size_t p) {
-      using W = std::decay_t<decltype(wrist)>;
-      const Point<W> at(wrist, nullptr, row(stroke, p), row(load, p), 0, tendons(), in_stem_axes);
-      double handle[W::joints]{};
-      const Status found = tenodesis::handle_angles(wrist, row(angle, p), at.load, at.stroke, handle);
-      for (std::size_t h = 0; h < W::joints; ++h)
-        if (h < handles()) out.data()[p * handles() + h] = found == Status::ok ? handle[h] : nan;
+  void handle_angles(const In<2>& angle, const In<2>& stroke, const In<2>& wrench, const In<2>& grip, bool in_stem_axes,
+                     const Out<2>& out, const Statuses& status, int threads) const {
+    // The tip's angles stand in the place of the handle's.
+    each({angle, stroke, wrench, grip, in_stem_axes}, status, threads, [&](const auto& at, std::size_t p) {
+      double handle[std::decay_t<decltype(at.wrist)>::joints]{};
+      const Status found = tenodesis::handle_angles(at.wrist, row(angle, p), at.load, at.stroke, handle);
+      store(out, p, handles(), handle, found);
       return found;
     });
   }
 
-  void compensation_strokes(const In<2>& handle, const In<2>& stroke, const In<2>& load, bool in_stem_axes,
-                            const Out<2>& out, const Statuses& status, int threads) const {
-    each(handle, stroke, load, status, threads, [&](const auto& wrist, std::size_t p) {
-      using W = std::decay_t<decltype(wrist)>;
-      const Point<W> at(wrist, row(handle, p), row(stroke, p), row(load, p), handles(), tendons(), in_stem_axes);
-      double strokes[W::tendons]{};
-      const Status found = tenodesis::compensation_strokes(wrist, at.wound, at.load, strokes);
-      for (std::size_t m = 0; m < tendons(); ++m)
-        out.data()[p * tendons() + m] = found == Status::ok ? strokes[m] : nan;
+  void compensation_strokes(const In<2>& handle, const In<2>& stroke, const In<2>& wrench, const In<2>& grip,
+                            bool in_stem_axes, const Out<2>& out, const Statuses& status, int threads) const {
+    each({handle, stroke, wrench, grip, in_stem_axes}, status, threads, [&](const auto& at, std::size_t p) {
+      double strokes[std::decay_t<decltype(at.wrist)>::tendons]{};
+      const Status found = tenodesis::compensation_strokes(at.wrist, at.wound, at.load, strokes);
+      store(out, p, tendons(), strokes, found);
       return found;
     });
+  }
+
+  /// Moments about the joints by a unit of each component of a wrench in the tip's axes, of every point.
+  void load_matrix(const In<2>& angle, const Out<3>& out) const {
+    const std::size_t count = angle.shape(0);
+    require(angle.shape(1) == joints() && out.shape(0) == count && out.shape(1) == joints() && out.shape(2) == 6,
+            "angles do not fit the wrist");
+    std::visit(
+        [&]<class W>(const W& wrist) {
+          for (std::size_t p = 0; p < count; ++p) {
+            Bend<double> bend[W::joints];
+            for (int i = 0; i < W::joints; ++i)
+              bend[i] = Bend<double>(wrist.joint[i], coordinate_at(wrist.joint[i].mechanism, row(angle, p)[i]));
+            for (int k = 0; k < 6; ++k) {
+              double wrench[6]{}, moment[W::joints], rate[W::joints][W::joints];
+              wrench[k] = 1;
+              wrist.load_moments(bend, load_of(wrench, 0.0, false), moment, rate);
+              for (int i = 0; i < W::joints; ++i)
+                out.data()[(p * joints() + std::size_t(i)) * 6 + std::size_t(k)] = moment[i];
+            }
+          }
+        },
+        any());
+  }
+
+  /// The axis that a wrist of one joint between a matched pair of tendons is, whose equilibria have a closed form;
+  /// none for any other.
+  nb::object closed_form(double handle_length, double handle_range) const {
+    engine::Spec spec{{}, {}, handle_range};
+    const bool is_axis = std::visit([&](const auto& wrist) { return describe(wrist, handle_length, spec); }, any());
+    return is_axis ? nb::cast(spec) : nb::none();
   }
 
  private:
+  static constexpr std::size_t block = 8;
+
+  /// Inputs of all points.
+  struct Rows {
+    const In<2>& held;  ///< angles of the handle, or of the tip
+    const In<2>& stroke;
+    const In<2>& wrench;
+    const In<2>& grip;
+    bool in_stem_axes;
+  };
+
+  template <class T>
+  static WristLoad<T> load_of(const T* w, const T& grip, bool in_stem_axes) {
+    return {{{w[0], w[1], w[2]}, {w[3], w[4], w[5]}}, grip, in_stem_axes};
+  }
+
   /// Inputs of a point, in the wrist's own sizes.
   template <class W>
   struct Point {
+    const W& wrist;
     double handle[W::joints]{};
     double stroke[W::tendons]{};
     double wound[W::tendons]{};
     WristLoad<double> load{};
 
-    Point() = default;
-    Point(const W& wrist, const double* handle_row, const double* stroke_row, const double* load_row,
-          std::size_t handles, std::size_t tendons, bool in_stem_axes) {
-      std::copy_n(handle_row, handles, handle);
-      std::copy_n(stroke_row, tendons, stroke);
+    Point(const W& of, const Rows& rows, std::size_t p, std::size_t handles, std::size_t tendons) : wrist(of) {
+      std::copy_n(row(rows.held, p), handles, handle);
+      std::copy_n(row(rows.stroke, p), tendons, stroke);
       wrist.wind(handle, stroke, wound);
-      const double* w = load_row;
-      load = {{{w[0], w[1], w[2]}, {w[3], w[4], w[5]}}, w[6], in_stem_axes};
+      load = load_of(row(rows.wrench, p), *row(rows.grip, p), rows.in_stem_axes);
     }
   };
 
@@ -176,7 +215,9 @@ class AnyWrist : public WristSpec {
     return rows.data() + (rows.shape(0) == 1 ? 0 : p) * rows.shape(1);
   }
 
-  static constexpr std::size_t lanes = 8;
+  static void store(const Out<2>& out, std::size_t p, std::size_t count, const double* values, Status found) {
+    for (std::size_t k = 0; k < count; ++k) out.data()[p * count + k] = found == Status::ok ? values[k] : nan;
+  }
 
   /// Angles (rad) and tensions (N) of a point.
   template <class W>
@@ -185,18 +226,9 @@ class AnyWrist : public WristSpec {
     double tension[W::tendons]{};
   };
 
-  /// Inputs of all points.
-  struct Rows {
-    const In<2>& handle;
-    const In<2>& stroke;
-    const In<2>& load;
-    bool in_stem_axes;
-  };
-
   template <class W>
   Status solve_alone(const W& wrist, const Rows& rows, std::size_t p, Solved<W>& out) const {
-    const Point<W> at(wrist, row(rows.handle, p), row(rows.stroke, p), row(rows.load, p), handles(), tendons(),
-                      rows.in_stem_axes);
+    const Point<W> at(wrist, rows, p, handles(), tendons());
     const auto found = tenodesis::solve(wrist, at.wound, at.load);
     if (found.status != Status::ok) return found.status;
     double drawn[W::tendons];
@@ -215,30 +247,36 @@ class AnyWrist : public WristSpec {
 #if defined(__GNUC__)
     // Other sizes would cost more time to compile than they save.
     if constexpr (W::joints == 2 && W::tendons == 4) {
-      using L = Lanes<double, int(lanes)>;
-      engine::in_wide_vectors([&] {
-        L handle[W::joints], stroke[W::tendons], load[load_components], wound[W::tendons], drawn[W::tendons];
-        // One number after another into a register would take longer than all that follows.
-        const auto gather = [&](L* to, const In<2>& from, std::size_t count) {
-          for (std::size_t c = 0; c < count; ++c) {
-            double lane[lanes];
-            // Lanes that are left over repeat the first point.
-            for (std::size_t k = 0; k < lanes; ++k) lane[k] = row(from, base + (k < n ? k : 0))[c];
-            std::memcpy(&to[c].v, lane, sizeof lane);
+      const bool serial = wrist.is_serial() && !rows.in_stem_axes;
+      engine::in_wide_lanes([&](auto width) {
+        constexpr std::size_t lanes = decltype(width)::value;
+        using L = Lanes<double, int(lanes)>;
+        for (std::size_t first = 0; first < n; first += lanes) {
+          const std::size_t count = std::min(lanes, n - first);
+          L handle[W::joints], stroke[W::tendons], wrench[6], grip, wound[W::tendons], drawn[W::tendons];
+          // One number after another into a register would take longer than all that follows.
+          const auto gather = [&](L* to, const In<2>& from, std::size_t columns) {
+            for (std::size_t c = 0; c < columns; ++c) {
+              double lane[lanes];
+              // Lanes that are left over repeat the first point.
+              for (std::size_t k = 0; k < lanes; ++k) lane[k] = row(from, base + first + (k < count ? k : 0))[c];
+              std::memcpy(&to[c].v, lane, sizeof lane);
+            }
+          };
+          gather(handle, rows.held, std::min<std::size_t>(handles(), W::joints));
+          gather(stroke, rows.stroke, std::min<std::size_t>(tendons(), W::tendons));
+          gather(wrench, rows.wrench, 6);
+          gather(&grip, rows.grip, 1);
+          wrist.wind(handle, stroke, wound);
+          const WristLoad<L> all = load_of(wrench, grip, rows.in_stem_axes);
+          const auto found = serial ? solve_lanes<true>(wrist, wound, all) : solve_lanes(wrist, wound, all);
+          wrist.excursions(found.x, drawn);
+          for (int m = 0; m < W::tendons; ++m) drawn[m] = larger(wrist.stretched(m, wound[m], drawn[m]), L(0.0));
+          for (std::size_t k = 0; k < count; ++k) {
+            decided |= std::uint32_t(found.decided[int(k)] > 0) << (first + k);
+            for (int i = 0; i < W::joints; ++i) out[first + k].angle[i] = found.angle[i][int(k)];
+            for (int m = 0; m < W::tendons; ++m) out[first + k].tension[m] = drawn[m][int(k)];
           }
-        };
-        gather(handle, rows.handle, std::min<std::size_t>(handles(), W::joints));
-        gather(stroke, rows.stroke, std::min<std::size_t>(tendons(), W::tendons));
-        gather(load, rows.load, load_components);
-        wrist.wind(handle, stroke, wound);
-        const WristLoad<L> all{{{load[0], load[1], load[2]}, {load[3], load[4], load[5]}}, load[6], rows.in_stem_axes};
-        const auto found = solve_lanes(wrist, wound, all);
-        wrist.excursions(found.x, drawn);
-        for (int m = 0; m < W::tendons; ++m) drawn[m] = larger(wrist.stretched(m, wound[m], drawn[m]), L(0.0));
-        for (std::size_t k = 0; k < n; ++k) {
-          decided |= std::uint32_t(found.decided[int(k)] > 0) << k;
-          for (int i = 0; i < W::joints; ++i) out[k].angle[i] = found.angle[i][int(k)];
-          for (int m = 0; m < W::tendons; ++m) out[k].tension[m] = drawn[m][int(k)];
         }
       });
     }
@@ -246,22 +284,50 @@ class AnyWrist : public WristSpec {
     return decided;
   }
 
-  void check(const In<2>& first, const In<2>& second, const In<2>& load, const Statuses& status) const {
+  template <class W>
+  bool describe(const W& wrist, double handle_length, engine::Spec& spec) const {
+    const auto& joint = wrist.joint[0];
+    const Mechanism handle = wrist.handle[0];
+    const bool bends = joint.mechanism == Mechanism::continuum;
+    const auto opposite = [](double a, double b) { return a > 0 && a == -b; };
+    if (joints() != 1 || tendons() != 2 || handles() != 1 || !opposite(wrist.arm[0][0], wrist.arm[1][0]) ||
+        !opposite(wrist.handle_arm[0][0], wrist.handle_arm[1][0]) || wrist.stiffness[0] != wrist.stiffness[1] ||
+        wrist.pretension[0] != wrist.pretension[1] || joint.axis.z != 0 || joint.share != 1 || joint.grip != 0 ||
+        handle != (bends ? Mechanism::pulley : joint.mechanism) || (joint.stiffness > 0) != bends)
+      return false;
+    auto& p = spec.parameters;
+    p.fill(nan);
+    spec.joint_type = engine::JointType(joint.mechanism);
+    p[engine::proximal_radius] = wrist.handle_arm[0][0] / excursion_slope(handle, 1.0);
+    p[engine::distal_radius] = wrist.arm[0][0] / excursion_slope(joint.mechanism, 1.0);
+    p[engine::handle_length] = handle_length;
+    p[engine::end_effector_length] = joint.length;
+    p[engine::given_stiffness] = wrist.stiffness[0];
+    p[engine::pretension] = wrist.pretension[0];
+    if (bends) {
+      p[engine::backbone_length] = joint.chord;
+      p[engine::backbone_rigidity] = joint.stiffness * joint.chord;
+    }
+    return true;
+  }
+
+  void check(const Rows& rows, const Statuses& status) const {
     const std::size_t count = status.shape(0);
-    for (const In<2>* rows : {&first, &second, &load})
-      require(rows->shape(0) == count || rows->shape(0) == 1, "inputs differ in length");
-    require(load.shape(1) == load_components, "a load has seven components");
+    for (const In<2>* each : {&rows.held, &rows.stroke, &rows.wrench, &rows.grip})
+      require(each->shape(0) == count || each->shape(0) == 1, "inputs differ in length");
+    require(rows.wrench.shape(1) == 6 && rows.grip.shape(1) == 1 && rows.stroke.shape(1) == tendons(),
+            "a wrench has six components, a grip force one, and strokes one for each tendon");
   }
 
   template <class Work>
-  void each(const In<2>& first, const In<2>& second, const In<2>& load, const Statuses& status, int threads,
-            const Work& work) const {
-    check(first, second, load, status);
+  void each(const Rows& rows, const Statuses& status, int threads, const Work& work) const {
+    check(rows, status);
     const nb::gil_scoped_release release;
     std::visit(
-        [&](const auto& wrist) {
+        [&]<class W>(const W& wrist) {
           over_threads(status.shape(0), threads, 256, [&](std::size_t begin, std::size_t end) {
-            for (std::size_t p = begin; p < end; ++p) status.data()[p] = static_cast<unsigned char>(work(wrist, p));
+            for (std::size_t p = begin; p < end; ++p)
+              status.data()[p] = static_cast<unsigned char>(work(Point<W>(wrist, rows, p, handles(), tendons()), p));
           });
         },
         any());
@@ -276,14 +342,17 @@ void bind_wrist(nb::module_& m) {
       .def(nb::init<const std::vector<int>&, const std::vector<int>&, const In<2>&, const In<2>&, const In<2>&,
                     const std::vector<int>&, const std::vector<int>&, const In<2>&>(),
            "mechanism"_a, "parent"_a, "numbers"_a, "arm"_a, "tendon"_a, "motor"_a, "handle"_a, "handle_arm"_a)
-      .def("solve", &AnyWrist::solve, "handle"_a, "stroke"_a, "load"_a, "in_stem_axes"_a, "angle"_a, "tension"_a,
+      .def("solve", &AnyWrist::solve, "handle"_a, "stroke"_a, "wrench"_a, "grip"_a, "in_stem_axes"_a, "angle"_a,
+           "tension"_a, "status"_a, "threads"_a)
+      .def("answer", &AnyWrist::answer, "handle"_a, "stroke"_a, "wrench"_a, "grip"_a, "in_stem_axes"_a, "out"_a,
            "status"_a, "threads"_a)
-      .def("answer", &AnyWrist::answer, "handle"_a, "stroke"_a, "load"_a, "in_stem_axes"_a, "out"_a, "status"_a,
-           "threads"_a)
-      .def("handle_angles", &AnyWrist::handle_angles, "angle"_a, "stroke"_a, "load"_a, "in_stem_axes"_a, "out"_a,
-           "status"_a, "threads"_a)
-      .def("compensation_strokes", &AnyWrist::compensation_strokes, "handle"_a, "stroke"_a, "load"_a, "in_stem_axes"_a,
-           "out"_a, "status"_a, "threads"_a);
+      .def("handle_angles", &AnyWrist::handle_angles, "angle"_a, "stroke"_a, "wrench"_a, "grip"_a, "in_stem_axes"_a,
+           "out"_a, "status"_a, "threads"_a)
+      .def("compensation_strokes", &AnyWrist::compensation_strokes, "handle"_a, "stroke"_a, "wrench"_a, "grip"_a,
+           "in_stem_axes"_a, "out"_a, "status"_a, "threads"_a)
+      .def("load_matrix", &AnyWrist::load_matrix, "angle"_a, "out"_a)
+      .def("closed_form", &AnyWrist::closed_form, "handle_length"_a, "handle_range"_a,
+           nb::sig("def closed_form(self, handle_length: float, handle_range: float) -> Spec | None"));
 }
 
 }  // namespace tenodesis::bindings

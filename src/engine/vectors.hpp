@@ -1,6 +1,8 @@
 #pragma once
 // Work that is compiled for several vector widths and run in the widest that this processor has.
 
+#include <type_traits>
+
 #include "lane_job.hpp"
 
 namespace tenodesis::engine {
@@ -44,12 +46,13 @@ void in_widest_vectors(const Work& work) {
   run_plain(work);
 }
 
-/// Runs work that needs wide vectors to be worth it; false, and nothing is done, where this processor has none.
+/// Runs work that needs wide vectors to be worth it, with how many numbers a register holds, as a constant; false, and
+/// nothing is done, where this processor has none.
 template <class Work>
-bool in_wide_vectors(const Work& work) {
+bool in_wide_lanes(const Work& work) {
   static const Vectors widest = widest_vectors();
-  if (widest == Vectors::avx512) return run_avx512(work), true;
-  if (widest == Vectors::avx2) return run_avx2(work), true;
+  if (widest == Vectors::avx512) return run_avx512([&] { work(std::integral_constant<int, 8>{}); }), true;
+  if (widest == Vectors::avx2) return run_avx2([&] { work(std::integral_constant<int, 4>{}); }), true;
   return false;
 }
 
@@ -61,7 +64,7 @@ void in_widest_vectors(const Work& work) {
 }
 
 template <class Work>
-bool in_wide_vectors(const Work&) {
+bool in_wide_lanes(const Work&) {
   return false;
 }
 

@@ -24,7 +24,7 @@ from tenodesis.paper.context import Context
 from tenodesis.paper.run import CHAPTERS, run, steps
 
 _BRIEF = (
-    r"loss\.at_\d+deg\.|tension\.slack_force|transmissibility\.straight|table1\.stiffness|table2\.(force|tension)|"
+    r"loss\.at_\d+deg\.|tension\.slack_load|transmissibility\.straight|table1\.stiffness|table2\.(force|tension)|"
     r"similarity\..*\.(rms|largest)$|care\.[167]|verification\.\w+\.\w+$|axes|tip_force\.\w+\.after\.error"
 )
 """Names of the results that the summary shows; the report has all."""

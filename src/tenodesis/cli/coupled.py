@@ -28,7 +28,8 @@ _UNITS = {
 _LEGEND = """\
 Forces at the tip in its own axes: z along it, x where positive yaw bends, y
 where positive pitch does. Handle and motors held, no friction. Lost: the
-unloaded minus the loaded angle. A tendon is slack from that load on."""
+unloaded minus the loaded angle. The last columns have the multiple of the load,
+raised from none, under which the first tendon goes slack, and that tendon."""
 _RESTORED = "What motors wind to bring all joints back [mm]"
 
 
@@ -52,7 +53,7 @@ def print_coupled(inst: CoupledInstrument, *, as_json: bool) -> None:
     tip_names = [joint.name for joint in inst.tip_joints]
     _print("Moment arms of the straight joints [mm]", _matrix(names, [j.name for j in joints], 1e3 * arms))
     per_mm = np.degrees(coupled.coupling(inst)) * 1e-3
-    _print("Coupling: angles by drawn tendon, without stretch [°/mm]", _matrix(names, tip_names, per_mm.T))
+    _print("Coupling: angles by drawn tendon, taut and without stretch [°/mm]", _matrix(names, tip_names, per_mm.T))
     if (rates := _rates(inst)) is not None:
         _print("Stiffness at rest: moment by angle [N·m/rad]", _matrix(tip_names, tip_names, rates.stiffness))
         if handles:
@@ -192,7 +193,8 @@ def _print_losses(inst: CoupledInstrument, found: Sequence[Loss], *, restored: b
             shown.add_column(escape(heading), justify="right", overflow="fold")
         for one in rows:
             lost = [_fixed(degrees(angle)) for angle in one.lost]
-            factor = f"{one.slack_factor:.3g} times" if one.slack_tendon else "–"
+            factor = f"{one.slack_factor:.3g} times" if one.slack_factor else "no load"
+            factor = factor if one.slack_tendon else "–"
             shown.add_row(_components(one.wrench[:3]), *lost, factor, escape(one.slack_tendon))
         _print(f"Lost at {_at(inst, rows[0])}", shown)
         if restored:

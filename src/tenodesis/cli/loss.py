@@ -7,7 +7,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 import typer
-from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table
 
@@ -20,11 +19,11 @@ from tenodesis.statics.stroke import settled_stroke
 from tenodesis.units import Angle, PositiveForce
 
 _USUAL_LOAD = 1.0  # N
-_ROUNDS = 100
 _LEGEND = """\
 Handle held, no friction. To bring the tip back, the hand moves the handle by so
-much more, or one motor winds the stroke and the other lets it out. A tendon is
-slack from the load in the last column on."""
+much more, or one motor winds the stroke and the other lets it out. Slack from:
+the load, raised from none, under which the first tendon goes slack."""
+_SLACK_WITHOUT = "no load: a tendon is slack without one."
 
 
 class Loss(NamedTuple):
@@ -45,7 +44,7 @@ class Loss(NamedTuple):
     """Tension under the load, handle held, N"""
     antagonist: float
     slack_force: float
-    """Force at which a tendon goes slack, handle held, N"""
+    """Force under which the first tendon goes slack, handle held, N; 0 if one is slack without a force"""
 
 
 _UNITS = ("rad", "N", "rad", "rad", "rad", "m", "N", "N", "N")
@@ -111,6 +110,8 @@ def loss(  # noqa: PLR0917
     note(_LEGEND)
     if inst.joint_type == "continuum":
         note("The stroke also gives back what the backbone's own moment takes without a load.")
+    if any(one.slack_force == 0 for one in found):
+        note(_SLACK_WITHOUT)
     if any(not isfinite(value) for one in found for value in one):
         note(f"–: beyond the handle's ±{degrees(inst.handle_range):.4g}°, or the tip cannot be held under that load.")
 
@@ -125,25 +126,14 @@ def losses(inst: ShortForm, angles: Sequence[float], forces: Sequence[float]) ->
     for force in forces:
         output = np.array(angles)
         handle = statics.handle_angle(inst, output)
-        loaded, agonist, antagonist, _ = statics.equilibrium(inst, handle, force)
+        loaded, (agonist, antagonist), _ = statics.equilibrium(inst, handle, force)
         correction = statics.handle_angle(inst, output, force) - handle
         stroke = settled_stroke(inst, handle, force, "differential", "exact")
-        slack = _slack_force(inst, handle)
+        slack = statics.slack_load(inst, handle)
         same = np.full_like(output, force)
         columns = (output, same, loaded, output - loaded, correction, stroke, agonist, antagonist, slack)
         found += [Loss(*map(float, row)) for row in zip(*columns, strict=True)]
     return found
-
-
-def _slack_force(inst: ShortForm, handle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the force (n,), N, under which a tendon goes slack at held handle angles (n,), rad."""
-    force = np.zeros_like(handle)
-    for _ in range(_ROUNDS):
-        # The force is known at an output angle, which depends on it.
-        angle = statics.output_angle(inst, handle, force)
-        solved = np.isfinite(angle)
-        force = np.where(solved, statics.slack_force(inst, np.where(solved, angle, 0.0)), 0.0)
-    return np.where(solved, force, np.nan)
 
 
 def _check_angles(inst: ShortForm, angles: Sequence[float]) -> None:
@@ -182,7 +172,7 @@ def _table(inst: ShortForm, found: Sequence[Loss]) -> Table:
             _fixed(1e3 * one.stroke, 3),
             _fixed(one.agonist, 1),
             "slack" if one.antagonist == 0 else _fixed(one.antagonist, 1),
-            _fixed(one.slack_force),
+            _fixed(one.slack_force) if one.slack_force != 0 else "no load",
         )
         shown.add_row(*cells, end_section=last)
     return shown

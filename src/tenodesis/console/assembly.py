@@ -7,11 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import trimesh
 
-from tenodesis import kinematics
+from tenodesis import _core, kinematics
 from tenodesis.console.solids import Solid, about
 from tenodesis.coupled.description import AXES
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import ShortForm
+from tenodesis.instrument.joints import MECHANISMS
 from tenodesis.kinematics.chain import rotated
 from tenodesis.kinematics.gltf import BODY_NODE, described
 from tenodesis.run import Array
@@ -110,5 +111,6 @@ def disc_place(stem: kinematics.Frame, far: kinematics.Frame, along: float, leng
 
     share = along / length
     # The chord from the arc's begin points half as far round.
-    chord = along * np.sinc(share * half / np.pi) * rotated(turned(share / 2), np.array([0.0, 0.0, 1.0]))
+    reach = _core.joint_chord(MECHANISMS["continuum"], along, np.array([2 * share * half]))[0]
+    chord = reach * rotated(turned(share / 2), np.array([0.0, 0.0, 1.0]))
     return kinematics.Frame(stem.position + chord, turned(share))

@@ -14,6 +14,7 @@ from tenodesis.console.log import rare_log
 from tenodesis.control import Controller, OperatingState
 from tenodesis.control.controller import fault_names
 from tenodesis.coupled import CoupledInstrument, Held, Twin, compensated
+from tenodesis.coupled.statics import coordinates
 from tenodesis.devices.device import Capabilities
 from tenodesis.errors import ArgumentError, LiveError, NoSolutionError
 from tenodesis.instrument import ShortForm
@@ -193,11 +194,7 @@ class CoupledLoop:
     def _spools(self, angles: Array) -> Array:
         """Return the spools' angles that hold the joints at angles, tendons unstretched."""
         inst = self.inst
-        coordinates = [
-            np.sin(angle / 2) if joint.mechanism == "tendon-gear" else angle
-            for joint, angle in zip(inst.tip_joints, angles, strict=True)
-        ]
-        return np.asarray(inst.tendon_arms("tip") @ coordinates / spool_radius(inst))
+        return np.asarray(inst.tendon_arms("tip") @ coordinates(inst.tip_joints, angles)[0] / spool_radius(inst))
 
 
 class CoupledLink(RestartableConnection):

@@ -49,7 +49,7 @@ def _derive(inst: ShortForm) -> Iterator[Derived]:
     end = statics.reach(inst)
     reached = float(statics.output_angle(inst, np.array([inst.handle_range]))[0])
     slope = statics.gradient(statics.output_angle, inst, 0.0, wrt=["handle_angle"])["handle_angle"]
-    slack = statics.slack_force(inst, np.array([0.0, inst.output_range]))
+    slack = statics.slack_load(inst, np.array([0.0, end]))
     numbers = plant.parameters(inst)
     drives, sensor = inst.drives, inst.tension_sensor
     if inst.given_stiffness is None:
@@ -60,8 +60,8 @@ def _derive(inst: ShortForm) -> Iterator[Derived]:
     yield Derived("largest_output_angle", reached, "rad", "unloaded, at handle_range")
     yield Derived("output_stop", inst.output_stop, "rad", "mechanical stop of the tip")
     yield Derived("flexural_stiffness", float(statics.flexural_stiffness(inst, 0.0)), "N*m/rad", "of the straight tip")
-    yield Derived("slack_force", float(slack[0]), "N", "load at which a tendon goes slack, tip straight")
-    yield Derived("slack_force_flexed", float(slack[1]), "N", "the same at the end of the working range")
+    yield _slack("slack_force", float(slack[0]), "straight")
+    yield _slack("slack_force_flexed", float(slack[1]), "at the end of the working range")
     yield Derived("tip_inertia", numbers["tip_inertia"], "kg*m^2", _given(inst.dynamics.tip_inertia))
     yield Derived("tip_damping", numbers["tip_damping"], "N*m*s", _given(inst.dynamics.tip_damping))
     yield Derived("natural_frequency", plant.natural_frequency(inst) / (2 * pi), "Hz", "of the straight, unloaded tip")
@@ -81,6 +81,13 @@ def _derive(inst: ShortForm) -> Iterator[Derived]:
     yield Derived("encoder_step", numbers["encoder_resolution"], "rad", "of a joint encoder's converter")
     step = numbers["motor_encoder_resolution"] * drives.spool_radius
     yield Derived("spool_step", step, "m", "of tendon by the motor's encoder")
+
+
+def _slack(key: str, force: float, where: str) -> Derived:
+    meaning = (
+        "load under which the first tendon goes slack, handle held" if force else "a tendon is slack without a load"
+    )
+    return Derived(key, force, "N", f"{meaning}, tip {where}")
 
 
 def _given(value: float | None) -> str:

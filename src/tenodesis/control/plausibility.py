@@ -139,8 +139,13 @@ def _no_pretension(inst: ShortForm) -> str:
 
 def _slack(inst: ShortForm) -> str:
     least = min(inst.conditions.forces, default=inf)
-    forces = statics.slack_force(inst, np.array([0.0, inst.output_range]))
+    forces = statics.slack_load(inst, np.array([0.0, statics.reach(inst)]))
     force = float(np.fmin.reduce(forces))
+    if force == 0 < inst.pretension:
+        return (
+            f"pretension is {inst.pretension:g} N, with which a tendon is slack without a load "
+            f"{'at the straight tip' if forces[0] == 0 else 'at the end of the working range'}."
+        )
     if not 0 < force < least < inf:
         return ""
     return (

@@ -3,7 +3,6 @@
 from tenodesis.coupled.axes import Pair, compensated, pairs
 from tenodesis.coupled.description import CoupledInstrument, Crossing, Grip, Joint, RouteError, Tendon
 from tenodesis.coupled.dvrk import PULLEY_RADIUS, JawAngle, dvrk_text, from_dvrk, jaw_reading
-from tenodesis.coupled.losses import Loss, hold, loss
 from tenodesis.coupled.plausibility import Doubt, implausible
 from tenodesis.coupled.reading import CoupledLike, is_coupled, load, of_planar, parse, shipped
 from tenodesis.coupled.statics import (
@@ -19,8 +18,9 @@ from tenodesis.coupled.statics import (
     tensions,
 )
 from tenodesis.coupled.twin import Held, Twin, names_of
-from tenodesis.coupled.wrench import TipWrench, estimated_wrench, load_matrix, tip_wrench
+from tenodesis.coupled.wrench import estimated_wrench
 from tenodesis.kinematics import frames, jacobian, joint_positions, mjcf, tip_pose, urdf
+from tenodesis.statics import Loss, TipWrench, hold, load_matrix, loss, tip_wrench
 
 __all__ = [
     "PULLEY_RADIUS",

@@ -39,7 +39,7 @@ def _rest(inst: CoupledInstrument) -> Iterator[str]:
         return
     off = [
         f"{joint.name} at {degrees(angle):.2g}°"
-        for joint, angle in zip(inst.tip_joints, rest.angles[0], strict=True)
+        for joint, angle in zip(inst.tip_joints, rest.output_angle[0], strict=True)
         if abs(angle) > _FROM_STRAIGHT
     ]
     if off:

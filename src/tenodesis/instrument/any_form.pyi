@@ -3,10 +3,13 @@
 from collections.abc import Mapping
 from typing import Any, Self
 
+from tenodesis.instrument.full_form import FullForm
 from tenodesis.instrument.hardware import Hand, Mismatch
 from tenodesis.instrument.joints import Grip, Joint, Tendon
 
 class AnyForm:
+    @property
+    def as_chain(self) -> FullForm: ...
     @property
     def joints(self) -> tuple[Joint, ...]: ...
     @property

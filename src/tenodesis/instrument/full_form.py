@@ -55,6 +55,11 @@ class FullForm(Instrument):
     grip: Grip | None = Field(default=None, description="Jaws that grip")
     dynamics: LinkDynamics = LinkDynamics()
 
+    @property
+    def as_chain(self) -> Self:
+        """The joints and tendons that statics act on: all of them."""
+        return self
+
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:

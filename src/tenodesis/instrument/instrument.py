@@ -124,9 +124,9 @@ class Instrument(FileTable, AnyForm):
             for crossing in tendon.route:
                 if crossing.joint in index:
                     joint = joints[index[crossing.joint]]
-                    per_unit = 2.0 if joint.mechanism == "tendon-gear" else 1.0
                     radius = joint.radius if crossing.radius is None else crossing.radius
-                    row[index[crossing.joint]] += SIGNS[crossing.side] * per_unit * radius
+                    arm = _core.joint_excursion(MECHANISMS[joint.mechanism], radius)
+                    row[index[crossing.joint]] += SIGNS[crossing.side] * arm
         return arms
 
     @cached_property
@@ -169,6 +169,14 @@ class Instrument(FileTable, AnyForm):
 
     def __hash__(self) -> int:
         return hash((self.name, self.pretension))
+
+    @cached_property
+    def closed_form(self) -> _core.Spec | None:
+        """The core's form of one joint between a matched pair of tendons; None for any other instrument."""
+        if len(self.tip_joints) != 1 or len(self.handle_joints) != 1:
+            return None
+        handle = self.handle_joints[0]
+        return self.core.closed_form(handle.end_effector_length or math.nan, handle.range)
 
     def replace(self, **changes: Any) -> Self:
         """Return this instrument with some values changed, by key; lists of tables as lists of dictionaries.

@@ -6,6 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
+from tenodesis import _core
 from tenodesis.instrument.hardware import Hand
 from tenodesis.toml import FileTable
 from tenodesis.units import (
@@ -88,9 +89,7 @@ class Joint(FileTable):
     @property
     def chord(self) -> float:
         """Length of the straight joint, m: between a gear pair's centres, or of the backbone."""
-        if self.mechanism == "continuum":
-            return self.backbone_length or 0.0
-        return 2 * self.radius if self.mechanism == "tendon-gear" else 0.0
+        return _core.joint_straight_chord(MECHANISMS[self.mechanism], self.radius, self.backbone_length or 0.0)
 
     @property
     def own_stiffness(self) -> float:

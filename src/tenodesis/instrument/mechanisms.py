@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, cast
 
 from pydantic import Field
 
@@ -28,6 +28,11 @@ class Expandable(ShortForm):
         mismatch is left out: it is not of the instrument, but of a bench.
         """
         return expand(self)
+
+    @property
+    def as_chain(self) -> FullForm:
+        """The joints and tendons that statics act on: those of the first axis."""
+        return cast("Expandable", self.planar[0]).expanded
 
     @property
     def joints(self) -> tuple[Joint, ...]:

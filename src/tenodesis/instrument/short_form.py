@@ -85,6 +85,11 @@ class ShortForm(Instrument):
         joint = _core.JointType[self.joint_type.replace("-", "_").upper()]
         return _core.Spec(joint, [row[parameter] for parameter in PARAMETERS], self.handle_range)
 
+    @property
+    def closed_form(self) -> _core.Spec:
+        """The first axis in the core's form."""
+        return self.spec
+
     def quantities(self) -> Iterator[tuple[str, float, Quantity]]:
         """Yield key, value in SI and kind of quantity of every dimension given, stiffness included."""
         for name, field in type(self).model_fields.items():

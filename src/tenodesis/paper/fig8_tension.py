@@ -37,14 +37,20 @@ def section(context: Context) -> Section:
         rise = float(np.fmax.reduce(curves.tension_variation(inst, force).agonist))
         table.row(load_name(force), slack_range(inst, force, onset), from_handle, rise, force=force)
     straight, flexed = (
-        context.add(f"tension.slack_force.{key}", value, "N", f"Force at which the antagonist goes slack, {where}")
+        context.add(
+            f"tension.slack_force.{key}", value, "N", f"Force at which the antagonist is slack, tip held {where}"
+        )
         for key, value, where in zip(
             ("straight", "flexed"),
             statics.slack_force(inst, np.array([0.0, inst.output_range])),
-            ("tip straight", "at the working range's end"),
+            ("straight", "at the working range's end"),
             strict=True,
         )
     )
+    handle_held = statics.slack_load(inst, np.array([0.0, statics.reach(inst)]))
+    for key, value, where in zip(("straight", "flexed"), handle_held, ("straight", "bent"), strict=True):
+        about = f"Force under which the first tendon goes slack, handle held, tip {where} without it"
+        context.add(f"tension.slack_load.{key}", float(value), "N", about)
     chart = curves.tension(inst, loads[1:])
     takes = (
         f"{fixed(straight)} N at the straight tip and {fixed(flexed)} N at {np.degrees(inst.output_range):.0f}°; below "

@@ -20,7 +20,7 @@ def headlines(context: Context) -> list[tuple[str, str]]:
     results = context.results
     chosen = [
         ("loss.flexural_stiffness.straight", "flexural stiffness, straight", 3),
-        ("tension.slack_force.flexed", "load at which a tendon goes slack", 2),
+        ("tension.slack_load.flexed", "load under which a tendon goes slack, handle held", 2),
         ("transmissibility.straight", "torque transmissibility, straight", 3),
         ("axes.loaded_coupling", "largest coupling of yaw and pitch", 1),
     ]

@@ -1,12 +1,12 @@
-"""The instrument at rest: the paper's equations 1 to 22 as functions of an instrument, and their exact derivatives."""
+"""The instrument at rest: the paper's equations 1 to 22 for any number of joints, and their exact derivatives."""
 
 from tenodesis._core import Status
+from tenodesis.statics.chain import Axes, Rates, coupling, straight_arms
 from tenodesis.statics.equations import (
     Actuation,
-    Equilibrium,
     Law,
-    Tensions,
     compensation_stroke,
+    compensation_strokes,
     equilibrium,
     estimate_output_angle,
     flexural_stiffness,
@@ -14,29 +14,47 @@ from tenodesis.statics.equations import (
     handle_angle,
     loss_of_dexterity,
     output_angle,
+    rates,
     reach,
     slack_force,
     tensions,
     torque_transmissibility,
 )
+from tenodesis.statics.loss import Loss, hold, loss
+from tenodesis.statics.query import Equilibrium, Tensions
+from tenodesis.statics.slack import slack_load
+from tenodesis.statics.wrench import TipWrench, load_matrix, tip_wrench
 
 __all__ = [
     "Actuation",
+    "Axes",
     "Equilibrium",
     "Law",
+    "Loss",
+    "Rates",
     "Status",
     "Tensions",
+    "TipWrench",
     "compensation_stroke",
+    "compensation_strokes",
+    "coupling",
     "equilibrium",
     "estimate_output_angle",
     "flexural_stiffness",
     "gradient",
     "handle_angle",
+    "hold",
+    "load_matrix",
+    "loss",
     "loss_of_dexterity",
     "output_angle",
+    "rates",
     "reach",
     "slack_force",
+    "slack_load",
+    "straight_arms",
     "tensions",
+    "tip_wrench",
     "torque_transmissibility",
 ]
 

@@ -1,7 +1,7 @@
 """The paper's equations 1 to 22: an instrument with its handle held, under load, without friction.
 
 =====================  =========================================================
-Equations 1-8          :func:`tensions`; of eq. 8, :func:`slack_force`
+Equations 1-8          :func:`tensions`; of eq. 8, :func:`slack_force`, :func:`slack_load`
 Equations 9, 18        :func:`output_angle`; with status, :func:`equilibrium`
 Equations 10-14        :func:`torque_transmissibility`
 Equations 15, 16       :func:`flexural_stiffness`
@@ -11,49 +11,54 @@ Equation 20            :func:`handle_angle`
 Equations 21, 22       :func:`compensation_stroke`
 =====================  =========================================================
 
-Angles in rad, forces in N, lengths in m. Every function takes numbers or arrays of any shapes that broadcast as in
-NumPy; it returns a float where all are numbers, and otherwise an array of the shape that they broadcast to. Functions
-act on an instrument's first axis; ``inst.axis("pitch")`` is the other one. A single point without a solution, such as
-an output angle of half a turn, raises :class:`tenodesis.NoSolutionError`; in an array it becomes NaN, and
-:func:`equilibrium` gives the reason. Input that is not finite or not allowed, or a handle angle beyond the handle's
-range, raises ``ValueError`` in either case.
+Angles in rad, forces in N, lengths in m. Functions of an instrument of one joint take numbers or arrays of any shapes
+that broadcast as in NumPy; they return a float where all are numbers, and otherwise an array of the shape that they
+broadcast to. Of several joints, angles have a last axis with the joints, tensions and what is wound one with the
+tendons, and a force one with x, y and z in the tip's axes, which may be followed by a moment's. An instrument in the
+short form is its first axis here; ``inst.axis("pitch")`` is the other one, ``inst.expanded`` all joints together.
+
+One joint between two tendons alike has a closed form, which the core takes; functions that say "one joint" have no
+other. A single point without a solution, such as an output angle of half a turn, raises
+:class:`tenodesis.NoSolutionError`; in an array it becomes NaN, and :func:`equilibrium` gives the reason. Input that is
+not finite or not allowed, or a handle angle beyond the handle's range, raises ``ValueError`` in either case.
 """
 
 import inspect
 from collections.abc import Callable, Sequence
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tenodesis._core import Status
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import InstrumentLike, as_short_form
-from tenodesis.statics.query import INPUTS, FloatOrArray, check_solved, prepare, shaped, solve, variable
+from tenodesis.instrument import InstrumentLike, as_instrument, as_short_form
+from tenodesis.statics import chain
+from tenodesis.statics.chain import Axes, Rates
+from tenodesis.statics.loads import of_joints, rows
+from tenodesis.statics.query import (
+    INPUTS,
+    Equilibrium,
+    FloatOrArray,
+    Query,
+    Tensions,
+    check_solved,
+    prepare,
+    shaped,
+    solve,
+    variable,
+)
+
+HANDLE = "handle_angle"
+_LOADS = "force", "radial_force", "wound"
 
 Wound: TypeAlias = ArrayLike | tuple[ArrayLike, ArrayLike]
-"""Tendon length wound in by the motors, m: the agonist's, or a pair of agonist's and antagonist's."""
+"""Tendon length wound in by the motors, m: the agonist's, a pair of agonist's and antagonist's, or of every tendon."""
 
 Actuation: TypeAlias = Literal["agonist", "differential"]
 """Which motors act: the agonist's alone, or both in opposite directions."""
 Law: TypeAlias = Literal["exact", "paper"]
 """The stroke that restores all of the loss, or eq. 22 as printed (care point 1)."""
-
-
-class Tensions(NamedTuple):
-    """Tendon tensions, N; the agonist is the tendon that a positive handle angle stretches."""
-
-    agonist: FloatOrArray
-    antagonist: FloatOrArray
-
-
-class Equilibrium(NamedTuple):
-    """Output angle (rad), tendon tensions (N) and status of a held instrument, NaN where there is no equilibrium."""
-
-    output_angle: FloatOrArray
-    agonist: FloatOrArray
-    antagonist: FloatOrArray
-    status: FloatOrArray
 
 
 def output_angle(
@@ -63,19 +68,28 @@ def output_angle(
     *,
     radial_force: ArrayLike = 0.0,
     wound: Wound = 0.0,
+    grip_force: ArrayLike = 0.0,
+    axes: Axes = "tip",
 ) -> FloatOrArray:
     """Return the output angle at a held handle under load (eqs. 9, 18), rad.
 
     Parameters
     ----------
+    handle_angle
+        Of the handle's joints, rad.
     force
-        Tangential force at the tip, N, turning with it; positive opposes positive flexion.
+        At the tip, N, turning with it. Of one joint tangential, positive opposes positive flexion; of several x, y, z,
+        (..., 3), or also the moment's, N m, (..., 6). Each end bears an equal share, jaws half.
     radial_force
-        Force along the end-effector, N, turning with it; positive outward.
+        Of one joint: force along the end-effector, N, turning with it; positive outward.
     wound
-        Tendon length wound in by the motors, m: the agonist's, or a pair.
+        Tendon length wound in by the motors, m: the agonist's, a pair, or of every tendon, (..., tendons).
+    grip_force
+        Force with which an object presses the jaws apart, N.
+    axes
+        "tip": the force turns with the end-effector; "stem": it keeps its direction.
     """
-    return _evaluate("output_angle", inst, locals())[0]
+    return _held("output_angle", inst, locals(), chain.output_angles)
 
 
 def handle_angle(
@@ -85,12 +99,14 @@ def handle_angle(
     *,
     radial_force: ArrayLike = 0.0,
     wound: Wound = 0.0,
+    grip_force: ArrayLike = 0.0,
+    axes: Axes = "tip",
 ) -> FloatOrArray:
     """Return the handle angle that maintains an output angle under load (eq. 20, slack included), rad.
 
     The inverse of :func:`output_angle`, with its other parameters (N, m).
     """
-    return _evaluate("handle_angle", inst, locals())[0]
+    return _held("handle_angle", inst, locals(), chain.handle_angles, "output_angle")
 
 
 def tensions(
@@ -100,9 +116,17 @@ def tensions(
     *,
     radial_force: ArrayLike = 0.0,
     wound: Wound = 0.0,
-) -> Tensions:
-    """Return the tendon tensions at a held handle under load (eqs. 6-8), N; parameters as of :func:`output_angle`."""
-    return Tensions(*_evaluate("tensions", inst, locals()))
+    grip_force: ArrayLike = 0.0,
+    axes: Axes = "tip",
+) -> Any:
+    """Return the tendon tensions at a held handle under load (eqs. 6-8), N; parameters as of :func:`output_angle`.
+
+    :class:`Tensions` of one joint's pair of tendons, otherwise an array with the tendons in its last axis.
+    """
+    given = locals()
+    if (query := _closed("tensions", inst, given)) is not None:
+        return Tensions(*_outputs(query))
+    return _of_chain(inst, given, chain.tensions)
 
 
 def torque_transmissibility(
@@ -127,16 +151,64 @@ def equilibrium(
     *,
     radial_force: ArrayLike = 0.0,
     wound: Wound = 0.0,
+    grip_force: ArrayLike = 0.0,
+    axes: Axes = "tip",
 ) -> Equilibrium:
     """Return output angle (rad), tensions (N) and status, without an error where there is no equilibrium.
 
-    Parameters are those of :func:`output_angle`; status is a :class:`Status`, or an array of its values.
+    Parameters are those of :func:`output_angle`.
     """
-    query = prepare("equilibrium", inst, locals())
+    given = locals()
+    if (query := _closed("equilibrium", inst, given)) is None:
+        found = _of_chain(inst, given | {"handle_angle": [given["handle_angle"]]}, chain.equilibrium)
+        angle = of_joints(as_instrument(inst).as_chain, found.output_angle[0])
+        reason = found.status[0] if found.status.ndim > 1 else Status(int(found.status[0]))
+        return Equilibrium(angle, found.tensions[0], reason)
     outputs, status = solve(query)
     angle, agonist, antagonist = (shaped(output[0], query.shape) for output in outputs)
     reason = Status(int(status[0])) if query.shape == () else status.reshape(query.shape)
-    return Equilibrium(angle, agonist, antagonist, reason)
+    return Equilibrium(angle, Tensions(agonist, antagonist), reason)
+
+
+def rates(
+    inst: InstrumentLike,
+    handle_angle: ArrayLike,
+    force: ArrayLike = 0.0,
+    *,
+    radial_force: ArrayLike = 0.0,
+    wound: Wound = 0.0,
+    grip_force: ArrayLike = 0.0,
+    axes: Axes = "tip",
+) -> Rates:
+    """Return stiffness, compliances and transmissibility at rest as matrices, exact.
+
+    Parameters are those of :func:`output_angle`; the matrices of one joint are 1 by 1.
+    """
+    found: Rates = _of_chain(inst, locals(), chain.rates)
+    return found
+
+
+def compensation_strokes(
+    inst: InstrumentLike,
+    handle_angle: ArrayLike,
+    force: ArrayLike = 0.0,
+    *,
+    radial_force: ArrayLike = 0.0,
+    wound: Wound = 0.0,
+    grip_force: ArrayLike = 0.0,
+    axes: Axes = "tip",
+) -> FloatOrArray:
+    """Return the lengths to wind so that all joints keep their unloaded angles under a load, (..., tendons), m.
+
+    The tensions change by as little as carries the load, in the sum of their squares, none below zero; every motor
+    winds what its own tendon is stretched by more, beyond what is wound. Parameters are those of :func:`output_angle`.
+
+    Raises
+    ------
+    NoSolutionError
+        The tendons with motors cannot carry the load at a single point.
+    """
+    return _of_chain(inst, locals(), chain.compensation_strokes)
 
 
 def flexural_stiffness(inst: InstrumentLike, output_angle: ArrayLike) -> FloatOrArray:
@@ -153,7 +225,10 @@ def loss_of_dexterity(inst: InstrumentLike, output_angle: ArrayLike, force: Arra
 
 
 def slack_force(inst: InstrumentLike, output_angle: ArrayLike) -> FloatOrArray:
-    """Return the tangential force at which the antagonist goes slack at an output angle (rad), N (eq. 8)."""
+    """Return the force at which the antagonist of one joint is slack, its output angle (rad) held, N (eq. 8).
+
+    Negative where it is slack without a force. With the handle held, see :func:`slack_load`.
+    """
     return _evaluate("slack_force", inst, locals())[0]
 
 
@@ -255,8 +330,33 @@ def reach(inst: InstrumentLike) -> float:
     return float(np.fmin(needed, inst.handle_range))
 
 
+def _closed(name: str, inst: InstrumentLike, arguments: dict[str, Any]) -> Query | None:
+    """Return the query of an instrument's closed form; None where it has none, or none under such a load."""
+    inst = as_instrument(inst)
+    if inst.closed_form is None or arguments["axes"] != "tip" or np.any(arguments["grip_force"]):
+        return None
+    return prepare(name, inst, arguments)
+
+
+def _of_chain(inst: InstrumentLike, arguments: dict[str, Any], function: Callable[..., Any], key: str = HANDLE) -> Any:
+    joints = as_instrument(inst).as_chain
+    held, wrench, strokes = rows(joints, (key, arguments[key]), *(arguments[name] for name in _LOADS))
+    return function(joints, held, wrench, strokes=strokes, grip_force=arguments["grip_force"], axes=arguments["axes"])
+
+
+def _held(
+    name: str, inst: InstrumentLike, arguments: dict[str, Any], function: Callable[..., Any], key: str = HANDLE
+) -> FloatOrArray:
+    if (query := _closed(name, inst, arguments)) is not None:
+        return _outputs(query)[0]
+    return of_joints(as_instrument(inst).as_chain, _of_chain(inst, arguments, function, key))
+
+
 def _evaluate(name: str, inst: InstrumentLike, arguments: dict[str, Any]) -> list[FloatOrArray]:
-    query = prepare(name, inst, arguments)
+    return _outputs(prepare(name, inst, arguments))
+
+
+def _outputs(query: Query) -> list[FloatOrArray]:
     outputs, status = solve(query)
     check_solved(query, status)
     return [shaped(output[0], query.shape) for output in outputs]

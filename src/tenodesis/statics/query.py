@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from tenodesis import _core
 from tenodesis._core import Status
 from tenodesis.errors import ArgumentError, NoSolutionError
-from tenodesis.instrument import PARAMETERS, InstrumentLike, ShortForm, as_short_form
+from tenodesis.instrument import PARAMETERS, Instrument, InstrumentLike, as_instrument
 from tenodesis.threads import threads
 
 FloatOrArray: TypeAlias = Any
@@ -27,6 +27,7 @@ INPUTS = {
     "flexural_stiffness": ("output_angle",),
     "loss_of_dexterity": ("output_angle", "force"),
     "slack_force": ("output_angle",),
+    "slack_load": ("handle_angle", "agonist_wound", "antagonist_wound"),
     "estimate_output_angle": (
         "handle_angle",
         "agonist",
@@ -53,12 +54,46 @@ _REASONS = {
 }
 
 
+class Tensions(NamedTuple):
+    """Tendon tensions, N; the agonist is the tendon that a positive handle angle stretches."""
+
+    agonist: FloatOrArray
+    antagonist: FloatOrArray
+
+
+class Equilibrium(NamedTuple):
+    """Where an instrument comes to rest; NaN where there is no equilibrium."""
+
+    output_angle: FloatOrArray
+    """Of one joint, or of the tip's joints in the last axis, rad"""
+    tensions: Any
+    """:class:`Tensions` of one joint's pair of tendons, otherwise of the tendons in the last axis, N"""
+    status: FloatOrArray
+    """How each solve ended: a :class:`Status`, or an array of its values"""
+
+    @property
+    def angles(self) -> FloatOrArray:
+        """As :attr:`output_angle`."""
+        return self.output_angle
+
+    @property
+    def agonist(self) -> FloatOrArray:
+        """Tension of the agonist of a pair, N."""
+        return self.tensions.agonist
+
+    @property
+    def antagonist(self) -> FloatOrArray:
+        """Tension of the antagonist of a pair, N."""
+        return self.tensions.antagonist
+
+
 class Query(NamedTuple):
     """A function of the statics and its arguments, flat: columns of the common length, or of length one."""
 
     name: str
     operation: str
-    inst: ShortForm
+    inst: Instrument
+    spec: _core.Spec
     columns: list[NDArray[np.float64]]
     shape: tuple[int, ...]
 
@@ -81,8 +116,17 @@ def _operation(name: str, arguments: dict[str, Any]) -> str:
 
 
 def prepare(name: str, inst: InstrumentLike, arguments: dict[str, Any]) -> Query:
-    """Return a function's arguments, checked and broadcast, for :func:`solve`."""
-    inst = as_short_form(inst)
+    """Return a function's arguments, checked and broadcast, for :func:`solve`.
+
+    Raises ArgumentError for an instrument whose equilibrium has no closed form.
+    """
+    inst = as_instrument(inst)
+    spec = inst.closed_form
+    if spec is None:
+        allowed = "an instrument of one joint between two tendons alike"
+        raise ArgumentError(
+            f"{name} takes {allowed}, which {inst.name} is not.", key="inst", value=inst, allowed=allowed
+        )
     values = dict(arguments)
     if "wound" in values:
         wound = values.pop("wound")
@@ -96,7 +140,7 @@ def prepare(name: str, inst: InstrumentLike, arguments: dict[str, Any]) -> Query
         array.reshape(1) if array.size == 1 else np.ascontiguousarray(np.broadcast_to(array, shape)).reshape(-1)
         for array in arrays
     ]
-    return Query(name, _operation(name, arguments), inst, columns, shape)
+    return Query(name, _operation(name, arguments), inst, spec, columns, shape)
 
 
 def common_shape(shapes: Mapping[str, tuple[int, ...]]) -> tuple[int, ...]:
@@ -132,9 +176,9 @@ def solve(query: Query, variables: list[int] | None = None) -> tuple[NDArray[np.
     out = np.empty((_OUTPUTS.get(query.name, 1), rows, count))
     status = np.empty(count, np.uint8)
     if variables is None:
-        _core.evaluate(query.inst.spec, query.operation, query.columns, out, status, threads())
+        _core.evaluate(query.spec, query.operation, query.columns, out, status, threads())
     else:
-        _core.gradient(query.inst.spec, query.operation, query.columns, variables, out, status, threads())
+        _core.gradient(query.spec, query.operation, query.columns, variables, out, status, threads())
     _check_valid(query, status)
     return out, status
 
@@ -144,7 +188,7 @@ def shaped(values: NDArray[np.float64], shape: tuple[int, ...]) -> FloatOrArray:
     return float(values[0]) if shape == () else values.reshape(shape)
 
 
-def variable(name: str, inst: ShortForm, key: str) -> int:
+def variable(name: str, inst: Instrument, key: str) -> int:
     """Return the core's index of a parameter or an argument to differentiate by."""
     inputs = INPUTS[name]
     if key in inputs:
@@ -169,6 +213,11 @@ def place(index: int, shape: tuple[int, ...]) -> str:
     return "" if shape == () else f"[{', '.join(str(i) for i in np.unravel_index(index, shape))}]"
 
 
+def _range(spec: _core.Spec) -> float:
+    """Return the handle's range to either side, rad."""
+    return float(spec.__getstate__()[2])
+
+
 def _value(key: str, value: float) -> str:
     return f"{value:.6g} rad ({degrees(value):.7g} deg)" if key in _ANGLES else f"{value:.6g}"
 
@@ -188,12 +237,12 @@ def _check_valid(query: Query, status: NDArray[np.uint8]) -> None:
         key = max(INPUTS[query.name], key=lambda name: abs(query.value(name, first)))
         raise ArgumentError(key=f"{key}{at}", value=query.value(key, first), allowed="a number of physical size")
     angle = query.value("handle_angle", first)
-    raise handle_angle_error(query.inst, angle, at)
+    raise handle_angle_error(_range(query.spec), angle, at)
 
 
-def handle_angle_error(inst: ShortForm, angle: float, at: str) -> ArgumentError:
-    """Return the error for a handle angle (rad) beyond the handle's range, at a place in its array."""
-    allowed = f"within the handle's range of ±{degrees(inst.handle_range):.4g} deg"
+def handle_angle_error(handle_range: float, angle: float, at: str) -> ArgumentError:
+    """Return the error for a handle angle (rad) beyond the handle's range (rad), at a place in its array."""
+    allowed = f"within the handle's range of ±{degrees(handle_range):.4g} deg"
     problem = f"handle_angle{at} is {_value('handle_angle', angle)}; it must be {allowed}."
     return ArgumentError(problem, key=f"handle_angle{at}", value=angle, allowed=allowed)
 
@@ -206,5 +255,6 @@ def check_solved(query: Query, status: NDArray[np.uint8]) -> None:
     values = {key: query.value(key, 0) for key in inputs}
     given = ", ".join(f"{key} = {_value(key, value)}" for key, value in values.items() if value or key == inputs[0])
     inst = query.inst
-    reason = _REASONS[Status(int(status[0]))].format(range=degrees(inst.handle_range), pretension=inst.pretension)
+    given_range = degrees(_range(query.spec))
+    reason = _REASONS[Status(int(status[0]))].format(range=given_range, pretension=inst.pretension)
     raise NoSolutionError(f"{query.name} of {inst.name} at {given}: {reason}.")

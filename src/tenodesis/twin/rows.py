@@ -50,7 +50,9 @@ def check_handle_range(inst: ShortForm, handle_angle: Array, axis: str = "") -> 
     wrong = np.flatnonzero(np.abs(handle_angle) > inst.handle_range + 1e-9)
     if wrong.size:
         first = int(wrong[0])
-        raise handle_angle_error(inst, float(handle_angle[first]), f"[{first}]{f' of {axis}' if axis else ''}")
+        raise handle_angle_error(
+            inst.handle_range, float(handle_angle[first]), f"[{first}]{f' of {axis}' if axis else ''}"
+        )
 
 
 def check_rig(inst: ShortForm) -> None:

@@ -5,17 +5,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tenodesis.coupled.description import CoupledInstrument
-from tenodesis.coupled.reading import CoupledLike, load
-from tenodesis.coupled.statics import compensation_strokes, equilibrium, handle_angles
 from tenodesis.errors import ArgumentError
+from tenodesis.instrument import FullForm, InstrumentLike, expanded
+from tenodesis.statics.chain import compensation_strokes, coordinates, equilibrium, handle_angles
+from tenodesis.statics.loads import rows
+from tenodesis.statics.slack import first_slack
 
 Array = NDArray[np.float64]
 
-_LARGEST = 1e4
-_REFINED = 9
 _WEIGHT = 1e4
-_ROUNDS = 6
 
 
 class Loss(NamedTuple):
@@ -38,12 +36,12 @@ class Loss(NamedTuple):
     handle_corrections: Array
     """By which the hand would have to move the handle instead, (handle joints,), rad"""
     slack_factor: float
-    """Multiple of the load from which on a tendon is slack that is taut without it"""
+    """Multiple of the load under which the first tendon goes slack, handle held; 0 if one is slack without a load"""
     slack_tendon: str
     """Its name, empty if there is none"""
 
 
-def hold(inst: CoupledLike, output_angles: ArrayLike) -> tuple[Array, Array]:
+def hold(inst: InstrumentLike, output_angles: ArrayLike) -> tuple[Array, Array]:
     """Return the handle's angles and the motors' strokes at which an unloaded instrument takes given angles.
 
     By the handle if it has as many joints as the tip, otherwise by the motors, with the smallest change of tensions;
@@ -70,8 +68,8 @@ def hold(inst: CoupledLike, output_angles: ArrayLike) -> tuple[Array, Array]:
     """
     from scipy.optimize import nnls  # noqa: PLC0415 - takes long to load
 
-    inst = load(inst)
-    angles = np.asarray(output_angles, float)
+    inst = expanded(inst)
+    angles = np.atleast_1d(np.asarray(output_angles, float))
     if angles.shape != (len(inst.tip_joints),):
         raise ArgumentError(key="output_angles", value=output_angles, allowed=f"{len(inst.tip_joints)} numbers, rad")
     handle, strokes = np.zeros(len(inst.handle_joints)), np.zeros(len(inst.tendons))
@@ -79,13 +77,11 @@ def hold(inst: CoupledLike, output_angles: ArrayLike) -> tuple[Array, Array]:
         return handle, strokes
     if len(handle) == len(angles):
         return handle_angles(inst, angles), strokes
-    gears = np.array([joint.mechanism == "tendon-gear" for joint in inst.tip_joints])
-    coordinates = np.where(gears, np.sin(angles / 2), angles)
-    turns = np.where(gears, np.cos(angles / 2) / 2, 1.0)
+    at, turns = coordinates(inst.tip_joints, angles)
     arms = inst.tendon_arms("tip")
     motors = np.array([tendon.start == "spool" for tendon in inst.tendons])
     springs = np.array([joint.own_stiffness for joint in inst.tip_joints]) * angles / turns
-    drawn, rest = arms @ coordinates, inst.pretensions
+    drawn, rest = arms @ at, inst.pretensions
     fixed = rest[~motors] - inst.stiffnesses[~motors] * drawn[~motors]
     needed = springs - arms[~motors].T @ np.maximum(fixed, 0.0)
     # Tensions nearest to those at rest, none negative; the balance outweighs their change.
@@ -96,7 +92,7 @@ def hold(inst: CoupledLike, output_angles: ArrayLike) -> tuple[Array, Array]:
     return handle, strokes
 
 
-def loss(inst: CoupledLike, output_angles: ArrayLike, wrench: ArrayLike, grip_force: float = 0.0) -> Loss:
+def loss(inst: InstrumentLike, output_angles: ArrayLike, wrench: ArrayLike, grip_force: float = 0.0) -> Loss:
     """Return what a load takes from an instrument that is held at given angles of its unloaded joints.
 
     Parameters
@@ -106,7 +102,7 @@ def loss(inst: CoupledLike, output_angles: ArrayLike, wrench: ArrayLike, grip_fo
     output_angles
         Of the tip's joints, (joints,), rad, as :func:`hold` holds them.
     wrench
-        Force (N) and moment (N m) on the tip, (6,), in its axes.
+        Force (N) and moment (N m) on the tip, (6,), in its axes; of one joint the tangential force, N.
     grip_force
         Force with which an object presses the jaws apart, N.
 
@@ -117,42 +113,32 @@ def loss(inst: CoupledLike, output_angles: ArrayLike, wrench: ArrayLike, grip_fo
     NoSolutionError
         The unloaded instrument cannot be held at these angles.
     """
-    inst = load(inst)
+    inst = expanded(inst)
     handle, strokes = hold(inst, output_angles)
-    free = equilibrium(inst, handle, 0.0, strokes=strokes).angles
+    free = equilibrium(inst, handle, 0.0, strokes=strokes).output_angle
     # Of arrays, points without an equilibrium are NaN.
-    row = np.atleast_2d(np.asarray(wrench, float))
+    whole = wrench if np.ndim(wrench) else rows(inst, ("output_angles", free), wrench, 0.0, 0.0).wrench
+    row = np.atleast_2d(np.asarray(whole, float))
     under = equilibrium(inst, handle, row, grip_force=grip_force, strokes=strokes)
     restoring = compensation_strokes(inst, handle, row, grip_force=grip_force, strokes=strokes)[0]
     correction = np.full(len(handle), np.nan)
     if len(handle) == len(free):
         correction = handle_angles(inst, free, row, grip_force=grip_force, strokes=strokes)[0] - handle
-    factor, tendon = _slack(inst, handle, strokes, row, grip_force)
-    return Loss(row[0], grip_force, free, under.angles[0], free - under.angles[0], under.tensions[0], restoring,
-                correction, factor, tendon)  # fmt: skip
+    factor, tendon = _slack(inst, handle, strokes, row[0], grip_force)
+    angles = under.output_angle[0]
+    return Loss(
+        row[0], grip_force, free, angles, free - angles, under.tensions[0], restoring, correction, factor, tendon
+    )
 
 
-def _slack(inst: CoupledInstrument, handle: Array, strokes: Array, wrench: Array, grip: float) -> tuple[float, str]:
-    """Return the multiple of a load at which the first of the taut tendons goes slack, and its name."""
-    taut = equilibrium(inst, handle, 0.0, strokes=strokes).tensions > 0
-
-    def tensions(factors: Array) -> Array:
-        loads = factors[:, np.newaxis] * wrench
-        found = equilibrium(inst, handle, loads, grip_force=factors * grip, strokes=strokes).tensions
-        return np.where(taut | np.isnan(found), found, np.inf)
-
+def _slack(inst: FullForm, handle: Array, strokes: Array, wrench: Array, grip: float) -> tuple[float, str]:
+    """Return the multiple of a load at which the first of the tendons goes slack, and its name."""
     if not (wrench.any() or grip):
         return np.nan, ""
-    low, high = 0.0, 0.25
-    while high < _LARGEST and (tensions(np.array([high])) > 0).all():
-        low, high = high, 2 * high
-    for _ in range(_ROUNDS):
-        factors = np.linspace(low, high, _REFINED)
-        found = tensions(factors)
-        ends = ~(found > 0).all(axis=1)
-        if not ends.any():
-            return np.nan, ""
-        first = int(np.argmax(ends))
-        low, high = float(factors[first - 1]), float(factors[first])
-    slack = np.flatnonzero(found[first] == 0)
-    return (high, inst.tendons[slack[0]].name) if slack.size else (np.nan, "")
+
+    def tensions(factor: Array) -> Array:
+        found = equilibrium(inst, handle, [factor * wrench], grip_force=factor * grip, strokes=strokes).tensions
+        return np.asarray(found[0])
+
+    first = first_slack(tensions, (), float(inst.pretensions.max()))
+    return float(first.factor), inst.tendons[int(first.tendon)].name if first.tendon >= 0 else ""

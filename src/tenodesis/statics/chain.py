@@ -1,0 +1,338 @@
+"""All joints of an instrument at rest under a wrench at the tip and a grip force: the core's chain of joints."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tenodesis import _core
+from tenodesis._core import Status
+from tenodesis.errors import ArgumentError, NoSolutionError
+from tenodesis.instrument import FullForm, InstrumentLike, Joint, expanded
+from tenodesis.instrument.joints import MECHANISMS
+from tenodesis.statics.query import Equilibrium, common_shape, numbers, place
+from tenodesis.threads import threads
+
+Array: TypeAlias = NDArray[np.float64]
+Axes: TypeAlias = Literal["tip", "stem"]
+_ROUNDING = 1e-9  # rad; that of a handle angle converted from degrees
+_NO_ARM = 1e-12  # as a share of the largest
+
+_REASONS = {
+    Status.NO_EQUILIBRIUM: "there is no equilibrium on the branch that starts without a load, it ends in a fold where "
+    "the joints snap through; the load must be smaller, or the pretension larger where a tendon is slack",
+    Status.UNREACHABLE: "a joint would have to bend farther than its mechanism can",
+    Status.BOTH_SLACK: "tendons are slack, so that nothing holds a joint; at least one of either side must be taut",
+    Status.NO_AUTHORITY: "the tendons with motors cannot carry the load at these angles",
+}
+
+
+class Rates(NamedTuple):
+    """How an instrument at rest answers to small changes; NaN where there is no equilibrium."""
+
+    stiffness: Array
+    """Moment by angle, (..., joints, joints), N m/rad; eq. 16 in one plane."""
+    by_wrench: Array
+    """Angles by force and moment at the tip, (..., joints, 6), rad/N and rad/(N m)."""
+    by_grip: Array
+    """Angles by grip force, (..., joints), rad/N."""
+    by_stroke: Array
+    """Angles by the tendons that motors wind, (..., joints, tendons), rad/m."""
+    by_handle: Array
+    """Angles by the handle's angles, (..., joints, handle joints)."""
+
+    @property
+    def transmissibility(self) -> Array:
+        """Moments about the tip's joints by those about the handle's that hold them, (..., joints, handle joints).
+
+        By reciprocity the inverse of the angles' ratios, transposed: eqs. 10-12 in one plane.
+        """
+        return np.linalg.pinv(self.by_handle).swapaxes(-1, -2)
+
+
+def equilibrium(
+    inst: InstrumentLike,
+    handle_angles: ArrayLike,
+    wrench: ArrayLike = 0.0,
+    *,
+    grip_force: ArrayLike = 0.0,
+    strokes: ArrayLike = 0.0,
+    axes: Axes = "tip",
+) -> Equilibrium:
+    """Return angles and tensions of an instrument under a load, on the branch that starts without one.
+
+    Parameters
+    ----------
+    inst
+        An instrument, or its name or path.
+    handle_angles
+        Of the handle's joints, (..., handle joints), rad; 0 for all.
+    wrench
+        Force (N) and moment (N m) on the tip, (..., 6): x, y, z of either. Each end bears an equal share, jaws half.
+    grip_force
+        Force with which an object presses the jaws apart, (...), N.
+    strokes
+        Length wound by the motors on every tendon, (..., tendons), m.
+    axes
+        "tip": the wrench turns with the end-effector, z along it; "stem": it keeps its direction.
+
+    Raises
+    ------
+    ArgumentError
+        An argument is not a finite number or does not fit the instrument.
+    NoSolutionError
+        There is no equilibrium at a single given point.
+    """
+    inst, point = _prepare(inst, handle_angles, wrench, grip_force, strokes, axes)
+    angles = np.empty((point.total, len(inst.tip_joints)))
+    tensions = np.empty((point.total, len(inst.tendons)))
+    status = np.empty(point.total, np.uint8)
+    inst.core.solve(*point.inputs, axes == "stem", angles, tensions, status, threads())
+    _check(inst, "equilibrium", point, status)
+    reason = Status(int(status[0])) if point.shape == () else status.reshape(point.shape)
+    return Equilibrium(point.shaped(angles), point.shaped(tensions), reason)
+
+
+def output_angles(
+    inst: InstrumentLike,
+    handle_angles: ArrayLike,
+    wrench: ArrayLike = 0.0,
+    *,
+    grip_force: ArrayLike = 0.0,
+    strokes: ArrayLike = 0.0,
+    axes: Axes = "tip",
+) -> Array:
+    """Return the angles of the tip's joints, (..., joints), rad; arguments and errors as :func:`equilibrium`."""
+    return equilibrium(inst, handle_angles, wrench, grip_force=grip_force, strokes=strokes, axes=axes).output_angle
+
+
+def tensions(
+    inst: InstrumentLike,
+    handle_angles: ArrayLike,
+    wrench: ArrayLike = 0.0,
+    *,
+    grip_force: ArrayLike = 0.0,
+    strokes: ArrayLike = 0.0,
+    axes: Axes = "tip",
+) -> Array:
+    """Return the tensions of the tendons, (..., tendons), N; arguments and errors as :func:`equilibrium`."""
+    return equilibrium(inst, handle_angles, wrench, grip_force=grip_force, strokes=strokes, axes=axes).tensions
+
+
+def rates(
+    inst: InstrumentLike,
+    handle_angles: ArrayLike,
+    wrench: ArrayLike = 0.0,
+    *,
+    grip_force: ArrayLike = 0.0,
+    strokes: ArrayLike = 0.0,
+    axes: Axes = "tip",
+) -> Rates:
+    """Return stiffness and compliance matrices at rest, exact; arguments and errors as :func:`equilibrium`.
+
+    Loss of dexterity to first order is `by_wrench @ wrench`, eq. 17 in one plane; `by_handle` are the transmission
+    ratios of the angles.
+    """
+    inst, point = _prepare(inst, handle_angles, wrench, grip_force, strokes, axes)
+    joints, tendons = len(inst.tip_joints), len(inst.tendons)
+    ends = np.cumsum([joints, 6, 1, tendons])
+    out = np.empty((point.total, joints, int(ends[-1]) + len(inst.handle_joints)))
+    status = np.empty(point.total, np.uint8)
+    inst.core.answer(*point.inputs, axes == "stem", out, status, threads())
+    _check(inst, "rates", point, status)
+    parts = [point.shaped(part) for part in np.split(out, ends, axis=2)]
+    return Rates(parts[0], parts[1], parts[2][..., 0], parts[3], parts[4])
+
+
+def handle_angles(
+    inst: InstrumentLike,
+    output_angles: ArrayLike,
+    wrench: ArrayLike = 0.0,
+    *,
+    grip_force: ArrayLike = 0.0,
+    strokes: ArrayLike = 0.0,
+    axes: Axes = "tip",
+) -> Array:
+    """Return the handle angles that hold given output angles under a load, (..., handle joints), rad.
+
+    The inverse of :func:`output_angles`, slack included (eq. 20 in one plane); the handle must have as many joints as
+    the tip. Arguments and errors as :func:`equilibrium`.
+    """
+    inst = expanded(inst)
+    joints = len(inst.tip_joints)
+    if len(inst.handle_joints) != joints:
+        raise ArgumentError(
+            f"{inst.name} has {len(inst.handle_joints)} joints at the handle and {joints} at the tip; their numbers "
+            "must be equal.",
+            key="inst",
+            value=inst.name,
+            allowed="an instrument with as many joints at the handle as at the tip",
+        )
+    inst, point = _prepare(inst, output_angles, wrench, grip_force, strokes, axes, "output_angles", joints)
+    out, status = np.empty((point.total, joints)), np.empty(point.total, np.uint8)
+    inst.core.handle_angles(*point.inputs, axes == "stem", out, status, threads())
+    _check(inst, "handle_angles", point, status)
+    return point.shaped(out)
+
+
+def compensation_strokes(
+    inst: InstrumentLike,
+    handle_angles: ArrayLike,
+    wrench: ArrayLike = 0.0,
+    *,
+    grip_force: ArrayLike = 0.0,
+    strokes: ArrayLike = 0.0,
+    axes: Axes = "tip",
+) -> Array:
+    """Return the lengths to wind so that all joints keep their unloaded angles under a load, (..., tendons), m.
+
+    The tensions change by as little as carries the load, in the sum of their squares, none below zero; every motor
+    winds what its own tendon is stretched by more, beyond the strokes given. Arguments and errors as
+    :func:`equilibrium`; NoSolutionError also if the tendons with motors cannot carry the load.
+    """
+    inst, point = _prepare(inst, handle_angles, wrench, grip_force, strokes, axes)
+    out, status = np.empty((point.total, len(inst.tendons))), np.empty(point.total, np.uint8)
+    inst.core.compensation_strokes(*point.inputs, axes == "stem", out, status, threads())
+    _check(inst, "compensation_strokes", point, status)
+    return point.shaped(out)
+
+
+def straight_arms(inst: InstrumentLike, place: Literal["tip", "handle"] = "tip") -> Array:
+    """Return the moment arms of the tendons about the straight joints at one end, (tendons, joints), m."""
+    inst = expanded(inst)
+    return inst.tendon_arms(place) * _turns(inst.tip_joints if place == "tip" else inst.handle_joints)
+
+
+def coupling(inst: InstrumentLike) -> Array:
+    """Return the angles of the straight joints by the lengths that tendons are drawn, (joints, tendons), rad/m.
+
+    What the unloaded instrument does with all tendons taut and stiff against its springs: the pseudo-inverse of the
+    arms, and where the tendons leave a motion free, the one in which the springs take the least energy. Times the
+    lengths that a motor's turn draws, it is the matrix from actuators to joints that robots are delivered with.
+    """
+    inst = expanded(inst)
+    arms = straight_arms(inst)
+    drawn = np.linalg.pinv(inst.tendon_arms("tip")) / _turns(inst.tip_joints)[:, np.newaxis]
+    _, sizes, directions = np.linalg.svd(arms)
+    free = directions[np.count_nonzero(sizes > sizes[0] * _NO_ARM) :].T
+    springs = np.diag([joint.own_stiffness for joint in inst.tip_joints])
+    return np.asarray(drawn - free @ np.linalg.pinv(free.T @ springs @ free) @ free.T @ springs @ drawn)
+
+
+def _turns(joints: Sequence[Joint]) -> Array:
+    """Return the rates of the straight joints' coordinates by their angles."""
+    return coordinates(joints, np.zeros(len(joints)))[1]
+
+
+def coordinates(joints: Sequence[Joint], angles: Array) -> Array:
+    """Return the coordinates of joints at angles (joints,), in which excursion is linear, and their rates by them."""
+    return _core.joint_coordinate([MECHANISMS[joint.mechanism] for joint in joints], np.ascontiguousarray(angles))
+
+
+class _Point(NamedTuple):
+    """Arguments, broadcast and flat: rows of the common length, or a single row."""
+
+    inputs: tuple[Array, Array, Array, Array]
+    """Angles held, strokes, wrench and grip force."""
+    shape: tuple[int, ...]
+    total: int
+    key: str
+
+    def shaped(self, values: Array) -> Array:
+        return values.reshape(*self.shape, *values.shape[1:])
+
+
+def _prepare(  # noqa: PLR0917
+    inst: InstrumentLike,
+    held: ArrayLike,
+    wrench: ArrayLike,
+    grip_force: ArrayLike,
+    strokes: ArrayLike,
+    axes: Axes,
+    key: str = "handle_angles",
+    width: int | None = None,
+) -> tuple[FullForm, _Point]:
+    inst = expanded(inst)
+    if axes not in ("tip", "stem"):
+        raise ArgumentError(key="axes", value=axes, allowed="tip or stem")
+    grip = numbers("grip_force", grip_force)
+    if inst.grip is None and np.any(grip):
+        raise ArgumentError(
+            f"grip_force is given, but {inst.name} has nothing that grips; its file must have a table [grip] with the "
+            "jaws.",
+            key="grip_force",
+            value=grip_force,
+            allowed="0 without a table [grip]",
+        )
+    given = {
+        key: _rows(key, held, len(inst.handle_joints) if width is None else width),
+        "strokes": _rows("strokes", strokes, len(inst.tendons)),
+        "wrench": _rows("wrench", wrench, 6),
+        "grip_force": grip[..., np.newaxis],
+    }
+    shape = common_shape({name: rows.shape[:-1] for name, rows in given.items()})
+    if key == "handle_angles":
+        _check_within_range(inst, given[key])
+    total = math.prod(shape)
+    held, wound, wrenches, grips = (_flat(rows, shape, total) for rows in given.values())
+    return inst, _Point((held, wound, wrenches, grips), shape, total, key)
+
+
+def _flat(rows: Array, shape: tuple[int, ...], total: int) -> Array:
+    """Return rows of the common length, or the single one that stands for all."""
+    width = rows.shape[-1]
+    if rows.size == width:
+        return np.ascontiguousarray(rows).reshape(1, width)
+    return np.ascontiguousarray(np.broadcast_to(rows, (*shape, width))).reshape(total, width)
+
+
+def _check_within_range(inst: FullForm, held: Array) -> None:
+    for i, joint in enumerate(inst.handle_joints):
+        angles = held[..., i]
+        if angles.size and max(angles.max(), -angles.min()) > joint.range + _ROUNDING:
+            raise ArgumentError(
+                key=f"handle_angles of {joint.name}",
+                value=float(angles.flat[np.argmax(np.abs(angles))]),
+                allowed=f"within its range of ±{joint.range:.4g} rad",
+            )
+
+
+def _rows(key: str, value: ArrayLike, width: int) -> Array:
+    """Return an argument with its last axis of a given length; a single 0 stands for all zeros."""
+    array = numbers(key, value)
+    if array.ndim == 0 and not array:
+        return np.zeros(width)
+    if array.ndim == 0 and width == 1:
+        return array.reshape(1)
+    if array.ndim == 0 or array.shape[-1] != width:
+        raise ArgumentError(
+            f"{key} has the shape {array.shape}; its last axis must have the length {width}.",
+            key=key,
+            value=array.shape,
+            allowed=f"of {width} numbers in its last axis",
+        )
+    return array
+
+
+def _check(inst: FullForm, function: str, point: _Point, status: NDArray[np.uint8]) -> None:
+    """Raise ArgumentError if an argument is not finite, NoSolutionError where a single point has no solution."""
+    if status.size and int(status.max()) == int(Status.NOT_FINITE):
+        for name, rows in zip((point.key, "strokes", "wrench", "grip_force"), point.inputs, strict=True):
+            wrong = np.flatnonzero(~np.isfinite(rows))
+            if wrong.size:
+                is_single, width = len(rows) == 1, rows.shape[1]
+                shape = (() if is_single else point.shape) + ((width,) if name != "grip_force" else ())
+                at = place(int(wrong[0]), shape)
+                raise ArgumentError(key=f"{name}{at}", value=float(rows.flat[wrong[0]]), allowed="a finite number")
+    if point.shape != () or status[0] == Status.OK:
+        return
+    held, _, wrench, grip = point.inputs
+    given = f"{point.key} = {_list(held[0])}, load = {_list(np.append(wrench[0], grip[0]))}"
+    reason: Any = _REASONS.get(Status(int(status[0])), "an argument is not of physical size")
+    raise NoSolutionError(f"{function} of {inst.name} at {given}: {reason}.")
+
+
+def _list(values: Array) -> str:
+    return f"[{', '.join(f'{value:.4g}' for value in values)}]"
