@@ -184,11 +184,13 @@ def _load(design: "Design", test: "TestLoad") -> tuple[str, ...]:
 
 
 def pretension(design: "Design") -> PlanTable:
-    """Return the pretension to set and the force at which slack begins, of both instruments."""
+    """Return the pretension to set and the force under which a tendon goes slack, of both instruments."""
     pair = (design.real_size, design.scaled_up)
     values = {"pretension of either tendon [N]": [inst.pretension for inst in pair]}
-    for name, at in (("tip straight", 0.0), ("tip fully bent", design.real_size.output_range)):
-        values[f"slack from, {name} [N]"] = [float(statics.slack_force(inst, at)) for inst in pair]
+    for name, bent in (("tip straight", 0.0), ("tip fully bent", 1.0)):
+        values[f"slack from, handle held, {name} [N]"] = [
+            float(statics.slack_load(inst, bent * statics.reach(inst))) for inst in pair
+        ]
     return PlanTable(
         "Pretension to set",
         ("", "real-size", "scaled-up", "factor"),

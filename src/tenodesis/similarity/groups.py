@@ -41,7 +41,7 @@ DEFINITIONS: dict[str, Definition] = {
     "Theta": Definition("load", "loss of dexterity at mid-range under the largest force, rad (eq. 17)"),
     "T_o/(kr)": Definition("pretension", "pretension over the tension that stretches a tendon by the distal radius"),
     "F_slack/F": Definition(
-        "slack", "force that slackens a tendon at the straight tip, over the largest force (eq. 8)"
+        "slack", "force that slackens a tendon, the tip held straight, over the largest force (eq. 8)"
     ),
     "mu": Definition("friction", "friction coefficient at the joints' vertices"),
     "mu_s": Definition("friction", "friction coefficient in the sheath"),
