@@ -77,24 +77,6 @@ def gradient(spec: Spec, operation: str, inputs: Sequence[NDArray[numpy.float64]
 def tension_from_current(current: float, tension_per_current: float, range: float) -> float:
     """Tension that a motor's current (A) stands for, N."""
 
-def joint_chord(mechanism: int, chord: float, angle: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]:
-    """
-    Chord of a joint at angles (rad) by that of the straight joint, m, and its rate by the angle, m/rad: two rows.
-    """
-
-def joint_coordinate(mechanism: Sequence[int], angle: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]:
-    """
-    Coordinates of joints at their angles (rad), in which tendon excursion is linear, and their rates by them.
-    """
-
-def joint_straight_chord(mechanism: int, radius: float, backbone_length: float) -> float:
-    """Chord of a straight joint, m."""
-
-def joint_excursion(mechanism: int, distance: float) -> float:
-    """
-    Tendon drawn by a unit of the coordinate at a distance (m) from the joint's middle plane, m.
-    """
-
 class Tendon:
     """An elastic tendon through contacts with friction, with its state."""
 
@@ -131,6 +113,24 @@ def far_end(values: NDArray[numpy.float64], angle: NDArray[numpy.float64], signa
     Write angle and torque of the far end of a transmission, how far friction may hide each, and its near torque.
     """
 
+def joint_chord(mechanism: int, chord: float, angle: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]:
+    """
+    Chord of a joint at angles (rad) by that of the straight joint, m, and its rate by the angle, m/rad: two rows.
+    """
+
+def joint_coordinate(mechanism: Sequence[int], angle: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]:
+    """
+    Coordinates of joints at their angles (rad), in which tendon excursion is linear, and their rates by them.
+    """
+
+def joint_straight_chord(mechanism: int, radius: float, backbone_length: float) -> float:
+    """Chord of a straight joint, m."""
+
+def joint_excursion(mechanism: int, distance: float) -> float:
+    """
+    Tendon drawn by a unit of the coordinate at a distance (m) from the joint's middle plane, m.
+    """
+
 class WristSpec:
     pass
 
@@ -150,13 +150,50 @@ class Wrist(WristSpec):
     def closed_form(self, handle_length: float, handle_range: float) -> Spec | None: ...
 
 class WristTwin:
-    def __init__(self, wrist: WristSpec, passages: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], contacts: Sequence[int], segments: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], links: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], parameters: Sequence[float], sheath_contacts: int, steps_per_sample: int, quasi_static: bool, seed: int) -> None: ...
+    """The twin of a wrist, with its state."""
+
+    def __init__(self, wrist: WristSpec, passages: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], contacts: Sequence[int], segments: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], links: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], load_cells: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], rig: Sequence[float], parameters: Sequence[float], law: int, steps_per_sample: int, quasi_static: bool, currents: bool, seed: int) -> None:
+        """
+        passages: by tendon and contact the joint (-1: the sheath; the handle's count on), friction coefficient, wrap in rad of the straight joint or in the sheath, share, arm in m; links: by joint mass, its centre, inertia about x, y, z, damping, stop, its stiffness, reach of the tip; load_cells: gain and bias; rig: wrench on the tip by a newton of weight; law: 0 capstan with a constant part, 1 Stribeck, 2 power.
+        """
 
     def copy(self) -> WristTwin: ...
 
-    def run(self, commands: NDArray[numpy.float64], out: NDArray[numpy.float64], energy: NDArray[numpy.float64] | None) -> tuple[int, int]: ...
+    def run(self, commands: NDArray[numpy.float64], out: NDArray[numpy.float64], energy: NDArray[numpy.float64] | None) -> tuple[int, Status]:
+        """
+        Step over rows of commands; a row of signals per step in out, totals in energy. Returns the steps taken and the last status.
+        """
 
-    def run_controlled(self, controller: Controller, axes: Sequence[Sequence[int]], commands: NDArray[numpy.float64], time_step: float, started: int, requests: NDArray[numpy.uint8], out: NDArray[numpy.float64], control: NDArray[numpy.float64]) -> tuple[int, int]: ...
+    def run_controlled(self, controller: Controller, axes: Sequence[Sequence[int]], commands: NDArray[numpy.float64], steps_per_tick: int, time_step: float, relay: float, started: int, requests: NDArray[numpy.uint8] | None, values: NDArray[numpy.float64] | None, modes: NDArray[numpy.uint8] | None, out: NDArray[numpy.float64], control: NDArray[numpy.float64]) -> tuple[int, Status]:
+        """
+        The same with a controller in the loop; axes: joint of the handle, agonist and antagonist of each; values and modes: what is injected, by axis, step and point; control: the controller's signals by step and axis.
+        """
+
+    @property
+    def state(self) -> bytes:
+        """The state, as bytes."""
+
+    @state.setter
+    def state(self, arg: bytes, /) -> None: ...
+
+    @property
+    def commands(self) -> list[tuple[str, int]]:
+        """Names and widths of a command's columns."""
+
+    @property
+    def signals(self) -> list[tuple[str, int]]:
+        """Names and widths of the signals that a step writes."""
+
+    def now(self, out: NDArray[numpy.float64]) -> None:
+        """Write the signals as they stand."""
+
+    def handle_wanted(self, joint: int) -> float:
+        """Angle of a joint of the handle by the last command, rad."""
+
+    def contact(self, joint: int) -> tuple[float, float, float]:
+        """
+        Tissue across the tip's path about a joint by the last command: angle in rad, N/m, N s/m.
+        """
 
 def wrist_inertia(wrist: WristSpec, links: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], angles: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], speeds: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], matrix: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu')], bias: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')]) -> None: ...
 

@@ -2,7 +2,6 @@
 
 from tenodesis.statics.chain import (
     Axes,
-    Equilibrium,
     Rates,
     compensation_strokes,
     coordinates,
@@ -14,6 +13,7 @@ from tenodesis.statics.chain import (
     straight_arms,
     tensions,
 )
+from tenodesis.statics.query import Equilibrium
 
 __all__ = [
     "Axes",

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, ClassVar, Literal, cast
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -32,7 +32,7 @@ class Expandable(ShortForm):
     @property
     def as_chain(self) -> FullForm:
         """The joints and tendons that statics act on: those of the first axis."""
-        return cast("Expandable", self.planar[0]).expanded
+        return self.planar[0].expanded
 
     @property
     def joints(self) -> tuple[Joint, ...]:

@@ -101,15 +101,18 @@ def _care(context: Context, inst: ShortForm, handle: Array, force: float) -> lis
     tension = statics.tensions(inst, middle, force, wound=stroke)
     free = float(np.sin(statics.output_angle(inst, middle)[0] / 2))
     left = free - float(np.sin(statics.output_angle(inst, middle, force, wound=stroke)[0] / 2))
-    asked = free - float(np.sin(statics.estimate_output_angle(inst, middle, *tension)[0] / 2))
+    asked = free - float(
+        np.sin(statics.estimate_output_angle(inst, middle, tension.agonist, tension.antagonist)[0] / 2)
+    )
     share = context.add(
         "care.1.remaining_share", left / asked, "1", "Share of the loss in sin θ_d that eq. 22 leaves with one motor"
     )
     stroke = settled_stroke(inst, middle, force, "agonist", "exact")
     tension = statics.tensions(inst, middle, force, wound=stroke)
     truth = float(np.degrees(statics.output_angle(inst, middle, force, wound=stroke)[0]))
-    blind = float(np.degrees(statics.estimate_output_angle(inst, middle, *tension)[0]))
-    aware = float(np.degrees(statics.estimate_output_angle(inst, middle, *tension, wound=stroke)[0]))
+    blind = float(np.degrees(statics.estimate_output_angle(inst, middle, tension.agonist, tension.antagonist)[0]))
+    pair = tension.agonist, tension.antagonist
+    aware = float(np.degrees(statics.estimate_output_angle(inst, middle, *pair, wound=stroke)[0]))
     context.add("care.3.output_angle", truth, "deg", "Output angle with the loss compensated")
     context.add("care.3.estimate_without_motor", blind - truth, "deg", "Error of eq. 19 that ignores the wound length")
     context.add(

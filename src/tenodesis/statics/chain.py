@@ -49,7 +49,7 @@ class Rates(NamedTuple):
 
         By reciprocity the inverse of the angles' ratios, transposed: eqs. 10-12 in one plane.
         """
-        return np.linalg.pinv(self.by_handle).swapaxes(-1, -2)
+        return np.asarray(np.linalg.pinv(self.by_handle).swapaxes(-1, -2), float)
 
 
 def equilibrium(
@@ -105,7 +105,8 @@ def output_angles(
     axes: Axes = "tip",
 ) -> Array:
     """Return the angles of the tip's joints, (..., joints), rad; arguments and errors as :func:`equilibrium`."""
-    return equilibrium(inst, handle_angles, wrench, grip_force=grip_force, strokes=strokes, axes=axes).output_angle
+    found = equilibrium(inst, handle_angles, wrench, grip_force=grip_force, strokes=strokes, axes=axes)
+    return np.asarray(found.output_angle)
 
 
 def tensions(
@@ -118,7 +119,8 @@ def tensions(
     axes: Axes = "tip",
 ) -> Array:
     """Return the tensions of the tendons, (..., tendons), N; arguments and errors as :func:`equilibrium`."""
-    return equilibrium(inst, handle_angles, wrench, grip_force=grip_force, strokes=strokes, axes=axes).tensions
+    found = equilibrium(inst, handle_angles, wrench, grip_force=grip_force, strokes=strokes, axes=axes)
+    return np.asarray(found.tensions)
 
 
 def rates(
@@ -223,7 +225,7 @@ def coupling(inst: InstrumentLike) -> Array:
 
 def _turns(joints: Sequence[Joint]) -> Array:
     """Return the rates of the straight joints' coordinates by their angles."""
-    return coordinates(joints, np.zeros(len(joints)))[1]
+    return np.asarray(coordinates(joints, np.zeros(len(joints)))[1])
 
 
 def coordinates(joints: Sequence[Joint], angles: Array) -> Array:

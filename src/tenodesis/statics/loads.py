@@ -68,5 +68,5 @@ def _strokes(inst: FullForm, wound: Any) -> Array:
     given = numbers("wound", wound)
     if given.any() and len(inst.tip_joints) == 1 and (not given.ndim or given.shape[-1] != len(inst.tendons)):
         # The agonist's alone.
-        return given[..., np.newaxis] * np.eye(1, len(inst.tendons))[0]
+        return np.asarray(given[..., np.newaxis] * np.eye(1, len(inst.tendons))[0])
     return given

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from tenodesis import _core
 from tenodesis._core import Status
 from tenodesis.errors import ArgumentError, NoSolutionError
-from tenodesis.instrument import PARAMETERS, Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument import PARAMETERS, Instrument, InstrumentLike, ShortForm, as_instrument
 from tenodesis.threads import threads
 
 FloatOrArray: TypeAlias = Any
@@ -188,7 +188,7 @@ def shaped(values: NDArray[np.float64], shape: tuple[int, ...]) -> FloatOrArray:
     return float(values[0]) if shape == () else values.reshape(shape)
 
 
-def variable(name: str, inst: Instrument, key: str) -> int:
+def variable(name: str, inst: ShortForm, key: str) -> int:
     """Return the core's index of a parameter or an argument to differentiate by."""
     inputs = INPUTS[name]
     if key in inputs:
