@@ -9,8 +9,9 @@ from tenodesis import coupled, kinematics
 from tenodesis.cli.live import live_console
 from tenodesis.console import serve_coupled
 from tenodesis.console.coupled_loop import CoupledLink, CoupledLoop
-from tenodesis.console.coupled_page import CoupledPage, CoupledShown, extents, readings, shown_rows, with_short_stem
+from tenodesis.console.coupled_page import CoupledPage, CoupledShown, readings, shown_rows
 from tenodesis.console.plots import TensionColours
+from tenodesis.console.scene import with_short_stem
 from tenodesis.coupled import Held
 from tenodesis.errors import ArgumentError, CommandError, LiveError
 
@@ -39,7 +40,7 @@ def angles(link: CoupledLink) -> np.ndarray:
 
 
 def shown(link: CoupledLink) -> CoupledShown:
-    return shown_rows(link.inst, link.latest(), link.inst)
+    return shown_rows(link.inst, link.latest())
 
 
 @pytest.mark.parametrize("name", coupled.shipped())
@@ -166,14 +167,6 @@ def test_a_machine_that_is_late_is_told_by_how_much() -> None:
     assert link.status().problem is None
     link.loop._times.extend([0.0, 0.02, 0.04])
     assert link.status().problem == "This machine is late: the twin runs at 50 % of real time."
-
-
-@pytest.mark.parametrize("name", coupled.shipped())
-def test_a_stem_drawn_short_leaves_the_tip_as_it_is(name: str) -> None:
-    inst = coupled.load(name)
-    drawn = with_short_stem(inst)
-    assert extents(drawn)[::2] == pytest.approx(extents(inst)[::2])
-    assert extents(drawn)[1] <= extents(inst)[1]
 
 
 @pytest.mark.parametrize(("options", "key"), [({"device": "serial"}, "--device"), ({"foxglove": 0}, "--foxglove")])

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import tenodesis as tn
-from tenodesis import coupled, kinematics
+from tenodesis import kinematics
 from tenodesis.console.display import shown_signals
 from tenodesis.console.plots import SLACK, TensionColours
-from tenodesis.console.scene import with_short_stem
-from tenodesis.console.solids import coupled_solids, solids
+from tenodesis.console.scene import extents, with_short_stem
+from tenodesis.console.solids import solids
 from tenodesis.console.status import ADVICE, CURRENT_ADVICE, CURRENT_REMEDIES, HOMING_REMEDIES, status_line
 from tenodesis.console.tab_files import compare, repeated
 from tenodesis.console.tab_law import ACTUATIONS, LAWS
@@ -21,38 +21,53 @@ from tenodesis.control import FAULTS, HOMING_REASONS
 from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.errors import ProtocolError, RecordingError
 from tenodesis.instrument import Instrument
-from tenodesis.kinematics import Posture
+from tenodesis.kinematics.chain import skeleton
 
 
-def test_every_solid_is_closed_and_faces_outward(any_inst: Instrument) -> None:
-    for solid in solids(any_inst, kinematics.dimensions(any_inst)):
-        assert solid.mesh.is_volume, solid.name
+@pytest.fixture(params=tn.shipped())
+def shipped(request: pytest.FixtureRequest) -> Instrument:
+    """Every instrument that comes with the package."""
+    return tn.load(request.param)
 
 
-def test_every_solid_lies_on_a_body_that_moves(any_inst: Instrument) -> None:
-    bodies = kinematics.frames(any_inst, Posture()).bodies
-    found = solids(any_inst, kinematics.dimensions(any_inst))
-    assert {solid.body for solid in found} <= bodies.keys()
-    assert len(found) == len({solid.name for solid in found})
-
-
-@pytest.mark.parametrize("name", coupled.shipped())
-def test_solids_of_a_coupled_instrument_are_closed_and_lie_on_its_links(name: str) -> None:
-    inst = coupled.load(name)
-    found = coupled_solids(inst)
+def closed_and_on_bodies(inst: Instrument) -> None:
+    drawn = with_short_stem(inst)
+    found = solids(drawn)
     assert all(solid.mesh.is_volume for solid in found)
-    assert {solid.body for solid in found} <= kinematics.frames(inst, 0.0).bodies.keys()
-    assert len(found) == len({solid.name for solid in found})
+    assert {solid.body for solid in found} <= kinematics.frames(drawn, 0.0).bodies.keys()
+    assert len(found) == len({(solid.body, solid.name) for solid in found})
+
+
+def test_every_solid_is_closed_and_lies_on_a_body_of_its_own_name(any_inst: Instrument) -> None:
+    closed_and_on_bodies(any_inst)
+
+
+def test_every_solid_of_a_shipped_instrument_is_closed_and_lies_on_a_body(shipped: Instrument) -> None:
+    closed_and_on_bodies(shipped)
+
+
+def ends_are_left_as_they_are(inst: Instrument) -> None:
+    drawn = with_short_stem(inst)
+    assert extents(drawn)[::2] == pytest.approx(extents(inst)[::2])
+    assert extents(drawn)[1] <= extents(inst)[1]
+    joints = skeleton(inst).inst
+    angles = np.full(len(joints.tip_joints), 0.4), np.full(len(joints.handle_joints), 0.3)
+    whole, cut = (kinematics.frames(one, *angles).bodies for one in (inst, drawn))
+    assert whole.keys() == cut.keys()
+    starts = {"stem": "stem"} | {f"{joint.name}_far": "stem" for joint in joints.tip_joints}
+    first = [f"{joint.name}_far" for joint in joints.handle_joints[:1]]
+    starts |= {name: first[0] for name in cut if first and name not in starts and "handle" in name}
+    for end, start in starts.items():
+        ways = [bodies[end].position - bodies[start].position for bodies in (whole, cut)]
+        assert ways[0] == pytest.approx(ways[1], abs=1e-12)
 
 
 def test_a_stem_drawn_short_leaves_both_ends_as_they_are(any_inst: Instrument) -> None:
-    short = with_short_stem(any_inst)
-    assert kinematics.dimensions(short).stem_length <= kinematics.dimensions(any_inst).stem_length
-    angles = dict.fromkeys(any_inst.axes, 0.4) | {f"handle_{axis}": 0.3 for axis in any_inst.axes}
-    whole, cut = (kinematics.frames(inst, Posture(**angles)).bodies for inst in (any_inst, short))
-    for end, start in (("tip", "stem"), ("grip", f"handle_{any_inst.axes[0]}_far")):
-        ways = [bodies[end].position - bodies[start].position for bodies in (whole, cut)]
-        assert ways[0] == pytest.approx(ways[1], abs=1e-12)
+    ends_are_left_as_they_are(any_inst)
+
+
+def test_a_stem_of_a_shipped_instrument_drawn_short_leaves_both_ends_as_they_are(shipped: Instrument) -> None:
+    ends_are_left_as_they_are(shipped)
 
 
 def test_what_the_hand_asks_for_is_the_output_angle_without_load_and_stiffness(any_inst: Instrument) -> None:

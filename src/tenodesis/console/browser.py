@@ -3,9 +3,11 @@
 import time
 from typing import Any, Protocol
 
+import numpy as np
+
 from tenodesis.console.display import ShownSignals
 from tenodesis.console.plots import Plots
-from tenodesis.console.scene import Scene, View
+from tenodesis.console.scene import Drawn, Scene, in_degrees
 from tenodesis.console.session import PageState, PanelSection, Session
 from tenodesis.console.status import StatusHeader
 from tenodesis.console.tab_files import FilesTab
@@ -13,6 +15,8 @@ from tenodesis.console.tab_law import LawTab
 from tenodesis.console.tab_move import MoveTab, largest_force
 from tenodesis.console.tab_protocols import ProtocolsTab
 from tenodesis.console.tab_setup import SetupTab
+from tenodesis.instrument.joints import AXES
+from tenodesis.kinematics.chain import bend_side
 
 _PANEL_PERIOD = 0.2  # s
 _PLOTS_PERIOD = 0.25  # s
@@ -44,6 +48,10 @@ _MEASURED = {"load-cell": "the tendon tensions at the handle", "current": "the c
 """What the controller measures, by ``sensors.kind``."""
 
 
+# Phases in which the tip is left behind on purpose.
+_HELD_BACK = {4.0: ", restrained", 5.0: ", at the force limit"}
+
+
 class Curves(Protocol):
     """The curves of a browser."""
 
@@ -56,7 +64,7 @@ class Browser:
     """Builds what a browser shows for the instrument that runs, and keeps it up to date."""
 
     plots: Curves
-    scene: View
+    scene: Scene
 
     def __init__(self, session: Session) -> None:
         self.session = session
@@ -124,15 +132,41 @@ class Browser:
             other = state.status.operator
             session.notify("You watch now." if other is None else f"{other} has taken over; you watch now.", "Control")
         self.operating = state.operating
-        shown: ShownSignals = (self._files.replayed() if session.replaying else None) or state.shown
-        self.scene.show(shown)
+        shown = (self._files.replayed() if session.replaying else None) or state.shown
+        self.scene.show(self._drawn(shown))
         now = time.monotonic()
         if now - self._panel_updated >= _PANEL_PERIOD:
             self._panel_updated = now
-            self.scene.show_angles(shown, recorded=session.replaying)
+            text = self._text(shown)
+            self.scene.write(f"recorded:\n{text}" if session.replaying else text)
             with session.client.atomic():
                 for section in self._sections:
                     section.update(state)
+
+    def _drawn(self, shown: Any) -> Drawn:
+        """Return what the view shows."""
+        push = np.zeros((1, 3))
+        for axis, force in zip(self._inst.axes, np.nan_to_num([shown.force, shown.contact_force]).sum(0), strict=True):
+            # It pushes on the tip against positive flexion, and turns with the tip.
+            push -= force * bend_side(AXES[axis])
+        tension = np.stack([shown.tension, shown.distal_tension], -1).reshape(-1, 2)
+        return Drawn(shown.handle, shown.output, shown.target, tension, push)
+
+    def _text(self, shown: Any) -> str:
+        """Return what is written at the tip: its angles and targets."""
+        axes = self._inst.axes
+        rows = zip(axes, np.degrees(shown.output), np.degrees(shown.target), shown.phase, strict=True)
+        forces = zip(axes, shown.estimated_force, 2 * shown.force_deviation, strict=True)
+        angles = [
+            (axis, in_degrees(output), in_degrees(target) + _HELD_BACK.get(phase, ""))
+            for axis, output, target, phase in rows
+        ]
+        if len(angles) == 1:
+            lines = [f"{axis} {output}\ntarget {target}" for axis, output, target in angles]
+        else:
+            lines = ["tip, target", *(f"{axis} {output}, {target}" for axis, output, target in angles)]
+        lines += [f"{axis} force {force:+.1f} ± {width:.1f} N" for axis, force, width in forces if np.isfinite(width)]
+        return "\n".join(lines)
 
     def needs_history(self) -> bool:
         """Return whether the curves are to be drawn again."""

@@ -5,32 +5,25 @@ from collections.abc import Mapping
 from html import escape
 from math import degrees, floor, isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from tenodesis import coupled, kinematics
+from tenodesis import coupled
 from tenodesis.console.browser import Browser
 from tenodesis.console.coupled_loop import Asked, CoupledLoop, spool_radius
 from tenodesis.console.page import Page
 from tenodesis.console.plots import ESTIMATED, INK, TARGET, TensionColours, add_chart, without_gaps
-from tenodesis.console.scene import ROOT, SHORT_STEM, SIZE, View, in_degrees
+from tenodesis.console.scene import Drawn, Scene, in_degrees
 from tenodesis.console.session import Folders, PageState, PanelSection, Session, as_plain, enable
-from tenodesis.console.solids import coupled_solids
 from tenodesis.console.status import StatusHeader
 from tenodesis.console.tab_move import follow, slider_values
 from tenodesis.coupled import CoupledInstrument, Held
-from tenodesis.kinematics import Frames
-from tenodesis.kinematics.chain import STEM
 from tenodesis.run import Array, Run
-
-if TYPE_CHECKING:
-    import viser
 
 _FRAME_RATE = 25.0
 """Frames that are sent to every browser, Hz."""
 _LAWS = ("robust", "off")
-_HALF_TURN = 3.14  # rad
 _LARGEST_FORCE = 0.1
 """Largest force that the page offers, over the pretension."""
 _HELP = """
@@ -54,30 +47,22 @@ class CoupledShown(NamedTuple):
     target: Array
     """Angles of the tip's joints without load and friction, rad, (rows, joints)"""
     asked: Asked
-    frames: Frames | None
-    """Where everything is, and where it would be at the target; None for curves"""
 
 
-def shown_rows(inst: CoupledInstrument, signals: Mapping[str, Any], drawn: CoupledInstrument) -> CoupledShown:
-    """Return what browsers show of a link's signals, with the instrument that is drawn."""
+def shown_rows(inst: CoupledInstrument, signals: Mapping[str, Any]) -> CoupledShown:
+    """Return what browsers show of a link's signals."""
     run = signals["run"]
-    handle, output = run.by_column("handle_angle"), run.by_column("output_angle")
     # Without a handle, the lengths that the motors have wound are what the tip is asked for.
     strokes = 0.0 if inst.handle_joints else run["spool_angle"] * spool_radius(inst)
-    target = coupled.output_angles(inst, handle, strokes=strokes)
-    frames = None
-    if len(run) == 1:
-        both = np.concatenate([output, np.nan_to_num(target)])
-        # A joint that a load turns past its stop is drawn at half a turn.
-        frames = kinematics.frames(drawn, both.clip(-_HALF_TURN, _HALF_TURN), handle)
-    return CoupledShown(run, target, signals["asked"], frames)
+    target = coupled.output_angles(inst, run.by_column("handle_angle"), strokes=strokes)
+    return CoupledShown(run, target, signals["asked"])
 
 
 class CoupledPage(Page):
     """The page while it is served, made by :func:`serve_coupled`; closing it ends the twin, too."""
 
     def __init__(self, loop: CoupledLoop, *, host: str, port: int, token: str | None) -> None:
-        self._loop, self._drawn = loop, with_short_stem(loop.inst)
+        self._loop = loop
         super().__init__(loop.connect, host=host, port=port, token=token, folders=Folders(Path(), ()))
 
     @property
@@ -91,17 +76,17 @@ class CoupledPage(Page):
         self._loop.close()
 
     def _browser(self, session: Session) -> Browser:
-        return CoupledBrowser(session, self._loop, self._drawn)
+        return CoupledBrowser(session, self._loop)
 
     def _shown(self, inst: CoupledInstrument, signals: Mapping[str, Any]) -> CoupledShown:
-        return shown_rows(inst, signals, self._drawn)
+        return shown_rows(inst, signals)
 
 
 class CoupledBrowser(Browser):
     """Builds what a browser shows, and keeps it up to date."""
 
-    def __init__(self, session: Session, loop: CoupledLoop, drawn: CoupledInstrument) -> None:
-        self._loop, self._drawn = loop, drawn
+    def __init__(self, session: Session, loop: CoupledLoop) -> None:
+        self._loop = loop
         super().__init__(session)
 
     def _fill(self, gui: Any) -> tuple[PanelSection, ...]:
@@ -115,8 +100,27 @@ class CoupledBrowser(Browser):
             gui.add_markdown(f"**{as_plain(inst.name)}** {as_plain(inst.description)}\n{_HELP}")
         curves = CoupledCurves(gui, inst)
         self.plots = curves
-        self.scene = CoupledScene(session.client, self._drawn, small=session.small)
+        self.scene = Scene(session.client, inst, largest_force(inst), small=session.small)
         return header, controls, curves
+
+    def _drawn(self, shown: CoupledShown) -> Drawn:
+        run, inst = shown.run, self._loop.inst
+        ends = len(inst.bearing)
+        return Drawn(
+            handle=run.by_column("handle_angle")[-1],
+            output=run.by_column("output_angle")[-1],
+            target=shown.target[-1],
+            tension=np.stack([run["tension"][-1], run["distal_tension"][-1]], -1),
+            # Of several ends each bears an equal share.
+            force=np.tile(shown.asked.force / ends, (ends, 1)),
+        )
+
+    def _text(self, shown: CoupledShown) -> str:
+        lines = ["angle, lost"]
+        for j, joint in enumerate(self._loop.inst.tip_joints):
+            angle, target = np.degrees(shown.run.by_column("output_angle")[-1, j]), np.degrees(shown.target[-1, j])
+            lines.append(f"{joint.name} {in_degrees(angle)}, {in_degrees(target - angle)}")
+        return "\n".join(lines)
 
 
 class Controls:
@@ -265,61 +269,6 @@ def readings(inst: CoupledInstrument, shown: CoupledShown, colours: TensionColou
     return f'<div style="font-size:.75rem;line-height:1.45;color:#1b2733;padding:.2em .8em">{"".join(text)}</div>'
 
 
-class CoupledScene(View):
-    """The 3-D view of a coupled instrument."""
-
-    def __init__(self, client: "viser.ClientHandle", inst: CoupledInstrument, *, small: bool = False) -> None:
-        self._inst, self._largest_force = inst, largest_force(inst)
-        tip, stem, handle = extents(inst)
-        scale = SIZE / (tip + stem + handle)
-        points = {
-            "whole": (scale * (stem + handle - tip) / 2, 3.3),
-            "tip": (-0.45 * scale * tip, 0.5 + 1.6 * scale * tip),
-            "handle": (scale * (stem + 0.4 * handle), 1.9),
-        }
-        turned = {f"{joint.name}_{part}" for joint in inst.tip_joints for part in ("far", "tip")}
-        solids = coupled_solids(inst)
-        with client.atomic():
-            super().__init__(client, scale, points, small=small)
-            rest = kinematics.frames(inst, 0.0)
-            self._build(rest, solids, (one for one in solids if one.body in turned), TensionColours(inst))
-            self._backbones = {
-                joint.name: self._backbone(joint.name, joint.radius)
-                for joint in inst.tip_joints
-                if joint.name in rest.backbones
-            }
-            self._arrows = {
-                name: self._arrow(f"{name}/force")
-                for name in (f"{inst.tip_joints[end].name}_tip" for end in inst.bearing)
-            }
-            scene: Any = client.scene
-            first = next(name for name in rest.bodies if name.endswith("_tip"))
-            self._label = scene.add_label(f"{ROOT}/{first}/label", "", anchor="top-left", font_screen_scale=1.0)
-
-    def show(self, shown: CoupledShown) -> None:
-        """Draw the instrument at an instant."""
-        assert shown.frames is not None
-        run = shown.run
-        tension = np.stack([run["tension"][-1], run["distal_tension"][-1]], -1)
-        with self._client.atomic():
-            frames = self._place_all(shown.frames, tension)
-            for name, line in self._backbones.items():
-                self._draw_backbone(name, line, frames.backbones[name])
-            for name, arrow in self._arrows.items():
-                # Of several ends each bears an equal share.
-                self._draw_force(name, arrow, shown.asked.force / len(self._arrows), self._largest_force)
-
-    def show_angles(self, shown: CoupledShown, *, recorded: bool) -> None:
-        """Show the joints' angles and what they have lost as text."""
-        lines = ["angle, lost"]
-        for j, joint in enumerate(self._inst.tip_joints):
-            angle, target = np.degrees(shown.run.by_column("output_angle")[-1, j]), np.degrees(shown.target[-1, j])
-            lines.append(f"{joint.name} {in_degrees(angle)}, {in_degrees(target - angle)}")
-        text = "\n".join(lines)
-        if self._label.text != text:
-            self._label.text = text
-
-
 def serve_coupled(
     inst: coupled.reading.CoupledLike,
     host: str = "127.0.0.1",
@@ -358,20 +307,6 @@ def serve_coupled(
     except BaseException:
         loop.close()
         raise
-
-
-def extents(inst: CoupledInstrument) -> tuple[float, float, float]:
-    """Return the lengths of tip, stem and handle of the straight instrument, m."""
-    heights = [float(frame.position[2]) for frame in kinematics.frames(inst, 0.0).bodies.values()]
-    stem = inst.stem_length or STEM
-    return max(heights), stem, max(0.0, -stem - min(heights))
-
-
-def with_short_stem(inst: CoupledInstrument) -> CoupledInstrument:
-    """Return an instrument with a stem short enough for the picture."""
-    tip, stem, handle = extents(inst)
-    short = SHORT_STEM * (tip + handle)
-    return inst if stem <= short else inst.replace(stem_length=short, stem_diameter=inst.stem_diameter)
 
 
 def largest_force(inst: CoupledInstrument) -> float:

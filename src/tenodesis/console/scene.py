@@ -1,7 +1,7 @@
 """The 3-D view of the instrument in a browser."""
 
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,11 +9,11 @@ from trimesh import Trimesh
 
 from tenodesis import kinematics
 from tenodesis.console.assembly import DISC, Assembly, disc_place
-from tenodesis.console.display import ShownSignals
 from tenodesis.console.plots import TensionColours
-from tenodesis.console.solids import Solid, end_effector, rod, solids
-from tenodesis.instrument import ShortForm
-from tenodesis.kinematics import Dimensions, Frame, Frames, Posture
+from tenodesis.console.solids import Solid, rod, solids
+from tenodesis.instrument import FullForm, Instrument
+from tenodesis.kinematics import Frame, Frames
+from tenodesis.kinematics.chain import skeleton
 from tenodesis.run import Array
 
 if TYPE_CHECKING:
@@ -33,21 +33,37 @@ _BACKBONE = (150, 158, 170)
 _TENDON_PIXELS = 3.0
 _VISIBLE = 1e-3
 """Smallest change that is sent, in the units of the view: a third of a pixel on a large screen."""
-# Phases in which the tip is left behind on purpose.
-_HELD_BACK = {4.0: ", restrained", 5.0: ", at the force limit"}
+_HALF_TURN = 3.14  # rad
 
 
-class View:
-    """The 3-D view in a browser, of whatever instrument; :meth:`show` moves it.
+class Drawn(NamedTuple):
+    """What the view shows at an instant; angles in rad, NaN where unknown."""
+
+    handle: Array
+    """Of the handle's joints, (handle joints,)."""
+    output: Array
+    """Of the tip's joints, (joints,)."""
+    target: Array
+    """The same where the ghost is."""
+    tension: Array
+    """At spool and tip of every tendon, (tendons, 2), N."""
+    force: Array
+    """On each end at which forces act, in its axes, (ends, 3), N."""
+
+
+class Scene:
+    """The 3-D view of an instrument in a browser.
 
     Parameters
     ----------
     client
         The browser.
-    scale
-        Units of the view per metre.
-    points
-        Height that the camera looks at, and its distance, by name, in the units of the view.
+    inst
+        The instrument.
+    largest_force
+        Force of the longest arrow, N.
+    parts
+        Its parts, drawn instead of plain solids if they are its own.
     small
         Whether the screen is a phone's.
     """
@@ -55,27 +71,55 @@ class View:
     def __init__(
         self,
         client: "viser.ClientHandle",
-        scale: float,
-        points: Mapping[str, tuple[float, float]],
+        inst: Instrument,
+        largest_force: float,
         *,
+        parts: Assembly | None = None,
         small: bool = False,
     ) -> None:
-        self._client, self._scale, self._points, self._small = client, scale, points, small
+        self._client, self._largest_force, self._small = client, largest_force, small
+        self._inst = with_short_stem(inst)
+        of = skeleton(self._inst)
+        tip, stem, handle = extents(self._inst)
+        self._scale = scale = SIZE / (tip + stem + handle)
+        top = tip + of.insertion
+        self._points = {
+            "whole": (scale * ((tip + stem + handle) / 2 - top), 3.3),
+            "tip": (scale * (0.55 * tip - top), 0.5 + 1.6 * scale * tip),
+            "handle": (scale * (tip + stem + 0.4 * handle - top), 1.9),
+        }
         self._sent: dict[str, Array] = {}
-        scene: Any = client.scene
-        scene.reset()
-        scene.configure_default_lights(enabled=True, cast_shadow=False)
-        # Drawing an environment map takes half a minute without a graphics card.
-        scene.configure_environment_map(hdri=None)
-        scene.add_light_hemisphere("/light", sky_color=(255, 255, 255), ground_color=(150, 150, 160), intensity=2.4)
-        scene.add_frame(ROOT, show_axes=False, wxyz=_HEAD_DOWN)
+        with client.atomic():
+            scene: Any = client.scene
+            scene.reset()
+            scene.configure_default_lights(enabled=True, cast_shadow=False)
+            # Drawing an environment map takes half a minute without a graphics card.
+            scene.configure_environment_map(hdri=None)
+            scene.add_light_hemisphere("/light", sky_color=(255, 255, 255), ground_color=(150, 150, 160), intensity=2.4)
+            scene.add_frame(ROOT, show_axes=False, wxyz=_HEAD_DOWN)
+            if of.port is not None:
+                self._port(scene)
+            own = parts is not None and not parts.differs(inst)
+            drawn = parts.of(inst, of.stem_length) if parts is not None and own else solids(self._inst)
+            self._build(drawn, TensionColours(inst))
 
-    def show(self, shown: Any) -> None:
+    def show(self, shown: Drawn) -> None:
         """Draw the instrument at an instant."""
-        raise NotImplementedError
+        # One call for the instrument and for the ghost; what a load turns past its stop is drawn at half a turn.
+        output = np.nan_to_num([shown.output, shown.target]).clip(-_HALF_TURN, _HALF_TURN)
+        both = kinematics.frames(self._inst, output, np.nan_to_num(shown.handle))
+        with self._client.atomic():
+            frames = self._place_all(both, shown.tension)
+            self._place_discs(frames)
+            for name, line in self._backbones.items():
+                self._draw_backbone(name, line, frames.backbones[name])
+            for (name, arrow), force in zip(self._arrows.items(), np.nan_to_num(shown.force), strict=True):
+                self._draw_force(name, arrow, force, self._largest_force)
 
-    def show_angles(self, shown: Any, *, recorded: bool) -> None:
-        """Show angles as text, which takes longer to draw than what moves."""
+    def write(self, text: str) -> None:
+        """Show a text at the tip."""
+        if self._label.text != text:
+            self._label.text = text
 
     def look(self, name: str) -> None:
         """Turn the browser's camera to the entire instrument, its tip or its handle."""
@@ -88,15 +132,23 @@ class View:
             camera.position = (0.28 * away, -away, middle + 0.3 * away)
             camera.look_at = (0.0, 0.0, middle)
 
-    def _build(self, rest: Frames, solids: Iterable[Solid], ghosts: Iterable[Solid], colours: TensionColours) -> None:
-        """Add bodies, the solids on them, tendons, and the shadows of solids on bodies that are placed as ghosts."""
+    def _build(self, solids: Sequence[Solid], colours: TensionColours) -> None:
+        """Add bodies, the solids on them, tendons, backbones, forces, and the shadows of what the tip's joints turn."""
+        of, rest = skeleton(self._inst), kinematics.frames(self._inst, 0.0)
         scene: Any = self._client.scene
         self.colours = colours
         self._bodies = {name: scene.add_frame(f"{ROOT}/{name}", show_axes=False) for name in rest.bodies}
+        # Discs of a backbone are placed along it.
+        discs = {solid.body for solid in solids if solid.body.startswith(DISC)}
+        self._discs = {name: scene.add_frame(f"{ROOT}/{name}", show_axes=False) for name in discs}
         for solid in solids:
             self._add(scene, f"{ROOT}/{solid.body}/{solid.name}", solid.mesh, solid.colour, solid.opacity)
+        turned = {f"{joint.name}_far" for joint in self._inst.tip_joints}
+        turned |= {of.end(joint, kind) for joint in self._inst.tip_joints for kind in ("end_effector", "tip")}
         self._ghosts: dict[str, Any] = {}
-        for solid in ghosts:
+        for solid in solids:
+            if solid.body not in turned:
+                continue
             if solid.body not in self._ghosts:
                 self._ghosts[solid.body] = scene.add_frame(f"{ROOT}/ghost/{solid.body}", show_axes=False)
             self._add(scene, f"{ROOT}/ghost/{solid.body}/{solid.name}", solid.mesh, _GHOST, 0.3)
@@ -110,6 +162,11 @@ class View:
             )
             for name, path in rest.tendons.items()
         }
+        radii = {joint.name: joint.radius for joint in self._inst.joints}
+        self._backbones = {name: self._backbone(name, radii[name]) for name in rest.backbones}
+        ends = [of.end(self._inst.tip_joints[end], "tip") for end in self._inst.bearing]
+        self._arrows = {end: self._arrow(f"{end}/force") for end in ends}
+        self._label = scene.add_label(f"{ROOT}/{ends[0]}/label", "", anchor="top-left", font_screen_scale=1.0)
 
     def _backbone(self, name: str, diameter: float) -> Any:
         """Add the line of a backbone of a diameter, m."""
@@ -201,125 +258,36 @@ class View:
         self._sent[name] = np.nan_to_num(value)
         return True
 
-
-class Scene(View):
-    """The 3-D view of an instrument of planar axes.
-
-    Parameters
-    ----------
-    client
-        The browser.
-    inst
-        The instrument.
-    largest_force
-        Force of the longest arrow, N.
-    parts
-        Its parts, drawn instead of plain solids if they are its own.
-    small
-        Whether the screen is a phone's.
-    """
-
-    def __init__(
-        self,
-        client: "viser.ClientHandle",
-        inst: ShortForm,
-        largest_force: float,
-        *,
-        parts: Assembly | None = None,
-        small: bool = False,
-    ) -> None:
-        self._inst, self._largest_force = with_short_stem(inst), largest_force
-        lengths = self._lengths = kinematics.dimensions(self._inst)
-        reach, grip = lengths.end_effector_length, lengths.handle_length
-        scale = SIZE / (lengths.stem_length + grip + reach)
-        port_to_hand = lengths.stem_length - lengths.insertion
-        points = {
-            "whole": (scale * (port_to_hand + grip - lengths.insertion - reach) / 2, 3.3),
-            "tip": (scale * (-lengths.insertion - 0.45 * reach), 1.4),
-            "handle": (scale * (port_to_hand + 0.4 * grip), 1.9),
-        }
-        with client.atomic():
-            super().__init__(client, scale, points, small=small)
-            scene: Any = client.scene
-            self._port(scene)
-            rest = self._frames(np.zeros(len(inst.axes)), np.zeros(len(inst.axes)))
-            drawn, ghosts = solids(self._inst, lengths), end_effector(lengths)
-            if parts is not None and not parts.differs(inst):
-                drawn = parts.of(inst, lengths.stem_length)
-                ghosts = [solid for solid in drawn if solid.body == f"{inst.axes[0]}_far"]
-            # Discs of a backbone are placed along it.
-            self._discs = {
-                solid.body: scene.add_frame(f"{ROOT}/{solid.body}", show_axes=False)
-                for solid in drawn
-                if solid.body.startswith(DISC)
-            }
-            self._build(rest, drawn, ghosts, TensionColours(inst))
-            self._backbones = {axis: self._backbone(axis, lengths.stem_diameter) for axis in rest.backbones}
-            self._arrows = {axis: self._arrow(f"tip/force_{axis}") for axis in inst.axes}
-            self._label = scene.add_label(f"{ROOT}/tip/label", "", anchor="top-left", font_screen_scale=1.0)
-
-    def show(self, shown: ShownSignals) -> None:
-        """Draw the instrument at an instant."""
-        # One call for the instrument and for the ghost, which has the target angles.
-        handle, output = np.nan_to_num(shown.handle), np.nan_to_num([shown.output, shown.target])
-        both = self._frames(np.stack([handle, handle]), output)
-        with self._client.atomic():
-            tension = np.stack([shown.tension, shown.distal_tension], -1).reshape(-1, 2)
-            frames = self._place_all(both, tension)
-            self._place_discs(frames)
-            for axis, line in self._backbones.items():
-                self._draw_backbone(axis, line, frames.backbones[axis])
-            for number, (axis, arrow) in enumerate(self._arrows.items()):
-                force = float(np.nan_to_num(shown.force[number]) + np.nan_to_num(shown.contact_force[number]))
-                # It pushes on the tip against positive flexion, and turns with the tip.
-                way = np.array([-1.0, 0.0, 0.0]) if axis == "yaw" else np.array([0.0, -1.0, 0.0])
-                self._draw_force(axis, arrow, force * way, self._largest_force)
-
     def _place_discs(self, frames: Frames) -> None:
-        stem, far = frames.bodies["stem"], frames.bodies[f"{self._inst.axes[0]}_far"]
-        length = getattr(self._inst, "backbone_length", 0.0)
+        joint = self._inst.tip_joints[0]
+        stem, far = frames.bodies["stem"], frames.bodies[f"{joint.name}_far"]
         for name, node in self._discs.items():
-            self._place(name, node, disc_place(stem, far, float(name.removeprefix(DISC)), length))
-
-    def show_angles(self, shown: ShownSignals, *, recorded: bool) -> None:
-        """Show tip angles and targets as text, which takes longer to draw than what moves."""
-        rows = zip(self._inst.axes, np.degrees(shown.output), np.degrees(shown.target), shown.phase, strict=True)
-        forces = zip(self._inst.axes, shown.estimated_force, 2 * shown.force_deviation, strict=True)
-        angles = [
-            (axis, in_degrees(output), in_degrees(target) + _HELD_BACK.get(phase, ""))
-            for axis, output, target, phase in rows
-        ]
-        if len(angles) == 1:
-            lines = [f"{axis} {output}\ntarget {target}" for axis, output, target in angles]
-        else:
-            lines = ["tip, target", *(f"{axis} {output}, {target}" for axis, output, target in angles)]
-        lines += [f"{axis} force {force:+.1f} ± {width:.1f} N" for axis, force, width in forces if np.isfinite(width)]
-        text = "\n".join(["recorded:", *lines] if recorded else lines)
-        if self._label.text != text:
-            self._label.text = text
-
-    def _frames(self, handle: Array, output: Array) -> Frames:
-        """Return where everything is at handle and output angles (..., axes), rad."""
-        angles: dict[str, Any] = {axis: output[..., n] for n, axis in enumerate(self._inst.axes)}
-        angles |= {f"handle_{axis}": handle[..., n] for n, axis in enumerate(self._inst.axes)}
-        return kinematics.frames(self._inst, Posture(insertion=self._lengths.insertion, **angles))
+            self._place(name, node, disc_place(stem, far, float(name.removeprefix(DISC)), joint.chord))
 
     def _port(self, scene: Any) -> None:
         """Draw the wall of the body around the port."""
-        radius = self._lengths.stem_diameter / 2
+        radius = (self._inst.stem_diameter or 0.0) / 2
         wall = rod(0.45 * SIZE / self._scale / 2, -0.1 * radius, 0.1 * radius, 64)
         self._add(scene, f"{ROOT}/port/wall", wall, _TISSUE, 0.35)
         self._add(scene, f"{ROOT}/port/ring", rod(1.5 * radius, -0.9 * radius, 0.9 * radius, 32), (96, 106, 120), 0.9)
 
 
-def with_short_stem(inst: ShortForm) -> ShortForm:
-    """Return an instrument with a stem short enough for the picture."""
-    lengths: Dimensions = kinematics.dimensions(inst)
-    short = SHORT_STEM * (lengths.handle_length + lengths.end_effector_length)
-    if lengths.stem_length <= short:
-        return inst
-    shares = {"insertion": None, "least_insertion": None, "most_insertion": None, "stem_length": short}
-    return inst.replace(**{f"geometry.{key}": value for key, value in shares.items()})
+def extents(inst: Instrument) -> tuple[float, float, float]:
+    """Return the lengths of tip, stem and handle of the straight instrument, m."""
+    of = skeleton(inst)
+    heights = [float(frame.position[2]) - of.insertion for frame in kinematics.frames(inst, 0.0).bodies.values()]
+    return max(heights), of.stem_length, max(0.0, -of.stem_length - min(heights))
+
+
+def with_short_stem(inst: Instrument) -> FullForm:
+    """Return an instrument as joints and tendons to be drawn, with a stem short enough for the picture."""
+    of = skeleton(inst)
+    tip, stem, handle = extents(inst)
+    thick = (kinematics.parts.parts(inst, "urdf")[0].cylinder or (0.0,) * 3)[2]
+    # What is not drawn has its defaults.
+    changes: dict[str, Any] = dict.fromkeys(("friction", "sensors", "drives", "control", "conditions", "devices"))
+    changes |= {"stem_length": min(stem, SHORT_STEM * (tip + handle)), "stem_diameter": 2 * thick}
+    return of.inst.replace(**changes, geometry=None if of.port is None else {"jaw_length": of.port.jaw_length})
 
 
 def _segments(path: Any) -> Any:

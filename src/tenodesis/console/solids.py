@@ -7,11 +7,8 @@ import numpy as np
 import trimesh
 from trimesh import Trimesh
 
-from tenodesis.coupled import CoupledInstrument
-from tenodesis.coupled.description import AXES
-from tenodesis.instrument import ShortForm
-from tenodesis.kinematics import Dimensions
-from tenodesis.kinematics.chain import bend_side
+from tenodesis.instrument import FullForm, Joint
+from tenodesis.kinematics.chain import bend_side, skeleton
 from tenodesis.kinematics.parts import moving, parts
 from tenodesis.run import Array
 
@@ -35,70 +32,36 @@ class Solid(NamedTuple):
     opacity: float | None = None
 
 
-class _End(NamedTuple):
-    """The joints at one end of the stem; lengths in m."""
-
-    prefix: str
-    side: int
-    """1 toward the tip, -1 toward the hand"""
-    kind: str
-    start: float
-    spacing: float
-    radii: tuple[float, ...]
-
-
-def solids(inst: ShortForm, lengths: Dimensions) -> list[Solid]:
-    """Return all solids of an instrument of these dimensions, m."""
-    stem, radius = lengths.stem_length, lengths.stem_diameter / 2
-    # A continuum is driven by a pulley at the handle.
-    at_hand = "tendon-pulley" if inst.joint_type == "continuum" else inst.joint_type
-    tip = _End("", 1, inst.joint_type, 0.0, lengths.joint_spacing, lengths.distal_radii)
-    hand = _End("handle_", -1, at_hand, -stem, lengths.handle_joint_spacing, lengths.proximal_radii)
-    found = [Solid("tube", "stem", rod(radius, -stem, 0), METAL, 0.35)]
-    for end in (tip, hand):
-        body, at = "stem", end.start
-        for number, axis in enumerate(lengths.axes):
-            if number:
-                strut = rod(0.5 * radius, min(0.0, at), max(0.0, at))
-                found.append(Solid(f"{end.prefix}{axis}_strut", body, strut, STEEL))
-            found += _joint(f"{end.prefix}{axis}", end.kind, end.side * end.radii[number], AXES[axis], body, at)
-            body, at = f"{end.prefix}{axis}_far", end.side * end.spacing
-    return found + end_effector(lengths) + _grip(lengths)
-
-
-def coupled_solids(inst: CoupledInstrument) -> list[Solid]:
-    """Return all solids of a coupled instrument, on the bodies of :func:`tenodesis.kinematics.frames`."""
+def solids(inst: FullForm) -> list[Solid]:
+    """Return all solids of an instrument, on the bodies of :func:`tenodesis.kinematics.frames`."""
+    of = skeleton(inst)
     tree = {part.name: part for part in parts(inst, "urdf")}
     found = []
     for part in tree.values():
         # Carriers are the links between gears, and chords of backbones, which are drawn as lines.
-        if part.cylinder is not None and not part.name.endswith("_carrier"):
-            start, end, radius = part.cylinder
-            found.append(
-                Solid(
-                    f"{part.name}_rod",
-                    part.name,
-                    rod(radius, start, end),
-                    GRIP if part.name.endswith("_grip") else METAL,
-                    0.35 if part is tree["stem"] else None,
-                )
-            )
+        if part.cylinder is None or part.name.endswith("_carrier"):
+            continue
+        start, end, radius = part.cylinder
+        if part.name.endswith("grip"):
+            found += _grip(part.name, radius / 2, end)
+        elif part.name not in ("end_effector", "tip"):
+            opacity = 0.35 if part.parent is None else None
+            found.append(Solid(f"{part.name}_rod", part.name, rod(radius, start, end), METAL, opacity))
+    if of.port is not None and of.rolls:
+        jaws, length = of.port.jaw_length, tree["tip"].offset
+        found += _end_effector(tree["end_effector"].name, (tree["stem"].cylinder or (0.0,) * 3)[2], length, jaws)
     for joint in inst.joints:
         first = tree[moving(joint, "urdf")[0]]
         reach = joint.radius if joint.place == "tip" else -joint.radius
-        found += _joint(joint.name, joint.mechanism, reach, joint.axis_vector, str(first.parent), first.offset)
+        found += _joint(joint, reach, str(first.parent), first.offset)
     return found
 
 
-def end_effector(lengths: Dimensions) -> list[Solid]:
-    """Return the solids beyond the last distal joint."""
-    radius, length = lengths.stem_diameter / 2, lengths.end_effector_length
-    root = length - lengths.jaw_length
-    jaws = _joined(*(_jaw(1.4 * radius, lengths.jaw_length, root, side) for side in (1, -1)))
-    return [
-        Solid("wrist", "end_effector", rod(0.7 * radius, 0, root), METAL),
-        Solid("jaws", "end_effector", jaws, STEEL),
-    ]
+def _end_effector(body: str, radius: float, length: float, jaw_length: float) -> list[Solid]:
+    """Return an end-effector of a length on a stem of a radius, m."""
+    root = length - jaw_length
+    jaws = _joined(*(_jaw(1.4 * radius, jaw_length, root, side) for side in (1, -1)))
+    return [Solid("wrist", body, rod(0.7 * radius, 0, root), METAL), Solid("jaws", body, jaws, STEEL)]
 
 
 def rod(radius: float, low: float, high: float, sides: int = 24) -> Trimesh:
@@ -107,25 +70,24 @@ def rod(radius: float, low: float, high: float, sides: int = 24) -> Trimesh:
     return _moved(mesh, (0, 0, (low + high) / 2))
 
 
-def _grip(lengths: Dimensions) -> list[Solid]:
-    radius, length = lengths.stem_diameter / 2, lengths.handle_length
-    body = f"handle_{lengths.axes[-1]}_far"
-    grip = _joined(rod(1.5 * radius, -length, -0.35 * length), rod(1.8 * radius, -length, -0.93 * length))
-    return [Solid("shaft", body, rod(0.7 * radius, -0.35 * length, 0), METAL), Solid("grip", body, grip, GRIP)]
+def _grip(body: str, radius: float, length: float) -> list[Solid]:
+    """Return a grip of a length on a stem of a radius, m, from its end toward the handle's joints."""
+    grip = _joined(rod(1.5 * radius, 0, 0.65 * length), rod(1.8 * radius, 0, 0.07 * length))
+    shaft = rod(0.7 * radius, 0.65 * length, length)
+    return [Solid(f"{body}_shaft", body, shaft, METAL), Solid(f"{body}_hold", body, grip, GRIP)]
 
 
-def _joint(  # noqa: PLR0917
-    name: str, kind: str, reach: float, axis: tuple[float, float, float], body: str, at: float
-) -> list[Solid]:
+def _joint(joint: Joint, reach: float, body: str, at: float) -> list[Solid]:
     """Return the solids of a joint that begins on a body, at a place along it; a negative radius reaches to -z."""
-    if kind == "continuum":
+    name = joint.name
+    if joint.mechanism == "continuum":
         return []
-    radius, turned = abs(reach), about(axis)
+    radius, turned = abs(reach), about(joint.axis_vector)
 
     def placed(part: str, body: str, mesh: Trimesh, colour: tuple[int, int, int], along: float = 0.0) -> Solid:
         return Solid(f"{name}_{part}", body, _moved(mesh.apply_transform(turned), (0, 0, along)), colour)
 
-    if kind in ("tendon-pulley", "pulley"):
+    if joint.mechanism == "pulley":
         pulley = rod(radius, -0.3 * radius, 0.3 * radius, 40)
         return [placed("pulley", body, pulley.apply_transform(_AXIS_ALONG_Y), GEAR, at)]
     apart = 0.75 * radius
