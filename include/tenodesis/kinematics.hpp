@@ -73,14 +73,10 @@ Vector<S> bend_side(const Vector<S>& axis) {
   return (S(1) / norm(side)) * side;
 }
 
-/// Length between the two ends of a joint bent by an angle (rad), m, and its rate by the angle, m/rad.
+/// A joint of a chain bent by an angle (rad).
 template <class C, class S>
-constexpr auto chord_of(const WristJoint<C>& joint, const S& angle) {
-  struct Chord {
-    S length{}, rate{};
-  };
-  const Bend<S> bent(joint, coordinate_at(joint.mechanism, angle));
-  return Chord{bent.chord, bent.chord_rate};
+constexpr Bend<S> bend_at(const WristJoint<C>& joint, const S& angle) {
+  return {joint, coordinate_at(joint.mechanism, angle)};
 }
 
 /// A joint that begins at a frame, bent by an angle (rad); side is -1 where it points to the handle.
@@ -88,7 +84,7 @@ template <class C, class S>
 Bent<S> bent(const Frame<S>& near, const WristJoint<C>& joint, const S& angle, int side) {
   const Rotation<S> half = about(joint.axis, angle * S(0.5));
   const Frame<S> carrier = near.turned(half);
-  return {carrier, carrier.moved(S(side) * chord_of(joint, angle).length).turned(half)};
+  return {carrier, carrier.moved(S(side) * bend_at(joint, angle).chord).turned(half)};
 }
 
 /// Frames of all bodies at a posture, in any number type that the chain's scalar converts to (Fig. 1).
@@ -142,7 +138,8 @@ Jacobian<S, N> jacobian(const Chain<S, N>& chain, const Posture<S, N>& at, int e
     const auto& [carrier, far] = found.tip[i];
     // Its own half turn leaves the axis where it is.
     turn(4 + i, carrier.rotation * chain.tip[i].axis, S(0.5) * (carrier.position + far.position));
-    rates.linear[4 + i] = rates.linear[4 + i] + chord_of(chain.tip[i], at.bend[i]).rate * (carrier.rotation * ahead);
+    rates.linear[4 + i] =
+        rates.linear[4 + i] + bend_at(chain.tip[i], at.bend[i]).chord_rate * (carrier.rotation * ahead);
   }
   turn(4 + chain.joints, found.end_effector[end].rotation * ahead, found.end_effector[end].position);
   return rates;
@@ -213,7 +210,7 @@ Vector<S> reach_of(const Chain<C, N>& chain, const Vector<S>& pointing) {
       to = to - dot(axis, to) * axis;
       to = (S(1) / norm(to)) * to;
     }
-    sum = sum + S(joint.offset) * from + chord_of(joint, angle_between(from, to)).length * bisector(from, to);
+    sum = sum + S(joint.offset) * from + bend_at(joint, angle_between(from, to)).chord * bisector(from, to);
     from = to;
   }
   return sum + S(chain.tip[chain.joints - 1].length) * pointing;

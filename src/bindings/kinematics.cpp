@@ -275,10 +275,6 @@ void lines(const BoundChain& bound, const In<2>& rows, const Out<3>& out) {
     write_lines(bound, posture_of(bound, rows.data() + i * bound.row_length()), out.data() + i * points * 3);
 }
 
-double straight(const TendonGear<double>& joint) { return 2 * joint.radius; }
-double straight(const TendonPulley<double>&) { return 0; }
-double straight(const TendonContinuum<double>& joint) { return joint.backbone_length; }
-
 }  // namespace
 
 void bind_kinematics(nb::module_& m) {
@@ -305,7 +301,7 @@ void bind_kinematics(nb::module_& m) {
       "joint_lengths",
       [](const Spec& spec) {
         return std::visit(
-            [](const auto& axis) { return std::make_tuple(straight(axis.distal), straight(axis.proximal)); },
+            [](const auto& axis) { return std::make_tuple(axis.distal.chord(0.0), axis.proximal.chord(0.0)); },
             make_axis(spec));
       },
       "spec"_a, "Lengths of the straight joints, distal and proximal, m.");
