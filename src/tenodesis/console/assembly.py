@@ -11,7 +11,7 @@ from tenodesis import _core, kinematics
 from tenodesis.console.solids import Solid, about
 from tenodesis.coupled.description import AXES
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument
 from tenodesis.instrument.joints import MECHANISMS
 from tenodesis.kinematics.chain import rotated
 from tenodesis.kinematics.gltf import BODY_NODE, described
@@ -34,7 +34,7 @@ class Assembly(NamedTuple):
     """Joint type and lengths of the instrument, m."""
     solids: tuple[Solid, ...]
 
-    def differs(self, inst: ShortForm) -> str:
+    def differs(self, inst: Instrument) -> str:
         """Return how an instrument differs from the one whose parts these are; nothing where they are its own."""
         if len(inst.axes) > 1:
             return f"{inst.name} has two bending axes, the solids have one"
@@ -48,7 +48,7 @@ class Assembly(NamedTuple):
                 return f"{key} of {inst.name} is {1e3 * value:.6g} mm, that of the solids {shown}"
         return ""
 
-    def of(self, inst: ShortForm, stem_length: float) -> list[Solid]:
+    def of(self, inst: Instrument, stem_length: float) -> list[Solid]:
         """Return the parts for an instrument of one axis of any name, its stem cut to a length, m, in the middle."""
         (axis,), short = inst.axes, float(self.described["stem_length"]) - stem_length
         turned = about(AXES[axis])

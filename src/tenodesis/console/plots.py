@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tenodesis.console.display import ShownSignals
 from tenodesis.control.parameters import tension_limit
 from tenodesis.coupled import CoupledInstrument
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.run import Array
 
 if TYPE_CHECKING:
@@ -189,7 +189,7 @@ _SLACK_FRACTION = 0.01
 class TensionColours:
     """Colours of tension (N) for an instrument: grey when slack, from blue to red at the tension limit."""
 
-    def __init__(self, inst: ShortForm | CoupledInstrument) -> None:
+    def __init__(self, inst: Instrument) -> None:
         wound: tuple[Any, ...] = (inst,) if isinstance(inst, CoupledInstrument) else inst.planar
         self.limit = min(tension_limit(axis) for axis in wound)
         """Tension above which no tendon is wound, N."""
