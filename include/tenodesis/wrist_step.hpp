@@ -87,6 +87,11 @@ struct WristStep {
   static constexpr double near_angle = 1e-5;
 
   void set_inertia() {
+    if (N == 1 && twin.lone_inertia > S(0)) {
+      heavy.at[0][0] = S(2) * per_second * per_second * twin.lone_inertia;
+      for (int h = N; h < U; ++h) heavy.at[h][h] = S(2) * per_second * per_second * twin.hand.inertia;
+      return;
+    }
     S x[N], speed[N], matrix[N][N];
     for (int i = 0; i < N; ++i) {
       speed[i] = before.velocity[i];
@@ -111,6 +116,10 @@ struct WristStep {
     for (int u = 0; u < U; ++u) angle[u] = angle[u] + before.velocity[u] * duration + turned[u];
   }
 
+  // Whether the unknown joints draw a tendon at its end alone: then the rest of it is numbers.
+  bool ends_drawn(int m) const { return U == N && twin.ends_drawn[m]; }
+  const Draw<S>& last_draw(int m) const { return twin.draw[m][twin.draws[m] - 1]; }
+
   // What the joints, known or unknown, draw in each segment.
   void set_pulls() {
     for (int h = 0; h < twin.wrist.handles; ++h) given[h] = coordinate_at(twin.wrist.handle[h], angle[N + h]);
@@ -120,6 +129,7 @@ struct WristStep {
       const int n = tendon.contacts();
       for (int i = 0; i <= n; ++i) known[m][i] = S(0);
       first[m] = n;
+      spool[m] = tendon.held_by_spool(twin.drive.spool_radius * next.drive[m].spool - command.let_out[m]);
       for (int d = twin.draws[m] - 1; d >= 0; --d) {
         const Draw<S>& by = twin.draw[m][d];
         // The sheath comes before: no joint draws the first segment.
@@ -128,12 +138,12 @@ struct WristStep {
         else
           known[m][by.segment] = known[m][by.segment] + by.arm * given[by.joint - N];
       }
+      if (ends_drawn(m)) continue;
       for (int i = first[m] + 1; i <= n; ++i) pull[m][i] = Sum(known[m][i]);
       for (int d = 0; d < twin.draws[m]; ++d) {
         const Draw<S>& by = twin.draw[m][d];
         if (U > N || by.joint < N) pull[m][by.segment].by[by.joint] = by.arm;
       }
-      spool[m] = tendon.held_by_spool(twin.drive.spool_radius * next.drive[m].spool - command.let_out[m]);
     }
   }
 
@@ -151,6 +161,13 @@ struct WristStep {
     const int n = tendon.contacts();
     const auto& from = before.tendon[m].slip;
     auto& state = next.tendon[m];
+    if (ends_drawn(m)) {
+      const Reaction<S> end = tendon.eliminate(n, band[m], spool[m], known[m], from, state, near[m]);
+      const Draw<S>& by = last_draw(m);
+      moment[by.joint].value = moment[by.joint].value - by.arm * end.at_rest;
+      moment[by.joint].by[by.joint] = moment[by.joint].by[by.joint] - by.arm * by.arm * end.stiffness;
+      return;
+    }
     const Reaction<S> at_first = tendon.eliminate(first[m], band[m], spool[m], known[m], from, state, near[m]);
     const Reaction<Sum, S> begin{Sum(at_first.at_rest), at_first.stiffness};
     tendon.eliminate(first[m], n, band[m], begin, pull[m], from, state, line[m]);
@@ -179,6 +196,11 @@ struct WristStep {
     const auto& tendon = twin.tendon[m];
     auto& state = next.tendon[m];
     S beyond(0);
+    if (ends_drawn(m)) {
+      const Draw<S>& by = last_draw(m);
+      tendon.substitute(tendon.contacts(), spool[m], known[m], near[m], -by.arm * coordinate[by.joint], state);
+      return;
+    }
     for (int j = tendon.contacts() - 1; j >= first[m]; --j) {
       const S slip = line[m].at_rest[j].at(coordinate);
       state.tension[j + 1] =
@@ -262,7 +284,9 @@ struct WristStep {
   void settle_alone(int m) {
     typename Rope::Lengths drawn{};
     drawn.length = twin.tendon[m].contacts() + 1;
-    for (int i = 1; i < drawn.length; ++i) drawn[i] = i > first[m] ? pull[m][i].at(coordinate) : known[m][i];
+    for (int i = 1; i < drawn.length; ++i)
+      drawn[i] = i > first[m] && !ends_drawn(m) ? pull[m][i].at(coordinate) : known[m][i];
+    if (ends_drawn(m)) drawn[drawn.length - 1] = last_draw(m).arm * coordinate[last_draw(m).joint];
     typename Rope::Line own{};
     next.tendon[m].slip = before.tendon[m].slip;
     next.sweeps += tenodesis::settle(twin.tendon[m], band[m], drawn, spool[m], tolerance(m), next.tendon[m], own);

@@ -44,9 +44,15 @@ struct WristTwin {
   bool quasi_static{};
 
   S tension_scale[M]{};  ///< typical tensions, see prepare(), N
+  bool ends_drawn[M]{};  ///< whether the tip draws a tendon in its last segment alone, see prepare()
+  S lone_inertia{};      ///< of a single joint whose link has no mass, about its axis, see prepare(), kg m^2
 
-  /// Lists what joints draw, the nearest to the spool first; to be called when all passages are there.
+  /// Sets what follows from the rest: what joints draw, the nearest to the spool first, tension scales and inertia.
   void prepare() {
+    if (N == 1 && link[0].mass == S(0)) {
+      const Vector<S>&axis = wrist.joint[0].axis, &about = link[0].inertia;
+      lone_inertia = about.x * axis.x * axis.x + about.y * axis.y * axis.y + about.z * axis.z * axis.z;
+    }
     for (int m = 0; m < M; ++m) {
       S largest(0);
       for (int i = 0; i < N; ++i) largest = larger(largest, abs(wrist.arm[m][i]));
@@ -56,6 +62,9 @@ struct WristTwin {
         const Passage<S>& at = passage[m][j];
         if (at.joint >= 0 && at.arm != S(0)) draw[m][draws[m]++] = {at.joint < N ? j + 1 : j, at.joint, at.arm};
       }
+      int by_tip = 0;
+      for (int d = 0; d < draws[m]; ++d) by_tip += draw[m][d].joint < N ? 1 : 0;
+      ends_drawn[m] = by_tip == 1 && draw[m][draws[m] - 1].segment == tendon[m].contacts();
     }
   }
 
@@ -80,21 +89,23 @@ struct WristTwin {
       if (!(abs(command.handle_angle[h]) < S(pi))) return Status::out_of_range;
     for (const Contact<S>& tissue : command.contact)
       if (abs(tissue.angle) > S(pi)) return Status::unreachable;
-    State next = state;
-    next.residual_in_parts = S(-1);
+    const State before = state;
+    state.residual_in_parts = S(-1);
     for (int m = 0; m < M; ++m)
       if (wrist.motor[m] && taut(m))
-        next.drive[m] =
-            advance(drive, state.drive[m], command.spool_velocity[m], state.tendon[m].tension[0], time_step);
-    Status found = move(command, time_step, state, next);
-    if (found == Status::no_equilibrium && quasi_static) found = move_in_parts(command, state, next);
-    if (found != Status::ok) return found;
-    next.command = command;
-    if (--next.until_sample <= 0) {
-      read(next);
-      next.until_sample = steps_per_sample;
+        state.drive[m] =
+            advance(drive, before.drive[m], command.spool_velocity[m], before.tendon[m].tension[0], time_step);
+    Status found = move(command, time_step, before, state);
+    if (found == Status::no_equilibrium && quasi_static) found = move_in_parts(command, before, state);
+    if (found != Status::ok) {
+      state = before;
+      return found;
     }
-    state = next;
+    state.command = command;
+    if (--state.until_sample <= 0) {
+      read(state);
+      state.until_sample = steps_per_sample;
+    }
     return Status::ok;
   }
 
