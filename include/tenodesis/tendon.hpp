@@ -341,6 +341,14 @@ struct Tendon {
   static Slides slide_of(const Band<S>& band, const S& spool, const S& tip, const S& slipped, const S& tolerance,
                          const Slides& slide) {
     constexpr Slide none = Slide::none, to_spool = Slide::toward_spool, to_tip = Slide::toward_tip;
+    if constexpr (std::is_same_v<Flag<S>, bool>) {
+      // The same as below, with no more compared than is needed.
+      if (band.free()) return to_spool;
+      if (band.constant == S(0) && spool <= tolerance && tip <= tolerance) return slide;
+      if (slide != none) return (slide == to_spool ? slipped < S(0) : slipped > S(0)) ? none : slide;
+      if (spool > band.ratio * tip + band.constant + tolerance) return to_spool;
+      return tip > band.ratio * spool + band.constant + tolerance ? to_tip : none;
+    }
     // The slip of a slack tendon is rounding, and any direction of it is right.
     const Flag<S> as_before = band.constant == S(0) && spool <= tolerance && tip <= tolerance;
     const Flag<S> back = (slide == to_spool && slipped < S(0)) || (slide == to_tip && slipped > S(0));

@@ -5,6 +5,9 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 
+#include <atomic>
+#include <thread>
+
 #include "wrist_spec.hpp"
 
 namespace tenodesis::bindings {
@@ -13,6 +16,18 @@ namespace {
 using namespace engine;
 
 using Outcome = std::tuple<std::size_t, Status>;
+
+std::vector<CompensatedAxis> axes_of(const std::vector<std::array<int, 3>>& axes, const WristSizes& sizes) {
+  std::vector<CompensatedAxis> compensated;
+  for (const auto& [handle, agonist_at, antagonist_at] : axes) {
+    require(handle >= 0 && std::cmp_less(handle, sizes.handles) && agonist_at >= 0 &&
+                std::cmp_less(agonist_at, sizes.tendons) && antagonist_at >= 0 &&
+                std::cmp_less(antagonist_at, sizes.tendons),
+            "an axis names what is not there");
+    compensated.push_back({std::size_t(handle), std::size_t(agonist_at), std::size_t(antagonist_at)});
+  }
+  return compensated;
+}
 
 /// A twin with its state, and the shapes of its rows.
 class PyWristTwin {
@@ -63,6 +78,8 @@ class PyWristTwin {
   ~PyWristTwin() = default;
 
   AnyWristTwin& twin() const { return *twin_; }
+  std::size_t commands() const { return commands_; }
+  std::size_t signals() const { return signals_; }
 
   Outcome run(const In<2>& commands, const Out<2>& out, const std::optional<Out<1>>& energy) {
     require(commands.shape(1) == commands_ && out.shape(1) == signals_ && out.shape(0) == commands.shape(0) &&
@@ -99,15 +116,7 @@ class PyWristTwin {
                 std::cmp_equal(axes.size(), controller.axes()) && control.shape(0) == count &&
                 control.shape(1) == axes.size() && control.shape(2) == control_signal_count,
             "commands, requests, injected faults, signals and axes do not fit the twin and its controller");
-    const WristSizes& sizes = twin_->sizes();
-    std::vector<CompensatedAxis> compensated;
-    for (const auto& [handle, agonist_at, antagonist_at] : axes) {
-      require(handle >= 0 && std::cmp_less(handle, sizes.handles) && agonist_at >= 0 &&
-                  std::cmp_less(agonist_at, sizes.tendons) && antagonist_at >= 0 &&
-                  std::cmp_less(antagonist_at, sizes.tendons),
-              "an axis names what is not there");
-      compensated.push_back({std::size_t(handle), std::size_t(agonist_at), std::size_t(antagonist_at)});
-    }
+    const std::vector<CompensatedAxis> compensated = axes_of(axes, twin_->sizes());
     InjectedSteps injected;
     if (values && modes) injected = {values->data(), modes->data(), nullptr};
     if (requests) injected.request = requests->data();
@@ -128,6 +137,64 @@ class PyWristTwin {
   std::unique_ptr<AnyWristTwin> twin_;
   std::size_t commands_{}, signals_{};
 };
+
+/// Steps twins over their commands, or over common ones, by threads, and keeps the signals of every n-th step; with a
+/// controller each, its signals too. Returns the steps taken and the last status of each.
+std::vector<Outcome> run_wrist_twins(const std::vector<PyWristTwin*>& twins, const In<3>& commands, std::size_t every,
+                                     const Out<3>& out, const std::vector<AnyController*>& controllers,
+                                     const std::vector<std::array<int, 3>>& axes, int steps_per_tick, double time_step,
+                                     const std::optional<Array<double, 4>>& control, int threads) {
+  const std::size_t runs = twins.size();
+  const std::size_t count = commands.shape(1);
+  require(runs > 0 && every > 0 && (commands.shape(0) == runs || commands.shape(0) == 1) && out.shape(0) == runs &&
+              out.shape(1) == count / every && steps_per_tick >= 1 &&
+              (controllers.empty() || (controllers.size() == runs && control.has_value())),
+          "twins, commands, controllers and outputs do not fit");
+  for (const PyWristTwin* twin : twins)
+    require(commands.shape(2) == twin->commands() && out.shape(2) == twin->signals(),
+            "commands or signals do not fit the twins");
+  const std::vector<CompensatedAxis> compensated = axes_of(axes, twins[0]->twin().sizes());
+  if (control)
+    require(control->shape(0) == runs && control->shape(1) == count / every && control->shape(2) == axes.size() &&
+                control->shape(3) == control_signal_count,
+            "control does not fit the controllers");
+  for (const AnyController* controller : controllers)
+    require(std::cmp_equal(axes.size(), controller->axes()), "an axis is missing, or one too many");
+  std::vector<Outcome> outcomes(runs);
+  const nb::gil_scoped_release release;
+  const auto run = [&](std::size_t r) -> Outcome {
+    AnyWristTwin& twin = twins[r]->twin();
+    const double* rows = commands.data() + (commands.shape(0) == 1 ? 0 : r * count * commands.shape(2));
+    double* to = out.data() + r * out.shape(1) * out.shape(2);
+    if (controllers.empty()) {
+      for (std::size_t i = 0; i < count; ++i) {
+        const Status found = twin.step(rows + i * commands.shape(2));
+        if (found != Status::ok) return {i, found};
+        if ((i + 1) % every == 0) to = twin.store(to);
+      }
+      return {count, Status::ok};
+    }
+    double* said = control->data() + r * control->shape(1) * axes.size() * control_signal_count;
+    CompensatedWrist plant(twin, compensated, rows);
+    ClosedLoop loop(plant, *controllers[r], steps_per_tick, time_step);
+    const Progress progress = loop.run(count, 0, {}, [&](std::size_t i) {
+      if ((i + 1) % every != 0) return;
+      to = twin.store(to);
+      for (std::size_t n = 0; n < axes.size(); ++n)
+        said = std::ranges::copy(control_signals(*controllers[r], n), said).out;
+    });
+    return {progress.steps, progress.status};
+  };
+  std::atomic<std::size_t> next{0};
+  const auto some = [&] {
+    for (std::size_t r = next.fetch_add(1); r < runs; r = next.fetch_add(1)) outcomes[r] = run(r);
+  };
+  std::vector<std::jthread> pool;
+  for (std::size_t n = 1; n < std::min(std::size_t(std::max(threads, 1)), runs); ++n) pool.emplace_back(some);
+  some();
+  pool.clear();
+  return outcomes;
+}
 
 using Columns = std::vector<std::pair<std::string, std::size_t>>;
 
@@ -227,6 +294,15 @@ void bind_wrist_twin(nb::module_& m) {
             return std::make_tuple(contact.angle, contact.stiffness, contact.damping);
           },
           "joint"_a, "Tissue across the tip's path about a joint by the last command: angle in rad, N/m, N s/m.");
+  m.def("run_wrist_twins", &run_wrist_twins, "twins"_a, "commands"_a, "every"_a, "out"_a, "controllers"_a, "axes"_a,
+        "steps_per_tick"_a, "time_step"_a, "control"_a.none(), "threads"_a,
+        nb::sig("def run_wrist_twins(twins: Sequence[WristTwin], commands: NDArray[numpy.float64], every: int, out: "
+                "NDArray[numpy.float64], controllers: Sequence[Controller], axes: Sequence[Sequence[int]], "
+                "steps_per_tick: int, time_step: float, control: NDArray[numpy.float64] | None, threads: int) -> "
+                "list[tuple[int, Status]]"),
+        "Step twins over their commands by run, step and column, or over common ones, and keep the signals of every "
+        "n-th step by run, sample and column, those of their controllers by run, sample and axis. Returns steps taken "
+        "and the last status of each.");
   m.def("wrist_inertia", &wrist_inertia, "wrist"_a, "links"_a, "angles"_a, "speeds"_a, "matrix"_a, "bias"_a);
   m.def("wrist_twin_parameters", [] { return list_of(wrist_twin_names); });
   m.def("wrist_energies", [] { return list_of(wrist_energy_names); });
