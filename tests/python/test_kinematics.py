@@ -384,3 +384,21 @@ def test_a_load_shrinks_the_workspace_by_what_it_takes_of_the_output_angle():
     assert spaces[-1].bend < spaces[0].bend == REAL.output_range
     handle = REAL.handle_range
     assert spaces[-1].bend == pytest.approx(tn.statics.output_angle(REAL.axis("yaw"), handle, 3.0), abs=1e-9)
+
+
+def test_a_joint_may_be_named_as_a_coordinate_of_the_stem_is():
+    inst = tn.load("hybrid-real-size")
+    names = {"yaw": "roll", "pitch": "insertion", "jaw": "pan"}
+
+    def renamed(value, key=""):
+        if isinstance(value, dict):
+            return {inner: renamed(one, inner) for inner, one in value.items()}
+        if isinstance(value, list | tuple):
+            return [renamed(one, key) for one in value]
+        return names.get(value, value) if key in ("name", "on", "joint", "jaws") else value
+
+    values = inst.model_dump(exclude_unset=True)
+    other = inst.replace(**{key: renamed(values[key]) for key in ("joints", "tendons", "grip")})
+    assert [joint.name for joint in other.tip_joints] == ["roll", "insertion", "pan"]
+    for ours, theirs in zip(km.tip_pose(other, [0.3, -0.2, 0.1]), km.tip_pose(inst, [0.3, -0.2, 0.1]), strict=True):
+        np.testing.assert_array_equal(ours, theirs)

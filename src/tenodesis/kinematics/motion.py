@@ -284,6 +284,15 @@ def angle_rows(key: str, value: ArrayLike, joints: Sequence[Joint]) -> Array:
     return rows
 
 
+class Coordinates(NamedTuple):
+    """Coordinates of a chain by name; apart, since a joint may be named as a coordinate of the stem is."""
+
+    port: dict[str, Array]
+    """Those of a :class:`Port`."""
+    joints: dict[str, Array]
+    """Of all joints."""
+
+
 def coordinates(
     inst: InstrumentLike,
     angles: Posture | ArrayLike,
@@ -291,8 +300,8 @@ def coordinates(
     port: Port = AT_REST,
     *,
     reachable: bool = False,
-) -> dict[str, Array]:
-    """Return every coordinate (...), rad and m: pan, tilt, spin, insertion, roll, and by the names of all joints.
+) -> Coordinates:
+    """Return every coordinate (...), rad and m.
 
     Arguments and errors as :func:`frames`. A handle angle of a posture that its handle cannot reach is NaN, or refused
     with a NoSolutionError if it is a single one that must be reachable.
@@ -306,16 +315,16 @@ def coordinates(
         "handle_angles": angle_rows("handle_angles", handle_angles, handles),
     }
     placed = port._replace(insertion=of.insertion if port.insertion is None else port.insertion)
-    found = {key: finite(key, value) for key, value in placed._asdict().items()}
+    found = Coordinates({key: finite(key, value) for key, value in placed._asdict().items()}, {})
     common_shape(
-        {key: value.shape[:-1] for key, value in rows.items()} | {key: value.shape for key, value in found.items()}
+        {key: value.shape[:-1] for key, value in rows.items()} | {key: value.shape for key, value in found.port.items()}
     )
     for joints, value in zip((tips, handles), rows.values(), strict=True):
-        found |= {joint.name: value[..., place] for place, joint in enumerate(joints)}
+        found.joints.update({joint.name: value[..., place] for place, joint in enumerate(joints)})
     return found
 
 
-def _named(inst: ShortForm, posture: Posture, *, reachable: bool) -> dict[str, Array]:
+def _named(inst: ShortForm, posture: Posture, *, reachable: bool) -> Coordinates:
     values: dict[str, Any] = posture._asdict()
     if values["insertion"] is None:
         values["insertion"] = dimensions(inst).insertion
@@ -339,8 +348,8 @@ def _named(inst: ShortForm, posture: Posture, *, reachable: bool) -> dict[str, A
         if f"handle_{axis}" not in given:
             angle = given[axis] if reachable else np.atleast_1d(given[axis])
             given[f"handle_{axis}"] = np.reshape(statics.handle_angle(planar, angle), given[axis].shape)
-    kept = {*COORDINATES[:4], "roll", *inst.axes, *(f"handle_{axis}" for axis in inst.axes)}
-    return {key: value for key, value in given.items() if key in kept}
+    joints = (*inst.axes, *(f"handle_{axis}" for axis in inst.axes))
+    return Coordinates({key: given[key] for key in Port._fields}, {key: given[key] for key in joints})
 
 
 def _rows(
@@ -349,12 +358,12 @@ def _rows(
     """Return coordinates as rows of the core's, and the shape that they broadcast to."""
     of = skeleton(inst)
     given = coordinates(inst, angles, handle_angles, port)
-    shape = np.broadcast_shapes(*(value.shape for value in given.values()))
-    tips, handles = ([joint.name for joint in joints] for joints in (of.inst.tip_joints, of.inst.handle_joints))
-    keys = [*COORDINATES[:4], *tips, "roll", *handles]
-    rows = np.empty((prod(shape), len(keys)))
-    for place, key in enumerate(keys):
-        rows[:, place] = np.broadcast_to(given[key], shape).reshape(-1)
+    tips, handles = ([given.joints[one.name] for one in own] for own in (of.inst.tip_joints, of.inst.handle_joints))
+    columns = [*(given.port[key] for key in COORDINATES[:4]), *tips, given.port["roll"], *handles]
+    shape = np.broadcast_shapes(*(column.shape for column in columns))
+    rows = np.empty((prod(shape), len(columns)))
+    for place, column in enumerate(columns):
+        rows[:, place] = np.broadcast_to(column, shape).reshape(-1)
     return rows, shape
 
 

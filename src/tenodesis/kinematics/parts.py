@@ -114,9 +114,9 @@ def joint_positions(
         for joint in part.joints:
             own = bending.get(part.name)
             if own is None:
-                value = given[joint.name]
+                value = given.port[joint.name]
             elif joint.kind == "hinge":
-                value = given[own.name] / len(moving(own, format))
+                value = given.joints[own.name] / len(moving(own, format))
             else:
                 apart = bodies[part.name].position - bodies[f"{own.name}_carrier"].position
                 value = np.linalg.norm(apart, axis=-1) - own.chord
