@@ -111,35 +111,37 @@ struct Compensator {
   }
 
  private:
-  // The dead band as tendon length; arm: of the tendons at the tip, m.
-  S dead_length(const S& arm) const { return settings.dead_band * arm; }
+  // The dead band as differential stroke; arm: of the tendons at the tip, m.
+  S dead_stroke(const S& arm) const { return model.stroke_for(settings.dead_band * arm); }
 
   S wound(const Measurement<S>& measured, int i) const { return model.spool_radius * measured.spool_angle[i]; }
 
   S limited(const S& speed) const { return clamp(speed, -settings.speed, settings.speed); }
 
   // Near the tension limit a tendon is wound more slowly, and just below it, where the drives still need to stop, not
-  // at all.
+  // at all. Where the hand goes on, against the joint's own spring, the motor lets out what it has wound.
   Winding<S> guarded(const Measurement<S>& measured, const Winding<S>& wanted) const {
-    const auto guard = [&](const S& tension, const S& speed) {
-      const S room =
-          clamp((S(0.97) * settings.tension_limit - tension) / (S(0.1) * settings.tension_limit), S(0), S(1));
-      return speed > S(0) ? speed * room : speed;
+    const auto guard = [&](int i, const S& speed) {
+      const S spare = S(0.97) * settings.tension_limit - measured.tension[i];
+      const S allowed = speed > S(0) ? speed * clamp(spare / (S(0.1) * settings.tension_limit), S(0), S(1)) : speed;
+      if (!model.springs() || spare >= S(0) || wound(measured, i) <= S(0)) return allowed;
+      return smaller(allowed, limited(approach_rate / model.axis.stiffness * spare));
     };
-    return {guard(measured.tension[agonist], wanted.agonist), guard(measured.tension[antagonist], wanted.antagonist)};
+    return {guard(agonist, wanted.agonist), guard(antagonist, wanted.antagonist)};
   }
 
   Winding<S> within_envelope(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
                              State& state) const {
     const bool strokes = state.phase == Phase::pull || state.phase == Phase::release;
     const S swing = strokes ? envelope.settings.stroke_swing : envelope.settings.least_swing;
-    envelope.update(observer.lag(memory), swing * dead_length(memory.arm) + S(0.5) * observer.tremor_length(memory),
-                    observer, memory, dt, state.envelope);
+    envelope.update(observer.lag(memory),
+                    swing * (settings.dead_band * memory.arm) + S(0.5) * observer.tremor_length(memory), observer,
+                    memory, dt, state.envelope);
     const S stroke = across(observer, memory);
     if (actuation == Actuation::agonist) {
       const Winding<S> wanted = one_motor(stroke, observer, memory, state);
       // The other motor winds only to keep its tendon tight, and lets that out again.
-      const S spare = larger(wound(memory.smooth, antagonist) - dead_length(memory.arm), S(0));
+      const S spare = larger(wound(memory.smooth, antagonist) - dead_stroke(memory.arm), S(0));
       return {S(2) * limited(envelope.within(wanted.agonist * S(0.5), stroke, state.envelope)),
               -smaller(envelope.settings.return_rate * spare, settings.common_speed)};
     }
@@ -165,17 +167,17 @@ struct Compensator {
     return stroke + smaller(settings.tremor_gain, S(1)) * observer.tremor_arm() * memory.intent.shaken;
   }
 
-  // The lag that is left to the motors, of which they give a share back.
-  S shared(const S& lag, const S& stroke) const {
-    return settings.assistance * lag - (S(1) - settings.assistance) * stroke;
+  // The stroke that is missing to the motors' share of the loss; lag: of the tip, m.
+  S missing(const S& lag, const S& stroke) const {
+    return settings.assistance * model.stroke_for(lag) - (S(1) - settings.assistance) * stroke;
   }
 
-  /// How far the tip's lag may be corrected either way, m.
+  /// How far the stroke may go on either way, m.
   struct Room {
     S least{};
     S most{};
 
-    constexpr S of(const S& lag) const { return clamp(lag, least, most); }
+    constexpr S of(const S& missing) const { return clamp(missing, least, most); }
   };
 
   // The tip must not press harder than it may. Where it does, the motors give back what they have wound, and no more:
@@ -203,22 +205,22 @@ struct Compensator {
   Winding<S> to_set_point(const Measurement<S>& measured) const {
     const Tensions<S> tension{measured.tension[agonist], measured.tension[antagonist]};
     const Law theory = law == ControlLaw::paper ? Law::paper : Law::exact;
-    const Result<S> found = compensation_stroke(model.axis, tension, actuation, theory);
+    const Result<S> found = compensation_stroke(model.axis, tension, measured.handle_angle, actuation, theory);
     // Where no stroke restores the angle, letting out the agonist until it is slack comes closest.
     const S stroke = found.status == Status::ok ? found.value : -model.axis.pretension / model.axis.stiffness;
     const auto approach = [&](int i, const S& target) {
       const S missing = target - wound(measured, i);
-      return abs(missing) <= dead_length(model.axis.distal.moment_arm(S(0)))
+      return abs(missing) <= dead_stroke(model.axis.distal.moment_arm(S(0)))
                  ? S(0)
-                 : limited(settings.position_gain * missing);
+                 : limited(settings.position_gain * model.stroke_for(missing));
     };
     return {approach(agonist, stroke), actuation == Actuation::differential ? approach(antagonist, -stroke) : S(0)};
   }
 
   Winding<S> by_pseudo_error(const Measurement<S>& measured) const {
     const S estimated = paper_output_angle(model, measured);
-    const S missing = model.drawn(measured.handle_angle) - model.taken(estimated);
-    if (abs(missing) <= dead_length(model.axis.distal.moment_arm(model.axis.distal.coordinate(estimated)))) return {};
+    const S missing = model.stroke_for(model.aim(measured.handle_angle) - model.taken(estimated));
+    if (abs(missing) <= dead_stroke(model.axis.distal.moment_arm(model.axis.distal.coordinate(estimated)))) return {};
     const S speed = limited(settings.gain * missing);
     return {speed, actuation == Actuation::differential ? -speed : S(0)};
   }
@@ -226,11 +228,11 @@ struct Compensator {
   // One motor cannot make both tendons slip the same way: it corrects by the observer's estimate as it is.
   Winding<S> one_motor(const S& stroke, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
                        State& state) const {
-    const S missing = shared(observer.lag(memory), stroke);
+    const S missing = this->missing(observer.lag(memory), stroke);
     const S lag = room(stroke, observer, memory).of(missing);
     state.yielding = lag != missing;
     // It takes no tremor away, and must not follow it.
-    const S dead = dead_length(memory.arm) + S(0.5) * observer.tremor_length(memory);
+    const S dead = dead_stroke(memory.arm) + S(0.5) * observer.tremor_length(memory);
     const bool resting = state.phase == Phase::rest;
     state.phase = abs(lag) > (resting ? S(2) * dead : dead * S(0.5)) ? Phase::track : Phase::rest;
     if (state.phase == Phase::rest) return {};
@@ -239,13 +241,13 @@ struct Compensator {
 
   Winding<S> two_motors(const S& stroke, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
                         const S& dt, State& state) const {
-    const S missing = shared(observer.lag(memory), stroke);
+    const S missing = this->missing(observer.lag(memory), stroke);
     const Room room = this->room(stroke, observer, memory);
     const S lag = room.of(missing);
     state.yielding = lag != missing;
     // Some of the tremor is left.
     const S tremor = observer.tremor_length(memory);
-    const S dead = dead_length(memory.arm) * state.tolerance + S(0.15) * tremor;
+    const S dead = dead_stroke(memory.arm) * state.tolerance + S(0.15) * tremor;
     // A tip at rest is held by friction, which strokes would break: it must be further off to be worth them.
     const S waking = S(2) * dead + S(0.5) * tremor;
     // A tremor turns the contacts at the handle to and fro, whatever the strokes do.
@@ -343,7 +345,7 @@ struct Compensator {
 
   /// What a choice depends on besides observer and state.
   struct Situation {
-    S lag{};     ///< m
+    S lag{};     ///< of the tip, as the stroke that corrects it, m
     S dead{};    ///< band of it, m
     S waking{};  ///< above which a tip at rest is corrected, m
     bool moving{};
@@ -356,8 +358,8 @@ struct Compensator {
   void choose(const Situation& now, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
               State& state) const {
     const auto& [lag, dead, waking, moving, shaken, across_now, wanted, above] = now;
-    // What the law would give back.
-    const S share = settings.assistance;
+    // What the law would give back of the tip's lag, as a stroke.
+    const S share = model.stroke_for(settings.assistance);
     const S unseen = share * larger(memory.freedom[0], memory.freedom[1]);
     const S stroke = settings.common_stroke + settings.stroke_share * wanted;
     const bool loose =

@@ -65,11 +65,16 @@ struct ControlModel {
   S sheath_bend_rate{};  ///< added to it per radian of |handle angle|
   S passing{};           ///< friction coefficient where the tendons pass the joints of axes before
   S stop{};              ///< tendon length that the tip takes at its mechanical stop, m
+  S yielding{1};         ///< differential stroke per length that the unloaded tip follows it by: its spring stretches
 
   /// Tendon length that the handle draws on the agonist and lets out on the antagonist, m.
-  S drawn(const S& handle_angle) const {
-    return axis.proximal.excursion_slope() * axis.proximal.coordinate(handle_angle);
-  }
+  S drawn(const S& handle_angle) const { return drawn_length(axis, handle_angle); }
+  /// What of it the unloaded tip takes, m: what the laws aim at.
+  S aim(const S& handle_angle) const { return unloaded_length(axis, drawn(handle_angle)); }
+  /// Differential stroke by which the tip follows by a length, m.
+  S stroke_for(const S& length) const { return springs() ? yielding * length : length; }
+  /// Whether the joint has a spring of its own; known when compiling where its mechanism has none.
+  constexpr bool springs() const { return axis.distal.passive_stiffness() > S(0); }
   /// The same of the tip, for an output angle.
   S taken(const S& output_angle) const { return axis.distal.excursion_slope() * axis.distal.coordinate(output_angle); }
 };

@@ -142,7 +142,8 @@ struct AxisController {
   void judge_stroke(const S& dt, Memory& memory) const {
     const Limit<S>& limit = watch.of(Fault::stroke_unexplained);
     const S excess = memory.compensator.envelope.excess;
-    const bool beyond = excess > S(0) && limit.on() && excess > limit.threshold * model().axis.distal.moment_arm(S(0));
+    const bool beyond = excess > S(0) && limit.on() &&
+                        excess > model().stroke_for(limit.threshold * model().axis.distal.moment_arm(S(0)));
     memory.unexplained = beyond ? smaller(memory.unexplained + dt, limit.persistence) : S(0);
     if (beyond && memory.unexplained >= limit.persistence) memory.failed |= bit(Fault::stroke_unexplained);
   }

@@ -46,9 +46,14 @@ struct TendonPair {
 
   template <class A>
   static TendonPair at_handle(const A& axis, const S& handle_angle, const Stroke<S>& wound) {
-    const S pull = axis.proximal.excursion_slope() * axis.proximal.coordinate(handle_angle);
-    return {axis.pretension + axis.stiffness * (pull + wound.agonist),
-            axis.pretension - axis.stiffness * (pull - wound.antagonist),
+    return drawn(axis, drawn_length(axis, handle_angle), wound);
+  }
+
+  /// The same where the handle draws a length, m.
+  template <class A>
+  static TendonPair drawn(const A& axis, const S& length, const Stroke<S>& wound) {
+    return {axis.pretension + axis.stiffness * (length + wound.agonist),
+            axis.pretension - axis.stiffness * (length - wound.antagonist),
             axis.stiffness * axis.distal.excursion_slope()};
   }
 

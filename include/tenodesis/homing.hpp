@@ -121,11 +121,9 @@ struct Homing {
   // Of a free tip: a continuum joint's own spring bends it back. Its friction is the same for both tendons.
   S difference_of_free_tip(const State& state) const {
     const auto& joint = model.axis.distal;
-    if (!(joint.passive_stiffness() > S(0))) return S(0);
-    const S x = clamp(model.drawn(state.held) / joint.excursion_slope(), -joint.limit(), joint.limit());
-    const S arm = joint.moment_arm(x), spring = joint.passive_stiffness();
-    // The spring stretches the tendons, too.
-    return spring * joint.angle(x) / arm / (S(1) + spring / (S(2) * model.axis.stiffness * arm * arm));
+    if (!model.springs()) return S(0);
+    const S x = clamp(model.aim(state.held) / joint.excursion_slope(), -joint.limit(), joint.limit());
+    return joint.passive_stiffness() * joint.angle(x) / joint.moment_arm(x);
   }
   S imbalance(const State& state) const { return state.tension[0] - state.tension[1] - difference_of_free_tip(state); }
 

@@ -37,7 +37,7 @@ struct FrictionObserver {
     smooth(measured, dt, memory);
     const S drawn = model.drawn(memory.smooth.handle_angle);
     follow(settings.intent, memory.handle_angle, dt, memory.intent);
-    memory.target = clamp(model.drawn(memory.intent.angle), -model.stop, model.stop);
+    memory.target = clamp(model.aim(memory.intent.angle), -model.stop, model.stop);
     set_exponents(memory);
     S* const ratio = memory.ratio;
     for (int j = 0; j < 3; ++j) ratio[j] = exp(memory.scale * memory.nominal[j]);
@@ -63,9 +63,10 @@ struct FrictionObserver {
   /// Lag of the tip behind its target, as tendon length, m.
   S lag(const Memory& memory) const { return memory.target - memory.tip; }
 
-  /// The part of a lag that is certain: the tip may have moved unseen toward its target, m.
-  S certain(const S& behind, const Memory& memory) const {
-    return behind > S(0) ? larger(behind - memory.freedom[0], S(0)) : smaller(behind + memory.freedom[1], S(0));
+  /// The part of a missing stroke that is certain: the tip may have moved unseen toward its target, m.
+  S certain(const S& missing, const Memory& memory) const {
+    return missing > S(0) ? larger(missing - model.stroke_for(memory.freedom[0]), S(0))
+                          : smaller(missing + model.stroke_for(memory.freedom[1]), S(0));
   }
 
   /// Stretch by which a force at the tip differs the two tendons, halved, per its size, m/N.
@@ -86,10 +87,13 @@ struct FrictionObserver {
     return memory.scale * memory.nominal[2] * both * memory.unit * S(0.5);
   }
 
-  /// Half the difference of both tendons' stretches if their tensions were those at the spools, m: without friction,
-  /// the differential stroke that restores the angle.
+  /// Half the difference of both tendons' stretches if their tensions were those at the spools, less what the joint's
+  /// own spring takes, m: without friction, the differential stroke that restores the angle.
   S measured_loss(const Memory& memory) const {
-    return (memory.smooth.tension[agonist] - memory.smooth.tension[antagonist]) * memory.unit * S(0.5);
+    const S stretch = (memory.smooth.tension[agonist] - memory.smooth.tension[antagonist]) * memory.unit * S(0.5);
+    if (!model.springs()) return stretch;
+    const S drawn = model.drawn(memory.intent.angle);
+    return stretch + memory.tip - drawn + model.stroke_for(unloaded_length(model.axis, drawn) - memory.tip);
   }
 
   /// Tendon length that the handle draws by a small angle, per its size, m.
@@ -267,7 +271,7 @@ struct FrictionObserver {
     }
     put_tip(tip, memory);
     set_exponents(memory);
-    memory.target = clamp(drawn, -model.stop, model.stop);
+    memory.target = clamp(model.aim(measured.handle_angle), -model.stop, model.stop);
     memory.tip_slip.dragged = at_joint(memory);
     doubt(memory);
   }

@@ -50,6 +50,8 @@ constexpr ControlModel<A> control_model(const P& p) {
   model.sheath_bend_rate = S(p.sheath_bend_rate);
   model.passing = S(p.passing_coefficient);
   model.stop = model.taken(S(p.output_stop));
+  const S slope = model.axis.distal.excursion_slope();
+  model.yielding = S(1) + model.axis.distal.passive_stiffness() / (S(2) * model.axis.stiffness * slope * slope);
   return model;
 }
 
@@ -86,10 +88,11 @@ constexpr AxisController<A> axis_controller(const P& p) {
       S(p.tendon_speed), S(p.common_speed),   S(p.common_stroke),   S(p.common_stroke_share), S(p.far_lag),
       S(p.patience),     S(p.settle_time),    S(p.least_tension),   S(p.tension_limit),       S(p.force_limit),
       S(p.assistance),   S(p.hand_travel),    S(p.still_time),      S(p.tremor_delay),        S(p.tremor_gain)};
-  axis.compensator.envelope = {model,
-                               {S(p.envelope_margin) * model.axis.distal.moment_arm(S(0)), S(p.envelope_friction),
-                                S(p.envelope_compliance), S(p.envelope_smoothing), S(p.least_swing), S(p.stroke_swing),
-                                S(p.swing_time), S(1) / S(p.swing_memory), S(p.swing_hand_travel), S(p.return_rate)}};
+  axis.compensator.envelope = {
+      model,
+      {model.stroke_for(S(p.envelope_margin) * model.axis.distal.moment_arm(S(0))), S(p.envelope_friction),
+       S(p.envelope_compliance), S(p.envelope_smoothing), S(p.least_swing), S(p.stroke_swing), S(p.swing_time),
+       S(1) / S(p.swing_memory), S(p.swing_hand_travel), S(p.return_rate)}};
   axis.homing = {model,
                  {S(p.homing_speed), S(p.homing_gain), S(p.homing_stroke), S(p.homing_overshoot), S(p.homing_tolerance),
                   S(p.homing_settle_time), S(p.homing_time), S(p.homing_least_stretch), S(p.homing_jog),

@@ -54,6 +54,25 @@ Result<S> output_angle(const A& axis, const S& handle_angle, const Load<S>& load
   return {axis.distal.angle(at.coordinate), Status::ok};
 }
 
+/// Tendon length that the tip takes without load and friction, unwound, where the handle draws a length, m.
+///
+/// All of it, where the joint has no spring of its own (eq. 18); a spring stretches the tendons.
+template <class A, class S>
+S unloaded_length(const A& axis, const S& drawn) {
+  if (!(axis.distal.passive_stiffness() > S(0))) return drawn;
+  return axis.distal.excursion_slope() * unloaded_coordinate(axis.distal, TendonPair<S>::drawn(axis, drawn, {}));
+}
+
+/// Output angle without load and friction, unwound, rad: what compensation restores (eq. 18, with the joint's spring).
+template <class A, class S>
+Result<S> unloaded_angle(const A& axis, const S& handle_angle) {
+  const Status handle = check_handle(axis, handle_angle);
+  if (handle != Status::ok) return {{}, handle};
+  const S x = unloaded_length(axis, drawn_length(axis, handle_angle)) / axis.distal.excursion_slope();
+  if (!(abs(x) < axis.distal.limit())) return {{}, Status::unreachable};
+  return {axis.distal.angle(x), Status::ok};
+}
+
 /// Tendon tensions at a held handle, N (eqs. 6-8).
 template <class A, class S>
 Result<Tensions<S>> tensions(const A& axis, const S& handle_angle, const Load<S>& load, const Stroke<S>& wound = {}) {
@@ -214,29 +233,38 @@ Result<S> estimate_output_angle(const A& axis, const S& handle_angle, const Tens
   const Result<S> stretch =
       detail::elongation(axis, tension, wound, tension.agonist > slack_below, tension.antagonist > slack_below);
   if (stretch.status != Status::ok) return stretch;
-  const S pull = axis.proximal.excursion_slope() * axis.proximal.coordinate(handle_angle);
-  const S x = (pull - stretch.value) / axis.distal.excursion_slope();
+  const S x = (drawn_length(axis, handle_angle) - stretch.value) / axis.distal.excursion_slope();
   if (!(abs(x) < axis.distal.limit())) return {{}, Status::unreachable};
   return {axis.distal.angle(x), Status::ok};
 }
 
-/// Tendon length to wind so that the joint bends as with inextensible tendons, m (eqs. 21, 22 without the spool).
+/// Tendon length to wind so that the joint bends as without a load, m (eqs. 21, 22 without the spool).
 ///
 /// Counted from the unwound motors. Differential actuation winds it on the agonist and lets it out on the antagonist.
 /// One motor moves one tendon where the handle moves two, so it needs twice the stroke of eq. 22; see docs/model.md.
 template <class A, class S>
-Result<S> compensation_stroke(const A& axis, const Tensions<S>& tension, Actuation actuation, Law law) {
+Result<S> compensation_stroke(const A& axis, const Tensions<S>& tension, const S& handle_angle, Actuation actuation,
+                              Law law) {
   const S difference = tension.difference();
-  if (!all_finite(value_of(tension.agonist), value_of(tension.antagonist))) return {{}, Status::not_finite};
-  if (law == Law::paper) return {difference / (S(2) * axis.stiffness), Status::ok};
+  if (!all_finite(value_of(tension.agonist), value_of(tension.antagonist), value_of(handle_angle)))
+    return {{}, Status::not_finite};
+  // What the joint's own spring stretches the agonist and slackens the antagonist by without a load stays.
+  const S drawn = drawn_length(axis, handle_angle);
+  const S stretch = drawn - unloaded_length(axis, drawn);
+  const Tensions<S> free{larger(axis.pretension + axis.stiffness * stretch, S(0)),
+                         larger(axis.pretension - axis.stiffness * stretch, S(0))};
+  if (law == Law::paper) return {(difference - free.difference()) / (S(2) * axis.stiffness), Status::ok};
   if (actuation == Actuation::agonist) {
+    const S pull = difference + free.antagonist;
+    // A tendon that hangs without a load is wound only if it has to pull.
+    if (!(free.agonist > S(0)) && abs(pull) <= settled<ValueOf<S>> * axis.pretension) return {S(0), Status::ok};
     // Letting the agonist out past slack moves the joint no further.
-    if (difference < -axis.pretension) return {{}, Status::no_authority};
-    return {difference / axis.stiffness, Status::ok};
+    if (pull < S(0)) return {{}, Status::no_authority};
+    return {(difference - (axis.pretension - free.antagonist)) / axis.stiffness - stretch, Status::ok};
   }
   const S size = abs(difference);
   const S stroke = size <= S(2) * axis.pretension ? size * S(0.5) : size - axis.pretension;
-  return {(difference < S(0) ? -stroke : stroke) / axis.stiffness, Status::ok};
+  return {(difference < S(0) ? -stroke : stroke) / axis.stiffness - stretch, Status::ok};
 }
 
 }  // namespace tenodesis

@@ -123,6 +123,16 @@ struct SlackLoad {
   }
 };
 
+struct UnloadedAngle {
+  static constexpr const char* name = "unloaded_angle";
+  static constexpr int inputs = 1;
+  static constexpr int outputs = 1;
+  template <class A, class S>
+  static Status run(const A& axis, const S* in, S* out) {
+    return store(unloaded_angle(axis, in[0]), out);
+  }
+};
+
 struct EstimateOutputAngle {
   static constexpr const char* name = "estimate_output_angle";
   static constexpr int inputs = 6;
@@ -139,11 +149,11 @@ struct CompensationStroke {
       law == Law::paper ? "compensation_stroke:paper"
                         : (actuation == Actuation::agonist ? "compensation_stroke:agonist:exact"
                                                            : "compensation_stroke:differential:exact");
-  static constexpr int inputs = 2;
+  static constexpr int inputs = 3;
   static constexpr int outputs = 1;
   template <class A, class S>
   static Status run(const A& axis, const S* in, S* out) {
-    return store(compensation_stroke(axis, Tensions<S>{in[0], in[1]}, actuation, law), out);
+    return store(compensation_stroke(axis, Tensions<S>{in[0], in[1]}, in[2], actuation, law), out);
   }
 };
 
@@ -152,7 +162,7 @@ struct List {};
 
 using HeldOperations = List<OutputAngle, TendonTensions, HeldState, TorqueTransmissibility>;
 using DirectOperations =
-    List<HandleAngle, FlexuralStiffness, LossOfDexterity, SlackForce, SlackLoad, EstimateOutputAngle,
+    List<HandleAngle, FlexuralStiffness, LossOfDexterity, SlackForce, SlackLoad, UnloadedAngle, EstimateOutputAngle,
          CompensationStroke<Actuation::agonist, Law::exact>, CompensationStroke<Actuation::differential, Law::exact>,
          CompensationStroke<Actuation::agonist, Law::paper>>;
 

@@ -26,9 +26,10 @@ S everything(const A& axis, const S* in) {
   return output_angle(axis, in[6], load, wound).value + handle_angle(axis, in[6], load, wound).value +
          tensions(axis, in[6], load, wound).value.agonist + torque_transmissibility(axis, in[6], load, wound).value +
          flexural_stiffness(axis, in[6]).value + loss_of_dexterity(axis, in[6], in[0]).value +
-         slack_force(axis, in[6]).value + estimate_output_angle(axis, in[6], tension, wound).value +
-         compensation_stroke(axis, tension, Actuation::agonist, Law::exact).value +
-         compensation_stroke(axis, tension, Actuation::differential, Law::exact).value;
+         slack_force(axis, in[6]).value + unloaded_angle(axis, in[6]).value +
+         estimate_output_angle(axis, in[6], tension, wound).value +
+         compensation_stroke(axis, tension, in[6], Actuation::agonist, Law::exact).value +
+         compensation_stroke(axis, tension, in[6], Actuation::differential, Law::exact).value;
 }
 
 extern "C" float everything_in_float(const float* in) {

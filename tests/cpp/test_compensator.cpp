@@ -9,11 +9,11 @@
 
 // ---- laws on a plant without friction
 
-/// Lag of the tip behind its position with inextensible tendons, under a law.
+/// Lag of the tip behind its unloaded position, under a law.
 struct Settled {
   double loss{};     // in the mechanism's coordinate, without compensation
   double after{};    // with it
-  double stretch{};  // of the tendons by the final tensions, in that coordinate
+  double stretch{};  // of the tendons by the load and the final tensions, in that coordinate
 };
 
 // The plant is statics, with spools that follow their commands exactly.
@@ -29,7 +29,8 @@ Settled settle(const A& axis, double handle, double force, ControlLaw law, Actua
   compensator.actuation = actuation;
   const Load<S> load{S(force), S(0)};
   const auto model = own.model();
-  const S free = model.drawn(S(handle)) / axis.distal.excursion_slope();
+  const S drawn = model.drawn(S(handle)), slope = axis.distal.excursion_slope();
+  const S free = axis.distal.coordinate(unloaded_angle(axis, S(handle)).value);
   Stroke<S> wound{};
   Settled found{};
   FrictionMemory<S> memory{};
@@ -42,7 +43,7 @@ Settled settle(const A& axis, double handle, double force, ControlLaw law, Actua
     const auto loss = double(free - axis.distal.coordinate(angle.value));
     if (n == 0) found.loss = loss;
     found.after = loss;
-    found.stretch = double(tension.value.difference() / (S(2) * axis.stiffness * axis.distal.excursion_slope()));
+    found.stretch = double(tension.value.difference() / (S(2) * axis.stiffness * slope) - (drawn / slope - free));
     const Measurement<S> measured{S(handle),
                                   {tension.value.agonist, tension.value.antagonist},
                                   {wound.agonist / S(spool_radius), wound.antagonist / S(spool_radius)}};
@@ -122,7 +123,8 @@ void no_law_winds_a_tendon_at_its_limit_or_faster_than_it_may(const A& axis) {
           CLAIM(!(measured.tension[i] >= S(p.axis[0].tension_limit)) || by[i] <= S(0));
         }
         // With one motor the other one lets out what it has wound, and no more.
-        const bool wound = law == ControlLaw::robust && memory.smooth.spool_angle[antagonist] > S(0);
+        const bool wound = (law == ControlLaw::robust && memory.smooth.spool_angle[antagonist] > S(0)) ||
+                           (own.model().springs() && measured.spool_angle[antagonist] > S(0));
         CLAIM(actuation == Actuation::differential || speed.antagonist == S(0) || (wound && speed.antagonist < S(0)));
       }
     }
@@ -140,6 +142,12 @@ void in_one_precision() {
   every_mechanism(instruments::real_size<S>());
   every_mechanism(instruments::scaled_up<S>());
   every_mechanism(instruments::pulley<S>());
+  every_mechanism(instruments::continuum<S>());
+  // A backbone that takes half of the angle and slackens a tendon from 0.6 rad on.
+  auto stiff = instruments::continuum<S>();
+  stiff.distal.backbone_rigidity = S(0.125 * 0.02);
+  stiff.handle_range = S(1.2);
+  every_mechanism(stiff);
 }
 
 int main() {

@@ -129,7 +129,7 @@ Trace close_loop(const GearAxis<double>& axis, const Script& script, double fric
     if (found != Status::ok) return trace;
   }
   const auto model = detail::control_model<GearAxis<double>>(axis_parameters(axis));
-  trace.target = axis.distal.angle(model.drawn(script.handle_at(duration)) / axis.distal.excursion_slope());
+  trace.target = axis.distal.angle(model.aim(script.handle_at(duration)) / axis.distal.excursion_slope());
   return trace;
 }
 

@@ -182,7 +182,7 @@ void what_cannot_be_solved_says_so() {
   CLAIM(output_angle(axis, 0.0, Load<double>{0.1, 0}, Stroke<double>{-1e-3, -1e-3}).status == Status::ok);
   CLAIM(handle_angle(axis, 170 * degree, Load<double>{}).status == Status::unreachable);
   CLAIM(handle_angle(axis, nan, Load<double>{}).status == Status::not_finite);
-  CLAIM(compensation_stroke(axis, Tensions<double>{0, 31}, Actuation::agonist, Law::exact).status ==
+  CLAIM(compensation_stroke(axis, Tensions<double>{0, 31}, 0.1, Actuation::agonist, Law::exact).status ==
         Status::no_authority);
   CLAIM(estimate_output_angle(axis, 0.1, Tensions<double>{0, 0}).status == Status::both_slack);
 }

@@ -108,7 +108,7 @@ def test_a_controller_is_recorded_shown_and_replayed(tenodesis: Command, tmp_pat
     assert said[1].startswith("state: ENABLED at the end (ENABLED ")
     assert said[2] == "faults: none."
     assert said[3].startswith("tip: yaw ")
-    assert "deg off the unloaded angle (eq. 18 of the paper) at the end" in said[3]
+    assert "deg off the unloaded angle at the end" in said[3]
     out = tenodesis("info", "run.mcap")[1]
     assert "robust law, friction observer, differential actuation " in out
     for line in said[1:]:

@@ -51,8 +51,7 @@ def load_of(inst: Instrument, share: float) -> float:
 
 
 def target(inst: Instrument, handle: Array) -> Array:
-    """Where tendons that do not stretch would hold the tip, rad: neither load nor its own spring bends it back."""
-    return np.asarray(tn.statics.estimate_output_angle(inst, handle, inst.pretension, inst.pretension), float)
+    return np.asarray(tn.statics.unloaded_angle(inst, handle), float)
 
 
 def missed(inst: Instrument, run: Run) -> Array:
@@ -89,9 +88,13 @@ def test_eq_22_with_one_motor_leaves_half_the_loss_and_with_both_none(any_inst: 
     for actuation in ("agonist", "differential"):
         run = held(inst, 10, sign * stepped(inst, 8, at=2, share=0.3), law="paper", actuation=actuation)
         assert run["operating_state"][-1] == OperatingState.ENABLED
-        lag = coordinate(float(target(inst, run["handle_angle"])[-1])) - coordinate(float(run["output_angle"][-1]))
-        agonist, antagonist = run["tension"][-1]
-        left[actuation] = -lag / coordinate(float(tn.statics.estimate_output_angle(inst, 0.0, agonist, antagonist)))
+        handle = run["handle_angle"][-1]
+        free, loaded = (
+            coordinate(float(tn.statics.estimate_output_angle(inst, 0.0, *tensions)))
+            for tensions in (tn.statics.tensions(inst, handle), run["tension"][-1])
+        )
+        lag = coordinate(float(target(inst, handle))) - coordinate(float(run["output_angle"][-1]))
+        left[actuation] = lag / (free - loaded)
     assert left["agonist"] == pytest.approx(0.5, abs=0.03)
     assert left["differential"] == pytest.approx(0, abs=0.03)
 

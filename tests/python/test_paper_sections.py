@@ -214,10 +214,8 @@ def test_other_mechanisms_get_a_report_without_the_papers_numbers(name: str, req
 @pytest.mark.parametrize("name", ["pulley", "continuum"])
 def test_other_mechanisms_are_compensated_without_the_papers_numbers(name: str, request: pytest.FixtureRequest) -> None:
     context = Context.of(request.getfixturevalue(name), seeds=1)
-    text = computed(context, of(*COMPENSATED, campaign), drawn=False)
+    computed(context, of(*COMPENSATED, campaign), drawn=False)
     assert context.results["campaign.step_load.final_error_rms"].value < 5
-    # The laws bring a continuum beyond its unloaded angle, which the report says in each of the three sections.
-    assert text.count("The laws bring a continuum beyond it") == (3 if name == "continuum" else 0)
     assert all(result.published is None for result in context.results.values())
 
 

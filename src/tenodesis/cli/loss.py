@@ -108,8 +108,6 @@ def loss(  # noqa: PLR0917
         return
     console.print(_table(inst, found))
     note(_LEGEND)
-    if inst.joint_type == "continuum":
-        note("The stroke also gives back what the backbone's own moment takes without a load.")
     if any(one.slack_force == 0 for one in found):
         note(_SLACK_WITHOUT)
     if any(not isfinite(value) for one in found for value in one):

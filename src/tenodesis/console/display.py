@@ -74,7 +74,7 @@ def shown_signals(inst: ShortForm, signals: Mapping[str, ArrayLike]) -> ShownSig
         time=time,
         handle=handle,
         output=first(_OUTPUT, single),
-        target=_target(inst, handle),
+        target=statics.targets(inst, handle),
         estimated=first(("estimated_output_angle",), single),
         deviation=first(("estimated_output_angle_std",), single),
         force=first(("force", "estimated_force"), single),
@@ -88,14 +88,3 @@ def shown_signals(inst: ShortForm, signals: Mapping[str, ArrayLike]) -> ShownSig
         distal_tension=first(_DISTAL, pair),
         stroke=first(("measured_spool_angle", "spool_angle"), pair) * inst.drives.spool_radius,
     )
-
-
-def _target(inst: ShortForm, handle: Array) -> Array:
-    """Return the output angle that the controller aims at, rad (eq. 18), at handle angles, rad, shape (..., axes)."""
-    target = np.empty(handle.shape)
-    for n, planar in enumerate(inst.planar):
-        within = np.nan_to_num(np.clip(handle[..., n], -planar.handle_range, planar.handle_range))
-        # Eq. 19 with equal tensions.
-        angles = statics.estimate_output_angle(planar, within, planar.pretension, planar.pretension)
-        target[..., n] = np.where(np.isfinite(handle[..., n]), angles, np.nan)
-    return target

@@ -74,7 +74,7 @@ class Episodes:
         self._force = task.force * max(inst.conditions.forces)
         angles = np.linspace(-self._reach, self._reach, 257) * 1.05
         self._handle = np.clip(angles, -inst.handle_range, inst.handle_range)
-        self._output = np.asarray(statics.output_angle(inst, self._handle))
+        self._output = np.asarray(statics.unloaded_angle(inst, self._handle))
         self._limit = inst.handle_range
         names = ("first", "second", "pause", "amplitude", "frequency", "phase", "force", "at")
         self._drawn = {name: np.zeros(count) for name in names}
@@ -105,7 +105,7 @@ class Episodes:
         self._contact[which, 1] = np.repeat(np.where(meets, np.copysign(stiffness, aim), 0.0), alike)
 
     def target(self, handle_angle: Array) -> Array:
-        """Return the output angle that a rigid, frictionless instrument would have, rad."""
+        """Return the output angle without load and friction, rad."""
         return np.asarray(np.interp(handle_angle, self._handle, self._output), np.float64)
 
     def commands(self, tick: NDArray[np.int64], out: Array) -> None:

@@ -273,7 +273,7 @@ def section(context: Context) -> Section:
         ["condition", *(_heading(context, metric) for metric in _metrics(inst))],
         rows,
     )
-    text = _text(context, main, missed, lost) + step_response.caveat(inst)
+    text = _text(context, main, missed, lost)
     return Section("campaign", title(inst), text, [], [table, _by_state(inst, main)])
 
 

@@ -74,11 +74,6 @@ def section(context: Context) -> Section:
         "depends on how many motors act on it; the exact law takes this into account, and slack. These results are "
         f"without friction{experiments}.</p>"
     )
-    if inst.joint_type == "continuum":
-        text += (
-            "<p>A continuum's tensions include the moment of its backbone. The laws restore what this stretches as "
-            "well, and so bring the tip beyond its unloaded angle, to where tendons that do not stretch would.</p>"
-        )
     care = _care(context, inst, handle, force)
     return Section("compensation", "Compensation by the motors", text, [plot], [table], care)
 

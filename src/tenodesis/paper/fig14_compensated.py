@@ -133,7 +133,7 @@ def section(context: Context) -> Section:
         return Section("compensated_cycles", TITLE, text)
     table, text = _cycles(context, loads, found)
     wrist_table, wrist_text = _fast_wrist(context, [0.0, loads[min(1, len(loads) - 1)]])
-    text += wrist_text + step_response.caveat(inst)
+    text += wrist_text
     return Section("compensated_cycles", TITLE, text, [_plot(context, loads, found)], [table, wrist_table])
 
 

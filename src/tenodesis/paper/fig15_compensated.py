@@ -102,7 +102,6 @@ def section(context: Context) -> Section:
             "do not use"
         )
     text += ". Without a slack tendon the exact law with both motors is the law “paper” (eq. 22).</p>"
-    text += step_response.caveat(inst)
     if context.is_paper:
         more, table = readings(context, inst, held, force)
         text += more

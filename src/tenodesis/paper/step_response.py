@@ -89,16 +89,6 @@ def can_compensate(inst: ShortForm) -> bool:
     return True
 
 
-def caveat(inst: ShortForm) -> str:
-    """Return what errors against eq. 18 leave out, as HTML; nothing if a law can bring them to zero."""
-    if inst.joint_type != "continuum":
-        return ""
-    return (
-        "<p>Errors are against the unloaded angle. The laws bring a continuum beyond it, to where tendons that do not "
-        "stretch would, since they restore the angle that its backbone’s own moment takes as well.</p>"
-    )
-
-
 def step_force(inst: ShortForm) -> float:
     """Return the force that the step load makes at the tip, N."""
     return rigged(inst) or shown_force(inst)

@@ -167,7 +167,7 @@ def section(context: Context) -> Section:
         "variance in the last two seconds: about 1 if the observer doubts itself rightly, less if it doubts itself too "
         "much.</p>"
     )
-    return Section("unlike_model", TITLE, text + step_response.caveat(inst), [_plot(inst, bars)], [table])
+    return Section("unlike_model", TITLE, text, [_plot(inst, bars)], [table])
 
 
 def _rms(values: Any) -> float:

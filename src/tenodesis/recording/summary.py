@@ -174,8 +174,8 @@ def _ends(run: Run) -> Iterator[tuple[str, float | None, float | None, str]]:
             yield name, None, None, unit
 
 
-def tip_error(run: Run, inst: ShortForm) -> Array:
-    """Return the tip's angle less that of eq. 18 without load and friction, rad, shape (n, axes).
+def tip_error(run: Run, inst: Instrument) -> Array:
+    """Return the tip's angles less its unloaded ones (:func:`tenodesis.statics.targets`), rad, shape (n, joints).
 
     Angles that only the encoders have are taken from there.
 
@@ -188,13 +188,7 @@ def tip_error(run: Run, inst: ShortForm) -> Array:
         run.by_column(name if name in run.signals() else f"measured_{name}")
         for name in ("handle_angle", "output_angle")
     )
-    error = np.empty(output.shape)
-    for n, planar in enumerate(inst.planar):
-        within = np.clip(handle[:, n], -planar.handle_range, planar.handle_range)
-        # Eq. 19 with equal tensions.
-        aim = statics.estimate_output_angle(planar, within, planar.pretension, planar.pretension)
-        error[:, n] = output[:, n] - aim
-    return error
+    return output - statics.targets(inst, handle)
 
 
 def outcome(run: Run, inst: Instrument, names: Sequence[str] = FAULTS) -> dict[str, str]:
@@ -213,7 +207,7 @@ def outcome(run: Run, inst: Instrument, names: Sequence[str] = FAULTS) -> dict[s
         return {}
     signals = run.signals().keys()
     angles = {"handle_angle", "measured_handle_angle"} & signals and {"output_angle", "measured_output_angle"} & signals
-    error = tip_error(run, inst) if angles and isinstance(inst, ShortForm) else None
+    error = tip_error(run, inst) if angles and inst.handle_joints else None
     if run.operating_state is None or run.faults is None:
         tip = {} if error is None else {"tip": _deviation(run, error)}
         return tip | _tensions(run)
@@ -238,7 +232,7 @@ def _tip(run: Run, error: Array, during: NDArray[np.bool_]) -> str:
     parts = []
     for name, off in zip(run.joints, error.T, strict=True):
         rms = f", {degrees(np.sqrt(np.mean(off[during] ** 2))):.2f} deg RMS while enabled" if during.any() else ""
-        parts.append(f"{name} {degrees(off[-1]):+.2f} deg off the unloaded angle (eq. 18 of the paper) at the end{rms}")
+        parts.append(f"{name} {degrees(off[-1]):+.2f} deg off the unloaded angle at the end{rms}")
     return "; ".join(parts)
 
 
@@ -259,7 +253,7 @@ def _deviation(run: Run, error: Array) -> str:
             continue
         worst = int(np.nanargmax(np.abs(off)))
         parts.append(
-            f"{name} {degrees(off[worst]):+.2f} deg off the unloaded angle (eq. 18 of the paper) at most, at "
+            f"{name} {degrees(off[worst]):+.2f} deg off the unloaded angle at most, at "
             f"{run.time[worst]:.4g} s, {degrees(off[-1]):+.2f} deg at the end"
         )
     return "; ".join(parts)

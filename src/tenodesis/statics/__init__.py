@@ -19,10 +19,12 @@ from tenodesis.statics.equations import (
     slack_force,
     tensions,
     torque_transmissibility,
+    unloaded_angle,
 )
 from tenodesis.statics.loss import Loss, hold, loss
 from tenodesis.statics.query import Equilibrium, Tensions
 from tenodesis.statics.slack import slack_load
+from tenodesis.statics.target import targets
 from tenodesis.statics.wrench import TipWrench, load_matrix, tip_wrench
 
 __all__ = [
@@ -53,9 +55,11 @@ __all__ = [
     "slack_force",
     "slack_load",
     "straight_arms",
+    "targets",
     "tensions",
     "tip_wrench",
     "torque_transmissibility",
+    "unloaded_angle",
 ]
 
 

@@ -3,6 +3,7 @@
 =====================  =========================================================
 Equations 1-8          :func:`tensions`; of eq. 8, :func:`slack_force`, :func:`slack_load`
 Equations 9, 18        :func:`output_angle`; with status, :func:`equilibrium`
+Equation 18            :func:`unloaded_angle`, which compensation restores
 Equations 10-14        :func:`torque_transmissibility`
 Equations 15, 16       :func:`flexural_stiffness`
 Equation 17            :func:`loss_of_dexterity`
@@ -90,6 +91,17 @@ def output_angle(
         "tip": the force turns with the end-effector; "stem": it keeps its direction.
     """
     return _held("output_angle", inst, locals(), chain.output_angles)
+
+
+def unloaded_angle(inst: InstrumentLike, handle_angle: ArrayLike) -> FloatOrArray:
+    """Return the output angle without load, friction and strokes of the motors (eq. 18), rad: what laws restore.
+
+    A backbone bends by less than the tendons are drawn, since these stretch against it. Of several joints, angles have
+    a last axis with the joints.
+    """
+    if as_instrument(inst).closed_form is None:
+        return output_angle(inst, handle_angle)
+    return _evaluate("unloaded_angle", inst, locals())[0]
 
 
 def handle_angle(
@@ -263,8 +275,10 @@ def compensation_stroke(
     antagonist: ArrayLike,
     actuation: Actuation = "agonist",
     law: Law = "exact",
+    *,
+    handle_angle: ArrayLike = 0.0,
 ) -> FloatOrArray:
-    """Return the tendon length to wind so that the tip bends as if tendons did not stretch (eqs. 21, 22), m.
+    """Return the tendon length to wind so that the tip bends as without the load (eqs. 21, 22), m.
 
     There is none where the agonist's motor alone cannot restore the angle.
 
@@ -277,6 +291,8 @@ def compensation_stroke(
     law
         "exact": restores all of the lost angle, slack included; "paper": eq. 22 as printed, whatever the actuation,
         which restores half of it with one motor.
+    handle_angle
+        Where the tensions were measured, rad: there a backbone stretches the tendons without a load, too.
     """
     return _evaluate("compensation_stroke", inst, locals())[0]
 

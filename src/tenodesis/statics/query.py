@@ -36,7 +36,8 @@ INPUTS = {
         "antagonist_wound",
         "slack_below",
     ),
-    "compensation_stroke": ("agonist", "antagonist"),
+    "unloaded_angle": ("handle_angle",),
+    "compensation_stroke": ("agonist", "antagonist", "handle_angle"),
 }
 """Arguments of each function beside the instrument, in the core's order; wound lengths by tendon."""
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from tenodesis.instrument import ShortForm
 from tenodesis.statics.equations import Actuation, Law, compensation_stroke, tensions
 
-_ITERATIONS = 200
+_ITERATIONS = 2000
 _SETTLED = 1e-15  # m
 
 
@@ -15,14 +15,14 @@ def settled_stroke(
 ) -> NDArray[np.float64]:
     """Return the agonist's stroke, m, at which the law requires just the stroke already made, NaN if there is none.
 
-    A fixed-point iteration; half steps keep it from overshooting.
+    A fixed-point iteration; half steps keep it from overshooting. The stiffer a backbone, the more steps it takes.
     """
     stroke = np.zeros_like(handle_angle)
     for _ in range(_ITERATIONS):
         tension = tensions(inst, handle_angle, force, wound=wound(stroke, actuation))
         solved = np.isfinite(tension.agonist)
         agonist, antagonist = (np.where(solved, measured, 0.0) for measured in tension)
-        wanted = compensation_stroke(inst, agonist, antagonist, actuation, law)
+        wanted = compensation_stroke(inst, agonist, antagonist, actuation, law, handle_angle=handle_angle)
         step = np.where(solved, (wanted - stroke) / 2, np.nan)
         # Points that find no equilibrium on the way get no stroke and are left out of the solves that follow.
         lost = ~np.isfinite(step)
