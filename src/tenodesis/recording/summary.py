@@ -15,7 +15,7 @@ from rich.text import Text
 from tenodesis import statics
 from tenodesis.control import FAULTS, OperatingState, Request
 from tenodesis.errors import InstrumentError, RecordingError
-from tenodesis.instrument import Instrument, ShortForm
+from tenodesis.instrument import Instrument
 from tenodesis.recording.metadata import CONTROLLER, controller_choices, controller_instrument, in_words
 from tenodesis.recording.reader import Recording
 from tenodesis.recording.tables import columns
