@@ -96,6 +96,8 @@ def test_targets_are_those_of_every_axis_and_keep_what_is_not_known(real: Instru
     handle = np.array([[-0.4, 0.3], [np.nan, 0.2], [10.0, -10.0]])
     found = tn.statics.targets(real, handle)
     assert np.isnan(found[1]).all()
+    assert tn.statics.targets(real, handle[0]) == pytest.approx(found[0])
+    assert tn.statics.targets(real.axis("yaw"), handle[0, :1]) == pytest.approx(found[0, :1])
     for n, axis in enumerate(real.axes):
         alone, ends = real.axis(axis), [1, -1][n] * real.handle_range
         assert found[0, n] == pytest.approx(tn.statics.unloaded_angle(alone, handle[0, n]), abs=1e-12)

@@ -23,6 +23,6 @@ def targets(inst: InstrumentLike, handle_angles: ArrayLike) -> NDArray[np.float6
     ranges = np.array([joint.range for joint in inst.handle_joints])
     within = np.nan_to_num(np.clip(handle, -ranges, ranges))
     is_pair = inst.closed_form is not None
-    aims = unloaded_angle(inst, within[..., 0] if is_pair else within)
+    aims = np.asarray(unloaded_angle(inst, within[..., 0] if is_pair else within))
     known = np.isfinite(handle).all(axis=-1, keepdims=True)
     return np.where(known, aims[..., np.newaxis] if is_pair else aims, np.nan)
