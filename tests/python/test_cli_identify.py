@@ -15,12 +15,13 @@ from typer.testing import CliRunner
 
 import tenodesis as tn
 from tenodesis.cli import common, identify
-from tenodesis.errors import CommandError
+from tenodesis.errors import CommandError, IdentificationError
 from tenodesis.files import atomic_file, atomic_files
 from tenodesis.identification import FORMATS, Format, Parameter, Problem, Trace, report
+from tenodesis.identification.formats.instrument_run import first_axis
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.instrument import Instrument
-from tenodesis.run import Array
+from tenodesis.run import Array, Run
 
 STEP = 0.01
 
@@ -361,3 +362,9 @@ def test_on_eighty_columns_no_interval_breaks(
     rows = [line for line in shown.splitlines() if " … " in line]
     assert len(rows) == sum(bool(one["fitted"]) for one in found["parameters"].values())
     assert all(line.count(" … ") == 1 and len(line) <= 80 for line in rows)
+
+
+def test_a_run_whose_first_joint_shares_its_tendons_is_refused_in_one_sentence() -> None:
+    run = Run(np.arange(3.0), ("pitch", "jaw_1"), (), ("one", "other"), output_angle=np.zeros((3, 2)))
+    with pytest.raises(IdentificationError, match=r"^the first joint of the run is pitch; it must be a joint with "):
+        first_axis(run)

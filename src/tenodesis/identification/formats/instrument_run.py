@@ -122,8 +122,21 @@ def measured(run: Run, instrument: InstrumentLike | None = None, *, name: str = 
 
 
 def first_axis(run: Run) -> dict[str, Array]:
-    """Return the signals of a run's first axis, each (n,) or per tendon (n, 2)."""
-    return {name: values for name, values in run.axis(run.axes[0]).signals().items() if name in USED}
+    """Return the signals of a run's first axis, each (n,) or per tendon (n, 2).
+
+    Raises IdentificationError if that joint has no joint of the handle or no pair of tendons of its own.
+    """
+    try:
+        alone = run.axis(run.axes[0])
+    except KeyError:
+        allowed = "a joint with a joint of the handle and a pair of tendons of its own"
+        raise IdentificationError(
+            f"the first joint of the run is {run.axes[0]}; it must be {allowed}.",
+            key="run",
+            value=run.axes[0],
+            allowed=allowed,
+        ) from None
+    return {name: values for name, values in alone.signals().items() if name in USED}
 
 
 def first_alone(axes: Sequence[str]) -> list[str]:
