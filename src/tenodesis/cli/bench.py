@@ -1,4 +1,4 @@
-"""The command that computes every figure and table of the paper: ``tenodesis bench``."""
+"""The command that computes a report on an instrument, of the paper's every figure and table: ``tenodesis bench``."""
 
 import re
 from pathlib import Path
@@ -13,19 +13,21 @@ from tenodesis.cli.common import (
     ProgressBar,
     check_choice,
     console,
+    load_instrument,
     load_short_form,
     say,
     say_resolution,
     table,
 )
 from tenodesis.cli.outputs import Overwrite, writing, written_by_us
-from tenodesis.errors import InstrumentError
+from tenodesis.errors import CommandError, InstrumentError
 from tenodesis.paper.context import Context
 from tenodesis.paper.run import CHAPTERS, run, steps
 
 _BRIEF = (
     r"loss\.at_\d+deg\.|tension\.slack_load|transmissibility\.straight|table1\.stiffness|table2\.(force|tension)|"
-    r"similarity\..*\.(rms|largest)$|care\.[167]|verification\.\w+\.\w+$|axes|tip_force\.\w+\.after\.error"
+    r"similarity\..*\.(rms|largest)$|care\.[167]|verification\.\w+\.\w+$|axes|tip_force\.\w+\.after\.error|"
+    r"loss\.largest|slack\.least|stiffness\.softest|hysteresis\.widest|compensated\.robust\.worst"
 )
 """Names of the results that the summary shows; the report has all."""
 
@@ -47,13 +49,22 @@ def bench(  # noqa: PLR0917
     out: Annotated[Path, typer.Option(help="Folder for report, figures, curves and results.")] = Path("out"),
     overwrite: Overwrite = False,
 ) -> None:
-    """Compute every figure and table of the paper for an instrument and write out/report.html."""
+    """Compute a report on an instrument, every figure of the paper for its own, and write out/report.html."""
     chapters = [name.strip() for names in only or () for name in names.split(",")]
     for name in chapters:
         check_choice("--only", name, CHAPTERS)
-    inst = load_short_form(instrument_file)
+    inst = load_instrument(instrument_file)
     if scaled_up is None and instrument_file == "real-size":
         scaled_up = "scaled-up"
+    planar = Context.of(inst).short is not None
+    for option, given in (("--axis", axis), ("--scaled-up", scaled_up)):
+        if given is not None and not planar:
+            raise CommandError(
+                f"{option} is given, but {inst.name} lists joints and tendons; it must be left out.",
+                key=option,
+                value=given,
+                allowed="left out",
+            )
     scaled = None if scaled_up is None else load_short_form(scaled_up)
     if scaled is not None and scaled.joint_type != inst.joint_type:
         raise InstrumentError(
@@ -63,7 +74,7 @@ def bench(  # noqa: PLR0917
             value=scaled.joint_type,
             allowed=inst.joint_type,
         )
-    if axis is not None or inst.overrides:
+    if planar and (axis is not None or inst.overrides):
         inst = inst.axis(axis or inst.axes[0])
     done, total = 0, steps(inst, scaled, chapters)
     outputs = [("--out", out / name) for name in ("report.html", "results.json")]
@@ -89,14 +100,15 @@ def bench(  # noqa: PLR0917
     summary = _summary(context)
     if summary.row_count:
         console.print(summary)
-    say_resolution(context.tested)
+    if context.controlled is not None:
+        say_resolution(context.controlled)
     say(f"Report: {out / 'report.html'}")
     say("with figures/, curves/, recordings/ and results.json beside it")
 
 
 def _summary(context: Context) -> Table:
     """Return the most important results, beside those that the paper prints."""
-    summary = table(f"{escape(context.inst.name)}: summary, by name in results.json")
+    summary = table(f"{escape(context.given.name)}: summary, by name in results.json")
     summary.add_column("result", overflow="fold")
     beside = any(result.published for result in context.results.values())
     for heading in ("computed", "published", "residual") if beside else ("computed",):

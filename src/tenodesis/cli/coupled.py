@@ -20,7 +20,6 @@ from tenodesis.units import Angle, PositiveForce, SignedForce, SignedMoment
 
 Array = NDArray[np.float64]
 
-_HALF = 0.5
 _UNITS = {
     "wrench": "N, N*m", "grip_force": "N", "output_angles": "rad", "loaded_angles": "rad", "lost": "rad",
     "tensions": "N", "strokes": "m", "handle_corrections": "rad", "slack_factor": "1", "slack_tendon": "",
@@ -35,7 +34,7 @@ _RESTORED = "What motors wind to bring all joints back [mm]"
 
 def print_coupled(inst: CoupledInstrument, *, as_json: bool) -> None:
     """Print what `check` says of a coupled instrument."""
-    found = losses(inst, _usual_states(inst), np.eye(3, 6))
+    found = losses(inst, statics.usual_states(inst), np.eye(3, 6))
     doubts = coupled.implausible(inst)
     if as_json:
         typer.echo(json.dumps(_as_json(inst, found, doubts), indent=1, ensure_ascii=False))
@@ -86,7 +85,7 @@ def print_coupled_losses(
             key="--grip",
             value=grip,
         )
-    found = losses(inst, states or _usual_states(inst), wrenches, pressing)
+    found = losses(inst, states or statics.usual_states(inst), wrenches, pressing)
     if as_json:
         typer.echo(json.dumps(_losses_as_json(inst, found), indent=1))
         return
@@ -102,22 +101,6 @@ def losses(
     """Return what each load takes at each state, as far as the unloaded instrument can be held there."""
     rows = np.asarray(wrenches, float)
     return [coupled.loss(inst, state, wrench, grip_force) for state in states for wrench in rows]
-
-
-def _usual_states(inst: CoupledInstrument) -> list[Array]:
-    """Return the straight instrument, and one bent by half of its range at the tip, or else at the handle."""
-    straight = np.zeros(len(inst.tip_joints))
-    for place in ("tip", "handle"):
-        try:
-            if place == "tip":
-                bent = np.array([_HALF * joint.range for joint in inst.tip_joints])
-            else:
-                bent = coupled.output_angles(inst, [_HALF * joint.range for joint in inst.handle_joints])
-            coupled.hold(inst, bent)
-        except NoSolutionError:
-            continue
-        return [straight, bent]
-    return [straight]
 
 
 def _rates(inst: CoupledInstrument) -> coupled.Rates | None:

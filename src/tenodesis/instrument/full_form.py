@@ -17,7 +17,7 @@ MOST_JOINTS = 6
 MOST_TENDONS = 12
 _OF_SHORT_FORM = frozenset(
     {
-        *("joint_type", "axes", "axis", "planar", "spec", "parameter_fields", "quantities", "overrides"),
+        *("joint_type", "axes", "axis", "planar", "spec", "parameter_fields", "overrides"),
         *("overall_length", "end_effector_length", "handle_length", "handle_range", "output_range", "output_stop"),
         *("mismatch", "rig_arm", "tension_sensor"),
         *("distal_gear_radius", "proximal_gear_radius", "distal_pulley_radius", "proximal_pulley_radius"),

@@ -1,7 +1,7 @@
 """The instrument from which everything is computed: joints and tendons, in either form that a file may have."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
@@ -16,7 +16,7 @@ from tenodesis.instrument.devices import Devices
 from tenodesis.instrument.hardware import Control, Drives, Friction, Geometry, Sensors
 from tenodesis.instrument.joints import MECHANISMS, SIGNS, Joint, Tendon
 from tenodesis.toml import FileTable, validated
-from tenodesis.units import Force, Length, Modulus, PositiveForce, Stiffness
+from tenodesis.units import Force, Length, Modulus, PositiveForce, Quantity, Stiffness, quantity_of
 
 if TYPE_CHECKING:
     from tenodesis.instrument.any_form import AnyForm
@@ -177,6 +177,14 @@ class Instrument(FileTable, AnyForm):
             return None
         handle = self.handle_joints[0]
         return self.core.closed_form(handle.end_effector_length or math.nan, handle.range)
+
+    def quantities(self) -> Iterator[tuple[str, float, Quantity]]:
+        """Yield key, value in SI and kind of quantity of every dimension given."""
+        for name, field in type(self).model_fields.items():
+            quantity = quantity_of(field)
+            value = getattr(self, name)
+            if quantity is not None and value is not None:
+                yield field.alias or name, value, quantity
 
     def replace(self, **changes: Any) -> Self:
         """Return this instrument with some values changed, by key; lists of tables as lists of dictionaries.

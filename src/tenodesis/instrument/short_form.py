@@ -19,7 +19,6 @@ from tenodesis.units import (
     Length,
     Quantity,
     in_words,
-    quantity_of,
 )
 
 PARAMETERS = tuple(_core.parameters())
@@ -92,11 +91,7 @@ class ShortForm(Instrument):
 
     def quantities(self) -> Iterator[tuple[str, float, Quantity]]:
         """Yield key, value in SI and kind of quantity of every dimension given, stiffness included."""
-        for name, field in type(self).model_fields.items():
-            quantity = quantity_of(field)
-            value = getattr(self, name)
-            if quantity is not None and value is not None:
-                yield field.alias or name, value, quantity
+        yield from super().quantities()
         if self.given_stiffness is None:
             yield "tendon_stiffness", self.tendon_stiffness, STIFFNESS
 

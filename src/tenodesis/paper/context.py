@@ -1,13 +1,16 @@
 """Data shared by the sections of the report: the instruments, the loads of the figures, and the results."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from tenodesis import instrument as instruments
 from tenodesis import statics
-from tenodesis.instrument import ShortForm
+from tenodesis.coupled import compensated
+from tenodesis.errors import ArgumentError, InstrumentError
+from tenodesis.instrument import FullForm, Instrument, ShortForm, as_short_form, expanded
 from tenodesis.report.content import Column, Published, Result, ResultTable
 from tenodesis.report.curves import forces
 from tenodesis.run import Run
@@ -25,7 +28,7 @@ COEFFICIENTS = ("vertex_coefficient", "sheath_coefficient", "constant")
 class RecordedRun:
     """A protocol that was run on the twin of an instrument, with the seed of its noise."""
 
-    inst: ShortForm
+    inst: ShortForm | FullForm
     protocol: Protocol
     seed: int
     run: Run
@@ -39,7 +42,7 @@ def _ignore(_: str) -> None:
 class Context:
     """Input of the sections, and their results."""
 
-    inst: ShortForm
+    given: Instrument
     scaled: ShortForm | None
     is_paper: bool
     """Whether both instruments are the paper's own, so that its printed numbers apply."""
@@ -54,11 +57,13 @@ class Context:
     """Whether the instrument is none of the paper's, whose figures, targets and pitfalls then do not concern it."""
     chapters: frozenset[str] = frozenset()
     """Names of the chapters that the report has; empty for all."""
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    """Why the report does not have the others, a sentence each, by name."""
 
     @classmethod
     def of(
         cls,
-        inst: ShortForm,
+        inst: Instrument,
         scaled: ShortForm | None = None,
         *,
         seeds: int = SEEDS,
@@ -66,19 +71,44 @@ class Context:
     ) -> "Context":
         """Return the context of a report on an instrument and its scale model.
 
-        The working range of an instrument whose handle does not reach its end is shortened to what it reaches.
+        The working range of a planar instrument whose handle does not reach its end is shortened to what it reaches.
         """
         real, prototype = (instruments.load(name) for name in ("real-size", "scaled-up"))
         is_paper = inst == real and scaled == prototype
-        reached = statics.output_angle(inst, np.array([inst.handle_range]))[0]
-        return cls(
-            inst.replace(output_range=reached) if reached < inst.output_range else inst,
-            scaled,
-            is_paper,
-            seeds,
-            progress,
-            is_own=inst not in (real, prototype),
-        )
+        context = cls(inst, scaled, is_paper, seeds, progress, is_own=inst not in (real, prototype))
+        if context.short is not None:
+            reached = statics.output_angle(context.short, np.array([inst.handle_range]))[0]
+            if reached < inst.output_range:
+                return replace(context, given=inst.replace(output_range=reached))
+        return context
+
+    @cached_property
+    def short(self) -> ShortForm | None:
+        """The instrument in the short form; None if its file lists joints and tendons."""
+        try:
+            return as_short_form(self.given)
+        except InstrumentError:
+            return None
+
+    @property
+    def inst(self) -> ShortForm:
+        """The planar instrument; raises InstrumentError if its file lists joints and tendons."""
+        return as_short_form(self.given)
+
+    @cached_property
+    def whole(self) -> FullForm:
+        """The instrument as joints and tendons."""
+        return expanded(self.given)
+
+    @property
+    def controlled(self) -> ShortForm | None:
+        """The one-axis instrument of the experiments, or the axes that a controller compensates; None without any."""
+        if self.short is not None:
+            return self.tested
+        try:
+            return compensated(self.given)
+        except (ArgumentError, InstrumentError):
+            return None
 
     @property
     def tested(self) -> ShortForm:

@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from markupsafe import Markup
 
+from tenodesis import coupled
 from tenodesis.control.plausibility import implausible
 from tenodesis.control.resolution import sentences, warnings
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument
 from tenodesis.paper.context import Context, shown_force
 from tenodesis.report import page
 from tenodesis.report.content import Section, fixed, unit_text
@@ -23,9 +24,15 @@ def headlines(context: Context) -> list[tuple[str, str]]:
         ("tension.slack_load.flexed", "load under which a tendon goes slack, handle held", 2),
         ("transmissibility.straight", "torque transmissibility, straight", 3),
         ("axes.loaded_coupling", "largest coupling of yaw and pitch", 1),
+        ("loss.largest", "largest loss of a joint", 1),
+        ("slack.least", "least load at which a tendon goes slack", 2),
+        ("stiffness.softest", "stiffness, softest motion", 3),
+        ("hysteresis.widest", "widest loop on the twin", 1),
+        ("compensated.robust.worst", "left by the robust law, at most", 2),
     ]
-    flexed, force = np.degrees(context.inst.output_range), shown_force(context.inst)
-    chosen.insert(0, (f"loss.at_{flexed:.4g}deg.{force:g}N", f"lost under {force:g} N at {flexed:.4g}°", 1))
+    if context.short is not None:
+        flexed, force = np.degrees(context.inst.output_range), shown_force(context.inst)
+        chosen.insert(0, (f"loss.at_{flexed:.4g}deg.{force:g}N", f"lost under {force:g} N at {flexed:.4g}°", 1))
     units = {"deg": "°", "1": ""}
     return [
         (name, fixed(results[key].value, digits) + units.get(results[key].unit, f" {results[key].unit}"))
@@ -36,18 +43,21 @@ def headlines(context: Context) -> list[tuple[str, str]]:
 
 def render(context: Context, sections: Sequence[Section], drawings: Mapping[str, Markup]) -> str:
     """Return the report as HTML; drawings are the figures as SVG, by name."""
-    instruments = [inst for inst in (context.inst, context.scaled) if inst is not None]
+    instruments = [inst for inst in (context.given, context.scaled) if inst is not None]
+    sensing = (context.short or context.controlled, context.scaled)
     return page.render(
         __package__,
         "report.html.j2",
-        inst=context.inst,
+        inst=context.given,
+        kind=_kind(context),
         scaled=context.scaled,
         own=context.is_own,
         implausible=_implausible(context),
         headlines=headlines(context),
-        dimensions=[_dimensions(inst) for inst in instruments],
-        resolutions=[(inst.name, " ".join((*sentences(inst), *warnings(inst)))) for inst in instruments],
+        dimensions=[(inst.name, [*_dimensions(inst), *_forces(inst, context)]) for inst in instruments],
+        resolutions=[(inst.name, " ".join((*sentences(inst), *warnings(inst)))) for inst in sensing if inst],
         sections=sections,
+        left_out=context.left_out,
         drawings=drawings,
         care=sorted((point for section in sections for point in section.care), key=lambda point: point.number),
         published=[result for result in context.results.values() if result.published is not None],
@@ -57,8 +67,18 @@ def render(context: Context, sections: Sequence[Section], drawings: Mapping[str,
 
 def _implausible(context: Context) -> list[str]:
     """Return what is implausible about an instrument of one's own; its sensors have a sentence already."""
-    found = implausible(context.inst) if context.is_own else ()
+    if not context.is_own:
+        return []
+    found = coupled.implausible(context.whole) if context.short is None else implausible(context.short)
     return [unit_text(one.sentence) for one in found if one.key != "sensors"]
+
+
+def _kind(context: Context) -> str:
+    """Return in words what joints the instrument has."""
+    if context.short is not None:
+        return f"{context.short.joint_type} joint, {' and '.join(context.short.axes)}"
+    *names, last = (joint.name for joint in context.whole.tip_joints)
+    return f"joints {', '.join(names)}{' and ' * bool(names)}{last} by {len(context.whole.tendons)} tendons"
 
 
 def _marked(text: str) -> Markup:
@@ -66,8 +86,15 @@ def _marked(text: str) -> Markup:
     return Markup(re.sub(r"(?<![\w])([θκTlF])_([a-zθ])(?![a-z])", r"\1<sub>\2</sub>", text))
 
 
-def _dimensions(inst: ShortForm) -> tuple[str, list[tuple[str, str, str]]]:
-    """Return an instrument's name and its values as text, each with its source."""
+def _forces(inst: Instrument, context: Context) -> list[tuple[str, str, str]]:
+    """Return the loads of a planar instrument's conditions as text, with their source."""
+    given = () if context.short is None else inst.conditions.forces
+    forces = ", ".join(f"{force:g}" for force in given)
+    return [("forces", f"{forces} N", inst.sources.get("conditions.forces", ""))] if forces else []
+
+
+def _dimensions(inst: Instrument) -> list[tuple[str, str, str]]:
+    """Return an instrument's values as text, each with its source."""
     units = {"m": "mm", "Pa": "GPa", "rad": "deg", "N*m^2": "N*mm^2"}
     rows = []
     for key, value, quantity in inst.quantities():
@@ -75,7 +102,4 @@ def _dimensions(inst: ShortForm) -> tuple[str, list[tuple[str, str, str]]]:
         shown = f"{value * in_unit(unit, quantity.unit):.5g} {unit_text(unit)}"
         source = "follows from E A / L" if key == "tendon_stiffness" and inst.given_stiffness is None else ""
         rows.append((key.replace("_", " "), shown.replace(" deg", "°"), inst.sources.get(key, source)))
-    forces = ", ".join(f"{force:g}" for force in inst.conditions.forces)
-    if forces:
-        rows.append(("forces", f"{forces} N", inst.sources.get("conditions.forces", "")))
-    return inst.name, rows
+    return rows

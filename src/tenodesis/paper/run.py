@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tenodesis.errors import ArgumentError, ReportError
-from tenodesis.instrument import ShortForm, TendonGear
+from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.paper import report
 from tenodesis.paper.context import SEEDS, Context
+from tenodesis.paper.needs import Need, friction, gears, law, listed, matrices, papers, planar, scale_model
 from tenodesis.report import style
 from tenodesis.report.content import Section
 from tenodesis.report.page import about, json_number, json_text, write_columns, write_figure, written
@@ -22,32 +23,51 @@ class Chapter(NamedTuple):
 
     module: str
     """Module of this package that computes it"""
-    concerns: Callable[[Context], bool] = lambda _: True
-    """Whether an instrument of one's own has this chapter"""
+    needs: tuple[Need, ...] = ()
+    """What an instrument must have"""
+    concerns: tuple[Need, ...] = ()
+    """What one's own must have besides, unless the chapter is named"""
+    otherwise: "Chapter | None" = None
+    """What takes its place where the instrument lacks something"""
 
     def section(self, context: Context) -> Section:
         """Compute the chapter."""
         computed: Section = import_module(f"tenodesis.paper.{self.module}").section(context)
         return computed
 
+    def fitting(self, context: Context, *, is_named: bool) -> "tuple[Chapter | None, str]":
+        """Return the chapter, or what takes its place; None, and in a sentence what is missing, if nothing fits."""
+        needs = self.needs if is_named or not context.is_own else self.needs + self.concerns
+        missing = next(filter(None, (need(context) for need in needs)), "")
+        if not missing:
+            return self, ""
+        return (None, missing) if self.otherwise is None else self.otherwise.fitting(context, is_named=is_named)
+
+
+def _either(module: str, otherwise: str, *needs: Need) -> Chapter:
+    """Return a chapter of planar instruments, in whose place another serves all others."""
+    return Chapter(module, (planar,), otherwise=Chapter(f"any_instrument.{otherwise}", needs))
+
 
 CHAPTERS = {
-    "input-output": Chapter("fig7_input_output"),
-    "slack": Chapter("fig8_tension"),
-    "transmissibility": Chapter("fig9_transmissibility"),
-    "loss": Chapter("fig11_loss"),
-    "compensation": Chapter("compensation_laws"),
-    "workspace": Chapter("workspace"),
-    "similarity": Chapter("tables_1_2_scale_model", lambda context: context.scaled is not None),
-    "design": Chapter("scale_model_design", lambda _: False),
-    "cycles": Chapter("fig14_cycles"),
-    "step-load": Chapter("fig15_step_load"),
-    "compensated-step-load": Chapter("fig15_compensated"),
-    "compensated-cycles": Chapter("fig14_compensated"),
-    "campaign": Chapter("campaign"),
-    "unlike-model": Chapter("unlike_model", lambda context: context.inst.friction.law != "none"),
-    "tip-force": Chapter("tip_force", lambda context: context.inst.friction.law != "none"),
-    "checks": Chapter("checks", lambda context: isinstance(context.inst, TendonGear)),
+    "posture": Chapter("any_instrument.posture", (listed,)),
+    "input-output": _either("fig7_input_output", "input_output"),
+    "slack": _either("fig8_tension", "slack"),
+    "transmissibility": _either("fig9_transmissibility", "transmissibility"),
+    "stiffness": Chapter("any_instrument.stiffness", (matrices,)),
+    "loss": _either("fig11_loss", "loss"),
+    "compensation": Chapter("compensation_laws", (planar,)),
+    "workspace": _either("workspace", "reached"),
+    "similarity": Chapter("tables_1_2_scale_model", (planar,), (scale_model,)),
+    "design": Chapter("scale_model_design", (planar,), (papers,)),
+    "cycles": _either("fig14_cycles", "cycles"),
+    "step-load": _either("fig15_step_load", "step_load"),
+    "compensated-step-load": _either("fig15_compensated", "compensated_step", law),
+    "compensated-cycles": _either("fig14_compensated", "compensated_cycles", law),
+    "campaign": Chapter("campaign", (planar,)),
+    "unlike-model": Chapter("unlike_model", (planar,), (friction,)),
+    "tip-force": Chapter("tip_force", (planar,), (friction,)),
+    "checks": Chapter("checks", (planar,), (gears,)),
 }
 """The chapters of the report in order, by name."""
 
@@ -58,20 +78,35 @@ def chosen(context: Context, only: Collection[str] = ()) -> dict[str, Chapter]:
     Raises
     ------
     ArgumentError
-        There is no chapter of a name.
+        There is no chapter of a name, or the instrument lacks what it needs.
     """
     unknown = next((name for name in only if name not in CHAPTERS), None)
     if unknown is not None:
         raise ArgumentError(key="only", value=unknown, allowed=f"one of {', '.join(CHAPTERS)}")
-    if only:
-        return {name: chapter for name, chapter in CHAPTERS.items() if name in only}
-    return {name: one for name, one in CHAPTERS.items() if not context.is_own or one.concerns(context)}
+    found: dict[str, Chapter] = {}
+    for name, chapter in CHAPTERS.items():
+        fits, missing = chapter.fitting(context, is_named=name in only)
+        if name in only and fits is None:
+            raise ArgumentError(
+                f"only names {name}, which {context.given.name} does not have: {missing}", key="only", value=name
+            )
+        if fits is not None and (not only or name in only):
+            found[name] = fits
+    return found
 
 
-def steps(inst: ShortForm, scaled: ShortForm | None, only: Collection[str] = ()) -> int:
+def left_out(context: Context) -> dict[str, str]:
+    """Return the chapters that a report on all that concerns the instrument lacks, each with the reason."""
+    reasons = {name: chapter.fitting(context, is_named=False)[1] for name, chapter in CHAPTERS.items()}
+    return {name: reason for name, reason in reasons.items() if reason}
+
+
+def steps(inst: Instrument, scaled: ShortForm | None, only: Collection[str] = ()) -> int:
     """Return how often a run reports progress."""
-    chapters = chosen(Context.of(inst, scaled), only)
-    return len(chapters) + 1 + (_mujoco_cases(inst, scaled) if "checks" in chapters else 0)
+    context = Context.of(inst, scaled)
+    chapters = chosen(context, only)
+    cases = _mujoco_cases(context.inst, scaled) if "checks" in chapters else 0
+    return len(chapters) + 1 + cases
 
 
 def _mujoco_cases(inst: ShortForm, scaled: ShortForm | None) -> int:
@@ -81,7 +116,7 @@ def _mujoco_cases(inst: ShortForm, scaled: ShortForm | None) -> int:
 
 
 def run(
-    inst: ShortForm,
+    inst: Instrument,
     scaled: ShortForm | None = None,
     out: Path = Path("out"),
     progress: Callable[[str], None] = lambda _: None,
@@ -95,7 +130,7 @@ def run(
     Parameters
     ----------
     scaled
-        Its scale model, of the same joint type; without it the report leaves similarity out.
+        Its scale model, of the same joint type, if it is planar; without it the report leaves similarity out.
     out
         Folder for report.html, results.json, figures/, curves/ and recordings/; made if absent.
     progress
@@ -110,13 +145,14 @@ def run(
     Raises
     ------
     ArgumentError
-        There is no chapter of a name in `only`.
+        There is no chapter of a name in `only`, or the instrument lacks what it needs.
     ReportError
         The folder cannot be written.
     """
     context = Context.of(inst, scaled, seeds=seeds, progress=progress)
     chapters = chosen(context, only)
     context.chapters = frozenset(chapters)
+    context.left_out = left_out(context) if context.is_own and not only else {}
     # A folder that cannot be written is reported before a minute of work, not after it.
     with written(out, ReportError):
         pass
@@ -166,7 +202,7 @@ def _results(context: Context) -> dict[str, Any]:
     return {
         "schema": RESULTS_SCHEMA,
         "about": about(),
-        "instrument": context.inst.name,
+        "instrument": context.given.name,
         "scaled_up": None if context.scaled is None else context.scaled.name,
         "chapters": [name for name in CHAPTERS if name in context.chapters],
         "results": entries,

@@ -11,13 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument
 from tenodesis.report import style
 
 Array: TypeAlias = NDArray[np.float64]
 
 
-def named(inst: ShortForm) -> str:
+def named(inst: Instrument) -> str:
     """Return an instrument's name escaped for HTML."""
     return html.escape(inst.name)
 

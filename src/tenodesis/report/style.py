@@ -89,10 +89,10 @@ def legend_above(axis: Axes, columns: int) -> None:
     axis.legend(loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.3, ncols=columns)
 
 
-def legend_outside(fig: Figure, *entries: tuple[str, str, str]) -> None:
-    """Put a legend above all panels of a figure; an entry is a name, a colour and a line style."""
+def legend_outside(fig: Figure, *entries: tuple[str, str, str], columns: int | None = None) -> None:
+    """Put a legend above all panels of a figure, in one row; an entry is a name, a colour and a line style."""
     handles = [Line2D([], [], color=color, ls=line, label=name) for name, color, line in entries]
-    fig.legend(handles=handles, loc="outside upper left", ncols=len(entries))
+    fig.legend(handles=handles, loc="outside upper left", ncols=columns or len(entries))
 
 
 def inlined(name: str, svg: str) -> str:

@@ -21,7 +21,7 @@ from tenodesis.statics.equations import (
     torque_transmissibility,
     unloaded_angle,
 )
-from tenodesis.statics.loss import Loss, hold, loss
+from tenodesis.statics.loss import Loss, hold, loss, usual_states
 from tenodesis.statics.query import Equilibrium, Tensions
 from tenodesis.statics.slack import slack_load
 from tenodesis.statics.target import targets
@@ -60,6 +60,7 @@ __all__ = [
     "tip_wrench",
     "torque_transmissibility",
     "unloaded_angle",
+    "usual_states",
 ]
 
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tenodesis.errors import ArgumentError
+from tenodesis.errors import ArgumentError, NoSolutionError
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
 from tenodesis.statics.chain import compensation_strokes, coordinates, equilibrium, handle_angles
 from tenodesis.statics.loads import rows
@@ -13,6 +13,7 @@ from tenodesis.statics.slack import first_slack
 
 Array = NDArray[np.float64]
 
+_HALF = 0.5
 _WEIGHT = 1e4
 
 
@@ -90,6 +91,23 @@ def hold(inst: InstrumentLike, output_angles: ArrayLike) -> tuple[Array, Array]:
     tensions, _ = nnls(rows, np.concatenate([weight * needed, rest[motors]]))
     strokes[motors] = drawn[motors] + (tensions - rest[motors]) / inst.stiffnesses[motors]
     return handle, strokes
+
+
+def usual_states(inst: InstrumentLike) -> list[Array]:
+    """Return the angles of the straight tip, (joints,), and of one bent by half of its range, or of the handle's."""
+    inst = expanded(inst)
+    straight = np.zeros(len(inst.tip_joints))
+    for place in ("tip", "handle"):
+        try:
+            if place == "tip":
+                bent = np.array([_HALF * joint.range for joint in inst.tip_joints])
+            else:
+                bent = equilibrium(inst, [_HALF * joint.range for joint in inst.handle_joints]).output_angle
+            hold(inst, bent)
+        except NoSolutionError:
+            continue
+        return [straight, bent]
+    return [straight]
 
 
 def loss(inst: InstrumentLike, output_angles: ArrayLike, wrench: ArrayLike, grip_force: float = 0.0) -> Loss:

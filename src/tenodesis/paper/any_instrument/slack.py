@@ -1,0 +1,86 @@
+"""How loads change the tensions of an instrument that is held, and from which load on a tendon is slack."""
+
+import numpy as np
+
+from tenodesis import coupled
+from tenodesis.paper.any_instrument.held import MULTIPLES, Load, State, described, loads, states
+from tenodesis.paper.context import Context
+from tenodesis.report import style
+from tenodesis.report.content import Chart, Column, Plot, Section, named
+from tenodesis.report.routing import tendon_colours
+
+_POINTS = 61
+_WIDE = 2.6
+"""Width of a panel, inches."""
+_FARTHEST = 20.0
+"""How far curves go, over the shown load."""
+
+
+def section(context: Context) -> Section:
+    """Compute the load in each direction at which the first tendon goes slack, and the tensions on the way."""
+    inst = context.whole
+    held, applied = states(inst), loads(inst)
+    table = context.table(
+        "Load at which the first tendon goes slack, handle and motors held",
+        "state",
+        "direction",
+        Column(
+            "slack from [N]",
+            "slack.{state}.{load}",
+            "N",
+            "Load {direction} at which the first tendon goes slack, {state}",
+            optional=True,
+        ),
+        "tendon",
+    )
+    least: list[float] = []
+    found: dict[tuple[str, str], float] = {}
+    for state in held:
+        for load in applied:
+            lost = coupled.loss(inst, state.angles, load.wrench, load.grip)
+            force = lost.slack_factor * load.size
+            found[state.name, load.name] = lost.slack_factor
+            least += [force] if np.isfinite(force) else []
+            labels = {"state": state.name, "load": load.name, "direction": load.direction}
+            table.row(state.name, load.direction, force, lost.slack_tendon or "–", **labels)
+    text = "<p>Handle and motors are held, without friction, and a force grows at the tip or between the jaws."
+    if least:
+        context.add("slack.least", min(least), "N", "Least load at which a tendon goes slack, of all states and loads")
+        text += f" Below {min(least):.3g} N no tendon that is taut without a load goes slack."
+    for state in held:
+        tensions = coupled.tensions(inst, state.handle, strokes=state.strokes)
+        slack = [tendon.name for tendon, tension in zip(inst.tendons, tensions, strict=True) if tension <= 0]
+        if slack:
+            text += f" Slack without a load, {state.name}: {', '.join(slack)}."
+    bent = held[-1]
+    plot = _plot(context, bent, applied, [found[bent.name, load.name] for load in applied])
+    return Section("tension", "Tension and slack", text + "</p>", [plot], [table])
+
+
+def _plot(context: Context, state: State, applied: list[Load], slack: list[float]) -> Plot:
+    inst = context.whole
+    colors = tendon_colours(len(inst.tendons))
+    chart, axes = Chart.panels(len(applied), width=max(7.0, _WIDE * len(applied) + 0.4), height=3.8)
+    for axis, load, factor in zip(axes, applied, slack, strict=True):
+        end = np.clip(1.25 * factor, MULTIPLES[-1], _FARTHEST) if np.isfinite(factor) else MULTIPLES[-1]
+        multiples = np.linspace(0.0, float(end), _POINTS)
+        forces = chart.keep(f"force {load.direction} [N]", multiples * load.size)
+        wrench, grip = np.outer(multiples, load.wrench), multiples * load.grip
+        tensions = coupled.tensions(inst, state.handle, wrench, grip_force=grip, strokes=state.strokes)
+        for n, (tendon, color) in enumerate(zip(inst.tendons, colors, strict=True)):
+            chart.curve(
+                axis,
+                forces,
+                f"{tendon.name}, {load.direction} [N]",
+                tensions[:, n],
+                color=color,
+                lw=max(2.8 - 0.4 * n, 1.0),
+            )
+        if factor <= end:
+            axis.axvline(factor * load.size, color=style.ACCENT, lw=1.1, ls=":")
+        axis.set(title=load.direction, xlabel="force [N]", xlim=(0, forces[-1]), ylim=(0, None))
+    axes[0].set_ylabel("tension [N]")
+    lines = [(tendon.name, color, "-") for tendon, color in zip(inst.tendons, colors, strict=True)]
+    style.legend_outside(chart.figure, *lines, ("first tendon slack", style.ACCENT, ":"), columns=4)
+    where = described(inst, state)
+    return chart.plot("tension", f"Tensions of all tendons over the load, {named(inst)} at {where}.")

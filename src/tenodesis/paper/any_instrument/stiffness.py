@@ -1,0 +1,78 @@
+"""Stiffness of the joints as a matrix, and how far forces at the tip turn them."""
+
+import numpy as np
+
+from tenodesis import coupled
+from tenodesis.paper.any_instrument.held import described, looks, states
+from tenodesis.paper.any_instrument.matrix import matrix
+from tenodesis.paper.context import Context
+from tenodesis.report import style
+from tenodesis.report.content import Chart, Plot, Section, Table, named, number
+
+_FORCES = ("x", "y", "z")
+
+
+def section(context: Context) -> Section:
+    """Compute the matrices of stiffness and compliance, straight and bent, and how stiffness changes on the way."""
+    inst = context.whole
+    names = [joint.name for joint in inst.tip_joints]
+    tables: list[Table] = []
+    softest: list[float] = []
+    for state in states(inst):
+        rates = coupled.rates(inst, state.handle, strokes=state.strokes)
+        where = described(inst, state)
+        compliance = np.degrees(np.column_stack([rates.by_wrench[:, :3], rates.by_grip]))
+        by = (*_FORCES, "grip") if inst.jaws else _FORCES
+        tables += [
+            matrix(
+                context,
+                f"Stiffness at {where}: moment by angle [N·m/rad]",
+                f"stiffness.{state.name}",
+                "N·m/rad",
+                f"Moment about {{of}} by the angle of {{by}}, {state.name}",
+                names,
+                rates.stiffness,
+            ),
+            matrix(
+                context,
+                f"Compliance at {where}: angle by force at the tip [°/N]",
+                f"compliance.{state.name}",
+                "deg/N",
+                f"Angle of {{of}} by a force along {{by}}, {state.name}",
+                by,
+                compliance[:, : len(by)],
+            ),
+        ]
+        softest.append(float(np.linalg.eigvalsh((rates.stiffness + rates.stiffness.T) / 2)[0]))
+    least = min(softest)
+    context.add("stiffness.softest", least, "N·m/rad", "Least stiffness of a motion of the joints, straight or bent")
+    text = (
+        "<p>Rows are the moments about the joints, columns the angles by which they are turned, handle and motors held "
+        "(eq. 16 in one plane). What stands beside the diagonal is the moment that a neighbour’s angle brings: tendons "
+        f"that cross both joints. The softest motion of all joints together has {number(least, 3)} N·m/rad.</p>"
+    )
+    return Section("stiffness", "Stiffness of the joints", text, [_plot(context)], tables)
+
+
+def _plot(context: Context) -> Plot:
+    inst = context.whole
+    bent = states(inst)[-1]
+    shares, handle, strokes = bent.along(inst)
+    rates = coupled.rates(inst, handle, strokes=strokes)
+    chart, (left, right) = Chart.panels(2, width=8.6, height=3.6)
+    percent = chart.keep("share of the bent state [%]", 100 * shares)
+    for n, (name, look) in enumerate(looks(inst).items()):
+        own = rates.stiffness[:, n, n]
+        chart.curve(left, percent, f"stiffness of {name} [N*m/rad]", own, label=name, **look)
+        turned = np.degrees(np.linalg.norm(rates.by_wrench[:, n, :3], axis=1))
+        chart.curve(right, percent, f"{name} by a newton in its worst direction [deg/N]", turned, **look)
+    left.set(ylabel="stiffness, others held [N·m/rad]", ylim=(0, None))
+    right.set(ylabel="angle by force, worst direction [deg/N]", ylim=(0, None))
+    for axis in (left, right):
+        axis.set_xlabel("share of the bent state [%]")
+    style.legend_above(left, 3)
+    return chart.plot(
+        "stiffness",
+        f"Left: stiffness of every joint with the others held, from straight through {described(inst, bent)} (100 %), "
+        f"{named(inst)}. Right: angle by force at the tip, in the direction that turns the joint most.",
+    )

@@ -1,0 +1,55 @@
+"""What chapters need of an instrument: each a function that says in a sentence what is missing, "" if nothing is."""
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+from tenodesis import coupled
+from tenodesis.errors import ArgumentError, InstrumentError
+from tenodesis.paper.context import Context
+
+Need: TypeAlias = Callable[[Context], str]
+
+
+def planar(context: Context) -> str:
+    """Whether the file has the short form, with a joint_type."""
+    return "" if context.short is not None else "it is for planar instruments, whose file has a joint_type."
+
+
+def law(context: Context) -> str:
+    """Whether a controller compensates a joint."""
+    try:
+        coupled.compensated(context.given)
+    except (ArgumentError, InstrumentError) as problem:
+        return str(problem)
+    return ""
+
+
+def matrices(context: Context) -> str:
+    """Whether there is more than one planar axis, and the report is one's own."""
+    several = context.short is None or len(context.short.axes) > 1
+    return "" if several and context.is_own else "with one axis it is a number, in the chapters on loss and torque."
+
+
+def listed(context: Context) -> str:
+    """Whether the file lists joints and tendons."""
+    return "" if context.short is None else "the joint is planar; tn.plot.routing and tn.plot.posture draw it."
+
+
+def scale_model(context: Context) -> str:
+    """Whether a scale model was given."""
+    return "" if context.scaled is not None else "there is none beside it; --scaled-up names one."
+
+
+def papers(context: Context) -> str:
+    """Whether the instrument is one of the paper's."""
+    return "" if not context.is_own else "tenodesis scale designs scale models."
+
+
+def friction(context: Context) -> str:
+    """Whether the file has friction."""
+    return "" if context.given.friction.law != "none" else "its file has no friction."
+
+
+def gears(context: Context) -> str:
+    """Whether the joints are rolling gears, for which there is independent code in one plane."""
+    return "" if context.inst.joint_type == "tendon-gear" else "independent code is for gear joints."
