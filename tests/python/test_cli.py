@@ -157,7 +157,7 @@ def test_bench_computes_the_chapters_that_are_named(tenodesis: Run, tmp_path: Pa
     assert {key.partition(".")[0] for key in names} == {"loss", "tension", "transmissibility"}
     code, _, wrong = tenodesis("bench", EXAMPLES / "pulley.toml", "--only", "loss,los", "--out", "nowhere")
     assert code == 1
-    assert "--only is 'los'; it must be one of input-output, slack, transmissibility, loss, " in wrong
+    assert "--only is 'los'; it must be one of posture, input-output, slack, transmissibility, loss, " in wrong
     assert not (tmp_path / "nowhere").exists()
     listed = tenodesis("bench", "--help")[1]
     assert all(re.search(rf"\b{name}\b", listed) for name in CHAPTERS if "-" not in name)

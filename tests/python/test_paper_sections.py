@@ -369,7 +369,7 @@ def test_a_folder_that_cannot_be_made_is_named_before_anything_is_computed(tmp_p
 
 
 def test_every_section_of_the_package_is_in_the_report() -> None:
-    modules = [chapter.module for chapter in CHAPTERS.values()]
+    modules = [chapter.module for chapter in CHAPTERS.values() if not chapter.module.startswith("any_instrument.")]
     folder = ROOT / "src/tenodesis/paper"
     assert sorted(modules) == sorted(
         path.stem for path in folder.glob("*.py") if re.search(r"^def section\(", path.read_text("utf-8"), re.M)

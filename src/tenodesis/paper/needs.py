@@ -27,7 +27,9 @@ def law(context: Context) -> str:
 def matrices(context: Context) -> str:
     """Whether there is more than one planar axis, and the report is one's own."""
     several = context.short is None or len(context.short.axes) > 1
-    return "" if several and context.is_own else "with one axis it is a number, in the chapters on loss and torque."
+    return (
+        "" if several and context.is_own else "of a planar axis it is one number, in the chapter on loss."
+    )
 
 
 def listed(context: Context) -> str:

@@ -54,7 +54,7 @@ def render(context: Context, sections: Sequence[Section], drawings: Mapping[str,
         own=context.is_own,
         implausible=_implausible(context),
         headlines=headlines(context),
-        dimensions=[(inst.name, [*_dimensions(inst), *_forces(inst, context)]) for inst in instruments],
+        dimensions=[_dimensions(inst) for inst in instruments],
         resolutions=[(inst.name, " ".join((*sentences(inst), *warnings(inst)))) for inst in sensing if inst],
         sections=sections,
         left_out=context.left_out,
@@ -86,15 +86,8 @@ def _marked(text: str) -> Markup:
     return Markup(re.sub(r"(?<![\w])([θκTlF])_([a-zθ])(?![a-z])", r"\1<sub>\2</sub>", text))
 
 
-def _forces(inst: Instrument, context: Context) -> list[tuple[str, str, str]]:
-    """Return the loads of a planar instrument's conditions as text, with their source."""
-    given = () if context.short is None else inst.conditions.forces
-    forces = ", ".join(f"{force:g}" for force in given)
-    return [("forces", f"{forces} N", inst.sources.get("conditions.forces", ""))] if forces else []
-
-
-def _dimensions(inst: Instrument) -> list[tuple[str, str, str]]:
-    """Return an instrument's values as text, each with its source."""
+def _dimensions(inst: Instrument) -> tuple[str, list[tuple[str, str, str]]]:
+    """Return an instrument's name and its values as text, each with its source."""
     units = {"m": "mm", "Pa": "GPa", "rad": "deg", "N*m^2": "N*mm^2"}
     rows = []
     for key, value, quantity in inst.quantities():
@@ -102,4 +95,7 @@ def _dimensions(inst: Instrument) -> list[tuple[str, str, str]]:
         shown = f"{value * in_unit(unit, quantity.unit):.5g} {unit_text(unit)}"
         source = "follows from E A / L" if key == "tendon_stiffness" and inst.given_stiffness is None else ""
         rows.append((key.replace("_", " "), shown.replace(" deg", "°"), inst.sources.get(key, source)))
-    return rows
+    forces = ", ".join(f"{force:g}" for force in inst.conditions.forces)
+    if forces:
+        rows.append(("forces", f"{forces} N", inst.sources.get("conditions.forces", "")))
+    return inst.name, rows

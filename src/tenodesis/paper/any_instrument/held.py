@@ -10,9 +10,8 @@ from tenodesis.report import style
 from tenodesis.report.content import Array
 from tenodesis.simulate import Wrench
 
-MULTIPLES = (0.5, 1.0, 2.0)
+_MULTIPLES = (0.5, 1.0, 2.0)
 """Of the shown load, in tables."""
-
 _TAKEN = np.radians(10.0)
 """What the shown load takes about, from the joint that gives way most."""
 _LARGEST = 5.0  # N
@@ -54,6 +53,8 @@ class Load(NamedTuple):
     """Force and moment at the tip, (6,), N and N m"""
     grip: float
     """Force that presses the jaws apart, N"""
+    multiples: tuple[float, ...]
+    """Of the load, in tables, the largest last"""
 
     def keys(self) -> dict[str, Any]:
         """Return the keys of a protocol's phase under this load."""
@@ -77,23 +78,26 @@ def states(inst: FullForm) -> list[State]:
 def loads(inst: FullForm) -> list[Load]:
     """Return the forces along the tip's axes that take something from a joint, and the grip if there are jaws.
 
-    Their size is one digit of what takes about ten degrees from a joint of the bent state, at most five newtons.
+    Forces have the sizes of the instrument's conditions. Without them, and of the grip, the size is one digit of what
+    takes about ten degrees from a joint of the bent state, at most five newtons.
     """
     bent = states(inst)[-1]
     rates = coupled.rates(inst, bent.handle, strokes=bent.strokes)
     by_force = rates.by_wrench[:, :3]
     most = np.abs(by_force).max(axis=0)
-    size = _shown(float(most.max()))
+    given = sorted(inst.conditions.forces)
+    size = given[min(1, len(given) - 1)] if given else _shown(float(most.max()))
+    multiples = tuple(force / size for force in given) or _MULTIPLES
     found = []
     for n, axis in enumerate("xyz"):
         if most[n] >= _FELT * most.max():
             sign = -1.0 if by_force[:, n] @ np.sign(bent.angles + 1e-12) > 0 else 1.0
             wrench = np.zeros(6)
             wrench[n] = sign * size
-            found.append(Load(axis, f"along {'−' if sign < 0 else ''}{axis}", size, wrench, 0.0))
+            found.append(Load(axis, f"along {'−' if sign < 0 else ''}{axis}", size, wrench, 0.0, multiples))
     if inst.jaws:
         grip = _shown(float(np.abs(rates.by_grip).max()))
-        found.append(Load("grip", "between the jaws", grip, np.zeros(6), grip))
+        found.append(Load("grip", "between the jaws", grip, np.zeros(6), grip, _MULTIPLES))
     return found
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from tenodesis import coupled
 from tenodesis.coupled import Loss
-from tenodesis.paper.any_instrument.held import MULTIPLES, Load, State, described, legend, loads, looks, states
+from tenodesis.paper.any_instrument.held import Load, State, described, legend, loads, looks, states
 from tenodesis.paper.context import Context
 from tenodesis.report import style
 from tenodesis.report.content import Chart, Column, Plot, Section, Table, fixed, named
@@ -48,7 +48,7 @@ def section(context: Context) -> Section:
             "strokes [mm]",
         )
         for load in applied:
-            for multiple in MULTIPLES:
+            for multiple in load.multiples:
                 lost = _loss(context, state, load, multiple)
                 size = multiple * load.size
                 wound = 1e3 * lost.strokes
@@ -83,8 +83,8 @@ def _loss(context: Context, state: State, load: Load, multiple: float) -> Loss:
 def _plot(context: Context, held: list[State], applied: list[Load]) -> Plot:
     inst = context.whole
     chart, axes = Chart.panels(len(applied), width=max(7.0, _WIDE * len(applied) + 0.4), height=3.6)
-    multiples = np.linspace(0.0, MULTIPLES[-1], _POINTS)
     for axis, load in zip(axes, applied, strict=True):
+        multiples = np.linspace(0.0, load.multiples[-1], _POINTS)
         forces = chart.keep(f"force {load.direction} [N]", multiples * load.size)
         for state, line in zip(held, ("--", "-")[-len(held) :], strict=True):
             free = coupled.output_angles(inst, state.handle, strokes=state.strokes)

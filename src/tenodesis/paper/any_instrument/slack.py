@@ -3,7 +3,7 @@
 import numpy as np
 
 from tenodesis import coupled
-from tenodesis.paper.any_instrument.held import MULTIPLES, Load, State, described, loads, states
+from tenodesis.paper.any_instrument.held import Load, State, described, loads, states
 from tenodesis.paper.context import Context
 from tenodesis.report import style
 from tenodesis.report.content import Chart, Column, Plot, Section, named
@@ -62,7 +62,8 @@ def _plot(context: Context, state: State, applied: list[Load], slack: list[float
     colors = tendon_colours(len(inst.tendons))
     chart, axes = Chart.panels(len(applied), width=max(7.0, _WIDE * len(applied) + 0.4), height=3.8)
     for axis, load, factor in zip(axes, applied, slack, strict=True):
-        end = np.clip(1.25 * factor, MULTIPLES[-1], _FARTHEST) if np.isfinite(factor) else MULTIPLES[-1]
+        last = load.multiples[-1]
+        end = np.clip(1.25 * factor, last, max(last, _FARTHEST)) if np.isfinite(factor) else last
         multiples = np.linspace(0.0, float(end), _POINTS)
         forces = chart.keep(f"force {load.direction} [N]", multiples * load.size)
         wrench, grip = np.outer(multiples, load.wrench), multiples * load.grip

@@ -1,0 +1,210 @@
+"""Claims about the report on any instrument: which chapters it has, and that their numbers are those of the statics."""
+
+import json
+import re
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tenodesis as tn
+from tenodesis import coupled
+from tenodesis.errors import ArgumentError
+from tenodesis.instrument import Instrument
+from tenodesis.paper import report, run
+from tenodesis.paper.any_instrument import held, motions, transmissibility
+from tenodesis.paper.any_instrument.cycles import cycle
+from tenodesis.paper.context import Context
+from tenodesis.paper.run import CHAPTERS, chosen, left_out, steps
+from tenodesis.report import style
+
+from .coupled_samples import backbone, drawn, jaws, two_axes
+
+SHIPPED = ("needle-driver", "maryland-dissector", "two-segment-continuum", "hybrid-real-size", "hybrid-scaled-up")
+ANY = {"jaws": jaws, "backbone": backbone, "gears": lambda: two_axes("scaled-up"), "drawn": lambda: drawn(3)}
+STATICS = ("posture", "input-output", "slack", "transmissibility", "stiffness", "loss", "workspace")
+
+
+def sample(name: str) -> Instrument:
+    return ANY[name]() if name in ANY else tn.load(name)
+
+
+def computed(inst: Instrument, *names: str) -> tuple[Context, str]:
+    """Compute chapters, lay out their figures without saving them, and return the text of the report on them."""
+    context = Context.of(inst)
+    with style.applied():
+        sections = [chosen(context, [name])[name].section(context) for name in names]
+        for plot in (plot for section in sections for plot in section.plots):
+            assert all(np.isfinite(np.asarray(values, float)).any() for values in plot.curves.values()), plot.name
+            plot.figure.draw_without_rendering()
+    drawings = {plot.name: "" for section in sections for plot in section.plots}
+    return context, re.sub(r"<style.*?</style>", "", report.render(context, sections, drawings), flags=re.S)
+
+
+@pytest.mark.parametrize("name", [*SHIPPED, *ANY, "real-size", "scaled-up"])
+def test_every_chapter_applies_or_says_in_a_sentence_why_not(name: str) -> None:
+    context = Context.of(sample(name))
+    found, missing = chosen(context), left_out(context)
+    assert found.keys() | missing.keys() == CHAPTERS.keys()
+    assert not found.keys() & missing.keys()
+    assert all(reason.endswith(".") for reason in missing.values())
+    for chapter in missing:
+        with pytest.raises(ArgumentError, match=f"only names {chapter}, which {context.given.name} does not have: "):
+            chosen(context, [chapter])
+
+
+def test_planar_instruments_keep_their_chapters() -> None:
+    own = Context.of(tn.load("scaled-up").axis("yaw").replace(name="own", pretension=20))
+    general = [name for name, chapter in chosen(own).items() if chapter.module.startswith("any_instrument")]
+    assert not general
+    two = Context.of(tn.load("real-size").replace(name="own"))
+    assert [name for name, chapter in chosen(two).items() if chapter.module.startswith("any")] == ["stiffness"]
+
+
+def test_only_joints_with_a_pair_of_their_own_are_compensated() -> None:
+    missing = left_out(Context.of(tn.load("needle-driver")))
+    assert missing["compensated-step-load"] == missing["compensated-cycles"]
+    assert "two tendons on the two sides" in missing["compensated-cycles"]
+    assert {"compensated-step-load", "compensated-cycles"} <= chosen(Context.of(tn.load("hybrid-real-size"))).keys()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", [*SHIPPED, *ANY])
+def test_the_statics_of_any_instrument_get_a_report(name: str) -> None:
+    context, text = computed(sample(name), *STATICS)
+    assert ">nan" not in text
+    for joint in context.whole.tip_joints:
+        assert joint.name in text
+        assert any(f".{joint.name}." in key or key.endswith(f".{joint.name}") for key in context.results)
+
+
+@pytest.mark.parametrize("name", ["needle-driver", "two-segment-continuum", "hybrid-real-size"])
+def test_losses_and_slack_are_those_of_the_statics(name: str) -> None:
+    inst = tn.load(name)
+    context, _ = computed(inst, "loss", "slack")
+    for state, angles in zip(("straight", "bent"), coupled.usual_states(inst), strict=True):
+        for load in held.loads(context.whole):
+            expected = coupled.loss(inst, angles, load.wrench, load.grip)
+            for joint, lost in zip(context.whole.tip_joints, expected.lost, strict=True):
+                shown = context.results[f"loss.{joint.name}.{state}.{load.name}.{load.size:.3g}N"]
+                assert shown.value == pytest.approx(np.degrees(lost), abs=1e-9)
+            slack_from = expected.slack_factor * load.size
+            found = context.results.get(f"slack.{state}.{load.name}")
+            assert (found is None) == (not np.isfinite(slack_from))
+            assert found is None or found.value == pytest.approx(slack_from, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["needle-driver", "two-segment-continuum", "hybrid-scaled-up"])
+def test_matrices_are_the_rates_at_rest(name: str) -> None:
+    inst = tn.load(name)
+    context, _ = computed(inst, "stiffness", "transmissibility")
+    whole = context.whole
+    for state in held.states(whole):
+        rates = coupled.rates(inst, state.handle, strokes=state.strokes)
+        for i, joint in enumerate(whole.tip_joints):
+            for j, other in enumerate(whole.tip_joints):
+                shown = context.results[f"stiffness.{state.name}.{joint.name}.{other.name}"].value
+                assert shown == pytest.approx(rates.stiffness[i, j], rel=1e-12)
+            for j, tendon in enumerate(whole.tendons):
+                shown = context.results[f"by_stroke.{state.name}.{joint.name}.{tendon.name}"].value
+                assert shown == pytest.approx(1e-3 * np.degrees(rates.by_stroke[i, j]), abs=1e-12)
+            for j, axis in enumerate("xyz"):
+                shown = context.results[f"compliance.{state.name}.{joint.name}.{axis}"].value
+                assert shown == pytest.approx(np.degrees(rates.by_wrench[i, j]), abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["real-size", "scaled-up"])
+def test_the_matrix_of_moments_is_eq_13_for_one_joint(name: str) -> None:
+    inst = tn.load(name).axis("yaw")
+    by_handle = coupled.rates(inst, [0.0]).by_handle
+    ratio = transmissibility.torque_transmissibility(by_handle)
+    assert ratio[0, 0] == pytest.approx(tn.statics.torque_transmissibility(inst, 0.0), rel=1e-9)
+
+
+def test_moments_at_the_tip_are_felt_at_the_handle_by_the_transposed_angles() -> None:
+    inst = two_axes("real-size")
+    handle, step = np.radians([20.0, 10.0]), 1e-4
+    arms = inst.tendon_arms("handle") * np.cos(handle / 2) / 2
+
+    def felt(force: np.ndarray) -> np.ndarray:
+        return np.asarray(coupled.tensions(inst, handle, [*force, 0, 0, 0]) @ arms)
+
+    rates = coupled.rates(inst, handle)
+    for direction in np.eye(3)[:2]:
+        change = (felt(step * direction) - felt(-step * direction)) / (2 * step)
+        moments = rates.stiffness @ rates.by_wrench[:, :3] @ direction
+        assert change == pytest.approx(-rates.by_handle.T @ moments, rel=1e-3, abs=1e-6)
+
+
+def test_loads_are_against_flexion_where_a_joint_feels_them() -> None:
+    continuum = coupled.load("two-segment-continuum")
+    assert {load.name for load in held.loads(continuum)} == {"x", "z"}
+    driver = coupled.load("needle-driver")
+    assert {load.name for load in held.loads(driver)} == {"x", "y", "grip"}
+    given = driver.replace(conditions={"forces": [1.0, 2.0, 4.0]})
+    force = next(load for load in held.loads(given) if load.name == "x")
+    assert (force.size, force.multiples) == (2.0, (0.5, 1.0, 2.0))
+
+
+@pytest.mark.parametrize("name", [*SHIPPED, *ANY])
+def test_motions_stay_within_all_ranges_and_turn_their_joint_most(name: str) -> None:
+    inst = coupled.load(sample(name))
+    found = motions.motions(inst)
+    assert found
+    for motion in found:
+        turned = np.abs(motion.angles[-1] - motion.angles[0])
+        assert motion.follows == np.argmax(turned)
+        assert (np.abs(motion.angles) <= [joint.range + 1e-5 for joint in inst.tip_joints]).all()
+
+
+def test_friction_opens_the_loops_of_a_motion_and_nothing_else_does() -> None:
+    rough = coupled.load("two-segment-continuum").replace(
+        friction={"law": "capstan", "vertex_coefficient": 0.2, "sheath_coefficient": 0.1, "sheath_bend": 0.5}
+    )
+    widths = []
+    for inst in (rough.replace(friction=None), rough):
+        done = cycle(inst, motions.motions(inst)[0], None)
+        assert done is not None
+        widths.append(np.degrees(done.behind + done.ahead))
+    assert widths[0] < 0.3
+    assert widths[1] > 2 * widths[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["needle-driver", "hybrid-real-size"])
+def test_the_report_is_written_with_its_recordings_and_what_is_left_out(name: str, tmp_path: Path) -> None:
+    progress: list[str] = []
+    inst = tn.load(name)
+    context = run(inst, None, tmp_path, progress.append)
+    assert len(progress) == steps(inst, None)
+    names = json.loads((tmp_path / "results.json").read_text("utf-8"))
+    assert names["chapters"] == [name for name in CHAPTERS if name in chosen(context)]
+    html = (tmp_path / "report.html").read_text("utf-8")
+    for chapter, reason in context.left_out.items():
+        assert f"<li><b>{chapter}</b>: {reason.split(';')[0]}" in html
+    ids = re.findall(r'\bid="([^"]+)"', html)
+    assert len(ids) == len(set(ids))
+    for target in re.findall(r'href="#([^"]+)"', html):
+        assert target in ids
+    recordings = {path.stem for path in (tmp_path / "recordings").iterdir()}
+    assert recordings == set(context.recordings)
+    assert any(stem.startswith("cycles_") for stem in recordings)
+    if name == "hybrid-real-size":
+        assert context.results["compensated.robust.worst"].value < 0.6
+        for joint, load in (("yaw", "x"), ("pitch", "y")):
+            off, robust = (
+                abs(context.results[f"compensated.{law}.final_error.{joint}.{load}"].value) for law in ("off", "robust")
+            )
+            assert robust < off / 4
+
+
+def test_every_general_chapter_is_in_the_report() -> None:
+    folder = Path(held.__file__).parent
+    written = {path.stem for path in folder.glob("*.py") if re.search(r"^def section\(", path.read_text("utf-8"), re.M)}
+    chapters = [one for chapter in CHAPTERS.values() for one in (chapter, chapter.otherwise) if one is not None]
+    listed = {
+        one.module.removeprefix("any_instrument.") for one in chapters if one.module.startswith("any_instrument.")
+    }
+    assert listed == written
+    assert all(hasattr(import_module(f"tenodesis.paper.{one.module}"), "section") for one in chapters)
