@@ -27,9 +27,7 @@ def law(context: Context) -> str:
 def matrices(context: Context) -> str:
     """Whether there is more than one planar axis, and the report is one's own."""
     several = context.short is None or len(context.short.axes) > 1
-    return (
-        "" if several and context.is_own else "of a planar axis it is one number, in the chapter on loss."
-    )
+    return "" if several and context.is_own else "of a planar axis it is one number, in the chapter on loss."
 
 
 def listed(context: Context) -> str:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tenodesis import coupled
+from tenodesis import coupled, kinematics
 from tenodesis.paper.any_instrument.held import State, described, states
 from tenodesis.paper.context import Context
 from tenodesis.report import routing, space
@@ -28,7 +28,7 @@ def section(context: Context) -> Section:
 def _posture(context: Context, state: State) -> Plot:
     inst = context.whole
     figure = space.draw(inst, state.angles, state.handle)
-    paths = coupled.frames(inst, state.angles, state.handle).tendons
+    paths = kinematics.frames(inst, state.angles, state.handle).tendons
     curves = {
         f"{name} {axis} [mm]": 1e3 * np.asarray(path)[:, n]
         for name, path in paths.items()

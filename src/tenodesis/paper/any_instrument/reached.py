@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tenodesis import coupled
+from tenodesis import coupled, kinematics
 from tenodesis.errors import NoSolutionError
 from tenodesis.instrument import FullForm
 from tenodesis.paper.any_instrument.held import Load, loads
@@ -52,7 +52,7 @@ def section(context: Context) -> Section:
         labels = {"load": load.name, "words": load.text()}
         table.row(load.text(), float(shown.mean()), float(shown.max()), 100 * float(held.mean()), **labels)
     text = (
-        f"<p>{len(places.free)} random postures within the ranges of all joints, from the stem’s end (0, 0, 0); z "
+        f"<p>{len(places.free)} random postures within the ranges of all joints, from the port, or the stem’s end; z "
         f"points along the stem. The tip’s places spread over {spans[0]:.3g}, {spans[1]:.3g} and {spans[2]:.3g} mm. "
         "The shade is how far the load that moves it most takes it from there, handle and motors held.</p>"
     )
@@ -85,7 +85,7 @@ def _places(inst: FullForm) -> Places:
 
 
 def _tip(inst: FullForm, angles: Array) -> Array:
-    return np.asarray(coupled.tip_pose(inst, angles).position.mean(axis=-2))
+    return np.asarray(kinematics.tip_pose(inst, angles).position.mean(axis=-2))
 
 
 def _loaded(inst: FullForm, places: Places, load: Load) -> Array:
@@ -107,7 +107,7 @@ def _plot(context: Context, places: Places, load: Load, way: Array) -> Plot:
     for axis, n in zip(axes, across, strict=True):
         drawn = axis.scatter((x, y)[n][order], z[order], c=shade[order], s=9, cmap="viridis", vmin=0, lw=0)
         axis.plot(0, 0, "o", color=style.ACCENT, ms=5)
-        axis.annotate("stem", (0, 0), (6, -3), textcoords="offset points", color=style.ACCENT)
+        axis.annotate("origin", (0, 0), (6, -3), textcoords="offset points", color=style.ACCENT)
         axis.set(xlabel=f"{'xy'[n]} [mm]", aspect="equal", ylim=(low - margin, high + margin))
     axes[0].set_ylabel("z, along the stem [mm]")
     chart.figure.colorbar(drawn, ax=list(axes), label=f"moved by {load.text()} [mm]", shrink=0.85, pad=0.02)
