@@ -148,7 +148,7 @@ def shown_force(inst: ShortForm) -> float:
     return loads[min(1, len(loads) - 1)]
 
 
-def has_friction(inst: ShortForm) -> bool:
+def has_friction(inst: Instrument) -> bool:
     """Return whether an instrument's tendons have friction."""
     return inst.friction.law != "none" and any(getattr(inst.friction, key) for key in COEFFICIENTS)
 

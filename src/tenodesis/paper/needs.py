@@ -32,7 +32,7 @@ def matrices(context: Context) -> str:
 
 def listed(context: Context) -> str:
     """Whether the file lists joints and tendons."""
-    return "" if context.short is None else "the joint is planar; tn.plot.routing and tn.plot.posture draw it."
+    return "" if context.short is None else "it is for instruments whose file lists joints and tendons."
 
 
 def scale_model(context: Context) -> str:

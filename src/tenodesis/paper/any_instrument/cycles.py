@@ -9,7 +9,7 @@ from tenodesis.errors import NoSolutionError, ProtocolError
 from tenodesis.instrument import FullForm
 from tenodesis.paper.any_instrument.held import Load, most_taking
 from tenodesis.paper.any_instrument.motions import SPEED, Motion, motions
-from tenodesis.paper.context import Context, RecordedRun
+from tenodesis.paper.context import Context, RecordedRun, has_friction
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, ResultTable, Section, fixed, named
 from tenodesis.run import Run
@@ -106,7 +106,7 @@ def target(inst: FullForm, run: Run, wrench: Array | float = 0.0, grip_force: fl
 def section(context: Context) -> Section:
     """Compute the cycles of every motion, without a load and under the one that takes most."""
     inst = context.whole
-    rough = inst.friction.law != "none"
+    rough = has_friction(inst)
     title = "There and back on the twin" + " with friction" * rough
     pairs = [(motion, load) for motion in motions(inst) for load in (None, most_taking(inst, motion.follows))]
     found = [done for done in (cycle(inst, *pair) for pair in pairs) if done is not None]

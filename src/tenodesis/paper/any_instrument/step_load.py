@@ -11,7 +11,7 @@ from tenodesis.instrument import FullForm
 from tenodesis.paper.any_instrument.cycles import target
 from tenodesis.paper.any_instrument.held import Load, State, described, legend, loads, looks, states
 from tenodesis.paper.any_instrument.motions import moved
-from tenodesis.paper.context import Context, RecordedRun
+from tenodesis.paper.context import Context, RecordedRun, has_friction
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, Section, named
 from tenodesis.run import Run
@@ -108,7 +108,7 @@ def section(context: Context) -> Section:
         f"<p>Handle and motors bring the tip to {described(inst, state)} and hold it there; then the load comes in "
         f"{1e3 * RISE:.0f} ms and stays."
     )
-    if inst.friction.law != "none":
+    if has_friction(inst):
         text += (
             " With friction a joint may lose less than without: it was held back already, or it does not give way "
             "until its tendons slip."
