@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 
 import tenodesis as tn
-from tenodesis import coupled
+from tenodesis import coupled, statics
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, expanded
 from tenodesis.paper import report, run
-from tenodesis.paper.any_instrument import held, motions, transmissibility
+from tenodesis.paper.any_instrument import held, motions
 from tenodesis.paper.any_instrument.cycles import cycle
 from tenodesis.paper.context import Context
 from tenodesis.paper.run import CHAPTERS, chosen, left_out, steps
 from tenodesis.report import style
+from tenodesis.statics import chain
 
 from .coupled_samples import backbone, drawn, jaws, two_axes
 
@@ -83,9 +84,9 @@ def test_the_statics_of_any_instrument_get_a_report(name: str) -> None:
 def test_losses_and_slack_are_those_of_the_statics(name: str) -> None:
     inst = tn.load(name)
     context, _ = computed(inst, "loss", "slack")
-    for state, angles in zip(("straight", "bent"), coupled.usual_states(inst), strict=True):
+    for state, angles in zip(("straight", "bent"), statics.usual_states(inst), strict=True):
         for load in held.loads(context.whole):
-            expected = coupled.loss(inst, angles, load.wrench, load.grip)
+            expected = statics.loss(inst, angles, load.wrench, load.grip)
             for joint, lost in zip(context.whole.tip_joints, expected.lost, strict=True):
                 shown = context.results[f"loss.{joint.name}.{state}.{load.name}.{load.size:.3g}N"]
                 assert shown.value == pytest.approx(np.degrees(lost), abs=1e-9)
@@ -101,7 +102,7 @@ def test_matrices_are_the_rates_at_rest(name: str) -> None:
     context, _ = computed(inst, "stiffness", "transmissibility")
     whole = context.whole
     for state in held.states(whole):
-        rates = coupled.rates(inst, state.handle, strokes=state.strokes)
+        rates = chain.rates(inst, state.handle, strokes=state.strokes)
         for i, joint in enumerate(whole.tip_joints):
             for j, other in enumerate(whole.tip_joints):
                 shown = context.results[f"stiffness.{state.name}.{joint.name}.{other.name}"].value
@@ -117,24 +118,9 @@ def test_matrices_are_the_rates_at_rest(name: str) -> None:
 @pytest.mark.parametrize("name", ["real-size", "scaled-up"])
 def test_the_matrix_of_moments_is_eq_13_for_one_joint(name: str) -> None:
     inst = tn.load(name).axis("yaw")
-    by_handle = coupled.rates(inst, [0.0]).by_handle
-    ratio = transmissibility.torque_transmissibility(by_handle)
-    assert ratio[0, 0] == pytest.approx(tn.statics.torque_transmissibility(inst, 0.0), rel=1e-9)
-
-
-def test_moments_at_the_tip_are_felt_at_the_handle_by_the_transposed_angles() -> None:
-    inst = two_axes("real-size")
-    handle, step = np.radians([20.0, 10.0]), 1e-4
-    arms = inst.tendon_arms("handle") * np.cos(handle / 2) / 2
-
-    def felt(force: np.ndarray) -> np.ndarray:
-        return np.asarray(coupled.tensions(inst, handle, [*force, 0, 0, 0]) @ arms)
-
-    rates = coupled.rates(inst, handle)
-    for direction in np.eye(3)[:2]:
-        change = (felt(step * direction) - felt(-step * direction)) / (2 * step)
-        moments = rates.stiffness @ rates.by_wrench[:, :3] @ direction
-        assert change == pytest.approx(-rates.by_handle.T @ moments, rel=1e-3, abs=1e-6)
+    context, _ = computed(expanded(inst), "transmissibility")
+    shown = context.results["transmissibility.straight.yaw.handle_yaw"].value
+    assert shown == pytest.approx(tn.statics.torque_transmissibility(inst, 0.0), rel=1e-9)
 
 
 def test_loads_are_against_flexion_where_a_joint_feels_them() -> None:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from rich.markup import escape
 from rich.table import Table
 
-from tenodesis import coupled
+from tenodesis import coupled, statics
 from tenodesis.cli.common import console, note, quantity, say, table, warn
 from tenodesis.coupled import CoupledInstrument, Joint, Loss, Tendon
 from tenodesis.errors import CommandError, NoSolutionError

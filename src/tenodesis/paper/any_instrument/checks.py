@@ -4,11 +4,11 @@ import html
 
 import numpy as np
 
-from tenodesis import coupled
 from tenodesis.errors import MissingExtraError
 from tenodesis.paper.any_instrument.held import loads, states
 from tenodesis.paper.context import Context
 from tenodesis.report.content import Column, Section
+from tenodesis.statics import chain
 from tenodesis.verification.coupled_peer import CoupledPeer
 
 _TITLE = "Independent verification"
@@ -31,7 +31,7 @@ def section(context: Context) -> Section:
     for state in states(inst):
         for load in loads(inst):
             row = load.wrench[np.newaxis]
-            ours = coupled.output_angles(inst, state.handle, row, grip_force=load.grip, strokes=state.strokes)[0]
+            ours = chain.output_angles(inst, state.handle, row, grip_force=load.grip, strokes=state.strokes)[0]
             theirs = peer.settle(state.handle, load.wrench, grip_force=load.grip, strokes=state.strokes)
             apart = float(np.degrees(np.abs(ours - theirs.angles).max()))
             table.row(state.name, load.text(), apart, state=state.name, load=load.name, words=load.text())

@@ -12,6 +12,7 @@ from tenodesis.paper.any_instrument.motions import Motion, motions
 from tenodesis.paper.context import Context
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, Section, named
+from tenodesis.statics import chain
 
 _EVERY = 20  # samples that are drawn
 _WIDE = 3.2
@@ -61,7 +62,7 @@ def _run(context: Context, motion: Motion, load: Load, law: str) -> tuple[Array,
     except (NoSolutionError, ProtocolError):
         return None
     shown = run.rows(round(1.5 / 5e-4), None, _EVERY)
-    aims = coupled.output_angles(inst, shown.by_column("handle_angle"))
+    aims = chain.output_angles(inst, shown.by_column("handle_angle"))
     error = np.degrees(shown.by_column("output_angle") - aims)[:, motion.follows]
     return np.degrees(shown.by_column("handle_angle")[:, int(np.argmax(np.abs(motion.handle)))]), error
 

@@ -9,6 +9,7 @@ from tenodesis.paper.any_instrument.step_load import Response, respond
 from tenodesis.paper.context import Context
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, Section, named
+from tenodesis.statics import chain
 
 AFTER = 7.0
 """Time under the load, s."""
@@ -73,7 +74,7 @@ def section(context: Context) -> Section:
 
 def _error(context: Context, done: Response, joints: list[int]) -> Array:
     """Return how far joints are from where they would be without load and friction, (n, joints), deg."""
-    aims = coupled.output_angles(context.whole, done.run.by_column("handle_angle"))
+    aims = chain.output_angles(context.whole, done.run.by_column("handle_angle"))
     return np.degrees(done.run.by_column("output_angle") - aims)[:, joints]
 
 

@@ -13,6 +13,7 @@ from tenodesis.paper.context import Context, RecordedRun, has_friction
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, ResultTable, Section, fixed, named
 from tenodesis.run import Run
+from tenodesis.statics import chain
 
 COUNT = 2
 """Cycles of a motion; the last one is judged."""
@@ -100,7 +101,7 @@ def cycle(inst: FullForm, motion: Motion, load: Load | None) -> Cycles | None:
 def target(inst: FullForm, run: Run, wrench: Array | float = 0.0, grip_force: float = 0.0) -> Array:
     """Return the angles of the tip without friction at a run's handle angles and strokes, (n, joints), rad."""
     strokes = run.by_column("spool_angle") * (inst.spool_radius or inst.drives.spool_radius)
-    return coupled.output_angles(inst, run.by_column("handle_angle"), wrench, grip_force=grip_force, strokes=strokes)
+    return chain.output_angles(inst, run.by_column("handle_angle"), wrench, grip_force=grip_force, strokes=strokes)
 
 
 def section(context: Context) -> Section:

@@ -4,11 +4,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tenodesis import coupled
+from tenodesis import statics
 from tenodesis.instrument import FullForm
 from tenodesis.report import style
 from tenodesis.report.content import Array
 from tenodesis.simulate import Wrench
+from tenodesis.statics import chain
 
 _MULTIPLES = (0.5, 1.0, 2.0)
 """Of the shown load, in tables."""
@@ -69,8 +70,8 @@ class Load(NamedTuple):
 def states(inst: FullForm) -> list[State]:
     """Return the straight state, and one that is bent by half of the range at the tip, or else at the handle."""
     found = []
-    for name, angles in zip(("straight", "bent"), coupled.usual_states(inst), strict=False):
-        handle, strokes = coupled.hold(inst, angles)
+    for name, angles in zip(("straight", "bent"), statics.usual_states(inst), strict=False):
+        handle, strokes = statics.hold(inst, angles)
         found.append(State(name, angles, handle, strokes))
     return found
 
@@ -82,7 +83,7 @@ def loads(inst: FullForm) -> list[Load]:
     takes about ten degrees from a joint of the bent state, at most five newtons.
     """
     bent = states(inst)[-1]
-    rates = coupled.rates(inst, bent.handle, strokes=bent.strokes)
+    rates = chain.rates(inst, bent.handle, strokes=bent.strokes)
     by_force = rates.by_wrench[:, :3]
     most = np.abs(by_force).max(axis=0)
     given = sorted(inst.conditions.forces)
@@ -104,7 +105,7 @@ def loads(inst: FullForm) -> list[Load]:
 def most_taking(inst: FullForm, joint: int) -> Load:
     """Return the load that takes most from a joint of the tip, by its place, in the bent state."""
     bent = states(inst)[-1]
-    rates = coupled.rates(inst, bent.handle, strokes=bent.strokes)
+    rates = chain.rates(inst, bent.handle, strokes=bent.strokes)
     return max(loads(inst), key=lambda one: abs(rates.by_wrench[joint] @ one.wrench + rates.by_grip[joint] * one.grip))
 
 

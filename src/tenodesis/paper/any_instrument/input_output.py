@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from tenodesis import coupled
 from tenodesis.paper.any_instrument.held import Load, legend, looks, most_taking
 from tenodesis.paper.any_instrument.motions import Motion, motions
 from tenodesis.paper.context import Context
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, Section, named
+from tenodesis.statics import chain
 
 _TITLE = "Input and output"
 _WIDE = 3.2
@@ -83,4 +83,4 @@ def _plot(context: Context, found: list[Motion]) -> Plot:
 def loaded(context: Context, motion: Motion, load: Load) -> Array:
     """Return the angles of the tip's joints over a motion under a load, without friction, (n, joints), rad."""
     handle, strokes = (np.outer(motion.shares, end) for end in (motion.handle, motion.strokes))
-    return coupled.output_angles(context.whole, handle, load.wrench, grip_force=load.grip, strokes=strokes)
+    return chain.output_angles(context.whole, handle, load.wrench, grip_force=load.grip, strokes=strokes)

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from tenodesis import coupled
-from tenodesis.coupled import Loss
+from tenodesis import statics
 from tenodesis.paper.any_instrument.held import Load, State, described, legend, loads, looks, states
 from tenodesis.paper.context import Context
 from tenodesis.report import style
 from tenodesis.report.content import Chart, Column, Plot, Section, Table, fixed, named
+from tenodesis.statics import Loss, chain
 
 _POINTS = 41
 _WIDE = 2.6
@@ -77,7 +77,7 @@ def section(context: Context) -> Section:
 
 
 def _loss(context: Context, state: State, load: Load, multiple: float) -> Loss:
-    return coupled.loss(context.whole, state.angles, multiple * load.wrench, multiple * load.grip)
+    return statics.loss(context.whole, state.angles, multiple * load.wrench, multiple * load.grip)
 
 
 def _plot(context: Context, held: list[State], applied: list[Load]) -> Plot:
@@ -87,14 +87,14 @@ def _plot(context: Context, held: list[State], applied: list[Load]) -> Plot:
         multiples = np.linspace(0.0, load.multiples[-1], _POINTS)
         forces = chart.keep(f"force {load.direction} [N]", multiples * load.size)
         for state, line in zip(held, ("--", "-")[-len(held) :], strict=True):
-            free = coupled.output_angles(inst, state.handle, strokes=state.strokes)
+            free = chain.output_angles(inst, state.handle, strokes=state.strokes)
             wrench, grip = np.outer(multiples, load.wrench), multiples * load.grip
-            angles = coupled.output_angles(inst, state.handle, wrench, grip_force=grip, strokes=state.strokes)
+            angles = chain.output_angles(inst, state.handle, wrench, grip_force=grip, strokes=state.strokes)
             for n, (name, look) in enumerate(looks(inst).items()):
                 at = f"{name}, {state.name}, {load.direction} [deg]"
                 chart.curve(axis, forces, f"lost by {at}", np.degrees((free - angles)[:, n]), line, **look)
         # At the straight tip a slack tendon may tighten at once, and the rates there hold for no load.
-        rates = coupled.rates(inst, held[-1].handle, strokes=held[-1].strokes)
+        rates = chain.rates(inst, held[-1].handle, strokes=held[-1].strokes)
         first = -np.degrees(np.outer(multiples, rates.by_wrench @ load.wrench + rates.by_grip * load.grip))
         for (name, color, _), lost in zip(legend(inst), first.T, strict=True):
             chart.curve(axis, forces, f"first order of {name}, {load.direction} [deg]", lost, ":", color=color, lw=1.0)

@@ -4,11 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tenodesis import coupled
+from tenodesis import statics
 from tenodesis.errors import NoSolutionError
 from tenodesis.instrument import FullForm
 from tenodesis.report.content import Array
 from tenodesis.simulate import AnyPhase, Hold, Ramp
+from tenodesis.statics import chain
 
 SPEED = float(np.radians(20))
 """Of the joint that follows, about, rad/s."""
@@ -74,7 +75,7 @@ def motions(inst: FullForm) -> list[Motion]:
         for joint, row, arm in zip(tips, np.eye(len(tips)), inst.grip_arms, strict=True):
             try:
                 # A jaw opens.
-                ends.append((joint.name, *coupled.hold(inst, (-1 if arm < 0 else 1) * joint.range * row)))
+                ends.append((joint.name, *statics.hold(inst, (-1 if arm < 0 else 1) * joint.range * row)))
             except NoSolutionError:
                 continue
     found = (_motion(inst, *end) for end in ends)
@@ -83,14 +84,14 @@ def motions(inst: FullForm) -> list[Motion]:
 
 def _motion(inst: FullForm, name: str, handle: Array, strokes: Array) -> Motion | None:
     shares = np.linspace(0.0, 1.0, _POINTS)
-    angles = coupled.output_angles(inst, np.outer(shares, handle), strokes=np.outer(shares, strokes))
+    angles = chain.output_angles(inst, np.outer(shares, handle), strokes=np.outer(shares, strokes))
     ranges = np.array([joint.range for joint in inst.tip_joints])
     beyond = ~(np.abs(angles) <= ranges + 1e-6).all(axis=1)
     last = int(np.argmax(beyond)) - 1 if beyond.any() else _POINTS - 1
     if last < 1:
         return None
     end = shares[last]
-    angles = coupled.output_angles(inst, np.outer(end * shares, handle), strokes=np.outer(end * shares, strokes))
+    angles = chain.output_angles(inst, np.outer(end * shares, handle), strokes=np.outer(end * shares, strokes))
     turned = np.abs(angles[-1] - angles[0])
     if not turned.max() > _TURNS:
         return None

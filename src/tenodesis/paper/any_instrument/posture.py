@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tenodesis import coupled, kinematics
+from tenodesis import kinematics, statics
 from tenodesis.paper.any_instrument.held import State, described, states
 from tenodesis.paper.context import Context
 from tenodesis.report import routing, space
@@ -18,7 +18,7 @@ def section(context: Context) -> Section:
     )
     arms = {
         f"arm of {joint.name} [mm]": 1e3 * column
-        for joint, column in zip(inst.tip_joints, coupled.straight_arms(inst).T, strict=True)
+        for joint, column in zip(inst.tip_joints, statics.straight_arms(inst).T, strict=True)
     }
     routes = Plot("routing", f"Routes of the tendons from handle to tip, {named(inst)}.", routing.draw(inst), arms)
     plots = [routes, *(_posture(context, state) for state in states(inst)[-1:])]

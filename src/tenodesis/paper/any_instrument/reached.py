@@ -4,13 +4,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tenodesis import coupled, kinematics
+from tenodesis import kinematics, statics
 from tenodesis.errors import NoSolutionError
 from tenodesis.instrument import FullForm
 from tenodesis.paper.any_instrument.held import Load, loads
 from tenodesis.paper.context import Context
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, Section, named
+from tenodesis.statics import chain
 
 _POSTURES = 800
 _SEED = 3
@@ -74,12 +75,12 @@ def _places(inst: FullForm) -> Places:
     else:
         for row, angles in zip(strokes, drawn, strict=True):
             try:
-                row[:] = coupled.hold(inst, angles)[1]
+                row[:] = statics.hold(inst, angles)[1]
             except NoSolutionError:
                 row[:] = np.nan
         strokes = strokes[np.isfinite(strokes).all(axis=1)]
         handle = handle[: len(strokes)]
-    angles = coupled.output_angles(inst, handle, strokes=strokes)
+    angles = chain.output_angles(inst, handle, strokes=strokes)
     within = (np.abs(angles) <= [joint.range + 1e-6 for joint in inst.tip_joints]).all(axis=1)
     return Places(handle[within], strokes[within], _tip(inst, angles[within]))
 
@@ -89,7 +90,7 @@ def _tip(inst: FullForm, angles: Array) -> Array:
 
 
 def _loaded(inst: FullForm, places: Places, load: Load) -> Array:
-    angles = coupled.output_angles(inst, places.handle, load.wrench, strokes=places.strokes)
+    angles = chain.output_angles(inst, places.handle, load.wrench, strokes=places.strokes)
     held = np.isfinite(angles).all(axis=1)
     found = np.full((len(angles), 3), np.nan)
     found[held] = _tip(inst, angles[held])

@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from tenodesis import coupled
+from tenodesis import statics
 from tenodesis.paper.any_instrument.held import Load, State, described, loads, states
 from tenodesis.paper.context import Context
 from tenodesis.report import style
 from tenodesis.report.content import Chart, Column, Plot, Section, named
 from tenodesis.report.routing import tendon_colours
+from tenodesis.statics import chain
 
 _POINTS = 61
 _WIDE = 2.6
@@ -37,21 +38,18 @@ def section(context: Context) -> Section:
     found: dict[tuple[str, str], float] = {}
     for state in held:
         for load in applied:
-            lost = coupled.loss(inst, state.angles, load.wrench, load.grip)
+            lost = statics.loss(inst, state.angles, load.wrench, load.grip)
             force = lost.slack_factor * load.size
             found[state.name, load.name] = lost.slack_factor
-            least += [force] if np.isfinite(force) else []
+            least += [force] if force > 0 else []
             labels = {"state": state.name, "load": load.name, "direction": load.direction}
             table.row(state.name, load.direction, force, lost.slack_tendon or "–", **labels)
     text = "<p>Handle and motors are held, without friction, and a force grows at the tip or between the jaws."
     if least:
-        context.add("slack.least", min(least), "N", "Least load at which a tendon goes slack, of all states and loads")
-        text += f" Below {min(least):.3g} N no tendon that is taut without a load goes slack."
-    for state in held:
-        tensions = coupled.tensions(inst, state.handle, strokes=state.strokes)
-        slack = [tendon.name for tendon, tension in zip(inst.tendons, tensions, strict=True) if tension <= 0]
-        if slack:
-            text += f" Slack without a load, {state.name}: {', '.join(slack)}."
+        context.add("slack.least", min(least), "N", "Least load at which a tendon goes slack, none before")
+        text += f" The least load of all, where none is slack before, is {min(least):.3g} N."
+    if 0.0 in found.values():
+        text += " Zero: that tendon is slack without a load."
     bent = held[-1]
     plot = _plot(context, bent, applied, [found[bent.name, load.name] for load in applied])
     return Section("tension", "Tension and slack", text + "</p>", [plot], [table])
@@ -67,7 +65,7 @@ def _plot(context: Context, state: State, applied: list[Load], slack: list[float
         multiples = np.linspace(0.0, float(end), _POINTS)
         forces = chart.keep(f"force {load.direction} [N]", multiples * load.size)
         wrench, grip = np.outer(multiples, load.wrench), multiples * load.grip
-        tensions = coupled.tensions(inst, state.handle, wrench, grip_force=grip, strokes=state.strokes)
+        tensions = chain.tensions(inst, state.handle, wrench, grip_force=grip, strokes=state.strokes)
         for n, (tendon, color) in enumerate(zip(inst.tendons, colors, strict=True)):
             chart.curve(
                 axis,
@@ -77,7 +75,7 @@ def _plot(context: Context, state: State, applied: list[Load], slack: list[float
                 color=color,
                 lw=max(2.8 - 0.4 * n, 1.0),
             )
-        if factor <= end:
+        if 0 < factor <= end:
             axis.axvline(factor * load.size, color=style.ACCENT, lw=1.1, ls=":")
         axis.set(title=load.direction, xlabel="force [N]", xlim=(0, forces[-1]), ylim=(0, None))
     axes[0].set_ylabel("tension [N]")

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from tenodesis import coupled
 from tenodesis.paper.any_instrument.held import described, looks, states
 from tenodesis.paper.any_instrument.matrix import matrix
 from tenodesis.paper.context import Context
 from tenodesis.report import style
 from tenodesis.report.content import Chart, Plot, Section, Table, named, number
+from tenodesis.statics import chain
 
 _FORCES = ("x", "y", "z")
 
@@ -19,7 +19,7 @@ def section(context: Context) -> Section:
     tables: list[Table] = []
     softest: list[float] = []
     for state in states(inst):
-        rates = coupled.rates(inst, state.handle, strokes=state.strokes)
+        rates = chain.rates(inst, state.handle, strokes=state.strokes)
         where = described(inst, state)
         compliance = np.degrees(np.column_stack([rates.by_wrench[:, :3], rates.by_grip]))
         by = (*_FORCES, "grip") if inst.jaws else _FORCES
@@ -58,7 +58,7 @@ def _plot(context: Context) -> Plot:
     inst = context.whole
     bent = states(inst)[-1]
     shares, handle, strokes = bent.along(inst)
-    rates = coupled.rates(inst, handle, strokes=strokes)
+    rates = chain.rates(inst, handle, strokes=strokes)
     chart, (left, right) = Chart.panels(2, width=8.6, height=3.6)
     percent = chart.keep("share of the bent state [%]", 100 * shares)
     for n, (name, look) in enumerate(looks(inst).items()):

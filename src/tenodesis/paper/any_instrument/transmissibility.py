@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from tenodesis import coupled
+from tenodesis import statics
 from tenodesis.paper.any_instrument.held import described, states
 from tenodesis.paper.any_instrument.matrix import matrix
 from tenodesis.paper.context import Context
-from tenodesis.report.content import Array, Section, Table
+from tenodesis.report.content import Section, Table
+from tenodesis.statics import chain
 
 
 def section(context: Context) -> Section:
@@ -15,7 +16,7 @@ def section(context: Context) -> Section:
     tables: list[Table] = []
     handles, tendons = [joint.name for joint in inst.handle_joints], [tendon.name for tendon in inst.tendons]
     for state in states(inst):
-        rates = coupled.rates(inst, state.handle, strokes=state.strokes)
+        rates = chain.rates(inst, state.handle, strokes=state.strokes)
         where = described(inst, state)
         if handles:
             tables += [
@@ -35,7 +36,7 @@ def section(context: Context) -> Section:
                     "1",
                     f"Moment about {{of}} by the moment about {{by}}, {state.name}",
                     handles,
-                    torque_transmissibility(rates.by_handle),
+                    np.where(np.abs(rates.by_handle).max(axis=0) > 0, rates.transmissibility, np.nan),
                 ),
             ]
         tables.append(
@@ -57,7 +58,7 @@ def section(context: Context) -> Section:
             "N·mm/N",
             "Moment about {of} by the tension of {by}",
             tendons,
-            1e3 * coupled.straight_arms(inst).T,
+            1e3 * statics.straight_arms(inst).T,
         )
     )
     text = (
@@ -72,13 +73,3 @@ def section(context: Context) -> Section:
     else:
         text += "There are no joints at the handle: motors hold the tip’s moments by the tensions."
     return Section("transmissibility", "Transmission and torque transmissibility", text + "</p>", (), tables)
-
-
-def torque_transmissibility(by_handle: Array) -> Array:
-    """Return moments at the tip by moments at the handle, (joints, handle joints), from angles by angles, as given.
-
-    By reciprocity the moments felt at the handle are the transpose of these angles times those at the tip. NaN for
-    joints of the handle that turn nothing.
-    """
-    found = np.linalg.pinv(by_handle.T, rcond=1e-9)
-    return np.where(np.abs(by_handle).max(axis=0, initial=0.0) > 0, found, np.nan)
