@@ -134,7 +134,7 @@ def test_bench_takes_any_instrument_file_and_shows_its_results(
         asked.append((inst, scaled, out))
         progress("loss of angle")
         context = Context(inst, scaled, True)
-        context.add("tension.slack_force", 3.21, "N", "load at which a tendon goes slack", Published(3.2, "Fig. 9"))
+        context.add("tension.slack_load", 3.21, "N", "load at which a tendon goes slack", Published(3.2, "Fig. 9"))
         return context
 
     monkeypatch.setattr(bench, "run", run)
@@ -142,7 +142,7 @@ def test_bench_takes_any_instrument_file_and_shows_its_results(
     assert code == 0
     assert asked == [(tn.load(EXAMPLES / "pulley.toml"), None, Path("elsewhere"))]
     assert "elsewhere/report.html" in said
-    assert "tension.slack_force" in said
+    assert "tension.slack_load" in said
     assert "3.21 N" in said
     assert "3.2 N" in said
     assert tenodesis("bench")[0] == 0

@@ -62,7 +62,8 @@ COMMANDS: dict[str, Command | Group] = {
         "loss.loss",
     ),
     "bench": Command(
-        "Compute every figure and table of the paper for an instrument and write out/report.html.", "bench.bench"
+        "Compute a report on an instrument, every figure of the paper for its own, and write out/report.html.",
+        "bench.bench",
     ),
     "schema": Command(
         "Print the JSON schema of a kind of file, for editors that complete and check TOML.", "instrument.schema"
