@@ -197,7 +197,7 @@ def coupled_axes() -> None:
     inst = smooth.replace(friction=COUPLED_FRICTION)
     t = TIME_STEP * np.arange(1, STEPS // 10 + 1)[:, np.newaxis]
     cycle = 2 / np.pi * np.arcsin(np.sin(2 * np.pi * t))
-    twin = tn.coupled.Twin(inst, time_step=TIME_STEP)
+    twin = tn.twin.Twin(inst, time_step=TIME_STEP)
     run = partial(twin.run, cycle * [0.4, -0.3], cycle * [0.3, 0.2, 0, 0, 0, 0])
     run()
     peers = {"as exported": True, "handle held, all else off": False}

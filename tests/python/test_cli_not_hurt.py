@@ -234,7 +234,6 @@ def test_what_cannot_be_written_is_refused_at_once(tenodesis: Command, desk: Pat
     [
         ("record cycles", "cycles is a protocol, which needs an instrument: tenodesis record scaled-up cycles"),
         ("record short.toml", "short.toml is a protocol, which needs an instrument: tenodesis record scaled-up short"),
-        ("record scaled-up", "PROTOCOL is missing: tenodesis record scaled-up cycles"),
         ("record cycles scaled-up", "the instrument comes first: tenodesis record scaled-up cycles."),
         ("record short.toml own.toml", "the instrument comes first: tenodesis record own.toml short.toml."),
         ("record scaled-up own.toml", "own.toml describes an instrument; it must describe a protocol."),

@@ -12,8 +12,8 @@ from tenodesis.console.coupled_loop import CoupledLink, CoupledLoop
 from tenodesis.console.coupled_page import CoupledPage, CoupledShown, readings, shown_rows
 from tenodesis.console.plots import TensionColours
 from tenodesis.console.scene import with_short_stem
-from tenodesis.coupled import Held
 from tenodesis.errors import ArgumentError, CommandError, LiveError
+from tenodesis.twin import Held
 
 from .console_guest import Guest, get, operates, wait
 
@@ -88,7 +88,7 @@ def test_what_the_twin_cannot_hold_stops_it_where_it_is_until_something_else_is_
     go_on(link, 0.5)
     problem = link.status().problem
     assert problem is not None
-    assert "find no equilibrium" in problem
+    assert "finds no equilibrium" in problem
     assert "The twin stays as it was" in problem
     stopped = link.latest()["run"].time[-1]
     go_on(link, 0.5)

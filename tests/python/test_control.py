@@ -277,13 +277,14 @@ def test_two_axes_are_two_controllers(real: Instrument) -> None:
     run = twin.run(handles, np.stack([force, -force], 1), controller=both)
     names = ("measured_handle_angle", "measured_tension", "measured_spool_angle")
     # A tick sees what was read at the end of the step before.
-    seen = {name: np.concatenate([rest[name], run[name][:-1]]) for name in names}
-    for n, controller in enumerate(one):
+    for axis, controller in zip(real.axes, one, strict=True):
+        before, own = rest.axis(axis), run.axis(axis)
+        seen = {name: np.concatenate([before[name], own[name][:-1]]) for name in names}
         for k, time in enumerate(run.time):
-            out = controller.step(time, *(seen[name][k, n] for name in names))
-            np.testing.assert_array_equal(out.spool_velocity, run["commanded_spool_velocity"][k, n])
-            assert out.output_angle == run["estimated_output_angle"][k, n]
-            assert out.output_angle_std == run["estimated_output_angle_std"][k, n]
+            out = controller.step(time, *(seen[name][k] for name in names))
+            np.testing.assert_array_equal(out.spool_velocity, own["commanded_spool_velocity"][k])
+            assert out.output_angle == own["estimated_output_angle"][k]
+            assert out.output_angle_std == own["estimated_output_angle_std"][k]
 
 
 @pytest.mark.parametrize("handle", STATES)

@@ -8,6 +8,7 @@ import pytest
 from tenodesis import coupled
 from tenodesis.coupled import CoupledInstrument
 from tenodesis.coupled.rows import link_rows, mass_matrix
+from tenodesis.twin import Twin
 from tenodesis.verification import coupled_dynamics
 
 from .coupled_samples import backbone, jaws, two_axes
@@ -31,9 +32,9 @@ def moved(inst: CoupledInstrument, seed: int, steps: int, size: float) -> tuple[
     wrench = np.repeat([size / straight[:, :3].max(), size / straight[:, 3:].max()], 3) * waves(6)
     handle = 0.25 * np.array([joint.range for joint in inst.handle_joints]) * waves(len(inst.handle_joints))
     velocity = 0.5 * waves(len(inst.tendons))
-    twin = coupled.Twin(inst, time_step=STEP)
-    twin.run(np.tile(handle[:1], (3000, 1)), wrench[0])  # to rest
-    run = twin.run(handle[1:], wrench[1:], spool_velocity=velocity[1:])
+    twin = Twin(inst, time_step=STEP)
+    twin.run(np.tile(handle[:1], (3000, 1)), wrench=wrench[0])  # to rest
+    run = twin.run(handle[1:], wrench=wrench[1:], spool_velocity=velocity[1:])
     assert (np.abs(run["output_angle"]).max(axis=0) < [joint.range for joint in inst.tip_joints]).all()
     radius = inst.spool_radius or inst.drives.spool_radius
     strokes = np.vstack([np.zeros((1, len(inst.tendons))), radius * run["spool_angle"]])

@@ -11,7 +11,7 @@ import pytest
 import tenodesis as tn
 from tenodesis.errors import ProtocolError, RecordingError
 from tenodesis.recording import Recorder, Recording, tables
-from tenodesis.recording.simulation import record_coupled, write_run
+from tenodesis.recording.simulation import record, write_run
 from tenodesis.recording.summary import facts
 from tenodesis.simulate import Cycles, GrippedObject, Hold, Protocol, Ramp, StepLoad, Wrench
 
@@ -31,14 +31,14 @@ def wrist() -> tn.coupled.CoupledInstrument:
 
 @pytest.fixture(scope="module")
 def run(wrist: tn.coupled.CoupledInstrument) -> tn.Run:
-    return tn.simulate.execute(tn.coupled.Twin(wrist, seed=3), tn.simulate.load(EXAMPLES / "coupled_protocol.toml"))
+    return tn.simulate.execute(tn.twin.Twin(wrist, seed=3), tn.simulate.load(EXAMPLES / "coupled_protocol.toml"))
 
 
 @pytest.mark.parametrize("name", tn.coupled.shipped())
 def test_the_default_protocol_moves_loads_and_grips_and_comes_back_bit_by_bit(name: str, tmp_path: Path) -> None:
     inst = tn.coupled.load(name)
     plan = tn.simulate.default_protocol(inst)
-    run = record_coupled(inst, plan, tmp_path / "run.mcap", seed=1, time_step=2e-3, quasi_static=True)
+    run = record(inst, plan, tmp_path / "run.mcap", seed=1, time_step=2e-3, quasi_static=True)
     assert (np.abs(run["output_angle"]).max(axis=0) > np.radians(8)).all()
     assert set(np.unique(np.sign(run["wrench"][:, :2]))) == {-1, 0, 1}
     assert inst.grip is None or run["grip_force"].max() > 0.1
@@ -50,7 +50,7 @@ def test_the_default_protocol_moves_loads_and_grips_and_comes_back_bit_by_bit(na
         there, again = ((one.time if signal == "time" else one[signal]) for one in (run, back.run))
         assert np.array_equal(there, again), signal
     again = tn.simulate.execute(
-        tn.coupled.Twin(inst, seed=1, time_step=2e-3, quasi_static=True), tn.simulate.parse(back.metadata["protocol"])
+        tn.twin.Twin(inst, seed=1, time_step=2e-3, quasi_static=True), tn.simulate.parse(back.metadata["protocol"])
     )
     assert all(np.array_equal(again[signal], run[signal]) for signal in run.signals())
 
@@ -63,9 +63,9 @@ def test_a_recording_names_joints_tendons_units_and_meanings(run: tn.Run, tmp_pa
     with (tmp_path / "run.mcap").open("rb") as file:
         channels = {one.topic: one.metadata for one in make_reader(file).get_summary().channels.values()}
     tip = channels["/twin/tip/measured_js"]
-    assert tip["signals"].split() == ["output_angle", "output_velocity"]
-    assert tip["units"].split() == ["rad", "rad/s"]
-    assert len(tip["meanings"].split("; ")) == 2
+    assert tip["signals"].split() == ["output_angle", "output_velocity", "contact_force"]
+    assert tip["units"].split() == ["rad", "rad/s", "N"]
+    assert tip["meanings"].startswith("Output angle of the end-effector; Its rate; ")
     load = channels["/rig/wrench"]
     assert dict(zip(load["signals"].split(), load["units"].split(), strict=True))["wrench.mz"] == "N*m"
     metadata = Recording.open(tmp_path / "run.mcap").metadata
@@ -78,7 +78,7 @@ def test_a_controllers_estimates_and_faults_are_recorded_by_joint(
 ) -> None:
     controller = tn.control.Controller(tn.coupled.compensated(wrist))
     load = StepLoad(wrench=Wrench(fy=0.5), duration=0.1)
-    run = record_coupled(wrist, protocol(load), tmp_path / "run.mcap", controller=controller)
+    run = record(wrist, protocol(load), tmp_path / "run.mcap", controller=controller)
     recording = Recording.open(tmp_path / "run.mcap")
     assert recording.run.columns("estimated_force") == run.compensated == ("yaw", "pitch")
     assert recording.run.signals().keys() == run.signals().keys()
@@ -88,7 +88,7 @@ def test_a_controllers_estimates_and_faults_are_recorded_by_joint(
     assert said["faults"] == "none"
     winding = Ramp(duration=0.1, spool_velocities={"yaw_agonist": 0.1})
     with pytest.raises(ProtocolError, match="spool_velocities is given for yaw_agonist; with a controller"):
-        record_coupled(wrist, protocol(winding), tmp_path / "no.mcap", controller=controller)
+        record(wrist, protocol(winding), tmp_path / "no.mcap", controller=controller)
     assert not (tmp_path / "no.mcap").exists()
 
 
@@ -136,7 +136,7 @@ def test_commands_are_by_joint_tendon_and_component(run: tn.Run, wrist: tn.coupl
 def test_a_ramp_may_end_in_any_load_and_the_jaws_may_be_pressed_apart(wrist: tn.coupled.CoupledInstrument) -> None:
     ramp = Ramp(duration=0.1, wrench=Wrench(fz=-1.0), grip_force=0.2)
     step = StepLoad(joint="handle_yaw", handle_angle=0.1, grip_force=0.1, duration=0.1, release=0.1)
-    run = tn.simulate.execute(tn.coupled.Twin(wrist), protocol(ramp, Hold(duration=0.05), step))
+    run = tn.simulate.execute(tn.twin.Twin(wrist), protocol(ramp, Hold(duration=0.05), step))
     assert np.array_equal(run["wrench"][-1], [0, 0, -1, 0, 0, 0])
     assert run["applied_grip_force"][-1] == 0.2
     assert run["applied_grip_force"].min() < 0.1 + 1e-12
@@ -191,7 +191,7 @@ def test_what_a_planar_instrument_cannot_run_is_refused_in_a_sentence(
 def test_an_object_wider_than_the_jaws_are_open_is_refused(wrist: tn.coupled.CoupledInstrument) -> None:
     wide = GrippedObject(stiffness=1e3, opening=5e-3)
     with pytest.raises(ProtocolError, match=r"phase 1 \(object\): opening.*to which the jaws are open"):
-        tn.simulate.execute(tn.coupled.Twin(wrist), protocol(wide))
+        tn.simulate.execute(tn.twin.Twin(wrist), protocol(wide))
 
 
 def test_a_figure_has_a_curve_for_each_joint_and_tendon(run: tn.Run) -> None:
@@ -230,7 +230,7 @@ def test_record_info_and_export_take_a_coupled_instrument(tenodesis: Command, tm
     ("arguments", "sentence"),
     [
         (("--law", "robust"), "needle-driver has no joint that a controller can compensate"),
-        (("--axis", "yaw"), "--axis is 'yaw', but needle-driver lists joints and tendons; it is for planar"),
+        (("--axis", "yaw"), "needle-driver lists joints and tendons; it must be a planar instrument"),
         (("cycles",), "cycles: phase 1 (cycles): output_amplitude is given, but pitch of needle-driver has no"),
         (("scaled-up",), "scaled-up is an instrument; it must be a protocol"),
     ],

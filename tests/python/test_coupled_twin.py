@@ -63,7 +63,7 @@ def test_one_joint_moves_as_the_planar_twin(name: str, quasi_static: bool, frict
     wrench = np.zeros((steps, 6))
     wrench[:, 0] = -force
     coupled = tn.coupled.of_planar(planar)
-    run = tn.coupled.Twin(coupled, quasi_static=quasi_static).run(handle[:, None], wrench, spool_velocity=spools)
+    run = tn.twin.Twin(coupled, quasi_static=quasi_static).run(handle[:, None], wrench=wrench, spool_velocity=spools)
     # In motion the planar twin ends a step's iteration where its slope neglects what is orders below inertia.
     assert np.abs(run["output_angle.yaw"] - expected.output_angle).max() < (1e-9 if quasi_static else 5e-9)
     assert np.abs(run["tension"] - expected.tension).max() < (1e-7 if quasi_static else 1e-6)
@@ -97,7 +97,7 @@ def test_tissue_let_out_and_a_bend_of_the_sheath_are_those_of_the_planar_twin(qu
     expected = tn.twin.Twin(planar, quasi_static=quasi_static).run(
         handle[:, 0], sheath_bend=bend[:, 0], let_out=let_out, contact=tissue
     )
-    core = tn.coupled.Twin(tn.coupled.of_planar(planar), quasi_static=quasi_static).core
+    core = tn.twin.Twin(tn.coupled.of_planar(planar), quasi_static=quasi_static).cores[0]
     commands = rows_of(core, count, handle_angle=handle, sheath_bend=bend, let_out=let_out, contact=tissue.row)
     found = signals_of(core, commands)
     assert expected.contact_force is not None and expected.contact_force.max() > 1
@@ -108,7 +108,7 @@ def test_tissue_let_out_and_a_bend_of_the_sheath_are_those_of_the_planar_twin(qu
 
 def test_a_state_is_bytes_from_which_a_twin_of_its_kind_goes_on() -> None:
     inst = shipped("needle-driver", friction={"law": "stribeck", "vertex_coefficient": 0.1, "static_ratio": 1.5})
-    core = tn.coupled.Twin(inst).core
+    core = tn.twin.Twin(inst).cores[0]
     commands = rows_of(core, 100, spool_velocity=0.3)
     signals_of(core, commands)
     kept = core.state
@@ -117,7 +117,7 @@ def test_a_state_is_bytes_from_which_a_twin_of_its_kind_goes_on() -> None:
     again = signals_of(core, commands)
     assert all(np.array_equal(again[name], values) for name, values in expected.items())
     with pytest.raises(ValueError, match="another kind of twin"):
-        core.state = tn.coupled.Twin(shipped("needle-driver")).core.state
+        core.state = tn.twin.Twin(shipped("needle-driver")).cores[0].state
 
 
 def test_a_loop_with_faults_and_a_relay_runs_as_on_the_planar_twin() -> None:
@@ -168,7 +168,7 @@ def test_many_twins_over_threads_run_as_one_by_one() -> None:
 
 
 def test_tissue_at_a_joint_turns_that_joint_alone_and_loses_what_its_damping_takes() -> None:
-    core = tn.coupled.Twin(shipped("hybrid-scaled-up", friction={})).core
+    core = tn.twin.Twin(shipped("hybrid-scaled-up", friction={})).cores[0]
     tissue = np.zeros(3 * dict(core.signals)["output_angle"])
     tissue[3:6] = 0.05, 500.0, 1.0
     count = 1500
@@ -192,7 +192,7 @@ def test_a_hand_that_yields_moves_as_on_the_planar_twin() -> None:
     planar = tn.load("scaled-up").replace(**NOMINAL, friction=FRICTION, **hand)
     handle = np.radians(20) * np.sin(np.arange(1200) * 5e-3)
     expected = tn.twin.Twin(planar).run(handle, 0.8)
-    run = tn.coupled.Twin(tn.coupled.of_planar(planar)).run(handle[:, None], [-0.8, 0, 0, 0, 0, 0])
+    run = tn.twin.Twin(tn.coupled.of_planar(planar)).run(handle[:, None], wrench=[-0.8, 0, 0, 0, 0, 0])
     assert np.abs(run["handle_angle"] - expected.handle_angle).max() < 1e-6
     assert np.abs(run["output_angle"] - expected.output_angle).max() < 1e-6
     assert np.abs(run["handle_torque"] - expected.handle_torque).max() < 1e-5
@@ -202,7 +202,7 @@ def test_a_hand_that_yields_moves_as_on_the_planar_twin() -> None:
 def test_without_friction_a_still_twin_is_where_the_statics_say(name: str) -> None:
     inst = tn.coupled.load(name).replace(friction={})
     handle, wrench, _ = motion(inst, 60, seed=3)
-    run = tn.coupled.Twin(inst, quasi_static=True).run(handle, wrench)
+    run = tn.twin.Twin(inst, quasi_static=True).run(handle, wrench=wrench)
     expected = tn.coupled.equilibrium(inst, handle, wrench)
     assert np.abs(run["output_angle"] - expected.angles).max() < 1e-6
     assert np.abs(run["tension"] - expected.tensions).max() < 1e-3
@@ -213,10 +213,10 @@ def test_without_friction_a_still_twin_is_where_the_statics_say(name: str) -> No
 def test_energy_is_balanced_and_friction_only_takes(name: str, quasi_static: bool) -> None:
     inst = shipped(name)
     handle, wrench, spools = motion(inst, 2000)
-    twin = tn.coupled.Twin(inst, quasi_static=quasi_static)
+    twin = tn.twin.Twin(inst, quasi_static=quasi_static)
     # Pretensions need not balance: at rest the twin first settles, at once.
-    twin.run(handle[:100], wrench[:100], spool_velocity=spools[:100])
-    energy = twin.energy(handle[100:], wrench[100:], spool_velocity=spools[100:])
+    twin.run(handle[:100], wrench=wrench[:100], spool_velocity=spools[:100])
+    energy = twin.energy(handle[100:], wrench=wrench[100:], spool_velocity=spools[100:])
     assert energy.friction > 0
     assert energy.least_friction > -1e-12
     assert energy.residual < 1e-9
@@ -226,17 +226,17 @@ def test_energy_is_balanced_and_friction_only_takes(name: str, quasi_static: boo
 def test_jaws_press_what_they_hold_and_the_energy_is_balanced() -> None:
     inst = shipped("needle-driver")
     opening_speed = np.sign(inst.tendon_arms("tip") @ inst.grip_arms)
-    held = tn.coupled.Held(opening=1e-3, stiffness=2e4, damping=5.0)
+    held = tn.twin.Held(opening=1e-3, stiffness=2e4, damping=5.0)
     with pytest.raises(tn.ArgumentError, match="to which the jaws are open"):
-        tn.coupled.Twin(inst).run(0, np.zeros((10, 6)), held=held)
-    twin = tn.coupled.Twin(inst)
+        tn.twin.Twin(inst).run(0, wrench=np.zeros((10, 6)), held=held)
+    twin = tn.twin.Twin(inst)
     still = np.zeros((600, 6))
-    opened = twin.run(0, still, spool_velocity=0.5 * opening_speed)
+    opened = twin.run(0, wrench=still, spool_velocity=0.5 * opening_speed)
     assert opened["output_angle"][-1] @ inst.grip_arms > held.opening
-    energy = twin.energy(0, still, spool_velocity=-0.9 * opening_speed, held=held)
+    energy = twin.energy(0, wrench=still, spool_velocity=-0.9 * opening_speed, held=held)
     assert abs(energy.unaccounted) < 1e-3 * energy.work
     assert energy.tissue >= 0
-    run = twin.run(0, still, held=held)
+    run = twin.run(0, wrench=still, held=held)
     pressed = held.opening - run["output_angle"][-1] @ inst.grip_arms
     assert run["grip_force"][-1] > 1
     assert held.stiffness * pressed == pytest.approx(run["grip_force"][-1], rel=1e-3)
@@ -267,7 +267,7 @@ def test_friction_is_that_of_a_search_over_all_ways_to_slide() -> None:
     moments = np.array([0.02, 0.06, 0.1, 0.08, 0.0, -0.07, -0.05, 0.01])
     wrench = np.zeros((len(moments), 6))
     wrench[:, 4] = moments
-    run = tn.coupled.Twin(inst, quasi_static=True).run(np.zeros((len(moments), 0)), wrench)
+    run = tn.twin.Twin(inst, quasi_static=True).run(np.zeros((len(moments), 0)), wrench=wrench)
     assert np.abs(run["output_angle"] - searched(inst, moments)).max() < 1e-7
     assert np.abs(np.diff(run["distal_tension"], axis=0)).min() > 0
 
@@ -346,12 +346,12 @@ def test_the_default_masses_give_the_lowest_frequency_of_the_file() -> None:
 def test_a_seed_repeats_its_noise_and_a_lost_call_changes_nothing() -> None:
     inst = shipped("hybrid-scaled-up")
     handle, wrench, _ = motion(inst, 200)
-    runs = [tn.coupled.Twin(inst, seed=4).run(handle, wrench) for _ in range(2)]
+    runs = [tn.twin.Twin(inst, seed=4).run(handle, wrench=wrench) for _ in range(2)]
     assert np.array_equal(runs[0]["measured_tension"], runs[1]["measured_tension"])
-    twin = tn.coupled.Twin(inst, seed=4)
+    twin = tn.twin.Twin(inst, seed=4)
     with pytest.raises(tn.NoSolutionError, match="no equilibrium"):
-        twin.run(handle, [1e4, 0, 0, 0, 0, 0])
-    again = twin.run(handle, wrench)
+        twin.run(handle, wrench=[1e4, 0, 0, 0, 0, 0])
+    again = twin.run(handle, wrench=wrench)
     assert np.array_equal(again["measured_tension"], runs[0]["measured_tension"])
     assert again.time[0] == pytest.approx(5e-4)
 
@@ -359,7 +359,7 @@ def test_a_seed_repeats_its_noise_and_a_lost_call_changes_nothing() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"handle_angle": np.zeros((5, 2))}, r"handle_angle has shape \(5, 2\); it must be of shape \(n, 3\)"),
+        ({"handle_angle": np.zeros((5, 2))}, r"handle_angle has shape \(5, 2\); it must be \(5, 3\)"),
         (
             {"handle_angle": np.full((5, 3), 1.0)},
             r"handle_angle\[0\] of handle_yaw is 1.0; it must be within its range",
@@ -367,27 +367,27 @@ def test_a_seed_repeats_its_noise_and_a_lost_call_changes_nothing() -> None:
         ({"wrench": np.full((5, 6), np.nan)}, r"wrench\[0, 0\] is nan"),
         ({"spool_velocity": np.zeros((4, 5))}, "differ|fit|shape"),
         ({"axes": "world"}, "axes is 'world'; it must be tip or stem"),
-        ({"held": tn.coupled.Held(0.0, -1.0)}, r"held.stiffness is -1"),
+        ({"held": tn.twin.Held(0.0, -1.0)}, r"held.stiffness is -1"),
     ],
 )
 def test_bad_commands_are_refused_in_a_sentence(arguments: dict[str, object], message: str) -> None:
-    twin = tn.coupled.Twin("hybrid-real-size")
+    twin = tn.twin.Twin("hybrid-real-size")
     with pytest.raises(tn.ArgumentError, match=message):
         twin.run(**{"handle_angle": np.zeros((5, 3)), **arguments})  # type: ignore[arg-type]
 
 
 def test_a_grip_without_jaws_and_a_base_wrap_of_all_joints_are_refused() -> None:
     with pytest.raises(tn.ArgumentError, match="nothing that grips"):
-        tn.coupled.Twin("two-segment-continuum").run(0, np.zeros((3, 6)), held=tn.coupled.Held(1e-3, 1e3))
+        tn.twin.Twin("two-segment-continuum").run(0, wrench=np.zeros((3, 6)), held=tn.twin.Held(1e-3, 1e3))
     with pytest.raises(tn.InstrumentError, match=r"base_wrap is 0\.1"):
         shipped("needle-driver", friction={"law": "capstan", "base_wrap": 0.1})
     with pytest.raises(tn.ArgumentError, match="a twelfth of a period"):
-        tn.coupled.Twin("needle-driver", time_step=5e-3)
+        tn.twin.Twin("needle-driver", time_step=5e-3)
 
 
 def test_rows_and_columns_are_found_by_name() -> None:
     inst = shipped("maryland-dissector")
-    run = tn.coupled.Twin(inst).run(0, np.zeros((50, 6)))
+    run = tn.twin.Twin(inst).run(0, wrench=np.zeros((50, 6)))
     assert run.columns("output_angle") == tuple(joint.name for joint in inst.tip_joints)
     assert run["tension." + inst.tendons[2].name].shape == (50,)
     assert "output_angle.pitch [rad]" in run.to_pandas().columns

@@ -105,7 +105,7 @@ def test_loops_through_controllers_are_those_that_run_alone(scaled: Instrument) 
     runs, t = 5, clock(0.6)
     vary = {"friction.vertex_coefficient": np.linspace(0.05, 0.2, runs)}
     handle, force = 0.3 * np.sin(4 * t), np.where(t > 0.2, 1.0, 0.0)
-    names = ("output_angle", "measured_tension.agonist", "estimated_output_angle", "faults")
+    names = ("output_angle", "measured_tension.agonist", "tension", "estimated_output_angle", "faults")
     batch = run_many(
         scaled,
         handle,
@@ -121,6 +121,8 @@ def test_loops_through_controllers_are_those_that_run_alone(scaled: Instrument) 
         assert run.estimated_output_angle is not None and run.commanded_spool_velocity.any()
         np.testing.assert_array_equal(batch["output_angle"][n], run.output_angle[4::5])
         np.testing.assert_array_equal(batch["measured_tension.agonist"][n], run.measured_tension[4::5, 0])
+        np.testing.assert_array_equal(batch["tension"][n], run.tension[4::5])
+        np.testing.assert_array_equal(batch["tension.yaw_antagonist"][n], run["tension.yaw_antagonist"][4::5])
         np.testing.assert_array_equal(batch["estimated_output_angle"][n], run.estimated_output_angle[4::5])
 
 

@@ -5,7 +5,7 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, cast
 
 import typer
 from rich.markup import escape
@@ -17,6 +17,7 @@ from tenodesis.cli.common import (
     ProgressBar,
     console,
     file_size,
+    load_instrument,
     load_protocol,
     load_short_form,
     quantity,
@@ -35,7 +36,6 @@ from tenodesis.recording import Recording, tables
 from tenodesis.recording.replay import Replay
 from tenodesis.recording.replay import replay as run_again
 from tenodesis.recording.simulation import record as record_run
-from tenodesis.recording.simulation import record_coupled
 from tenodesis.recording.summary import contents, describe, outcome
 from tenodesis.run import Run
 from tenodesis.units import Duration, in_unit
@@ -82,57 +82,30 @@ def record(  # noqa: PLR0917
 ) -> None:
     """Run a protocol on the twin of an instrument and record it, with --law under a controller.
 
-    A protocol that begins with a pretension phase finds slack tendons, which a controller homes.
-
-    Where joints share tendons, none is needed: by default every joint moves, the tip is loaded, and jaws grip.
+    A protocol that begins with a pretension phase finds slack tendons, which a controller homes. By default every joint
+    moves, the tip is loaded, and jaws grip.
     """
     check_suffix("--out", out, RECORDING)
-    if coupled.is_coupled(instrument_file):
-        if axis is not None:
-            raise CommandError(
-                f"--axis is {axis!r}, but {instrument_file} lists joints and tendons; it is for planar instruments.",
-                key="--axis",
-                value=axis,
-            )
-        step = quantity("--time-step", time_step, Duration)
-        closed = None
-        if law is not None or observer or actuation or controller_instrument:
-            assumed = coupled.compensated(controller_instrument or instrument_file)
-            period = max(step, 1 / coupled.load(instrument_file).sensors.sampling_rate)
-            closed = _controller(
-                assumed, None, period, law=law, observer=observer, actuation=actuation, other=controller_instrument
-            )
-        path = _default_path(protocol_file or "default", instrument_file, law) if out is None else out
-        inputs = (instrument_file, protocol_file, controller_instrument)
-        with writing([("--out", path)], inputs, overwrite=overwrite):
-            _record_coupled(
-                instrument_file,
-                protocol_file,
-                path,
-                controller=closed,
-                seed=seed,
-                time_step=step,
-                quasi_static=quasi_static,
-                overwrite=overwrite,
-            )
-        return
     inst, protocol = _inputs(instrument_file, protocol_file)
-    assumed = inst if controller_instrument is None else load_short_form(controller_instrument)
+    other = inst if controller_instrument is None else load_instrument(controller_instrument)
     if axis is not None:
-        inst, assumed = inst.axis(axis), assumed.axis(axis)
+        inst, other = inst.axis(axis), other.axis(axis)
     step = quantity("--time-step", time_step, Duration)
     with value_errors():
         protocol.plan(inst, step)
+        # Without a law an instrument need not have a joint that one could serve.
+        assumed = coupled.compensated(other) if law is not None or coupled.pairs(other) else None
         period = max(step, 1 / inst.sensors.sampling_rate)
         controller = _controller(
             assumed, protocol, period, law=law, observer=observer, actuation=actuation, other=controller_instrument
         )
         if controller is not None:
-            controller.check_instrument(inst)
-    path = _default_path(str(protocol_file), instrument_file, law) if out is None else out
+            controller.check_instrument(coupled.compensated(inst))
+    path = _default_path(protocol_file or protocol.name, instrument_file, law) if out is None else out
     inputs = (instrument_file, protocol_file, controller_instrument)
     with writing([("--out", path)], inputs, overwrite=overwrite), value_errors(), _progress(path) as progress:
-        warn_resolution(assumed)
+        if assumed is not None:
+            warn_resolution(assumed)
         run = record_run(
             inst,
             protocol,
@@ -144,15 +117,6 @@ def record(  # noqa: PLR0917
             overwrite=overwrite,
             progress=progress,
         )
-    say(f"{path}: {protocol.name} on {inst.name}, {run.time[-1]:.6g} s, {len(run)} rows, {file_size(path)}.")
-    _print_outcome(run, inst)
-
-
-def _record_coupled(instrument_file: str, protocol_file: str | None, path: Path, **choices: Any) -> None:
-    inst = coupled.load(instrument_file)
-    protocol = simulate.default_protocol(inst) if protocol_file is None else load_protocol(protocol_file)
-    with value_errors(), _progress(path) as progress:
-        run = record_coupled(inst, protocol, path, progress=progress, **choices)
     say(f"{path}: {protocol.name} on {inst.name}, {run.time[-1]:.6g} s, {len(run)} rows, {file_size(path)}.")
     _print_outcome(run, inst)
 
@@ -229,29 +193,18 @@ def export_recording(
         say(f"{path}: {len(recording.run)} rows, {file_size(path)}.")
 
 
-def _inputs(instrument_file: str, protocol_file: str | None) -> tuple[ShortForm, simulate.Protocol]:
-    """Return instrument and protocol; an error about their order, or that one is missing, has the right command."""
-    if protocol_file is None:
-        shipped = simulate.shipped()
-        if _is_protocol(instrument_file):
-            problem, right = (
-                f"{instrument_file} is a protocol, which needs an instrument",
-                f"scaled-up {instrument_file}",
-            )
-        else:
-            problem, right = "PROTOCOL is missing", f"{instrument_file} {shipped[0]}"
+def _inputs(instrument_file: str, protocol_file: str | None) -> tuple[Instrument, simulate.Protocol]:
+    """Return instrument and protocol; an error about their order has the right command."""
+    if _is_protocol(instrument_file) and (protocol_file is None or not _is_protocol(protocol_file)):
+        problem = "which needs an instrument" if protocol_file is None else "and the instrument comes first"
         raise CommandError(
-            f"{problem}: tenodesis record {right} (protocols: {', '.join(shipped)}, or the path of a protocol file).",
-            key="PROTOCOL",
-        )
-    if _is_protocol(instrument_file) and not _is_protocol(protocol_file):
-        raise CommandError(
-            f"{instrument_file} is a protocol; the instrument comes first: "
-            f"tenodesis record {protocol_file} {instrument_file}.",
+            f"{instrument_file} is a protocol, {problem}: tenodesis record {protocol_file or 'scaled-up'} "
+            f"{instrument_file}.",
             key="INSTRUMENT",
             value=instrument_file,
         )
-    return load_short_form(instrument_file), load_protocol(protocol_file)
+    inst = load_instrument(instrument_file)
+    return inst, simulate.default_protocol(inst) if protocol_file is None else load_protocol(protocol_file)
 
 
 def _is_protocol(name_or_path: str) -> bool:
@@ -263,8 +216,8 @@ def _is_protocol(name_or_path: str) -> bool:
 
 
 def _controller(
-    assumed: ShortForm,
-    protocol: simulate.Protocol | None,
+    assumed: ShortForm | None,
+    protocol: simulate.Protocol,
     period: float,
     *,
     law: LawName | None,
@@ -280,11 +233,11 @@ def _controller(
                 raise CommandError(f"{option} is {text!r}, but there is no controller without --law.", key=option)
         return None
     return Controller(
-        assumed,
+        cast("ShortForm", assumed),
         observer or "friction",
         law,
         actuation or "differential",
-        homed=protocol is None or not isinstance(protocol.phases[0], simulate.Pretension),
+        homed=not isinstance(protocol.phases[0], simulate.Pretension),
         period=period,
     )
 

@@ -13,7 +13,7 @@ from tenodesis import plant
 from tenodesis.console.log import rare_log
 from tenodesis.control import Controller, OperatingState
 from tenodesis.control.controller import fault_names
-from tenodesis.coupled import CoupledInstrument, Held, Twin, compensated
+from tenodesis.coupled import CoupledInstrument, compensated
 from tenodesis.coupled.statics import coordinates
 from tenodesis.devices.device import Capabilities
 from tenodesis.errors import ArgumentError, LiveError, NoSolutionError
@@ -21,6 +21,7 @@ from tenodesis.instrument import ShortForm
 from tenodesis.live.commands import ControllerRequest, RestartableConnection
 from tenodesis.live.status import RuntimeState, Status, Timing
 from tenodesis.run import Array, Run, concatenate
+from tenodesis.twin import Held, Twin
 
 _log = rare_log(__name__)
 _STEPS = 20
@@ -173,7 +174,7 @@ class CoupledLoop:
         try:
             run = self.twin.run(
                 handle,
-                np.concatenate([asked.force, np.zeros(3)]),
+                wrench=np.concatenate([asked.force, np.zeros(3)]),
                 spool_velocity=speeds,
                 held=asked.held,
                 controller=self.controller,

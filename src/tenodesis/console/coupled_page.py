@@ -18,8 +18,9 @@ from tenodesis.console.scene import Drawn, Scene, in_degrees
 from tenodesis.console.session import Folders, PageState, PanelSection, Session, as_plain, enable
 from tenodesis.console.status import StatusHeader
 from tenodesis.console.tab_move import follow, slider_values
-from tenodesis.coupled import CoupledInstrument, Held
+from tenodesis.coupled import CoupledInstrument
 from tenodesis.run import Array, Run
+from tenodesis.twin import Held
 
 _FRAME_RATE = 25.0
 """Frames that are sent to every browser, Hz."""

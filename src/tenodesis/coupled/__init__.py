@@ -1,6 +1,6 @@
 """Instruments whose joints share tendons, in space: description, statics, stiffness and compensation."""
 
-from tenodesis.coupled.axes import Pair, compensated, pairs
+from tenodesis.coupled.axes import Pair, compensated, names_of, pairs
 from tenodesis.coupled.description import CoupledInstrument, Crossing, Grip, Joint, RouteError, Tendon
 from tenodesis.coupled.dvrk import PULLEY_RADIUS, JawAngle, dvrk_text, from_dvrk, jaw_reading
 from tenodesis.coupled.plausibility import Doubt, implausible
@@ -17,7 +17,6 @@ from tenodesis.coupled.statics import (
     straight_arms,
     tensions,
 )
-from tenodesis.coupled.twin import Held, Twin, names_of
 from tenodesis.coupled.wrench import estimated_wrench
 from tenodesis.kinematics import frames, jacobian, joint_positions, mjcf, tip_pose, urdf
 from tenodesis.statics import Loss, TipWrench, hold, load_matrix, loss, tip_wrench
@@ -30,7 +29,6 @@ __all__ = [
     "Doubt",
     "Equilibrium",
     "Grip",
-    "Held",
     "JawAngle",
     "Joint",
     "Loss",
@@ -39,7 +37,6 @@ __all__ = [
     "RouteError",
     "Tendon",
     "TipWrench",
-    "Twin",
     "compensated",
     "compensation_strokes",
     "coupling",

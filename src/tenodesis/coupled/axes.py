@@ -15,6 +15,7 @@ from tenodesis.coupled.rows import link_rows, mass_matrix
 from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.instrument import ShortForm, as_instrument
 from tenodesis.instrument.mechanisms import JOINT_TYPES
+from tenodesis.run import Names
 from tenodesis.toml import validated
 
 _JOINT_TYPES = {"tendon-gear": "tendon-gear", "pulley": "tendon-pulley", "continuum": "continuum"}
@@ -55,6 +56,14 @@ def pairs(inst: CoupledLike) -> dict[str, Pair]:
         if len(wound) == 1 and handles[agonist, wound[0]] > 0 and alike:
             found[str(joint.axis)] = Pair(j, int(wound[0]), agonist, antagonist)
     return found
+
+
+def names_of(inst: CoupledLike) -> Names:
+    """Return what the columns of an instrument's runs are named after."""
+    inst = load(inst)
+    own = [inst.tip_joints[pair.joint] for pair in pairs(inst).values()]
+    groups = (inst.tip_joints, inst.handle_joints, inst.tendons, own)
+    return Names(*(tuple(one.name for one in group) for group in groups))
 
 
 def compensated(inst: CoupledLike) -> ShortForm:

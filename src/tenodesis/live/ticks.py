@@ -160,7 +160,8 @@ def run_of(rows: Array, inst: ShortForm, *, simulated: bool, distal: bool) -> Ru
         unknown = [*TRUTH, *TISSUE, "commanded_handle_angle", "force", "radial_force"]
         unknown += [] if distal else ["measured_output_angle"]
     missing: Mapping[str, Any] = dict.fromkeys(unknown)
-    return with_currents(replace(run, request=by_axis(request), **missing), inst)
+    run = replace(run, request=by_axis(request), **missing)
+    return with_currents(run, inst, inst.drives.spool_radius)
 
 
 def signals_of(row: Array, inst: ShortForm) -> dict[str, Any]:

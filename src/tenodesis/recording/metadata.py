@@ -93,13 +93,8 @@ def controller_instrument(recording: Recording) -> ShortForm:
     """
     text = recording.metadata.get(CONTROLLER_INSTRUMENT)
     if text is None:
-        return controlled(recording.instrument())
+        return compensated(recording.instrument())
     return as_short_form(parse(text, f"{recording.path}: {CONTROLLER_INSTRUMENT}"))
-
-
-def controlled(inst: Instrument) -> ShortForm:
-    """Return what a controller of an instrument is made for by default."""
-    return inst if isinstance(inst, ShortForm) else compensated(inst)
 
 
 def restored_controller(recording: Recording) -> Controller | None:
@@ -126,7 +121,7 @@ def restored_controller(recording: Recording) -> Controller | None:
 def in_words(choices: Mapping[str, Any], controller_inst: ShortForm, inst: Instrument) -> str:
     """Return a short description of a controller's choices, with its instrument if it differs from that of the run."""
     words = f"{choices.get('law')} law, {choices.get('observer')} observer, {choices.get('actuation')} actuation"
-    own = controlled(inst) == controller_inst
+    own = compensated(inst) == controller_inst
     return words if own else f"{words}, made for another instrument ({controller_inst.name})"
 
 
@@ -145,6 +140,6 @@ def _metadata_of_controller(controller: Controller, inst: Instrument) -> dict[st
     metadata = {CONTROLLER: tomli_w.dumps({**choices, "faults": list(FAULTS)})}
     return (
         metadata
-        if controller.inst == controlled(inst)
+        if controller.inst == compensated(inst)
         else metadata | {CONTROLLER_INSTRUMENT: to_toml(controller.inst)}
     )

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from tenodesis import coupled
 from tenodesis.control import Controller
-from tenodesis.instrument import FullForm, Instrument, InstrumentLike, ShortForm, as_short_form
+from tenodesis.coupled import compensated, names_of
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.recording.metadata import metadata_of
 from tenodesis.recording.writer import Recorder
 from tenodesis.run import CONTROL, TISSUE, Run, concatenate
@@ -19,6 +19,8 @@ from tenodesis.twin import TIME_STEP, Twin
 
 _LEAST_SLACK = 2e-3
 """Least length by which the motors let tendons out, m."""
+_SLACKENING = 1.25
+"""What they let out over the stretch of the tendons at rest, so that all of them are slack."""
 
 
 def record(
@@ -72,53 +74,25 @@ def record(
     ValueError
         The twin cannot have this time step or seed, or the controller is for other axes or joints.
     """
-    inst = as_short_form(inst)
+    inst = as_instrument(inst)
     twin = Twin(inst, time_step=time_step, seed=seed, quasi_static=quasi_static)
     plan = protocol.plan(inst, time_step)
     if controller is not None:
         controller.reset()
-        controller.check_instrument(inst)
-        check_controllable(plan, inst, controller.inst)
-    metadata = metadata_of(
-        inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
-    )
-    with Recorder(path, axes=inst.axes, metadata=metadata, overwrite=overwrite) as recorder:
-        runs = []
-        if isinstance(protocol.phases[0], Pretension):
-            loosened = twin.loosen(_slackening(inst))
-            loosened = without_tissue(loosened) if protocol.has_tissue else loosened
-            runs.append(loosened if controller is None else without_control(loosened))
-            recorder.write(runs[0])
-        runs.append(execute(twin, protocol, controller, on_block=recorder.write, progress=progress))
-    return concatenate(runs)
-
-
-def record_coupled(
-    inst: FullForm,
-    protocol: Protocol,
-    path: str | Path,
-    *,
-    controller: Controller | None = None,
-    time_step: float = TIME_STEP,
-    seed: int = 0,
-    quasi_static: bool = False,
-    overwrite: bool = False,
-    progress: Callable[[float, float], object] | None = None,
-) -> Run:
-    """Run a protocol on the twin of an instrument whose joints share tendons, and record it; otherwise as `record`.
-
-    The controller is one for :func:`tenodesis.coupled.compensated`.
-    """
-    twin = coupled.Twin(inst, time_step=time_step, seed=seed, quasi_static=quasi_static)
-    plan = protocol.plan(inst, time_step)
-    if controller is not None:
-        controller.reset()
+        controller.check_instrument(compensated(inst))
         check_controllable(plan, inst, controller.inst)
     metadata = metadata_of(
         inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
     )
     with Recorder(path, axes=twin.names, metadata=metadata, overwrite=overwrite) as recorder:
-        return execute(twin, protocol, controller, on_block=recorder.write, progress=progress)
+        runs = []
+        if isinstance(protocol.phases[0], Pretension):
+            loosened = twin.loosen(max(_LEAST_SLACK, _SLACKENING * twin.stretch))
+            loosened = without_tissue(loosened) if protocol.has_tissue else loosened
+            runs.append(loosened if controller is None else without_control(loosened))
+            recorder.write(runs[0])
+        runs.append(execute(twin, protocol, controller, on_block=recorder.write, progress=progress))
+    return concatenate(runs)
 
 
 def write_run(
@@ -154,7 +128,7 @@ def write_run(
     metadata = metadata_of(
         inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
     )
-    with Recorder(path, axes=coupled.names_of(inst), metadata=metadata, overwrite=overwrite) as recorder:
+    with Recorder(path, axes=names_of(inst), metadata=metadata, overwrite=overwrite) as recorder:
         recorder.write(run)
 
 
@@ -168,9 +142,3 @@ def without_tissue(run: Run) -> Run:
     """Return a run with the signals of tissue that is not there."""
     absent: dict[str, Any] = {name: np.zeros(run.names.shape(name, len(run))) for name in TISSUE}
     return replace(run, **absent)
-
-
-def _slackening(inst: ShortForm) -> float:
-    """Return a length, m, after which every tendon is slack if the motors let it out."""
-    ratio = inst.mismatch.pretension_ratio / inst.mismatch.stiffness_ratio
-    return max(_LEAST_SLACK, *(1.25 * ratio * axis.pretension / axis.tendon_stiffness for axis in inst.planar))

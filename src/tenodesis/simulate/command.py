@@ -8,11 +8,10 @@ from typing import Any, Literal, NamedTuple, Protocol, Self, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis.coupled import Held
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array, Run
 from tenodesis.simulate.places import Place, Places
-from tenodesis.twin import Contact
+from tenodesis.twin import Contact, Held
 
 PathByStep: TypeAlias = Callable[[NDArray[np.int64]], Array]
 """Values (n,), rad or N, after numbers of steps (n,), counted from 1."""
@@ -44,7 +43,7 @@ def arriving(speed: float) -> Callable[[Array], Array]:
 
 
 class Between(NamedTuple):
-    """What is between the jaws, as :class:`tenodesis.coupled.Held`; without an opening as far as they are open."""
+    """What is between the jaws, as :class:`tenodesis.twin.Held`; without an opening as far as they are open."""
 
     opening: float | None
     stiffness: float

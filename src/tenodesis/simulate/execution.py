@@ -8,13 +8,14 @@ from typing import Any, cast
 import numpy as np
 
 from tenodesis.control import Controller, OperatingState, Request
-from tenodesis.coupled import Held, compensated, pairs
+from tenodesis.coupled import compensated, pairs
 from tenodesis.errors import ArgumentError, FaultWarning, ProtocolError
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.run import Array, Run, concatenate
 from tenodesis.simulate.command import Between, Command, Plant, Segment, sampled
 from tenodesis.simulate.pretension import Pretension
 from tenodesis.simulate.protocol import Planned, Protocol, block_size, errors_of
+from tenodesis.twin import Held
 from tenodesis.twin.closed_loop import warn_of_faults
 
 _BLOCK = 1.0

@@ -3,6 +3,7 @@
 from tenodesis.plant import TIME_STEP
 from tenodesis.twin.batch import Batch, run_many
 from tenodesis.twin.closed_loop import LoopController, SignalFault
+from tenodesis.twin.commands import Held
 from tenodesis.twin.contact import Contact, Side
 from tenodesis.twin.rows import as_run
 from tenodesis.twin.twin import Energy, State, Twin
@@ -12,6 +13,7 @@ __all__ = [
     "Batch",
     "Contact",
     "Energy",
+    "Held",
     "LoopController",
     "Side",
     "SignalFault",

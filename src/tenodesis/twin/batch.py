@@ -9,17 +9,17 @@ from numpy.typing import ArrayLike, NDArray
 from tenodesis import _core, plant
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
-from tenodesis.run import Array
+from tenodesis.run import Array, Names
 from tenodesis.statics.query import common_shape
 from tenodesis.threads import threads
 from tenodesis.twin.closed_loop import LoopController
+from tenodesis.twin.commands import check_finite
 from tenodesis.twin.contact import Contact, Contacts, rows_of
 from tenodesis.twin.rows import (
     ARGUMENTS,
     COMMANDS,
     CONTROL,
     SIGNALS,
-    check_finite,
     check_handle_range,
     check_rig,
     check_seed,
@@ -28,7 +28,11 @@ from tenodesis.twin.rows import (
 
 @dataclass(frozen=True)
 class Batch:
-    """The runs of :func:`run_many`: kept signals by name, shape (runs, samples); NaN after a run ended early."""
+    """The runs of :func:`run_many`: kept signals by name, with the names and shapes of a run after an axis of runs.
+
+    A signal has shape (runs, samples), per tendon (runs, samples, 2), one of its columns (runs, samples); NaN after a
+    run ended early.
+    """
 
     time: Array
     signals: Mapping[str, Array]
@@ -36,9 +40,20 @@ class Batch:
     """Number of steps of each run."""
     status: NDArray[np.int64]
     """Why each run ended, values of :class:`tenodesis.statics.Status`."""
+    names: Names
+    """What columns are named after."""
 
     def __getitem__(self, name: str) -> Array:
-        return self.signals[name]
+        """Return a kept signal, or a column of one: ``batch["tension"]``, ``batch["tension.agonist"]``.
+
+        Raises KeyError if it was not kept.
+        """
+        signal, _, column = name.partition(".")
+        if name in self.signals or not column or signal not in self.signals:
+            return self.signals[name]
+        number = self.names.column(signal, column)
+        values = self.signals[signal]
+        return values[:, :, number] if values.ndim > 2 else values
 
     def __repr__(self) -> str:
         early = int(np.count_nonzero(self.status))
@@ -86,8 +101,8 @@ def run_many(
     seeds
         Seed per run; by default 0, 1, 2, ...
     signals
-        Signals to keep, by name; a tendon's is written ``tension.agonist``. With controllers also theirs, such as
-        ``estimated_output_angle`` or ``faults``.
+        Signals to keep, by name; a tendon's is written ``tension.agonist``, that of both ``tension``. With controllers
+        also theirs, such as ``estimated_output_angle`` or ``faults``.
     every
         Keep every n-th step.
     time_step, quasi_static
@@ -128,14 +143,9 @@ def run_many(
         allowed = f"an integer from 1 to {commands.shape[1]}, the number of steps"
         raise ArgumentError(key="every", value=every, allowed=allowed)
     known = (*SIGNALS, *(() if controllers is None else CONTROL))
-    for name in signals:
-        if name not in known:
-            allowed = f"one of {', '.join(known)}"
-            raise ArgumentError(
-                f"signals has {name!r}; it must be {allowed}.", key="signals", value=name, allowed=allowed
-            )
+    kept = {name: _columns_of(name, known, insts[0].axes[0]) for name in signals}
     # The core has the twin's signals before the controller's.
-    ordered = sorted(dict.fromkeys(signals), key=known.index)
+    ordered = sorted({column for columns in kept.values() for column in columns}, key=known.index)
     twins = _core.TwinBatch(
         plant.spec(insts[0], time_step, quasi_static), _rows(insts, time_step, quasi_static), _seeds(seeds, runs)
     )
@@ -148,7 +158,24 @@ def run_many(
     chosen = [known.index(name) for name in ordered]
     twins.advance(commands, chosen, every, out, ends, threads(), loops, per_tick, time_step)
     time = (1 + np.arange(out.shape[2])) * every * time_step
-    return Batch(time, {name: out[:, ordered.index(name)] for name in signals}, ends[:, 0], ends[:, 1])
+    found = {
+        name: np.stack([out[:, ordered.index(column)] for column in columns], axis=-1)
+        if len(columns) > 1
+        else out[:, ordered.index(columns[0])]
+        for name, columns in kept.items()
+    }
+    return Batch(time, found, ends[:, 0], ends[:, 1], Names.paired(insts[0].axes))
+
+
+def _columns_of(name: str, known: Sequence[str], axis: str) -> list[str]:
+    """Return the core's columns of a signal, or of one of its columns."""
+    signal, _, column = name.partition(".")
+    column = "" if column in (axis, f"handle_{axis}") else column.removeprefix(f"{axis}_")
+    found = [one for one in known if one == f"{signal}.{column}" or (not column and one.partition(".")[0] == signal)]
+    if not found:
+        allowed = f"one of {', '.join(known)}"
+        raise ArgumentError(f"signals has {name!r}; it must be {allowed}.", key="signals", value=name, allowed=allowed)
+    return found
 
 
 def _loops(

@@ -5,15 +5,15 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core
-from tenodesis._core import Status
 from tenodesis.control.controller import OperatingState, fault_names
 from tenodesis.errors import ArgumentError, FaultWarning
 from tenodesis.instrument import ShortForm
-from tenodesis.run import Array, Run
-from tenodesis.twin.rows import ARGUMENTS, CONTROL, SIGNALS
+from tenodesis.run import TENDONS, Array, Run
+from tenodesis.twin.core import Outcome, Rows, Ticks, TwinCore
+from tenodesis.twin.rows import CONTROL
 
 
 class LoopController(Protocol):
@@ -43,52 +43,41 @@ class SignalFault(Protocol):
 
 
 def run_closed_loop(
-    twins: list[_core.Twin],
-    rows: list[Array],
+    core: TwinCore,
+    rows: Rows,
     controller: LoopController,
-    request: NDArray[Any],
+    request: ArrayLike,
     faults: Sequence[SignalFault],
     *,
-    axes: tuple[str, ...],
     first_step: int,
-    steps_per_tick: int,
     time_step: float,
     relay: float,
-) -> tuple[int, Status, list[Array], list[Array]]:
-    """Step the twins of the core with the controller in the loop; after a lost step both keep their states.
-
-    Returns steps taken, status, and by axis the twin's signals and the controller's, each of shape (n, columns).
-    """
+) -> Outcome:
+    """Step a twin of the core with the controller in the loop."""
     if not relay >= 0:
         raise ArgumentError(key="relay", value=relay, allowed="a time in s, 0 or more")
-    count = rows[0].shape[0]
-    if any(np.any(row[:, ARGUMENTS["spool_velocity"]]) for row in rows):
+    velocity = core.commanded(rows, tissue=False)["commanded_spool_velocity"]
+    count = len(velocity)
+    if velocity[:, list(core.own_tendons)].any():
         raise ArgumentError("spool_velocity and a controller are both given; give one of them.", key="spool_velocity")
     values = modes = None
     if faults:
-        values = np.zeros((len(rows), count, len(_core.fault_injection_points())))
+        values = np.zeros((len(core.axes), count, len(_core.fault_injection_points())))
         modes = np.zeros(values.shape, np.uint8)
         time = np.arange(first_step + 1, first_step + 1 + count, dtype=np.float64) * time_step
         for fault in faults:
-            fault.schedule(axes, first_step * time_step, time, values, modes)
-    outs = np.empty((len(rows), count, len(SIGNALS)))
-    control = np.empty((len(rows), count, len(CONTROL)))
-    requests = _requests(controller, request, count)
-    steps, status = _core.run_controlled(
-        twins,
-        controller.core,
-        np.stack(rows),
-        steps_per_tick,
-        time_step,
-        relay,
-        first_step,
-        requests,
-        values,
-        modes,
-        outs,
-        control,
-    )
-    return steps, Status(status), list(outs), list(control)
+            fault.schedule(core.axes, first_step * time_step, time, values, modes)
+    requests = _requests(controller, np.asarray(request), count)
+    return core.run_controlled(controller.core, rows, Ticks(time_step, first_step, relay, requests, values, modes))
+
+
+def controlled_signals(control: Array, velocity: Array, own: Sequence[int]) -> dict[str, Array]:
+    """Return a controller's signals, shape (n, axes, columns), and the spool velocities (n, tendons) with its own."""
+    sent = velocity.copy()
+    sides = [CONTROL.index(f"commanded_spool_velocity.{side}") for side in TENDONS]
+    sent[:, list(own)] = control[:, :, sides].reshape(len(sent), -1)
+    named = {name: control[:, :, n] for n, name in enumerate(CONTROL) if "." not in name}
+    return {"commanded_spool_velocity": sent, **named}
 
 
 def warn_of_faults(run: Run, inst: ShortForm, *, stacklevel: int = 3) -> None:

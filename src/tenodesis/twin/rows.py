@@ -9,9 +9,10 @@ import numpy as np
 from tenodesis import _core
 from tenodesis._core import Status
 from tenodesis.errors import ArgumentError, NoSolutionError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument, ShortForm
+from tenodesis.instrument.tension import tension_sensor
 from tenodesis.run import TENDONS, TISSUE, Array, Run
-from tenodesis.statics.query import handle_angle_error, place
+from tenodesis.statics.query import handle_angle_error
 
 COMMANDS = _core.twin_commands()
 SIGNALS = _core.twin_signals()
@@ -27,22 +28,13 @@ ARGUMENTS: dict[str, int | slice] = {
 PER_TENDON = ("spool_velocity", "let_out")
 
 _CONTROLLED = tuple(dict.fromkeys(name.partition(".")[0] for name in CONTROL))
-_MEASURED_AND_TRUE = tuple(dict.fromkeys(name.partition(".")[0] for name in SIGNALS if name != "sweeps"))
+MEASURED_AND_TRUE = tuple(dict.fromkeys(name.partition(".")[0] for name in SIGNALS if name != "sweeps"))
 
 
 def check_seed(seed: int) -> None:
     """Raise ArgumentError for a seed that is no integer from 0 to 2**64 - 1."""
     if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or not 0 <= seed < 2**64:
         raise ArgumentError(key="seed", value=seed, allowed="an integer from 0 to 2**64 - 1")
-
-
-def check_finite(name: str, array: Array) -> None:
-    """Raise ArgumentError for the first value that is not finite."""
-    finite = np.isfinite(array)
-    if not finite.all():
-        first = int(np.argmin(finite))
-        at = place(first, array.shape)
-        raise ArgumentError(key=f"{name}{at}", value=float(array.flat[first]), allowed="a finite number")
 
 
 def check_handle_range(inst: ShortForm, handle_angle: Array, axis: str = "") -> None:
@@ -88,35 +80,37 @@ def as_run(
     Commanded signals are shaped as in the run; `outs` and `controls` are, by axis, the twin's signals and the
     controller's, each of shape (n, columns).
     """
-    controlled = {name: _of_axes(controls, _columns(CONTROL, name)) for name in _CONTROLLED} if controls else {}
-    simulated = {name: _of_axes(outs, _columns(SIGNALS, name)) for name in _MEASURED_AND_TRUE}
+    controlled = {name: of_axes(controls, signal_columns(CONTROL, name)) for name in _CONTROLLED} if controls else {}
+    simulated = {name: of_axes(outs, signal_columns(SIGNALS, name)) for name in MEASURED_AND_TRUE}
     signals: dict[str, Any] = {**commanded, **controlled, **simulated}
     return Run(time, axes, **signals)
 
 
-def with_currents(run: Run, inst: ShortForm) -> Run:
-    """Return a run with the motors' currents, where these give the tensions of its instrument."""
+def with_currents(run: Run, inst: Instrument, spool_radius: float) -> Run:
+    """Return a run with the motors' currents, where these give the tensions of its instrument with such spools (m)."""
     if inst.sensors.kind != "current" or run.measured_tension is None:
         return run
-    per_current = np.repeat([axis.tension_sensor.per_current for axis in inst.planar], len(TENDONS))
+    drives = inst.drives.model_copy(update={"spool_radius": spool_radius})
+    per_current = [tension_sensor(drives, inst.sensors, tension).per_current for tension in inst.pretensions]
     return replace(run, measured_current=run.measured_tension / per_current)
 
 
 def commanded(commands: Sequence[Array], *, tissue: bool) -> dict[str, Array]:
     """Return the commands of each axis, each of shape (n, columns), as signals of a run, with or without tissue."""
     named = (("commanded_", "handle_angle"), ("", "radial_force"), ("commanded_", "spool_velocity"))
-    signals = {f"{prefix}{name}": _of_axes(commands, ARGUMENTS[name]) for prefix, name in named}
-    return signals | {name: _of_axes(commands, COMMANDS.index(name)) for name in (TISSUE if tissue else ())}
+    signals = {f"{prefix}{name}": of_axes(commands, ARGUMENTS[name]) for prefix, name in named}
+    return signals | {name: of_axes(commands, COMMANDS.index(name)) for name in (TISSUE if tissue else ())}
 
 
-def _of_axes(stack: Sequence[Array], columns: int | slice) -> Array:
+def of_axes(stack: Sequence[Array], columns: int | slice) -> Array:
+    """Return columns of each axis's rows (n, columns) in the shape of a run's signal."""
     per_axis = [rows[:, columns] for rows in stack]
     if isinstance(columns, slice):
         return np.concatenate(per_axis, axis=1)
     return per_axis[0] if len(stack) == 1 else np.stack(per_axis, 1)
 
 
-def _columns(names: Sequence[str], name: str) -> int | slice:
+def signal_columns(names: Sequence[str], name: str) -> int | slice:
     """Return the column of a signal, or those of both tendons."""
     if name in names:
         return names.index(name)

@@ -1,35 +1,27 @@
-"""The digital twin: the instrument on its bench in time, with friction, drives, sensors and load rig.
+"""The digital twin: the instrument on its bench in time, with friction, drives, sensors, and loads.
 
 Angles in rad, forces in N, time in s. Commands are the values at the end of each step.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tenodesis import _core, plant
+from tenodesis import plant
 from tenodesis._core import Status
+from tenodesis.coupled.axes import compensated
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import InstrumentLike, as_short_form
-from tenodesis.run import TENDONS, Array, Run, concatenate
-from tenodesis.twin.closed_loop import LoopController, SignalFault, run_closed_loop, warn_of_faults
-from tenodesis.twin.contact import Contacts, by_axis, rows_of
-from tenodesis.twin.rows import (
-    ARGUMENTS,
-    COMMANDS,
-    PER_TENDON,
-    SIGNALS,
-    as_run,
-    check_finite,
-    check_handle_range,
-    check_rig,
-    check_seed,
-    commanded,
-    lost,
-    with_currents,
-)
+from tenodesis.instrument import Instrument, InstrumentLike, ShortForm, as_instrument, expanded
+from tenodesis.run import Run, concatenate
+from tenodesis.twin.axes_core import AxesCore
+from tenodesis.twin.chain_core import ChainCore
+from tenodesis.twin.closed_loop import LoopController, SignalFault, controlled_signals, run_closed_loop, warn_of_faults
+from tenodesis.twin.commands import Frame, Held, Loads, as_columns, check_held, grip_error
+from tenodesis.twin.contact import Contacts, by_axis
+from tenodesis.twin.core import Constant, Rows, TwinCore
+from tenodesis.twin.rows import check_seed, lost, with_currents
 
 _LOOSENING_BLOCK = 0.05  # s
 
@@ -41,6 +33,7 @@ class State(NamedTuple):
     """The kind of twin to which it can be set."""
     time: float
     axes: tuple[bytes, ...]
+    held: Held | None = None
 
 
 class Energy(NamedTuple):
@@ -80,38 +73,32 @@ class Energy(NamedTuple):
 
 
 class Twin:
-    """The digital twin of an instrument, at rest with a straight handle and pretensioned tendons at first.
+    """The digital twin of an instrument, at rest with straight joints and pretensioned tendons at first.
 
     The instrument's tables friction, dynamics, drives, sensors and mismatch are those of the twin. The time step is in
     s; the sensors' noise has a seed from 0 to 2**64 - 1. A quasi-static twin leaves inertia and damping out: every step
     ends at rest.
 
-    Raises ValueError if the time step is too long for the tip's oscillation or does not divide the sampling period, or
-    the seed is invalid.
+    Raises ValueError if the time step is too long for the fastest oscillation or does not divide the sampling period,
+    or the seed is invalid.
     """
 
     def __init__(
         self, inst: InstrumentLike, *, time_step: float = plant.TIME_STEP, seed: int = 0, quasi_static: bool = False
     ) -> None:
-        inst = as_short_form(inst)
+        inst = as_instrument(inst)
         check_seed(seed)
         self.inst = inst
         self.time_step = time_step
         self.seed = int(seed)
         self.quasi_static = quasi_static
-        # Axes draw from distant parts of the same random sequence, whose increment is this odd number.
-        self._axes = [
-            _core.Twin(
-                plant.spec(planar, time_step, quasi_static), (int(seed) + (n << 40) * 0x9E3779B97F4A7C15) % 2**64
-            )
-            for n, planar in enumerate(inst.planar)
-        ]
+        self._core = _core_of(inst, time_step, self.seed, quasi_static)
+        self.names = self._core.names
         self._steps = 0
-        self._steps_per_tick = plant.steps_per_sample(inst, time_step, quasi_static)
+        self._held: Held | None = None
         friction = inst.friction
         self._kind = (
-            f"{inst.joint_type} joints of {inst.name}, {len(inst.axes)} axes, {friction.law} friction, "
-            f"{friction.sheath_contacts} sheath contacts, "
+            f"{self._core.kind}, {friction.law} friction, {friction.sheath_contacts} sheath contacts, "
             f"{'' if friction.vertices_per_joint == 1 else 'two vertices a joint, '}"
             f"{'bent tendons, ' if friction.bends else ''}{'quasi-static' if quasi_static else 'dynamic'} steps of "
             f"{time_step:g} s"
@@ -128,24 +115,29 @@ class Twin:
         return self._steps * self.time_step
 
     @property
-    def cores(self) -> list[_core.Twin]:
+    def cores(self) -> list[Any]:
         """The twins of the core, one per axis; :attr:`time` is not updated if they are stepped directly."""
-        return self._axes
+        return self._core.cores
 
     @property
     def steps_per_tick(self) -> int:
         """Time steps between two samples of the sensors."""
-        return self._steps_per_tick
+        return self._core.steps_per_tick
 
     @property
     def spool_radius(self) -> float:
         """Radius of the spools, m."""
-        return self.inst.drives.spool_radius
+        return self._core.spool_radius
+
+    @property
+    def stretch(self) -> float:
+        """Largest stretch of a tendon at rest, m."""
+        return self._core.stretch
 
     @property
     def state(self) -> State:
         """The complete state; setting it restores the twin to it."""
-        return State(self._kind, self.time, tuple(axis.state for axis in self._axes))
+        return State(self._kind, self.time, self._core.state, self._held)
 
     @state.setter
     def state(self, state: State) -> None:
@@ -158,8 +150,8 @@ class Twin:
                 value=state.kind,
                 allowed=self._kind,
             )
-        for axis, kept in zip(self._axes, state.axes, strict=True):
-            axis.state = kept
+        self._core.state = state.axes
+        self._held = state.held
         self._steps = round(state.time / self.time_step)
 
     def run(
@@ -169,10 +161,14 @@ class Twin:
         *,
         radial_force: ArrayLike = 0.0,
         weight: ArrayLike = 0.0,
+        wrench: ArrayLike = 0.0,
+        grip_force: ArrayLike = 0.0,
         spool_velocity: ArrayLike = 0.0,
         sheath_bend: ArrayLike = 0.0,
         let_out: ArrayLike = 0.0,
         contact: Contacts | None = None,
+        held: Held | None = None,
+        axes: Frame = "tip",
         controller: LoopController | None = None,
         request: ArrayLike = 0,
         fault_injection: Sequence[SignalFault] = (),
@@ -180,10 +176,13 @@ class Twin:
     ) -> Run:
         """Step over arrays of commands, from the present state, and return the signals, one row per step.
 
+        Forces on axes are for planar instruments, a wrench for those that list joints and tendons.
+
         Parameters
         ----------
         handle_angle
-            Handle angle, or the hand's aim if the hand has a stiffness, rad, shape (n,); with two axes (n, 2).
+            Angles of the handle's joints, or the hand's aim if the hand has a stiffness, rad, shape (n, joints of the
+            handle); (n,) for one, or for all alike.
         force
             Tangential force at the tip, N, turning with it; positive opposes positive flexion. As handle_angle, or a
             number.
@@ -191,6 +190,10 @@ class Twin:
             Force along the end-effector, N; positive outward.
         weight
             Weight on one cable of the load rig more than on the other, N, which makes a tangential force (Fig. 13).
+        wrench
+            Force (N) and moment (N m) on the tip, (n, 6) or (6,): x, y, z of either.
+        grip_force
+            Force that presses the jaws apart, N, (n,) or a number.
         spool_velocity
             Spool velocities commanded, rad/s, agonist and antagonist of each axis: shape (n, tendons), or (tendons,).
         sheath_bend
@@ -198,11 +201,16 @@ class Twin:
         let_out
             Length of tendon that has slipped off its spool, m, as spool_velocity; half a metre for a torn one.
         contact
-            Tissue at the tip, for the whole call; with two axes one per axis, None where there is none. It stays in
-            place if the next call has the same.
+            Tissue at the tip, for the whole call; with several joints one per joint, None where there is none. It stays
+            in place if the next call has the same.
+        held
+            What the jaws hold, for the whole call; it stays in place if the next call has the same.
+        axes
+            "tip": the wrench turns with the end-effector, z along it; "stem": it keeps its direction.
         controller
-            Closes the loop: it is given the sensors' readings, and the drives its spool velocities. It goes on from the
-            call before on this twin; one that has run elsewhere must be reset first.
+            Closes the loop over the joints with a pair of tendons of their own: it is given the sensors' readings, and
+            the drives its spool velocities. It goes on from the call before on this twin; one that has run elsewhere
+            must be reset first.
         request
             Request to the controller at each step, values of :class:`tenodesis.control.Request`; shape (n,).
         fault_injection
@@ -214,9 +222,10 @@ class Twin:
         Raises
         ------
         ValueError
-            A command is not finite or beyond the handle's range, the relay's time is negative, the tip is inside tissue
-            that is placed, two faults are at one signal at the same time, or the controller has run on another twin and
-            was not reset; nothing has been done then.
+            A command is not finite, beyond the handle's range, or not one of the instrument's, the relay's time is
+            negative, the tip is inside tissue that is placed, the jaws are too narrow for what is put between, two
+            faults are at one signal at the same time, or the controller is for another instrument, or has run on
+            another twin and was not reset; nothing has been done then.
         NoSolutionError
             The load on the tip is more than it can hold; the twin is then in its state before the call.
 
@@ -225,98 +234,84 @@ class Twin:
         FaultWarning
             The controller faulted.
         """
-        rows = self._commands(handle_angle, force, radial_force, weight, spool_velocity, sheath_bend, let_out)
-        self._place(contact, rows)
-        count = rows[0].shape[0]
-        time = np.arange(self._steps + 1, self._steps + 1 + count, dtype=np.float64) * self.time_step
-        given = commanded(rows, tissue=contact is not None)
-        if controller is None:
-            return with_currents(as_run(time, self.inst.axes, given, self._step_axes(rows)), self.inst)
-        controller.check_instrument(self.inst)
-        controller.begin(self, self.time)
-        steps, status, outs, control = run_closed_loop(
-            self._axes,
-            rows,
-            controller,
-            np.asarray(request),
-            fault_injection,
-            axes=self.inst.axes,
-            first_step=self._steps,
-            steps_per_tick=self._steps_per_tick,
-            time_step=self.time_step,
-            relay=relay,
+        rows, count = self._rows(
+            handle_angle,
+            force,
+            radial_force=radial_force,
+            weight=weight,
+            wrench=wrench,
+            grip_force=grip_force,
+            spool_velocity=spool_velocity,
+            sheath_bend=sheath_bend,
+            let_out=let_out,
+            contact=contact,
+            held=held,
+            axes=axes,
         )
-        self._steps += steps
-        controller.begin(self, self.time)
-        if status != Status.OK:
-            raise lost(status, f"step {steps} ({self.time:.6g} s)")
-        run = with_currents(as_run(time, self.inst.axes, given, outs, control), self.inst)
-        warn_of_faults(run, self.inst)
+        core, first = self._core, self._steps
+        signals = core.commanded(rows, tissue=contact is not None)
+        before = self.state
+        if controller is None:
+            done = core.run(rows)
+        else:
+            controller.check_instrument(compensated(self.inst))
+            controller.begin(self, self.time)
+            done = run_closed_loop(
+                core,
+                rows,
+                controller,
+                request,
+                fault_injection,
+                first_step=first,
+                time_step=self.time_step,
+                relay=relay,
+            )
+        if done.status != Status.OK:
+            self.state = before
+            at = self.time + done.steps * self.time_step
+            raise lost(done.status, f"step {done.steps} ({done.where}{at:.6g} s)")
+        self._steps += count
+        if controller is not None:
+            controller.begin(self, self.time)
+            velocity = signals["commanded_spool_velocity"]
+            signals |= controlled_signals(done.control, velocity, core.own_tendons)
+        signals |= done.signals
+        time = np.arange(first + 1, first + 1 + count, dtype=np.float64) * self.time_step
+        shaped: dict[str, Any] = {
+            name: values.reshape(self.names.shape(name, count)) for name, values in signals.items()
+        }
+        run = with_currents(Run(time, *self.names, **shaped), self.inst, self.spool_radius)
+        if controller is not None:
+            warn_of_faults(run, compensated(self.inst))
         return run
 
-    def _step_axes(self, rows: list[Array]) -> list[Array]:
-        """Step every axis over its commands and return its signals; a lost step leaves the twin unchanged."""
-        before = self.state
-        outs = []
-        for name, axis, row in zip(self.inst.axes, self._axes, rows, strict=True):
-            out = np.empty((len(row), len(SIGNALS)))
-            steps, status = axis.run(row, out)
-            if status != Status.OK:
-                self.state = before
-                raise lost(status, f"step {steps} ({name}, {self.time + steps * self.time_step:.6g} s)")
-            outs.append(out)
-        self._steps += len(rows[0])
-        return outs
-
-    def step(
-        self,
-        handle_angle: ArrayLike,
-        force: ArrayLike = 0.0,
-        *,
-        radial_force: ArrayLike = 0.0,
-        weight: ArrayLike = 0.0,
-        spool_velocity: ArrayLike = 0.0,
-        contact: Contacts | None = None,
-    ) -> Run:
+    def step(self, handle_angle: ArrayLike, force: ArrayLike = 0.0, **loads: Unpack[Loads]) -> Run:
         """Advance by one step and return its signals, without their first dimension; otherwise as :meth:`run`."""
-        run = self.run(
-            np.asarray(handle_angle, float)[np.newaxis],
-            np.asarray(force, float)[np.newaxis],
-            radial_force=np.asarray(radial_force, float)[np.newaxis],
-            weight=np.asarray(weight, float)[np.newaxis],
-            spool_velocity=np.broadcast_to(np.asarray(spool_velocity, float), 2 * len(self._axes))[np.newaxis],
-            contact=contact,
-        )
-        return Run(run.time[0], run.axes, **{name: values[0] for name, values in run.signals().items()})
+        rows: dict[str, Any] = {
+            name: value if name in ("contact", "held", "axes") else np.asarray(value, float)[np.newaxis]
+            for name, value in loads.items()
+        }
+        run = self.run(np.asarray(handle_angle, float)[np.newaxis], np.asarray(force, float)[np.newaxis], **rows)
+        signals: dict[str, Any] = {name: values[0] for name, values in run.signals().items()}
+        return Run(run.time[0], *run.names, **signals)
 
-    def energy(
-        self,
-        handle_angle: ArrayLike,
-        force: ArrayLike = 0.0,
-        *,
-        radial_force: ArrayLike = 0.0,
-        weight: ArrayLike = 0.0,
-        spool_velocity: ArrayLike = 0.0,
-        contact: Contacts | None = None,
-    ) -> Energy:
-        """Step over arrays of commands and return the energy balance; for one axis, otherwise as :meth:`run`."""
-        if len(self._axes) != 1:
-            raise ArgumentError(f"{self.inst.name} has two axes; it must have one: make the twin of inst.axis(name).")
-        (rows,) = self._commands(handle_angle, force, radial_force, weight, spool_velocity)
-        self._place(contact, [rows])
+    def energy(self, handle_angle: ArrayLike, force: ArrayLike = 0.0, **loads: Unpack[Loads]) -> Energy:
+        """Step over arrays of commands and return the energy balance; of planar instruments of one axis.
+
+        Otherwise as :meth:`run`.
+        """
+        rows, count = self._rows(handle_angle, force, **loads)
         before = self.state
-        steps, status, energies, least, residual, sweeps = self._axes[0].audit(rows)
+        steps, status, values = self._core.audit(rows)
         if status != Status.OK:
             self.state = before
             raise lost(status, f"step {steps} ({self.time + steps * self.time_step:.6g} s)")
-        self._steps += steps
-        stored_before, stored_after, handle, spools, load, friction, damping, tissue = energies
-        return Energy(
-            stored_before, stored_after, handle, spools, load, friction, damping, tissue, least, residual, sweeps
-        )
+        self._steps += count
+        *energies, sweeps = values
+        return Energy._make([*energies, int(sweeps)])
 
     def loosen(self, length: float = 2e-3) -> Run:
-        """Unwind both spools by a length (m) at a third of their speed, without load, and return that run.
+        """Unwind all spools by a length (m) at a third of their speed, without load, and return that run.
 
         The handle stays at its last commanded angle. Raises ValueError if the length is not positive.
         """
@@ -324,63 +319,47 @@ class Twin:
             raise ArgumentError(key="length", value=length, allowed="a length above 0 and below 1 m")
         drives = self.inst.drives
         speed = drives.motor_speed / drives.gear_ratio / 3
-        start = self._spool_angles()
+        start = self._core.now()["spool_angle"]
         runs = []
         # The drives need time to accelerate and to stop.
-        expected = length / drives.spool_radius / speed + 2 * speed * drives.gear_ratio / drives.motor_acceleration
+        expected = length / self.spool_radius / speed + 2 * speed * drives.gear_ratio / drives.motor_acceleration
         for _ in range(2 * round(expected / _LOOSENING_BLOCK) + 20):
-            unwinding = (start - self._spool_angles()).min() * drives.spool_radius < length
-            runs.append(self._hold(-speed if unwinding else 0.0))
-            if not unwinding and np.abs(runs[-1]["spool_velocity"][-1]).max() < 1e-6 * speed:
+            unwound = (start - self._core.now()["spool_angle"]).min() * self.spool_radius
+            runs.append(self._hold(-speed if unwound < length else 0.0))
+            if unwound >= length and np.abs(runs[-1]["spool_velocity"][-1]).max() < 1e-6 * speed:
                 break
         return concatenate(runs)
-
-    def _place(self, contact: Contacts | None, rows: Sequence[Array]) -> None:
-        """Write tissue into the commands of each axis; the tip must be outside of tissue that was not there before."""
-        tissue = rows_of(contact, self.inst.axes)
-        for axis, one, row, columns in zip(self._axes, by_axis(contact, self.inst.axes), rows, tissue, strict=True):
-            if one is not None and axis.contact != one.row:
-                one.check_outside(axis.signals(np.zeros((1, len(COMMANDS))))[SIGNALS.index("output_angle")])
-            row[:, ARGUMENTS["contact"]] = columns
-
-    def _spool_angles(self) -> Array:
-        """Return the spools' angles, rad, shape (axes, 2)."""
-        columns = slice(SIGNALS.index("spool_angle.agonist"), SIGNALS.index("spool_angle.antagonist") + 1)
-        return np.array([axis.signals(np.zeros((1, len(COMMANDS))))[columns] for axis in self._axes])
 
     def _hold(self, velocity: float) -> Run:
         """Run for a block, unloaded, the handle at its last commanded angle, all spools at a velocity (rad/s)."""
         count = max(1, round(_LOOSENING_BLOCK / self.time_step))
-        aim = np.array([axis.handle_wanted for axis in self._axes])
-        handle = np.tile(aim, (count, 1)) if len(self._axes) > 1 else np.full(count, aim[0])
-        return self.run(handle, spool_velocity=np.full((count, len(TENDONS) * len(self._axes)), velocity))
+        handle = np.tile(self._core.handle_wanted(), (count, 1))
+        return self.run(handle, spool_velocity=np.full(len(self.names.tendons), velocity))
 
-    def _commands(self, *arguments: ArrayLike) -> list[Array]:
-        """Return the commands of each axis as rows, checked."""
-        axes = len(self._axes)
-        arrays = [np.asarray(argument, float) for argument in arguments]
-        count = arrays[0].shape[0] if arrays[0].ndim else 1
-        base: tuple[int, ...] = (count,) if axes == 1 else (count, axes)
-        rows = np.zeros((axes, count, len(COMMANDS)))
-        for (name, columns), array in zip(ARGUMENTS.items(), arrays, strict=False):
-            per_tendon = name in PER_TENDON
-            shape = (count, 2 * axes) if per_tendon else base
-            # A value per step is for both axes.
-            given = array[:, np.newaxis] if axes == 2 and not per_tendon and array.shape == (count,) else array
-            if per_tendon and array.shape[-2:] == (axes, 2) and axes > 1:
-                given = array.reshape(*array.shape[:-2], -1)
-            try:
-                full = np.broadcast_to(given, shape)
-            except ValueError:
-                problem = f"{name} has shape {array.shape}; it must be {shape}, or a number."
-                raise ArgumentError(problem, key=name, value=array.shape, allowed=str(shape)) from None
-            check_finite(name, array)
-            for n in range(axes):
-                own = full[:, 2 * n : 2 * n + 2] if per_tendon else full if axes == 1 else full[:, n]
-                rows[n, :, columns] = own
-        if rows[..., COMMANDS.index("weight")].any():
-            check_rig(self.inst)
-        for n, planar in enumerate(self.inst.planar):
-            if not planar.dynamics.hand_stiffness:
-                check_handle_range(planar, rows[n, :, 0], self.inst.axes[n] if axes > 1 else "")
-        return list(rows)
+    def _rows(self, handle_angle: ArrayLike, force: ArrayLike, **loads: Unpack[Loads]) -> tuple[Rows, int]:
+        """Return the commands as the core takes them, checked, and their number; what is held is between the jaws."""
+        core, given = self._core, dict(loads)
+        contact: Any = given.pop("contact", None)
+        held: Any = given.pop("held", None)
+        axes: Any = given.pop("axes", "tip")
+        arguments: dict[str, Any] = {"handle_angle": handle_angle, "force": force, **given}
+        commands = as_columns(dict.fromkeys(core.widths, 0.0) | arguments, core.widths, self.inst)
+        core.check(commands)
+        tissue = by_axis(contact, self.names.joints)
+        now = core.now()["output_angle"].ravel()
+        for one, there, angle in zip(tissue, core.tissue(), now, strict=True):
+            if one is not None and there != one.row:
+                one.check_outside(float(angle))
+        if held is not None and self.inst.grip is None:
+            raise grip_error("held", self.inst)
+        check_held(held, self._held, float(self.inst.grip_arms @ now))
+        rows = core.rows(commands, Constant(tissue, held, axes))
+        self._held = held
+        return rows, len(commands["handle_angle"])
+
+
+def _core_of(inst: Instrument, time_step: float, seed: int, quasi_static: bool) -> TwinCore:
+    """Return the core's twin of an instrument: side by side for axes that do not act on each other, else of a chain."""
+    if isinstance(inst, ShortForm):
+        return AxesCore(inst, time_step, seed, quasi_static)
+    return ChainCore(expanded(inst), time_step, seed, quasi_static)

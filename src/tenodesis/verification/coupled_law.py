@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from tenodesis import coupled, statics
 from tenodesis.control import Controller
 from tenodesis.control.controller import LawName, fault_names
+from tenodesis.twin import Held, Twin
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -77,7 +78,7 @@ def run(
     wrench = np.zeros((len(handle), 6))
     wrench[:, :3] = FORCES[name] * np.asarray(direction) * np.clip((time[:, None] - LOADED) / 0.1, 0, 1)
     controller = None if law == "off" else Controller(coupled.compensated(assumed), law=law, enabled=True)
-    out = coupled.Twin(inst, seed=1).run(handle, wrench, controller=controller)
+    out = Twin(inst, seed=1).run(handle, wrench=wrench, controller=controller)
     joints = [pair.joint for pair in coupled.pairs(inst).values()]
     target = coupled.output_angles(assumed, handle[-1])[joints]
     faults = fault_names(int(np.bitwise_or.reduce(out["faults"].astype(int).ravel()))) if controller else ()
@@ -104,15 +105,15 @@ def grip_kept(name: str, state: tuple[float, float] = (60, 45)) -> tuple[float, 
     inst = coupled.load(name)
     steps = round(1.0 / STEP)
     controller = Controller(coupled.compensated(inst), law="robust", enabled=True)
-    twin = coupled.Twin(inst, seed=1)
+    twin = Twin(inst, seed=1)
     trigger = [joint.name for joint in inst.handle_joints].index("trigger")
     closing = np.zeros((steps, len(inst.handle_joints)))
     closing[:, trigger] = np.radians(25) * np.clip(np.arange(steps) / steps * 2, 0, 1)
     jaw = inst.jaws[0]
-    object_ = coupled.Held(opening=-0.5 * abs(inst.grip_arms[jaw]) * np.radians(15), stiffness=3e3, damping=1.0)
-    gripped = twin.run(closing, np.zeros((steps, 6)), held=object_, controller=controller)
+    object_ = Held(opening=-0.5 * abs(inst.grip_arms[jaw]) * np.radians(15), stiffness=3e3, damping=1.0)
+    gripped = twin.run(closing, held=object_, controller=controller)
     moving = commands(inst, state)[: round(4 / STEP)]
     moving[:, trigger] = closing[-1, trigger]
-    moved = twin.run(moving, np.zeros((len(moving), 6)), held=object_, controller=controller)
+    moved = twin.run(moving, held=object_, controller=controller)
     start = float(gripped["grip_force"][-1])
     return start, float(moved["grip_force"].min() / start), float(moved["grip_force"].max() / start)
