@@ -19,7 +19,6 @@ from tenodesis.cli.common import (
     file_size,
     load_instrument,
     load_protocol,
-    load_short_form,
     quantity,
     say,
     table,
@@ -155,7 +154,7 @@ def replay(
     check_suffix("--plot-out", plot_out, FIGURE)
     with writing([("--out", out), ("--plot-out", plot_out)], [file, instrument_file], overwrite=overwrite):
         recording = Recording.open(file)
-        inst = None if instrument_file is None else load_short_form(instrument_file)
+        inst = None if instrument_file is None else load_instrument(instrument_file)
         with value_errors():
             again = run_again(recording, inst)
         if recording.damage is not None:

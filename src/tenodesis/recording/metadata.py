@@ -58,9 +58,9 @@ def _text(inst: Instrument) -> str:
     return to_toml(inst)
 
 
-def metadata_of_replay(recording: Recording, inst: ShortForm) -> dict[str, str]:
+def metadata_of_replay(recording: Recording, inst: Instrument) -> dict[str, str]:
     """Return the metadata of a recording's replay on an instrument; the controller's instrument is unchanged."""
-    metadata = {**recording.metadata, "instrument": to_toml(inst), "replay_of": str(recording.path)}
+    metadata = {**recording.metadata, "instrument": _text(inst), "replay_of": str(recording.path)}
     if CONTROLLER in metadata and CONTROLLER_INSTRUMENT not in metadata and recording.instrument() != inst:
         metadata[CONTROLLER_INSTRUMENT] = recording.metadata["instrument"]
     return metadata

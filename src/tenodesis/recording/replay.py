@@ -5,25 +5,29 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tenodesis.control import Controller
+from tenodesis.coupled import names_of, pairs
 from tenodesis.errors import RecordingError
-from tenodesis.instrument import ShortForm, as_short_form
+from tenodesis.instrument import Instrument
 from tenodesis.recording.metadata import QUASI_STATIC, metadata_of_replay, restored_controller
 from tenodesis.recording.reader import Recording
 from tenodesis.recording.schemas import TRANSFERRED
 from tenodesis.recording.simulation import without_control
 from tenodesis.recording.tables import columns
 from tenodesis.recording.writer import Recorder
-from tenodesis.run import TISSUE, Array, Run, concatenate
+from tenodesis.run import TISSUE, Array, Names, Run, concatenate
 from tenodesis.simulate.execution import with_request
 from tenodesis.twin import Contact, Twin
 
 _UNEVEN = 0.01
 """Largest share by which a time step may differ from the others."""
+
+_LOADS = {"force": "force", "radial_force": "radial_force", "wrench": "wrench", "grip_force": "applied_grip_force"}
+"""Signal of each load that a twin takes."""
 
 _COMPARED = (("output_angle", "measured_output_angle"), ("tension", "measured_tension"))
 """Signals compared: the first of each that both runs have."""
@@ -54,7 +58,7 @@ class Replay:
     """
 
     recording: Recording
-    inst: ShortForm
+    inst: Instrument
     run: Run = field(repr=False)
     exact: bool
 
@@ -87,7 +91,7 @@ class Replay:
             recorder.write(self.run)
 
 
-def replay(recording: Recording, inst: ShortForm | None = None) -> Replay:
+def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
     """Run a recording's commands again on a twin that begins at rest, with the same seed, time step and mode.
 
     Where the commanded handle angle was not recorded, the measured one takes its place. A controller closes the loop
@@ -114,11 +118,17 @@ def replay(recording: Recording, inst: ShortForm | None = None) -> Replay:
     if TRANSFERRED in metadata:
         raise RecordingError(f"{recording.path} was converted from {metadata[TRANSFERRED]}; replay that recording.")
     if inst is None:
-        inst = as_short_form(recording.instrument())
-    if inst.axes != recorded.axes:
+        inst = recording.instrument()
+    for group, own, theirs in zip(Names._fields, names_of(inst), recorded.names, strict=True):
+        # Before, a recording named what a controller serves only if it had one.
+        if own != theirs and group != "compensated":
+            about, has, has_not = group.replace("_", " "), " and ".join(theirs) or "none", " and ".join(own) or "none"
+            raise RecordingError(
+                f"{recording.path} has the {about} {has}, {inst.name} {has_not}; the instrument must have the same."
+            )
+    if recorded.grip_force is not None and recorded.grip_force.any():
         raise RecordingError(
-            f"{recording.path} has the axes {' and '.join(recorded.axes)}, {inst.name} {' and '.join(inst.axes)}; "
-            "the instrument must have the same."
+            f"{recording.path} has jaws that held something, which it does not describe; it cannot be replayed."
         )
     seed = _number(recording, "seed", "0")
     quasi_static = metadata.get("mode") == QUASI_STATIC
@@ -158,27 +168,19 @@ def _run(twin: Twin, recorded: Run, controller: Controller | None = None) -> Run
 
 
 def _run_in(twin: Twin, recorded: Run, controller: Controller | None, contact: Sequence[Contact | None] | None) -> Run:
-    handle, force = recorded["commanded_handle_angle"], _or_zero(recorded.force)
-    radial_force = _or_zero(recorded.radial_force)
+    handle, velocity = recorded["commanded_handle_angle"], recorded.commanded_spool_velocity
+    signals = recorded.signals()
+    commands: dict[str, Any] = {name: signals[signal] for name, signal in _LOADS.items() if signal in signals}
+    if velocity is not None:
+        own = [] if controller is None else [m for pair in pairs(twin.inst).values() for m in pair[2:]]
+        commands["spool_velocity"] = np.where(np.isin(np.arange(velocity.shape[1]), own), 0.0, velocity)
     if controller is None:
-        velocity = _or_zero(recorded.commanded_spool_velocity)
-        return twin.run(handle, force, radial_force=radial_force, spool_velocity=velocity, contact=contact)
+        return twin.run(handle, contact=contact, **commands)
     request = np.zeros(len(recorded))
     if recorded.request is not None:
-        request = np.nan_to_num(recorded.request.reshape(len(recorded), -1)[:, 0])
-    run = twin.run(
-        handle,
-        force,
-        radial_force=radial_force,
-        contact=contact,
-        controller=controller,
-        request=request.astype(np.uint8),
-    )
+        request = np.nan_to_num(recorded.by_column("request")[:, 0])
+    run = twin.run(handle, contact=contact, controller=controller, request=request.astype(np.uint8), **commands)
     return with_request(run, request)
-
-
-def _or_zero(command: Array | None) -> Array | float:
-    return 0.0 if command is None else command
 
 
 def _uncontrolled(recorded: Run) -> int:
