@@ -4,6 +4,7 @@ Angles in rad, forces in N, time in s. Commands are the values at the end of eac
 """
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any, NamedTuple, Unpack
 
 import numpy as np
@@ -134,6 +135,11 @@ class Twin:
         """Largest stretch of a tendon at rest, m."""
         return self._core.stretch
 
+    @cached_property
+    def _assumed(self) -> ShortForm:
+        """What a controller of the instrument is made for."""
+        return compensated(self.inst)
+
     @property
     def state(self) -> State:
         """The complete state; setting it restores the twin to it."""
@@ -254,7 +260,7 @@ class Twin:
         if controller is None:
             done = core.run(rows)
         else:
-            controller.check_instrument(compensated(self.inst))
+            controller.check_instrument(self._assumed)
             controller.begin(self, self.time)
             done = run_closed_loop(
                 core,
@@ -282,7 +288,7 @@ class Twin:
         }
         run = with_currents(Run(time, *self.names, **shaped), self.inst, self.spool_radius)
         if controller is not None:
-            warn_of_faults(run, compensated(self.inst))
+            warn_of_faults(run, self._assumed)
         return run
 
     def step(self, handle_angle: ArrayLike, force: ArrayLike = 0.0, **loads: Unpack[Loads]) -> Run:
