@@ -132,20 +132,20 @@ def test_a_loop_with_faults_and_a_relay_runs_as_on_the_planar_twin() -> None:
     requests[0] = int(tn.control.Request.ENABLE)
     runs = []
     for general in (False, True):
-        twin = tn.twin.Twin(planar) if not general else tn.coupled.Twin(tn.coupled.of_planar(planar))
+        twin = tn.twin.Twin(planar) if not general else tn.twin.Twin(tn.coupled.of_planar(planar))
         loop = tn.control.Controller(planar, law="robust")
         control = np.empty((1, count, len(_core.control_signals())))
         settings = (1, 5e-4, 0.02, 0, requests, faults, modes)
         if general:
-            commands = rows_of(twin.core, count, handle_angle=handle[:, np.newaxis], wrench=[-0.5, 0, 0, 0, 0, 0])
-            out = np.empty((count, sum(width for _, width in twin.core.signals)))
+            commands = rows_of(twin.cores[0], count, handle_angle=handle[:, np.newaxis], wrench=[-0.5, 0, 0, 0, 0, 0])
+            out = np.empty((count, sum(width for _, width in twin.cores[0].signals)))
             turned = control.reshape(count, 1, -1)
-            assert twin.core.run_controlled(loop.core, [(0, 0, 1)], commands, *settings, out, turned)[0] == count
+            assert twin.cores[0].run_controlled(loop.core, [(0, 0, 1)], commands, *settings, out, turned)[0] == count
         else:
             rows = np.zeros((1, count, len(_core.twin_commands())))
             rows[0, :, 0], rows[0, :, 1] = handle, 0.5
             out = np.empty((1, count, len(_core.twin_signals())))
-            assert _core.run_controlled(twin._axes, loop.core, rows, *settings, out, control)[0] == count
+            assert _core.run_controlled(twin.cores, loop.core, rows, *settings, out, control)[0] == count
         runs.append(control[0])
     state = _core.control_signals().index("operating_state")
     assert (runs[0][-1] == runs[1][-1])[state]
@@ -155,15 +155,15 @@ def test_a_loop_with_faults_and_a_relay_runs_as_on_the_planar_twin() -> None:
 
 def test_many_twins_over_threads_run_as_one_by_one() -> None:
     insts = [shipped("needle-driver", pretension=pretension) for pretension in (8.0, 9.0, 10.0)]
-    commands = rows_of(tn.coupled.Twin(insts[0]).core, 200, spool_velocity=0.2)
-    cores = [tn.coupled.Twin(inst).core for inst in insts]
+    commands = rows_of(tn.twin.Twin(insts[0]).cores[0], 200, spool_velocity=0.2)
+    cores = [tn.twin.Twin(inst).cores[0] for inst in insts]
     width = sum(columns for _, columns in cores[0].signals)
     out = np.empty((3, 20, width))
     done = _core.run_wrist_twins(cores, commands[np.newaxis], 10, out, [], [], 1, 5e-4, None, 2)
     assert done == [(200, _core.Status.OK)] * 3
     alone = np.empty((200, width))
     for inst, found in zip(insts, out, strict=True):
-        tn.coupled.Twin(inst).core.run(commands, alone, None)
+        tn.twin.Twin(inst).cores[0].run(commands, alone, None)
         assert np.array_equal(found, alone[9::10])
 
 
