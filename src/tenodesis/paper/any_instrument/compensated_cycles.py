@@ -13,6 +13,7 @@ from tenodesis.paper.context import Context
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, Section, named
 from tenodesis.statics import chain
+from tenodesis.twin import Twin
 
 _EVERY = 20  # samples that are drawn
 _WIDE = 3.2
@@ -58,7 +59,7 @@ def _run(context: Context, motion: Motion, load: Load, law: str) -> tuple[Array,
     inst = context.whole
     controller = Controller(coupled.compensated(inst), law="robust", enabled=True) if law == "robust" else None
     try:
-        run = simulate.execute(coupled.Twin(inst, seed=SEED), protocol(inst, motion, load), controller)
+        run = simulate.execute(Twin(inst, seed=SEED), protocol(inst, motion, load), controller)
     except (NoSolutionError, ProtocolError):
         return None
     shown = run.rows(round(1.5 / 5e-4), None, _EVERY)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tenodesis import coupled, simulate
+from tenodesis import simulate
 from tenodesis.errors import NoSolutionError, ProtocolError
 from tenodesis.instrument import FullForm
 from tenodesis.paper.any_instrument.held import Load, most_taking
@@ -14,6 +14,7 @@ from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, ResultTable, Section, fixed, named
 from tenodesis.run import Run
 from tenodesis.statics import chain
+from tenodesis.twin import Twin
 
 COUNT = 2
 """Cycles of a motion; the last one is judged."""
@@ -68,7 +69,7 @@ def cycle(inst: FullForm, motion: Motion, load: Load | None) -> Cycles | None:
     """Run cycles of a motion under a load, or none, on the twin; None if the joints cannot hold it."""
     done = protocol(inst, motion, load)
     try:
-        run = simulate.execute(coupled.Twin(inst, seed=SEED), done)
+        run = simulate.execute(Twin(inst, seed=SEED), done)
     except (NoSolutionError, ProtocolError):
         return None
     shown = run.rows(int(np.searchsorted(run.time, LOADING + RESTING, "right")), None, _EVERY)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tenodesis import coupled, simulate
+from tenodesis import simulate
 from tenodesis.control import Controller
 from tenodesis.errors import NoSolutionError, ProtocolError
 from tenodesis.instrument import FullForm
@@ -15,6 +15,7 @@ from tenodesis.paper.context import Context, RecordedRun, has_friction
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, Section, named
 from tenodesis.run import Run
+from tenodesis.twin import Twin
 
 APPROACH, BEFORE, AFTER = 3.0, 1.0, 3.0
 """Time in which the state is reached, rest before the load, and time under it, s."""
@@ -63,7 +64,7 @@ def respond(
     """Run a step load on the twin; None if the joints cannot hold it."""
     done = protocol(inst, state, load, after)
     try:
-        run = simulate.execute(coupled.Twin(inst, seed=SEED), done, controller)
+        run = simulate.execute(Twin(inst, seed=SEED), done, controller)
     except (NoSolutionError, ProtocolError):
         return None
     came = int(np.argmax((run["wrench"] != 0).any(axis=1) | (run["applied_grip_force"] != 0)))
