@@ -146,16 +146,34 @@ def test_a_ramp_may_end_in_any_load_and_the_jaws_may_be_pressed_apart(wrist: tn.
 @pytest.mark.parametrize(
     ("name", "phase", "says"),
     [
-        ("hybrid-scaled-up", Cycles(output_amplitude=0.1, speed=1, count=1), "output_amplitude is given.*amplitude"),
-        ("hybrid-scaled-up", Cycles(axis="yaw", amplitude=0.1, speed=1, count=1), "axis is given.*give joint"),
+        (
+            "needle-driver",
+            Cycles(output_amplitude=0.1, speed=1, count=1),
+            "output_amplitude is given, but .*amplitude",
+        ),
+        (
+            "needle-driver",
+            Cycles(axis="yaw", amplitude=0.1, speed=1, count=1),
+            "axis is given, but .*give joint",
+        ),
         ("hybrid-scaled-up", Cycles(joint="yaw", amplitude=0.1, speed=1, count=1), "joint is yaw; it must be handle_"),
         ("hybrid-scaled-up", Cycles(amplitude=3.0, speed=1, count=1), "amplitude is 171.887 deg.*handle's range"),
-        ("hybrid-scaled-up", StepLoad(force=1.0, duration=1), "force is given.*give wrench"),
-        ("hybrid-scaled-up", Ramp(handle_angle=0.1, duration=1), "handle_angle is given.*give handle_angles"),
+        (
+            "hybrid-scaled-up",
+            StepLoad(joint="trigger", force=1.0, duration=1),
+            "force is given, but trigger of hybrid-scaled-up moves no joint with a pair.*give wrench",
+        ),
+        ("needle-driver", StepLoad(force=1.0, duration=1), "force is given, but no joint.*give wrench"),
+        (
+            "needle-driver",
+            Ramp(handle_angle=0.1, duration=1),
+            "handle_angle is given, but .*give handle_angles",
+        ),
         ("hybrid-scaled-up", Ramp(handle_angles={"yaw": 0.1}, duration=1), "names yaw; it must name joints of the han"),
         ("hybrid-scaled-up", Ramp(spool_velocities={"x": 0.1}, duration=1), "names x; it must name tendons"),
-        ("hybrid-scaled-up", tn.simulate.Pretension(), "kind is pretension.*it must be hold"),
-        ("hybrid-scaled-up", tn.simulate.TissueContact(stiffness=0), "kind is contact.*it must be object"),
+        ("hybrid-scaled-up", tn.simulate.Pretension(), "kind is pretension, but jaw of hybrid.*it must be hold"),
+        ("needle-driver", tn.simulate.TissueContact(stiffness=0), "kind is contact, but no joint.*it must be object"),
+        ("two-segment-continuum", Ramp(grip_force=1.0, duration=1), "grip_force is given, but .* no jaws.*give wrench"),
         (
             "needle-driver",
             Cycles(amplitude=0.1, speed=1, count=1),
@@ -174,7 +192,14 @@ def test_what_a_coupled_instrument_cannot_run_is_refused_in_a_sentence(name: str
 @pytest.mark.parametrize(
     ("phase", "says"),
     [
-        (StepLoad(wrench=Wrench(fx=1.0), duration=1), "wrench is given.*give force"),
+        (
+            StepLoad(wrench=Wrench(my=1.0), duration=1),
+            "wrench.my is given, but .* takes forces by axis; give fx",
+        ),
+        (
+            StepLoad(wrench=Wrench(fy=1.0), duration=1),
+            "wrench.fy is given, but .* takes forces by axis; give fx",
+        ),
         (StepLoad(grip_force=1.0, duration=1), "grip_force is given, but scaled-up has no jaws that grip; give force"),
         (Ramp(handle_angles={"yaw": 0.1}, duration=1), "names yaw; it must name joints of the handle: handle_yaw"),
         (Cycles(joint="yaw", amplitude=0.1, speed=1, count=1), "joint is yaw; it must be handle_yaw, which scaled-up"),
@@ -232,7 +257,10 @@ def test_record_info_and_export_take_a_coupled_instrument(tenodesis: Command, tm
     [
         (("--law", "robust"), "needle-driver has no joint that a controller can compensate"),
         (("--axis", "yaw"), "needle-driver lists joints and tendons; it must be a planar instrument"),
-        (("cycles",), "cycles: phase 1 (cycles): output_amplitude is given, but pitch of needle-driver has no"),
+        (
+            ("cycles",),
+            "cycles: phase 1 (cycles): output_amplitude is given, but no joint at the tip of needle-driver has",
+        ),
         (("scaled-up",), "scaled-up is an instrument; it must be a protocol"),
     ],
 )

@@ -14,7 +14,7 @@ from tenodesis import simulate
 from tenodesis.errors import ProtocolError
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
-from tenodesis.simulate import Cycles, Hold, Motion, Protocol, Ramp, StepLoad
+from tenodesis.simulate import Cycles, Hold, Motion, Protocol, Ramp, StepLoad, Wrench
 from tenodesis.simulate.motion import csv_text
 
 DT = 1e-3
@@ -313,6 +313,44 @@ def test_joints_of_the_handle_and_tendons_may_be_named_in_place_of_axes(real: In
     assert one.keys() == other.keys()
     for name, values in one.items():
         np.testing.assert_array_equal(values, other[name])
+
+
+def test_a_wrench_is_the_forces_that_its_components_are(real: Instrument) -> None:
+    by_axis = (
+        Ramp(axis="yaw", force=-0.5, radial_force=0.2, duration=0.1),
+        Ramp(axis="pitch", force=0.3, radial_force=0.2, duration=0.1),
+    )
+    by_component = (
+        Ramp(wrench=Wrench(fx=0.5), duration=0.1),
+        Ramp(wrench=Wrench(fy=-0.3, fz=0.2), duration=0.1),
+    )
+    one, other = (Protocol(name="p", phases=phases).commands(real, DT) for phases in (by_axis, by_component))
+    for name in ("force", "radial_force"):
+        np.testing.assert_array_equal(one[name][-1], other[name][-1])
+
+
+def test_a_force_on_a_joint_with_a_pair_of_its_own_is_a_component_of_the_wrench() -> None:
+    wrist = tn.load("hybrid-scaled-up")
+    phases = (Ramp(axis="pitch", force=0.3, radial_force=-0.1, duration=0.1), Ramp(force=0.2, duration=0.1))
+    wrench = Protocol(name="p", phases=phases).commands(wrist, DT)["wrench"]
+    np.testing.assert_array_equal(wrench[99], [0, -0.3, -0.1, 0, 0, 0])
+    np.testing.assert_array_equal(wrench[-1], [-0.2, -0.3, -0.1, 0, 0, 0])
+
+
+def test_an_output_angle_is_of_any_joint_with_a_pair_of_its_own() -> None:
+    wrist = tn.load("hybrid-scaled-up")
+    phase = Cycles(axis="pitch", output_amplitude="30 deg", period=1.0, count=1)
+    angle = Protocol(name="p", phases=(phase,)).commands(wrist, DT)["handle_angle"][:, 1].max()
+    assert np.degrees(tn.statics.output_angle(tn.coupled.compensated(wrist).axis("pitch"), angle)) == pytest.approx(30)
+    bent = tn.coupled.output_angles(wrist, [0.0, angle, 0.0])
+    assert np.degrees(bent[1]) == pytest.approx(30, abs=1e-6)
+
+
+@pytest.mark.parametrize("key", ["force", "weight", "radial_force"])
+def test_a_load_is_given_by_components_or_by_axis(key: str) -> None:
+    kind: Any = Ramp if key == "radial_force" else StepLoad
+    with pytest.raises(ProtocolError, match=f"wrench and {key} are given; give only one of them"):
+        kind(duration=1.0, wrench=Wrench(fx=1.0), **{key: 1.0})
 
 
 @pytest.mark.parametrize(

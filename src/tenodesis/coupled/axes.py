@@ -19,7 +19,7 @@ from tenodesis.run import Names
 from tenodesis.toml import validated
 
 _JOINT_TYPES = {"tendon-gear": "tendon-gear", "pulley": "tendon-pulley", "continuum": "continuum"}
-_SHARED = ("friction", "drives", "sensors", "control")
+_SHARED = ("friction", "drives", "sensors", "control", "conditions")
 
 
 class Pair(NamedTuple):

@@ -9,13 +9,11 @@ import numpy as np
 
 from tenodesis.control import OperatingState
 from tenodesis.control.controller import fault_names
-from tenodesis.errors import ProtocolError
 from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.simulate import Pretension
 from tenodesis.simulate.command import SMOOTH, Command, between, sampled
 from tenodesis.simulate.execution import check_controllable
-from tenodesis.simulate.loads import NamedLoad
 from tenodesis.simulate.protocol import Planned, block_size
 from tenodesis.twin.contact import NO_TISSUE, Contact
 
@@ -90,8 +88,7 @@ class Player:
     Raises
     ------
     ProtocolError
-        A controller cannot run it: it moves the spools, or requires of homing what that does not do; or it has loads
-        that a live instrument does not take.
+        A controller cannot run it: it moves the spools, or requires of homing what that does not do.
     """
 
     def __init__(
@@ -105,7 +102,6 @@ class Player:
         time_step: float,
     ) -> None:
         check_controllable(plan, inst, inst)
-        _check_taken(plan)
         self._plan, self._queue, self._ask, self._latest = tuple(plan), queue, ask, latest
         self._axes, self._time_step = len(inst.axes), time_step
         self._total = math.fsum(planned.seconds for planned in plan)
@@ -301,20 +297,6 @@ class _Homing(Enum):
     UNDER_WAY = auto()
     OUT_OF_TIME = auto()
     FAILED = auto()
-
-
-def _check_taken(plan: Sequence[Planned]) -> None:
-    """Raise ProtocolError if a phase needs more than an instrument takes while it is live."""
-    for planned in plan:
-        load = planned.phase
-        if isinstance(load, NamedLoad) and load.names_load:
-            key = "grip_force" if load.wrench is None else "wrench"
-            raise ProtocolError(
-                f"{planned.label}: {key} is given, which a live instrument does not take; give force and radial_force.",
-                key=key,
-                value=getattr(load, key),
-                allowed="force and radial_force",
-            )
 
 
 def _rows(command: Command) -> Array:

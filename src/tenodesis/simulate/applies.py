@@ -1,11 +1,10 @@
-"""Which phases and keys an instrument has use for, by what it has: pairs of tendons, joints at the handle, jaws."""
+"""Which phases and keys an instrument has use for, by what it has: joints at the handle, pairs of tendons, jaws."""
 
 from tenodesis.errors import ProtocolError
 from tenodesis.simulate.phases import Phase
-from tenodesis.simulate.places import Places
+from tenodesis.simulate.places import Place, Places
 
-_PAIRED = {
-    "axis": "joint",
+_OF_PAIR = {
     "force": "wrench",
     "force_end": "wrench of a ramp",
     "radial_force": "wrench",
@@ -17,33 +16,44 @@ _PAIRED = {
     "output_angle": "handle_angle",
     "spool_velocity": "spool_velocities",
 }
-"""Keys about an axis, which needs a pair of tendons, and what to give without one."""
+"""Keys about a joint with a pair of tendons of its own, and what to give without one."""
 
 
-def check_applies(phase: Phase, places: Places) -> None:
-    """Refuse a phase of a kind, or with a key, for which an instrument lacks what it acts on, by ProtocolError."""
-    inst, kind = places.inst, str(getattr(phase, "kind", ""))
+def applied_to(phase: Phase, places: Places) -> Place:
+    """Return what a phase acts on.
+
+    Raises
+    ------
+    ProtocolError
+        The instrument does not have it, or lacks what a phase of this kind, or a key of it, needs.
+    """
+    inst, kind, at = places.inst, str(getattr(phase, "kind", "")), phase.place(places)
     jawless = f"but {inst.name} has no jaws that grip"
-    wrong = {"wrench": ("force and radial_force", f"but {inst.name} takes forces by axis")}
-    if places.unpaired:
+    if kind == "pretension" and places.unpaired:
         why = f"but {places.unpaired[0]} of {inst.name} has no handle joint and pair of tendons of its own"
-        if kind == "pretension":
-            raise _wrong_kind(kind, why, "hold; its tendons are at their pretension at the start")
+        raise _wrong_kind(kind, why, "hold; its tendons are at their pretension at the start")
+    wrong: dict[str, tuple[str, str]] = {}
+    if at.plane is None:
+        moved = f"no joint at the tip of {inst.name} has a handle joint and"
+        if at.joint is not None:
+            moved = f"{at.joint.name} of {inst.name} moves no joint with"
+        why = f"but {moved} a pair of tendons of its own"
         if kind == "contact":
             raise _wrong_kind(kind, why, "object" if inst.grip is not None else "step-load with a wrench")
-        wrong = {key: (instead, why) for key, instead in _PAIRED.items()}
+        wrong = {key: (instead, why) for key, instead in _OF_PAIR.items()}
         if kind == "ramp":
             wrong["handle_angle"] = "handle_angles", why
     if inst.grip is None:
-        if kind == "object" and places.unpaired:
+        if kind == "object" and at.plane is None:
             raise ProtocolError(f"kind is object, {jawless}; its file must have a table [grip]", key="kind", value=kind)
         if kind == "object":
             raise _wrong_kind(kind, jawless, "contact")
-        wrong["grip_force"] = "wrench" if places.unpaired else "force", jawless
+        wrong["grip_force"] = "wrench" if at.plane is None else "force", jawless
     for key, (instead, why) in wrong.items():
         value = getattr(phase, key, None)
         if key in phase.model_fields_set and value not in (None, ()):
             raise ProtocolError(f"{key} is given, {why}; give {instead}", key=key, value=value, allowed=instead)
+    return at
 
 
 def _wrong_kind(kind: str, why: str, instead: str) -> ProtocolError:

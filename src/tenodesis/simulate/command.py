@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array, Run
-from tenodesis.simulate.places import Place, Places
+from tenodesis.simulate.places import COMPONENTS, Place, Places, Where
 from tenodesis.twin import Contact, Held
 
 PathByStep: TypeAlias = Callable[[NDArray[np.int64]], Array]
@@ -55,10 +55,10 @@ class Between(NamedTuple):
 
 
 class Command(NamedTuple):
-    """Command at an instant; a load without an entry, or tissue, is one that the plant need not know of.
+    """Command at an instant.
 
     Angles of the handle's joints (rad), velocities of the tendons' spools (rad/s), and loads: forces by axis (N), or a
-    wrench at the tip (6,) and a force that presses the jaws apart (1,).
+    wrench at the tip (6,) and a force that presses the jaws apart (1,). What is None the plant need not know of.
     """
 
     handle_angle: Array
@@ -68,22 +68,18 @@ class Command(NamedTuple):
     wrench: Array | None = None
     grip_force: Array | None = None
     contact: tuple[Contact | None, ...] | None = None
-    """Tissue by axis."""
+    """Tissue by joint of the tip."""
     between: Between | None = None
 
     @classmethod
-    def rest(cls, places: Places, *, wrench: bool = False, tissue: bool = False) -> Self:
-        """Return the command of an instrument that is straight, unloaded and not driven.
-
-        It may get forces by axis where there are axes, else a wrench; both with `wrench`, and tissue.
-        """
-        axes = len(places.axes)
+    def rest(cls, places: Places, *, tissue: bool = False) -> Self:
+        """Return the command of an instrument that is straight, unloaded and not driven; tissue: it may get some."""
+        joints, axes = len(places.inst.tip_joints), len(places.axes)
         still = cls(np.zeros(len(places.inst.handle_joints)), np.zeros(len(places.inst.tendons)))
-        if axes:
-            still = still._replace(force=np.zeros(axes), radial_force=np.zeros(axes))
-        if wrench or not axes:
-            still = still._replace(wrench=np.zeros(6), grip_force=np.zeros(1))
-        return still._replace(contact=(None,) * axes if tissue else None)
+        contact = (None,) * joints if tissue else None
+        if places.takes_forces:
+            return still._replace(force=np.zeros(axes), radial_force=np.zeros(axes), contact=contact)
+        return still._replace(wrench=np.zeros(len(COMPONENTS)), grip_force=np.zeros(1), contact=contact)
 
     @property
     def values(self) -> dict[str, Array]:
@@ -102,19 +98,30 @@ class Command(NamedTuple):
         """Whether a load is on the tip."""
         return any(self.values[name].any() for name in LOADS if name in self.values)
 
+    def with_value(self, where: Where, value: float | Sequence[float]) -> Self:
+        """Return this command with a value changed."""
+        field, columns, sign = where
+        values = getattr(self, field).copy()
+        values[columns] = sign * np.asarray(value)
+        return self._replace(**{field: values})
+
     def on(self, place: Place, **changes: float | Sequence[float] | None) -> Self:
         """Return this command with values changed at a place; None leaves a value unchanged."""
-        changed = {}
+        command = self
         for name, value in changes.items():
             if value is not None:
-                changed[name] = getattr(self, name).copy()
-                changed[name][place.columns(name)] = value
-        return self._replace(**changed)
+                command = command.with_value(place.where(name), value)
+        return command
 
-    def touching(self, axis: int, contact: Contact | None) -> Self:
-        """Return this command with tissue on an axis, or without."""
+    def at(self, place: Place, name: str) -> float:
+        """Return a value at a place."""
+        field, columns, sign = place.where(name)
+        return sign * float(getattr(self, field)[columns][0])
+
+    def touching(self, joint: int, contact: Contact | None) -> Self:
+        """Return this command with tissue on a joint of the tip, or without."""
         before = self.contact or ()
-        return self._replace(contact=(*before[:axis], contact, *before[axis + 1 :]))
+        return self._replace(contact=(*before[:joint], contact, *before[joint + 1 :]))
 
 
 LOADS = ("force", "radial_force", "wrench", "grip_force")
@@ -141,7 +148,8 @@ class Segment:
             for (name, start), end in zip(self.start.values.items(), self.end.values.values(), strict=True)
         }
         for name, path in self.paths.items():
-            columns[name][:, self.place.columns(name)] = path(done)[:, np.newaxis]
+            where = self.place.where(name)
+            columns[where.field][:, where.columns] = where.sign * path(done)[:, np.newaxis]
         single = [name for name, values in columns.items() if values.shape[1] == 1 and name != "spool_velocity"]
         return columns | {name: columns[name][:, 0] for name in single}
 

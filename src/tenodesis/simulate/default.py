@@ -1,12 +1,11 @@
 """A protocol for any instrument."""
 
 import math
-from typing import Any
 
 import numpy as np
 
 from tenodesis import coupled
-from tenodesis.instrument import FullForm, InstrumentLike, as_instrument, expanded
+from tenodesis.instrument import FullForm, InstrumentLike, expanded
 from tenodesis.run import Array
 from tenodesis.simulate.loads import Wrench
 from tenodesis.simulate.phases import Cycles, GrippedObject, Hold, Ramp, StepLoad
@@ -33,23 +32,19 @@ def default_protocol(inst: InstrumentLike) -> Protocol:
     Every joint of the handle in turn goes through half of its range and back; without a handle the spools drive every
     joint of the tip so. Then the tip is loaded across, each way, and jaws grip an object.
     """
-    places = Places.of(as_instrument(inst))
     inst = expanded(inst)
-    phases: list[AnyPhase] = [
-        Cycles(joint=name, amplitude=place.reach / 2, speed=_SPEED, count=1, shape="smooth")
-        for name, place in places.joints.items()
-    ]
+    phases: list[AnyPhase] = []
+    for name, place in Places.of(inst).joints.items():
+        amplitude = min(place.reach, inst.handle_joints[place.handle].range / 2)
+        phases.append(Cycles(joint=name, amplitude=amplitude, speed=_SPEED, count=1, shape="smooth"))
     if not phases:
         phases = [phase for n in range(len(inst.tip_joints)) for phase in _there_and_back(inst, n)]
     across = np.abs(coupled.rates(inst, np.zeros(len(inst.handle_joints))).by_wrench[:, :2])
-    largest = float(f"{min(_LOAD, _LOST / across.max()):.1g}")
-    bent = [name for name, bends in zip(("fx", "fy"), across.max(axis=0), strict=True) if bends]
-    loads: list[dict[str, Any]] = [
-        {"axis": name, "force": force} if places.axes else {"wrench": Wrench(**{name: force})}
-        for name in places.axes or bent
-        for force in (largest, -largest)
-    ]
-    phases += [StepLoad(**load, delay=0.2, rise=0.1, duration=0.5, release=0.3) for load in loads]
+    force = float(f"{min(_LOAD, _LOST / across.max()):.1g}")
+    for component, bends in zip(("fx", "fy"), across.max(axis=0), strict=True):
+        for sign in (1, -1) if bends else ():
+            wrench = Wrench(**{component: sign * force})
+            phases.append(StepLoad(wrench=wrench, delay=0.2, rise=0.1, duration=0.5, release=0.3))
     if inst.grip is not None:
         phases += _gripping(inst)
     return Protocol(name="default", description=f"Motion, load and grip of {inst.name}"[:200], phases=tuple(phases))

@@ -12,6 +12,7 @@ from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.simulate.command import Command
 from tenodesis.simulate.model import ProtocolModel, check_choice
+from tenodesis.simulate.places import COMPONENTS, Places
 from tenodesis.units import Delay, Duration, SignedForce, SignedMoment
 
 
@@ -37,15 +38,21 @@ class NamedLoad(ProtocolModel):
         """Whether it has such a load."""
         return self.wrench is not None or self.grip_force is not None
 
-    def on_tip(self, command: Command) -> Command:
-        """Return a command with this load."""
-        if self.wrench is not None and command.wrench is not None:
-            given = [getattr(self.wrench, name) for name in Wrench.model_fields]
-            wrench = [now if new is None else new for now, new in zip(command.wrench, given, strict=True)]
-            command = command._replace(wrench=np.array(wrench, float))
-        if self.grip_force is not None:
-            command = command._replace(grip_force=np.array([self.grip_force]))
-        return command
+    @model_validator(mode="after")
+    def _check_alone(self) -> Self:
+        for key in ("force", "radial_force", "force_end", "weight", "moment", "load_steps", "force_amplitude"):
+            if self.wrench is not None and getattr(self, key, None) not in (None, ()):
+                raise ValueError(f"wrench and {key} are given; give only one of them")
+        return self
+
+    def on_tip(self, command: Command, places: Places) -> Command:
+        """Return a command with this load; raises ProtocolError for a component that the instrument does not take."""
+        for name in COMPONENTS:
+            value = getattr(self.wrench, name, None)
+            if value is not None:
+                for where in places.component(name):
+                    command = command.with_value(where, value)
+        return command if self.grip_force is None else command._replace(grip_force=np.array([self.grip_force]))
 
 
 class AppliedLoad(ProtocolModel):

@@ -67,7 +67,7 @@ class Start(NamedTuple):
     @property
     def handle_angle(self) -> float:
         """The handle angle of the joint, rad; 0 without a handle."""
-        return float(self.command.handle_angle[self.place.handle]) if self.command.handle_angle.size else 0.0
+        return 0.0 if self.place.joint is None else self.command.at(self.place, "handle_angle")
 
     def handle(self, key: str) -> Place:
         """Return what moves by a value given by a key; raises ProtocolError if there is no joint at the handle."""
@@ -172,13 +172,13 @@ class Loaded(NamedLoad, Moving):
         steps do not fit into the motion.
         """
         check_load_steps(self.load_steps, steps * start.time_step)
-        first = self.on_tip(start.command).on(
+        first = self.on_tip(start.command, start.places).on(
             start.place, handle_angle=angles[0], force=self.force, radial_force=self.radial_force
         )
         last = first.on(start.place, handle_angle=angles[1], force=self.force_end)
         paths: dict[Moved, PathByStep] = {"handle_angle": path}
-        if first.force is not None and last.force is not None and (self.load_steps or more is not None):
-            ends = float(first.force[start.place.axis]), float(last.force[start.place.axis])
+        if self.load_steps or more is not None:
+            ends = first.at(start.place, "force"), last.at(start.place, "force")
 
             def force(done: NDArray[np.int64]) -> Array:
                 base = between(*ends, done / steps) + (0.0 if more is None else more(done))
@@ -239,7 +239,7 @@ class Ramp(NamedLoad, OpenLoop):
         """Yield its only segment."""
         if self.handle_angle is not None:
             start.reached("handle_angle", self.handle_angle)
-        end = self.on_tip(start.command).on(
+        end = self.on_tip(start.command, start.places).on(
             start.place,
             handle_angle=self.handle_angle,
             force=self.force,
@@ -247,7 +247,7 @@ class Ramp(NamedLoad, OpenLoop):
             spool_velocity=self.spool_velocity,
         )
         for name, angle in self.handle_angles.items():
-            place = start.places.joint("handle_angles", name)
+            place = start.places.listed("handle_angles", name)
             end = end.on(place, handle_angle=check_handle_angle(place, f"handle_angles.{name}", angle))
         velocities = end.spool_velocity.copy()
         for name, velocity in self.spool_velocities.items():
@@ -341,7 +341,7 @@ class StepLoad(NamedLoad, Moving, AppliedLoad):
         angle = self._angle(start)
         free = start.command.on(start.place, handle_angle=angle)
         force = self.tip_force(start.plane) if self.is_tangential else None
-        loaded = self.on_tip(free).on(start.place, force=force)
+        loaded = self.on_tip(free, start.places).on(start.place, force=force)
         yield from self.approached(start, angle)
         yield start.segment(free, free, self.delay)
         yield start.segment(free, loaded, self.rise)
@@ -404,10 +404,10 @@ class TissueContact(OpenLoop):
 
     def segments(self, start: Start) -> Iterator[Segment]:
         """Yield the time in contact, and what follows it."""
-        touching = start.command.touching(start.place.axis, self._contact(start.plane))
+        touching = start.command.touching(start.place.tip, self._contact(start.plane))
         yield start.segment(touching, touching, self.duration or start.time_step)
         if self.duration is not None:
-            free = touching.touching(start.place.axis, None)
+            free = touching.touching(start.place.tip, None)
             yield start.segment(free, free, 0.0)
 
     def _contact(self, inst: ShortForm) -> Contact | None:

@@ -103,7 +103,7 @@ class Pretension(Phase):
     def _check_tip(self, places: Places, turned: Array) -> None:
         """Check that the tip (rad, by axis) is not pulled aside, as happens endlessly if the load cells disagree."""
         for axis in self._axes(places):
-            angle = turned[places.axes[axis].axis]
+            angle = turned[places.axes[axis].tip]
             if abs(angle) > _DRIFT:
                 raise ProtocolError(
                     f"the tip's {axis} turned by {math.degrees(angle):.3g} deg while its tendons were "

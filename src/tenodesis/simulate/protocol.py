@@ -13,11 +13,10 @@ from tenodesis.errors import ProtocolError
 from tenodesis.instrument import InstrumentLike, Name, as_instrument
 from tenodesis.instrument.text import with_units
 from tenodesis.run import Array
-from tenodesis.simulate.applies import check_applies
+from tenodesis.simulate.applies import applied_to
 from tenodesis.simulate.chirp import Chirp
 from tenodesis.simulate.command import Command, Segment, sampled
 from tenodesis.simulate.joint import REST
-from tenodesis.simulate.loads import NamedLoad
 from tenodesis.simulate.model import ProtocolModel
 from tenodesis.simulate.motion import Motion
 from tenodesis.simulate.phases import Cycles, GrippedObject, Hold, Ramp, Start, StepLoad, TissueContact
@@ -86,9 +85,8 @@ class Protocol(ProtocolModel):
         """Return the commands of all time steps (s), by name.
 
         For n steps: handle_angle (rad) by joint of the handle, (n, joints), and spool_velocity (rad/s) by tendon,
-        (n, tendons). Loads (N, N m) where every joint of the tip has a pair of tendons of its own: force and
-        radial_force by axis, (n, axes), and wrench (n, 6) if a phase gives one; else wrench, and grip_force (n,). With
-        a single joint its angle and forces have shape (n,).
+        (n, tendons). Loads (N, N m) are force and radial_force by axis, (n, axes), where the axes do not act on each
+        other; else wrench (n, 6), and grip_force (n,). With a single joint its angle and forces have shape (n,).
 
         Raises ProtocolError if a phase is closed-loop or has tissue or an object, whose force is not known before, the
         instrument cannot run it, or not within an hour.
@@ -121,14 +119,12 @@ class Protocol(ProtocolModel):
         places = Places.of(as_instrument(inst))
         block_size(time_step, time_step)
         plan: list[Planned] = []
-        named = any(phase.names_load for phase in self.phases if isinstance(phase, NamedLoad))
-        command, total = Command.rest(places, wrench=named, tissue=self.has_tissue), 0.0
+        command, total = Command.rest(places, tissue=self.has_tissue), 0.0
         before, before_at = REST, Place()
         for number, (phase, following) in enumerate(zip(self.phases, (*self.phases[1:], None), strict=True), 1):
             label = f"{self.name}: phase {number} ({phase.kind})"
             with errors_of(label):
-                check_applies(phase, places)
-                at = phase.place(places)
+                at = applied_to(phase, places)
                 if isinstance(phase, Pretension):
                     planned, before = Planned(phase, label, command, (), phase.timeout), REST
                     command = phase.end(command, places)
