@@ -27,11 +27,11 @@ def applied_to(phase: Phase, places: Places) -> Place:
     ProtocolError
         The instrument does not have it, or lacks what a phase of this kind, or a key of it, needs.
     """
-    inst, kind, at = places.inst, str(getattr(phase, "kind", "")), phase.place(places)
-    jawless = f"but {inst.name} has no jaws that grip"
+    inst, kind = places.inst, str(getattr(phase, "kind", ""))
     if kind == "pretension" and places.unpaired:
         why = f"but {places.unpaired[0]} of {inst.name} has no handle joint and pair of tendons of its own"
         raise _wrong_kind(kind, why, "hold; its tendons are at their pretension at the start")
+    at, jawless = phase.place(places), f"but {inst.name} has no jaws that grip"
     wrong: dict[str, tuple[str, str]] = {}
     if at.plane is None:
         moved = f"no joint at the tip of {inst.name} has a handle joint and"

@@ -100,10 +100,9 @@ class Command(NamedTuple):
 
     def with_value(self, where: Where, value: float | Sequence[float]) -> Self:
         """Return this command with a value changed."""
-        field, columns, sign = where
-        values = getattr(self, field).copy()
-        values[columns] = sign * np.asarray(value)
-        return self._replace(**{field: values})
+        values = getattr(self, where.field).copy()
+        values[where.columns] = where.sign * np.asarray(value)
+        return self._replace(**{where.field: values})
 
     def on(self, place: Place, **changes: float | Sequence[float] | None) -> Self:
         """Return this command with values changed at a place; None leaves a value unchanged."""
@@ -115,8 +114,8 @@ class Command(NamedTuple):
 
     def at(self, place: Place, name: str) -> float:
         """Return a value at a place."""
-        field, columns, sign = place.where(name)
-        return sign * float(getattr(self, field)[columns][0])
+        where = place.where(name)
+        return where.sign * float(getattr(self, where.field)[where.columns][0])
 
     def touching(self, joint: int, contact: Contact | None) -> Self:
         """Return this command with tissue on a joint of the tip, or without."""

@@ -30,6 +30,7 @@ class _Bench:
 
     def __init__(self, plant: Plant, controller: Controller | None) -> None:
         self.plant, self.controller = plant, controller
+        self.inst, self.time_step, self.spool_radius = plant.inst, plant.time_step, plant.spool_radius
         self._last: Run | None = None
         self._between: Between | None = None
         self._held: Held | None = None
@@ -66,8 +67,8 @@ class _Bench:
             return
         self._between, self._held = between, None
         if between is not None:
-            arms = self.plant.inst.grip_arms
-            angles = np.zeros(len(arms)) if self._last is None else self._last["output_angle"][-1]
+            arms = self.inst.grip_arms
+            angles = np.zeros(len(arms)) if self._last is None else self._last.by_column("output_angle")[-1]
             self._held = between.held(float(arms @ angles))
 
     def home(self, command: Command, timeout: float) -> Iterator[Run]:
@@ -75,14 +76,13 @@ class _Bench:
 
         A fault on the way ends homing, not the run. Raises ProtocolError if homing takes longer than the timeout (s).
         """
-        time_step = self.plant.time_step
-        steps = max(1, round(_HOMING_BLOCK / time_step))
+        steps = max(1, round(_HOMING_BLOCK / self.time_step))
         (commands,) = sampled([Segment(command, command, steps)], steps)
         controller = cast("Controller", self.controller)
         controller.ask(Request.HOME)
         run = self.run(**commands)
         yield run
-        elapsed = steps * time_step
+        elapsed = steps * self.time_step
         while run["operating_state"][-1].max() == OperatingState.ENABLED:
             if elapsed >= timeout:
                 raise ProtocolError(
@@ -93,7 +93,7 @@ class _Bench:
                 )
             run = self.run(**commands)
             yield run
-            elapsed += steps * time_step
+            elapsed += steps * self.time_step
         if controller.enabled_at_start and run["operating_state"][-1].max() == OperatingState.PAUSED:
             controller.ask(Request.RESUME)
             yield self.run(**commands)
@@ -214,9 +214,9 @@ def _runs(bench: _Bench, planned: Planned) -> Iterator[Run]:
     """Yield the runs of a phase."""
     with errors_of(planned.label):
         if not isinstance(planned.phase, Pretension):
-            for commands in sampled(planned.segments, block_size(bench.plant.time_step, _BLOCK)):
+            for commands in sampled(planned.segments, block_size(bench.time_step, _BLOCK)):
                 yield bench.run(**commands)
         elif bench.controller is None:
-            yield from planned.phase.run(bench.plant, planned.initial)
+            yield from planned.phase.run(bench, planned.initial)
         else:
             yield from bench.home(planned.initial, planned.phase.timeout)
