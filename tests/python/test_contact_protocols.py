@@ -77,6 +77,14 @@ def test_it_lies_on_the_side_and_the_axis_that_are_given(real: Instrument) -> No
     assert run["contact_force"].max() == 0
 
 
+def test_a_joint_with_a_pair_of_its_own_meets_tissue_beside_others_that_share_tendons() -> None:
+    wrist = tn.load("hybrid-scaled-up")
+    run = simulate.execute(Twin(wrist), simulate.load("tissue"))
+    assert 0.3 < run["contact_force.yaw"].max() < 1.5
+    assert not run["contact_force"][:, 1:].any()
+    assert np.abs(run["wrench"]).max() == 0
+
+
 def test_a_protocol_without_tissue_is_as_before(scaled: Instrument) -> None:
     run = simulate.execute(Twin(scaled), Protocol(name="p", phases=PRESS.phases[3:]))
     assert not set(TISSUE) & run.signals().keys()

@@ -78,6 +78,15 @@ def test_a_pretension_is_the_controllers_homing(any_inst: Instrument, homed: boo
     np.testing.assert_allclose(at_home, any_inst.pretension, rtol=0.02)
 
 
+def test_joints_that_are_listed_are_homed_as_axes_are() -> None:
+    inst = tn.instrument.expanded("real-size")
+    twin = Twin(inst, seed=2)
+    twin.loosen(2e-3)
+    run = simulate.execute(twin, one(Pretension()), Controller(tn.coupled.compensated(inst), homed=False))
+    assert states(run) == [OperatingState.ENABLED, OperatingState.PAUSED, OperatingState.ENABLED]
+    np.testing.assert_allclose(run["tension"][-1], inst.pretension, rtol=0.03)
+
+
 def test_a_controller_that_does_not_start_enabled_stays_paused_after_homing(scaled: Instrument) -> None:
     controller = Controller(scaled, homed=False, enabled=False)
     run = simulate.execute(slack(scaled), one(Pretension(), Hold(duration=0.1)), controller)
