@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 
-from tenodesis import coupled
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
 from tenodesis.run import Array
 from tenodesis.simulate.loads import Wrench
 from tenodesis.simulate.phases import Cycles, GrippedObject, Hold, Ramp, StepLoad
 from tenodesis.simulate.places import Places
 from tenodesis.simulate.protocol import AnyPhase, Protocol
+from tenodesis.statics import chain
 
 _SPEED = math.radians(40)
 """Of joints, rad/s."""
@@ -39,7 +39,7 @@ def default_protocol(inst: InstrumentLike) -> Protocol:
         phases.append(Cycles(joint=name, amplitude=amplitude, speed=_SPEED, count=1, shape="smooth"))
     if not phases:
         phases = [phase for n in range(len(inst.tip_joints)) for phase in _there_and_back(inst, n)]
-    across = np.abs(coupled.rates(inst, np.zeros(len(inst.handle_joints))).by_wrench[:, :2])
+    across = np.abs(chain.rates(inst, np.zeros(len(inst.handle_joints))).by_wrench[:, :2])
     force = float(f"{min(_LOAD, _LOST / across.max()):.1g}")
     for component, bends in zip(("fx", "fy"), across.max(axis=0), strict=True):
         for sign in (1, -1) if bends else ():
@@ -87,7 +87,7 @@ def _gripping(inst: FullForm) -> list[AnyPhase]:
         return [*placed, *close, Hold(duration=1.0), *open_again, *removed]
     quarters = np.diag([joint.range / 4 for joint in inst.handle_joints])
     aims = np.concatenate([quarters, -quarters])
-    opened = coupled.output_angles(inst, aims) @ arms
+    opened = chain.output_angles(inst, aims) @ arms
     most = int(np.argmin(opened))
     if not opened[most] < 0:
         return []
