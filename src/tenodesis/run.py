@@ -64,6 +64,20 @@ class Names(NamedTuple):
             return ()
         return COMPONENTS if of == "components" else getattr(self, of)
 
+    def headings(self, signal: str) -> tuple[str, ...]:
+        """Return the names of a signal's columns in tables: ``tension.pitch_wound``, ``wrench.fx``, ``grip_force``.
+
+        Where every joint has a joint of the handle and a pair of tendons of its own, ``handle_angle.yaw`` and
+        ``tension.yaw.agonist``.
+        """
+        columns = self.columns(signal)
+        if self[:3] == Names.paired(self.joints)[:3]:
+            if SIGNALS[signal].of == "handle_joints":
+                columns = self.joints
+            elif SIGNALS[signal].per_tendon:
+                columns = tuple(f"{joint}.{side}" for joint in self.joints for side in TENDONS)
+        return tuple(f"{signal}.{column}" for column in columns) or (signal,) * (SIGNALS[signal].of == "run")
+
     def shape(self, signal: str, rows: int) -> tuple[int, ...]:
         """Return the shape of a signal of so many rows."""
         columns = len(self.columns(signal))

@@ -220,10 +220,9 @@ def test_a_folder_that_cannot_be_written_is_told(tenodesis: Command, tmp_path: P
 
 def test_schemas_of_every_kind_of_file_are_printed(tenodesis: Command) -> None:
     assert json.loads(tenodesis("schema")[1])["title"] == "Tenodesis instrument"
-    assert json.loads(tenodesis("schema", "coupled")[1])["title"] == "Tenodesis coupled instrument"
     assert json.loads(tenodesis("schema", "protocol")[1])["title"] == "Tenodesis protocol"
     assert json.loads(tenodesis("schema", "catalogue")[1])["title"] == "Tenodesis catalogue"
     assert "olerance" in json.loads(tenodesis("schema", "tolerances")[1])["title"]
     code, _, wrong = tenodesis("schema", "car")
     assert code == 2
-    assert "'car' is not one of 'instrument', 'coupled', 'protocol', 'catalogue', 'tolerances'" in wrong
+    assert "'car' is not one of 'instrument', 'protocol', 'catalogue', 'tolerances'" in wrong

@@ -198,6 +198,7 @@ def test_every_joint_type_loads_and_keeps_its_own_keys(pulley: Instrument, conti
 
 
 def test_instruments_can_be_sent_to_other_processes_and_kept_in_sets(real: TendonGear) -> None:
+    assert real.core is not None
     for copy in (pickle.loads(pickle.dumps(real)), deepcopy(real), real.model_copy()):
         assert copy == real
         assert hash(copy) == hash(real)

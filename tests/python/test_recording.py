@@ -303,9 +303,9 @@ def test_tables_hold_the_values_to_the_last_bit(axes: tuple[str, ...], tmp_path:
         assert read.index.name == "time [s]"
         assert read.index.tolist() == run.time.tolist()
     assert run.measured_tension is not None
-    last = f"measured_tension.{axes[-1]}_antagonist [N]"
+    last = f"measured_tension.{axes[-1]}.antagonist [N]"
     np.testing.assert_array_equal(table[last], run.measured_tension[:, -1])
-    assert {"handle_torque.handle_yaw [N*m]", "wrench.my [N*m]", "grip_force [N]"} <= {*table.columns}
+    assert {"handle_torque.yaw [N*m]", "wrench.my [N*m]", "grip_force [N]"} <= {*table.columns}
 
 
 def test_tables_are_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -350,7 +350,7 @@ def test_a_description_says_what_is_in_the_file(tmp_path: Path) -> None:
         "seed 7",
         "rate 2000 Hz",
         "/handle/measured_js 5 2000 Hz sensor_msgs/msg/JointState",
-        "measured_handle_angle.handle_yaw -20 10 deg",
+        "measured_handle_angle.yaw -20 10 deg",
         "cut.mcap is read up to",
     ):
         assert said in text

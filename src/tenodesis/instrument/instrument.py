@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
@@ -185,6 +186,17 @@ class Instrument(FileTable, AnyForm):
             value = getattr(self, name)
             if quantity is not None and value is not None:
                 yield field.alias or name, value, quantity
+
+    def __getstate__(self) -> dict[Any, Any]:
+        """Return what is kept of it: its values, not what was computed from them."""
+        state = super().__getstate__()
+        fields = type(self).model_fields
+        return state | {"__dict__": {name: value for name, value in state["__dict__"].items() if name in fields}}
+
+    def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self:
+        copied = type(self).__new__(type(self))
+        copied.__setstate__(deepcopy(self.__getstate__(), memo))
+        return copied
 
     def replace(self, **changes: Any) -> Self:
         """Return this instrument with some values changed, by key; lists of tables as lists of dictionaries.

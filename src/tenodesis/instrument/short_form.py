@@ -140,9 +140,8 @@ class ShortForm(Instrument):
             raise ValueError(str(invalid).rstrip(".")) from None
 
     def __repr__(self) -> str:
-        shown = ", ".join(
-            f"{key} {in_words(value, kind.unit)}" for key, value, kind in self.quantities() if key in _NAMED
-        )
+        in_file = {key: in_words(value, kind.unit) for key, value, kind in self.quantities()}
+        shown = ", ".join(f"{key} {in_file[key]}" for key in _NAMED if key in in_file)
         return (
             f"<{type(self).__name__} {self.name!r}: {' and '.join(self.axes)}, {shown}, friction {self.friction.law}>"
         )

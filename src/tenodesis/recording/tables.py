@@ -13,7 +13,7 @@ from tenodesis.errors import RecordingError
 from tenodesis.extras import require
 from tenodesis.files import atomic_file
 from tenodesis.recording.schemas import described
-from tenodesis.run import SIGNALS, Array, Run
+from tenodesis.run import Array, Run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,10 +23,10 @@ TIME = "time [s]"
 
 
 def columns(run: Run) -> dict[str, Array]:
-    """Return a run's signals (n,) by heading: ``measured_tension.yaw_agonist [N]``, ``wrench.fx [N]``."""
+    """Return a run's signals (n,) by heading: ``measured_tension.yaw.agonist [N]``, ``wrench.fx [N]``."""
     table: dict[str, Array] = {}
     for name in run.signals():
-        for heading in [f"{name}.{column}" for column in run.columns(name)] or [name] * (SIGNALS[name].of == "run"):
+        for heading in run.names.headings(name):
             table[f"{heading} [{described(heading).unit}]"] = run[heading]
     return table
 
