@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ranges>
 #include <tuple>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -39,7 +41,7 @@ int read_joints(const Joints& joints, WristJoint<double>* out) {
           "a chain has at most six joints at an end");
   for (std::size_t i = 0; i < count; ++i) {
     require(mechanisms[i] >= 0 && mechanisms[i] <= int(Mechanism::continuum), "there is no such mechanism");
-    require(parents[i] >= -1 && parents[i] < int(i), "a joint stands on one before it");
+    require(parents[i] >= -1 && std::cmp_less(parents[i], i), "a joint stands on one before it");
     const auto& [x, y, z, offset, chord, length] = numbers[i];
     out[i].mechanism = static_cast<Mechanism>(mechanisms[i]);
     out[i].parent = parents[i];
@@ -252,7 +254,7 @@ void write_lines(const BoundChain& bound, const At& at, double* out) {
       }
       std::vector<Vector<double>> points;
       over(passed(false, joint), offset, k == 0, [&](const Vector<double>& point) { points.push_back(point); });
-      std::for_each(points.rbegin(), points.rend(), place);
+      std::ranges::for_each(std::views::reverse(points), place);
     }
   }
   const auto backbones = [&](bool at_tip, int count) {

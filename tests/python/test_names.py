@@ -1,14 +1,18 @@
 """Claims about what a user sees who asks for the names of the package."""
 
+import re
 import subprocess
 import sys
+from functools import reduce
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 
 import pytest
 
 import tenodesis as tn
 
+MIGRATION = Path(__file__).parents[2] / "docs" / "migration.md"
 PACKAGES = tuple(name for name in tn.__all__ if isinstance(getattr(tn, name), ModuleType))
 
 
@@ -41,3 +45,12 @@ def test_the_names_are_there_before_anything_is_loaded() -> None:
 def test_every_exception_is_shown() -> None:
     own = {name for name, one in vars(tn.errors).items() if getattr(one, "__module__", "") == "tenodesis.errors"}
     assert {name for name in own if name[0] != "_"} == set(tn.errors.__all__)
+
+
+def test_names_that_have_moved_are_where_the_table_says() -> None:
+    rows = re.findall(r"^\| `tn\.([\w.]+)` \| `tn\.([\w.]+)` \|$", MIGRATION.read_text("utf-8"), re.MULTILINE)
+    assert len(rows) > 5
+    for before, now in rows:
+        found = reduce(getattr, now.split("."), tn)
+        package, _, name = before.rpartition(".")
+        assert getattr(import_module(f"tenodesis.{package}"), name, found) is found
