@@ -2,6 +2,8 @@
 
 #include <array>
 #include <cmath>
+#include <cstdio>
+#include <exception>
 
 #include "claim.hpp"
 #include "engine/twin_rows.hpp"
@@ -266,7 +268,7 @@ void claim(const Case& of) {
 
 }  // namespace
 
-int main() {
+int main() try {
   for (const JointType joint : {JointType::tendon_gear, JointType::tendon_pulley, JointType::continuum})
     for (const bool quasi_static : {false, true}) {
       claim({.joint = joint, .quasi_static = quasi_static, .radial = true});
@@ -280,4 +282,7 @@ int main() {
       claim({.joint = joint, .quasi_static = quasi_static, .slack = true});
     }
   return claims::report();
+} catch (const std::exception& problem) {
+  std::fputs(problem.what(), stderr);
+  return 1;
 }
