@@ -77,6 +77,24 @@ def gradient(spec: Spec, operation: str, inputs: Sequence[NDArray[numpy.float64]
 def tension_from_current(current: float, tension_per_current: float, range: float) -> float:
     """Tension that a motor's current (A) stands for, N."""
 
+def joint_chord(mechanism: int, chord: float, angle: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]:
+    """
+    Chord of a joint at angles (rad) by that of the straight joint, m, and its rate by the angle, m/rad: two rows.
+    """
+
+def joint_coordinate(mechanism: Sequence[int], angle: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]:
+    """
+    Coordinates of joints at their angles (rad), in which tendon excursion is linear, and their rates by them.
+    """
+
+def joint_straight_chord(mechanism: int, radius: float, backbone_length: float) -> float:
+    """Chord of a straight joint, m."""
+
+def joint_excursion(mechanism: int, distance: float) -> float:
+    """
+    Tendon drawn by a unit of the coordinate at a distance (m) from the joint's middle plane, m.
+    """
+
 class Tendon:
     """An elastic tendon through contacts with friction, with its state."""
 
@@ -111,24 +129,6 @@ def transmission_parameters() -> list[str]:
 def far_end(values: NDArray[numpy.float64], angle: NDArray[numpy.float64], signal: NDArray[numpy.float64], time_step: float, out: NDArray[numpy.float64]) -> None:
     """
     Write angle and torque of the far end of a transmission, how far friction may hide each, and its near torque.
-    """
-
-def joint_chord(mechanism: int, chord: float, angle: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]:
-    """
-    Chord of a joint at angles (rad) by that of the straight joint, m, and its rate by the angle, m/rad: two rows.
-    """
-
-def joint_coordinate(mechanism: Sequence[int], angle: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]:
-    """
-    Coordinates of joints at their angles (rad), in which tendon excursion is linear, and their rates by them.
-    """
-
-def joint_straight_chord(mechanism: int, radius: float, backbone_length: float) -> float:
-    """Chord of a straight joint, m."""
-
-def joint_excursion(mechanism: int, distance: float) -> float:
-    """
-    Tendon drawn by a unit of the coordinate at a distance (m) from the joint's middle plane, m.
     """
 
 class WristSpec:

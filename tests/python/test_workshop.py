@@ -291,8 +291,9 @@ def test_the_first_ten_minutes_run_on_the_twin_of_every_mechanism(file: str) -> 
     found = scaling.design(real_size, combinations=5000)
     run = workshop.rehearse(found[found.best()], brief=file != "real-size")
     assert run.faults == 0
-    # The dead band grows to 0.3° at most, and half a step of the encoder that reads the tip is 0.04°.
-    assert run.left < 0.35
+    # The dead band grows to 0.3° at most, before the load as under it, and a step of the encoder that reads the tip is
+    # 0.09°: a continuum that the hand bends rests off its elastic target before the load, too.
+    assert run.left < (0.45 if file == "continuum" else 0.35)
     assert all(one.low <= one.expected <= one.high for one in run.readings)
     assert run.demand.seen < run.demand.largest_tension
 

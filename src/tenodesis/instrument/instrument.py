@@ -109,7 +109,7 @@ class Instrument(FileTable, AnyForm):
 
     @property
     def grip_arms(self) -> Array:
-        """Lengths by which the jaws open per angle of the tip's joints, (joints,), m: the first of them to the +."""
+        """Lengths by which the jaws open per angle of the tip's joints, (joints,), m; the first of them to the +."""
         arms = np.zeros(len(self.tip_joints))
         for sign, i in zip((1.0, -1.0), self.jaws, strict=False):
             own = self.grip.length if self.grip is not None else None
@@ -132,7 +132,7 @@ class Instrument(FileTable, AnyForm):
 
     @cached_property
     def stiffnesses(self) -> Array:
-        """Stiffness of every tendon, (tendons,), N/m: as given, or E A / L."""
+        """Stiffness of every tendon, (tendons,), N/m, as given or E A / L."""
         return np.array([self.stiffness_of(tendon) for tendon in self.tendons])
 
     @cached_property
