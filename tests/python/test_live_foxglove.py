@@ -25,7 +25,7 @@ from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
 from tenodesis.live.foxglove import Server, serve, warning
 from tenodesis.recording import Recorder
-from tenodesis.recording.schemas import topics
+from tenodesis.recording.schemas import flat_columns, messages_of, topics
 from tenodesis.run import Names
 
 from .live_loop import LiveLoop, Played
@@ -147,7 +147,7 @@ def test_a_stock_decoder_reads_the_values_of_the_loop_itself(tmp_path: Path) -> 
     with Server(Played(run, loop.inst, [FIRST, 290]), port=0, rate=None) as server:
         server.publish()
         with client(server) as watcher:
-            watcher.subscribe(1 + len(topics(Names.paired(["yaw"]))) - 1)
+            watcher.subscribe(1 + len(list(messages_of(run.names, flat_columns(run).keys()))))
             server.publish()
             for topic in ("/tendons/measured_js", "/rig/measured_cf", *FORCE, "/controller/operating_state", "/time"):
                 watcher.take(topic, 290)
