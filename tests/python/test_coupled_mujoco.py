@@ -7,7 +7,7 @@ import pytest
 
 from tenodesis import coupled
 from tenodesis.coupled import CoupledInstrument
-from tenodesis.statics import Status
+from tenodesis.statics import Axes, Status
 from tenodesis.verification.coupled_peer import CoupledPeer
 
 from .coupled_samples import Point, backbone, drawn, holds, jaws
@@ -37,7 +37,7 @@ def compare(inst: CoupledInstrument, cases: int, loss: float) -> tuple[float, in
     longest = np.minimum(2e-4, inst.pretensions.max() / inst.stiffnesses / 2)
     worst, compared, slack, disputed = 0.0, 0, 0, 0
     for case in range(cases):
-        axes: coupled.statics.Axes = "tip" if case % 2 else "stem"
+        axes: Axes = "tip" if case % 2 else "stem"
         handle = random.uniform(-widest, widest, handles)
         wrench = random.uniform(-heaviest, heaviest)
         force = random.uniform(-grip, grip) if grip else 0.0

@@ -9,10 +9,9 @@ import trimesh
 
 from tenodesis import _core, kinematics
 from tenodesis.console.solids import Solid, about
-from tenodesis.coupled.description import AXES
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument
-from tenodesis.instrument.joints import MECHANISMS
+from tenodesis.instrument.joints import AXES, MECHANISMS
 from tenodesis.kinematics.chain import rotated
 from tenodesis.kinematics.gltf import BODY_NODE, described
 from tenodesis.run import Array

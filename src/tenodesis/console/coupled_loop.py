@@ -14,13 +14,13 @@ from tenodesis.console.log import rare_log
 from tenodesis.control import Controller, OperatingState
 from tenodesis.control.controller import fault_names
 from tenodesis.coupled import CoupledInstrument, compensated
-from tenodesis.coupled.statics import coordinates
 from tenodesis.devices.device import Capabilities
 from tenodesis.errors import ArgumentError, LiveError, NoSolutionError
 from tenodesis.instrument import ShortForm
 from tenodesis.live.commands import ControllerRequest, RestartableConnection
 from tenodesis.live.status import RuntimeState, Status, Timing
 from tenodesis.run import Array, Run, concatenate
+from tenodesis.statics.chain import coordinates
 from tenodesis.twin import Held, Twin
 
 _log = rare_log(__name__)

@@ -1,12 +1,15 @@
 """Instruments whose joints share tendons, in space: description, statics, stiffness and compensation."""
 
 from tenodesis.coupled.axes import Pair, compensated, names_of, pairs
-from tenodesis.coupled.description import CoupledInstrument, Crossing, Grip, Joint, RouteError, Tendon
 from tenodesis.coupled.dvrk import PULLEY_RADIUS, JawAngle, dvrk_text, from_dvrk, jaw_reading
 from tenodesis.coupled.plausibility import Doubt, implausible
 from tenodesis.coupled.reading import CoupledLike, is_coupled, load, of_planar, parse, shipped
-from tenodesis.coupled.statics import (
-    Equilibrium,
+from tenodesis.coupled.wrench import estimated_wrench
+from tenodesis.instrument import Crossing, Grip, Joint, RouteError, Tendon
+from tenodesis.instrument import FullForm as CoupledInstrument
+from tenodesis.kinematics import frames, jacobian, joint_positions, mjcf, tip_pose, urdf
+from tenodesis.statics import Equilibrium, Loss, TipWrench, hold, load_matrix, loss, tip_wrench
+from tenodesis.statics.chain import (
     Rates,
     compensation_strokes,
     coupling,
@@ -17,9 +20,6 @@ from tenodesis.coupled.statics import (
     straight_arms,
     tensions,
 )
-from tenodesis.coupled.wrench import estimated_wrench
-from tenodesis.kinematics import frames, jacobian, joint_positions, mjcf, tip_pose, urdf
-from tenodesis.statics import Loss, TipWrench, hold, load_matrix, loss, tip_wrench
 
 __all__ = [
     "PULLEY_RADIUS",

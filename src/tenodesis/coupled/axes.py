@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tenodesis.coupled.description import CoupledInstrument, Joint
 from tenodesis.coupled.reading import CoupledLike, load
 from tenodesis.coupled.rows import link_rows, mass_matrix
 from tenodesis.errors import ArgumentError, InstrumentError
-from tenodesis.instrument import ShortForm, as_instrument
+from tenodesis.instrument import FullForm, Joint, ShortForm, as_instrument
 from tenodesis.instrument.mechanisms import JOINT_TYPES
 from tenodesis.run import Names
 from tenodesis.toml import validated
@@ -120,7 +119,7 @@ def compensated(inst: CoupledLike) -> ShortForm:
     return validated(JOINT_TYPES[joint_type], values, InstrumentError, inst.name)
 
 
-def _axis_values(inst: CoupledInstrument, joint_type: str, pair: Pair) -> dict[str, Any]:
+def _axis_values(inst: FullForm, joint_type: str, pair: Pair) -> dict[str, Any]:
     joint, handle = inst.tip_joints[pair.joint], inst.handle_joints[pair.handle]
     tendon = inst.tendons[pair.agonist]
     beyond = _beyond(inst, pair.joint)
@@ -146,27 +145,27 @@ def _axis_values(inst: CoupledInstrument, joint_type: str, pair: Pair) -> dict[s
     return values
 
 
-def _passes(inst: CoupledInstrument, axes: dict[str, Pair]) -> bool:
+def _passes(inst: FullForm, axes: dict[str, Pair]) -> bool:
     """Whether the second axis's tendons cross the first one's joint at the tip."""
     first, *others = axes.values()
     nearer = inst.tip_joints[first.joint].name
     return any(nearer in (crossing.joint for crossing in inst.tendons[pair.agonist].route) for pair in others)
 
 
-def _motion(inst: CoupledInstrument, pair: Pair) -> dict[str, float]:
+def _motion(inst: FullForm, pair: Pair) -> dict[str, float]:
     links = link_rows(inst)
     inertia, _ = mass_matrix(inst, links, np.zeros(len(inst.tip_joints)))
     return {"tip_inertia": float(inertia[pair.joint, pair.joint]), "tip_damping": float(links[pair.joint, 5])}
 
 
-def _radius(inst: CoupledInstrument, pair: Pair, joint: Joint) -> float:
+def _radius(inst: FullForm, pair: Pair, joint: Joint) -> float:
     """Radius at which the pair crosses a joint, m."""
     route = inst.tendons[pair.agonist].route
     own = next(crossing.radius for crossing in route if crossing.joint == joint.name)
     return joint.radius if own is None else own
 
 
-def _beyond(inst: CoupledInstrument, joint: int) -> float:
+def _beyond(inst: FullForm, joint: int) -> float:
     """Length of the straight tip from the far end of a joint to the force, m."""
     last = inst.tip_joints[inst.bearing[0]]
     length = last.end_effector_length or 0.0
@@ -177,7 +176,7 @@ def _beyond(inst: CoupledInstrument, joint: int) -> float:
     return length
 
 
-def _held(inst: CoupledInstrument) -> float:
+def _held(inst: FullForm) -> float:
     """Length from the handle's last joint to the hand, m; a tenth of a metre where the file does not say."""
     lengths = [joint.end_effector_length for joint in inst.handle_joints if joint.end_effector_length]
     return max(lengths, default=0.1)

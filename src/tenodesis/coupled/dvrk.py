@@ -17,10 +17,10 @@ from typing import Any, Literal, TypeAlias, TypeGuard, get_args
 import numpy as np
 import tomli_w
 
-from tenodesis.coupled.description import CoupledInstrument
 from tenodesis.coupled.reading import parse
 from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.files import read_regular
+from tenodesis.instrument import FullForm
 from tenodesis.instrument.instrument import Array
 
 JawAngle: TypeAlias = Literal["between", "each"]
@@ -50,9 +50,7 @@ _OURS = {
 }
 
 
-def from_dvrk(
-    path: str | Path, *, pulley_radius: float = PULLEY_RADIUS, jaw_angle: JawAngle = "between"
-) -> CoupledInstrument:
+def from_dvrk(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS, jaw_angle: JawAngle = "between") -> FullForm:
     """Read a tool file of the da Vinci Research Kit as a coupled instrument.
 
     Parameters

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from tenodesis._core import Status
-from tenodesis.coupled.description import CoupledInstrument
-from tenodesis.coupled.statics import Equilibrium, equilibrium, rates, straight_arms
+from tenodesis.instrument import FullForm
+from tenodesis.statics import Equilibrium
+from tenodesis.statics.chain import equilibrium, rates, straight_arms
 
 _FROM_STRAIGHT = radians(0.5)
 _DISTURBANCE = 0.05  # of the joint that is moved
@@ -23,16 +24,16 @@ class Doubt(NamedTuple):
     sentence: str
 
 
-def implausible(inst: CoupledInstrument) -> tuple[Doubt, ...]:
+def implausible(inst: FullForm) -> tuple[Doubt, ...]:
     """Return what is implausible about a coupled instrument, each in one sentence."""
     return tuple(Doubt(key, sentence) for key, find in _RULES for sentence in find(inst))
 
 
-def _at_rest(inst: CoupledInstrument) -> Equilibrium:
+def _at_rest(inst: FullForm) -> Equilibrium:
     return equilibrium(inst, np.zeros((1, len(inst.handle_joints))))
 
 
-def _rest(inst: CoupledInstrument) -> Iterator[str]:
+def _rest(inst: FullForm) -> Iterator[str]:
     rest = _at_rest(inst)
     if rest.status[0] != Status.OK:
         yield "without a load and with the handle straight, the joints find no equilibrium under the pretension."
@@ -46,25 +47,25 @@ def _rest(inst: CoupledInstrument) -> Iterator[str]:
         yield f"the pretensions do not balance: with a straight handle, joints rest off straight, {', '.join(off)}."
 
 
-def _slack(inst: CoupledInstrument) -> Iterator[str]:
+def _slack(inst: FullForm) -> Iterator[str]:
     slack = [t.name for t, tension in zip(inst.tendons, _at_rest(inst).tensions[0], strict=True) if tension == 0]
     if slack:
         yield f"slack without a load: {', '.join(slack)}."
 
 
-def _strength(inst: CoupledInstrument) -> Iterator[str]:
+def _strength(inst: FullForm) -> Iterator[str]:
     largest = float(inst.pretensions.max())
     if inst.breaking_load is not None and largest >= inst.breaking_load:
         yield f"pretension is {largest:g} N, and tendons break at a breaking_load of {inst.breaking_load:g} N."
 
 
-def _useless(inst: CoupledInstrument) -> Iterator[str]:
+def _useless(inst: FullForm) -> Iterator[str]:
     for tendon, arms in zip(inst.tendons, inst.tendon_arms("tip"), strict=True):
         if not arms.any():
             yield f"tendon {tendon.name} bends no joint at the tip: it crosses none, or all in their middle."
 
 
-def _disturbing(inst: CoupledInstrument) -> Iterator[str]:
+def _disturbing(inst: FullForm) -> Iterator[str]:
     """Yield what the handle's joints turn besides; without a handle, what the tendons that end at a joint turn."""
     found = rates(inst, np.zeros((1, len(inst.handle_joints))))
     if inst.handle_joints:
@@ -93,7 +94,7 @@ def _disturbing(inst: CoupledInstrument) -> Iterator[str]:
             yield f"turning {inst.tip_joints[most].name} by {what} also turns {', '.join(others)} of its angle."
 
 
-def _in_stem(inst: CoupledInstrument) -> Iterator[str]:
+def _in_stem(inst: FullForm) -> Iterator[str]:
     for joint in inst.tip_joints:
         if inst.stem_diameter is not None and 2 * joint.radius > inst.stem_diameter:
             yield (
@@ -102,7 +103,7 @@ def _in_stem(inst: CoupledInstrument) -> Iterator[str]:
             )
 
 
-def _rope_on_pulley(inst: CoupledInstrument) -> Iterator[str]:
+def _rope_on_pulley(inst: FullForm) -> Iterator[str]:
     rope = inst.tendon_diameter
     for joint in inst.tip_joints:
         if joint.mechanism == "pulley" and rope is not None and 2 * joint.radius < _PULLEY_PER_ROPE * rope:
@@ -112,7 +113,7 @@ def _rope_on_pulley(inst: CoupledInstrument) -> Iterator[str]:
             )
 
 
-_RULES: tuple[tuple[str, Callable[[CoupledInstrument], Iterator[str]]], ...] = (
+_RULES: tuple[tuple[str, Callable[[FullForm], Iterator[str]]], ...] = (
     ("pretension", _rest),
     ("pretension", _slack),
     ("pretension", _strength),

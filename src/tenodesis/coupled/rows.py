@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis import _core, plant
-from tenodesis.coupled.description import CoupledInstrument, Joint, Tendon
-from tenodesis.coupled.statics import straight_arms
 from tenodesis.errors import ArgumentError
+from tenodesis.instrument import FullForm, Joint, Tendon
 from tenodesis.instrument.hardware import Friction
+from tenodesis.statics.chain import straight_arms
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ class TwinRows(NamedTuple):
     steps_per_sample: int
 
 
-def twin_rows(inst: CoupledInstrument, time_step: float, quasi_static: bool) -> TwinRows:
+def twin_rows(inst: FullForm, time_step: float, quasi_static: bool) -> TwinRows:
     """Return the constants of a twin; raises ArgumentError for a time step that does not suit the instrument."""
     if not (np.isfinite(time_step) and time_step > 0):
         raise ArgumentError(key="time_step", value=time_step, allowed="a time above 0 s")
@@ -95,7 +95,7 @@ def _friction(friction: Friction) -> dict[str, float]:
 class _Route:
     """The contacts of a tendon from the spool to the tip, and the stiffness of the segments between them, N/m."""
 
-    def __init__(self, inst: CoupledInstrument, tendon: Tendon, stiffness: float) -> None:
+    def __init__(self, inst: FullForm, tendon: Tendon, stiffness: float) -> None:
         friction = inst.friction
         places = {joint.name: i for i, joint in enumerate((*inst.tip_joints, *inst.handle_joints))}
         joints = {joint.name: joint for joint in inst.joints}
@@ -159,7 +159,7 @@ class _Route:
         self.segments = stiffness * sum(shares) / np.array(shares)
 
 
-def _row(inst: CoupledInstrument, tendon: Tendon, place: str) -> Array:
+def _row(inst: FullForm, tendon: Tendon, place: str) -> Array:
     arms = inst.tendon_arms("tip" if place == "tip" else "handle")
     return np.asarray(arms[inst.tendons.index(tendon)])
 
@@ -169,7 +169,7 @@ def _span(joint: Joint) -> float:
     return joint.chord or 2 * joint.radius
 
 
-def link_rows(inst: CoupledInstrument) -> Array:
+def link_rows(inst: FullForm) -> Array:
     """Return mass, its centre, inertia about x, y, z, damping, stop, its stiffness, reach by joint of the tip, SI."""
     stiffness = np.diag(straight_stiffness(inst))
     rods = _links(inst, 1.0)
@@ -194,7 +194,7 @@ def link_rows(inst: CoupledInstrument) -> Array:
     return rows
 
 
-def _links(inst: CoupledInstrument, density: float) -> Array:
+def _links(inst: FullForm, density: float) -> Array:
     """Return mass, its centre and inertias of links; what is not given is that of a rod of a density, kg/m."""
     joints = inst.tip_joints
     rows = np.zeros((len(joints), 5))
@@ -210,26 +210,24 @@ def _links(inst: CoupledInstrument, density: float) -> Array:
     return rows
 
 
-def straight_stiffness(inst: CoupledInstrument) -> Array:
+def straight_stiffness(inst: FullForm) -> Array:
     """Return the stiffness of the straight, unloaded wrist with all tendons taut, (joints, joints), N m/rad."""
     arms = straight_arms(inst)
     springs = np.diag([joint.own_stiffness for joint in inst.tip_joints])
     return np.asarray(arms.T @ (inst.stiffnesses[:, np.newaxis] * arms) + springs)
 
 
-def natural_frequencies(inst: CoupledInstrument) -> Array:
+def natural_frequencies(inst: FullForm) -> Array:
     """Return the angular natural frequencies of the straight, unloaded, frictionless wrist, rising, rad/s."""
     return _frequencies(inst, link_rows(inst)[:, :5])
 
 
-def _frequencies(inst: CoupledInstrument, links: Array) -> Array:
+def _frequencies(inst: FullForm, links: Array) -> Array:
     inertia, _ = mass_matrix(inst, links, np.zeros(len(inst.tip_joints)))
     return np.asarray(np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(inertia, straight_stiffness(inst))).real)))
 
 
-def mass_matrix(
-    inst: CoupledInstrument, links: Array, angles: Array, speeds: Array | None = None
-) -> tuple[Array, Array]:
+def mass_matrix(inst: FullForm, links: Array, angles: Array, speeds: Array | None = None) -> tuple[Array, Array]:
     """Return the mass matrix of the tip's joints, kg m^2, and the moments that their rates take, N m.
 
     Links as :func:`link_rows` has them, their first five columns; angles (rad) and rates (rad/s) of shape (joints,).
