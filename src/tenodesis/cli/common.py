@@ -68,7 +68,7 @@ def load_short_form(name_or_path: str) -> ShortForm:
         return inst
     raise InstrumentError(
         f"{name_or_path} lists joints and tendons, and this command takes planar instruments; tenodesis check, "
-        "loss, record, console, import, export urdf and export mjcf take such files, and tn.coupled in Python.",
+        "loss, bench, record, replay, console, export urdf and export mjcf take such files, and tn in Python.",
         key="file",
         value=name_or_path,
         allowed="a planar instrument",
