@@ -16,14 +16,13 @@ from tenodesis.twin.rows import (
     ARGUMENTS,
     COMMANDS,
     CONTROL,
-    MEASURED_AND_TRUE,
     PER_TENDON,
     SIGNALS,
+    SIMULATED,
     check_handle_range,
     check_rig,
     commanded,
     of_axes,
-    signal_columns,
 )
 
 _NEXT_AXIS = 0x9E3779B97F4A7C15 << 40
@@ -139,4 +138,4 @@ class AxesCore:
 
 
 def _named(outs: list[Array]) -> dict[str, Array]:
-    return {name: of_axes(outs, signal_columns(SIGNALS, name)) for name in MEASURED_AND_TRUE}
+    return {name: of_axes(outs, columns) for name, columns in SIMULATED.items()}

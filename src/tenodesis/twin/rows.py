@@ -27,9 +27,6 @@ ARGUMENTS: dict[str, int | slice] = {
 """Columns of a command, by the argument that fills them."""
 PER_TENDON = ("spool_velocity", "let_out")
 
-_CONTROLLED = tuple(dict.fromkeys(name.partition(".")[0] for name in CONTROL))
-MEASURED_AND_TRUE = tuple(dict.fromkeys(name.partition(".")[0] for name in SIGNALS if name != "sweeps"))
-
 
 def check_seed(seed: int) -> None:
     """Raise ArgumentError for a seed that is no integer from 0 to 2**64 - 1."""
@@ -80,8 +77,8 @@ def as_run(
     Commanded signals are shaped as in the run; `outs` and `controls` are, by axis, the twin's signals and the
     controller's, each of shape (n, columns).
     """
-    controlled = {name: of_axes(controls, signal_columns(CONTROL, name)) for name in _CONTROLLED} if controls else {}
-    simulated = {name: of_axes(outs, signal_columns(SIGNALS, name)) for name in MEASURED_AND_TRUE}
+    controlled = {name: of_axes(controls, columns) for name, columns in _CONTROLLED.items() if controls}
+    simulated = {name: of_axes(outs, columns) for name, columns in SIMULATED.items()}
     signals: dict[str, Any] = {**commanded, **controlled, **simulated}
     return Run(time, axes, **signals)
 
@@ -105,14 +102,18 @@ def commanded(commands: Sequence[Array], *, tissue: bool) -> dict[str, Array]:
 def of_axes(stack: Sequence[Array], columns: int | slice) -> Array:
     """Return columns of each axis's rows (n, columns) in the shape of a run's signal."""
     per_axis = [rows[:, columns] for rows in stack]
-    if isinstance(columns, slice):
-        return np.concatenate(per_axis, axis=1)
-    return per_axis[0] if len(stack) == 1 else np.stack(per_axis, 1)
+    if len(stack) == 1:
+        return per_axis[0]
+    return np.concatenate(per_axis, axis=1) if isinstance(columns, slice) else np.stack(per_axis, 1)
 
 
-def signal_columns(names: Sequence[str], name: str) -> int | slice:
-    """Return the column of a signal, or those of both tendons."""
-    if name in names:
-        return names.index(name)
-    first = names.index(f"{name}.{TENDONS[0]}")
-    return slice(first, first + len(TENDONS))
+def _columns(names: Sequence[str]) -> dict[str, int | slice]:
+    """Return the columns of the core's signals by name: one, or those of both tendons."""
+    signals = dict.fromkeys(name.partition(".")[0] for name in names if name != "sweeps")
+    first = {name: names.index(name if name in names else f"{name}.{TENDONS[0]}") for name in signals}
+    return {name: at if name in names else slice(at, at + len(TENDONS)) for name, at in first.items()}
+
+
+SIMULATED = _columns(SIGNALS)
+"""Columns of a twin's signals, by name."""
+_CONTROLLED = _columns(CONTROL)

@@ -20,7 +20,7 @@ from tenodesis.twin.axes_core import AxesCore
 from tenodesis.twin.chain_core import ChainCore
 from tenodesis.twin.closed_loop import LoopController, SignalFault, controlled_signals, run_closed_loop, warn_of_faults
 from tenodesis.twin.commands import Frame, Held, Loads, as_columns, check_held, grip_error
-from tenodesis.twin.contact import Contacts, by_axis
+from tenodesis.twin.contact import Contact, Contacts, by_axis
 from tenodesis.twin.core import Constant, Rows, TwinCore
 from tenodesis.twin.rows import check_seed, lost, with_currents
 
@@ -240,6 +240,7 @@ class Twin:
         FaultWarning
             The controller faulted.
         """
+        before = self.state
         rows, count = self._rows(
             handle_angle,
             force,
@@ -256,7 +257,6 @@ class Twin:
         )
         core, first = self._core, self._steps
         signals = core.commanded(rows, tissue=contact is not None)
-        before = self.state
         if controller is None:
             done = core.run(rows)
         else:
@@ -302,12 +302,12 @@ class Twin:
         return Run(run.time[0], *run.names, **signals)
 
     def energy(self, handle_angle: ArrayLike, force: ArrayLike = 0.0, **loads: Unpack[Loads]) -> Energy:
-        """Step over arrays of commands and return the energy balance; of planar instruments of one axis.
+        """Step over arrays of commands and return the energy balance; of planar instruments those of one axis.
 
         Otherwise as :meth:`run`.
         """
-        rows, count = self._rows(handle_angle, force, **loads)
         before = self.state
+        rows, count = self._rows(handle_angle, force, **loads)
         steps, status, values = self._core.audit(rows)
         if status != Status.OK:
             self.state = before
@@ -352,16 +352,21 @@ class Twin:
         commands = as_columns(dict.fromkeys(core.widths, 0.0) | arguments, core.widths, self.inst)
         core.check(commands)
         tissue = by_axis(contact, self.names.joints)
-        now = core.now()["output_angle"].ravel()
-        for one, there, angle in zip(tissue, core.tissue(), now, strict=True):
+        if contact is not None or held is not None:
+            self._check_outside(tissue, held)
+        rows = core.rows(commands, Constant(tissue, held, axes))
+        self._held = held
+        return rows, len(commands["handle_angle"])
+
+    def _check_outside(self, tissue: Sequence[Contact | None], held: Held | None) -> None:
+        """Raise ArgumentError if the tip is within tissue, or the jaws within what they hold, that was not there."""
+        now = self._core.now()["output_angle"].ravel()
+        for one, there, angle in zip(tissue, self._core.tissue(), now, strict=True):
             if one is not None and there != one.row:
                 one.check_outside(float(angle))
         if held is not None and self.inst.grip is None:
             raise grip_error("held", self.inst)
         check_held(held, self._held, float(self.inst.grip_arms @ now))
-        rows = core.rows(commands, Constant(tissue, held, axes))
-        self._held = held
-        return rows, len(commands["handle_angle"])
 
 
 def _core_of(inst: Instrument, time_step: float, seed: int, quasi_static: bool) -> TwinCore:
