@@ -156,6 +156,10 @@ class ShortForm(Instrument):
         return notebook.table(title, ("key", "value", "source"), rows)
 
     def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
         return hash((self.joint_type, self.name, tuple((key, value) for key, value, _ in self.quantities())))
 
     @field_validator("axes")
