@@ -198,11 +198,11 @@ def test_differences_to_another_instrument_are_measured(scaled: Instrument, tmp_
     again = replay(Recording.open(path), other)
     assert not again.exact
     differences = again.differences()
-    assert list(differences) == ["output_angle.yaw", "tension.yaw_agonist", "tension.yaw_antagonist"]
+    assert list(differences) == ["output_angle.yaw", "tension.yaw.agonist", "tension.yaw.antagonist"]
     assert run.tension is not None
     assert again.run.tension is not None
     off = again.run.tension[:, 0] - run.tension[:, 0]
-    assert differences["tension.yaw_agonist"] == (pytest.approx(np.sqrt(np.mean(off**2))), np.abs(off).max(), "N")
+    assert differences["tension.yaw.agonist"] == (pytest.approx(np.sqrt(np.mean(off**2))), np.abs(off).max(), "N")
 
 
 def test_a_benchs_recording_is_compared_by_its_sensors(scaled: Instrument, tmp_path: Path) -> None:
@@ -217,8 +217,8 @@ def test_a_benchs_recording_is_compared_by_its_sensors(scaled: Instrument, tmp_p
     differences = again.differences()
     assert list(differences) == [
         "measured_output_angle.yaw",
-        "measured_tension.yaw_agonist",
-        "measured_tension.yaw_antagonist",
+        "measured_tension.yaw.agonist",
+        "measured_tension.yaw.antagonist",
     ]
     assert 0 < differences["measured_output_angle.yaw"].rms < np.radians(5)
 

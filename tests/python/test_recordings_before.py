@@ -32,7 +32,7 @@ def test_a_recording_of_before_has_all_its_signals_under_their_names(name: str, 
         np.testing.assert_array_equal(run.by_column(signal), expected)
     assert contents(recording)["rows"] == ROWS
     table = tn.recording.tables.columns(run)
-    assert {heading.partition(" ")[0] for heading in table} >= {f"tension.{tendon}" for tendon in names.tendons}
+    assert {heading.partition(" ")[0] for heading in table} >= set(names.headings("tension"))
 
 
 def test_what_was_recorded_before_is_there() -> None:
