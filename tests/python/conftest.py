@@ -160,6 +160,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     slow = Counter(item.path for item in items if item.get_closest_marker("slow") or item.get_closest_marker("process"))
     longest = (
         "test_tolerance_cluster.py",
+        "test_plants.py",
         "test_paper.py",
         "test_package.py",
         "test_identification_twin.py",
