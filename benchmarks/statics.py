@@ -13,16 +13,17 @@ from numpy.typing import NDArray
 from scipy.optimize import elementwise, root
 
 import tenodesis as tn
-from tenodesis import coupled
+from tenodesis import instrument
 from tenodesis.instrument import TendonGear
+from tenodesis.statics import chain
 from tenodesis.verification import scipy_peer
 
 Array = NDArray[np.float64]
 
 POINTS = 1_000_000
 ROUNDS = 7
-COUPLED_POINTS, PEER_POINTS = 200_000, 200
-COUPLED_TARGET = 150.0  # ns a solve
+CHAIN_POINTS, PEER_POINTS = 200_000, 200
+CHAIN_TARGET = 150.0  # ns a solve
 TARGETS = {"SciPy elementwise.find_root": 100.0, "Newton in NumPy": 10.0, "one core": 1.8}
 
 
@@ -79,9 +80,9 @@ def two_axis_residual(x: Sequence[float], inst: TendonGear, handle: Array, force
 
 def two_axes(inst: TendonGear, random: np.random.Generator) -> None:
     """Print how fast both axes are solved under a force in any direction, and how much faster than SciPy's root."""
-    wrist = coupled.load(inst)
-    handle = random.uniform(-0.35, 0.35, (COUPLED_POINTS, 2))
-    force = random.uniform(-0.6, 0.6, (COUPLED_POINTS, 3))
+    wrist = instrument.expanded(inst)
+    handle = random.uniform(-0.35, 0.35, (CHAIN_POINTS, 2))
+    force = random.uniform(-0.6, 0.6, (CHAIN_POINTS, 3))
     wrench = np.pad(force, ((0, 0), (0, 3)))
     drawn, few = np.sin(handle / 2), slice(PEER_POINTS)
     start = inst.proximal_gear_radius / inst.distal_gear_radius * drawn
@@ -92,15 +93,15 @@ def two_axes(inst: TendonGear, random: np.random.Generator) -> None:
             found[i] = root(two_axis_residual, start[i], args=(inst, drawn[i], force[i]), tol=1e-12).x
 
     def ours() -> None:
-        coupled.output_angles(wrist, handle, wrench)
+        chain.output_angles(wrist, handle, wrench)
 
-    times = [(timeit(peer, number=1) / PEER_POINTS, timeit(ours, number=1) / COUPLED_POINTS) for _ in range(ROUNDS)]
+    times = [(timeit(peer, number=1) / PEER_POINTS, timeit(ours, number=1) / CHAIN_POINTS) for _ in range(ROUNDS)]
     theirs, own = np.mean(times, axis=0)
-    angles = coupled.output_angles(wrist, handle[few], wrench[few])
+    angles = chain.output_angles(wrist, handle[few], wrench[few])
     print("two axes under a force in any direction, one core:")
     print(f"  over SciPy root, point by point    mean {theirs / own:6.0f}x")
-    verdict = "reached" if 1e9 * own <= COUPLED_TARGET else "MISSED"
-    print(f"    ours: {1e9 * own:.0f} ns a solve (mean), target {COUPLED_TARGET:g} ns {verdict}")
+    verdict = "reached" if 1e9 * own <= CHAIN_TARGET else "MISSED"
+    print(f"    ours: {1e9 * own:.0f} ns a solve (mean), target {CHAIN_TARGET:g} ns {verdict}")
     print(f"    largest difference {np.nanmax(np.abs(2 * np.arcsin(found) - angles)):.1e} rad")
 
 

@@ -23,7 +23,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.twin import TIME_STEP, Twin, run_many
 from tenodesis.twin.rows import COMMANDS
 from tenodesis.twin.rows import SIGNALS as SIGNAL_NAMES
-from tenodesis.verification import coupled_dynamics, mujoco_dynamics
+from tenodesis.verification import chain_dynamics, mujoco_dynamics
 
 Array = NDArray[np.float64]
 
@@ -36,9 +36,9 @@ TARGET_RATIO = 15.0
 TARGET_LANES = {8: 25e6, 4: 12e6, 2: 12e6}
 TARGET_LANES_RATIO = 60.0
 TARGET_TICKS = 4e6
-TARGET_COUPLED_STEPS = 1.5e6
-TARGET_COUPLED_RATIO = 8.0
-COUPLED_FRICTION = {"law": "capstan", "vertex_coefficient": 0.15, "sheath_coefficient": 0.1, "sheath_bend": 0.35}
+TARGET_CHAIN_STEPS = 1.5e6
+TARGET_CHAIN_RATIO = 8.0
+CHAIN_FRICTION = {"law": "capstan", "vertex_coefficient": 0.15, "sheath_coefficient": 0.1, "sheath_bend": 0.35}
 OUTPUTS = (0.0, 33.0, 67.0, 80.0)  # deg, Fig. 15
 WEIGHT = 10.0  # N on the rig's cable
 SIGNALS = ("output_angle", "tension.agonist", "tension.antagonist")
@@ -191,33 +191,33 @@ def collected(name: str, lanes: int, steps: int) -> int:
     return int(counted.partition("Collected : ")[2].split()[0])
 
 
-def coupled_axes() -> None:
+def two_axes() -> None:
     """Steps per second of two axes that share tendons, on one core, against MuJoCo, alternately."""
-    smooth = tn.coupled.of_planar(tn.load("real-size").replace(axes=("yaw", "pitch")))
-    inst = smooth.replace(friction=COUPLED_FRICTION)
+    smooth = tn.instrument.expanded(tn.load("real-size").replace(axes=("yaw", "pitch")))
+    inst = smooth.replace(friction=CHAIN_FRICTION)
     t = TIME_STEP * np.arange(1, STEPS // 10 + 1)[:, np.newaxis]
     cycle = 2 / np.pi * np.arcsin(np.sin(2 * np.pi * t))
     twin = tn.twin.Twin(inst, time_step=TIME_STEP)
     run = partial(twin.run, cycle * [0.4, -0.3], cycle * [0.3, 0.2, 0, 0, 0, 0])
     run()
     peers = {"as exported": True, "handle held, all else off": False}
-    peer = partial(coupled_dynamics.steps_per_second, smooth, [0.3, 0.2, 0, 0, 0, 0], time_step=TIME_STEP, seconds=0.2)
+    peer = partial(chain_dynamics.steps_per_second, smooth, [0.3, 0.2, 0, 0, 0, 0], time_step=TIME_STEP, seconds=0.2)
     rounds = np.array(
         [(t.size / timeit(run, number=1), *(peer(as_exported=one) for one in peers.values())) for _ in range(ROUNDS)]
     )
     ours, *theirs = rounds.T
-    fast = "reached" if ours.mean() >= TARGET_COUPLED_STEPS else "MISSED"
+    fast = "reached" if ours.mean() >= TARGET_CHAIN_STEPS else "MISSED"
     print(
         f"{inst.name}, two axes that share tendons, {inst.friction.law} friction, one core:\n"
         f"  {'cycles under a varying load':<28} mean {ours.mean() / 1e6:5.2f} M steps/s   "
-        f"worst {ours.min() / 1e6:5.2f}   target {TARGET_COUPLED_STEPS / 1e6:g} {fast}   (every signal kept)"
+        f"worst {ours.min() / 1e6:5.2f}   target {TARGET_CHAIN_STEPS / 1e6:g} {fast}   (every signal kept)"
     )
     for name, steps in zip(peers, theirs, strict=True):
         mean = ours.mean() / steps.mean()
-        better = "reached" if mean >= TARGET_COUPLED_RATIO else "MISSED"
+        better = "reached" if mean >= TARGET_CHAIN_RATIO else "MISSED"
         print(
             f"  {'over MuJoCo':<28} mean {mean:5.1f}x            worst {(ours / steps).min():5.1f}x  "
-            f"target {TARGET_COUPLED_RATIO:g}x {better}   (MuJoCo {steps.mean() / 1e6:.2f} M steps/s, {name})"
+            f"target {TARGET_CHAIN_RATIO:g}x {better}   (MuJoCo {steps.mean() / 1e6:.2f} M steps/s, {name})"
         )
 
 
@@ -351,7 +351,7 @@ def main() -> None:
         single(inst)
     for inst in (scaled, real):
         lanes(inst)
-    coupled_axes()
+    two_axes()
     print("frictionless, at equal accuracy or better:")
     for inst in (scaled, real):
         equal_accuracy(inst)

@@ -1,8 +1,8 @@
-"""The law on coupled wrists: final errors of all axes at once, pushes on the neighbour, the grip while the wrist moves.
+"""The law on wrists: final errors of all axes at once, pushes on the neighbour, the grip while the wrist moves.
 
     python benchmarks/wrist.py
 
-What runs is described in src/tenodesis/verification/coupled_law.py.
+What runs is described in src/tenodesis/verification/wrist_law.py.
 """
 
 import itertools
@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from tenodesis.verification.coupled_law import (
+from tenodesis.verification.wrist_law import (
     DIRECTIONS,
     FORCES,
     FRICTION,

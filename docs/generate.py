@@ -15,7 +15,7 @@ import keys
 import numpy as np
 import picture
 
-from tenodesis import coupled, instrument
+from tenodesis import instrument
 from tenodesis.paper import run
 from tenodesis.paper.context import Context
 from tenodesis.report import routing, space
@@ -35,7 +35,7 @@ def main(folder: Path = ROOT) -> None:
     picture.draw(folder / "docs/picture.svg")
     dimensions.draw(folder / "docs/dimensions.svg")
     conventions.draw(folder / "docs/conventions.svg")
-    dissector = coupled.load("maryland-dissector")
+    dissector = instrument.expanded("maryland-dissector")
     routing.write(folder / "docs/routing.svg", dissector)
     space.write(folder / "docs/posture.svg", dissector, np.radians([25, 50, 10]))
 

@@ -41,7 +41,7 @@ and check.
 ![Dimensions of a straight instrument and of a bent joint](dimensions.svg)
 
 A file has one of two forms: with `joint_type`, the short form of joints in one plane or two, each with a pair of tendons of its own; or with `[[joints]]` and `[[tendons]]`, where
-a tendon may cross several joints ([explained](coupled.md)). The short form is written out as joints and tendons when it is read.
+a tendon may cross several joints ([explained](joints_and_tendons.md)). The short form is written out as joints and tendons when it is read.
 Tendons need a stiffness: `tendon_stiffness`, or `tendon_diameter`, `tendon_modulus` and a length. In the names of tables `AXIS` is `yaw` or `pitch`.
 """,
     "protocol": "## Protocol file\n",

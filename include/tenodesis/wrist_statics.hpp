@@ -432,7 +432,9 @@ Status compensation_strokes(const W& wrist, const S* wound, const WristLoad<S>& 
         for (int j = 0; j < N && acts(m); ++j) normal.at[i][j] = normal.at[i][j] + wrist.arm[m][i] * wrist.arm[m][j];
       }
     }
-    if (solve_linear(normal, dual) == 0) return Status::no_authority;
+    ValueOf<S> size(0);
+    for (int i = 0; i < N; ++i) size += value_of(normal.at[i][i]);
+    if (solve_linear(normal, dual, detail::no_stiffness<ValueOf<S>> * size) == 0) return Status::no_authority;
     bool again = false;
     for (int m = 0; m < M; ++m) {
       change[m] = slack[m] ? -held(m) : S(0);

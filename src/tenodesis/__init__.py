@@ -7,7 +7,6 @@ if TYPE_CHECKING:
     from tenodesis import (
         cad,
         control,
-        coupled,
         errors,
         identification,
         instrument,
@@ -71,7 +70,6 @@ __all__ = [
     "__version__",
     "cad",
     "control",
-    "coupled",
     "errors",
     "get_cmake_dir",
     "get_include",

@@ -4,14 +4,16 @@ from collections.abc import Sequence
 from math import ceil, floor, log10, pi, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tenodesis import _core
 from tenodesis.errors import ArgumentError, InstrumentError
-from tenodesis.instrument import PARAMETERS, ShortForm
+from tenodesis.instrument import PARAMETERS, FullForm, ShortForm
 from tenodesis.instrument.compliance import compliance_shares
 from tenodesis.instrument.hardware import Drives, Hand, Sensors
 from tenodesis.instrument.tip_motion import straight_stiffness, tip_damping, tip_inertia
 from tenodesis.run import TENDONS
+from tenodesis.statics import straight_arms
 
 TIME_STEP = 5e-4
 """Default time step, s."""
@@ -26,6 +28,9 @@ RIPPLE_PERIODS = 12
 """Periods of a torque's ripple per turn of the motor."""
 STOP_STIFFNESS_RATIO = 20.0
 """Stiffness of a mechanical stop over that of its joint."""
+_FARTHEST_STOP = 3.0  # rad
+
+Array = NDArray[np.float64]
 
 
 def natural_frequency(inst: ShortForm) -> float:
@@ -271,3 +276,76 @@ def _check_compliance(inst: ShortForm) -> None:
         value=share,
         allowed=f"below {1 - joints:.3g}",
     )
+
+
+def link_rows(inst: FullForm) -> Array:
+    """Return mass, its centre, inertia about x, y, z, damping, stop, its stiffness, reach by joint of the tip, SI."""
+    stiffness = np.diag(stiffness_matrix(inst))
+    rods = _links(inst, 1.0)
+    lowest = _frequencies(inst, rods)[0]
+    density = (lowest / (2 * pi * inst.dynamics.natural_frequency)) ** 2
+    links = _links(inst, density)
+    inertia, _ = mass_matrix(inst, links, np.zeros(len(inst.tip_joints)))
+    rows = np.zeros((len(inst.tip_joints), 9))
+    rows[:, :5] = links
+    for i in reversed(range(len(inst.tip_joints))):
+        beyond = [
+            other.offset + other.chord + rows[j, 8]
+            for j, (other, on) in enumerate(zip(inst.tip_joints, inst.parents, strict=True))
+            if on == i
+        ]
+        rows[i, 8] = max([inst.tip_joints[i].end_effector_length or 0.0, *beyond])
+    for i, joint in enumerate(inst.tip_joints):
+        critical = 2 * sqrt(stiffness[i] * inertia[i, i])
+        damping = inst.dynamics.damping_ratio * critical if joint.damping is None else joint.damping
+        stop = min(4 / 3 * joint.range, _FARTHEST_STOP) if joint.stop is None else joint.stop
+        rows[i, 5:8] = damping, stop, STOP_STIFFNESS_RATIO * stiffness[i]
+    return rows
+
+
+def _links(inst: FullForm, density: float) -> Array:
+    """Return mass, its centre and inertias of links; what is not given is that of a rod of a density, kg/m."""
+    joints = inst.tip_joints
+    rows = np.zeros((len(joints), 5))
+    for i, joint in enumerate(joints):
+        beyond = [other.offset + other.chord for other, on in zip(joints, inst.parents, strict=True) if on == i]
+        grip = inst.grip.length if inst.grip is not None and i in inst.jaws else None
+        length = joint.end_effector_length or max([*beyond, grip or 0.0, joint.radius])
+        only_inertia = joint.inertia is not None and joint.mass is None
+        mass = (0.0 if only_inertia else density * length) if joint.mass is None else joint.mass
+        centre = length / 2 if joint.centre_of_mass is None else joint.centre_of_mass
+        across = mass * (centre**2 + length**2 / 12) if joint.inertia is None else joint.inertia
+        rows[i] = mass, centre, across, across, mass * joint.radius**2 / 2
+    return rows
+
+
+def stiffness_matrix(inst: FullForm) -> Array:
+    """Return the stiffness of the straight, unloaded wrist with all tendons taut, (joints, joints), N m/rad."""
+    arms = straight_arms(inst)
+    springs = np.diag([joint.own_stiffness for joint in inst.tip_joints])
+    return np.asarray(arms.T @ (inst.stiffnesses[:, np.newaxis] * arms) + springs)
+
+
+def natural_frequencies(inst: FullForm) -> Array:
+    """Return the angular natural frequencies of the straight, unloaded, frictionless wrist, rising, rad/s."""
+    return _frequencies(inst, link_rows(inst)[:, :5])
+
+
+def _frequencies(inst: FullForm, links: Array) -> Array:
+    inertia, _ = mass_matrix(inst, links, np.zeros(len(inst.tip_joints)))
+    return np.asarray(np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(inertia, stiffness_matrix(inst))).real)))
+
+
+def mass_matrix(inst: FullForm, links: Array, angles: Array, speeds: Array | None = None) -> tuple[Array, Array]:
+    """Return the mass matrix of the tip's joints, kg m^2, and the moments that their rates take, N m.
+
+    Links as :func:`link_rows` has them, their first five columns; angles (rad) and rates (rad/s) of shape (joints,).
+    """
+    count = len(inst.tip_joints)
+    rows = np.zeros((count, 9))
+    rows[:, :5] = links[:, :5]
+    matrix, bias = np.empty((1, count, count)), np.empty((1, count))
+    moving = np.zeros(count) if speeds is None else speeds
+    at = np.ascontiguousarray(angles, float)[np.newaxis]
+    _core.wrist_inertia(inst.core, rows, at, np.ascontiguousarray(moving, float)[np.newaxis], matrix, bias)
+    return matrix[0], bias[0]

@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from tenodesis import statics
-from tenodesis.coupled import CoupledLike, load
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
+from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form, expanded
 from tenodesis.report import curves, space, style
 from tenodesis.report import routing as routes
 from tenodesis.report.content import Chart
@@ -113,17 +112,17 @@ def run(run: Run, signals: Sequence[str] = ()) -> Figure:
         return curves.signals(run, signals).figure
 
 
-def routing(inst: CoupledLike) -> Figure:
+def routing(inst: InstrumentLike) -> Figure:
     """Draw the tendons' routes over the joints, unrolled from handle to tip, and the moment arms as a table."""
-    return routes.draw(load(inst))
+    return routes.draw(expanded(inst))
 
 
-def posture(inst: CoupledLike, angles: ArrayLike = 0.0, handle_angles: ArrayLike = 0.0) -> Figure:
+def posture(inst: InstrumentLike, angles: ArrayLike = 0.0, handle_angles: ArrayLike = 0.0) -> Figure:
     """Draw an instrument in space, its tip and its handle, with all joints at angles (rad, each end's joints).
 
     Raises ArgumentError if an angle is not finite, or half a turn or more, or their number is not that of the joints.
     """
-    return space.draw(load(inst), angles, handle_angles)
+    return space.draw(expanded(inst), angles, handle_angles)
 
 
 def _end_of_load(run: Run, first: int) -> int:

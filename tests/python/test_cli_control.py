@@ -123,6 +123,19 @@ def test_an_existing_header_is_replaced_when_asked(tenodesis: Command, tmp_path:
     assert "tenodesis_parameters" in (tmp_path / "scaled_up.h").read_text()
 
 
+def test_a_header_serves_the_joints_that_have_a_pair_of_their_own(tenodesis: Command, tmp_path: Path) -> None:
+    code, out, _ = tenodesis("export", "controller", "hybrid-scaled-up")
+    assert code == 0 and "the controller of hybrid-scaled-up (yaw and pitch)" in out
+    planar = control.header(control.compensated("hybrid-scaled-up"), source="hybrid-scaled-up")
+    assert next(tmp_path.glob("*.h")).read_text() == planar
+
+
+def test_an_instrument_without_such_joints_has_no_header(tenodesis: Command, tmp_path: Path) -> None:
+    code, _, err = tenodesis("export", "controller", "needle-driver")
+    assert code == 1 and "has no joint that a controller can compensate" in err
+    assert not list(tmp_path.iterdir())
+
+
 def test_no_name_of_a_file_breaks_the_header(scaled: Instrument) -> None:
     text = control.header(scaled, source="odd */ int main;\n#error\n.toml")
     comment = text[: text.index("#ifndef")]

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from tenodesis import coupled, kinematics
+from tenodesis import instrument, kinematics
 from tenodesis.cli.live import live_console
 from tenodesis.console import serve_coupled
 from tenodesis.console.coupled_loop import CoupledLink, CoupledLoop
@@ -13,16 +13,18 @@ from tenodesis.console.coupled_page import CoupledPage, CoupledShown, readings, 
 from tenodesis.console.plots import TensionColours
 from tenodesis.console.scene import with_short_stem
 from tenodesis.errors import ArgumentError, CommandError, LiveError
+from tenodesis.statics import chain
 from tenodesis.twin import Held
 
+from .chain_samples import LISTED
 from .console_guest import Guest, get, operates, wait
 
 YAW = "Handle yaw, °"
 
 
-def stepped(inst: coupled.reading.CoupledLike) -> CoupledLink:
+def stepped(inst: instrument.InstrumentLike) -> CoupledLink:
     """Return an operator's connection to a twin that goes on only on request."""
-    loop = CoupledLoop(coupled.load(inst))
+    loop = CoupledLoop(instrument.expanded(inst))
     loop.close()
     link = loop.connect("test")
     assert link.acquire()
@@ -43,9 +45,9 @@ def shown(link: CoupledLink) -> CoupledShown:
     return shown_rows(link.inst, link.latest())
 
 
-@pytest.mark.parametrize("name", coupled.shipped())
+@pytest.mark.parametrize("name", LISTED)
 def test_joints_go_where_the_operator_asks_but_for_friction(name: str) -> None:
-    link = stepped(coupled.load(name).replace(friction={"law": "none"}))
+    link = stepped(instrument.expanded(name).replace(friction={"law": "none"}))
     asked = np.radians([12.0, -8.0, 15.0])[: len(link.loop.driven)]
     link.hand(asked)
     go_on(link, 1.5)
@@ -62,7 +64,7 @@ def test_the_law_gives_back_what_a_force_takes_until_it_is_off() -> None:
     link.hand(handle)
     link.force([0.5, 0.8, 0.0])
     go_on(link, 1.5)
-    target = np.degrees(coupled.output_angles(link.inst, handle))
+    target = np.degrees(chain.output_angles(link.inst, handle))
     assert np.abs(angles(link) - target)[:2].max() > 1
     assert link.status().state == "DISABLED"
     link.request("enable")

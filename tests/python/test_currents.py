@@ -181,7 +181,7 @@ def test_a_kind_of_sensor_that_a_device_does_not_give_is_refused(scaled: Instrum
     with pytest.raises(InstrumentError, match="agonist_tension is missing"):
         scaled.replace(devices={"canopen": {"yaw": {key: one for key, one in yaw.items() if "tension" not in key}}})
     with pytest.raises(InstrumentError, match="joints share tendons"):
-        tn.coupled.load("maryland-dissector").replace(sensors={"kind": "current", "current_range": 6.0})
+        tn.instrument.expanded("maryland-dissector").replace(sensors={"kind": "current", "current_range": 6.0})
 
 
 def test_axes_of_different_pretensions_have_a_tension_per_current_each() -> None:

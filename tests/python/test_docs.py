@@ -10,15 +10,14 @@ from typing import Any, get_args
 import pytest
 from pydantic import BaseModel
 
-from tenodesis.coupled import CoupledInstrument
-from tenodesis.instrument import JOINT_TYPES
+from tenodesis.instrument import JOINT_TYPES, FullForm
 from tenodesis.scaling.catalogue_file import CatalogueFile
 from tenodesis.simulate import Protocol
 from tenodesis.tolerance import Tolerances
 
 from .conftest import ROOT
 
-FILES = (*JOINT_TYPES.values(), CoupledInstrument, Protocol, CatalogueFile, Tolerances)
+FILES = (*JOINT_TYPES.values(), FullForm, Protocol, CatalogueFile, Tolerances)
 
 GENERATED = (
     "docs/traceability.md",
@@ -53,7 +52,9 @@ def test_every_equation_and_care_point_is_implemented_and_tested() -> None:
 
 @pytest.mark.slow
 @pytest.mark.process
-@pytest.mark.parametrize("page", ["README.md", "docs/python.md", "docs/coupled.md", "docs/twin.md", "docs/scaling.md"])
+@pytest.mark.parametrize(
+    "page", ["README.md", "docs/python.md", "docs/joints_and_tendons.md", "docs/twin.md", "docs/scaling.md"]
+)
 def test_the_python_examples_run_and_print_what_they_say(page: str, tmp_path: Path) -> None:
     code = "".join(re.findall(r"```python\n(.*?)```", (ROOT / page).read_text("utf-8"), re.S))
     assert code

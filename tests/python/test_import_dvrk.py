@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 import tenodesis as tn
-from tenodesis.coupled import CoupledInstrument, JawAngle, coupling, dvrk_text, from_dvrk, jaw_reading, parse
 from tenodesis.errors import ArgumentError, InstrumentError
+from tenodesis.instrument import FullForm, JawAngle, dvrk_text, from_dvrk, jaw_reading, parse
 from tenodesis.run import Array
+from tenodesis.statics import coupling
 
 Run: TypeAlias = Callable[..., tuple[int, str, str]]
 
@@ -60,7 +61,7 @@ def write(folder: Path, values: Any, name: str = "LARGE_NEEDLE_DRIVER_400006") -
     return path
 
 
-def by_turns(inst: CoupledInstrument, jaws: float = 1.0) -> Array:
+def by_turns(inst: FullForm, jaws: float = 1.0) -> Array:
     """Return roll, pitch, yaw and jaw by the turns of the disks, each of which winds one tendon and unwinds another.
 
     The jaw angle is a number of times the angle between the jaws.
@@ -126,7 +127,7 @@ def test_a_tool_without_jaws_has_three_angles(tmp_path: Path) -> None:
 def test_unloaded_angles_under_strokes_of_the_motors_are_the_files_too(tmp_path: Path) -> None:
     inst = from_dvrk(write(tmp_path, content(MATRICES["LARGE_NEEDLE_DRIVER_400006"])))
     turns = np.array([0.1, 0.3, -0.2, 0.25])
-    roll, pitch, one, other = tn.coupled.output_angles(
+    roll, pitch, one, other = tn.statics.chain.output_angles(
         inst, 0, strokes=np.kron(turns, [inst.spool_radius, -inst.spool_radius])
     )
     expected = np.array(MATRICES["LARGE_NEEDLE_DRIVER_400006"]) @ turns
@@ -146,7 +147,7 @@ def test_the_command_writes_what_the_function_reads(tmp_path: Path, tenodesis: R
     path, out = write(tmp_path, content(MATRICES["LARGE_NEEDLE_DRIVER_400006"])), tmp_path / "driver.toml"
     code, said, _ = tenodesis("import", "dvrk", path, "--out", out, "--pulley-radius", "3 mm")
     assert code == 0 and "8 tendons, angles roll, pitch, jaw_1, jaw_2" in said
-    assert tn.coupled.load(out) == from_dvrk(path, pulley_radius=3e-3)
+    assert tn.instrument.expanded(out) == from_dvrk(path, pulley_radius=3e-3)
     code, _, error = tenodesis("import", "dvrk", path, "--out", out)
     assert code == 1 and "exists already" in error
     assert tenodesis("import", "dvrk", path, "--out", out, "--overwrite")[0] == 0

@@ -33,6 +33,6 @@ def test_a_gears_coordinate_is_the_sine_of_half_its_angle_and_others_are_their_a
 @pytest.mark.parametrize("name", ["real-size", "scaled-up"])
 def test_arms_of_the_chain_are_those_of_the_closed_form(name: str) -> None:
     inst = tn.load(name)
-    arm = tn.coupled.straight_arms(inst)[0, 0]
+    arm = tn.statics.straight_arms(inst)[0, 0]
     stiffness = 2 * inst.tendon_stiffness * arm**2
     assert stiffness == pytest.approx(tn.statics.flexural_stiffness(inst, 0.0), rel=1e-12)

@@ -1,5 +1,6 @@
 """Claims about what a user sees who asks for the names of the package."""
 
+import importlib.util
 import re
 import subprocess
 import sys
@@ -49,8 +50,9 @@ def test_every_exception_is_shown() -> None:
 
 def test_names_that_have_moved_are_where_the_table_says() -> None:
     rows = re.findall(r"^\| `tn\.([\w.]+)` \| `tn\.([\w.]+)` \|$", MIGRATION.read_text("utf-8"), re.MULTILINE)
-    assert len(rows) > 5
+    assert len(rows) > 40
     for before, now in rows:
         found = reduce(getattr, now.split("."), tn)
         package, _, name = before.rpartition(".")
-        assert getattr(import_module(f"tenodesis.{package}"), name, found) is found
+        if importlib.util.find_spec(f"tenodesis.{package}") is not None:
+            assert getattr(import_module(f"tenodesis.{package}"), name, found) is found

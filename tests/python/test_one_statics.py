@@ -158,6 +158,6 @@ def test_the_coupling_of_joints_that_tendons_determine_is_the_pseudo_inverse(nam
 def test_not_finite_arguments_are_named_with_their_place() -> None:
     inst = tn.load("real-size").expanded
     with pytest.raises(ArgumentError, match=r"wrench\[1, 2\] is nan"):
-        tn.coupled.output_angles(inst, 0.0, [[0.0] * 6, [0.0, 0.0, np.nan, 0.0, 0.0, 0.0]])
+        tn.statics.chain.output_angles(inst, 0.0, [[0.0] * 6, [0.0, 0.0, np.nan, 0.0, 0.0, 0.0]])
     with pytest.raises(ArgumentError, match="strokes"):
-        tn.coupled.compensation_strokes(inst, 0.0, strokes=[np.inf, 0, 0, 0])
+        tn.statics.chain.compensation_strokes(inst, 0.0, strokes=[np.inf, 0, 0, 0])

@@ -341,8 +341,8 @@ def test_an_output_angle_is_of_any_joint_with_a_pair_of_its_own() -> None:
     wrist = tn.load("hybrid-scaled-up")
     phase = Cycles(axis="pitch", output_amplitude="30 deg", period=1.0, count=1)
     angle = Protocol(name="p", phases=(phase,)).commands(wrist, DT)["handle_angle"][:, 1].max()
-    assert np.degrees(tn.statics.output_angle(tn.coupled.compensated(wrist).axis("pitch"), angle)) == pytest.approx(30)
-    bent = tn.coupled.output_angles(wrist, [0.0, angle, 0.0])
+    assert np.degrees(tn.statics.output_angle(tn.control.compensated(wrist).axis("pitch"), angle)) == pytest.approx(30)
+    bent = tn.statics.chain.output_angles(wrist, [0.0, angle, 0.0])
     assert np.degrees(bent[1]) == pytest.approx(30, abs=1e-6)
 
 

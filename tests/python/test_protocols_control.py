@@ -82,7 +82,7 @@ def test_joints_that_are_listed_are_homed_as_axes_are() -> None:
     inst = tn.instrument.expanded("real-size")
     twin = Twin(inst, seed=2)
     twin.loosen(2e-3)
-    run = simulate.execute(twin, one(Pretension()), Controller(tn.coupled.compensated(inst), homed=False))
+    run = simulate.execute(twin, one(Pretension()), Controller(tn.control.compensated(inst), homed=False))
     assert states(run) == [OperatingState.ENABLED, OperatingState.PAUSED, OperatingState.ENABLED]
     np.testing.assert_allclose(run["tension"][-1], inst.pretension, rtol=0.03)
 

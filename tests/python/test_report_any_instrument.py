@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import tenodesis as tn
-from tenodesis import coupled, statics
+from tenodesis import instrument, statics
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument, expanded
 from tenodesis.paper import report, run
@@ -20,7 +20,7 @@ from tenodesis.paper.run import CHAPTERS, chosen, left_out, steps
 from tenodesis.report import style
 from tenodesis.statics import chain
 
-from .coupled_samples import backbone, drawn, jaws, two_axes
+from .chain_samples import backbone, drawn, jaws, two_axes
 
 SHIPPED = ("needle-driver", "maryland-dissector", "two-segment-continuum", "hybrid-real-size", "hybrid-scaled-up")
 ANY = {"jaws": jaws, "backbone": backbone, "gears": lambda: two_axes("scaled-up"), "drawn": lambda: drawn(3)}
@@ -124,9 +124,9 @@ def test_the_matrix_of_moments_is_eq_13_for_one_joint(name: str) -> None:
 
 
 def test_loads_are_against_flexion_where_a_joint_feels_them() -> None:
-    continuum = coupled.load("two-segment-continuum")
+    continuum = instrument.expanded("two-segment-continuum")
     assert {load.name for load in held.loads(continuum)} == {"x", "z"}
-    driver = coupled.load("needle-driver")
+    driver = instrument.expanded("needle-driver")
     assert {load.name for load in held.loads(driver)} == {"x", "y", "grip"}
     given = driver.replace(conditions={"forces": [1.0, 2.0, 4.0]})
     force = next(load for load in held.loads(given) if load.name == "x")
@@ -135,7 +135,7 @@ def test_loads_are_against_flexion_where_a_joint_feels_them() -> None:
 
 @pytest.mark.parametrize("name", [*SHIPPED, *ANY])
 def test_motions_stay_within_all_ranges_and_turn_their_joint_most(name: str) -> None:
-    inst = coupled.load(sample(name))
+    inst = instrument.expanded(sample(name))
     found = motions.motions(inst)
     assert found
     for motion in found:
@@ -145,7 +145,7 @@ def test_motions_stay_within_all_ranges_and_turn_their_joint_most(name: str) -> 
 
 
 def test_friction_opens_the_loops_of_a_motion_and_nothing_else_does() -> None:
-    rough = coupled.load("two-segment-continuum").replace(
+    rough = instrument.expanded("two-segment-continuum").replace(
         friction={"law": "capstan", "vertex_coefficient": 0.2, "sheath_coefficient": 0.1, "sheath_bend": 0.5}
     )
     widths = []

@@ -14,7 +14,6 @@ from tenodesis.cli.common import (
     check_choice,
     console,
     load_instrument,
-    load_short_form,
     say,
     say_resolution,
     table,
@@ -65,7 +64,7 @@ def bench(  # noqa: PLR0917
                 value=given,
                 allowed="left out",
             )
-    scaled = None if scaled_up is None else load_short_form(scaled_up)
+    scaled = None if scaled_up is None else load_instrument(scaled_up, planar=True)
     if scaled is not None and scaled.joint_type != inst.joint_type:
         raise InstrumentError(
             f"{scaled.name} has joint_type {scaled.joint_type}, {inst.name} {inst.joint_type}; a scale model must "

@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from tenodesis import cad
 from tenodesis.cad.assembly import Progress
-from tenodesis.cli.common import InstrumentFile, ProgressBar, check_choice, load_short_form, quantity, say
+from tenodesis.cli.common import InstrumentFile, ProgressBar, check_choice, load_instrument, quantity, say
 from tenodesis.cli.outputs import Overwrite, write_errors, writing
 from tenodesis.errors import CommandError, InstrumentError
 from tenodesis.extras import require
@@ -43,7 +43,7 @@ def write_cad(  # noqa: PLR0917
     overwrite: Overwrite = False,
 ) -> None:
     """Write an instrument on its bench as solids: STEP, STL, glTF, drawings, pictures; checked over its range."""
-    inst = load_short_form(instrument_file)
+    inst = load_instrument(instrument_file, planar=True)
     check_choice("--process", process, cad.PROCESSES)
     if axis is not None:
         check_choice("--axis", axis, inst.axes)

@@ -1,15 +1,18 @@
 """What commands share: arguments, what they print, and a progress bar."""
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Self, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias, overload
 
+import numpy as np
 import typer
+from numpy.typing import ArrayLike, NDArray
 from pydantic import TypeAdapter, ValidationError
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from tenodesis import instrument
@@ -40,39 +43,34 @@ InstrumentFile: TypeAlias = Annotated[
 ]
 
 
-def load_instrument(name_or_path: str) -> Instrument:
+@overload
+def load_instrument(name_or_path: str) -> Instrument: ...
+@overload
+def load_instrument(name_or_path: str, *, planar: Literal[True]) -> ShortForm: ...
+def load_instrument(name_or_path: str, *, planar: bool = False) -> Instrument:
     """Return an instrument by its name or path.
 
     Raises
     ------
     InstrumentError
-        There is none, it is not valid, or this is the name of a protocol.
+        There is none, it is not valid, or this is the name of a protocol; its file lists joints and tendons where a
+        command takes planar instruments.
     """
     try:
-        return instrument.load(name_or_path)
+        inst = instrument.load(name_or_path)
     except InstrumentError:
         _refuse_name(name_or_path, "a protocol", InstrumentError, "an instrument")
         raise
-
-
-def load_short_form(name_or_path: str) -> ShortForm:
-    """Return an instrument in the short form by its name or path; errors as in :func:`load_instrument`.
-
-    Raises
-    ------
-    InstrumentError
-        Its file lists joints and tendons.
-    """
-    inst = load_instrument(name_or_path)
-    if isinstance(inst, ShortForm):
-        return inst
-    raise InstrumentError(
-        f"{name_or_path} lists joints and tendons, and this command takes planar instruments; tenodesis check, "
-        "loss, bench, record, replay, console, export urdf and export mjcf take such files, and tn in Python.",
-        key="file",
-        value=name_or_path,
-        allowed="a planar instrument",
-    )
+    if planar and inst.short_form is None:
+        raise InstrumentError(
+            f"{name_or_path} lists joints and tendons, and this command takes planar instruments; tenodesis check, "
+            "loss, bench, record, replay, console, export controller, export urdf and export mjcf take such files, "
+            "and tn in Python.",
+            key="file",
+            value=name_or_path,
+            allowed="a planar instrument",
+        )
+    return inst
 
 
 def load_protocol(name_or_path: str) -> "simulate.Protocol":
@@ -134,6 +132,23 @@ def warn_resolution(inst: ShortForm) -> None:
 def table(title: str | None = None, padding: tuple[int, int, int, int] = (0, 1, 0, 1)) -> Table:
     """Return a table without columns, in the style of all commands."""
     return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=padding)
+
+
+def matrix(rows: Sequence[str], columns: Sequence[str], values: NDArray[np.float64], corner: str = "") -> Table:
+    """Return a table of numbers by row and column: NaN as a dash, zeros as dots."""
+    shown = table(padding=(0, 1, 0, 0))
+    shown.add_column(escape(corner), no_wrap=True)
+    for heading in columns:
+        shown.add_column(escape(heading), justify="right", overflow="fold")
+    none = 1e-9 * np.nanmax(np.abs(values), initial=0.0)
+    for name, row in zip(rows, values, strict=True):
+        shown.add_row(escape(name), *("–" if np.isnan(v) else "·" if abs(v) <= none else f"{v:.3g}" for v in row))
+    return shown
+
+
+def components(values: ArrayLike) -> str:
+    """Return the components of a vector in words."""
+    return " ".join(f"{value:.3g}" for value in np.asarray(values, float))
 
 
 class ProgressBar:

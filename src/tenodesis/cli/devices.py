@@ -7,7 +7,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_short_form, say, table
+from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_instrument, say, table
 from tenodesis.devices import registry
 from tenodesis.devices.communication_test import Findings, measure
 
@@ -33,7 +33,7 @@ def test_device(
     ] = None,
 ) -> None:
     """Measure a device's rate, jitter and losses, with the motors at rest; exit code 1 if the controller needs more."""
-    inst = load_short_form(instrument_file)
+    inst = load_instrument(instrument_file, planar=True)
     device = registry.make(name, inst, address)
     shown = 0.0
     with ProgressBar(escape(f"{name}: motors at rest"), " s") as bar:

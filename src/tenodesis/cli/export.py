@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from tenodesis import control, kinematics
-from tenodesis.cli.common import InstrumentFile, load_instrument, load_short_form, value_errors
+from tenodesis.cli.common import InstrumentFile, load_instrument, value_errors
 from tenodesis.cli.outputs import HEADER, MODELS, Overwrite, check_suffix, write_errors, write_text, writing
 from tenodesis.control.controller import ActuationName, LawName, ObserverName
 from tenodesis.instrument import Instrument, expanded
@@ -35,7 +35,8 @@ def export_controller(  # noqa: PLR0917
     overwrite: Overwrite = False,
 ) -> None:
     """Write a controller's parameters as a C header, for tenodesis_init."""
-    inst = load_short_form(instrument_file)
+    with value_errors():
+        inst = control.compensated(load_instrument(instrument_file))
     if axis is not None:
         inst = inst.axis(axis)
     name = control.identifier(inst.name) if name is None else name

@@ -10,7 +10,7 @@ import numpy as np
 import typer
 from rich.markup import escape
 
-from tenodesis.cli.common import ProgressBar, check_choice, console, load_short_form, note, quantity, say, table, warn
+from tenodesis.cli.common import ProgressBar, check_choice, console, load_instrument, note, quantity, say, table, warn
 from tenodesis.cli.outputs import JSON, Overwrite, check_suffix, write_text, writing
 from tenodesis.errors import CommandError
 from tenodesis.identification import report
@@ -119,7 +119,7 @@ def identify(  # noqa: PLR0917
             )
         share, part = _split(train_until, train_from)
         seconds = _longest(longest, is_split=share is not None)
-        inst = None if instrument_file is None else load_short_form(instrument_file)
+        inst = None if instrument_file is None else load_instrument(instrument_file, planar=True)
         kind = FORMATS[format_name]
         _check_arrangement(kind, format_name, arrangement)
         chosen = law or kind.law

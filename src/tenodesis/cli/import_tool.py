@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tenodesis import coupled
+from tenodesis import instrument
 from tenodesis.cli.common import quantity, say
 from tenodesis.cli.outputs import INSTRUMENT, Overwrite, check_suffix, write_text, writing
 from tenodesis.units import Length
@@ -15,22 +15,22 @@ def import_dvrk(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Tool file of the da Vinci Research Kit, JSON.")],
     pulley_radius: Annotated[
         str, typer.Option(help="Radius of the largest pulley about the pitch axis; all scale with it.")
-    ] = f"{1e3 * coupled.PULLEY_RADIUS:g} mm",
+    ] = f"{1e3 * instrument.PULLEY_RADIUS:g} mm",
     jaw_angle: Annotated[
-        coupled.JawAngle, typer.Option(help="What the file's jaw angle is: between the jaws, or of each jaw.")
+        instrument.JawAngle, typer.Option(help="What the file's jaw angle is: between the jaws, or of each jaw.")
     ] = "between",
     out: Annotated[Path | None, typer.Option(help="The file. Default: NAME.toml.", show_default=False)] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Write a coupled instrument from a tool file of the da Vinci Research Kit, with the file's coupling matrix."""
+    """Write an instrument from a tool file of the da Vinci Research Kit, with the file's coupling matrix."""
     radius = quantity("--pulley-radius", pulley_radius, Length)
-    text = coupled.dvrk_text(file, pulley_radius=radius, jaw_angle=jaw_angle)
-    inst = coupled.parse(text, str(file))
+    text = instrument.dvrk_text(file, pulley_radius=radius, jaw_angle=jaw_angle)
+    inst = instrument.parse(text, str(file))
     path = Path(f"{inst.name}.toml") if out is None else out
     check_suffix("--out", path, INSTRUMENT)
     with writing([("--out", path)], [file], overwrite=overwrite):
         write_text(path, text)
     joints = ", ".join(joint.name for joint in inst.tip_joints)
     say(f"{path}: {inst.name}, {len(inst.tendons)} tendons, angles {joints}; [sources] lists what is assumed.")
-    if reading := coupled.jaw_reading(file, jaw_angle):
+    if reading := instrument.jaw_reading(file, jaw_angle):
         say(reading)

@@ -1,25 +1,28 @@
 """The commands about instrument files: check a file, and print the schemas of all kinds of files."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
+import numpy as np
 import typer
 from rich.markup import escape
 from rich.table import Table
 
-from tenodesis import instrument
+from tenodesis import instrument, statics
 from tenodesis.cli.common import InstrumentFile, console, load_instrument, note, say, table, warn
-from tenodesis.cli.coupled import print_coupled
+from tenodesis.cli.joints import joints_as_json, print_joints
+from tenodesis.cli.loss import losses_of_joints
 from tenodesis.cli.outputs import FIGURE, Overwrite, check_suffix, write_errors, writing
 from tenodesis.control.derived import Derived, derive
-from tenodesis.control.plausibility import Implausible, implausible
+from tenodesis.control.plausibility import implausible
 from tenodesis.control.resolution import sentences, shares
 from tenodesis.errors import InstrumentError
 from tenodesis.files import atomic_file
-from tenodesis.instrument import FullForm, RouteError, ShortForm
+from tenodesis.instrument import FullForm, Instrument, RouteError
 from tenodesis.instrument.listing import Listed, listed
 
 _WIDTH = 24
@@ -74,12 +77,18 @@ def check(
                 _draw(picture, wrong.inst, wrong)
                 note(f"{picture} is written, with what is wrong in red.")
             raise
-        if isinstance(inst, ShortForm):
-            _print_planar(instrument_file, inst, as_json=as_json)
+        content, show = _values(instrument_file, inst)
+        found = implausible(inst)
+        if as_json:
+            about = {"name": inst.name, "description": inst.description}
+            warnings = {"warnings": [one._asdict() for one in found]}
+            typer.echo(json.dumps(about | content | warnings, indent=1, ensure_ascii=False))
         else:
-            print_coupled(instrument.expanded(inst), as_json=as_json)
+            show()
+            for one in found:
+                warn(one.sentence)
         if picture:
-            _draw(picture, instrument.expanded(inst))
+            _draw(picture, inst.expanded)
             if not as_json:
                 note(f"{picture} is written.")
 
@@ -91,40 +100,35 @@ def _draw(path: Path, inst: FullForm, problem: RouteError | None = None) -> None
         routing.write(new, inst, problem)
 
 
-def _print_planar(instrument_file: str, inst: ShortForm, *, as_json: bool) -> None:
-    values, derived, found = listed(instrument_file, inst), tuple(derive(inst)), implausible(inst)
-    if as_json:
-        typer.echo(json.dumps(_as_json(inst, values, derived, found), indent=1, ensure_ascii=False))
-        return
-    say(
-        f"{inst.name}: {inst.joint_type}, {' and '.join(inst.axes)}"
-        + (f". {inst.description}" * bool(inst.description))
-    )
-    console.print(_table(values, derived))
-    if inst.devices.model_fields_set:
-        say(f"Devices: {', '.join(sorted(inst.devices.model_fields_set))}.")
-    for sentence in (*sentences(inst), *shares(inst)):
-        say(sentence)
-    for one in found:
-        warn(one.sentence)
+def _values(instrument_file: str, inst: Instrument) -> tuple[dict[str, Any], Callable[[], None]]:
+    """Return what JSON has of an instrument's values and what follows from them, and what prints it."""
+    if (short := inst.short_form) is None:
+        joints = inst.expanded
+        found = losses_of_joints(joints, statics.usual_states(joints), np.eye(3, 6))
+        return joints_as_json(joints, found), partial(print_joints, joints, found)
+    values, derived = listed(instrument_file, short), tuple(derive(short))
+    resolution = [*sentences(short), *shares(short)]
 
+    def show() -> None:
+        axes = f"{short.name}: {short.joint_type}, {' and '.join(short.axes)}"
+        say(axes + (f". {short.description}" * bool(short.description)))
+        console.print(_table(values, derived))
+        if short.devices.model_fields_set:
+            say(f"Devices: {', '.join(sorted(short.devices.model_fields_set))}.")
+        for sentence in resolution:
+            say(sentence)
 
-def _as_json(
-    inst: ShortForm, values: Sequence[Listed], derived: Sequence[Derived], found: Sequence[Implausible]
-) -> dict[str, Any]:
-    return {
-        "name": inst.name,
-        "description": inst.description,
-        "joint_type": inst.joint_type,
-        "axes": inst.axes,
+    content = {
+        "joint_type": short.joint_type,
+        "axes": short.axes,
         "values": {one.key: {name: item for name, item in one._asdict().items() if name != "key"} for one in values},
         "derived": {
             one.key: {"value": one.value if isfinite(one.value) else None, "unit": one.unit, "meaning": one.meaning}
             for one in derived
         },
-        "resolution": [*sentences(inst), *shares(inst)],
-        "warnings": [one._asdict() for one in found],
+        "resolution": resolution,
     }
+    return content, show
 
 
 def _table(values: Sequence[Listed], derived: Sequence[Derived]) -> Table:

@@ -10,8 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from tenodesis import coupled
-from tenodesis.cli.common import InstrumentFile, console, load_short_form, say, value_errors, warn
+from tenodesis.cli.common import InstrumentFile, console, load_instrument, say, value_errors, warn
 from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.errors import CommandError, LiveError
 from tenodesis.live import folder as folders
@@ -71,12 +70,12 @@ def live_console(  # noqa: PLR0917
 
     if not 0 < port < 65536:
         raise CommandError(key="--port", value=port, allowed="between 1 and 65535")
-    if coupled.is_coupled(instrument_file):
+    if load_instrument(instrument_file).short_form is None:
         given = None if device == "twin" else device
         alone = {"device": given, "address": address, "foxglove": foxglove, "solids": solids}
         _coupled_console(instrument_file, alone, law, actuation, host, port, token, browser, seed)
         return
-    inst = load_short_form(instrument_file)
+    inst = load_instrument(instrument_file, planar=True)
     with value_errors():
         parts = None if solids is None else load_parts(solids)
     if parts is not None and (other := parts.differs(inst)):

@@ -1,22 +1,36 @@
 """The command that answers what a load takes: ``tenodesis loss``."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from itertools import groupby
 from math import degrees, isfinite
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import typer
+from numpy.typing import ArrayLike, NDArray
 from rich.markup import escape
 from rich.table import Table
 
 from tenodesis import statics
-from tenodesis.cli.common import InstrumentFile, console, load_instrument, note, quantity, table
-from tenodesis.cli.coupled import print_coupled_losses
+from tenodesis.cli.common import (
+    InstrumentFile,
+    components,
+    console,
+    load_instrument,
+    matrix,
+    note,
+    quantity,
+    say,
+    table,
+)
 from tenodesis.errors import CommandError
-from tenodesis.instrument import ShortForm, expanded
+from tenodesis.instrument import FullForm, ShortForm
+from tenodesis.statics import Loss
 from tenodesis.statics.stroke import settled_stroke
-from tenodesis.units import Angle, PositiveForce
+from tenodesis.units import Angle, PositiveForce, SignedForce, SignedMoment
+
+Array = NDArray[np.float64]
 
 _USUAL_LOAD = 1.0  # N
 _LEGEND = """\
@@ -24,10 +38,20 @@ Handle held, no friction. To bring the tip back, the hand moves the handle by so
 much more, or one motor winds the stroke and the other lets it out. Slack from:
 the load, raised from none, under which the first tendon goes slack."""
 _SLACK_WITHOUT = "no load: a tendon is slack without one."
+_LEGEND_OF_JOINTS = """\
+Forces at the tip in its own axes: z along it, x where positive yaw bends, y
+where positive pitch does. Handle and motors held, no friction. Lost: the
+unloaded minus the loaded angle. The last columns have the multiple of the load,
+raised from none, under which the first tendon goes slack, and that tendon."""
+_RESTORED = "What motors wind to bring all joints back [mm]"
+_UNITS_OF_JOINTS = {
+    "wrench": "N, N*m", "grip_force": "N", "output_angles": "rad", "loaded_angles": "rad", "lost": "rad",
+    "tensions": "N", "strokes": "m", "handle_corrections": "rad", "slack_factor": "1", "slack_tendon": "",
+}  # fmt: skip
 
 
-class Loss(NamedTuple):
-    """What a load takes from the tip at a held handle, and what gives it back; SI, NaN where there is none."""
+class AxisLoss(NamedTuple):
+    """What a load takes from an axis at a held handle, and what gives it back; SI, NaN where there is none."""
 
     output_angle: float
     """Unloaded, rad"""
@@ -47,7 +71,25 @@ class Loss(NamedTuple):
     """Force under which the first tendon goes slack, handle held, N; 0 if one is slack without a force"""
 
 
-_UNITS = ("rad", "N", "rad", "rad", "rad", "m", "N", "N", "N")
+_UNITS = dict(zip(AxisLoss._fields, ("rad", "N", "rad", "rad", "rad", "m", "N", "N", "N"), strict=True))
+
+
+class Asked(NamedTuple):
+    """What the options of the command ask for, as text."""
+
+    load: Sequence[str]
+    angle: Sequence[str]
+    moment: str | None
+    grip: str | None
+    axis: str | None
+
+
+class Answer(NamedTuple):
+    """What the command says."""
+
+    content: dict[str, Any]
+    """For JSON"""
+    show: Callable[[], None]
 
 
 def loss(  # noqa: PLR0917
@@ -84,42 +126,70 @@ def loss(  # noqa: PLR0917
 ) -> None:
     """Print the angle that loads take at the tip, what restores it, and the load at which a tendon goes slack."""
     inst = load_instrument(instrument_file)
-    if not isinstance(inst, ShortForm):
-        if axis is not None:
-            raise _no_option("--axis", inst.name, "has joints that share tendons", "left out")
-        print_coupled_losses(expanded(inst), load or (), angle or (), moment=moment, grip=grip, as_json=as_json)
-        return
-    for option, given in (("--moment", moment), ("--grip", grip)):
+    asked = Asked(load or (), angle or (), moment, grip, axis)
+    short = inst.short_form
+    answer = _of_joints(inst.expanded, asked) if short is None else _of_axis(short, asked)
+    if as_json:
+        typer.echo(json.dumps(answer.content, indent=1))
+    else:
+        answer.show()
+
+
+def _of_axis(inst: ShortForm, asked: Asked) -> Answer:
+    for option, given in (("--moment", asked.moment), ("--grip", asked.grip)):
         if given is not None:
             raise _no_option(option, inst.name, "is planar", "left out, or the instrument list joints and tendons")
-    inst = inst.planar[0] if axis is None else inst.axis(axis)
-    forces = [quantity("--load", text, PositiveForce) for text in load or ()]
+    inst = inst.planar[0] if asked.axis is None else inst.axis(asked.axis)
+    forces = [quantity("--load", text, PositiveForce) for text in asked.load]
     forces = forces or sorted(inst.conditions.forces) or [_USUAL_LOAD]
-    angles = [quantity("--angle", text, Angle) for text in angle or ()]
-    _check_angles(inst, angles)
+    angles = [quantity("--angle", text, Angle) for text in asked.angle]
+    _check_reached(inst, angles)
     if not angles:
         end = float(statics.output_angle(inst, statics.reach(inst)))
         angles = [0.0, end / 2, end]
     found = losses(inst, angles, forces)
-    if as_json:
-        units = dict(zip(Loss._fields, _UNITS, strict=True))
-        rows = [{key: value if isfinite(value) else None for key, value in one._asdict().items()} for one in found]
-        typer.echo(json.dumps({"instrument": inst.name, "axis": inst.axes[0], "units": units, "rows": rows}, indent=1))
-        return
-    console.print(_table(inst, found))
-    note(_LEGEND)
-    if any(one.slack_force == 0 for one in found):
-        note(_SLACK_WITHOUT)
-    if any(not isfinite(value) for one in found for value in one):
-        note(f"–: beyond the handle's ±{degrees(inst.handle_range):.4g}°, or the tip cannot be held under that load.")
+
+    def show() -> None:
+        console.print(_table(inst, found))
+        note(_LEGEND)
+        if any(one.slack_force == 0 for one in found):
+            note(_SLACK_WITHOUT)
+        if any(not isfinite(value) for one in found for value in one):
+            note(
+                f"–: beyond the handle's ±{degrees(inst.handle_range):.4g}°, or the tip cannot be held under that load."
+            )
+
+    rows = [_plain(one) for one in found]
+    return Answer({"instrument": inst.name, "axis": inst.axes[0], "units": _UNITS, "rows": rows}, show)
 
 
-def _no_option(option: str, name: str, reason: str, allowed: str) -> CommandError:
-    return CommandError(f"{option} is given, but {name} {reason}; it must be {allowed}.", key=option, allowed=allowed)
+def _of_joints(inst: FullForm, asked: Asked) -> Answer:
+    if asked.axis is not None:
+        raise _no_option("--axis", inst.name, "has joints that share tendons", "left out")
+    count = len(inst.tip_joints)
+    example = f"{' '.join(['30', *['0'] * (count - 1)])} deg"
+    forces = np.array([_numbers("--load", text, SignedForce, 3, "0 0 -1 N") for text in asked.load] or np.eye(3))
+    states = [_numbers("--angle", text, Angle, count, example) for text in asked.angle]
+    _check_within_range(inst, states)
+    beside = np.zeros(3) if asked.moment is None else _numbers("--moment", asked.moment, SignedMoment, 3, "0 0 5 N*mm")
+    wrenches = np.hstack([forces, np.broadcast_to(beside, forces.shape)])
+    pressing = 0.0 if asked.grip is None else quantity("--grip", asked.grip, PositiveForce)
+    if asked.grip is not None and inst.grip is None:
+        raise _no_option("--grip", inst.name, "has nothing that grips", "left out, or its file have a table [grip]")
+    found = losses_of_joints(inst, states or statics.usual_states(inst), wrenches, pressing)
+
+    def show() -> None:
+        given = {"moment": asked.moment, "grip": asked.grip}
+        beside_each = [f"{name} {text}" for name, text in given.items() if text is not None]
+        if beside_each:
+            say(f"Beside each load: {', '.join(beside_each)}.")
+        print_losses(inst, found, restored=True)
+
+    return Answer(losses_as_json(inst, found), show)
 
 
-def losses(inst: ShortForm, angles: Sequence[float], forces: Sequence[float]) -> list[Loss]:
-    """Return what each force (N) takes at each unloaded output angle (rad)."""
+def losses(inst: ShortForm, angles: Sequence[float], forces: Sequence[float]) -> list[AxisLoss]:
+    """Return what each force (N) takes from a planar instrument at each unloaded output angle (rad)."""
     found = []
     for force in forces:
         output = np.array(angles)
@@ -130,11 +200,59 @@ def losses(inst: ShortForm, angles: Sequence[float], forces: Sequence[float]) ->
         slack = statics.slack_load(inst, handle)
         same = np.full_like(output, force)
         columns = (output, same, loaded, output - loaded, correction, stroke, agonist, antagonist, slack)
-        found += [Loss(*map(float, row)) for row in zip(*columns, strict=True)]
+        found += [AxisLoss(*map(float, row)) for row in zip(*columns, strict=True)]
     return found
 
 
-def _check_angles(inst: ShortForm, angles: Sequence[float]) -> None:
+def losses_of_joints(
+    inst: FullForm, states: Iterable[ArrayLike], wrenches: ArrayLike, grip_force: float = 0.0
+) -> list[Loss]:
+    """Return what each load takes at each state, as far as the unloaded instrument can be held there."""
+    rows = np.asarray(wrenches, float)
+    return [statics.loss(inst, state, wrench, grip_force) for state in states for wrench in rows]
+
+
+def losses_as_json(inst: FullForm, found: Sequence[Loss]) -> dict[str, Any]:
+    """Return what loads take from joints as JSON has it."""
+    return {
+        "instrument": inst.name,
+        "joints": [joint.name for joint in inst.tip_joints],
+        "tendons": [tendon.name for tendon in inst.tendons],
+        "units": _UNITS_OF_JOINTS,
+        "rows": [_plain(one) for one in found],
+    }
+
+
+def print_losses(inst: FullForm, found: Sequence[Loss], *, restored: bool = False) -> None:
+    """Print a table for each state: what each load takes, and on demand what motors wind to restore it."""
+    for _, state in groupby(found, key=lambda one: one.output_angles.tolist()):
+        rows = list(state)
+        shown = table(padding=(0, 1, 0, 0))
+        for heading in ("load [N]", *(f"{joint.name}\n[°]" for joint in inst.tip_joints), "slack from", "tendon"):
+            shown.add_column(escape(heading), justify="right", overflow="fold")
+        for one in rows:
+            lost = [_fixed(degrees(angle)) for angle in one.lost]
+            factor = f"{one.slack_factor:.3g} times" if one.slack_factor else "no load"
+            factor = factor if one.slack_tendon else "–"
+            shown.add_row(components(one.wrench[:3]), *lost, factor, escape(one.slack_tendon))
+        at = zip(inst.tip_joints, rows[0].output_angles, strict=True)
+        say(f"Lost at {', '.join(f'{joint.name} {_fixed(degrees(angle), 1)}°' for joint, angle in at)}")
+        console.print(shown)
+        if restored:
+            strokes = 1e3 * np.array([one.strokes for one in rows]).T
+            loads = [components(one.wrench[:3]) for one in rows]
+            say(_RESTORED)
+            console.print(matrix([tendon.name for tendon in inst.tendons], loads, strokes, "load [N]"))
+    note(_LEGEND_OF_JOINTS)
+    if any(not isfinite(value) for one in found for value in (*one.lost, *one.strokes)):
+        note("–: the tip cannot be held under that load.")
+
+
+def _no_option(option: str, name: str, reason: str, allowed: str) -> CommandError:
+    return CommandError(f"{option} is given, but {name} {reason}; it must be {allowed}.", key=option, allowed=allowed)
+
+
+def _check_reached(inst: ShortForm, angles: Sequence[float]) -> None:
     for angle in angles:
         if not isfinite(statics.handle_angle(inst, np.array([angle]))[0]):
             end = degrees(float(statics.output_angle(inst, inst.handle_range)))
@@ -145,7 +263,29 @@ def _check_angles(inst: ShortForm, angles: Sequence[float]) -> None:
             )
 
 
-def _table(inst: ShortForm, found: Sequence[Loss]) -> Table:
+def _check_within_range(inst: FullForm, states: Iterable[Array]) -> None:
+    for state in states:
+        for joint, angle in zip(inst.tip_joints, state, strict=True):
+            if abs(angle) > joint.range + 1e-9:
+                raise CommandError(
+                    key=f"--angle of {joint.name}",
+                    value=f"{degrees(angle):.6g} deg",
+                    allowed=f"within its range of ±{degrees(joint.range):.4g} deg",
+                )
+
+
+def _numbers(option: str, text: str, kind: Any, count: int, example: str) -> Array:
+    """Return several quantities of one unit, "0 0 -1 N", in SI."""
+    *numbers, unit = text.split() or [""]
+    if len(numbers) != count:
+        allowed = f"{count} number{'s' * (count != 1)} and a unit"
+        raise CommandError(
+            f"{option} = {text!r}: it must be {allowed}, like '{example}'.", key=option, value=text, allowed=allowed
+        )
+    return np.array([quantity(option, f"{number} {unit}", kind) for number in numbers])
+
+
+def _table(inst: ShortForm, found: Sequence[AxisLoss]) -> Table:
     shown = table(f"{escape(inst.name)}, {inst.axes[0]}: what a load takes at the tip", padding=(0, 1, 0, 0))
     for heading in (
         "load\n[N]",
@@ -174,6 +314,17 @@ def _table(inst: ShortForm, found: Sequence[Loss]) -> Table:
         )
         shown.add_row(*cells, end_section=last)
     return shown
+
+
+def _plain(row: AxisLoss | Loss) -> dict[str, Any]:
+    """Return a row as JSON has it: arrays as lists, None where there is no number."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            return [plain(item) for item in value.tolist()]
+        return None if isinstance(value, float) and not isfinite(value) else value
+
+    return {key: plain(value) for key, value in row._asdict().items()}
 
 
 def _fixed(value: float, decimals: int = 2) -> str:

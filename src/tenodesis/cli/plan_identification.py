@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_short_form, quantity, say, table
+from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_instrument, quantity, say, table
 from tenodesis.cli.outputs import Overwrite, writing
 from tenodesis.identification.experiment import DURATION, OPTIMISTIC, Plan, plan, report
 from tenodesis.identification.experiment.choice import CriterionName
@@ -46,7 +46,7 @@ def plan_identification(  # noqa: PLR0917
     overwrite: Overwrite = False,
 ) -> None:
     """Propose the bench protocol that makes parameters identifiable, and predict their precision."""
-    inst = load_short_form(instrument_file)
+    inst = load_instrument(instrument_file, planar=True)
     if axis is not None:
         inst = inst.axis(axis)
     names = (report.PROTOCOL, report.PAGE, report.FIGURE, report.NUMBERS)

@@ -10,7 +10,7 @@ from typing import Annotated, cast
 import typer
 from rich.markup import escape
 
-from tenodesis import coupled, simulate
+from tenodesis import control, simulate
 from tenodesis import twin as twins
 from tenodesis.cli.common import (
     InstrumentFile,
@@ -93,13 +93,13 @@ def record(  # noqa: PLR0917
     with value_errors():
         protocol.plan(inst, step)
         # Without a law an instrument need not have a joint that one could serve.
-        assumed = coupled.compensated(other) if law is not None or coupled.pairs(other) else None
+        assumed = control.compensated(other) if law is not None or control.pairs(other) else None
         period = max(step, 1 / inst.sensors.sampling_rate)
         controller = _controller(
             assumed, protocol, period, law=law, observer=observer, actuation=actuation, other=controller_instrument
         )
         if controller is not None:
-            controller.check_instrument(coupled.compensated(inst))
+            controller.check_instrument(control.compensated(inst))
     path = _default_path(protocol_file or protocol.name, instrument_file, law) if out is None else out
     inputs = (instrument_file, protocol_file, controller_instrument)
     with writing([("--out", path)], inputs, overwrite=overwrite), value_errors(), _progress(path) as progress:

@@ -17,7 +17,7 @@ from tenodesis.cli.common import (
     ProgressBar,
     check_choice,
     console,
-    load_short_form,
+    load_instrument,
     quantity,
     say,
     table,
@@ -114,7 +114,7 @@ def scale(  # noqa: PLR0917
     with ExitStack() as stack:
         if solids is not None:
             stack.enter_context(writing_solids(solids, inputs, option="--cad", overwrite=overwrite))
-        model = load_short_form(instrument_file)
+        model = load_instrument(instrument_file, planar=True)
         parts = scaling.load(*(catalogue or ()))
         pins = _pins(factor, pin or [])
         stack.enter_context(writing(outputs, inputs, overwrite=overwrite, folder=out))

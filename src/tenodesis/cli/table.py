@@ -41,7 +41,7 @@ EXPORTS = {
 }
 IMPORTS = {
     "dvrk": Command(
-        "Write a coupled instrument from a tool file of the da Vinci Research Kit, with the file's coupling matrix.",
+        "Write an instrument from a tool file of the da Vinci Research Kit, with the file's coupling matrix.",
         "import_tool.import_dvrk",
     ),
 }

@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tenodesis import tolerance
-from tenodesis.cli.common import ProgressBar, console, load_short_form, quantity, say, table
+from tenodesis.cli.common import ProgressBar, console, load_instrument, quantity, say, table
 from tenodesis.cli.outputs import Overwrite, writing, written_by_us
 from tenodesis.extras import require
 from tenodesis.report.content import fixed
@@ -49,7 +49,7 @@ def study_tolerances(  # noqa: PLR0917
 ) -> None:
     """Study what tolerances do to a scale model's loss of angle and similarity, and which of them dominate."""
     require("SALib", "design")
-    model, prototype = load_short_form(real_size), load_short_form(scaled_up)
+    model, prototype = load_instrument(real_size, planar=True), load_instrument(scaled_up, planar=True)
     given = None if tolerances is None else tolerance.load(tolerances)
     newton = None if force is None else quantity("--force", force, PositiveForce)
     begun = time.monotonic()

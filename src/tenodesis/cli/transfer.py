@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from tenodesis.cli.common import console, load_short_form, say, table, value_errors, warn
+from tenodesis.cli.common import console, load_instrument, say, table, value_errors, warn
 from tenodesis.cli.outputs import INSTRUMENT, RECORDING, Overwrite, check_suffix, write_text, writing
 from tenodesis.errors import CommandError
 from tenodesis.instrument.text import to_file
@@ -39,8 +39,8 @@ def transfer(  # noqa: PLR0917
     """Carry a recording of a scaled-up instrument to real-size units, and its friction to the real-size file."""
     check_suffix("--out", out, RECORDING)
     check_suffix("--instrument-out", instrument_out, INSTRUMENT)
-    model = load_short_form(real_size)
-    given = None if scaled_up is None else load_short_form(scaled_up)
+    model = load_instrument(real_size, planar=True)
+    given = None if scaled_up is None else load_instrument(scaled_up, planar=True)
     path = log.with_name(f"{log.stem}-{Path(real_size).stem}.mcap") if out is None else out
     outputs = [("--out", path), ("--instrument-out", instrument_out)]
     with writing(outputs, (log, real_size, scaled_up), overwrite=overwrite):

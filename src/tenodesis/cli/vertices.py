@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_short_form, quantity, say, table
+from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_instrument, quantity, say, table
 from tenodesis.cli.outputs import Overwrite, writing, written_by_us
 from tenodesis.paper import rounder_vertices
 from tenodesis.paper.rounder_vertices_report import NUMBERS, PAGE, SWEEP, tables, write
@@ -25,7 +25,7 @@ def study_vertices(
     overwrite: Overwrite = False,
 ) -> None:
     """Study rounder vertices: radius, coefficient and rope against loss, hysteresis and final errors."""
-    inst = load_short_form(instrument_file).planar[0]
+    inst = load_instrument(instrument_file, planar=True).planar[0]
     newton = None if force is None else quantity("--force", force, PositiveForce)
     outputs = [("--out", out / name) for name in (PAGE, NUMBERS, SWEEP)]
     replace = overwrite or written_by_us(out / NUMBERS, "designs")

@@ -13,10 +13,10 @@ from tenodesis import plant
 from tenodesis.console.log import rare_log
 from tenodesis.control import Controller, OperatingState
 from tenodesis.control.controller import fault_names
-from tenodesis.coupled import CoupledInstrument, compensated
+from tenodesis.control.pairs import compensated
 from tenodesis.devices.device import Capabilities
 from tenodesis.errors import ArgumentError, LiveError, NoSolutionError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import FullForm, ShortForm
 from tenodesis.live.commands import ControllerRequest, RestartableConnection
 from tenodesis.live.status import RuntimeState, Status, Timing
 from tenodesis.run import Array, Run, concatenate
@@ -63,7 +63,7 @@ class CoupledLoop:
     asks for something else.
     """
 
-    def __init__(self, inst: CoupledInstrument, *, law: str = "robust", actuation: str = "differential", seed: int = 0):
+    def __init__(self, inst: FullForm, *, law: str = "robust", actuation: str = "differential", seed: int = 0):
         self.inst, self._seed = inst, seed
         self.driven = inst.handle_joints or inst.tip_joints
         """Joints that the operator moves: the handle's or, without one, those that the motors turn."""
@@ -205,7 +205,7 @@ class CoupledLink(RestartableConnection):
         self.loop, self.origin = loop, origin
 
     @property
-    def inst(self) -> CoupledInstrument:  # type: ignore[override]
+    def inst(self) -> FullForm:  # type: ignore[override]
         """The instrument that runs."""
         return self.loop.inst
 
@@ -349,7 +349,7 @@ class CoupledLink(RestartableConnection):
             self.loop.problem = None
 
 
-def spool_radius(inst: CoupledInstrument) -> float:
+def spool_radius(inst: FullForm) -> float:
     """Return the radius of the motors' spools, m."""
     return inst.drives.spool_radius if inst.spool_radius is None else inst.spool_radius
 

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tenodesis import coupled
 from tenodesis.console.browser import Browser
 from tenodesis.console.coupled_loop import Asked, CoupledLoop, spool_radius
 from tenodesis.console.page import Page
@@ -18,8 +17,10 @@ from tenodesis.console.scene import Drawn, Scene, in_degrees
 from tenodesis.console.session import Folders, PageState, PanelSection, Session, as_plain, enable
 from tenodesis.console.status import StatusHeader
 from tenodesis.console.tab_move import follow, slider_values
-from tenodesis.coupled import CoupledInstrument
+from tenodesis.control import estimated_wrench, pairs
+from tenodesis.instrument import FullForm, InstrumentLike, expanded
 from tenodesis.run import Array, Run
+from tenodesis.statics import chain
 from tenodesis.twin import Held
 
 _FRAME_RATE = 25.0
@@ -50,12 +51,12 @@ class CoupledShown(NamedTuple):
     asked: Asked
 
 
-def shown_rows(inst: CoupledInstrument, signals: Mapping[str, Any]) -> CoupledShown:
+def shown_rows(inst: FullForm, signals: Mapping[str, Any]) -> CoupledShown:
     """Return what browsers show of a link's signals."""
     run = signals["run"]
     # Without a handle, the lengths that the motors have wound are what the tip is asked for.
     strokes = 0.0 if inst.handle_joints else run["spool_angle"] * spool_radius(inst)
-    target = coupled.output_angles(inst, run.by_column("handle_angle"), strokes=strokes)
+    target = chain.output_angles(inst, run.by_column("handle_angle"), strokes=strokes)
     return CoupledShown(run, target, signals["asked"])
 
 
@@ -79,7 +80,7 @@ class CoupledPage(Page):
     def _browser(self, session: Session) -> Browser:
         return CoupledBrowser(session, self._loop)
 
-    def _shown(self, inst: CoupledInstrument, signals: Mapping[str, Any]) -> CoupledShown:
+    def _shown(self, inst: FullForm, signals: Mapping[str, Any]) -> CoupledShown:
         return shown_rows(inst, signals)
 
 
@@ -198,10 +199,10 @@ class Controls:
 class CoupledCurves:
     """Curves of the angles in the last seconds, and the readings of now."""
 
-    def __init__(self, gui: Any, inst: CoupledInstrument) -> None:
+    def __init__(self, gui: Any, inst: FullForm) -> None:
         self._inst, self._colours = inst, TensionColours(inst)
         joints = [joint.name for joint in inst.tip_joints]
-        self._compensated = [pair.joint for pair in coupled.pairs(inst).values()]
+        self._compensated = [pair.joint for pair in pairs(inst).values()]
         panel = gui.add_panel()
         with panel.add_tab("Curves"):
             self._charts = [
@@ -239,7 +240,7 @@ class CoupledCurves:
             self._readings.content = content
 
 
-def readings(inst: CoupledInstrument, shown: CoupledShown, colours: TensionColours) -> str:
+def readings(inst: FullForm, shown: CoupledShown, colours: TensionColours) -> str:
     """Return as HTML angles with what they have lost, tensions, grip force and, from the law, its estimates."""
     run = shown.run
     angles, target = np.degrees(run.by_column("output_angle")[-1]), np.degrees(shown.target[-1])
@@ -260,7 +261,7 @@ def readings(inst: CoupledInstrument, shown: CoupledShown, colours: TensionColou
     if inst.grip is not None:
         text.append(f"<div>Grip force on the object: {float(run['grip_force'][-1]):.2f} N</div>")
     if run.compensated and np.isfinite(_last(run, "estimated_force")).any():
-        wrench = coupled.estimated_wrench(inst, run)
+        wrench = estimated_wrench(inst, run)
         deviations = np.sqrt(np.diagonal(wrench.covariance[-1]))
         forces = (
             f"{axis} {force:+.2f} ± {deviation:.2f} N"
@@ -271,7 +272,7 @@ def readings(inst: CoupledInstrument, shown: CoupledShown, colours: TensionColou
 
 
 def serve_coupled(
-    inst: coupled.reading.CoupledLike,
+    inst: InstrumentLike,
     host: str = "127.0.0.1",
     port: int = 8080,
     token: str | None = None,
@@ -302,7 +303,7 @@ def serve_coupled(
     LiveError
         This machine does not have the address.
     """
-    loop = CoupledLoop(coupled.load(inst), law=law, actuation=actuation, seed=seed)
+    loop = CoupledLoop(expanded(inst), law=law, actuation=actuation, seed=seed)
     try:
         return CoupledPage(loop, host=host, port=port, token=token)
     except BaseException:
@@ -310,7 +311,7 @@ def serve_coupled(
         raise
 
 
-def largest_force(inst: CoupledInstrument) -> float:
+def largest_force(inst: FullForm) -> float:
     """Return the largest force that the page offers, N."""
     return round(_LARGEST_FORCE * inst.pretension, 2)
 

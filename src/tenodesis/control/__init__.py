@@ -11,25 +11,35 @@ from tenodesis.control.controller import (
     homing_failure,
 )
 from tenodesis.control.export import export_header, header, identifier
+from tenodesis.control.pairs import Pair, compensated, names_of, pairs
 from tenodesis.control.parameters import FAULTS, HOMING_REASONS, Parameters, parameters, tension_from_current
+from tenodesis.control.plausibility import Implausible, implausible
 from tenodesis.control.resolution import Resolution, resolution
+from tenodesis.control.wrench import estimated_wrench
 
 __all__ = [
     "FAULTS",
     "HOMING_REASONS",
     "Controller",
     "FlightRecord",
+    "Implausible",
     "LawName",
     "ObserverName",
     "OperatingState",
     "Output",
+    "Pair",
     "Parameters",
     "Request",
     "Resolution",
+    "compensated",
+    "estimated_wrench",
     "export_header",
     "header",
     "homing_failure",
     "identifier",
+    "implausible",
+    "names_of",
+    "pairs",
     "parameters",
     "resolution",
     "tension_from_current",

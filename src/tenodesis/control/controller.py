@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core
+from tenodesis.control.pairs import compensated
 from tenodesis.control.parameters import FAULTS, HOMING_REASONS, parameters
 from tenodesis.control.resolution import check_force_limit
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
+from tenodesis.instrument import InstrumentLike, ShortForm
 
 ObserverName: TypeAlias = Literal["paper", "exact", "friction"]
 """How the tip is estimated: by eq. 19 as printed, by the exact statics, or with friction."""
@@ -136,7 +137,7 @@ class Controller:
         period: float | None = None,
         own_clock: bool = False,
     ) -> None:
-        inst = as_short_form(inst)
+        inst = compensated(inst)
         chosen_observer = _choice("observer", observer, ObserverName)
         chosen_law = _choice("law", law, LawName)
         chosen_actuation = _choice("actuation", actuation, ActuationName)

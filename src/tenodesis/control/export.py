@@ -8,9 +8,10 @@ import numpy as np
 
 from tenodesis import _core
 from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
+from tenodesis.control.pairs import compensated
 from tenodesis.control.parameters import FAULTS
 from tenodesis.files import atomic_file
-from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
+from tenodesis.instrument import InstrumentLike, ShortForm
 
 INTERFACE_VERSION: int = _core.INTERFACE_VERSION
 """TENODESIS_VERSION of the C interface that headers are written for."""
@@ -75,7 +76,7 @@ def header(
     ValueError
         The name is not valid in C, there is no such choice, or the parameters make no controller.
     """
-    inst = as_short_form(inst)
+    inst = compensated(inst)
     # Applies the controller's own checks, in the precision that overflows first.
     controller = Controller(inst, observer, law, actuation, homed=homed, precision="single", own_clock=own_clock)
     parameters = controller.parameters

@@ -1,17 +1,20 @@
 """What is implausible about an instrument: values that a file may have, but hardly any instrument has."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from math import degrees, inf, pi, radians
 from typing import NamedTuple
 
 import numpy as np
 
 from tenodesis import kinematics, plant, statics
+from tenodesis._core import Status
 from tenodesis.control.parameters import tension_limit
 from tenodesis.control.resolution import warnings as unresolved
 from tenodesis.errors import Error, InstrumentError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import FullForm, InstrumentLike, ShortForm, as_instrument
 from tenodesis.instrument.tip_motion import tip_inertia
+from tenodesis.statics import Equilibrium
+from tenodesis.statics.chain import equilibrium, rates, straight_arms
 
 _STEEL = 7850.0  # kg/m^3
 _MODULUS = (1e9, 250e9)  # Pa, of ropes: soft braids to tungsten wire
@@ -24,7 +27,8 @@ _ROD_OVER_INERTIA = 50.0
 _SIMULATED = 26.0  # over the least inertia that can be simulated: what identification asks for, with a margin
 _LENGTH = (0.05, 3.0)  # m
 _HAND_SPEED = radians(60)  # rad/s
-_REACH = radians(0.5)
+_REACH = _FROM_STRAIGHT = radians(0.5)
+_DISTURBANCE = 0.05  # of the joint that is moved
 
 
 class Implausible(NamedTuple):
@@ -36,27 +40,31 @@ class Implausible(NamedTuple):
 
 
 class Rule(NamedTuple):
-    """A rule of plausibility: the key that it is about, and what it finds."""
+    """A rule of the short form: the key that it is about, and what it finds."""
 
     key: str
     find: Callable[[ShortForm], str]
     """Returns the sentence, empty if the value is plausible; its instrument has one axis."""
 
 
-def implausible(inst: ShortForm) -> tuple[Implausible, ...]:
-    """Return what is implausible about an instrument, each in one sentence, what its sensors lack included."""
+def implausible(inst: InstrumentLike) -> tuple[Implausible, ...]:
+    """Return what is implausible about an instrument, each in one sentence; of axes, what their sensors lack too."""
+    given = as_instrument(inst)
+    if (short := given.short_form) is None:
+        joints = given.expanded
+        return tuple(Implausible(key, sentence) for key, find in JOINT_RULES for sentence in find(joints))
     found: dict[str, Implausible] = {}
-    several = bool(inst.overrides)
-    for axis in inst.planar if several else inst.planar[:1]:
+    several = bool(short.overrides)
+    for axis in short.planar if several else short.planar[:1]:
         for rule in RULES:
             sentence = rule.find(axis)
             if sentence:
                 # An axis without a value of its own has the same mistake.
                 found.setdefault(sentence, Implausible(rule.key, sentence))
-    for sentence in unresolved(inst):
+    for sentence in unresolved(short):
         found.setdefault(sentence, Implausible("sensors", sentence))
     try:
-        plant.check_runnable(inst)
+        plant.check_runnable(short)
     except Error as problem:
         sentence = f"this file can be neither run live nor simulated in time steps of {plant.TIME_STEP:g} s: {problem}"
         found[sentence] = Implausible(problem.key, sentence)
@@ -313,4 +321,100 @@ RULES: tuple[Rule, ...] = (
     Rule("sensors.load_cell_range", _load_cell),
     Rule("control.tension_limit", _strength),
 )
-"""The rules in the order of an instrument file."""
+"""The rules of the short form, in the order of its file."""
+
+
+def _at_rest(inst: FullForm) -> Equilibrium:
+    return equilibrium(inst, np.zeros((1, len(inst.handle_joints))))
+
+
+def _rest(inst: FullForm) -> Iterator[str]:
+    rest = _at_rest(inst)
+    if rest.status[0] != Status.OK:
+        yield "without a load and with the handle straight, the joints find no equilibrium under the pretension."
+        return
+    off = [
+        f"{joint.name} at {degrees(angle):.2g}°"
+        for joint, angle in zip(inst.tip_joints, rest.output_angle[0], strict=True)
+        if abs(angle) > _FROM_STRAIGHT
+    ]
+    if off:
+        yield f"the pretensions do not balance: with a straight handle, joints rest off straight, {', '.join(off)}."
+
+
+def _slack_at_rest(inst: FullForm) -> Iterator[str]:
+    slack = [t.name for t, tension in zip(inst.tendons, _at_rest(inst).tensions[0], strict=True) if tension == 0]
+    if slack:
+        yield f"slack without a load: {', '.join(slack)}."
+
+
+def _overloaded(inst: FullForm) -> Iterator[str]:
+    largest = float(inst.pretensions.max())
+    if inst.breaking_load is not None and largest >= inst.breaking_load:
+        yield f"pretension is {largest:g} N, and tendons break at a breaking_load of {inst.breaking_load:g} N."
+
+
+def _useless(inst: FullForm) -> Iterator[str]:
+    for tendon, arms in zip(inst.tendons, inst.tendon_arms("tip"), strict=True):
+        if not arms.any():
+            yield f"tendon {tendon.name} bends no joint at the tip: it crosses none, or all in their middle."
+
+
+def _disturbing(inst: FullForm) -> Iterator[str]:
+    """Yield what the handle's joints turn besides; without a handle, what the tendons that end at a joint turn."""
+    found = rates(inst, np.zeros((1, len(inst.handle_joints))))
+    if inst.handle_joints:
+        moves = [
+            (f"handle joint {joint.name}", column)
+            for joint, column in zip(inst.handle_joints, found.by_handle[0].T, strict=True)
+        ]
+    else:
+        ends = np.array([tendon.route[-1].joint for tendon in inst.tendons])
+        alone = [np.where(ends == j.name, a, 0.0) for j, a in zip(inst.tip_joints, straight_arms(inst).T, strict=True)]
+        moves = [
+            (f"the tendons that end at joint {joint.name}", found.by_stroke[0] @ drawn)
+            for joint, drawn in zip(inst.tip_joints, alone, strict=True)
+        ]
+    for what, turned in moves:
+        if not np.isfinite(turned).all() or not turned.any():
+            continue
+        most = int(np.argmax(np.abs(turned)))
+        shares = turned / turned[most]
+        others = [
+            f"{joint.name} by {share:+.2g}"
+            for i, (joint, share) in enumerate(zip(inst.tip_joints, shares, strict=True))
+            if i != most and abs(share) > _DISTURBANCE
+        ]
+        if others:
+            yield f"turning {inst.tip_joints[most].name} by {what} also turns {', '.join(others)} of its angle."
+
+
+def _wider_than_stem(inst: FullForm) -> Iterator[str]:
+    for joint in inst.tip_joints:
+        if inst.stem_diameter is not None and 2 * joint.radius > inst.stem_diameter:
+            yield (
+                f"radius of joint {joint.name} is {1e3 * joint.radius:.4g} mm, so that it is {2e3 * joint.radius:.4g} "
+                f"mm wide, wider than the stem of {1e3 * inst.stem_diameter:.4g} mm."
+            )
+
+
+def _rope_on_joints(inst: FullForm) -> Iterator[str]:
+    rope = inst.tendon_diameter
+    for joint in inst.tip_joints:
+        if joint.mechanism == "pulley" and rope is not None and 2 * joint.radius < _PULLEY_PER_ROPE * rope:
+            yield (
+                f"tendon_diameter is {1e3 * rope:.4g} mm, on joint {joint.name} of only {2 * joint.radius / rope:.2g} "
+                f"times that; ropes last on pulleys of at least {_PULLEY_PER_ROPE:g} times their diameter."
+            )
+
+
+JOINT_RULES: tuple[tuple[str, Callable[[FullForm], Iterator[str]]], ...] = (
+    ("pretension", _rest),
+    ("pretension", _slack_at_rest),
+    ("pretension", _overloaded),
+    ("tendons.route", _useless),
+    ("tendons.route", _disturbing),
+    ("joints.radius", _wider_than_stem),
+    ("joints.radius", _rope_on_joints),
+)
+"""The rules of a file of joints and tendons: the key that each is about, and what yields its sentences."""

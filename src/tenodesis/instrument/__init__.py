@@ -1,5 +1,6 @@
 """Instruments: a file describes an instrument, and everything else is computed from it."""
 
+from tenodesis.instrument.dvrk import PULLEY_RADIUS, JawAngle, dvrk_text, from_dvrk, jaw_reading
 from tenodesis.instrument.full_form import FullForm, RouteError
 from tenodesis.instrument.instrument import Instrument, Name
 from tenodesis.instrument.joints import Crossing, Grip, Joint, Tendon
@@ -20,6 +21,7 @@ from tenodesis.instrument.short_form import PARAMETERS, AxisName, ShortForm
 __all__ = [
     "JOINT_TYPES",
     "PARAMETERS",
+    "PULLEY_RADIUS",
     "AxisName",
     "Continuum",
     "Crossing",
@@ -27,6 +29,7 @@ __all__ = [
     "Grip",
     "Instrument",
     "InstrumentLike",
+    "JawAngle",
     "Joint",
     "Name",
     "RouteError",
@@ -36,7 +39,10 @@ __all__ = [
     "TendonPulley",
     "as_instrument",
     "as_short_form",
+    "dvrk_text",
     "expanded",
+    "from_dvrk",
+    "jaw_reading",
     "json_schema",
     "load",
     "misrouted",

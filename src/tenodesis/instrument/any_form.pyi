@@ -6,8 +6,13 @@ from typing import Any, Self
 from tenodesis.instrument.full_form import FullForm
 from tenodesis.instrument.hardware import Hand, Mismatch
 from tenodesis.instrument.joints import Grip, Joint, Tendon
+from tenodesis.instrument.short_form import ShortForm
 
 class AnyForm:
+    @property
+    def short_form(self) -> ShortForm | None: ...
+    @property
+    def expanded(self) -> FullForm: ...
     @property
     def as_chain(self) -> FullForm: ...
     @property

@@ -1,6 +1,6 @@
 """An instrument as its file lists it: joints and tendons that may cross several of them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -11,20 +11,11 @@ from tenodesis.errors import InstrumentError
 from tenodesis.instrument.hardware import Friction
 from tenodesis.instrument.instrument import Instrument
 from tenodesis.instrument.joints import Grip, Joint, LinkDynamics, Tendon
+from tenodesis.instrument.short_form import ShortForm
 from tenodesis.units import Length
 
 MOST_JOINTS = 6
 MOST_TENDONS = 12
-_OF_SHORT_FORM = frozenset(
-    {
-        *("joint_type", "axes", "axis", "planar", "spec", "parameter_fields", "overrides"),
-        *("overall_length", "end_effector_length", "handle_length", "handle_range", "output_range", "output_stop"),
-        *("mismatch", "rig_arm", "tension_sensor"),
-        *("distal_gear_radius", "proximal_gear_radius", "distal_pulley_radius", "proximal_pulley_radius"),
-        *("distal_tendon_offset", "backbone_length", "backbone_rigidity"),
-    }
-)
-"""What only the short form has."""
 
 
 class RouteError(ValueError):
@@ -56,6 +47,16 @@ class FullForm(Instrument):
     dynamics: LinkDynamics = LinkDynamics()
 
     @property
+    def short_form(self) -> None:
+        """The instrument in the short form: none."""
+        return None
+
+    @property
+    def expanded(self) -> Self:
+        """The instrument as joints and tendons: itself."""
+        return self
+
+    @property
     def as_chain(self) -> Self:
         """The joints and tendons that statics act on: all of them."""
         return self
@@ -63,7 +64,7 @@ class FullForm(Instrument):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            if name in _OF_SHORT_FORM:
+            if name[0] != "_" and any(name in kind.model_fields or hasattr(kind, name) for kind in _kinds(ShortForm)):
                 raise self.not_short()
             return super().__getattr__(name)
 
@@ -132,7 +133,7 @@ class FullForm(Instrument):
             given, default = getattr(friction, key), Friction.model_fields[key].default
             if given != default:
                 instead = "; give base_wrap in a tendon's route" if key == "base_wrap" else ""
-                raise ValueError(f"friction.{key} is {given:g}, which a coupled instrument does not have{instead}")
+                raise ValueError(f"friction.{key} is {given:g}, which only the short form has{instead}")
         if self.spool_radius is not None and "spool_radius" in self.drives.model_fields_set:
             raise ValueError("spool_radius and drives.spool_radius are both given; give one of them")
 
@@ -166,6 +167,13 @@ class FullForm(Instrument):
                 self,
                 joints=names,
             )
+
+
+def _kinds(of: type[ShortForm]) -> Iterator[type[ShortForm]]:
+    """Yield a class and all that derive from it."""
+    yield of
+    for kind in of.__subclasses__():
+        yield from _kinds(kind)
 
 
 def _check_distinct(key: str, names: Sequence[str]) -> None:

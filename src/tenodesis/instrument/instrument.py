@@ -217,7 +217,7 @@ class Instrument(FileTable, AnyForm):
         values = {fields[key].alias or key: getattr(self, key) for key in self.model_fields_set}
         for key, value in changes.items():
             table, _, inner = key.partition(".")
-            held = values.get(table, getattr(self, table, None))
+            held = values.get(table, getattr(self, table, None)) if inner else None
             held = {} if held is None and table in fields else held
             if inner and isinstance(held, BaseModel | dict):
                 own = dict(held) if isinstance(held, dict) else held.model_dump(exclude_unset=True)

@@ -3,14 +3,14 @@
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any, TypeAlias, cast
+from typing import Any, TypeAlias
 
 from pydantic import TypeAdapter, ValidationError
 
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument.full_form import FullForm, RouteError
 from tenodesis.instrument.instrument import ENTRIES, Instrument
-from tenodesis.instrument.mechanisms import JOINT_TYPES, SHORT_FORM, Expandable
+from tenodesis.instrument.mechanisms import JOINT_TYPES, SHORT_FORM
 from tenodesis.instrument.short_form import ShortForm
 from tenodesis.toml import did_you_mean, parse_toml, read_text, validated
 
@@ -58,9 +58,9 @@ def as_short_form(given: InstrumentLike, argument: str = "inst") -> ShortForm:
         Its file lists joints and tendons.
     """
     inst = as_instrument(given, argument)
-    if isinstance(inst, ShortForm):
-        return inst
-    raise expanded(inst).not_short()
+    if inst.short_form is None:
+        raise inst.expanded.not_short()
+    return inst.short_form
 
 
 def expanded(given: InstrumentLike, argument: str = "inst") -> FullForm:
@@ -68,8 +68,7 @@ def expanded(given: InstrumentLike, argument: str = "inst") -> FullForm:
 
     Errors as :func:`as_instrument`, and InstrumentError where the short form leaves nothing for the stem.
     """
-    inst = as_instrument(given, argument)
-    return inst if isinstance(inst, FullForm) else cast("Expandable", inst).expanded
+    return as_instrument(given, argument).expanded
 
 
 def source_text(name_or_path: str | Path) -> str:

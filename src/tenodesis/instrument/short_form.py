@@ -53,6 +53,11 @@ class ShortForm(Instrument):
     """Parameter of the core, by the field that sets it."""
 
     @property
+    def short_form(self) -> Self:
+        """The instrument in the short form: itself."""
+        return self
+
+    @property
     def tendon_stiffness(self) -> float:
         """Stiffness of one tendon, N/m: as given, or E A / L (Table I)."""
         return _core.tendon_stiffness(self.spec)

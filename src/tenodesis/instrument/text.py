@@ -6,15 +6,18 @@ from typing import Any
 import tomli_w
 from pydantic import BaseModel
 
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.units import READABLE, in_unit, quantity_of
 
 
-def to_toml(inst: ShortForm) -> str:
-    """Return the text of an instrument file, defaults included, which :func:`tenodesis.parse` reads back as `inst`.
+def to_toml(given: Instrument) -> str:
+    """Return the text of an instrument file, which :func:`tenodesis.parse` reads back as the instrument.
 
-    Numbers among the overrides come back as text with their unit.
+    The short form has its defaults, and numbers among the overrides come back as text with their unit; a list of
+    joints and tendons has what was given.
     """
+    if (inst := given.short_form) is None:
+        return tomli_w.dumps(with_units(given, unset=False))
     units = {key: quantity.unit for key, _, quantity in inst.quantities()}
     units["tendon_length"] = "m"
     own = {

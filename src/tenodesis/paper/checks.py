@@ -5,13 +5,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tenodesis import coupled, statics
+from tenodesis import statics
 from tenodesis.errors import MissingExtraError
 from tenodesis.instrument import ShortForm, TendonGear
 from tenodesis.kinematics import dimensions
 from tenodesis.paper.context import Context
 from tenodesis.report import style
 from tenodesis.report.content import CarePoint, Chart, Column, Plot, Section, fixed, named, number
+from tenodesis.statics import chain
 from tenodesis.verification import mujoco_peer, scipy_peer
 
 SCIPY_POINTS = 10_000
@@ -157,9 +158,9 @@ def _axes(context: Context, inst: TendonGear) -> tuple[str, list[Plot]]:
     )
     difference = context.add(
         "axes.coupled_difference",
-        _coupled_difference(inst, found),
+        _together_difference(inst, found),
         "deg",
-        "Largest difference of the coupled statics of both axes from MuJoCo over all cases of this check",
+        "Largest difference of the statics of both axes together from MuJoCo over all cases of this check",
     )
     worst = found.loaded
     chart, (axis,) = Chart.panels(height=3.4)
@@ -180,8 +181,8 @@ def _axes(context: Context, inst: TendonGear) -> tuple[str, list[Plot]]:
         f"{number(unloaded, 2)}° without a load: the geometry is independent indeed. Under load it is not: up to "
         f"<b>{fixed(loaded, 1)}°</b> ({worst.axis}, at {np.degrees(worst.yaw):.0f}°/{np.degrees(worst.pitch):.0f}° and "
         f"{worst.force_yaw:.2g} N on both axes), because flexing pitch shortens the lever of the load on yaw, by cos "
-        f"θ<sub>pitch</sub>, and turns part of the pitch load into a radial force on yaw. The statics of the coupled "
-        f"wrist (<code>tenodesis.coupled</code>), which solve both joints at once under the same forces, explain all "
+        f"θ<sub>pitch</sub>, and turns part of the pitch load into a radial force on yaw. The statics of the "
+        f"expanded instrument, which solve both joints at once under the same forces, explain all "
         f"of it: over the {len(found.cases)} cases their angles are within {number(difference, 2)}° of MuJoCo's.</p>"
     ).replace("-", "−")
     plot = chart.plot(
@@ -191,14 +192,14 @@ def _axes(context: Context, inst: TendonGear) -> tuple[str, list[Plot]]:
     return text, [plot]
 
 
-def _coupled_difference(inst: TendonGear, found: mujoco_peer.Independence) -> float:
-    """Return the largest difference of the coupled statics from MuJoCo, deg."""
+def _together_difference(inst: TendonGear, found: mujoco_peer.Independence) -> float:
+    """Return the largest difference of the statics of both joints together from MuJoCo, deg."""
     poses = np.array(list(found.cases))
     settled = np.array([(case.yaw, case.pitch) for case in found.cases.values()])
     # A positive force is one against positive flexion; the check has the same joint on both axes.
     wrench = np.pad(-poses[:, 2:], ((0, 0), (0, 4)))
     handle = np.asarray(statics.handle_angle(inst, poses[:, :2]))
-    angles = coupled.output_angles(inst.replace(overrides=None), handle, wrench)
+    angles = chain.output_angles(inst.replace(overrides=None), handle, wrench)
     return float(np.degrees(np.fmax.reduce(np.abs(angles - settled), axis=None)))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from tenodesis import instrument as instruments
 from tenodesis import statics
-from tenodesis.coupled import compensated
+from tenodesis.control.pairs import compensated
 from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.instrument import FullForm, Instrument, ShortForm, as_short_form, expanded
 from tenodesis.report.content import Column, Published, Result, ResultTable
@@ -82,13 +82,10 @@ class Context:
                 return replace(context, given=inst.replace(output_range=reached))
         return context
 
-    @cached_property
+    @property
     def short(self) -> ShortForm | None:
         """The instrument in the short form; None if its file lists joints and tendons."""
-        try:
-            return as_short_form(self.given)
-        except InstrumentError:
-            return None
+        return self.given.short_form
 
     @property
     def inst(self) -> ShortForm:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import TypeAlias
 
-from tenodesis import coupled
+from tenodesis import control
 from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.paper.context import Context
 
@@ -18,7 +18,7 @@ def planar(context: Context) -> str:
 def law(context: Context) -> str:
     """Whether a controller compensates a joint."""
     try:
-        coupled.compensated(context.given)
+        control.compensated(context.given)
     except (ArgumentError, InstrumentError) as problem:
         return str(problem)
     return ""

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from markupsafe import Markup
 
-from tenodesis import coupled
 from tenodesis.control.plausibility import implausible
 from tenodesis.control.resolution import sentences, warnings
 from tenodesis.instrument import Instrument
@@ -69,7 +68,7 @@ def _implausible(context: Context) -> list[str]:
     """Return what is implausible about an instrument of one's own; its sensors have a sentence already."""
     if not context.is_own:
         return []
-    found = coupled.implausible(context.whole) if context.short is None else implausible(context.short)
+    found = implausible(context.given)
     return [unit_text(one.sentence) for one in found if one.key != "sensors"]
 
 

@@ -7,10 +7,10 @@ from typing import Any
 import tomli_w
 
 from tenodesis.control import FAULTS, Controller
-from tenodesis.coupled import compensated
+from tenodesis.control.pairs import compensated
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument, ShortForm, as_short_form, parse
-from tenodesis.instrument.text import to_toml, with_units
+from tenodesis.instrument.text import to_toml
 from tenodesis.recording.reader import Recording
 from tenodesis.simulate import Protocol
 from tenodesis.twin import TIME_STEP
@@ -44,7 +44,7 @@ def metadata_of(
         Of the twin, as for :class:`tenodesis.twin.Twin`.
     """
     return (
-        {"instrument": _text(inst)}
+        {"instrument": to_toml(inst)}
         | ({} if protocol is None else {"protocol": protocol.to_toml()})
         | {"seed": str(seed), "time_step": repr(float(time_step))}
         | {"mode": QUASI_STATIC if quasi_static else DYNAMIC}
@@ -52,15 +52,9 @@ def metadata_of(
     )
 
 
-def _text(inst: Instrument) -> str:
-    if not isinstance(inst, ShortForm):
-        return tomli_w.dumps(with_units(inst, unset=False))
-    return to_toml(inst)
-
-
 def metadata_of_replay(recording: Recording, inst: Instrument) -> dict[str, str]:
     """Return the metadata of a recording's replay on an instrument; the controller's instrument is unchanged."""
-    metadata = {**recording.metadata, "instrument": _text(inst), "replay_of": str(recording.path)}
+    metadata = {**recording.metadata, "instrument": to_toml(inst), "replay_of": str(recording.path)}
     if CONTROLLER in metadata and CONTROLLER_INSTRUMENT not in metadata and recording.instrument() != inst:
         metadata[CONTROLLER_INSTRUMENT] = recording.metadata["instrument"]
     return metadata

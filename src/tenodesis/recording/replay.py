@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tenodesis.control import Controller
-from tenodesis.coupled import names_of, pairs
+from tenodesis.control.pairs import names_of, pairs
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument
 from tenodesis.recording.metadata import QUASI_STATIC, metadata_of_replay, restored_controller

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tenodesis.control import Controller
-from tenodesis.coupled import compensated, names_of
+from tenodesis.control.pairs import compensated, names_of
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.recording.metadata import metadata_of
 from tenodesis.recording.writer import Recorder

@@ -14,8 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from tenodesis.coupled import CoupledInstrument, Crossing, Joint, RouteError, Tendon, straight_arms
+from tenodesis.instrument import Crossing, FullForm, Joint, RouteError, Tendon
 from tenodesis.report import style
+from tenodesis.statics import straight_arms
 
 # Sizes in inches: the axes of the picture have them as coordinates.
 _LANE = 0.2
@@ -88,7 +89,7 @@ class _Box:
             top -= height
 
 
-def draw(inst: CoupledInstrument, problem: RouteError | None = None) -> Figure:
+def draw(inst: FullForm, problem: RouteError | None = None) -> Figure:
     """Return the picture of an instrument's routing, with the moment arms of its straight joints as a table.
 
     What is wrong with a route is marked in red.
@@ -130,13 +131,13 @@ def draw(inst: CoupledInstrument, problem: RouteError | None = None) -> Figure:
     return fig
 
 
-def write(path: Path, inst: CoupledInstrument, problem: RouteError | None = None) -> None:
+def write(path: Path, inst: FullForm, problem: RouteError | None = None) -> None:
     """Write the picture as SVG, PNG or PDF; names and numbers in an SVG stay text."""
     with mpl.rc_context({"svg.fonttype": "none"}):
         draw(inst, problem).savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
 
 
-def _boxes(inst: CoupledInstrument) -> tuple[list[_Box], list[list[tuple[_Box, int]]]]:
+def _boxes(inst: FullForm) -> tuple[list[_Box], list[list[tuple[_Box, int]]]]:
     """Return the joints from handle to tip, unknown ones of a wrong route last, and each tendon's way through them."""
     handles, tips = inst.handle_joints[::-1], inst.tip_joints
     boxes = [_Box(joint, joint.name, column) for column, joint in enumerate(handles)]
@@ -155,7 +156,7 @@ def _boxes(inst: CoupledInstrument) -> tuple[list[_Box], list[list[tuple[_Box, i
     return boxes, [list(_path(inst, known, n, tendon)) for n, tendon in enumerate(inst.tendons)]
 
 
-def _path(inst: CoupledInstrument, boxes: dict[str, _Box], n: int, tendon: Tendon) -> Iterator[tuple[_Box, int]]:
+def _path(inst: FullForm, boxes: dict[str, _Box], n: int, tendon: Tendon) -> Iterator[tuple[_Box, int]]:
     """Yield the boxes that a tendon runs through and its passage in each, joints that it only passes included."""
     crossed = [(boxes[crossing.joint], crossing) for crossing in tendon.route]
     # Files may name the handle's joints in either order.
@@ -189,7 +190,7 @@ def _stacks(boxes: Sequence[_Box]) -> dict[int, list[_Box]]:
     return stacks
 
 
-def _place_columns(inst: CoupledInstrument, boxes: Sequence[_Box], left: float) -> float:
+def _place_columns(inst: FullForm, boxes: Sequence[_Box], left: float) -> float:
     """Place the boxes from left to right; returns where the picture of the joints ends."""
     handles = len(inst.handle_joints)
     for box in boxes:
@@ -197,7 +198,7 @@ def _place_columns(inst: CoupledInstrument, boxes: Sequence[_Box], left: float) 
     return max(box.left for box in boxes) + _BOX + _GAP
 
 
-def _place_heights(inst: CoupledInstrument, boxes: Sequence[_Box], centre: float) -> None:
+def _place_heights(inst: FullForm, boxes: Sequence[_Box], centre: float) -> None:
     """Place the boxes and the lanes in them by height, those of a column after those before it."""
     before = [-float(n) for n in range(len(inst.tendons))]
     for _, stack in sorted(_stacks(boxes).items()):
@@ -213,7 +214,7 @@ def _place_heights(inst: CoupledInstrument, boxes: Sequence[_Box], centre: float
                 before[one.tendon] = box.lanes[place]
 
 
-def _draw_links(axis: Axes, inst: CoupledInstrument, boxes: Sequence[_Box], left: float) -> None:
+def _draw_links(axis: Axes, inst: FullForm, boxes: Sequence[_Box], left: float) -> None:
     """Draw what the joints stand on, and the ends: a grey bar from joint to joint."""
     by_name = {box.name: box for box in boxes}
 
@@ -301,7 +302,7 @@ def _draw_tendon(
             axis.plot(at[0] + 0.14, height, "s", color=line, ms=4.5, zorder=3)
 
 
-def _draw_table(axis: Axes, inst: CoupledInstrument, colours: Sequence[str], left: float, top: float) -> None:
+def _draw_table(axis: Axes, inst: FullForm, colours: Sequence[str], left: float, top: float) -> None:
     """Draw the moment arms of the straight joints: a row for each tendon, a column for each joint."""
     joints = (*inst.handle_joints[::-1], *inst.tip_joints)
     arms = np.hstack([straight_arms(inst, "handle")[:, ::-1], straight_arms(inst, "tip")])
@@ -319,12 +320,12 @@ def _draw_table(axis: Axes, inst: CoupledInstrument, colours: Sequence[str], lef
             axis.text(edge, y, shown, ha="right", va="center", fontsize=8)
 
 
-def _table_width(inst: CoupledInstrument) -> float:
+def _table_width(inst: FullForm) -> float:
     columns = sum(_column_width(joint) for joint in inst.joints)
     return max(_name_width(inst) + columns, _LETTER * 36)
 
 
-def _name_width(inst: CoupledInstrument) -> float:
+def _name_width(inst: FullForm) -> float:
     return _LETTER * max(len(tendon.name) for tendon in inst.tendons)
 
 

@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from tenodesis.control import Controller, OperatingState, Request
-from tenodesis.coupled import compensated, pairs
+from tenodesis.control.pairs import compensated, pairs
 from tenodesis.errors import ArgumentError, FaultWarning, ProtocolError
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.run import Array, Run, concatenate

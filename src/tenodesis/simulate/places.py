@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 from tenodesis import statics
-from tenodesis.coupled import compensated, pairs
+from tenodesis.control.pairs import compensated, pairs
 from tenodesis.errors import ArgumentError, ProtocolError
 from tenodesis.instrument import Instrument, Joint, ShortForm
 

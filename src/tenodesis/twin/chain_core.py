@@ -7,11 +7,11 @@ import numpy as np
 
 from tenodesis import _core
 from tenodesis._core import Status
-from tenodesis.coupled.axes import names_of, pairs
-from tenodesis.coupled.rows import twin_rows
+from tenodesis.control.pairs import names_of, pairs
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import FullForm
 from tenodesis.run import TISSUE, Array
+from tenodesis.twin.chain_rows import twin_rows
 from tenodesis.twin.contact import NO_TISSUE
 from tenodesis.twin.core import Constant, Outcome, Ticks
 from tenodesis.twin.rows import CONTROL

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from tenodesis import plant
 from tenodesis._core import Status
-from tenodesis.coupled.axes import compensated
+from tenodesis.control.pairs import compensated
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument, InstrumentLike, ShortForm, as_instrument, expanded
 from tenodesis.run import Run, concatenate
@@ -371,6 +371,6 @@ class Twin:
 
 def _core_of(inst: Instrument, time_step: float, seed: int, quasi_static: bool) -> TwinCore:
     """Return the core's twin of an instrument: side by side for axes that do not act on each other, else of a chain."""
-    if isinstance(inst, ShortForm):
-        return AxesCore(inst, time_step, seed, quasi_static)
+    if (axes := inst.short_form) is not None:
+        return AxesCore(axes, time_step, seed, quasi_static)
     return ChainCore(expanded(inst), time_step, seed, quasi_static)

@@ -9,7 +9,7 @@ from tenodesis.paper.any_instrument.held import loads, states
 from tenodesis.paper.context import Context
 from tenodesis.report.content import Column, Section
 from tenodesis.statics import chain
-from tenodesis.verification.coupled_peer import CoupledPeer
+from tenodesis.verification.chain_peer import ChainPeer
 
 _TITLE = "Independent verification"
 
@@ -18,7 +18,7 @@ def section(context: Context) -> Section:
     """Compare all angles with those at which MuJoCo's model of the instrument comes to rest."""
     inst = context.whole
     try:
-        peer = CoupledPeer(inst)
+        peer = ChainPeer(inst)
     except MissingExtraError as missing:
         return Section("verification", _TITLE, f"<p>Left out: {html.escape(str(missing))}</p>")
     about = "Largest difference of a joint's angle from MuJoCo, {state}, {words}"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tenodesis import coupled, simulate
+from tenodesis import control, simulate
 from tenodesis.control import Controller
 from tenodesis.errors import NoSolutionError, ProtocolError
 from tenodesis.paper.any_instrument.compensated_step import LAWS
@@ -24,7 +24,7 @@ _TITLE = "There and back with compensation"
 def section(context: Context) -> Section:
     """Compute the cycles of the compensated joints with the motors off and with the robust law."""
     inst = context.whole
-    joints = [pair.joint for pair in coupled.pairs(inst).values()]
+    joints = [pair.joint for pair in control.pairs(inst).values()]
     found: dict[tuple[str, str], tuple[Load, Array, Array]] = {}
     for motion in motions(inst):
         if motion.follows in joints:
@@ -57,7 +57,7 @@ def section(context: Context) -> Section:
 def _run(context: Context, motion: Motion, load: Load, law: str) -> tuple[Array, Array] | None:
     """Return handle angle and error of the joint that follows, (n,), deg; None if the joints cannot hold the load."""
     inst = context.whole
-    controller = Controller(coupled.compensated(inst), law="robust", enabled=True) if law == "robust" else None
+    controller = Controller(control.compensated(inst), law="robust", enabled=True) if law == "robust" else None
     try:
         run = simulate.execute(Twin(inst, seed=SEED), protocol(inst, motion, load), controller)
     except (NoSolutionError, ProtocolError):

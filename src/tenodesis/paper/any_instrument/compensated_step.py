@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tenodesis import coupled
+from tenodesis import control
 from tenodesis.control import Controller
 from tenodesis.paper.any_instrument.held import described, loads, states
 from tenodesis.paper.any_instrument.step_load import Response, respond
@@ -25,7 +25,7 @@ def section(context: Context) -> Section:
     """Compute the step loads with the motors off and with the robust law."""
     inst = context.whole
     state = states(inst)[-1]
-    made_for = coupled.compensated(inst)
+    made_for = control.compensated(inst)
     found: dict[tuple[str, str], Response] = {}
     for load in loads(inst):
         for law in LAWS:
@@ -36,7 +36,7 @@ def section(context: Context) -> Section:
     title = "Compensation on the twin"
     if not found:
         return Section("compensated", title, f"<p>Not run: {named(inst)} holds none of the loads on the twin.</p>")
-    joints = [pair.joint for pair in coupled.pairs(inst).values()]
+    joints = [pair.joint for pair in control.pairs(inst).values()]
     names = [inst.tip_joints[joint].name for joint in joints]
     table = context.table(
         f"Error against the unloaded angle without friction, mean of the last {JUDGED:g} s",

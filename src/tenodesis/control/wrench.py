@@ -3,20 +3,20 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tenodesis.coupled.axes import compensated, pairs
-from tenodesis.coupled.reading import CoupledLike, load
+from tenodesis.control.pairs import compensated, pairs
 from tenodesis.errors import ArgumentError
+from tenodesis.instrument import InstrumentLike, expanded
 from tenodesis.run import Run
 from tenodesis.statics import TipWrench, flexural_stiffness, loss_of_dexterity, tip_wrench
 from tenodesis.statics.wrench import USUAL
 
 
-def estimated_wrench(inst: CoupledLike, run: Run, *, usual: ArrayLike = USUAL) -> TipWrench:
+def estimated_wrench(inst: InstrumentLike, run: Run, *, usual: ArrayLike = USUAL) -> TipWrench:
     """Return the wrench at the tip by what the controller of a run estimated, at every step.
 
     Arguments otherwise as :func:`tip_wrench`; raises ArgumentError if there was no controller.
     """
-    inst = load(inst)
+    inst = expanded(inst)
     if run.estimated_output_angle is None:
         raise ArgumentError("the run has no estimates; it must be one with a controller.", key="run")
     planar = compensated(inst)

@@ -1,4 +1,4 @@
-"""The law on coupled wrists: both axes under forces in any direction, pushes on the neighbour, the grip meanwhile.
+"""The law on wrists: both axes under forces in any direction, pushes on the neighbour, the grip meanwhile.
 
 A two-axis hybrid instrument, whose pitch tendons pass the yaw gears, has friction at every bend of every tendon. Its
 handle goes to a state and stays; then a force comes. The controller assumes friction that is up to 30 % wrong. Errors
@@ -11,9 +11,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis import coupled, statics
+from tenodesis import control, instrument, statics
 from tenodesis.control import Controller
 from tenodesis.control.controller import LawName, fault_names
+from tenodesis.statics import chain
 from tenodesis.twin import Held, Twin
 
 Array: TypeAlias = NDArray[np.float64]
@@ -47,22 +48,22 @@ class Case:
         return self.error[-round(0.5 / STEP) :]
 
 
-def true_instrument(name: str, friction: float) -> coupled.CoupledInstrument:
+def true_instrument(name: str, friction: float) -> instrument.FullForm:
     """Return the instrument with friction so many times as strong as in its file."""
-    inst = coupled.load(name)
+    inst = instrument.expanded(name)
     table = inst.friction.model_dump(exclude_none=True)
     for key in ("vertex_coefficient", "sheath_coefficient"):
         table[key] *= friction
     return inst.replace(friction=table)
 
 
-def commands(inst: coupled.CoupledInstrument, state: tuple[float, float]) -> Array:
+def commands(inst: instrument.FullForm, state: tuple[float, float]) -> Array:
     """Handle angles that lead to a state, (steps, handle joints), rad; the trigger stays."""
     time = np.arange(round(END / STEP)) * STEP
     share = np.clip(time / ARRIVED, 0, 1)
     angles = np.zeros((time.size, len(inst.handle_joints)))
-    planar = coupled.compensated(inst)
-    for (axis, pair), wanted in zip(coupled.pairs(inst).items(), np.radians(state), strict=True):
+    planar = control.compensated(inst)
+    for (axis, pair), wanted in zip(control.pairs(inst).items(), np.radians(state), strict=True):
         angle = float(statics.handle_angle(planar.axis(axis), wanted))
         angles[:, pair.handle] = angle * share**2 * (3 - 2 * share)
     return angles
@@ -72,18 +73,18 @@ def run(
     name: str, state: tuple[float, float], direction: tuple[float, float, float], friction: float, law: LawName
 ) -> Case:
     """Run a state under a force, with the motors off or with the robust law."""
-    assumed, inst = coupled.load(name), true_instrument(name, friction)
+    assumed, inst = instrument.expanded(name), true_instrument(name, friction)
     handle = commands(assumed, state)
     time = np.arange(len(handle)) * STEP
     wrench = np.zeros((len(handle), 6))
     wrench[:, :3] = FORCES[name] * np.asarray(direction) * np.clip((time[:, None] - LOADED) / 0.1, 0, 1)
-    controller = None if law == "off" else Controller(coupled.compensated(assumed), law=law, enabled=True)
+    controller = None if law == "off" else Controller(control.compensated(assumed), law=law, enabled=True)
     out = Twin(inst, seed=1).run(handle, wrench=wrench, controller=controller)
-    joints = [pair.joint for pair in coupled.pairs(inst).values()]
-    target = coupled.output_angles(assumed, handle[-1])[joints]
+    joints = [pair.joint for pair in control.pairs(inst).values()]
+    target = chain.output_angles(assumed, handle[-1])[joints]
     faults = fault_names(int(np.bitwise_or.reduce(out["faults"].astype(int).ravel()))) if controller else ()
     speeds = np.abs(out["commanded_spool_velocity"])
-    own = [[pair.agonist, pair.antagonist] for pair in coupled.pairs(inst).values()]
+    own = [[pair.agonist, pair.antagonist] for pair in control.pairs(inst).values()]
     winding = np.stack([speeds[:, tendons].max(axis=1) for tendons in own], axis=1)
     return Case(state, direction, friction, np.degrees(out["output_angle"][:, joints] - target), winding, faults)
 
@@ -102,9 +103,9 @@ def neighbour_push(case: Case) -> float:
 
 def grip_kept(name: str, state: tuple[float, float] = (60, 45)) -> tuple[float, float, float]:
     """Grip force before the wrist moves, and its smallest and largest share of it while the wrist moves and after."""
-    inst = coupled.load(name)
+    inst = instrument.expanded(name)
     steps = round(1.0 / STEP)
-    controller = Controller(coupled.compensated(inst), law="robust", enabled=True)
+    controller = Controller(control.compensated(inst), law="robust", enabled=True)
     twin = Twin(inst, seed=1)
     trigger = [joint.name for joint in inst.handle_joints].index("trigger")
     closing = np.zeros((steps, len(inst.handle_joints)))

@@ -1,4 +1,4 @@
-"""Poses of coupled instruments, and their models for other programs."""
+"""Poses of joints and tendons, and their models for other programs."""
 
 from pathlib import Path
 from typing import Any
@@ -8,22 +8,22 @@ import pytest
 from typer.testing import CliRunner
 
 import tenodesis as tn
-from tenodesis import coupled, kinematics
+from tenodesis import instrument, kinematics
 from tenodesis.cli.app import app
-from tenodesis.coupled import CoupledInstrument
-from tenodesis.instrument import expanded
+from tenodesis.instrument import FullForm, expanded
 from tenodesis.kinematics import Port, Posture
+from tenodesis.statics import chain
 from tenodesis.verification.kinematics_peers import mujoco_poses
 
-from .coupled_samples import backbone, drawn, holds, jaws
+from .chain_samples import LISTED, backbone, drawn, holds, jaws
 from .kinematic_instruments import INSTRUMENTS
 
-SHIPPED = [coupled.load(name) for name in coupled.shipped()]
+SHIPPED = [instrument.expanded(name) for name in LISTED]
 SAMPLES = [*SHIPPED, jaws(), backbone(), *(drawn(seed) for seed in range(4))]
 every_sample = pytest.mark.parametrize("inst", SAMPLES, ids=lambda inst: inst.name)
 
 
-def bent(inst: CoupledInstrument, points: int = 3) -> tuple[Any, Any]:
+def bent(inst: FullForm, points: int = 3) -> tuple[Any, Any]:
     """Return random angles of the tip and of the handle, (points, joints)."""
     random = np.random.default_rng(2)
     return tuple(
@@ -32,7 +32,7 @@ def bent(inst: CoupledInstrument, points: int = 3) -> tuple[Any, Any]:
     )
 
 
-def apart(inst: CoupledInstrument, text: str, format: Any) -> float:
+def apart(inst: FullForm, text: str, format: Any) -> float:
     """Return how far MuJoCo's bodies in a model are from the frames, m and in quaternions, at most."""
     mujoco = pytest.importorskip("mujoco")
     model = mujoco.MjModel.from_xml_string(text)
@@ -55,12 +55,12 @@ def apart(inst: CoupledInstrument, text: str, format: Any) -> float:
 
 
 @every_sample
-def test_links_of_the_urdf_are_where_the_frames_are(inst: CoupledInstrument) -> None:
+def test_links_of_the_urdf_are_where_the_frames_are(inst: FullForm) -> None:
     assert apart(inst, kinematics.urdf(inst), "urdf") < 1e-12
 
 
 @every_sample
-def test_bodies_of_the_mujoco_model_are_where_the_frames_are(inst: CoupledInstrument) -> None:
+def test_bodies_of_the_mujoco_model_are_where_the_frames_are(inst: FullForm) -> None:
     has_row = any(joint.mechanism == "continuum" for joint in inst.joints)
     # A row of vertebrae is an arc up to a high order of its bends.
     assert apart(inst, kinematics.mjcf(inst), "mjcf") < (2e-5 if has_row else 1e-12)
@@ -68,7 +68,7 @@ def test_bodies_of_the_mujoco_model_are_where_the_frames_are(inst: CoupledInstru
 
 def test_the_model_as_written_follows_its_controls_to_where_the_statics_are() -> None:
     mujoco = pytest.importorskip("mujoco")
-    inst = coupled.load("hybrid-real-size")
+    inst = instrument.expanded("hybrid-real-size")
     handle, stroke, force = [0.2, -0.15, 0.3], 5e-4, 0.4
     model = mujoco.MjModel.from_xml_string(kinematics.mjcf(inst))
     data = mujoco.MjData(model)
@@ -79,7 +79,7 @@ def test_the_model_as_written_follows_its_controls_to_where_the_statics_are() ->
     mujoco.mj_step(model, data, 3000)
     assert np.abs(data.qvel).max() < 1e-6
     strokes = np.array([stroke if tendon.name == "yaw_agonist" else 0.0 for tendon in inst.tendons])
-    rest = coupled.equilibrium(inst, handle, [0, force, 0, 0, 0, 0], strokes=strokes)
+    rest = chain.equilibrium(inst, handle, [0, force, 0, 0, 0, 0], strokes=strokes)
     positions = kinematics.joint_positions(inst, rest.angles, handle, format="mjcf")
     found = {name: float(data.joint(name).qpos[0]) for name in positions}
     assert found == pytest.approx(positions, abs=np.radians(1e-3))
@@ -88,7 +88,7 @@ def test_the_model_as_written_follows_its_controls_to_where_the_statics_are() ->
 
 
 @every_sample
-def test_the_urdf_is_read_by_pinocchio_with_all_its_joints(inst: CoupledInstrument) -> None:
+def test_the_urdf_is_read_by_pinocchio_with_all_its_joints(inst: FullForm) -> None:
     pinocchio = pytest.importorskip("pinocchio")
     names = set(pinocchio.buildModelFromXML(kinematics.urdf(inst)).names) - {"universe"}
     assert names == set(kinematics.joint_positions(inst, 0.0))
@@ -111,7 +111,7 @@ def test_joints_and_tendons_of_a_planar_file_have_its_poses_without_the_port(nam
 
 
 @pytest.mark.parametrize("inst", [SHIPPED[0], jaws(), backbone()], ids=lambda inst: inst.name)
-def test_a_port_in_the_file_places_the_stem_in_frames_and_models(inst: CoupledInstrument) -> None:
+def test_a_port_in_the_file_places_the_stem_in_frames_and_models(inst: FullForm) -> None:
     ported = inst.replace(geometry={"pivot_range": 1.0, "insertion": 0.04, "least_insertion": 0.02})
     port = Port(pan=0.3, tilt=-0.2, spin=0.4, insertion=0.05, roll=0.6 if len(inst.bearing) == 1 else 0.0)
     tip, handle = (angles[0] for angles in bent(ported))
@@ -134,17 +134,17 @@ def test_a_port_in_the_file_places_the_stem_in_frames_and_models(inst: CoupledIn
 
 
 @pytest.mark.parametrize("inst", [inst for inst in SAMPLES if holds(inst)], ids=lambda inst: inst.name)
-def test_the_jacobian_gives_the_moments_by_which_the_statics_answer_a_wrench(inst: CoupledInstrument) -> None:
+def test_the_jacobian_gives_the_moments_by_which_the_statics_answer_a_wrench(inst: FullForm) -> None:
     handle = np.full((1, len(inst.handle_joints)), 0.1)
-    rest = coupled.equilibrium(inst, handle)
+    rest = chain.equilibrium(inst, handle)
     assert rest.status[0] == tn.statics.Status.OK
-    answer = coupled.rates(inst, handle, axes="stem")
+    answer = chain.rates(inst, handle, axes="stem")
     moments = kinematics.jacobian(inst, rest.angles).mean(axis=-3).swapaxes(-1, -2)
     np.testing.assert_allclose(answer.stiffness @ answer.by_wrench, moments, atol=1e-12)
 
 
 def test_a_tendon_ends_where_it_meets_its_last_joint_whatever_the_angles() -> None:
-    driver = coupled.load("needle-driver")
+    driver = instrument.expanded("needle-driver")
     tip, _ = bent(driver, 5)
     paths, bodies = kinematics.frames(driver, tip).tendons, kinematics.frames(driver, tip).bodies
     ends = np.linalg.norm(paths["jaw_1_wound"][:, -1] - bodies["jaw_1_far"].position, axis=-1)
@@ -154,7 +154,7 @@ def test_a_tendon_ends_where_it_meets_its_last_joint_whatever_the_angles() -> No
 
 @pytest.mark.parametrize(("name", "ends"), [("two-segment-continuum", 1), ("hybrid-real-size", 2)])
 def test_the_picture_in_space_shows_the_ends_that_have_joints_and_every_tendon(name: str, ends: int) -> None:
-    inst = coupled.load(name)
+    inst = instrument.expanded(name)
     figure = tn.plot.posture(inst, *(angles[0] for angles in bent(inst, 1)))
     assert [axis.get_title() for axis in figure.axes] == ["handle", "tip"][-ends:]
     assert [text.get_text() for text in figure.legends[0].get_texts()] == [tendon.name for tendon in inst.tendons]
@@ -173,7 +173,7 @@ def test_export_writes_the_model_and_says_what_is_lost(
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(app, ["export", kind, "two-segment-continuum"])
     (file,) = tmp_path.iterdir()
-    inst = coupled.load("two-segment-continuum")
+    inst = instrument.expanded("two-segment-continuum")
     assert file.read_text("utf-8") == (kinematics.urdf if kind == "urdf" else kinematics.mjcf)(inst)
     assert lost in done.output
     assert "the arc of a backbone" in done.output

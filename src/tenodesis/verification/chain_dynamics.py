@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import kinematics
-from tenodesis.coupled import CoupledInstrument
-from tenodesis.coupled.rows import link_rows
 from tenodesis.errors import NoSolutionError
 from tenodesis.extras import require
+from tenodesis.instrument import FullForm
 from tenodesis.kinematics.parts import moving
-from tenodesis.verification.coupled_peer import CoupledPeer
+from tenodesis.plant import link_rows
+from tenodesis.verification.chain_peer import ChainPeer
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class Motion:
 class _Model:
     """The model, and places of its hinges by joint."""
 
-    def __init__(self, inst: CoupledInstrument, time_step: float) -> None:
+    def __init__(self, inst: FullForm, time_step: float) -> None:
         mujoco = self.mujoco = require("mujoco", "verify")
         self.inst = inst
         spec = mujoco.MjSpec.from_string(kinematics.mjcf(inst))
@@ -99,7 +99,7 @@ class _Model:
 
 
 def simulate(
-    inst: CoupledInstrument,
+    inst: FullForm,
     handle_angles: ArrayLike,
     wrench: ArrayLike,
     time_step: float,
@@ -125,7 +125,7 @@ def simulate(
     ends = len(inst.bearing)
     handles = np.broadcast_to(np.asarray(handle_angles, float), (len(loads), len(inst.handle_joints)))
     wound = np.broadcast_to(np.asarray(strokes, float), (len(loads), len(inst.tendons)))
-    rest = CoupledPeer(inst).settle(handles[0], loads[0], strokes=wound[0]).angles
+    rest = ChainPeer(inst).settle(handles[0], loads[0], strokes=wound[0]).angles
     if np.isnan(rest).any():
         raise NoSolutionError("there is no equilibrium to start from under this handle angle and load")
     of = _Model(inst, time_step / substeps)
@@ -152,7 +152,7 @@ def simulate(
     return motion
 
 
-def mass_matrix(inst: CoupledInstrument, angles: ArrayLike, speeds: ArrayLike) -> tuple[Array, Array]:
+def mass_matrix(inst: FullForm, angles: ArrayLike, speeds: ArrayLike) -> tuple[Array, Array]:
     """Return the mass matrix of the tip's joints, kg m^2, and the moments that their rates take, N m, by MuJoCo.
 
     Angles (rad) and rates (rad/s) of shape (joints,); hinges of a joint turn by the same share of it.
@@ -169,7 +169,7 @@ def mass_matrix(inst: CoupledInstrument, angles: ArrayLike, speeds: ArrayLike) -
 
 
 def steps_per_second(
-    inst: CoupledInstrument,
+    inst: FullForm,
     wrench: ArrayLike,
     *,
     time_step: float = 5e-4,
@@ -201,7 +201,7 @@ def steps_per_second(
     return steps / elapsed
 
 
-def _fastest(inst: CoupledInstrument, acting: Array, time_step: float) -> tuple[Any, Any]:
+def _fastest(inst: FullForm, acting: Array, time_step: float) -> tuple[Any, Any]:
     """Return model and data of the least that moves as the tip does, under loads by motor (N, N m)."""
     of = _Model(inst, time_step)
     mujoco, spec = of.mujoco, of.spec

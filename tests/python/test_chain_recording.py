@@ -1,4 +1,4 @@
-"""Recordings and protocols of coupled instruments: joints and tendons by name."""
+"""Recordings and protocols of several joints: joints and tendons by name."""
 
 import json
 from collections.abc import Callable
@@ -15,6 +15,7 @@ from tenodesis.recording.simulation import record, write_run
 from tenodesis.recording.summary import facts
 from tenodesis.simulate import Cycles, GrippedObject, Hold, Protocol, Ramp, StepLoad, Wrench
 
+from .chain_samples import LISTED
 from .conftest import EXAMPLES
 
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
@@ -25,16 +26,16 @@ def protocol(*phases: object) -> Protocol:
 
 
 @pytest.fixture(scope="module")
-def wrist() -> tn.coupled.CoupledInstrument:
-    return tn.coupled.load("hybrid-scaled-up")
+def wrist() -> tn.instrument.FullForm:
+    return tn.instrument.expanded("hybrid-scaled-up")
 
 
 @pytest.fixture(scope="module")
-def run(wrist: tn.coupled.CoupledInstrument) -> tn.Run:
-    return tn.simulate.execute(tn.twin.Twin(wrist, seed=3), tn.simulate.load(EXAMPLES / "coupled_protocol.toml"))
+def run(wrist: tn.instrument.FullForm) -> tn.Run:
+    return tn.simulate.execute(tn.twin.Twin(wrist, seed=3), tn.simulate.load(EXAMPLES / "joints_protocol.toml"))
 
 
-@pytest.mark.parametrize("name", tn.instrument.shipped())
+@pytest.mark.parametrize("name", LISTED)
 def test_the_default_protocol_moves_loads_and_grips_and_comes_back_bit_by_bit(name: str, tmp_path: Path) -> None:
     inst = tn.load(name)
     plan = tn.simulate.default_protocol(inst)
@@ -59,7 +60,7 @@ def test_the_default_protocol_moves_loads_and_grips_and_comes_back_bit_by_bit(na
 def test_a_recording_names_joints_tendons_units_and_meanings(run: tn.Run, tmp_path: Path) -> None:
     from mcap.reader import make_reader
 
-    wrist = tn.coupled.load("hybrid-scaled-up")
+    wrist = tn.instrument.expanded("hybrid-scaled-up")
     write_run(run, wrist, tmp_path / "run.mcap")
     with (tmp_path / "run.mcap").open("rb") as file:
         channels = {one.topic: one.metadata for one in make_reader(file).get_summary().channels.values()}
@@ -75,9 +76,9 @@ def test_a_recording_names_joints_tendons_units_and_meanings(run: tn.Run, tmp_pa
 
 
 def test_a_controllers_estimates_and_faults_are_recorded_by_joint(
-    wrist: tn.coupled.CoupledInstrument, tmp_path: Path
+    wrist: tn.instrument.FullForm, tmp_path: Path
 ) -> None:
-    controller = tn.control.Controller(tn.coupled.compensated(wrist))
+    controller = tn.control.Controller(tn.control.compensated(wrist))
     load = StepLoad(wrench=Wrench(fy=0.5), duration=0.1)
     run = record(wrist, protocol(load), tmp_path / "run.mcap", controller=controller)
     recording = Recording.open(tmp_path / "run.mcap")
@@ -107,7 +108,7 @@ def test_tables_have_a_column_for_each_joint_and_tendon(run: tn.Run, tmp_path: P
 
 def test_a_truncated_recording_reads_up_to_its_last_chunk(run: tn.Run, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
-    write_run(run, tn.coupled.load("hybrid-scaled-up"), path)
+    write_run(run, tn.instrument.expanded("hybrid-scaled-up"), path)
     path.write_bytes(path.read_bytes()[:1_000_000])
     back = Recording.open(path)
     assert back.damage is not None
@@ -116,7 +117,7 @@ def test_a_truncated_recording_reads_up_to_its_last_chunk(run: tn.Run, tmp_path:
 
 
 def test_a_run_of_other_joints_is_refused_in_a_sentence(run: tn.Run, tmp_path: Path) -> None:
-    other = tn.coupled.names_of(tn.coupled.load("needle-driver"))
+    other = tn.control.names_of(tn.instrument.expanded("needle-driver"))
     with (
         Recorder(tmp_path / "other.mcap", axes=other) as recorder,
         pytest.raises(RecordingError, match=r"the run's joints are yaw.*they must be pitch, jaw_1"),
@@ -124,7 +125,7 @@ def test_a_run_of_other_joints_is_refused_in_a_sentence(run: tn.Run, tmp_path: P
         recorder.write(run)
 
 
-def test_commands_are_by_joint_tendon_and_component(run: tn.Run, wrist: tn.coupled.CoupledInstrument) -> None:
+def test_commands_are_by_joint_tendon_and_component(run: tn.Run, wrist: tn.instrument.FullForm) -> None:
     assert run["commanded_handle_angle.handle_pitch"].max() == pytest.approx(np.radians(20))
     assert run["commanded_handle_angle"][-1] == pytest.approx(np.radians([-15, -10, 20]))
     assert np.abs(run["wrench"]).max(axis=0) == pytest.approx([0, 0.5, 0, 0, 0, 2e-3])
@@ -134,7 +135,7 @@ def test_commands_are_by_joint_tendon_and_component(run: tn.Run, wrist: tn.coupl
     assert not run["grip_force"][held].max() > 0.1
 
 
-def test_a_ramp_may_end_in_any_load_and_the_jaws_may_be_pressed_apart(wrist: tn.coupled.CoupledInstrument) -> None:
+def test_a_ramp_may_end_in_any_load_and_the_jaws_may_be_pressed_apart(wrist: tn.instrument.FullForm) -> None:
     ramp = Ramp(duration=0.1, wrench=Wrench(fz=-1.0), grip_force=0.2)
     step = StepLoad(joint="handle_yaw", handle_angle=0.1, grip_force=0.1, duration=0.1, release=0.1)
     run = tn.simulate.execute(tn.twin.Twin(wrist), protocol(ramp, Hold(duration=0.05), step))
@@ -184,9 +185,9 @@ def test_a_ramp_may_end_in_any_load_and_the_jaws_may_be_pressed_apart(wrist: tn.
         ("two-segment-continuum", GrippedObject(stiffness=1e3), "no jaws that grip; .* a table \\[grip\\]"),
     ],
 )
-def test_what_a_coupled_instrument_cannot_run_is_refused_in_a_sentence(name: str, phase: object, says: str) -> None:
+def test_what_several_joints_cannot_run_is_refused_in_a_sentence(name: str, phase: object, says: str) -> None:
     with pytest.raises(ProtocolError, match=f"test: phase 1 .*{says}") as problem:
-        protocol(phase).plan(tn.coupled.load(name), 1e-3)
+        protocol(phase).plan(tn.instrument.expanded(name), 1e-3)
     assert "\n" not in str(problem.value)
 
 
@@ -214,7 +215,7 @@ def test_what_a_planar_instrument_cannot_run_is_refused_in_a_sentence(
         protocol(phase).plan(scaled, 1e-3)
 
 
-def test_an_object_wider_than_the_jaws_are_open_is_refused(wrist: tn.coupled.CoupledInstrument) -> None:
+def test_an_object_wider_than_the_jaws_are_open_is_refused(wrist: tn.instrument.FullForm) -> None:
     wide = GrippedObject(stiffness=1e3, opening=5e-3)
     with pytest.raises(ProtocolError, match=r"phase 1 \(object\): opening.*to which the jaws are open"):
         tn.simulate.execute(tn.twin.Twin(wrist), protocol(wide))
@@ -233,7 +234,7 @@ def test_a_figure_has_a_curve_for_each_joint_and_tendon(run: tn.Run) -> None:
         run.plot("temperature")
 
 
-def test_record_info_and_export_take_a_coupled_instrument(tenodesis: Command, tmp_path: Path) -> None:
+def test_record_info_and_export_take_several_joints(tenodesis: Command, tmp_path: Path) -> None:
     load = StepLoad(wrench=Wrench(fx=0.5), duration=0.05, release=0.05)
     (tmp_path / "load.toml").write_text(protocol(load).to_toml(), "utf-8")
     code, out, _ = tenodesis("record", "needle-driver", "load.toml")

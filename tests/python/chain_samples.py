@@ -1,35 +1,36 @@
-"""Coupled instruments that tests share: two axes of gears, jaws, a backbone in two segments, and random ones."""
+"""Instruments of several joints that tests share: axes of gears, jaws, a backbone in two segments, random ones."""
 
 from typing import Any
 
 import numpy as np
 
 import tenodesis as tn
-from tenodesis import coupled
-from tenodesis.coupled import CoupledInstrument, of_planar, parse
-from tenodesis.statics import Status
+from tenodesis.instrument import FullForm, expanded
+from tenodesis.statics import Status, chain
 from tenodesis.toml import validated
 
 SIDES = ["agonist", "antagonist", "middle"]
+LISTED = tuple(name for name in tn.shipped() if tn.load(name).short_form is None)
+"""Shipped instruments whose files list joints and tendons."""
 GENTLE = 0.05  # rad: what each component of a load costs, about
 
 
-def two_axes(name: str) -> CoupledInstrument:
+def two_axes(name: str) -> FullForm:
     """Yaw and pitch of the paper's gears."""
-    return of_planar(tn.load(name).replace(axes=("yaw", "pitch")))
+    return expanded(tn.load(name).replace(axes=("yaw", "pitch")))
 
 
-def jaws() -> CoupledInstrument:
+def jaws() -> FullForm:
     """Pitch and two jaws on pulleys; the jaws' tendons cross the pitch pulleys on one side each."""
-    return parse(_JAWS)
+    return tn.parse(_JAWS).expanded
 
 
-def backbone() -> CoupledInstrument:
+def backbone() -> FullForm:
     """Two segments that bend at right angles; the tendons of the second pass the first out of its middle."""
-    return parse(_BACKBONE)
+    return tn.parse(_BACKBONE).expanded
 
 
-def drawn(seed: int) -> CoupledInstrument:
+def drawn(seed: int) -> FullForm:
     """Return a wrist with joints of any mechanism and axis, every one held by a pair that crosses the ones before."""
     random = np.random.default_rng(seed)
     count = int(random.integers(1, 5))
@@ -71,21 +72,21 @@ def drawn(seed: int) -> CoupledInstrument:
     values: dict[str, Any] = {"name": "drawn", "pretension": random.uniform(1, 8), "joints": [*wheels, *joints]}
     if has_jaws:
         values["grip"] = {"jaws": [f"j{count - 2}", f"j{count - 1}"], "length": 5e-3}
-    return validated(CoupledInstrument, values | {"tendons": tendons}, tn.InstrumentError)
+    return validated(FullForm, values | {"tendons": tendons}, tn.InstrumentError)
 
 
-def holds(inst: CoupledInstrument) -> bool:
+def holds(inst: FullForm) -> bool:
     """Whether all joints are held at rest; pretension that is not balanced may leave one loose."""
-    return bool(coupled.equilibrium(inst, np.zeros((1, len(inst.handle_joints)))).status[0] == Status.OK)
+    return bool(chain.equilibrium(inst, np.zeros((1, len(inst.handle_joints)))).status[0] == Status.OK)
 
 
 class Point:
     """Random handle angles of a wrist and a load that bends every joint a little."""
 
-    def __init__(self, inst: CoupledInstrument, seed: int, scale: float = GENTLE) -> None:
+    def __init__(self, inst: FullForm, seed: int, scale: float = GENTLE) -> None:
         random = np.random.default_rng(seed)
         self.inst = inst
-        rates = coupled.rates(inst, 0.0)
+        rates = chain.rates(inst, 0.0)
         size = [np.abs(rates.by_wrench[:, part]).max() for part in (slice(0, 3), slice(3, 6))]
         self.handle = random.uniform(-0.3, 0.3, len(inst.handle_joints))
         self.wrench = scale * random.uniform(-1, 1, 6) / np.repeat(size, 3)
@@ -258,7 +259,7 @@ route = [
 """
 
 
-def in_a_plane(lengths: tuple[float, float], friction: dict[str, Any] | None = None) -> CoupledInstrument:
+def in_a_plane(lengths: tuple[float, float], friction: dict[str, Any] | None = None) -> FullForm:
     """Two pulleys of one axis in series; the second's tendons pass the first on one side each."""
     near, far = ({"name": f"j{i}", "mechanism": "pulley", "axis": "yaw", "radius": 4e-3} for i in (1, 2))
     far |= {"offset": lengths[0], "end_effector_length": lengths[1]}
@@ -269,4 +270,4 @@ def in_a_plane(lengths: tuple[float, float], friction: dict[str, Any] | None = N
         for m, route in enumerate(routes)
     ]
     values = {"name": "in-a-plane", "pretension": 12.0, "tendon_stiffness": 2e4, "joints": [near, far]}
-    return validated(CoupledInstrument, values | {"tendons": tendons, "friction": friction or {}}, tn.InstrumentError)
+    return validated(FullForm, values | {"tendons": tendons, "friction": friction or {}}, tn.InstrumentError)

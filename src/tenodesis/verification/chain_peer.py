@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import kinematics
-from tenodesis.coupled import CoupledInstrument
 from tenodesis.extras import require
+from tenodesis.instrument import FullForm
 from tenodesis.kinematics.parts import moving
 from tenodesis.verification.mujoco_peer import relax
 
@@ -31,10 +31,10 @@ class Settled:
     steps: int
 
 
-class CoupledPeer:
-    """A coupled instrument in MuJoCo; raises MissingExtraError if MuJoCo is not installed."""
+class ChainPeer:
+    """An instrument of joints and tendons in MuJoCo; raises MissingExtraError if MuJoCo is not installed."""
 
-    def __init__(self, inst: CoupledInstrument) -> None:
+    def __init__(self, inst: FullForm) -> None:
         mujoco = self._mujoco = require("mujoco", "verify")
         self._inst = inst
         self._model = mujoco.MjModel.from_xml_string(_with_fixed_wrench(inst))
@@ -58,7 +58,7 @@ class CoupledPeer:
         strokes: ArrayLike = 0.0,
         axes: str = "tip",
     ) -> Settled:
-        """Let the instrument come to rest, first unloaded and then under its load; arguments as in `tn.coupled`.
+        """Let the instrument come to rest, first unloaded and then under its load; arguments as in `tn.statics.chain`.
 
         The grip force acts between the jaws: opposite forces there have a moment about the jaws' axis and no sum.
         """
@@ -86,7 +86,7 @@ class CoupledPeer:
         return Settled(angles, -data.actuator_force[motors], steps)
 
 
-def _with_fixed_wrench(inst: CoupledInstrument) -> str:
+def _with_fixed_wrench(inst: FullForm) -> str:
     """Return the model with a second wrench at each end, in the stem's axes."""
     root = fromstring(kinematics.mjcf(inst))
     actuators = root.find("actuator")

@@ -1,4 +1,4 @@
-"""The twin of coupled instruments: planar twin, statics, friction law and energies that it must agree with."""
+"""The twin of joints and tendons: planar twin, statics, friction law and energies that it must agree with."""
 
 import itertools
 
@@ -7,18 +7,21 @@ import pytest
 
 import tenodesis as tn
 from tenodesis import _core
-from tenodesis.coupled.rows import TwinRows, mass_matrix, natural_frequencies, twin_rows
-from tests.python import coupled_samples
+from tenodesis.plant import mass_matrix, natural_frequencies
+from tenodesis.twin.chain_rows import TwinRows, twin_rows
+from tests.python import chain_samples
+
+from .chain_samples import LISTED
 
 NOMINAL = {"mismatch.stiffness_ratio": 1.0, "mismatch.output_encoder_offset": 0.0}
 FRICTION = {"law": "capstan", "vertex_coefficient": 0.15, "sheath_coefficient": 0.1, "sheath_bend": np.radians(20)}
 
 
-def shipped(name: str, **changes: object) -> tn.coupled.CoupledInstrument:
-    return tn.coupled.load(name).replace(**{"friction": FRICTION, **changes})
+def shipped(name: str, **changes: object) -> tn.instrument.FullForm:
+    return tn.instrument.expanded(name).replace(**{"friction": FRICTION, **changes})
 
 
-def motion(inst: tn.coupled.CoupledInstrument, steps: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def motion(inst: tn.instrument.FullForm, steps: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Handle angles, wrench and spool velocities that are smooth, at rest at first."""
     rng = np.random.default_rng(seed)
     time = np.linspace(0, 1, steps)[:, np.newaxis]
@@ -62,8 +65,8 @@ def test_one_joint_moves_as_the_planar_twin(name: str, quasi_static: bool, frict
     expected = tn.twin.Twin(planar, quasi_static=quasi_static).run(handle, force, spool_velocity=spools)
     wrench = np.zeros((steps, 6))
     wrench[:, 0] = -force
-    coupled = tn.coupled.of_planar(planar)
-    run = tn.twin.Twin(coupled, quasi_static=quasi_static).run(handle[:, None], wrench=wrench, spool_velocity=spools)
+    chained = tn.instrument.expanded(planar)
+    run = tn.twin.Twin(chained, quasi_static=quasi_static).run(handle[:, None], wrench=wrench, spool_velocity=spools)
     # In motion the planar twin ends a step's iteration where its slope neglects what is orders below inertia.
     assert np.abs(run["output_angle.yaw"] - expected.output_angle).max() < (1e-9 if quasi_static else 5e-9)
     assert np.abs(run["tension"] - expected.tension).max() < (1e-7 if quasi_static else 1e-6)
@@ -97,7 +100,7 @@ def test_tissue_let_out_and_a_bend_of_the_sheath_are_those_of_the_planar_twin(qu
     expected = tn.twin.Twin(planar, quasi_static=quasi_static).run(
         handle[:, 0], sheath_bend=bend[:, 0], let_out=let_out, contact=tissue
     )
-    core = tn.twin.Twin(tn.coupled.of_planar(planar), quasi_static=quasi_static).cores[0]
+    core = tn.twin.Twin(tn.instrument.expanded(planar), quasi_static=quasi_static).cores[0]
     commands = rows_of(core, count, handle_angle=handle, sheath_bend=bend, let_out=let_out, contact=tissue.row)
     found = signals_of(core, commands)
     assert expected.contact_force is not None and expected.contact_force.max() > 1
@@ -132,7 +135,7 @@ def test_a_loop_with_faults_and_a_relay_runs_as_on_the_planar_twin() -> None:
     requests[0] = int(tn.control.Request.ENABLE)
     runs = []
     for general in (False, True):
-        twin = tn.twin.Twin(planar) if not general else tn.twin.Twin(tn.coupled.of_planar(planar))
+        twin = tn.twin.Twin(planar) if not general else tn.twin.Twin(tn.instrument.expanded(planar))
         loop = tn.control.Controller(planar, law="robust")
         control = np.empty((1, count, len(_core.control_signals())))
         settings = (1, 5e-4, 0.02, 0, requests, faults, modes)
@@ -192,23 +195,23 @@ def test_a_hand_that_yields_moves_as_on_the_planar_twin() -> None:
     planar = tn.load("scaled-up").replace(**NOMINAL, friction=FRICTION, **hand)
     handle = np.radians(20) * np.sin(np.arange(1200) * 5e-3)
     expected = tn.twin.Twin(planar).run(handle, 0.8)
-    run = tn.twin.Twin(tn.coupled.of_planar(planar)).run(handle[:, None], wrench=[-0.8, 0, 0, 0, 0, 0])
+    run = tn.twin.Twin(tn.instrument.expanded(planar)).run(handle[:, None], wrench=[-0.8, 0, 0, 0, 0, 0])
     assert np.abs(run["handle_angle"] - expected.handle_angle).max() < 1e-6
     assert np.abs(run["output_angle"] - expected.output_angle).max() < 1e-6
     assert np.abs(run["handle_torque"] - expected.handle_torque).max() < 1e-5
 
 
-@pytest.mark.parametrize("name", tn.coupled.shipped())
+@pytest.mark.parametrize("name", LISTED)
 def test_without_friction_a_still_twin_is_where_the_statics_say(name: str) -> None:
-    inst = tn.coupled.load(name).replace(friction={})
+    inst = tn.instrument.expanded(name).replace(friction={})
     handle, wrench, _ = motion(inst, 60, seed=3)
     run = tn.twin.Twin(inst, quasi_static=True).run(handle, wrench=wrench)
-    expected = tn.coupled.equilibrium(inst, handle, wrench)
+    expected = tn.statics.chain.equilibrium(inst, handle, wrench)
     assert np.abs(run["output_angle"] - expected.angles).max() < 1e-6
     assert np.abs(run["tension"] - expected.tensions).max() < 1e-3
 
 
-@pytest.mark.parametrize("name", tn.coupled.shipped())
+@pytest.mark.parametrize("name", LISTED)
 @pytest.mark.parametrize("quasi_static", [False, True])
 def test_energy_is_balanced_and_friction_only_takes(name: str, quasi_static: bool) -> None:
     inst = shipped(name)
@@ -245,7 +248,7 @@ def test_jaws_press_what_they_hold_and_the_energy_is_balanced() -> None:
 def test_the_mass_matrix_is_that_of_two_rods_on_pins() -> None:
     """Closed form of the double pendulum (any textbook), its pins without offset."""
     lengths, masses = (0.05, 0.03), (0.02, 0.01)
-    inst = coupled_samples.in_a_plane(lengths)
+    inst = chain_samples.in_a_plane(lengths)
     links = np.array(
         [[m, length / 2, m * length**2 / 3, m * length**2 / 3, 0.0] for m, length in zip(masses, lengths, strict=True)]
     )
@@ -263,7 +266,7 @@ def test_the_mass_matrix_is_that_of_two_rods_on_pins() -> None:
 
 def test_friction_is_that_of_a_search_over_all_ways_to_slide() -> None:
     """Two joints, four tendons, six contacts: of all 729 ways to stick and slide, those that hold give one answer."""
-    inst = coupled_samples.in_a_plane((0.03, 0.02), {"law": "capstan", "vertex_coefficient": 0.3})
+    inst = chain_samples.in_a_plane((0.03, 0.02), {"law": "capstan", "vertex_coefficient": 0.3})
     moments = np.array([0.02, 0.06, 0.1, 0.08, 0.0, -0.07, -0.05, 0.01])
     wrench = np.zeros((len(moments), 6))
     wrench[:, 4] = moments
@@ -272,7 +275,7 @@ def test_friction_is_that_of_a_search_over_all_ways_to_slide() -> None:
     assert np.abs(np.diff(run["distal_tension"], axis=0)).min() > 0
 
 
-def searched(inst: tn.coupled.CoupledInstrument, moments: np.ndarray) -> np.ndarray:
+def searched(inst: tn.instrument.FullForm, moments: np.ndarray) -> np.ndarray:
     """Angles of two pulleys of one axis under moments on the tip, by trying all ways to slide; (steps, 2), rad.
 
     Unknown are both angles and the slip of every contact; tensions are springs', a contact that slides has its edge.

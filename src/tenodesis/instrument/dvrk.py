@@ -17,11 +17,11 @@ from typing import Any, Literal, TypeAlias, TypeGuard, get_args
 import numpy as np
 import tomli_w
 
-from tenodesis.coupled.reading import parse
 from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.files import read_regular
-from tenodesis.instrument import FullForm
+from tenodesis.instrument.full_form import FullForm
 from tenodesis.instrument.instrument import Array
+from tenodesis.instrument.reading import parse
 
 JawAngle: TypeAlias = Literal["between", "each"]
 """What a file's jaw angle is: that between the jaws, or that of each jaw from the middle."""
@@ -51,7 +51,7 @@ _OURS = {
 
 
 def from_dvrk(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS, jaw_angle: JawAngle = "between") -> FullForm:
-    """Read a tool file of the da Vinci Research Kit as a coupled instrument.
+    """Read a tool file of the da Vinci Research Kit as joints and tendons.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def from_dvrk(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS, jaw_ang
     ArgumentError
         There is no such jaw angle.
     """
-    return parse(dvrk_text(path, pulley_radius=pulley_radius, jaw_angle=jaw_angle), str(path))
+    return parse(dvrk_text(path, pulley_radius=pulley_radius, jaw_angle=jaw_angle), str(path)).expanded
 
 
 def jaw_reading(path: str | Path, jaw_angle: JawAngle = "between") -> str | None:

@@ -4,20 +4,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import tenodesis as tn
-from tenodesis import coupled, statics
-from tenodesis.coupled import CoupledInstrument
+from tenodesis import instrument, statics
 from tenodesis.errors import NoSolutionError
-from tenodesis.instrument import Instrument
-from tenodesis.statics import Status
+from tenodesis.instrument import FullForm, Instrument
+from tenodesis.statics import Status, chain
 
+from .chain_samples import Point, drawn, holds, two_axes
 from .conftest import refused
-from .coupled_samples import Point, drawn, holds, two_axes
 
 Array = NDArray[np.float64]
 
@@ -28,7 +27,7 @@ wrists = st.integers(0, 2**32 - 1).map(drawn).filter(holds)
 some = settings(max_examples=25)
 
 
-def place(inst: CoupledInstrument, angles: Array, end: int) -> tuple[Array, Rotation]:
+def place(inst: FullForm, angles: Array, end: int) -> tuple[Array, Rotation]:
     """Position and orientation of where forces act on one of the last joints, body by body."""
     position, turned = np.zeros(3), Rotation.identity()
     chain = [end]
@@ -45,7 +44,7 @@ def place(inst: CoupledInstrument, angles: Array, end: int) -> tuple[Array, Rota
     return position + turned.apply((0, 0, inst.tip_joints[end].end_effector_length or 0.0)), turned
 
 
-def velocity(inst: CoupledInstrument, angles: Array, end: int) -> Array:
+def velocity(inst: FullForm, angles: Array, end: int) -> Array:
     """Rates of an end's place and orientation by the angles, (6, joints), by central differences."""
     step = 1e-5
     columns = []
@@ -55,7 +54,7 @@ def velocity(inst: CoupledInstrument, angles: Array, end: int) -> Array:
     return np.array(columns).T
 
 
-def shortening(inst: CoupledInstrument, angles: Array) -> Array:
+def shortening(inst: FullForm, angles: Array) -> Array:
     """Length by which every tendon is shorter at the tip, m."""
     found = np.zeros(len(inst.tendons))
     names = [joint.name for joint in inst.tip_joints]
@@ -93,7 +92,7 @@ def test_a_single_joint_is_the_planar_one(planar: Instrument, axis: str) -> None
     wrench[:, 0 if axis == "yaw" else 1] = -force
     wrench[:, 2] = radial
     theirs = statics.equilibrium(planar, handle, force, radial_force=radial, wound=(wound[:, 0], wound[:, 1]))
-    ours = coupled.equilibrium(planar, handle[:, np.newaxis], wrench, strokes=wound)
+    ours = chain.equilibrium(planar, handle[:, np.newaxis], wrench, strokes=wound)
     solved = np.asarray(theirs.status) == Status.OK
     assert solved.sum() > count / 2
     np.testing.assert_array_equal(ours.status, theirs.status)
@@ -107,10 +106,10 @@ def test_handle_angle_and_stiffness_of_a_single_joint_are_the_planar_ones(planar
     force = 0.3 * float(statics.slack_force(planar, 0.0))
     wrench = [-force, 0, 0, 0, 0, 0]
     handle = np.asarray(statics.handle_angle(planar, output, force))
-    found = coupled.handle_angles(planar, output[:, np.newaxis], wrench)
+    found = chain.handle_angles(planar, output[:, np.newaxis], wrench)
     np.testing.assert_allclose(found[:, 0], handle, rtol=0, atol=1e-12)
     unloaded = np.asarray(statics.handle_angle(planar, output))
-    rates = coupled.rates(planar, unloaded[:, np.newaxis])
+    rates = chain.rates(planar, unloaded[:, np.newaxis])
     np.testing.assert_allclose(rates.stiffness[:, 0, 0], statics.flexural_stiffness(planar, output), rtol=1e-12)
     lost = -rates.by_wrench[:, 0, 0] * -force
     np.testing.assert_allclose(lost, statics.loss_of_dexterity(planar, output, force), rtol=1e-12)
@@ -118,9 +117,9 @@ def test_handle_angle_and_stiffness_of_a_single_joint_are_the_planar_ones(planar
 
 @some
 @given(wrists, st.integers(0, 2**32 - 1), st.sampled_from(["tip", "stem"]))
-def test_the_load_does_the_work_that_springs_and_tendons_take_up(inst: CoupledInstrument, seed: int, axes: Any) -> None:
+def test_the_load_does_the_work_that_springs_and_tendons_take_up(inst: FullForm, seed: int, axes: Any) -> None:
     point = Point(inst, seed)
-    at = coupled.equilibrium(inst, [point.handle], **point.load(axes=axes))
+    at = chain.equilibrium(inst, [point.handle], **point.load(axes=axes))
     assume(at.status[0] == Status.OK)
     angles, tensions = at.angles[0], at.tensions[0]
     moments = rate_of(lambda x: shortening(inst, x), angles).T @ tensions
@@ -139,37 +138,37 @@ def test_the_load_does_the_work_that_springs_and_tendons_take_up(inst: CoupledIn
 
 @some
 @given(wrists, st.integers(0, 2**32 - 1), st.sampled_from(["tip", "stem"]))
-def test_rates_are_those_of_central_differences(inst: CoupledInstrument, seed: int, axes: Any) -> None:
+def test_rates_are_those_of_central_differences(inst: FullForm, seed: int, axes: Any) -> None:
     point = Point(inst, seed)
     held = point.load(axes=axes)
-    at = coupled.equilibrium(inst, [point.handle], **held)
+    at = chain.equilibrium(inst, [point.handle], **held)
     # Where a tendon slackens the rates jump.
     assume(at.status[0] == Status.OK and not (at.tensions < 0.5).any())
-    rates = coupled.rates(inst, point.handle, **held)
+    rates = chain.rates(inst, point.handle, **held)
 
     def by(key: str, value: Array, step: float) -> Array:
-        return rate_of(lambda x: coupled.output_angles(inst, point.handle, **{**held, key: x}), value, step)
+        return rate_of(lambda x: chain.output_angles(inst, point.handle, **{**held, key: x}), value, step)
 
     size = float(np.abs(rates.by_wrench[:, :3]).max())
     assert rates.by_wrench == pytest.approx(by("wrench", point.wrench, 1e-5 / size), rel=1e-5, abs=1e-5 * size)
-    by_handle = rate_of(lambda x: coupled.output_angles(inst, x, **held), point.handle)
+    by_handle = rate_of(lambda x: chain.output_angles(inst, x, **held), point.handle)
     assert rates.by_handle == pytest.approx(by_handle, rel=1e-5, abs=1e-5)
     assert rates.by_stroke == pytest.approx(by("strokes", point.strokes, 1e-8), rel=1e-5, abs=1e-3)
     if inst.grip:
         step = 1e-5 / size
         gripped = [
-            coupled.output_angles(inst, point.handle, **held | {"grip_force": point.grip + by}) for by in (step, -step)
+            chain.output_angles(inst, point.handle, **held | {"grip_force": point.grip + by}) for by in (step, -step)
         ]
         assert rates.by_grip == pytest.approx((gripped[0] - gripped[1]) / (2 * step), rel=1e-5, abs=1e-5 * size)
 
 
 @some
 @given(wrists, st.integers(0, 2**32 - 1))
-def test_without_a_load_the_compliance_of_the_tip_is_reciprocal(inst: CoupledInstrument, seed: int) -> None:
+def test_without_a_load_the_compliance_of_the_tip_is_reciprocal(inst: FullForm, seed: int) -> None:
     point = Point(inst, seed)
-    at = coupled.equilibrium(inst, [point.handle], strokes=point.strokes)
+    at = chain.equilibrium(inst, [point.handle], strokes=point.strokes)
     assume(at.status[0] == Status.OK)
-    rates = coupled.rates(inst, point.handle, strokes=point.strokes, axes="stem")
+    rates = chain.rates(inst, point.handle, strokes=point.strokes, axes="stem")
     moved = sum(velocity(inst, at.angles[0], end) for end in inst.bearing) / len(inst.bearing)
     # Metres and radians by N and N m, made alike by a length.
     alike = np.repeat([1.0, 0.01], 3)
@@ -179,35 +178,36 @@ def test_without_a_load_the_compliance_of_the_tip_is_reciprocal(inst: CoupledIns
 
 @some
 @given(wrists, st.integers(0, 2**32 - 1))
-def test_a_force_that_keeps_its_direction_has_a_potential(inst: CoupledInstrument, seed: int) -> None:
+def test_a_force_that_keeps_its_direction_has_a_potential(inst: FullForm, seed: int) -> None:
     point = Point(inst, seed)
     point.wrench[3:] = 0
-    at = coupled.equilibrium(inst, [point.handle], **point.load(axes="stem"))
+    at = chain.equilibrium(inst, [point.handle], **point.load(axes="stem"))
     assume(at.status[0] == Status.OK)
-    stiffness = coupled.rates(inst, point.handle, **point.load(axes="stem")).stiffness
+    stiffness = chain.rates(inst, point.handle, **point.load(axes="stem")).stiffness
     assert stiffness == pytest.approx(stiffness.T, abs=1e-10 * np.abs(stiffness).max())
 
 
 @some
 @given(wrists, st.integers(0, 2**32 - 1), st.sampled_from(["tip", "stem"]))
-def test_handle_angles_lead_back_to_the_angles(inst: CoupledInstrument, seed: int, axes: Any) -> None:
+def test_handle_angles_lead_back_to_the_angles(inst: FullForm, seed: int, axes: Any) -> None:
     point = Point(inst, seed)
-    at = coupled.equilibrium(inst, [point.handle], **point.load(axes=axes))
+    at = chain.equilibrium(inst, [point.handle], **point.load(axes=axes))
     assume(at.status[0] == Status.OK and not (at.tensions == 0).any())
-    handle = coupled.handle_angles(inst, at.angles[0], **point.load(axes=axes))
+    handle = chain.handle_angles(inst, at.angles[0], **point.load(axes=axes))
     assert handle == pytest.approx(point.handle, abs=1e-9)
 
 
 @some
 @given(wrists, st.integers(0, 2**32 - 1), st.sampled_from(["tip", "stem"]))
-def test_compensation_strokes_give_the_unloaded_angles_back(inst: CoupledInstrument, seed: int, axes: Any) -> None:
+@example(drawn(658495), 33201032, "tip")  # as few tendons stay taut as cannot carry the load
+def test_compensation_strokes_give_the_unloaded_angles_back(inst: FullForm, seed: int, axes: Any) -> None:
     point = Point(inst, seed)
-    unloaded = coupled.equilibrium(inst, [point.handle], strokes=point.strokes)
+    unloaded = chain.equilibrium(inst, [point.handle], strokes=point.strokes)
     assume(unloaded.status[0] == Status.OK)
     load = {"wrench": point.wrench, "grip_force": point.grip, "axes": axes}
-    strokes = coupled.compensation_strokes(inst, [point.handle], strokes=point.strokes, **load)[0]
+    strokes = chain.compensation_strokes(inst, [point.handle], strokes=point.strokes, **load)[0]
     assume(np.isfinite(strokes).all())
-    restored = coupled.equilibrium(inst, [point.handle], strokes=point.strokes + strokes, **load)
+    restored = chain.equilibrium(inst, [point.handle], strokes=point.strokes + strokes, **load)
     assume(restored.status[0] == Status.OK)
     assert restored.angles[0] == pytest.approx(unloaded.angles[0], abs=1e-9)
 
@@ -215,30 +215,30 @@ def test_compensation_strokes_give_the_unloaded_angles_back(inst: CoupledInstrum
 def test_compensation_strokes_give_the_angles_back_when_a_tendon_slackens() -> None:
     inst = two_axes("real-size")
     wrench = [2.0, -1.5, 0.5, 0.02, 0.01, 0.0]
-    unloaded = coupled.output_angles(inst, [0.2, -0.1])
-    strokes = coupled.compensation_strokes(inst, [0.2, -0.1], wrench)
-    restored = coupled.equilibrium(inst, [0.2, -0.1], wrench, strokes=strokes)
+    unloaded = chain.output_angles(inst, [0.2, -0.1])
+    strokes = chain.compensation_strokes(inst, [0.2, -0.1], wrench)
+    restored = chain.equilibrium(inst, [0.2, -0.1], wrench, strokes=strokes)
     assert restored.angles == pytest.approx(unloaded, abs=1e-9)
     assert restored.tensions.min() == pytest.approx(0, abs=1e-9)
 
 
 @some
 @given(wrists)
-def test_coupling_is_the_inverse_of_what_the_angles_draw(inst: CoupledInstrument) -> None:
+def test_coupling_is_the_inverse_of_what_the_angles_draw(inst: FullForm) -> None:
     drawn_by_angle = rate_of(lambda x: shortening(inst, x), np.zeros(len(inst.tip_joints)))
-    product = coupled.coupling(inst) @ drawn_by_angle
+    product = statics.coupling(inst) @ drawn_by_angle
     assert product == pytest.approx(np.eye(len(inst.tip_joints)), abs=1e-8)
 
 
 def test_a_load_beyond_the_fold_has_no_equilibrium() -> None:
     with pytest.raises(NoSolutionError, match="fold"):
-        coupled.output_angles(two_axes("real-size"), [0.2, 0.1], [-40, -40, 0, 0, 0, 0])
+        chain.output_angles(two_axes("real-size"), [0.2, 0.1], [-40, -40, 0, 0, 0, 0])
 
 
 def test_tendons_that_are_all_slack_hold_nothing() -> None:
     inst = two_axes("real-size")
     with pytest.raises(NoSolutionError, match="slack"):
-        coupled.output_angles(inst, 0.0, strokes=[-2e-3, -2e-3, 0, 0])
+        chain.output_angles(inst, 0.0, strokes=[-2e-3, -2e-3, 0, 0])
 
 
 def test_a_loose_joint_rests_where_a_load_presses_it() -> None:
@@ -247,19 +247,19 @@ def test_a_loose_joint_rests_where_a_load_presses_it() -> None:
     slack = -2 * planar.pretension / planar.tendon_stiffness
     for force in (-0.5, 0.5):
         theirs = statics.output_angle(planar, 0.1, force, wound=(slack, slack))
-        ours = coupled.output_angles(planar, 0.1, [-force, 0, 0, 0, 0, 0], strokes=[slack, slack])
+        ours = chain.output_angles(planar, 0.1, [-force, 0, 0, 0, 0, 0], strokes=[slack, slack])
         assert ours[0] == pytest.approx(theirs, abs=1e-12)
 
 
 def test_a_joint_cannot_bend_beyond_its_mechanism() -> None:
     with pytest.raises(NoSolutionError, match="farther"):
-        coupled.output_angles(two_axes("real-size"), 0.0, strokes=[0.02, -0.02, 0, 0])
+        chain.output_angles(two_axes("real-size"), 0.0, strokes=[0.02, -0.02, 0, 0])
     with pytest.raises(NoSolutionError, match="farther"):
-        coupled.handle_angles(two_axes("real-size"), [3.5, 0.0])
+        chain.handle_angles(two_axes("real-size"), [3.5, 0.0])
 
 
 def test_in_an_array_what_has_no_solution_is_not_a_number() -> None:
-    at = coupled.equilibrium(two_axes("real-size"), [[0.0, 0.0], [0.2, 0.1]], [-40, -40, 0, 0, 0, 0])
+    at = chain.equilibrium(two_axes("real-size"), [[0.0, 0.0], [0.2, 0.1]], [-40, -40, 0, 0, 0, 0])
     assert (at.status == Status.NO_EQUILIBRIUM).all()
     assert np.isnan(at.angles).all()
     assert np.isnan(at.tensions).all()
@@ -268,36 +268,36 @@ def test_in_an_array_what_has_no_solution_is_not_a_number() -> None:
 def test_bad_arguments_are_refused() -> None:
     inst = two_axes("real-size")
     with refused("handle_angles", (3,)):
-        coupled.output_angles(inst, [0, 0, 0])
+        chain.output_angles(inst, [0, 0, 0])
     with refused("wrench", (3,)):
-        coupled.output_angles(inst, 0.0, [1, 0, 0])
+        chain.output_angles(inst, 0.0, [1, 0, 0])
     with refused("wrench[1]", np.nan):
-        coupled.output_angles(inst, 0.0, [0, np.nan, 0, 0, 0, 0])
+        chain.output_angles(inst, 0.0, [0, np.nan, 0, 0, 0, 0])
     with refused("strokes", (2,)):
-        coupled.output_angles(inst, 0.0, strokes=[0, 0])
+        chain.output_angles(inst, 0.0, strokes=[0, 0])
     with refused("axes", "world"):
-        coupled.output_angles(inst, 0.0, axes="world")  # type: ignore[arg-type]
+        chain.output_angles(inst, 0.0, axes="world")  # type: ignore[arg-type]
     with refused("grip_force", 1.0):
-        coupled.output_angles(inst, 0.0, grip_force=1.0)
+        chain.output_angles(inst, 0.0, grip_force=1.0)
     with refused("handle_angles of handle_yaw", 1.0):
-        coupled.output_angles(inst, [1.0, 0.0])
+        chain.output_angles(inst, [1.0, 0.0])
     with refused(""):
-        coupled.output_angles(inst, np.zeros((2, 2)), np.zeros((3, 6)))
+        chain.output_angles(inst, np.zeros((2, 2)), np.zeros((3, 6)))
     with refused("inst", "no handle"):
-        coupled.handle_angles(coupled.parse(NO_HANDLE), [0.1])
+        chain.handle_angles(instrument.parse(NO_HANDLE), [0.1])
 
 
 def test_without_a_handle_only_the_motors_move_the_tip() -> None:
-    angles = coupled.output_angles(coupled.parse(NO_HANDLE), 0.0, strokes=[[0.0, 0.0], [6e-4, -6e-4]])
+    angles = chain.output_angles(instrument.parse(NO_HANDLE), 0.0, strokes=[[0.0, 0.0], [6e-4, -6e-4]])
     np.testing.assert_allclose(angles, [[0.0], [0.2]], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("axis", ["roll", (0.3, 1.0, 0.5)])
 def test_a_gear_or_a_backbone_bends_only_across_the_instrument(axis: Any) -> None:
-    joint = coupled.parse(NO_HANDLE).joints[0].model_dump(exclude_none=True)
-    assert coupled.Joint(**joint | {"axis": axis}).axis == axis
+    joint = instrument.parse(NO_HANDLE).joints[0].model_dump(exclude_none=True)
+    assert instrument.Joint(**joint | {"axis": axis}).axis == axis
     with pytest.raises(ValueError, match="across z"):
-        coupled.Joint(**joint | {"axis": axis, "mechanism": "tendon-gear"})
+        instrument.Joint(**joint | {"axis": axis, "mechanism": "tendon-gear"})
 
 
 NO_HANDLE = """

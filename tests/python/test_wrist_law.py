@@ -1,17 +1,17 @@
-"""The law on coupled wrists, what it takes a wrench for, and the axes that a controller has."""
+"""The law on wrists, what it takes a wrench for, and the axes that a controller has."""
 
 import numpy as np
 import pytest
 
 import tenodesis as tn
 from tenodesis.control import Controller
-from tenodesis.verification import coupled_law as wrist
+from tenodesis.verification import wrist_law as wrist
 
 
 @pytest.mark.parametrize("name", ["real-size", "scaled-up"])
 def test_the_axes_of_a_planar_instrument_come_back(name: str) -> None:
     planar = tn.load(name).replace(axes=("yaw", "pitch"))
-    back = tn.coupled.compensated(tn.coupled.of_planar(planar))
+    back = tn.control.compensated(tn.instrument.expanded(planar))
     assert back.axes == planar.axes
     for axis in planar.axes:
         was, now = planar.axis(axis), back.axis(axis)
@@ -22,10 +22,10 @@ def test_the_axes_of_a_planar_instrument_come_back(name: str) -> None:
 
 
 def test_a_joint_without_a_pair_of_its_own_has_no_controller() -> None:
-    assert list(tn.coupled.pairs("hybrid-real-size")) == ["yaw", "pitch"]
-    assert tn.coupled.pairs("needle-driver") == {}
+    assert list(tn.control.pairs("hybrid-real-size")) == ["yaw", "pitch"]
+    assert tn.control.pairs("needle-driver") == {}
     with pytest.raises(tn.ArgumentError, match="no joint that a controller can compensate"):
-        tn.coupled.compensated("needle-driver")
+        tn.control.compensated("needle-driver")
     controller = Controller(tn.load("scaled-up"))
     with pytest.raises(tn.ArgumentError, match=r"for yaw of a tendon-gear; .* not yaw and pitch of a tendon-gear"):
         tn.twin.Twin("hybrid-scaled-up").run(np.zeros((2, 3)), controller=controller, wrench=np.zeros(6))
@@ -72,42 +72,42 @@ def test_final_errors_over_all_states_and_directions(name: str) -> None:
 
 
 def test_moments_by_a_wrench_are_those_of_the_statics() -> None:
-    inst = tn.coupled.load("maryland-dissector").replace(friction={})
-    angles = tn.coupled.output_angles(inst, 0, strokes=np.linspace(-2e-4, 2e-4, len(inst.tendons)))
-    rates = tn.coupled.rates(inst, 0, strokes=np.linspace(-2e-4, 2e-4, len(inst.tendons)))
-    assert tn.coupled.load_matrix(inst, angles) == pytest.approx(rates.stiffness @ rates.by_wrench, rel=1e-9, abs=1e-12)
+    inst = tn.instrument.expanded("maryland-dissector").replace(friction={})
+    angles = tn.statics.chain.output_angles(inst, 0, strokes=np.linspace(-2e-4, 2e-4, len(inst.tendons)))
+    rates = tn.statics.chain.rates(inst, 0, strokes=np.linspace(-2e-4, 2e-4, len(inst.tendons)))
+    assert tn.statics.load_matrix(inst, angles) == pytest.approx(rates.stiffness @ rates.by_wrench, rel=1e-9, abs=1e-12)
 
 
 def test_two_joints_tell_two_components_and_say_so() -> None:
-    inst = tn.coupled.load("hybrid-scaled-up")
+    inst = tn.instrument.expanded("hybrid-scaled-up")
     angles = np.radians([20.0, -30.0, 0.0])
     force = np.array([0.4, -0.7, 0.0, 0.0, 0.0, 0.0])
-    moments = tn.coupled.load_matrix(inst, angles) @ force
+    moments = tn.statics.load_matrix(inst, angles) @ force
     moments[2] = np.nan  # the jaw's is not known
-    across = tn.coupled.tip_wrench(inst, angles, moments, 1e-6, usual=[5, 5, 0, 0, 0, 0])
+    across = tn.statics.tip_wrench(inst, angles, moments, 1e-6, usual=[5, 5, 0, 0, 0, 0])
     assert across.wrench == pytest.approx(force, abs=1e-4)
-    anything = tn.coupled.tip_wrench(inst, angles, moments, 1e-6)
+    anything = tn.statics.tip_wrench(inst, angles, moments, 1e-6)
     deviation = np.sqrt(np.diag(anything.covariance))
     assert np.all(np.abs(anything.wrench - force) < 3 * deviation + 1e-9)
     assert anything.narrowed[2] < 0.6  # along the tip, joints show little
     assert anything.narrowed[5] < 0.5  # no joint turns about the tip's own axis
-    nothing = tn.coupled.tip_wrench(inst, angles, [np.nan] * 3, 1.0)
+    nothing = tn.statics.tip_wrench(inst, angles, [np.nan] * 3, 1.0)
     assert nothing.narrowed == pytest.approx(np.zeros(6), abs=1e-12)
     with pytest.raises(tn.ArgumentError, match="deviations is -1"):
-        tn.coupled.tip_wrench(inst, angles, moments, -1.0)
+        tn.statics.tip_wrench(inst, angles, moments, -1.0)
 
 
 def test_the_force_at_the_tip_is_estimated_within_its_deviation() -> None:
-    inst = tn.coupled.load("hybrid-scaled-up")
+    inst = tn.instrument.expanded("hybrid-scaled-up")
     handle = wrist.commands(inst, (33, 33))[: round(5 / wrist.STEP)]
     wrench = np.zeros((len(handle), 6))
     wrench[round(2 / wrist.STEP) :, :2] = 0.6, -0.5
-    controller = Controller(tn.coupled.compensated(inst), law="robust", enabled=True)
+    controller = Controller(tn.control.compensated(inst), law="robust", enabled=True)
     run = tn.twin.Twin(inst, seed=2).run(handle, wrench=wrench, controller=controller)
-    estimate = tn.coupled.estimated_wrench(inst, run.rows(-200), usual=[5, 5, 0, 0, 0, 0])
+    estimate = tn.control.estimated_wrench(inst, run.rows(-200), usual=[5, 5, 0, 0, 0, 0])
     off = estimate.wrench[:, :2] - wrench[-200:, :2]
     deviation = np.sqrt(np.diagonal(estimate.covariance, axis1=-2, axis2=-1))[:, :2]
     assert np.all(np.abs(off) < 3 * deviation)
     assert deviation.max() < 0.5
     with pytest.raises(tn.ArgumentError, match="no estimates"):
-        tn.coupled.estimated_wrench(inst, tn.twin.Twin(inst).run(handle[:5], wrench=wrench[:5]))
+        tn.control.estimated_wrench(inst, tn.twin.Twin(inst).run(handle[:5], wrench=wrench[:5]))

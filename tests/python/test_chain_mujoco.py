@@ -1,33 +1,33 @@
-"""The coupled statics against the same mechanism settled in MuJoCo."""
+"""The statics of joints and tendons against the same mechanism settled in MuJoCo."""
 
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from tenodesis import coupled
-from tenodesis.coupled import CoupledInstrument
-from tenodesis.statics import Axes, Status
-from tenodesis.verification.coupled_peer import CoupledPeer
+from tenodesis import instrument
+from tenodesis.instrument import FullForm
+from tenodesis.statics import Axes, Status, chain
+from tenodesis.verification.chain_peer import ChainPeer
 
-from .coupled_samples import Point, backbone, drawn, holds, jaws
+from .chain_samples import LISTED, Point, backbone, drawn, holds, jaws
 
 ALLOWED = 0.05  # deg
 OFF_PULLEY = np.radians(88)  # where the peer's tendons leave a pulley
 
-SHIPPED = [pytest.param(lambda name=name: coupled.load(name), id=name) for name in coupled.shipped()]
+SHIPPED = [pytest.param(lambda name=name: instrument.expanded(name), id=name) for name in LISTED]
 SAMPLES = [pytest.param(jaws, id="jaws"), pytest.param(backbone, id="backbone")]
 
 
-def compare(inst: CoupledInstrument, cases: int, loss: float) -> tuple[float, int, int, int]:
+def compare(inst: FullForm, cases: int, loss: float) -> tuple[float, int, int, int]:
     """Settle random cases whose loads turn a joint by about `loss` (rad) each.
 
     Returns the largest difference, deg, and how many cases were compared, were slack, and are disputed.
     """
     random = np.random.default_rng(5)
-    peer = CoupledPeer(inst)
+    peer = ChainPeer(inst)
     handles = len(inst.handle_joints)
-    straight = coupled.rates(inst, 0.0)
+    straight = chain.rates(inst, 0.0)
     by_wrench = np.abs(straight.by_wrench)
     heaviest = np.repeat([loss / by_wrench[:, :3].max(), loss / by_wrench[:, 3:].max()], 3)
     # A trigger whose tendon is slack at rest moves nothing there.
@@ -43,7 +43,7 @@ def compare(inst: CoupledInstrument, cases: int, loss: float) -> tuple[float, in
         force = random.uniform(-grip, grip) if grip else 0.0
         strokes = random.uniform(-1, 1, len(inst.tendons)) * longest
         loads = {"grip_force": [force], "strokes": strokes, "axes": axes}
-        ours = coupled.equilibrium(inst, handle, wrench, **loads)  # type: ignore[arg-type]
+        ours = chain.equilibrium(inst, handle, wrench, **loads)  # type: ignore[arg-type]
         if np.abs(ours.angles).max() > OFF_PULLEY:
             continue
         theirs = peer.settle(handle, wrench, grip_force=force, strokes=strokes, axes=axes)
@@ -58,7 +58,7 @@ def compare(inst: CoupledInstrument, cases: int, loss: float) -> tuple[float, in
 
 
 @pytest.mark.parametrize("make", [*SHIPPED, *SAMPLES])
-def test_angles_and_tensions_agree_with_the_mechanism_settled_in_mujoco(make: Callable[[], CoupledInstrument]) -> None:
+def test_angles_and_tensions_agree_with_the_mechanism_settled_in_mujoco(make: Callable[[], FullForm]) -> None:
     worst, compared, _, disputed = compare(make(), 8, 0.1)
     assert worst <= ALLOWED
     assert compared == 8
@@ -67,7 +67,7 @@ def test_angles_and_tensions_agree_with_the_mechanism_settled_in_mujoco(make: Ca
 
 @pytest.mark.slow
 @pytest.mark.parametrize("make", SHIPPED)
-def test_they_agree_over_three_hundred_loads_with_slack_tendons(make: Callable[[], CoupledInstrument]) -> None:
+def test_they_agree_over_three_hundred_loads_with_slack_tendons(make: Callable[[], FullForm]) -> None:
     worst, compared, slack, disputed = compare(make(), 300, 0.3)
     assert worst <= ALLOWED
     assert compared >= 270
@@ -82,10 +82,10 @@ def test_random_wrists_settle_where_the_statics_have_them() -> None:
         inst = drawn(seed)
         if not holds(inst):
             continue
-        peer = CoupledPeer(inst)
+        peer = ChainPeer(inst)
         for axes in ("tip", "stem"):
             point = Point(inst, seed, 0.1)
-            ours = coupled.equilibrium(inst, [point.handle], **point.load(axes=axes))
+            ours = chain.equilibrium(inst, [point.handle], **point.load(axes=axes))
             if np.abs(ours.angles).max() > OFF_PULLEY:
                 continue
             theirs = peer.settle(point.handle, point.wrench, grip_force=point.grip, strokes=point.strokes, axes=axes)

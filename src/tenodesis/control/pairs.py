@@ -1,4 +1,4 @@
-"""The axes of a coupled instrument that a controller compensates: joints with a pair of tendons of their own.
+"""The axes of an instrument that a controller compensates: joints with a pair of tendons of their own.
 
 What such a joint loses is the stretch of its pair, whatever load or neighbour causes it, and the pair's proximal
 tensions and spool angles show that stretch. So each axis of the planar controller does for one joint of the wrist what
@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tenodesis.coupled.reading import CoupledLike, load
-from tenodesis.coupled.rows import link_rows, mass_matrix
 from tenodesis.errors import ArgumentError, InstrumentError
-from tenodesis.instrument import FullForm, Joint, ShortForm, as_instrument
+from tenodesis.instrument import FullForm, InstrumentLike, Joint, ShortForm, as_instrument, expanded
 from tenodesis.instrument.mechanisms import JOINT_TYPES
+from tenodesis.plant import link_rows, mass_matrix
 from tenodesis.run import Names
 from tenodesis.toml import validated
 
@@ -30,13 +29,13 @@ class Pair(NamedTuple):
     antagonist: int
 
 
-def pairs(inst: CoupledLike) -> dict[str, Pair]:
-    """Return the pairs of a coupled instrument by the axis (yaw, pitch) of their joint, in the order of the joints.
+def pairs(inst: InstrumentLike) -> dict[str, Pair]:
+    """Return the pairs of an instrument by the axis (yaw, pitch) of their joint, in the order of the joints.
 
     A joint has its own pair where one joint of the handle winds two tendons of the same stiffness and pretension on its
     two sides, both from a spool, that pass all other joints in their middle.
     """
-    inst = load(inst)
+    inst = expanded(inst)
     tips, handles = inst.tendon_arms("tip"), inst.tendon_arms("handle")
     found: dict[str, Pair] = {}
     for j, joint in enumerate(inst.tip_joints):
@@ -57,18 +56,18 @@ def pairs(inst: CoupledLike) -> dict[str, Pair]:
     return found
 
 
-def names_of(inst: CoupledLike) -> Names:
+def names_of(inst: InstrumentLike) -> Names:
     """Return what the columns of an instrument's runs are named after."""
-    inst = load(inst)
+    inst = expanded(inst)
     own = [inst.tip_joints[pair.joint] for pair in pairs(inst).values()]
     groups = (inst.tip_joints, inst.handle_joints, inst.tendons, own)
     return Names(*(tuple(one.name for one in group) for group in groups))
 
 
-def compensated(inst: CoupledLike) -> ShortForm:
+def compensated(inst: InstrumentLike) -> ShortForm:
     """Return the instrument of one or two planar axes that a controller of an instrument is made for.
 
-    Its axes are the joints with a pair of their own (:func:`pairs`): ``Controller(tn.coupled.compensated(inst))``. One
+    Its axes are the joints with a pair of their own (:func:`pairs`): ``Controller(tn.control.compensated(inst))``. One
     in the short form has no others, and is returned as it is.
 
     Raises
@@ -77,9 +76,9 @@ def compensated(inst: CoupledLike) -> ShortForm:
         No joint has a pair of its own, or their mechanisms differ.
     """
     given = as_instrument(inst)
-    if isinstance(given, ShortForm):
-        return given
-    inst = load(given)
+    if given.short_form is not None:
+        return given.short_form
+    inst = given.expanded
     axes = pairs(inst)
     if not axes:
         raise ArgumentError(

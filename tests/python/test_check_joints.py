@@ -14,6 +14,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 import tenodesis as tn
 from tenodesis.cli import common
 
+from .chain_samples import LISTED
+
 Run = Callable[..., tuple[int, str, str]]
 
 DRIVER = """
@@ -87,9 +89,9 @@ WRONG = {
 
 
 @pytest.fixture
-def driver(tmp_path: Path) -> tn.coupled.CoupledInstrument:
+def driver(tmp_path: Path) -> tn.instrument.FullForm:
     (tmp_path / "driver.toml").write_text(DRIVER, "utf-8")
-    return tn.coupled.parse(DRIVER)
+    return tn.instrument.parse(DRIVER)
 
 
 def rows(tenodesis: Run, *words: object) -> list[dict[str, Any]]:
@@ -118,19 +120,19 @@ def test_check_prints_routes_arms_coupling_and_losses_in_80_columns(
     assert "turning pitch by the tendons that end at joint pitch also turns jaw_1 by -0.5, jaw_2 by -0.5" in said
 
 
-def test_check_as_json_is_what_python_computes(tenodesis: Run, driver: tn.coupled.CoupledInstrument) -> None:
+def test_check_as_json_is_what_python_computes(tenodesis: Run, driver: tn.instrument.FullForm) -> None:
     found = json.loads(tenodesis("check", "driver.toml", "--json")[1])
-    np.testing.assert_array_equal(found["arms"], tn.coupled.straight_arms(driver))
-    np.testing.assert_array_equal(found["coupling"], tn.coupled.coupling(driver))
-    np.testing.assert_array_equal(found["stiffness"], tn.coupled.rates(driver, 0.0).stiffness)
+    np.testing.assert_array_equal(found["arms"], tn.statics.straight_arms(driver))
+    np.testing.assert_array_equal(found["coupling"], tn.statics.coupling(driver))
+    np.testing.assert_array_equal(found["stiffness"], tn.statics.chain.rates(driver, 0.0).stiffness)
     assert found["tendons"][2]["in_words"] == "spool → pitch agonist at 1.5 mm → jaw_1 agonist at 3 mm → end"
     assert len(found["losses"]["rows"]) == 6
 
 
 def test_arms_of_gears_are_their_radii(real: tn.Instrument) -> None:
-    inst = tn.coupled.of_planar(real.replace(axes=["yaw"]))
-    np.testing.assert_allclose(tn.coupled.straight_arms(inst), [[2e-3], [-2e-3]])
-    np.testing.assert_allclose(tn.coupled.straight_arms(inst, "handle"), [[4.5e-3], [-4.5e-3]])
+    inst = tn.instrument.expanded(real.replace(axes=["yaw"]))
+    np.testing.assert_allclose(tn.statics.straight_arms(inst), [[2e-3], [-2e-3]])
+    np.testing.assert_allclose(tn.statics.straight_arms(inst, "handle"), [[4.5e-3], [-4.5e-3]])
 
 
 @pytest.mark.parametrize(
@@ -147,12 +149,12 @@ def test_what_is_hardly_meant_is_said(changes: dict[str, str], sentence: str) ->
     text = DRIVER
     for old, new in changes.items():
         text = text.replace(old, new, 1)
-    said = [doubt.sentence for doubt in tn.coupled.implausible(tn.coupled.parse(text))]
+    said = [doubt.sentence for doubt in tn.control.implausible(tn.instrument.parse(text))]
     assert any(re.search(sentence, one) for one in said)
 
 
 def test_a_tendon_that_is_slack_at_rest_is_named() -> None:
-    said = [doubt.sentence for doubt in tn.coupled.implausible(tn.coupled.load("hybrid-real-size"))]
+    said = [doubt.sentence for doubt in tn.control.implausible(tn.instrument.expanded("hybrid-real-size"))]
     assert said == ["slack without a load: grip."]
 
 
@@ -160,37 +162,37 @@ def test_a_tendon_that_is_slack_at_rest_is_named() -> None:
 
 
 def test_a_tendon_is_slack_from_the_printed_load_on_and_the_strokes_restore(
-    tenodesis: Run, driver: tn.coupled.CoupledInstrument
+    tenodesis: Run, driver: tn.instrument.FullForm
 ) -> None:
     (row,) = rows(
         tenodesis, "driver.toml", "--load", "0.2 0.5 -1 N", "--moment", "0 0 5 N*mm", "--grip", "1 N", "--angle",
         "20 30 -10 deg",
     )  # fmt: skip
     np.testing.assert_allclose(np.degrees(row["output_angles"]), (20, 30, -10), atol=1e-9)
-    handle, strokes = tn.coupled.hold(driver, np.radians([20, 30, -10]))
+    handle, strokes = tn.statics.hold(driver, np.radians([20, 30, -10]))
     wrench, grip = np.array(row["wrench"]), row["grip_force"]
     np.testing.assert_allclose(wrench, [0.2, 0.5, -1, 0, 0, 5e-3])
-    under = tn.coupled.output_angles(driver, handle, wrench, grip_force=grip, strokes=strokes)
+    under = tn.statics.chain.output_angles(driver, handle, wrench, grip_force=grip, strokes=strokes)
     np.testing.assert_allclose(row["lost"], np.array(row["output_angles"]) - under, atol=1e-12)
     tendon = [one.name for one in driver.tendons].index(row["slack_tendon"])
     for share, is_slack in ((0.999, False), (1.001, True)):
         factor = share * row["slack_factor"]
-        held = tn.coupled.tensions(driver, handle, factor * wrench, grip_force=factor * grip, strokes=strokes)
+        held = tn.statics.chain.tensions(driver, handle, factor * wrench, grip_force=factor * grip, strokes=strokes)
         assert (held[tendon] == 0) is np.bool_(is_slack)
     wound = strokes + np.array(row["strokes"])
-    back = tn.coupled.output_angles(driver, handle, wrench, grip_force=grip, strokes=wound)
+    back = tn.statics.chain.output_angles(driver, handle, wrench, grip_force=grip, strokes=wound)
     np.testing.assert_allclose(back, row["output_angles"], atol=1e-9)
 
 
 def test_a_planar_instrument_loses_the_same_in_either_form(real: tn.Instrument) -> None:
     planar = real.replace(axes=["yaw"])
     angle = np.radians(40)
-    lost = tn.coupled.loss(planar, [angle], [-0.5, 0, 0, 0, 0, 0]).lost[0]
+    lost = tn.statics.loss(planar, [angle], [-0.5, 0, 0, 0, 0, 0]).lost[0]
     handle = tn.statics.handle_angle(planar, angle)
     assert lost == pytest.approx(angle - tn.statics.output_angle(planar, handle, 0.5), abs=1e-9)
 
 
-@pytest.mark.parametrize("name", tn.coupled.shipped())
+@pytest.mark.parametrize("name", LISTED)
 def test_every_shipped_instrument_is_held_and_has_losses(tenodesis: Run, name: str) -> None:
     found = rows(tenodesis, name)
     assert len(found) == 6
@@ -225,7 +227,7 @@ def test_grip_and_moment_are_refused_where_there_is_none(tenodesis: Run, tmp_pat
 def test_other_commands_say_which_ones_take_such_files(tenodesis: Run) -> None:
     code, _, wrong = tenodesis("scale", "driver.toml")
     assert code == 1
-    assert "takes planar instruments; tenodesis check, loss, bench, record, replay, console, export urdf" in wrong
+    assert "takes planar instruments; tenodesis check, loss, bench, record, replay, console, export controller" in wrong
 
 
 # ---------------------------------------------------------------------- picture
@@ -243,7 +245,7 @@ def test_the_picture_names_every_joint_tendon_and_radius(tenodesis: Run, tmp_pat
     assert "driver.svg exists already" in tenodesis("check", "driver.toml", "--picture", "driver.svg")[2]
 
 
-@pytest.mark.parametrize("name", [*tn.coupled.shipped(), "real-size"])
+@pytest.mark.parametrize("name", [*LISTED, "real-size"])
 def test_no_label_of_a_picture_covers_another(name: str) -> None:
     figure = tn.plot.routing(tn.load(name) if name == "real-size" else name)
     renderer = FigureCanvasAgg(figure).get_renderer()

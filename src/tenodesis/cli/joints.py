@@ -1,0 +1,127 @@
+"""Joints, tendons and what follows from them, as ``tenodesis check`` prints them."""
+
+from collections.abc import Sequence
+from math import degrees
+from typing import Any
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+from tenodesis import statics
+from tenodesis.cli.common import components, console, matrix, say, table
+from tenodesis.cli.loss import losses_as_json, print_losses
+from tenodesis.errors import NoSolutionError
+from tenodesis.instrument import FullForm, Tendon
+from tenodesis.statics import Loss, Rates
+
+
+def rates_at_rest(inst: FullForm) -> Rates | None:
+    """Return stiffness and transmission without a load, handle straight; None where there is no equilibrium."""
+    try:
+        return statics.rates(inst, np.zeros(len(inst.handle_joints)))
+    except NoSolutionError:
+        return None
+
+
+def joints_as_json(inst: FullForm, found: Sequence[Loss]) -> dict[str, Any]:
+    """Return joints, tendons and what follows from them as JSON has it."""
+    rates, bases = rates_at_rest(inst), _bases(inst)
+    return {
+        "joints": [
+            joint.model_dump(exclude_none=True) | {"on": bases[joint.name], "axis": joint.axis_vector}
+            for joint in inst.joints
+        ],
+        "tendons": [
+            tendon.model_dump(exclude_none=True)
+            | {"stiffness": stiffness, "pretension": tension, "in_words": route(inst, tendon)}
+            for tendon, stiffness, tension in zip(
+                inst.tendons, inst.stiffnesses.tolist(), inst.pretensions.tolist(), strict=True
+            )
+        ],
+        "arms": statics.straight_arms(inst).tolist(),
+        "handle_arms": statics.straight_arms(inst, "handle").tolist(),
+        "coupling": statics.coupling(inst).tolist(),
+        "stiffness": None if rates is None else rates.stiffness.tolist(),
+        "by_handle": None if rates is None else rates.by_handle.tolist(),
+        "losses": losses_as_json(inst, found),
+    }
+
+
+def print_joints(inst: FullForm, found: Sequence[Loss]) -> None:
+    """Print joints, tendons and what follows from them."""
+    tips, handles = len(inst.tip_joints), len(inst.handle_joints)
+    say(
+        f"{inst.name}: {_count(tips, 'joint')} at the tip, {handles or 'none'} at the handle, "
+        f"{_count(len(inst.tendons), 'tendon')}" + (f". {inst.description}" * bool(inst.description))
+    )
+    _print("Joints", _joints(inst))
+    _print("Tendons", _tendons(inst))
+    joints = (*inst.handle_joints[::-1], *inst.tip_joints)
+    arms = np.hstack([statics.straight_arms(inst, "handle")[:, ::-1], statics.straight_arms(inst)])
+    names = [tendon.name for tendon in inst.tendons]
+    tip_names = [joint.name for joint in inst.tip_joints]
+    _print("Moment arms of the straight joints [mm]", matrix(names, [j.name for j in joints], 1e3 * arms))
+    per_mm = np.degrees(statics.coupling(inst)) * 1e-3
+    _print("Coupling: angles by drawn tendon, taut and without stretch [°/mm]", matrix(names, tip_names, per_mm.T))
+    if (rates := rates_at_rest(inst)) is not None:
+        _print("Stiffness at rest: moment by angle [N·m/rad]", matrix(tip_names, tip_names, rates.stiffness))
+        if handles:
+            handle_names = [joint.name for joint in inst.handle_joints]
+            _print("Angles by angles of the handle, at rest", matrix(tip_names, handle_names, rates.by_handle))
+    print_losses(inst, found)
+
+
+def route(inst: FullForm, tendon: Tendon) -> str:
+    """Return a tendon's route in words, from its start to its end."""
+    radii = {joint.name: joint.radius for joint in inst.joints}
+    words: list[str] = [tendon.start]
+    for crossing in tendon.route:
+        radius = radii[crossing.joint] if crossing.radius is None else crossing.radius
+        at = "" if crossing.side == "middle" else f" at {1e3 * radius:.4g} mm"
+        wrap = f", wrap {degrees(crossing.base_wrap):.4g}°" if crossing.base_wrap else ""
+        words.append(f"{crossing.joint} {crossing.side}{at}{wrap}")
+    return f"{' → '.join(words)} → end"
+
+
+def _joints(inst: FullForm) -> Table:
+    shown, bases = table(padding=(0, 1, 0, 0)), _bases(inst)
+    for heading in ("joint", "stands on", "mechanism", "axis", "radius [mm]", "range [°]"):
+        shown.add_column(escape(heading), justify="right" if "[" in heading else "left", overflow="fold")
+    for joint in (*inst.handle_joints[::-1], *inst.tip_joints):
+        axis = joint.axis if isinstance(joint.axis, str) else components(joint.axis_vector)
+        radius, most = f"{1e3 * joint.radius:.4g}", f"±{degrees(joint.range):.4g}"
+        shown.add_row(*map(escape, (joint.name, bases[joint.name], joint.mechanism, axis, radius, most)))
+    return shown
+
+
+def _bases(inst: FullForm) -> dict[str, str]:
+    """Return the name of what each joint stands on, by its own."""
+    tips, handles = inst.tip_joints, inst.handle_joints
+    names = ["stem", *(joint.name for joint in handles)]
+    found = {joint.name: joint.on or before for joint, before in zip(handles, names, strict=False)}
+    return found | {
+        joint.name: "stem" if on < 0 else tips[on].name for joint, on in zip(tips, inst.parents, strict=True)
+    }
+
+
+def _tendons(inst: FullForm) -> Table:
+    shown = table(padding=(0, 1, 0, 0))
+    shown.add_column("tendon", no_wrap=True)
+    shown.add_column("route")
+    shown.add_column(escape("stiffness\n[N/mm]"), justify="right")
+    shown.add_column(escape("pretension\n[N]"), justify="right")
+    for tendon, stiffness, tension in zip(inst.tendons, inst.stiffnesses, inst.pretensions, strict=True):
+        cells = (tendon.name, route(inst, tendon), f"{1e-3 * stiffness:.4g}", f"{tension:.4g}")
+        shown.add_row(*map(escape, cells))
+    return shown
+
+
+def _print(title: str, shown: Table) -> None:
+    """Print a table below its title, however narrow it is."""
+    say(title)
+    console.print(shown)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'s' * (number != 1)}"
