@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tenodesis.console.display import ShownSignals
 from tenodesis.control.parameters import tension_limit
-from tenodesis.instrument import FullForm, Instrument, ShortForm
+from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.run import Array
 
 if TYPE_CHECKING:
@@ -189,7 +189,7 @@ class TensionColours:
     """Colours of tension (N) for an instrument: grey when slack, from blue to red at the tension limit."""
 
     def __init__(self, inst: Instrument) -> None:
-        wound: tuple[Any, ...] = (inst,) if isinstance(inst, FullForm) else inst.planar
+        wound: tuple[Any, ...] = (inst,) if inst.short_form is None else inst.planar
         self.limit = min(tension_limit(axis) for axis in wound)
         """Tension above which no tendon is wound, N."""
         self.pretension = wound[0].pretension

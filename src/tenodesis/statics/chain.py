@@ -1,8 +1,8 @@
-"""All joints of an instrument at rest under a wrench at the tip and a grip force: the core's chain of joints."""
+"""Rows behind the equations: all joints of an instrument at rest, last axes by joint, tendon or wrench component."""
 
 import math
-from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple, TypeAlias
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, NamedTuple, TypeAlias, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -52,31 +52,30 @@ class Rates(NamedTuple):
         return np.asarray(np.linalg.pinv(self.by_handle).swapaxes(-1, -2), float)
 
 
+class Load(TypedDict, total=False):
+    """What acts on an instrument beside the wrench at its tip."""
+
+    grip_force: ArrayLike
+    """Force with which an object presses the jaws apart, (...), N"""
+    strokes: ArrayLike
+    """Length wound by the motors on every tendon, (..., tendons), m"""
+    axes: Axes
+    """"tip": the wrench turns with the end-effector, z along it; "stem": it keeps its direction"""
+
+
 def equilibrium(
-    inst: InstrumentLike,
-    handle_angles: ArrayLike,
-    wrench: ArrayLike = 0.0,
-    *,
-    grip_force: ArrayLike = 0.0,
-    strokes: ArrayLike = 0.0,
-    axes: Axes = "tip",
+    inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[Load]
 ) -> Equilibrium:
     """Return angles and tensions of an instrument under a load, on the branch that starts without one.
 
     Parameters
     ----------
-    inst
-        An instrument, or its name or path.
     handle_angles
         Of the handle's joints, (..., handle joints), rad; 0 for all.
     wrench
         Force (N) and moment (N m) on the tip, (..., 6): x, y, z of either. Each end bears an equal share, jaws half.
-    grip_force
-        Force with which an object presses the jaws apart, (...), N.
-    strokes
-        Length wound by the motors on every tendon, (..., tendons), m.
-    axes
-        "tip": the wrench turns with the end-effector, z along it; "stem": it keeps its direction.
+    **load
+        What else acts, as of :class:`Load`.
 
     Raises
     ------
@@ -85,108 +84,66 @@ def equilibrium(
     NoSolutionError
         There is no equilibrium at a single given point.
     """
-    inst, point = _prepare(inst, handle_angles, wrench, grip_force, strokes, axes)
-    angles = np.empty((point.total, len(inst.tip_joints)))
-    tensions = np.empty((point.total, len(inst.tendons)))
-    status = np.empty(point.total, np.uint8)
-    inst.core.solve(*point.inputs, axes == "stem", angles, tensions, status, threads())
-    _check(inst, "equilibrium", point, status)
+    point = _prepare(expanded(inst), handle_angles, wrench, **load)
+    angles, tensions = point.empty(len(point.inst.tip_joints)), point.empty(len(point.inst.tendons))
+    status = point.solve("equilibrium", point.inst.core.solve, angles, tensions)
     reason = Status(int(status[0])) if point.shape == () else status.reshape(point.shape)
     return Equilibrium(point.shaped(angles), point.shaped(tensions), reason)
 
 
 def output_angles(
-    inst: InstrumentLike,
-    handle_angles: ArrayLike,
-    wrench: ArrayLike = 0.0,
-    *,
-    grip_force: ArrayLike = 0.0,
-    strokes: ArrayLike = 0.0,
-    axes: Axes = "tip",
+    inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[Load]
 ) -> Array:
     """Return the angles of the tip's joints, (..., joints), rad; arguments and errors as :func:`equilibrium`."""
-    found = equilibrium(inst, handle_angles, wrench, grip_force=grip_force, strokes=strokes, axes=axes)
-    return np.asarray(found.output_angle)
+    return np.asarray(equilibrium(inst, handle_angles, wrench, **load).output_angle)
 
 
-def tensions(
-    inst: InstrumentLike,
-    handle_angles: ArrayLike,
-    wrench: ArrayLike = 0.0,
-    *,
-    grip_force: ArrayLike = 0.0,
-    strokes: ArrayLike = 0.0,
-    axes: Axes = "tip",
-) -> Array:
+def tensions(inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[Load]) -> Array:
     """Return the tensions of the tendons, (..., tendons), N; arguments and errors as :func:`equilibrium`."""
-    found = equilibrium(inst, handle_angles, wrench, grip_force=grip_force, strokes=strokes, axes=axes)
-    return np.asarray(found.tensions)
+    return np.asarray(equilibrium(inst, handle_angles, wrench, **load).tensions)
 
 
-def rates(
-    inst: InstrumentLike,
-    handle_angles: ArrayLike,
-    wrench: ArrayLike = 0.0,
-    *,
-    grip_force: ArrayLike = 0.0,
-    strokes: ArrayLike = 0.0,
-    axes: Axes = "tip",
-) -> Rates:
+def rates(inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[Load]) -> Rates:
     """Return stiffness and compliance matrices at rest, exact; arguments and errors as :func:`equilibrium`.
 
     Loss of dexterity to first order is `by_wrench @ wrench`, eq. 17 in one plane; `by_handle` are the transmission
     ratios of the angles.
     """
-    inst, point = _prepare(inst, handle_angles, wrench, grip_force, strokes, axes)
-    joints, tendons = len(inst.tip_joints), len(inst.tendons)
+    point = _prepare(expanded(inst), handle_angles, wrench, **load)
+    joints, tendons, handles = (len(of) for of in (point.inst.tip_joints, point.inst.tendons, point.inst.handle_joints))
     ends = np.cumsum([joints, 6, 1, tendons])
-    out = np.empty((point.total, joints, int(ends[-1]) + len(inst.handle_joints)))
-    status = np.empty(point.total, np.uint8)
-    inst.core.answer(*point.inputs, axes == "stem", out, status, threads())
-    _check(inst, "rates", point, status)
+    out = point.empty(joints, int(ends[-1]) + handles)
+    point.solve("rates", point.inst.core.answer, out)
     parts = [point.shaped(part) for part in np.split(out, ends, axis=2)]
     return Rates(parts[0], parts[1], parts[2][..., 0], parts[3], parts[4])
 
 
 def handle_angles(
-    inst: InstrumentLike,
-    output_angles: ArrayLike,
-    wrench: ArrayLike = 0.0,
-    *,
-    grip_force: ArrayLike = 0.0,
-    strokes: ArrayLike = 0.0,
-    axes: Axes = "tip",
+    inst: InstrumentLike, output_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[Load]
 ) -> Array:
     """Return the handle angles that hold given output angles under a load, (..., handle joints), rad.
 
     The inverse of :func:`output_angles`, slack included (eq. 20 in one plane); the handle must have as many joints as
     the tip. Arguments and errors as :func:`equilibrium`.
     """
-    inst = expanded(inst)
-    joints = len(inst.tip_joints)
-    if len(inst.handle_joints) != joints:
+    whole = expanded(inst)
+    joints = len(whole.tip_joints)
+    if len(whole.handle_joints) != joints:
         raise ArgumentError(
-            f"{inst.name} has {len(inst.handle_joints)} joints at the handle and {joints} at the tip; their numbers "
+            f"{whole.name} has {len(whole.handle_joints)} joints at the handle and {joints} at the tip; their numbers "
             "must be equal.",
             key="inst",
-            value=inst.name,
+            value=whole.name,
             allowed="an instrument with as many joints at the handle as at the tip",
         )
-    inst, point = _prepare(inst, output_angles, wrench, grip_force, strokes, axes, "output_angles", joints)
-    out, status = np.empty((point.total, joints)), np.empty(point.total, np.uint8)
-    inst.core.handle_angles(*point.inputs, axes == "stem", out, status, threads())
-    _check(inst, "handle_angles", point, status)
+    point = _prepare(whole, output_angles, wrench, key="output_angles", **load)
+    out = point.empty(joints)
+    point.solve("handle_angles", point.inst.core.handle_angles, out)
     return point.shaped(out)
 
 
 def compensation_strokes(
-    inst: InstrumentLike,
-    handle_angles: ArrayLike,
-    wrench: ArrayLike = 0.0,
-    *,
-    grip_force: ArrayLike = 0.0,
-    strokes: ArrayLike = 0.0,
-    axes: Axes = "tip",
+    inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[Load]
 ) -> Array:
     """Return the lengths to wind so that all joints keep their unloaded angles under a load, (..., tendons), m.
 
@@ -194,10 +151,9 @@ def compensation_strokes(
     winds what its own tendon is stretched by more, beyond the strokes given. Arguments and errors as
     :func:`equilibrium`; NoSolutionError also if the tendons with motors cannot carry the load.
     """
-    inst, point = _prepare(inst, handle_angles, wrench, grip_force, strokes, axes)
-    out, status = np.empty((point.total, len(inst.tendons))), np.empty(point.total, np.uint8)
-    inst.core.compensation_strokes(*point.inputs, axes == "stem", out, status, threads())
-    _check(inst, "compensation_strokes", point, status)
+    point = _prepare(expanded(inst), handle_angles, wrench, **load)
+    out = point.empty(len(point.inst.tendons))
+    point.solve("compensation_strokes", point.inst.core.compensation_strokes, out)
     return point.shaped(out)
 
 
@@ -236,27 +192,37 @@ def coordinates(joints: Sequence[Joint], angles: Array) -> Array:
 class _Point(NamedTuple):
     """Arguments, broadcast and flat: rows of the common length, or a single row."""
 
+    inst: FullForm
     inputs: tuple[Array, Array, Array, Array]
     """Angles held, strokes, wrench and grip force."""
     shape: tuple[int, ...]
     total: int
     key: str
+    axes: Axes
+
+    def empty(self, *widths: int) -> Array:
+        return np.empty((self.total, *widths))
 
     def shaped(self, values: Array) -> Array:
         return values.reshape(*self.shape, *values.shape[1:])
 
+    def solve(self, name: str, function: Callable[..., None], *out: Array) -> NDArray[np.uint8]:
+        """Fill arrays by a function of the core and return how each point ended; raises its errors."""
+        status = np.empty(self.total, np.uint8)
+        function(*self.inputs, self.axes == "stem", *out, status, threads())
+        _check(self, name, status)
+        return status
+
 
 def _prepare(  # noqa: PLR0917
-    inst: InstrumentLike,
+    inst: FullForm,
     held: ArrayLike,
     wrench: ArrayLike,
-    grip_force: ArrayLike,
-    strokes: ArrayLike,
-    axes: Axes,
+    grip_force: ArrayLike = 0.0,
+    strokes: ArrayLike = 0.0,
+    axes: Axes = "tip",
     key: str = "handle_angles",
-    width: int | None = None,
-) -> tuple[FullForm, _Point]:
-    inst = expanded(inst)
+) -> _Point:
     if axes not in ("tip", "stem"):
         raise ArgumentError(key="axes", value=axes, allowed="tip or stem")
     grip = numbers("grip_force", grip_force)
@@ -269,7 +235,7 @@ def _prepare(  # noqa: PLR0917
             allowed="0 without a table [grip]",
         )
     given = {
-        key: _rows(key, held, len(inst.handle_joints) if width is None else width),
+        key: _rows(key, held, len(inst.handle_joints if key == "handle_angles" else inst.tip_joints)),
         "strokes": _rows("strokes", strokes, len(inst.tendons)),
         "wrench": _rows("wrench", wrench, 6),
         "grip_force": grip[..., np.newaxis],
@@ -279,7 +245,7 @@ def _prepare(  # noqa: PLR0917
         _check_within_range(inst, given[key])
     total = math.prod(shape)
     held, wound, wrenches, grips = (_flat(rows, shape, total) for rows in given.values())
-    return inst, _Point((held, wound, wrenches, grips), shape, total, key)
+    return _Point(inst, (held, wound, wrenches, grips), shape, total, key, axes)
 
 
 def _flat(rows: Array, shape: tuple[int, ...], total: int) -> Array:
@@ -318,7 +284,7 @@ def _rows(key: str, value: ArrayLike, width: int) -> Array:
     return array
 
 
-def _check(inst: FullForm, function: str, point: _Point, status: NDArray[np.uint8]) -> None:
+def _check(point: _Point, function: str, status: NDArray[np.uint8]) -> None:
     """Raise ArgumentError if an argument is not finite, NoSolutionError where a single point has no solution."""
     if status.size and int(status.max()) == int(Status.NOT_FINITE):
         for name, rows in zip((point.key, "strokes", "wrench", "grip_force"), point.inputs, strict=True):
@@ -333,7 +299,7 @@ def _check(inst: FullForm, function: str, point: _Point, status: NDArray[np.uint
     held, _, wrench, grip = point.inputs
     given = f"{point.key} = {_list(held[0])}, load = {_list(np.append(wrench[0], grip[0]))}"
     reason: Any = _REASONS.get(Status(int(status[0])), "an argument is not of physical size")
-    raise NoSolutionError(f"{function} of {inst.name} at {given}: {reason}.")
+    raise NoSolutionError(f"{function} of {point.inst.name} at {given}: {reason}.")
 
 
 def _list(values: Array) -> str:
