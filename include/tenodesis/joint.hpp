@@ -256,30 +256,27 @@ struct Bend {
   constexpr Bend(const J& joint, const S& x) : Bend(joint.mechanism, joint.chord, x) {}
 
   /// A vector of the far side in the axes of the middle, or of the middle in those of the near side.
-  template <class C>
-  constexpr Vector<S> inward(const Vector<C>& axis, const Vector<S>& v) const {
+  template <class Axis>
+  constexpr Vector<S> inward(const Axis& axis, const Vector<S>& v) const {
     return rotated(axis, v, sine);
   }
   /// The inverse.
-  template <class C>
-  constexpr Vector<S> outward(const Vector<C>& axis, const Vector<S>& v) const {
+  template <class Axis>
+  constexpr Vector<S> outward(const Axis& axis, const Vector<S>& v) const {
     return rotated(axis, v, -sine);
   }
 
  private:
+  template <Along along>
+  constexpr Vector<S> rotated(const Direction<S, along>& axis, const Vector<S>& v, const S& by) const {
+    return turned(axis, v, by, cosine);
+  }
   template <class C>
   constexpr Vector<S> rotated(const Vector<C>& axis, const Vector<S>& v, const S& by) const {
     // About an axis of the link itself two components turn.
-    if (axis.x == C(0) && axis.z == C(0)) {
-      const S s = S(axis.y) * by;
-      return {cosine * v.x + s * v.z, v.y, cosine * v.z - s * v.x};
-    }
-    if (axis.y == C(0) && axis.z == C(0)) {
-      const S s = S(axis.x) * by;
-      return {v.x, cosine * v.y - s * v.z, cosine * v.z + s * v.y};
-    }
-    const Vector<S> about{S(axis.x), S(axis.y), S(axis.z)};
-    return cosine * v + by * cross(about, v) + ((S(1) - cosine) * dot(about, v)) * about;
+    if (axis.x == C(0) && axis.z == C(0)) return turned(Direction<S, Along::y>{S(axis.y)}, v, by, cosine);
+    if (axis.y == C(0) && axis.z == C(0)) return turned(Direction<S, Along::x>{S(axis.x)}, v, by, cosine);
+    return turned(Vector<S>{S(axis.x), S(axis.y), S(axis.z)}, v, by, cosine);
   }
 };
 

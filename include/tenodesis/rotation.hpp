@@ -24,6 +24,55 @@ constexpr Vector<S> cross(const Vector<S>& a, const Vector<S>& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
+/// Which coordinate axis a direction lies along, where that is known when this is compiled.
+enum class Along : unsigned char { any, x, y };
+
+/// A direction along x or y, by its size there.
+template <class S, Along along>
+struct Direction {
+  S size{};
+};
+
+template <class S>
+constexpr const Vector<S>& vector_of(const Vector<S>& v) {
+  return v;
+}
+template <class S, Along along>
+constexpr Vector<S> vector_of(const Direction<S, along>& a) {
+  if constexpr (along == Along::x)
+    return {a.size, S(0), S(0)};
+  else
+    return {S(0), a.size, S(0)};
+}
+
+template <class S, Along along>
+constexpr S dot(const Direction<S, along>& a, const Vector<S>& v) {
+  return a.size * (along == Along::x ? v.x : v.y);
+}
+
+template <class S, Along along>
+constexpr Vector<S> cross(const Direction<S, along>& a, const Vector<S>& v) {
+  if constexpr (along == Along::x)
+    return {S(0), -(a.size * v.z), a.size * v.y};
+  else
+    return {a.size * v.z, S(0), -(a.size * v.x)};
+}
+
+/// Turned about a direction, by the sine and cosine of the angle.
+template <class S, Along along>
+constexpr Vector<S> turned(const Direction<S, along>& about, const Vector<S>& v, const S& sine, const S& cosine) {
+  const S s = about.size * sine;
+  if constexpr (along == Along::x)
+    return {v.x, cosine * v.y - s * v.z, cosine * v.z + s * v.y};
+  else
+    return {cosine * v.x + s * v.z, v.y, cosine * v.z - s * v.x};
+}
+/// The same about a unit vector.
+template <class S>
+constexpr Vector<S> turned(const Vector<S>& about, const Vector<S>& v, const S& sine, const S& cosine) {
+  return cosine * v + sine * cross(about, v) + ((S(1) - cosine) * dot(about, v)) * about;
+}
+
 /// A unit quaternion.
 template <class S>
 struct Rotation {

@@ -221,7 +221,12 @@ struct Tendon {
   /// get zero tension.
   int revise(const Bands& band, const Slips& from, const S& tolerance, State& state,
              int most = std::numeric_limits<int>::max()) const {
-    const int n = contacts();
+    return revise(contacts(), band, from, tolerance, state, most);
+  }
+
+  /// The same over the first n contacts only.
+  int revise(int n, const Bands& band, const Slips& from, const S& tolerance, State& state,
+             int most = std::numeric_limits<int>::max()) const {
     int revised = 0;
     for (int i = 0; i <= n; ++i) {
       const bool slack = slack_after(state, i, tolerance);
@@ -244,14 +249,17 @@ struct Tendon {
 
   /// The same in lanes and in all places; true where there was a contradiction.
   Flag<S> revise_all(const Bands& band, const Slips& from, const S& tolerance, State& state) const {
+    return revise_all(contacts(), band, from, tolerance, state);
+  }
+  Flag<S> revise_all(int n, const Bands& band, const Slips& from, const S& tolerance, State& state) const {
     Flag<S> revised = false;
-    for (int i = 0; i <= contacts(); ++i) {
+    for (int i = 0; i <= n; ++i) {
       const Flag<S> slack = slack_after(state, i, tolerance);
       revised = revised || slack != state.slack[i];
       state.slack[i] = slack;
       state.tension[i] = where(slack || state.tension[i] < S(0), S(0), state.tension[i]);
     }
-    for (int j = 0; j < contacts(); ++j) {
+    for (int j = 0; j < n; ++j) {
       const auto slide =
           slide_of(band[j], state.tension[j], state.tension[j + 1], state.slip[j] - from[j], tolerance, state.slide[j]);
       revised = revised || slide != state.slide[j];
@@ -263,8 +271,7 @@ struct Tendon {
   /// Projects one contact after another onto its friction law, with its neighbours held, starting from the step's
   /// beginning; the result is the state, and the next guess.
   [[gnu::noinline, gnu::cold]] void relax(const Bands& band, const Reaction<S>& spool, const Lengths& pull, const S& y,
-                                          const Slips& from, State& state) const {
-    const int n = contacts();
+                                          const Slips& from, State& state, int n) const {
     state.slip = from;
     for (int round = 0; round < relaxation_rounds; ++round) {
       for (int j = 0; j < n; ++j) {
@@ -293,8 +300,11 @@ struct Tendon {
 
   /// Largest violation of the friction law at any contact, N.
   S residual(const Bands& band, const Slips& from, const State& state) const {
+    return residual(contacts(), band, from, state);
+  }
+  S residual(int n, const Bands& band, const Slips& from, const State& state) const {
     S worst(0);
-    for (int j = 0; j < contacts(); ++j) {
+    for (int j = 0; j < n; ++j) {
       const S spool = state.tension[j];
       const S tip = state.tension[j + 1];
       const S slipped = state.slip[j] - from[j];
@@ -360,24 +370,33 @@ struct Tendon {
   }
 };
 
-/// Solves a tendon with given ends: the last segment's end is displaced by pull, the spool's end reacts.
+/// Solves a tendon with given ends, over its first n contacts: the last segment's end is displaced by pull, the spool's
+/// end reacts.
 ///
 /// Returns the number of passes, or most_sweeps + 1 if every guess was contradicted and the state is a relaxed one.
+template <class S, class Rows>
+int settle(const Tendon<S, Rows>& tendon, int n, const typename Tendon<S, Rows>::Bands& band,
+           const typename Tendon<S, Rows>::Lengths& pull, const Reaction<S>& spool, const S& tolerance,
+           TendonState<S, Rows>& state, typename Tendon<S, Rows>::Line& line) {
+  const int most = most_sweeps(n);
+  const auto from = state.slip;
+  for (int sweep = 1; sweep <= most; ++sweep) {
+    tendon.eliminate(n, band, spool, pull, from, state, line);
+    tendon.substitute(n, spool, pull, line, S(0), state);
+    const int places = sweep <= joint_sweeps ? n * 2 + 1 : 1;
+    if (tendon.revise(n, band, from, tolerance, state, places) == 0) return sweep;
+    if (sweep <= joint_sweeps && sweep % hasty_sweeps == 0) tendon.relax(band, spool, pull, S(0), from, state, n);
+  }
+  tendon.relax(band, spool, pull, S(0), from, state, n);
+  return most + 1;
+}
+
+/// The same over all of them.
 template <class S, class Rows>
 int settle(const Tendon<S, Rows>& tendon, const typename Tendon<S, Rows>::Bands& band,
            const typename Tendon<S, Rows>::Lengths& pull, const Reaction<S>& spool, const S& tolerance,
            TendonState<S, Rows>& state, typename Tendon<S, Rows>::Line& line) {
-  const int most = most_sweeps(tendon.contacts());
-  const auto from = state.slip;
-  for (int sweep = 1; sweep <= most; ++sweep) {
-    tendon.eliminate(band, spool, pull, from, state, line);
-    tendon.substitute(spool, pull, line, S(0), state);
-    const int places = sweep <= joint_sweeps ? tendon.contacts() * 2 + 1 : 1;
-    if (tendon.revise(band, from, tolerance, state, places) == 0) return sweep;
-    if (sweep <= joint_sweeps && sweep % hasty_sweeps == 0) tendon.relax(band, spool, pull, S(0), from, state);
-  }
-  tendon.relax(band, spool, pull, S(0), from, state);
-  return most + 1;
+  return settle(tendon, tendon.contacts(), band, pull, spool, tolerance, state, line);
 }
 
 /// Tension beyond one contact, N: constant while the contact sticks, on the band's edge while it slides.

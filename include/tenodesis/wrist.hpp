@@ -6,9 +6,8 @@
 // the sum of arm times x over the joints that it crosses.
 
 #include <cstdint>
-#include <utility>
 
-#include "tenodesis/joint.hpp"
+#include "tenodesis/wrist_layout.hpp"
 
 namespace tenodesis {
 
@@ -41,11 +40,15 @@ struct WristLoad {
 };
 
 /// The constants of a wrist of N joints and at most M tendons; a tendon that is not there has no stiffness.
-template <class Scalar, int N, int M>
+///
+/// of: its layout (wrist_layout.hpp), if that is known when this is compiled; the numbers below say the same then.
+template <class Scalar, int N, int M, auto of = UnknownLayout{}>
 struct Wrist {
   using S = Scalar;
   static constexpr int joints = N;
   static constexpr int tendons = M;
+  static constexpr auto layout = of;
+  static constexpr bool known = of.known;
 
   WristJoint<S> joint[N]{};  ///< each after the one that it stands on
   S arm[M][N]{};             ///< tendon drawn by a unit of each coordinate, m
@@ -55,6 +58,37 @@ struct Wrist {
   int handles{};             ///< joints of the handle, at most N
   Mechanism handle[N]{};
   S handle_arm[M][N]{};  ///< tendon wound by a unit of each of the handle's coordinates, m
+
+  /// Mechanism of a joint, of the handle from N on.
+  constexpr Mechanism mechanism(int g) const {
+    if constexpr (known)
+      return layout.mechanism[g];
+    else
+      return g < N ? joint[g].mechanism : handle[g - N];
+  }
+  /// The joint that a joint stands on; -1: the stem.
+  constexpr int parent(int i) const {
+    if constexpr (known)
+      return i - 1;
+    else
+      return joint[i].parent;
+  }
+  /// The axis of joint i, as a direction where that is known.
+  template <class T, int i>
+  constexpr auto axis() const {
+    const auto& at = joint[i].axis;
+    if constexpr (!known)
+      return Vector<T>{T(at.x), T(at.y), T(at.z)};
+    else if constexpr (layout.axis[i] == Along::x)
+      return Direction<T, Along::x>{T(at.x)};
+    else
+      return Direction<T, Along::y>{T(at.y)};
+  }
+  /// Joint i bent to a coordinate.
+  template <class T>
+  constexpr Bend<T> bend(int i, const T& x) const {
+    return {mechanism(i), joint[i].chord, x};
+  }
 
   /// Length by which handle angles (rad) and strokes of the motors (m) wind each tendon, m.
   template <class T>
@@ -90,41 +124,43 @@ struct Wrist {
   }
 
   /// Moments of a load about every joint in the direction of its angle, by virtual work, N m, and their rates by the
-  /// angles, N m/rad.
+  /// angles, N m/rad, unless these are not asked for.
   ///
   /// serial: the joints stand one on another, and the wrench turns with the tip; all places are then known when this is
   /// compiled, and numbers stay in registers.
-  template <bool serial = false, class T>
+  template <bool serial = false, bool rates = true, class T>
   [[gnu::always_inline]] constexpr void load_moments(const Bend<T>* bend, const WristLoad<T>& load, T* moment,
                                                      T (*rate)[N]) const {
+    if constexpr (known && !serial)
+      if (!load.in_stem_axes) return load_moments<true, rates>(bend, load, moment, rate);
     // At the far end of every joint, in its axes: the wrench, and its rates by the angles of the joints beyond.
     Wrench<T> at[N]{};
     Wrench<T> by[N][N]{};
     std::uint32_t beyond[N]{};
     const bool turns = !serial && load.in_stem_axes;
     if (turns) turn_with_stem(bend, load.wrench, at, by, beyond);
-    each_joint([&](auto i) {
+    each<N>([&](auto i) {
       const T share(joint[i].share);
       const Wrench<T>& own = turns ? at[i] : load.wrench;
       at[i] = shared(own, share, T(joint[i].length));
-      if (!turns) return;
+      if (!rates || !turns) return;
       for (int j = 0; j <= i; ++j) by[i][j] = shared(by[i][j], share, T(joint[i].length));
     });
-    each_joint([&](auto from_stem) {
+    each<N>([&](auto from_stem) {
       constexpr int i = N - 1 - decltype(from_stem)::value;
       const auto& on = joint[i];
-      const Vector<T> axis{T(on.axis.x), T(on.axis.y), T(on.axis.z)};
+      const auto axis = this->template axis<T, i>();
       const Bend<T>& bent = bend[i];
       const auto pass = [&](const Wrench<T>& far, T& about) {
-        Wrench<T> mid{bent.inward(on.axis, far.force), bent.inward(on.axis, far.moment)};
+        Wrench<T> mid{bent.inward(axis, far.force), bent.inward(axis, far.moment)};
         mid.moment = mid.moment + bent.chord * along(mid.force);
         about = T(0.5) * (dot(axis, far.moment) + dot(axis, mid.moment)) + bent.chord_rate * mid.force.z;
         return mid;
       };
       const auto near = [&](const Wrench<T>& mid) {
-        return Wrench<T>{bent.inward(on.axis, mid.force), bent.inward(on.axis, mid.moment)};
+        return Wrench<T>{bent.inward(axis, mid.force), bent.inward(axis, mid.moment)};
       };
-      const int parent = serial ? i - 1 : on.parent;
+      const int parent = serial ? i - 1 : this->parent(i);
       const auto hand_on = [&](Wrench<T>& to, const Wrench<T>& from) {
         to.force = to.force + from.force;
         to.moment = to.moment + from.moment + T(on.offset) * along(from.force);
@@ -132,6 +168,8 @@ struct Wrist {
       const Wrench<T> mid = pass(at[i], moment[i]);
       moment[i] = moment[i] + T(on.grip) * load.grip;
       const Wrench<T> whole = near(mid);
+      if (parent >= 0) hand_on(at[parent], whole);
+      if constexpr (!rates) return;
       // By its own angle: both halves turn, and the chord changes.
       Wrench<T> own{};
       rate[i][i] = T(0);
@@ -147,11 +185,10 @@ struct Wrist {
       own.force = own.force + T(0.5) * cross(axis, whole.force);
       own.moment = own.moment + T(0.5) * cross(axis, whole.moment);
       if (parent >= 0) {
-        hand_on(at[parent], whole);
         hand_on(by[parent][i], own);
         beyond[parent] |= beyond[i] | std::uint32_t(1) << i;
       }
-      each_joint([&](auto j) {
+      each<N>([&](auto j) {
         if (j == i) return;
         rate[i][j] = T(0);
         if (serial ? j < i : (beyond[i] >> j & 1u) == 0) return;
@@ -162,14 +199,6 @@ struct Wrist {
   }
 
  private:
-  // Calls f with the place of every joint, as a constant.
-  template <class F>
-  [[gnu::always_inline]] static constexpr void each_joint(const F& f) {
-    [&]<int... i>(std::integer_sequence<int, i...>) {
-      (f(std::integral_constant<int, i>{}), ...);
-    }(std::make_integer_sequence<int, N>{});
-  }
-
   // A wrench in the stem's axes, in those of every joint's far end; its rates by the angles that turn these.
   template <class T>
   constexpr void turn_with_stem(const Bend<T>* bend, const Wrench<T>& wrench, Wrench<T>* at, Wrench<T> (*by)[N],

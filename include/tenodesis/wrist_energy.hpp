@@ -13,7 +13,7 @@ T::S wrist_stored_energy(const T& twin, const typename T::State& state) {
   constexpr int N = T::N;
   S twice(0);
   for (int m = 0; m < T::M; ++m)
-    for (int i = 0; i <= twin.tendon[m].contacts() && twin.wrist.stiffness[m] > S(0); ++i)
+    for (int i = 0; i <= twin.contacts(m) && twin.wrist.stiffness[m] > S(0); ++i)
       twice = twice + state.tendon[m].tension[i] * state.tendon[m].tension[i] / twin.tendon[m].stiffness[i];
   for (int i = 0; i < N; ++i) {
     const S beyond = state.angle[i] - clamp(state.angle[i], -twin.stop[i], twin.stop[i]);
@@ -22,7 +22,7 @@ T::S wrist_stored_energy(const T& twin, const typename T::State& state) {
   }
   if (!twin.quasi_static) {
     S x[N], matrix[N][N], bias[N];
-    for (int i = 0; i < N; ++i) x[i] = coordinate_at(twin.wrist.joint[i].mechanism, state.angle[i]);
+    for (int i = 0; i < N; ++i) x[i] = coordinate_at(twin.mechanism(i), state.angle[i]);
     inertia(twin.wrist, twin.link, x, state.velocity, matrix, bias);
     for (int i = 0; i < N; ++i)
       for (int j = 0; j < N; ++j) twice = twice + state.velocity[i] * matrix[i][j] * state.velocity[j];
@@ -48,7 +48,7 @@ Energy<typename T::S> wrist_energy(const T& twin, const typename T::State& befor
   const auto loads = [&](const T::State& state, S* moment) {
     Bend<S> bend[N];
     for (int i = 0; i < N; ++i)
-      bend[i] = Bend<S>(twin.wrist.joint[i], coordinate_at(twin.wrist.joint[i].mechanism, state.angle[i]));
+      bend[i] = twin.wrist.bend(i, coordinate_at(twin.mechanism(i), state.angle[i]));
     twin.wrist.load_moments(bend, twin.load_of(state.command), moment, rate);
   };
   loads(before, was);
@@ -65,7 +65,7 @@ Energy<typename T::S> wrist_energy(const T& twin, const typename T::State& befor
     const auto& now = after.tendon[m];
     const S wound = twin.drive.spool_radius * (after.drive[m].spool - before.drive[m].spool);
     energy.spools = energy.spools + mean(then.tension[0], now.tension[0]) * wound;
-    for (int j = 0; j < twin.tendon[m].contacts(); ++j) {
+    for (int j = 0; j < twin.contacts(m); ++j) {
       const S at_start = then.tension[j] - then.tension[j + 1];
       const S at_end = now.tension[j] - now.tension[j + 1];
       const S slipped = now.slip[j] - then.slip[j];

@@ -16,39 +16,34 @@ struct Link {
 
 namespace detail {
 
-/// A joint at an angle, as a moving frame.
-template <class S>
+/// A joint at an angle, as a moving frame; Axis: a vector, or a direction (rotation.hpp).
+template <class S, class Axis>
 struct Motion {
-  Vector<S> row[3];   ///< of the rotation of vectors of the far side into the axes of the near side
+  Axis axis;
+  S sine{};  ///< of the angle
+  S cosine{};
   Vector<S> place{};  ///< of the far end, in the axes and from the end of what the joint stands on, m
   Vector<S> rate{};   ///< of that by the angle, in the axes of the far side, m
   Vector<S> curve{};  ///< second rate, likewise
 
-  Motion(const WristJoint<S>& joint, const S& x) {
-    const Vector<S>& axis = joint.axis;
-    const Bend<S> bend(joint, x);
+  Motion(const Axis& about, const Bend<S>& bend, const S& offset) : axis(about) {
     // A joint with a chord bends about an axis across z, in the plane of z and this.
-    const Vector<S> side{axis.y, -axis.x, S(0)};
+    const Vector<S> side = cross(axis, Vector<S>{S(0), S(0), S(1)});
     const auto in_plane = [&](const S& across, const S& along) {
       return Vector<S>{across * side.x, across * side.y, along};
     };
     const S& chord = bend.chord;
     const S& longer = bend.chord_rate;
     const S bow = bend.chord_curve - S(0.25) * chord;
-    place = in_plane(chord * bend.sine, joint.offset + chord * bend.cosine);
+    place = in_plane(chord * bend.sine, offset + chord * bend.cosine);
     rate =
         in_plane(S(0.5) * chord * bend.cosine - longer * bend.sine, S(0.5) * chord * bend.sine + longer * bend.cosine);
     curve = in_plane(longer * bend.cosine - bow * bend.sine, longer * bend.sine + bow * bend.cosine);
-    const S versine = S(2) * bend.sine * bend.sine;
-    const S cosine = S(1) - versine;
-    const Vector<S> a = S(2) * bend.sine * bend.cosine * axis;
-    const Vector<S> b = versine * axis;
-    row[0] = {cosine + b.x * axis.x, b.x * axis.y - a.z, b.x * axis.z + a.y};
-    row[1] = {b.y * axis.x + a.z, cosine + b.y * axis.y, b.y * axis.z - a.x};
-    row[2] = {b.z * axis.x - a.y, b.z * axis.y + a.x, cosine + b.z * axis.z};
+    sine = S(2) * bend.sine * bend.cosine;
+    cosine = S(1) - S(2) * bend.sine * bend.sine;
   }
 
-  Vector<S> outward(const Vector<S>& v) const { return v.x * row[0] + v.y * row[1] + v.z * row[2]; }
+  Vector<S> outward(const Vector<S>& v) const { return turned(axis, v, -sine, cosine); }
 };
 
 /// How a link moves: its joint's far end, and its turn, in its axes.
@@ -73,15 +68,19 @@ void inertia(const W& wrist, const Link<S>* link, const S* x, const S* speed, S 
     bias[i] = S(0);
     for (int j = 0; j < N; ++j) matrix[i][j] = S(0);
   }
-  for (int k = 0; k < N; ++k) {
-    const detail::Motion<S> motion(wrist.joint[k], x[k]);
-    const int on = wrist.joint[k].parent;
-    const Vector<S> spin = speed[k] * wrist.joint[k].axis;
-    by[k][k] = {motion.rate, wrist.joint[k].axis};
+  each<N>([&](auto at_joint) {
+    constexpr int k = decltype(at_joint)::value;
+    const auto axis = wrist.template axis<S, k>();
+    const detail::Motion<S, std::remove_const_t<decltype(axis)>> motion(axis, wrist.bend(k, x[k]),
+                                                                       wrist.joint[k].offset);
+    const int on = wrist.parent(k);
+    const Vector<S> unit = vector_of(axis);
+    const Vector<S> spin = speed[k] * unit;
+    by[k][k] = {motion.rate, unit};
     faster[k].moved = speed[k] * speed[k] * motion.curve;
     turning[k] = spin;
     if (on >= 0) {
-      for (int i = on; i >= 0; i = wrist.joint[i].parent) {
+      for (int i = on; i >= 0; i = wrist.parent(i)) {
         const detail::Twist<S>& before = by[on][i];
         by[k][i] = {motion.outward(before.moved + cross(before.turned, motion.place)), motion.outward(before.turned)};
       }
@@ -113,14 +112,14 @@ void inertia(const W& wrist, const Link<S>* link, const S* x, const S* speed, S 
     const auto work = [&](int i, const Wrench<S>& of) {
       return dot(by[k][i].moved, of.force) + dot(by[k][i].turned, of.moment);
     };
-    for (int i = k; i >= 0; i = wrist.joint[i].parent) {
+    for (int i = k; i >= 0; i = wrist.parent(i)) {
       bias[i] = bias[i] + work(i, force);
       const Wrench<S> at = momentum(by[k][i]);
-      for (int j = i; j >= 0; j = wrist.joint[j].parent) matrix[i][j] = matrix[i][j] + work(j, at);
+      for (int j = i; j >= 0; j = wrist.parent(j)) matrix[i][j] = matrix[i][j] + work(j, at);
     }
-  }
+  });
   for (int i = 0; i < N; ++i)
-    for (int j = wrist.joint[i].parent; j >= 0; j = wrist.joint[j].parent) matrix[j][i] = matrix[i][j];
+    for (int j = wrist.parent(i); j >= 0; j = wrist.parent(j)) matrix[j][i] = matrix[i][j];
 }
 
 }  // namespace tenodesis

@@ -54,6 +54,15 @@ struct Linear {
   }
   friend constexpr Linear operator*(const Linear& a, const S& by) { return by * a; }
 
+  template <class Mask>
+    requires(!std::is_same_v<Mask, bool>)
+  friend constexpr Linear where(const Mask& mask, const Linear& a, const Linear& b) {
+    Linear chosen;
+    chosen.value = where(mask, a.value, b.value);
+    for (int u = 0; u < U; ++u) chosen.by[u] = where(mask, a.by[u], b.by[u]);
+    return chosen;
+  }
+
   S at(const S* x) const {
     S sum = value;
     for (int u = 0; u < U; ++u) sum = sum + by[u] * x[u];
@@ -71,13 +80,13 @@ struct Unset {
   const T& operator[](int i) const { return at[i]; }
 };
 
-/// Rows of a tendon with at most so many contacts.
-template <int most>
+/// Rows of a tendon with at most so many contacts; fixed: those of a segment have no length of their own.
+template <int most, bool fixed = false>
 struct BoundedContacts {
   template <class T>
   struct Of {
     using PerContact = Row<T, most>;
-    using PerSegment = BoundedRow<T, most + 1>;
+    using PerSegment = std::conditional_t<fixed, Row<T, most + 1>, BoundedRow<T, most + 1>>;
   };
   template <class S, int U>
   struct Of<Linear<S, U>> {

@@ -75,7 +75,7 @@ struct SlipSpeeds<Slips, M, true> {
 template <class W, int most_contacts, class Law>
 struct WristState {
   using S = W::S;
-  using Rows = BoundedContacts<most_contacts>;
+  using Rows = BoundedContacts<most_contacts, W::known>;
   static constexpr int N = W::joints, M = W::tendons;
 
   S angle[2 * N]{};       ///< rad
@@ -91,13 +91,13 @@ struct WristState {
   SlipSpeeds<typename Rows::template PerContact<S>, M, Law::depends_on_speed> slip_speed{};
   DriveState<S> drive[M]{};
   CurrentState<S> current[M]{};
-  Noise noise{};
+  NoiseOf<typename SideBySide<S>::Word> noise{};
   S measured_handle[N]{};
   S measured_angle[N]{};
   S measured_tension[M]{};
   S measured_spool[M]{};
   int until_sample{};
-  int sweeps{};
+  SideBySide<S>::Count sweeps{};
   S residual_in_parts{-1};  ///< largest of the last step's parts; -1: it was not divided
 };
 

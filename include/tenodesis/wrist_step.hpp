@@ -6,12 +6,41 @@
 // iteration, and the guess is revised until nothing contradicts it. A joint at the handle draws the segment before its
 // contact, one at the tip the segment beyond.
 
+#include <type_traits>
+
 #include "tenodesis/twin_at_rest.hpp"
 #include "tenodesis/wrist_inertia.hpp"
 #include "tenodesis/wrist_state.hpp"
 #include "tenodesis/wrist_statics.hpp"
 
 namespace tenodesis {
+
+/// Most passes of a step of several twins in lockstep.
+inline constexpr int most_lane_passes = 6;
+
+/// Solves rows x = right by elimination without pivots, as a definite matrix allows; false where one is zero.
+template <class S, int N>
+[[gnu::always_inline]] constexpr Flag<S> solve_definite(Square<S, N> matrix, S* right) {
+  Flag<S> regular = true;
+  S inverse[N];
+  for (int k = 0; k < N; ++k) {
+    regular = regular && abs(matrix.at[k][k]) > S(0);
+    inverse[k] = S(1) / matrix.at[k][k];
+    for (int i = k + 1; i < N; ++i) {
+      const S by = matrix.at[i][k] * inverse[k];
+      for (int j = k + 1; j < N; ++j) matrix.at[i][j] = matrix.at[i][j] - by * matrix.at[k][j];
+      right[i] = right[i] - by * right[k];
+    }
+  }
+  for (int k = N - 1; k >= 0; --k) {
+    for (int j = k + 1; j < N; ++j) right[k] = right[k] - matrix.at[k][j] * right[j];
+    right[k] = right[k] * inverse[k];
+  }
+  return regular;
+}
+
+/// Change of angles within which a load's moments are linear to 1e-8 of them, rad.
+inline constexpr double near_angle = 1e-4;
 
 /// One step of a twin T, with U joints whose angles are unknown.
 template <class T, int U>
@@ -23,6 +52,7 @@ struct WristStep {
   using Command = T::Command;
   static constexpr int N = T::N, M = T::M, joints = T::joints;
   using Sum = Linear<S, U>;
+  using Count = SideBySide<S>::Count;
 
   const T& twin;
   const Command& command;
@@ -55,7 +85,17 @@ struct WristStep {
   WristStep(const T& of, const Command& with, const S& lasting, const State& from, State& to)
       : twin(of), command(with), before(from), next(to), duration(lasting), per_second(S(1) / lasting) {}
 
-  Status solve() {
+  /// Moves to the step's end, in the lanes that run; true where there is one.
+  Flag<S> solve(const Flag<S>& runs) {
+    if constexpr (T::known)
+      return solve_flat(runs);
+    else
+      return solve_all(runs);
+  }
+  // All of it in one function, in which what is known of the layout is constants.
+  [[gnu::flatten]] Flag<S> solve_flat(const Flag<S>& runs) { return solve_all(runs); }
+
+  Flag<S> solve_all(const Flag<S>& runs) {
     for (int g = 0; g < joints; ++g) angle[g] = g >= N && U == N ? command.handle_angle[g - N] : before.angle[g];
     if (!twin.quasi_static) {
       set_inertia();
@@ -63,33 +103,31 @@ struct WristStep {
     }
     set_pulls();
     for (int g = 0; g < joints; ++g) next.band_angle[g] = angle[g];
-    set_bands();
-    next.sweeps = 0;
-    Status found = settle();
+    next.sweeps = Count(0);
     // Quasi-static, friction is that of the step's end, as it is at a handle that a hand moves; at the tip in motion
     // the first guess is close enough.
     const int first_exact = twin.quasi_static ? 0 : N;
-    bool agreed = first_exact >= U;
-    for (int n = 0; n < most_corrections && !agreed && found == Status::ok; ++n) {
-      S was[U];
-      for (int u = first_exact; u < U; ++u) was[u] = next.band_angle[u] = angle[u];
+    Flag<S> open = runs;
+    Flag<S> found = false;
+    for (int n = 0; n <= most_corrections && any(open); ++n) {
+      for (int u = first_exact; u < U && n > 0; ++u) next.band_angle[u] = where(open, angle[u], next.band_angle[u]);
       set_bands();
-      found = settle();
-      agreed = true;
-      for (int u = first_exact; u < U; ++u) agreed = agreed && abs(angle[u] - was[u]) <= settled<ValueOf<S>>;
+      open = settle(open);
+      Flag<S> agreed = open;
+      for (int u = first_exact; u < U; ++u)
+        agreed = agreed && abs(angle[u] - next.band_angle[u]) <= S(settled<ValueOf<S>>);
+      found = found || agreed;
+      open = open && !agreed;
     }
-    if (found == Status::ok && !agreed) return Status::no_equilibrium;
-    if (found == Status::ok) finish();
+    if (any(found)) finish();
     return found;
   }
 
-  // Change of angles within which a load's moments are linear to rounding, rad.
-  static constexpr double near_angle = 1e-5;
-
   void set_inertia() {
-    if (N == 1 && twin.lone_inertia > S(0)) {
-      heavy.at[0][0] = S(2) * per_second * per_second * twin.lone_inertia;
-      for (int h = N; h < U; ++h) heavy.at[h][h] = S(2) * per_second * per_second * twin.hand.inertia;
+    const S twice = S(2) * per_second * per_second;
+    for (int h = N; h < U; ++h) heavy.at[h][h] = twice * twin.hand.inertia;
+    if (N == 1 && any(twin.lone_inertia > S(0))) {
+      heavy.at[0][0] = twice * twin.lone_inertia;
       return;
     }
     S x[N], speed[N], matrix[N][N];
@@ -98,10 +136,8 @@ struct WristStep {
       x[i] = coordinate_at(twin.mechanism(i), before.angle[i] + speed[i] * duration * S(0.5));
     }
     inertia(twin.wrist, twin.link, x, speed, matrix, bias);
-    const S twice = S(2) * per_second * per_second;
     for (int i = 0; i < N; ++i)
       for (int j = 0; j < N; ++j) heavy.at[i][j] = twice * matrix[i][j];
-    for (int h = N; h < U; ++h) heavy.at[h][h] = twice * twin.hand.inertia;
   }
 
   // Where rates and moments at the step's beginning lead.
@@ -112,45 +148,43 @@ struct WristStep {
       const S pushed_back = u < N ? before.contact_moment[u] : S(0);
       turned[u] = before.moment[u] + gripped + pushed_back - bias[u];
     }
-    if (solve_linear(heavy, turned) == 0) return;
-    for (int u = 0; u < U; ++u) angle[u] = angle[u] + before.velocity[u] * duration + turned[u];
+    const Flag<S> regular = solve_definite(heavy, turned);
+    for (int u = 0; u < U; ++u)
+      angle[u] = where(regular, angle[u] + before.velocity[u] * duration + turned[u], angle[u]);
   }
 
   // Whether the unknown joints draw a tendon at its end alone: then the rest of it is numbers.
-  bool ends_drawn(int m) const { return U == N && twin.ends_drawn[m]; }
-  const Draw<S>& last_draw(int m) const { return twin.draw[m][twin.draws[m] - 1]; }
+  bool ends_drawn(int m) const { return U == N && twin.ends_drawn(m); }
 
   // What the joints, known or unknown, draw in each segment.
   void set_pulls() {
-    for (int h = 0; h < twin.wrist.handles; ++h) given[h] = coordinate_at(twin.wrist.handle[h], angle[N + h]);
-    for (int m = 0; m < M; ++m) {
-      if (!twin.taut(m)) continue;
+    for (int h = 0; h < twin.handles(); ++h) given[h] = coordinate_at(twin.mechanism(N + h), angle[N + h]);
+    twin.each_tendon([&](int m) {
       const auto& tendon = twin.tendon[m];
-      const int n = tendon.contacts();
+      const int n = twin.contacts(m);
       for (int i = 0; i <= n; ++i) known[m][i] = S(0);
       first[m] = n;
       spool[m] = tendon.held_by_spool(twin.drive.spool_radius * next.drive[m].spool - command.let_out[m]);
-      for (int d = twin.draws[m] - 1; d >= 0; --d) {
-        const Draw<S>& by = twin.draw[m][d];
+      twin.each_draw(m, [&](const Draw<S>& by) {
         // The sheath comes before: no joint draws the first segment.
         if (U > N || by.joint < N)
-          first[m] = by.segment - 1;
+          first[m] = first[m] < by.segment - 1 ? first[m] : by.segment - 1;
         else
           known[m][by.segment] = known[m][by.segment] + by.arm * given[by.joint - N];
-      }
-      if (ends_drawn(m)) continue;
+      });
+      if (ends_drawn(m)) return;
       for (int i = first[m] + 1; i <= n; ++i) pull[m][i] = Sum(known[m][i]);
-      for (int d = 0; d < twin.draws[m]; ++d) {
-        const Draw<S>& by = twin.draw[m][d];
+      twin.each_draw(m, [&](const Draw<S>& by) {
         if (U > N || by.joint < N) pull[m][by.segment].by[by.joint] = by.arm;
-      }
-    }
+      });
+    });
   }
 
   void set_bands() {
     typename T::Shared shared[joints + 1];
-    for (int m = 0; m < M; ++m)
-      if (twin.taut(m)) twin.bands(m, next.band_angle, command.sheath_bend, per_second, before, shared, band[m]);
+    twin.each_tendon([&](int m) {
+      twin.bands(m, next.band_angle, command.sheath_bend, per_second, before, shared, band[m]);
+    });
   }
 
   S tolerance(int m) const { return friction_tolerance<ValueOf<S>> * twin.tension_scale[m]; }
@@ -158,12 +192,12 @@ struct WristStep {
   // Tensions of a tendon as functions of the coordinates under its guess, as moments on the joints.
   void eliminate(int m) {
     const auto& tendon = twin.tendon[m];
-    const int n = tendon.contacts();
+    const int n = twin.contacts(m);
     const auto& from = before.tendon[m].slip;
     auto& state = next.tendon[m];
     if (ends_drawn(m)) {
       const Reaction<S> end = tendon.eliminate(n, band[m], spool[m], known[m], from, state, near[m]);
-      const Draw<S>& by = last_draw(m);
+      const Draw<S> by = twin.last_draw(m);
       moment[by.joint].value = moment[by.joint].value - by.arm * end.at_rest;
       moment[by.joint].by[by.joint] = moment[by.joint].by[by.joint] - by.arm * by.arm * end.stiffness;
       return;
@@ -174,34 +208,39 @@ struct WristStep {
     Sum beyond(S(0));
     for (int j = n - 1; j >= first[m]; --j) {
       const Sum slip = line[m].at_rest[j] + line[m].rate[j] * beyond;
-      const Passage<S>& at = twin.passage[m][j];
-      const bool at_tip = at.joint >= 0 && at.joint < N;
-      if (at_tip && at.arm != S(0) && !state.slack[j + 1])
-        push(at, tendon.rest_tension + tendon.stiffness[j + 1] * (pull[m][j + 1] + slip - beyond));
+      const int joint = twin.joint_at(m, j);
+      const bool draws = twin.draws(m, j);
+      const S& arm = twin.passage[m][j].arm;
+      if (draws && joint < N)
+        push(joint, arm, state.slack[j + 1],
+             tendon.rest_tension + tendon.stiffness[j + 1] * (pull[m][j + 1] + slip - beyond));
       line[m].at_rest[j] = slip;  // in terms of the coordinates alone
       if constexpr (U > N) {
-        if (at.joint >= N && at.arm != S(0) && !state.slack[j]) {
+        if (draws && joint >= N) {
           const Sum held = line[m].at_rest[j - 1] + line[m].rate[j - 1] * slip;
-          push(at, tendon.rest_tension + tendon.stiffness[j] * (pull[m][j] + held - slip));
+          push(joint, arm, state.slack[j], tendon.rest_tension + tendon.stiffness[j] * (pull[m][j] + held - slip));
         }
       }
       beyond = slip;
     }
   }
 
-  void push(const Passage<S>& at, const Sum& tension) { moment[at.joint] = moment[at.joint] - at.arm * tension; }
+  void push(int joint, const S& arm, const Flag<S>& slack, const Sum& tension) {
+    moment[joint] = where(slack, moment[joint], moment[joint] - arm * tension);
+  }
 
   // Slips and tensions at given coordinates.
   void substitute(int m) {
     const auto& tendon = twin.tendon[m];
+    const int n = twin.contacts(m);
     auto& state = next.tendon[m];
-    S beyond(0);
     if (ends_drawn(m)) {
-      const Draw<S>& by = last_draw(m);
-      tendon.substitute(tendon.contacts(), spool[m], known[m], near[m], -by.arm * coordinate[by.joint], state);
+      const Draw<S> by = twin.last_draw(m);
+      tendon.substitute(n, spool[m], known[m], near[m], -by.arm * coordinate[by.joint], state);
       return;
     }
-    for (int j = tendon.contacts() - 1; j >= first[m]; --j) {
+    S beyond(0);
+    for (int j = n - 1; j >= first[m]; --j) {
       const S slip = line[m].at_rest[j].at(coordinate);
       state.tension[j + 1] =
           tendon.rest_tension + tendon.stiffness[j + 1] * (pull[m][j + 1].at(coordinate) + slip - beyond);
@@ -215,27 +254,41 @@ struct WristStep {
     for (int u = 0; u < U; ++u) coordinate[u] = coordinate_at(twin.mechanism(u), angle[u]);
   }
 
-  // Guess, pass, revise (tendon.hpp), with the joints' own equations.
-  Status settle() {
+  // Guess, pass, revise (tendon.hpp), with the joints' own equations, in the lanes that run; true where it has settled.
+  // Others stay as they are.
+  Flag<S> settle(const Flag<S>& runs) {
+    constexpr bool alone = std::is_same_v<Flag<S>, bool>;
     S start[joints];
-    for (int g = 0; g < joints; ++g) start[g] = angle[g];
+    if constexpr (alone)
+      for (int g = 0; g < joints; ++g) start[g] = angle[g];
     set_coordinates();
-    for (int sweep = 0; sweep < hasty_sweeps; ++sweep) {
-      ++next.sweeps;
+    Flag<S> open = runs;
+    Flag<S> found = false;
+    for (int sweep = 0; sweep < (alone ? hasty_sweeps : most_lane_passes) && any(open); ++sweep) {
+      next.sweeps = next.sweeps + where(open, Count(1), Count(0));
       for (int u = 0; u < U; ++u) moment[u] = Sum(S(0));
-      for (int m = 0; m < M; ++m)
-        if (twin.taut(m)) eliminate(m);
-      if (newton() != Status::ok) break;
-      int revised = 0;
-      for (int m = 0; m < M; ++m) {
-        if (!twin.taut(m)) continue;
+      twin.each_tendon([&](int m) { eliminate(m); });
+      open = newton(open);
+      if (!any(open)) break;
+      Flag<S> revised = false;
+      twin.each_tendon([&](int m) {
         substitute(m);
-        revised += twin.tendon[m].revise(band[m], before.tendon[m].slip, tolerance(m), next.tendon[m]);
-      }
-      if (revised == 0) return Status::ok;
+        const auto& from = before.tendon[m].slip;
+        if constexpr (alone)
+          revised |= twin.tendon[m].revise(twin.contacts(m), band[m], from, tolerance(m), next.tendon[m]) > 0;
+        else
+          revised = revised ||
+                    twin.tendon[m].revise_all(twin.contacts(m), band[m], from, tolerance(m), next.tendon[m]);
+      });
+      found = found || (open && !revised);
+      open = open && revised;
     }
-    for (int g = 0; g < joints; ++g) angle[g] = start[g];
-    return settle_in_turn();
+    if constexpr (alone) {
+      if (found) return true;
+      for (int g = 0; g < joints; ++g) angle[g] = start[g];
+      return settle_in_turn() == Status::ok;
+    }
+    return found;
   }
 
   // Slower, but sure: the tendons are settled at given angles, and these are moved until the joints' equations hold.
@@ -247,19 +300,16 @@ struct WristStep {
     set_coordinates();
     for (int n = 0; n < 4 * most_corrections; ++n) {
       for (int u = 0; u < U; ++u) moment[u] = Sum(S(0));
-      for (int m = 0; m < M; ++m) {
-        if (!twin.taut(m)) continue;
+      twin.each_tendon([&](int m) {
         settle_alone(m);
         eliminate(m);
-      }
+      });
       S off[U];
       Square<S, U> slope{};
       unbalanced(off, slope);
       S size(0);
       S scaled[U];
-      for (int u = 0; u < U; ++u) {
-        scaled[u] = off[u];
-      }
+      for (int u = 0; u < U; ++u) scaled[u] = off[u];
       if (solve_linear(slope, scaled) == 0) return Status::no_equilibrium;
       for (int u = 0; u < U; ++u) size = size + off[u] * off[u] / (slope.at[u][u] * slope.at[u][u]);
       S largest(0);
@@ -282,45 +332,53 @@ struct WristStep {
   }
 
   void settle_alone(int m) {
+    const int n = twin.contacts(m);
     typename Rope::Lengths drawn{};
-    drawn.length = twin.tendon[m].contacts() + 1;
-    for (int i = 1; i < drawn.length; ++i)
-      drawn[i] = i > first[m] && !ends_drawn(m) ? pull[m][i].at(coordinate) : known[m][i];
-    if (ends_drawn(m)) drawn[drawn.length - 1] = last_draw(m).arm * coordinate[last_draw(m).joint];
+    for (int i = 1; i <= n; ++i) drawn[i] = i > first[m] && !ends_drawn(m) ? pull[m][i].at(coordinate) : known[m][i];
+    if (ends_drawn(m)) drawn[n] = twin.last_draw(m).arm * coordinate[twin.last_draw(m).joint];
     typename Rope::Line own{};
     next.tendon[m].slip = before.tendon[m].slip;
-    next.sweeps += tenodesis::settle(twin.tendon[m], band[m], drawn, spool[m], tolerance(m), next.tendon[m], own);
+    next.sweeps +=
+        tenodesis::settle(twin.tendon[m], n, band[m], drawn, spool[m], tolerance(m), next.tendon[m], own);
   }
 
   // Whether new angles are possible; sets their coordinates.
-  bool within() {
+  Flag<S> within() {
     set_coordinates();
+    Flag<S> possible = true;
     for (int u = 0; u < U; ++u)
-      if (!(abs(angle[u]) < S(pi)) || !(abs(coordinate[u]) < coordinate_limit<S>(twin.mechanism(u)))) return false;
-    return true;
+      possible =
+          possible && abs(angle[u]) < S(pi) && abs(coordinate[u]) < S(coordinate_limit<ValueOf<S>>(twin.mechanism(u)));
+    return possible;
   }
 
-  // The joints' equations under the present guess.
-  Status newton() {
-    for (int n = 0; n < most_corrections; ++n) {
+  // The joints' equations under the present guess, in the lanes that run; true where they are solved.
+  Flag<S> newton(const Flag<S>& runs) {
+    Flag<S> open = runs;
+    Flag<S> found = false;
+    for (int n = 0; n < most_corrections && any(open); ++n) {
       S off[U];
       Square<S, U> slope{};
       unbalanced(off, slope);
-      if (solve_linear(slope, off) == 0) return Status::no_equilibrium;
-      S largest(0);
-      for (int u = 0; u < U; ++u) largest = larger(largest, abs(off[u]));
-      const S share = largest > S(0.25) ? S(0.25) / largest : S(1);
+      open = open && solve_definite(slope, off);
+      S largest = abs(off[0]);
+      for (int u = 1; u < U; ++u) largest = larger(largest, abs(off[u]));
+      const S share = smaller(S(0.25) / largest, S(1));
       for (int u = 0; u < U; ++u) {
-        angle[u] = angle[u] - share * off[u];
-        for (int v = 0; v < U; ++v) pushed[u] = pushed[u] - yielding.at[u][v] * share * off[v];
+        angle[u] = where(open, angle[u] - share * off[u], angle[u]);
+        S less = yielding.at[u][0] * off[0];
+        for (int v = 1; v < U; ++v) less = less + yielding.at[u][v] * off[v];
+        pushed[u] = where(open, pushed[u] - share * less, pushed[u]);
       }
-      if (!within()) return Status::no_equilibrium;
+      open = open && within();
       using V = ValueOf<S>;
       // In motion inertia outweighs all else: the next correction would be of this one's square, and smaller still.
       const V arrived = twin.quasi_static ? settled<V> : sizeof(V) == 4 ? V(1e-4) : V(1e-7);
-      if (largest <= arrived) return Status::ok;
+      const Flag<S> arrives = open && largest <= S(arrived);
+      found = found || arrives;
+      open = open && !arrives;
     }
-    return Status::no_equilibrium;
+    return found;
   }
 
   // What is left over about every unknown joint, N m, and its slopes by the angles, N m/rad; without slopes of rates.
@@ -347,19 +405,18 @@ struct WristStep {
       slope.at[i][i] = slope.at[i][i] - tissue.stiffness;
     }
     const Held<S>& held = command.held;
+    next.grip_force = S(0);
+    if (!any(held.stiffness > S(0))) return;
     const S pressed = held.opening - twin.opening(angle);
-    if (!(held.stiffness > S(0)) || !(pressed > S(0))) {
-      next.grip_force = S(0);
-      return;
-    }
     const S drag = twin.quasi_static ? S(0) : held.damping * per_second;
-    const S force = held.stiffness * pressed + drag * (twin.opening(before.angle) - twin.opening(angle));
-    next.grip_force = larger(force, S(0));
-    if (!(force > S(0))) return;
+    const S push = held.stiffness * pressed + drag * (twin.opening(before.angle) - twin.opening(angle));
+    const Flag<S> pushes = held.stiffness > S(0) && pressed > S(0) && push > S(0);
+    next.grip_force = where(pushes, push, S(0));
+    const S stiffness = where(pushes, held.stiffness + drag, S(0));
     for (int i = 0; i < N; ++i) {
-      off[i] = off[i] + twin.wrist.joint[i].grip * force;
+      off[i] = off[i] + twin.wrist.joint[i].grip * next.grip_force;
       for (int j = 0; j < N; ++j)
-        slope.at[i][j] = slope.at[i][j] - (held.stiffness + drag) * twin.wrist.joint[i].grip * twin.wrist.joint[j].grip;
+        slope.at[i][j] = slope.at[i][j] - stiffness * twin.wrist.joint[i].grip * twin.wrist.joint[j].grip;
     }
   }
 
@@ -371,7 +428,8 @@ struct WristStep {
     if (!twin.quasi_static) return resistance(path, contact, per_second, before.angle[i], tip);
     Resistance<S> at_rest = resistance_at_rest(path, contact, tip);
     const S arm = path.tangential_arm(tip.x);
-    if (any(depth(path, contact, tip) > S(0))) at_rest.stiffness = abs(contact.stiffness) * arm * arm;
+    at_rest.stiffness = where(Flag<S>(depth(path, contact, tip) > S(0)), abs(contact.stiffness) * arm * arm,
+                              at_rest.stiffness);
     return at_rest;
   }
 
@@ -381,16 +439,24 @@ struct WristStep {
   }
 
   // Moments of the load; near where they were last computed in motion, by their rates.
-  void set_load(const S* x, S* load) {
-    bool is_near = is_loaded && !twin.quasi_static;
-    for (int i = 0; i < N && is_near; ++i) is_near = abs(angle[i] - load_angle[i]) < S(near_angle);
-    if (!is_near) {
+  void set_load(S* load) {
+    Flag<S> is_near = is_loaded && !twin.quasi_static;
+    for (int i = 0; i < N && any(is_near); ++i)
+      is_near = is_near && abs(angle[i] - load_angle[i]) < S(near_angle);
+    if (any(!is_near)) {
       Bend<S> bend[N];
+      for (int i = 0; i < N; ++i) bend[i] = twin.wrist.bend(i, coordinate[i]);
+      const auto all = twin.load_of(command);
+      S at[N];
+      // In motion the rates of the step's first guess do.
+      if (is_loaded && !twin.quasi_static)
+        twin.wrist.template load_moments<false, false>(bend, all, at, load_rate);
+      else
+        twin.wrist.load_moments(bend, all, at, load_rate);
       for (int i = 0; i < N; ++i) {
-        bend[i] = Bend<S>(twin.wrist.joint[i], x[i]);
-        load_angle[i] = angle[i];
+        load_moment[i] = is_loaded ? where(is_near, load_moment[i], at[i]) : at[i];
+        load_angle[i] = is_loaded ? where(is_near, load_angle[i], angle[i]) : angle[i];
       }
-      twin.wrist.load_moments(bend, twin.load_of(command), load_moment, load_rate);
       is_loaded = true;
     }
     for (int i = 0; i < N; ++i) {
@@ -402,7 +468,7 @@ struct WristStep {
   // Moments of everything but inertia and what is gripped at the step's end, and their slopes.
   void moments(S* at, Square<S, U>& slope) {
     S load[N];
-    set_load(coordinate, load);
+    set_load(load);
     S turn[U];
     for (int i = 0; i < N; ++i) turn[i] = turn_at(i, coordinate[i]);
     for (int h = N; h < U; ++h) turn[h] = turn_at(h, coordinate[h]);
@@ -420,10 +486,10 @@ struct WristStep {
         const S spring = twin.wrist.joint[i].stiffness;
         at[i] = at[i] + load[i] - spring * angle[i] - twin.damping[i] * velocity - twin.stop_stiffness[i] * beyond;
         for (int j = 0; j < N; ++j) slope.at[i][j] = slope.at[i][j] + load_rate[i][j];
-        slope.at[i][i] =
-            slope.at[i][i] - spring - twin.damping[i] * speed_rate - (beyond == S(0) ? S(0) : twin.stop_stiffness[i]);
+        slope.at[i][i] = slope.at[i][i] - spring - twin.damping[i] * speed_rate -
+                         where(Flag<S>(beyond == S(0)), S(0), twin.stop_stiffness[i]);
         // A joint that nothing holds stays where it is.
-        if (twin.quasi_static) slope.at[i][i] = slope.at[i][i] - detail::slack_stiffness<S> * twin.stop_stiffness[i];
+        if (twin.quasi_static) slope.at[i][i] = slope.at[i][i] - S(detail::slack_stiffness<ValueOf<S>>) * twin.stop_stiffness[i];
       } else {
         const S rest = twin.quasi_static ? S(0) : twin.hand.damping;
         at[u] = at[u] + twin.hand.stiffness * (command.handle_angle[u - N] - angle[u]) - rest * velocity;
@@ -447,17 +513,18 @@ struct WristStep {
       next.contact_moment[i] = tissue.moment;
     }
     if constexpr (T::Law::depends_on_speed)
-      for (int m = 0; m < M; ++m)
-        for (int j = 0; j < twin.tendon[m].contacts(); ++j)
+      twin.each_tendon([&](int m) {
+        for (int j = 0; j < twin.contacts(m); ++j)
           next.slip_speed.of[m][j] = twin.law.speed_after(before.slip_speed.of[m][j],
                                                           next.tendon[m].slip[j] - before.tendon[m].slip[j], duration);
+      });
     S pulled[joints]{};
-    for (int m = 0; m < M; ++m)
-      for (int d = 0; d < twin.draws[m] && twin.taut(m); ++d) {
-        const Draw<S>& by = twin.draw[m][d];
+    twin.each_tendon([&](int m) {
+      twin.each_draw(m, [&](const Draw<S>& by) {
         pulled[by.joint] = pulled[by.joint] + by.arm * next.tendon[m].tension[by.segment];
-      }
-    for (int h = 0; h < twin.wrist.handles; ++h)
+      });
+    });
+    for (int h = 0; h < twin.handles(); ++h)
       next.handle_moment[h] = turn_at(N + h, U > N ? coordinate[U > N ? N + h : 0] : given[h]) * pulled[N + h];
   }
 };

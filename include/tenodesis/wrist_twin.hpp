@@ -6,14 +6,15 @@
 
 namespace tenodesis {
 
-/// W: a wrist; most: contacts of a tendon; Law: one of friction.hpp's.
+/// W: a wrist; most: contacts of a tendon, those of the wrist's layout if that is known; Law: one of friction.hpp's.
 template <class W, int most, class LawOf = CapstanWithConstant<typename W::S>>
 struct WristTwin {
   using S = W::S;
   using Wrist = W;
   using Law = LawOf;
   static constexpr int N = W::joints, M = W::tendons, joints = 2 * N;
-  using Rows = BoundedContacts<most>;
+  static constexpr bool known = W::known;
+  using Rows = BoundedContacts<most, known>;
   using State = WristState<W, most, Law>;
   using Command = WristCommand<W>;
   using Rope = Tendon<S, Rows>;
@@ -22,8 +23,8 @@ struct WristTwin {
   Law law{};
   Rope tendon[M]{};
   Passage<S> passage[M][most]{};
-  Draw<S> draw[M][joints]{};  ///< by the passages, see prepare()
-  int draws[M]{};
+  Draw<S> draw[M][joints]{};  ///< where the layout is unknown, by the passages, see prepare()
+  int draw_count[M]{};
   Link<S> link[N]{};
   S reach[N]{};    ///< of the tip from each joint's far end while the joints beyond are straight, m
   S damping[N]{};  ///< of the tip's joints, N m s/rad
@@ -44,7 +45,7 @@ struct WristTwin {
   bool quasi_static{};
 
   S tension_scale[M]{};  ///< typical tensions, see prepare(), N
-  bool ends_drawn[M]{};  ///< whether the tip draws a tendon in its last segment alone, see prepare()
+  bool ends[M]{};        ///< whether the tip draws a tendon in its last segment alone, see prepare()
   S lone_inertia{};      ///< of a single joint whose link has no mass, about its axis, see prepare(), kg m^2
 
   /// Sets what follows from the rest: what joints draw, the nearest to the spool first, tension scales and inertia.
@@ -57,14 +58,12 @@ struct WristTwin {
       S largest(0);
       for (int i = 0; i < N; ++i) largest = larger(largest, abs(wrist.arm[m][i]));
       tension_scale[m] = tendon[m].rest_tension + wrist.stiffness[m] * largest * S(0.1);
-      draws[m] = 0;
-      for (int j = 0; j < tendon[m].contacts(); ++j) {
-        const Passage<S>& at = passage[m][j];
-        if (at.joint >= 0 && at.arm != S(0)) draw[m][draws[m]++] = {at.joint < N ? j + 1 : j, at.joint, at.arm};
-      }
+      draw_count[m] = 0;
+      for (int j = 0; j < contacts(m); ++j)
+        if (draws(m, j)) draw[m][draw_count[m]++] = draw_at(m, j);
       int by_tip = 0;
-      for (int d = 0; d < draws[m]; ++d) by_tip += draw[m][d].joint < N ? 1 : 0;
-      ends_drawn[m] = by_tip == 1 && draw[m][draws[m] - 1].segment == tendon[m].contacts();
+      for (int d = 0; d < draw_count[m]; ++d) by_tip += draw[m][d].joint < N ? 1 : 0;
+      ends[m] = by_tip == 1 && draw[m][draw_count[m] - 1].segment == contacts(m);
     }
   }
 
@@ -72,7 +71,7 @@ struct WristTwin {
   State rest(std::uint64_t seed) const {
     State state{};
     for (int m = 0; m < M; ++m) {
-      for (int i = 0; i <= tendon[m].contacts(); ++i) state.tendon[m].tension[i] = tendon[m].rest_tension;
+      for (int i = 0; i <= contacts(m); ++i) state.tendon[m].tension[i] = tendon[m].rest_tension;
       state.drive[m].angle = drive.backlash * S(0.5);
       state.current[m] = {tendon[m].rest_tension, drive.backlash * S(0.5), S(0)};
     }
@@ -85,7 +84,7 @@ struct WristTwin {
   /// Advances the state by one step; it is unchanged unless the status is ok.
   Status step(const Command& command, State& state) const {
     if (!command.finite()) return Status::not_finite;
-    for (int h = 0; h < wrist.handles; ++h)
+    for (int h = 0; h < handles(); ++h)
       if (!(abs(command.handle_angle[h]) < S(pi))) return Status::out_of_range;
     for (const Contact<S>& tissue : command.contact)
       if (abs(tissue.angle) > S(pi)) return Status::unreachable;
@@ -135,14 +134,93 @@ struct WristTwin {
     return hand.stiffness * (state.command.handle_angle[h] - state.angle[N + h]) - resistance;
   }
 
-  TipPath<S> path(int i) const { return {wrist.joint[i].mechanism, wrist.joint[i].chord, reach[i]}; }
+  TipPath<S> path(int i) const { return {mechanism(i), wrist.joint[i].chord, reach[i]}; }
 
   /// The segment whose tension turns a tendon's last joint.
   int tip_segment(int m) const {
-    int j = tendon[m].contacts() - 1;
-    if (passage[m][j].joint < 0) return j + 1;
-    while (j > 0 && passage[m][j - 1].joint == passage[m][j].joint) --j;
+    int j = contacts(m) - 1;
+    if (joint_at(m, j) < 0) return j + 1;
+    while (j > 0 && joint_at(m, j - 1) == joint_at(m, j)) --j;
     return j + 1;
+  }
+
+  Mechanism mechanism(int g) const { return wrist.mechanism(g); }
+  /// Joints of the handle.
+  int handles() const { return known ? N : wrist.handles; }
+  /// Whether a tendon is there.
+  bool taut(int m) const { return known || wrist.stiffness[m] > S(0); }
+  int contacts(int m) const {
+    if constexpr (known)
+      return W::layout.contacts[m];
+    else
+      return tendon[m].contacts();
+  }
+  /// The joint of a contact, as a Passage has it.
+  int joint_at(int m, int j) const {
+    if constexpr (known)
+      return W::layout.joint[m][j];
+    else
+      return passage[m][j].joint;
+  }
+  /// Whether the joint of a contact draws the tendon there.
+  bool draws(int m, int j) const {
+    if constexpr (known)
+      return W::layout.draws[m][j];
+    else
+      return passage[m][j].joint >= 0 && passage[m][j].arm != S(0);
+  }
+  Draw<S> draw_at(int m, int j) const {
+    const int joint = joint_at(m, j);
+    return {joint < N ? j + 1 : j, joint, passage[m][j].arm};
+  }
+  Draw<S> last_draw(int m) const {
+    if constexpr (known)
+      return draw_at(m, contacts(m) - 1);
+    else
+      return draw[m][draw_count[m] - 1];
+  }
+  /// Whether the tip draws a tendon in its last segment alone.
+  bool ends_drawn(int m) const {
+    if constexpr (known) {
+      const int last = contacts(m) - 1;
+      int by_tip = 0;
+      for (int j = 0; j <= last; ++j) by_tip += draws(m, j) && joint_at(m, j) < N ? 1 : 0;
+      return by_tip == 1 && draws(m, last) && joint_at(m, last) < N;
+    } else {
+      return ends[m];
+    }
+  }
+  /// Calls f with the number of every tendon that is there.
+  template <class F>
+  [[gnu::always_inline]] void each_tendon(const F& f) const {
+    if constexpr (known) {
+      each<M>([&](auto m) { f(m); });
+    } else {
+      for (int m = 0; m < M; ++m)
+        if (taut(m)) f(m);
+    }
+  }
+  /// Calls f with the number of every contact of a tendon.
+  template <class F>
+  [[gnu::always_inline]] void each_contact(int m, const F& f) const {
+    if constexpr (known) {
+      each<most>([&](auto j) {
+        if (j < contacts(m)) f(j);
+      });
+    } else {
+      for (int j = 0; j < contacts(m); ++j) f(j);
+    }
+  }
+  /// Calls f with what joints draw of a tendon, the nearest to the spool first.
+  template <class F>
+  [[gnu::always_inline]] void each_draw(int m, const F& f) const {
+    if constexpr (known) {
+      each_contact(m, [&](int j) {
+        if (draws(m, j)) f(draw_at(m, j));
+      });
+    } else {
+      for (int d = 0; d < draw_count[m]; ++d) f(draw[m][d]);
+    }
   }
 
   /// The last exponent at a joint or in the sheaths and its band, which most tendons share.
@@ -155,17 +233,18 @@ struct WristTwin {
   /// joint and of the sheaths, filled as needed.
   void bands(int m, const S* angle, const S& more_bend, const S& rate, const State& before, Shared* shared,
              Rope::Bands& band) const {
-    const int n = tendon[m].contacts();
     const S drag = viscous * rate;
-    const S least = least_drag<ValueOf<S>> * wrist.stiffness[m];
+    const S least = S(least_drag<ValueOf<S>>) * wrist.stiffness[m];
     S bent = more_bend;
-    if (sheath_bend_rate > S(0))
-      for (int d = 0; d < draws[m]; ++d)
-        if (draw[m][d].joint >= N) bent = bent + sheath_bend_rate * abs(angle[draw[m][d].joint]);
-    for (int j = 0; j < n; ++j) {
+    if (any(sheath_bend_rate > S(0)))
+      each_draw(m, [&](const Draw<S>& by) {
+        if (by.joint >= N) bent = bent + sheath_bend_rate * abs(angle[by.joint]);
+      });
+    each_contact(m, [&](int j) {
       const Passage<S>& at = passage[m][j];
-      const bool in_sheath = at.joint < 0;
-      const S wrap = in_sheath ? larger(at.wrap + bent * at.share, S(0)) : at.wrap + abs(angle[at.joint]) * at.share;
+      const int joint = joint_at(m, j);
+      const bool in_sheath = joint < 0;
+      const S wrap = in_sheath ? larger(at.wrap + bent * at.share, S(0)) : at.wrap + abs(angle[in_sheath ? 0 : joint]) * at.share;
       const S exponent = at.coefficient * wrap;
       const auto& tension = before.tendon[m].tension;
       // The held side is the slacker one.
@@ -174,16 +253,16 @@ struct WristTwin {
         band[j] = band_of(law, exponent, wrap, at, before.slip_speed.of[m][j], held());
       } else if constexpr (Law::depends_on_tension) {
         band[j] = band_of(law, exponent, wrap, at, S(0), held());
-      } else if constexpr (Real<S>) {
-        Shared& same = shared[in_sheath ? joints : at.joint];
-        if (same.exponent != exponent) same = {exponent, law.band(exponent, S(0))};
+      } else if constexpr (Real<ValueOf<S>> && sizeof(S) != 0 && !requires(S s) { slope_of(s, 0); }) {
+        Shared& same = shared[in_sheath ? joints : joint];
+        if (any(same.exponent != exponent)) same = {exponent, law.band(exponent, S(0))};
         band[j] = same.band;
         band[j].constant = band[j].constant * at.share;
       } else {
         band[j] = band_of(law, exponent, wrap, at, S(0), S(0));
       }
       band[j].drag = drag * at.share + least;
-    }
+    });
   }
 
   /// Largest violation of the friction law in a step, as a share of the tension scale.
@@ -191,25 +270,21 @@ struct WristTwin {
     return after.residual_in_parts >= S(0) ? after.residual_in_parts : residual(before, after, per_second());
   }
 
-  /// Whether a tendon is there.
-  bool taut(int m) const { return wrist.stiffness[m] > S(0); }
-  Mechanism mechanism(int g) const { return g < N ? wrist.joint[g].mechanism : wrist.handle[g - N]; }
-
  private:
   S residual(const State& before, const State& after, const S& rate) const {
     S worst(0);
     Shared shared[joints + 1];
-    for (int m = 0; m < M; ++m) {
-      if (!taut(m)) continue;
+    each_tendon([&](int m) {
       typename Rope::Bands band;
       bands(m, after.band_angle, after.command.sheath_bend, rate, before, shared, band);
-      worst = larger(worst, tendon[m].residual(band, before.tendon[m].slip, after.tendon[m]) / tension_scale[m]);
-    }
+      worst = larger(worst,
+                     tendon[m].residual(contacts(m), band, before.tendon[m].slip, after.tendon[m]) / tension_scale[m]);
+    });
     return worst;
   }
 
   void read(State& state) const {
-    for (int h = 0; h < wrist.handles; ++h)
+    for (int h = 0; h < handles(); ++h)
       state.measured_handle[h] = handle_encoder.read(state.angle[N + h], state.noise);
     for (int i = 0; i < N; ++i) state.measured_angle[i] = output_encoder.read(state.angle[i], state.noise);
     for (int m = 0; m < M; ++m) {
@@ -263,8 +338,9 @@ struct WristTwin {
   }
 
   Status move(const Command& command, const S& duration, const State& before, State& next) const {
-    return prescribed() ? WristStep<WristTwin, N>(*this, command, duration, before, next).solve()
-                        : WristStep<WristTwin, joints>(*this, command, duration, before, next).solve();
+    const bool found = prescribed() ? WristStep<WristTwin, N>(*this, command, duration, before, next).solve(true)
+                                    : WristStep<WristTwin, joints>(*this, command, duration, before, next).solve(true);
+    return found ? Status::ok : Status::no_equilibrium;
   }
 };
 

@@ -170,7 +170,7 @@ void fill(T& twin, const WristTwinRows& rows, const WristSizes& sizes) {
     twin.wrist.stiffness[m] *= p(stiffness_ratio);
     twin.wrist.pretension[m] *= p(pretension_ratio);
     tendon.rest_tension = twin.wrist.pretension[m];
-    tendon.stiffness.length = n + 1;
+    if constexpr (requires { tendon.stiffness.length; }) tendon.stiffness.length = n + 1;
     for (int i = 0; i <= n; ++i)
       tendon.stiffness[i] = p(stiffness_ratio) * rows.segments[m * (rows.most_contacts + 1) + std::size_t(i)];
     for (int j = 0; j < n; ++j) {
