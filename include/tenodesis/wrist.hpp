@@ -150,15 +150,21 @@ struct Wrist {
       constexpr int i = N - 1 - decltype(from_stem)::value;
       const auto& on = joint[i];
       const auto axis = this->template axis<T, i>();
+      const auto& bent_about = [&]() -> const auto& {
+        if constexpr (known)
+          return axis;
+        else
+          return on.axis;
+      }();
       const Bend<T>& bent = bend[i];
       const auto pass = [&](const Wrench<T>& far, T& about) {
-        Wrench<T> mid{bent.inward(axis, far.force), bent.inward(axis, far.moment)};
+        Wrench<T> mid{bent.inward(bent_about, far.force), bent.inward(bent_about, far.moment)};
         mid.moment = mid.moment + bent.chord * along(mid.force);
         about = T(0.5) * (dot(axis, far.moment) + dot(axis, mid.moment)) + bent.chord_rate * mid.force.z;
         return mid;
       };
       const auto near = [&](const Wrench<T>& mid) {
-        return Wrench<T>{bent.inward(axis, mid.force), bent.inward(axis, mid.moment)};
+        return Wrench<T>{bent.inward(bent_about, mid.force), bent.inward(bent_about, mid.moment)};
       };
       const int parent = serial ? i - 1 : this->parent(i);
       const auto hand_on = [&](Wrench<T>& to, const Wrench<T>& from) {

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "closed_loop.hpp"
+#include "tenodesis/axis.hpp"
 #include "tenodesis/wrist_energy.hpp"
 
 namespace tenodesis::engine {
@@ -362,10 +363,10 @@ inline constexpr int most_short_sheath_contacts = 4;
 inline constexpr int most_long_sheath_contacts = 32;
 inline constexpr int most_vertices = 2;
 
-/// A wrist with room for more tendons.
-template <int M, class W>
-Wrist<typename W::S, W::joints, M> with_room(const W& wrist) {
-  Wrist<typename W::S, W::joints, M> to{};
+/// The same wrist as another type, with room for more tendons or a known layout.
+template <class To, class W>
+To as(const W& wrist) {
+  To to{};
   std::ranges::copy(wrist.joint, to.joint);
   for (int m = 0; m < W::tendons; ++m) {
     std::ranges::copy(wrist.arm[m], to.arm[m]);
@@ -379,18 +380,68 @@ Wrist<typename W::S, W::joints, M> with_room(const W& wrist) {
   return to;
 }
 
-/// The twin of a wrist. Short routes with the capstan's law are the fastest; others make do with one size, that of most
-/// tendons M.
+/// Whether a wrist and its routes are what a known layout says.
+template <class Known, class W>
+bool fits(const W& wrist, const WristTwinRows& rows) {
+  constexpr auto& layout = Known::layout;
+  bool same = wrist.handles == W::joints;
+  for (int i = 0; i < W::joints; ++i) {
+    const auto& joint = wrist.joint[i];
+    const bool across = (layout.axis[i] == Along::x ? joint.axis.y : joint.axis.x) == 0 && joint.axis.z == 0;
+    same = same && joint.parent == i - 1 && joint.mechanism == layout.mechanism[i] && across &&
+           wrist.handle[i] == layout.mechanism[W::joints + i];
+  }
+  for (int m = 0; m < W::tendons; ++m) {
+    same = same && wrist.stiffness[m] > 0 && std::size_t(m) < rows.contacts.size() &&
+           rows.contacts[std::size_t(m)] == layout.contacts[m];
+    for (int j = 0; same && j < layout.contacts[m]; ++j) {
+      const double* at = rows.passages + (std::size_t(m) * rows.most_contacts + std::size_t(j)) * passage_numbers;
+      same = at[passage_joint] == layout.joint[m][j] && (at[passage_arm] != 0) == layout.draws[m][j];
+    }
+  }
+  return same;
+}
+
+template <int N, Mechanism tip, Mechanism handle>
+using PlanarWrist = Wrist<double, N, 2 * N, planar_layout<N>(tip, handle)>;
+
+/// Calls work with the wrist as a type of a known layout, if that fits it; returns whether it does.
+template <class Known, class W, class Work>
+bool if_fits(const W& wrist, const WristTwinRows& rows, const Work& work) {
+  if (rows.law != WristLaw::capstan_with_constant || !fits<Known>(wrist, rows)) return false;
+  work(as<Known>(wrist));
+  return true;
+}
+
+/// The same with the known layout that fits, if there is one.
+template <class W, class Work>
+bool with_layout(const W& wrist, const WristTwinRows& rows, const Work& work) {
+  constexpr int N = W::joints;
+  using enum Mechanism;
+  if constexpr (N <= most_axes && W::tendons == 2 * N)
+    return if_fits<PlanarWrist<N, gear, gear>>(wrist, rows, work) ||
+           if_fits<PlanarWrist<N, pulley, pulley>>(wrist, rows, work) ||
+           if_fits<PlanarWrist<N, continuum, pulley>>(wrist, rows, work);
+  return false;
+}
+
+/// The twin of a wrist. Known layouts with the capstan's law are the fastest, then short routes with that law; others
+/// make do with one size, that of most tendons M.
 template <int M, class W>
 std::unique_ptr<AnyWristTwin> make_twin(const W& wrist, const WristTwinRows& rows, const WristSizes& sizes) {
   using S = W::S;
   constexpr int N = W::joints;
+  std::unique_ptr<AnyWristTwin> made;
+  if (with_layout(wrist, rows, [&]<class Known>(const Known& same) {
+        made = std::make_unique<WristTwinOf<WristTwin<Known, Known::layout.most_contacts>>>(same, rows, sizes);
+      }))
+    return made;
   constexpr int few = 2 * N + most_short_sheath_contacts;
   if (rows.law == WristLaw::capstan_with_constant && *std::ranges::max_element(rows.contacts) <= few)
     return std::make_unique<WristTwinOf<WristTwin<W, few>>>(wrist, rows, sizes);
   using Roomy = Wrist<S, N, M>;
   constexpr int many = 2 * most_vertices * N + most_long_sheath_contacts;
-  return std::make_unique<WristTwinOf<WristTwin<Roomy, many, ChosenLaw<S>>>>(with_room<M>(wrist), rows, sizes);
+  return std::make_unique<WristTwinOf<WristTwin<Roomy, many, ChosenLaw<S>>>>(as<Roomy>(wrist), rows, sizes);
 }
 
 }  // namespace tenodesis::engine

@@ -15,7 +15,8 @@ using namespace tenodesis::engine;
 
 namespace {
 
-using W = Wrist<double, 1, 2>;
+template <Mechanism tip, Mechanism handle>
+using Known = Wrist<double, 1, 2, planar_layout<1>(tip, handle)>;
 
 struct Case {
   JointType joint{};
@@ -107,9 +108,14 @@ TwinSpec spec_of(const Case& of) {
 }
 
 // The same twin as joints and tendons.
-template <class P>
+template <class W, class P>
 auto general(const P& planar, const TwinSpec& spec) {
-  constexpr int most = 8;
+  constexpr int most = [] {
+    if constexpr (W::known)
+      return W::layout.most_contacts;
+    else
+      return 8;
+  }();
   WristTwin<W, most, typename P::Law> t{};
   const bool gears = spec.axis.joint_type == JointType::tendon_gear;
   const bool bends = spec.axis.joint_type == JointType::continuum;
@@ -142,7 +148,7 @@ auto general(const P& planar, const TwinSpec& spec) {
     t.wrist.motor[m] = true;
     auto& tendon = t.tendon[m];
     tendon.rest_tension = planar.tendon.rest_tension;
-    tendon.stiffness.length = planar.tendon.contacts() + 1;
+    if constexpr (!W::known) tendon.stiffness.length = planar.tendon.contacts() + 1;
     for (int i = 0; i <= planar.tendon.contacts(); ++i) tendon.stiffness[i] = planar.tendon.stiffness[i];
     int n = 0;
     for (int k = 0; k < spec.sheath_contacts; ++k) {
@@ -194,9 +200,9 @@ struct Worst {
   double angle{}, force{}, moment{}, reading{}, energy{};
 };
 
-template <class P>
+template <class W, class P>
 void compare(const Case& of, const TwinSpec& spec, const P& planar) {
-  const auto joined = general(planar, spec);
+  const auto joined = general<W>(planar, spec);
   auto a = planar.rest(5);
   auto b = joined.rest(5);
   Worst worst{};
@@ -260,7 +266,14 @@ void compare(const Case& of, const TwinSpec& spec, const P& planar) {
 void claim(const Case& of) {
   const TwinSpec spec = spec_of(of);
   with_twin(spec, [&]<class P>(const P& planar) {
-    compare(of, spec, planar);
+    compare<Wrist<double, 1, 2>>(of, spec, planar);
+    if constexpr (requires { P::Rows::vertices_per_joint; })
+      if (spec.contacts() == 3 && !of.tension_dependent) {
+        using enum Mechanism;
+        if (of.joint == JointType::tendon_gear) compare<Known<gear, gear>>(of, spec, planar);
+        if (of.joint == JointType::tendon_pulley) compare<Known<pulley, pulley>>(of, spec, planar);
+        if (of.joint == JointType::continuum) compare<Known<continuum, pulley>>(of, spec, planar);
+      }
     return 0;
   });
 }
