@@ -34,7 +34,7 @@ struct Direction {
 };
 
 template <class S>
-constexpr const Vector<S>& vector_of(const Vector<S>& v) {
+constexpr Vector<S> vector_of(const Vector<S>& v) {
   return v;
 }
 template <class S, Along along>

@@ -47,8 +47,7 @@ Energy<typename T::S> wrist_energy(const T& twin, const typename T::State& befor
   S was[N], is[N], rate[N][N];
   const auto loads = [&](const T::State& state, S* moment) {
     Bend<S> bend[N];
-    for (int i = 0; i < N; ++i)
-      bend[i] = twin.wrist.bend(i, coordinate_at(twin.mechanism(i), state.angle[i]));
+    for (int i = 0; i < N; ++i) bend[i] = twin.wrist.bend(i, coordinate_at(twin.mechanism(i), state.angle[i]));
     twin.wrist.load_moments(bend, twin.load_of(state.command), moment, rate);
   };
   loads(before, was);

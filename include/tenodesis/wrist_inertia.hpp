@@ -72,7 +72,7 @@ void inertia(const W& wrist, const Link<S>* link, const S* x, const S* speed, S 
     constexpr int k = decltype(at_joint)::value;
     const auto axis = wrist.template axis<S, k>();
     const detail::Motion<S, std::remove_const_t<decltype(axis)>> motion(axis, wrist.bend(k, x[k]),
-                                                                       wrist.joint[k].offset);
+                                                                        wrist.joint[k].offset);
     const int on = wrist.parent(k);
     const Vector<S> unit = vector_of(axis);
     const Vector<S> spin = speed[k] * unit;

@@ -182,9 +182,8 @@ struct WristStep {
 
   void set_bands() {
     typename T::Shared shared[joints + 1];
-    twin.each_tendon([&](int m) {
-      twin.bands(m, next.band_angle, command.sheath_bend, per_second, before, shared, band[m]);
-    });
+    twin.each_tendon(
+        [&](int m) { twin.bands(m, next.band_angle, command.sheath_bend, per_second, before, shared, band[m]); });
   }
 
   S tolerance(int m) const { return friction_tolerance<ValueOf<S>> * twin.tension_scale[m]; }
@@ -277,8 +276,7 @@ struct WristStep {
         if constexpr (alone)
           revised |= twin.tendon[m].revise(twin.contacts(m), band[m], from, tolerance(m), next.tendon[m]) > 0;
         else
-          revised = revised ||
-                    twin.tendon[m].revise_all(twin.contacts(m), band[m], from, tolerance(m), next.tendon[m]);
+          revised = revised || twin.tendon[m].revise_all(twin.contacts(m), band[m], from, tolerance(m), next.tendon[m]);
       });
       found = found || (open && !revised);
       open = open && revised;
@@ -338,8 +336,7 @@ struct WristStep {
     if (ends_drawn(m)) drawn[n] = twin.last_draw(m).arm * coordinate[twin.last_draw(m).joint];
     typename Rope::Line own{};
     next.tendon[m].slip = before.tendon[m].slip;
-    next.sweeps +=
-        tenodesis::settle(twin.tendon[m], n, band[m], drawn, spool[m], tolerance(m), next.tendon[m], own);
+    next.sweeps += tenodesis::settle(twin.tendon[m], n, band[m], drawn, spool[m], tolerance(m), next.tendon[m], own);
   }
 
   // Whether new angles are possible; sets their coordinates.
@@ -428,8 +425,8 @@ struct WristStep {
     if (!twin.quasi_static) return resistance(path, contact, per_second, before.angle[i], tip);
     Resistance<S> at_rest = resistance_at_rest(path, contact, tip);
     const S arm = path.tangential_arm(tip.x);
-    at_rest.stiffness = where(Flag<S>(depth(path, contact, tip) > S(0)), abs(contact.stiffness) * arm * arm,
-                              at_rest.stiffness);
+    at_rest.stiffness =
+        where(Flag<S>(depth(path, contact, tip) > S(0)), abs(contact.stiffness) * arm * arm, at_rest.stiffness);
     return at_rest;
   }
 
@@ -441,8 +438,7 @@ struct WristStep {
   // Moments of the load; near where they were last computed in motion, by their rates.
   void set_load(S* load) {
     Flag<S> is_near = is_loaded && !twin.quasi_static;
-    for (int i = 0; i < N && any(is_near); ++i)
-      is_near = is_near && abs(angle[i] - load_angle[i]) < S(near_angle);
+    for (int i = 0; i < N && any(is_near); ++i) is_near = is_near && abs(angle[i] - load_angle[i]) < S(near_angle);
     if (any(!is_near)) {
       Bend<S> bend[N];
       for (int i = 0; i < N; ++i) bend[i] = twin.wrist.bend(i, coordinate[i]);
@@ -489,7 +485,8 @@ struct WristStep {
         slope.at[i][i] = slope.at[i][i] - spring - twin.damping[i] * speed_rate -
                          where(Flag<S>(beyond == S(0)), S(0), twin.stop_stiffness[i]);
         // A joint that nothing holds stays where it is.
-        if (twin.quasi_static) slope.at[i][i] = slope.at[i][i] - S(detail::slack_stiffness<ValueOf<S>>) * twin.stop_stiffness[i];
+        if (twin.quasi_static)
+          slope.at[i][i] = slope.at[i][i] - S(detail::slack_stiffness<ValueOf<S>>) * twin.stop_stiffness[i];
       } else {
         const S rest = twin.quasi_static ? S(0) : twin.hand.damping;
         at[u] = at[u] + twin.hand.stiffness * (command.handle_angle[u - N] - angle[u]) - rest * velocity;

@@ -244,7 +244,8 @@ struct WristTwin {
       const Passage<S>& at = passage[m][j];
       const int joint = joint_at(m, j);
       const bool in_sheath = joint < 0;
-      const S wrap = in_sheath ? larger(at.wrap + bent * at.share, S(0)) : at.wrap + abs(angle[in_sheath ? 0 : joint]) * at.share;
+      const S wrap =
+          in_sheath ? larger(at.wrap + bent * at.share, S(0)) : at.wrap + abs(angle[in_sheath ? 0 : joint]) * at.share;
       const S exponent = at.coefficient * wrap;
       const auto& tension = before.tendon[m].tension;
       // The held side is the slacker one.
@@ -284,8 +285,7 @@ struct WristTwin {
   }
 
   void read(State& state) const {
-    for (int h = 0; h < handles(); ++h)
-      state.measured_handle[h] = handle_encoder.read(state.angle[N + h], state.noise);
+    for (int h = 0; h < handles(); ++h) state.measured_handle[h] = handle_encoder.read(state.angle[N + h], state.noise);
     for (int i = 0; i < N; ++i) state.measured_angle[i] = output_encoder.read(state.angle[i], state.noise);
     for (int m = 0; m < M; ++m) {
       if (!taut(m)) continue;
