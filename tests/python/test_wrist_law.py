@@ -24,8 +24,9 @@ def test_the_axes_of_a_planar_instrument_come_back(name: str) -> None:
 def test_a_joint_without_a_pair_of_its_own_has_no_controller() -> None:
     assert list(tn.control.pairs("hybrid-real-size")) == ["yaw", "pitch"]
     assert tn.control.pairs("needle-driver") == {}
-    with pytest.raises(tn.ArgumentError, match="no joint that a controller can compensate"):
-        tn.control.compensated("needle-driver")
+    for refuses in (tn.control.compensated, Controller, tn.control.parameters, tn.control.resolution):
+        with pytest.raises(tn.ArgumentError, match="no joint that a controller can compensate"):
+            refuses("needle-driver")
     controller = Controller(tn.load("scaled-up"))
     with pytest.raises(tn.ArgumentError, match=r"for yaw of a tendon-gear; .* not yaw and pitch of a tendon-gear"):
         tn.twin.Twin("hybrid-scaled-up").run(np.zeros((2, 3)), controller=controller, wrench=np.zeros(6))

@@ -99,7 +99,7 @@ def record(  # noqa: PLR0917
             assumed, protocol, period, law=law, observer=observer, actuation=actuation, other=controller_instrument
         )
         if controller is not None:
-            controller.check_instrument(control.compensated(inst))
+            controller.check_instrument(inst)
     path = _default_path(protocol_file or protocol.name, instrument_file, law) if out is None else out
     inputs = (instrument_file, protocol_file, controller_instrument)
     with writing([("--out", path)], inputs, overwrite=overwrite), value_errors(), _progress(path) as progress:

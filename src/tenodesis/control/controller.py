@@ -12,7 +12,7 @@ from tenodesis.control.pairs import compensated
 from tenodesis.control.parameters import FAULTS, HOMING_REASONS, parameters
 from tenodesis.control.resolution import check_force_limit
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import InstrumentLike, ShortForm
+from tenodesis.instrument import InstrumentLike
 
 ObserverName: TypeAlias = Literal["paper", "exact", "friction"]
 """How the tip is estimated: by eq. 19 as printed, by the exact statics, or with friction."""
@@ -97,7 +97,8 @@ class Controller:
     Parameters
     ----------
     inst
-        The instrument; its table control has the set points, its table friction the observer's first guess.
+        The instrument, of which it serves the joints with a pair of tendons of their own (:func:`pairs`); its table
+        control has the set points, its table friction the observer's first guess.
     observer
         Estimates the output angle: ``paper`` (eq. 19), ``exact`` (with slack and motors), ``friction``.
     law
@@ -121,7 +122,7 @@ class Controller:
     ------
     ValueError
         A choice is unknown, the robust law has another observer, the load cells do not resolve the instrument's
-        force_limit, or the core refuses the parameters.
+        force_limit, no joint has a pair of its own, or the core refuses the parameters.
     """
 
     def __init__(
@@ -322,7 +323,7 @@ class Controller:
             None if place < 0 else place,
         )
 
-    def check_instrument(self, inst: ShortForm) -> None:
+    def check_instrument(self, inst: InstrumentLike) -> None:
         """Check that a plant's instrument has the axes and joints that the controller is for.
 
         Raises
@@ -330,6 +331,7 @@ class Controller:
         ValueError
             It has others.
         """
+        inst = compensated(inst)
         if inst.axes != self.inst.axes or inst.joint_type != self.inst.joint_type:
             raise ArgumentError(
                 f"the controller is for {' and '.join(self.inst.axes)} of a {self.inst.joint_type}; the twin must be "

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core, plant
+from tenodesis.control.pairs import compensated
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
+from tenodesis.instrument import InstrumentLike, ShortForm
 from tenodesis.instrument.compliance import compliance_shares
 from tenodesis.instrument.tension import tension_sensor
 
@@ -74,7 +75,7 @@ class Parameters(NamedTuple):
 
 def parameters(inst: InstrumentLike, period: float | None = None) -> Parameters:
     """Return the controller's parameters; period: of its ticks, s, by default the instrument's sampling period."""
-    inst = as_short_form(inst)
+    inst = compensated(inst)
     single = inst.planar
     tick = 1 / inst.sensors.sampling_rate if period is None else period
     first = single[0]
@@ -110,7 +111,7 @@ def tension_from_current(inst: InstrumentLike, current: ArrayLike, axis: str | N
     InstrumentError
         It has no such axis.
     """
-    inst = as_short_form(inst)
+    inst = compensated(inst)
     sensor = inst.axis(axis or inst.axes[0]).tension_sensor
     if not sensor.per_current:
         raise ArgumentError(

@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from tenodesis import plant, statics
+from tenodesis.control.pairs import compensated
 from tenodesis.control.parameters import force_limit, parameters
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
+from tenodesis.instrument import InstrumentLike, ShortForm
 
 _PLACES = 17
 _USUAL_LOAD = 1.0  # N
@@ -69,7 +70,7 @@ def resolution(inst: InstrumentLike) -> Resolution:
     are propagated by the derivatives of :func:`tenodesis.statics.estimate_output_angle`; without pretension they are
     not finite.
     """
-    return _resolution(as_short_form(inst))
+    return _resolution(compensated(inst))
 
 
 @lru_cache(maxsize=16)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tenodesis.control import Controller
-from tenodesis.control.pairs import compensated, names_of
+from tenodesis.control.pairs import names_of
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.recording.metadata import metadata_of
 from tenodesis.recording.writer import Recorder
@@ -79,7 +79,7 @@ def record(
     plan = protocol.plan(inst, time_step)
     if controller is not None:
         controller.reset()
-        controller.check_instrument(compensated(inst))
+        controller.check_instrument(inst)
         check_controllable(plan, inst, controller.inst)
     metadata = metadata_of(
         inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller

@@ -139,7 +139,7 @@ def execute(
     """
     plan = protocol.plan(plant.inst, plant.time_step)
     if controller is not None:
-        controller.check_instrument(compensated(plant.inst))
+        controller.check_instrument(plant.inst)
         check_controllable(plan, plant.inst, controller.inst)
     bench = _Bench(plant, controller)
     total = sum(planned.seconds for planned in plan)

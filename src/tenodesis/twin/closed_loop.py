@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from tenodesis import _core
 from tenodesis.control.controller import OperatingState, fault_names
 from tenodesis.errors import ArgumentError, FaultWarning
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import InstrumentLike, ShortForm
 from tenodesis.run import TENDONS, Array, Run
 from tenodesis.twin.core import Outcome, Rows, Ticks, TwinCore
 from tenodesis.twin.rows import CONTROL
@@ -23,7 +23,7 @@ class LoopController(Protocol):
     def core(self) -> _core.Controller:
         """The controller of the core."""
 
-    def check_instrument(self, inst: ShortForm) -> None:
+    def check_instrument(self, inst: InstrumentLike) -> None:
         """Raise ValueError for an instrument with other axes or joints than the controller's."""
 
     def begin(self, plant: object, time: float) -> None:

@@ -78,7 +78,7 @@ def run(
     time = np.arange(len(handle)) * STEP
     wrench = np.zeros((len(handle), 6))
     wrench[:, :3] = FORCES[name] * np.asarray(direction) * np.clip((time[:, None] - LOADED) / 0.1, 0, 1)
-    controller = None if law == "off" else Controller(control.compensated(assumed), law=law, enabled=True)
+    controller = None if law == "off" else Controller(assumed, law=law, enabled=True)
     out = Twin(inst, seed=1).run(handle, wrench=wrench, controller=controller)
     joints = [pair.joint for pair in control.pairs(inst).values()]
     target = chain.output_angles(assumed, handle[-1])[joints]
@@ -105,7 +105,7 @@ def grip_kept(name: str, state: tuple[float, float] = (60, 45)) -> tuple[float, 
     """Grip force before the wrist moves, and its smallest and largest share of it while the wrist moves and after."""
     inst = instrument.expanded(name)
     steps = round(1.0 / STEP)
-    controller = Controller(control.compensated(inst), law="robust", enabled=True)
+    controller = Controller(inst, law="robust", enabled=True)
     twin = Twin(inst, seed=1)
     trigger = [joint.name for joint in inst.handle_joints].index("trigger")
     closing = np.zeros((steps, len(inst.handle_joints)))

@@ -57,7 +57,7 @@ def section(context: Context) -> Section:
 def _run(context: Context, motion: Motion, load: Load, law: str) -> tuple[Array, Array] | None:
     """Return handle angle and error of the joint that follows, (n,), deg; None if the joints cannot hold the load."""
     inst = context.whole
-    controller = Controller(control.compensated(inst), law="robust", enabled=True) if law == "robust" else None
+    controller = Controller(inst, law="robust", enabled=True) if law == "robust" else None
     try:
         run = simulate.execute(Twin(inst, seed=SEED), protocol(inst, motion, load), controller)
     except (NoSolutionError, ProtocolError):
