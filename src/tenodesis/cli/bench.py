@@ -55,7 +55,7 @@ def bench(  # noqa: PLR0917
     inst = load_instrument(instrument_file)
     if scaled_up is None and instrument_file == "real-size":
         scaled_up = "scaled-up"
-    planar = Context.of(inst).short is not None
+    planar = inst.short_form is not None
     for option, given in (("--axis", axis), ("--scaled-up", scaled_up)):
         if given is not None and not planar:
             raise CommandError(

@@ -11,7 +11,7 @@ from tenodesis._core import Status
 from tenodesis.control.parameters import tension_limit
 from tenodesis.control.resolution import warnings as unresolved
 from tenodesis.errors import Error, InstrumentError
-from tenodesis.instrument import FullForm, InstrumentLike, ShortForm, as_instrument
+from tenodesis.instrument import FullForm, Instrument, InstrumentLike, ShortForm, as_instrument
 from tenodesis.instrument.tip_motion import tip_inertia
 from tenodesis.statics import Equilibrium
 from tenodesis.statics.chain import equilibrium, rates, straight_arms
@@ -180,11 +180,15 @@ def _rope_in_stem(inst: ShortForm) -> str:
 
 
 def _rope_on_pulley(inst: ShortForm) -> str:
-    radius, rope = _radius(inst, "distal"), inst.tendon_diameter
-    if inst.joint_type != "tendon-pulley" or rope is None or 2 * radius >= _PULLEY_PER_ROPE * rope:
+    return _rope_on(inst, "a pulley", _radius(inst, "distal")) if inst.joint_type == "tendon-pulley" else ""
+
+
+def _rope_on(inst: Instrument, pulley: str, radius: float) -> str:
+    rope = inst.tendon_diameter
+    if rope is None or 2 * radius >= _PULLEY_PER_ROPE * rope:
         return ""
     return (
-        f"tendon_diameter is {_mm(rope)}, on a pulley of only {2 * radius / rope:.2g} times that; ropes last on "
+        f"tendon_diameter is {_mm(rope)}, on {pulley} of only {2 * radius / rope:.2g} times that; ropes last on "
         f"pulleys of at least {_PULLEY_PER_ROPE:g} times their diameter."
     )
 
@@ -393,19 +397,14 @@ def _wider_than_stem(inst: FullForm) -> Iterator[str]:
     for joint in inst.tip_joints:
         if inst.stem_diameter is not None and 2 * joint.radius > inst.stem_diameter:
             yield (
-                f"radius of joint {joint.name} is {1e3 * joint.radius:.4g} mm, so that it is {2e3 * joint.radius:.4g} "
-                f"mm wide, wider than the stem of {1e3 * inst.stem_diameter:.4g} mm."
+                f"radius of joint {joint.name} is {_mm(joint.radius)}, so that it is {_mm(2 * joint.radius)} wide, "
+                f"wider than the stem of {_mm(inst.stem_diameter)}."
             )
 
 
 def _rope_on_joints(inst: FullForm) -> Iterator[str]:
-    rope = inst.tendon_diameter
-    for joint in inst.tip_joints:
-        if joint.mechanism == "pulley" and rope is not None and 2 * joint.radius < _PULLEY_PER_ROPE * rope:
-            yield (
-                f"tendon_diameter is {1e3 * rope:.4g} mm, on joint {joint.name} of only {2 * joint.radius / rope:.2g} "
-                f"times that; ropes last on pulleys of at least {_PULLEY_PER_ROPE:g} times their diameter."
-            )
+    pulleys = [joint for joint in inst.tip_joints if joint.mechanism == "pulley"]
+    yield from filter(None, (_rope_on(inst, f"joint {joint.name}", joint.radius) for joint in pulleys))
 
 
 JOINT_RULES: tuple[tuple[str, Callable[[FullForm], Iterator[str]]], ...] = (
