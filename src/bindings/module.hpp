@@ -13,6 +13,10 @@
 #include <cstdint>
 #include <memory>
 
+namespace tenodesis::engine {
+class AnyWristTwin;
+}
+
 namespace tenodesis::bindings {
 
 namespace nb = nanobind;
@@ -45,6 +49,9 @@ std::vector<std::string> list_of(const Names& names) {
 inline void require(bool condition, const char* otherwise) {
   if (!condition) throw nb::value_error(otherwise);
 }
+
+/// The twin within an object of the class WristTwin.
+engine::AnyWristTwin& wrist_twin_of(nb::handle object);
 
 void bind_twin(nb::module_& m);
 void bind_twin_gradient(nb::module_& m);

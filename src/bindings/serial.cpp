@@ -31,23 +31,26 @@ Kind* make(int descriptor, const nb::bytes& parameters, double timeout, double c
 
 std::optional<std::tuple<std::uint64_t, NewRows>> read(StreamedDevice& device, double timeout) {
   require(is_wait(timeout), "timeout is out of range");
-  AnyInput input{};
+  std::uint64_t time = 0;
   {
     const nb::gil_scoped_release release;
-    if (!device.read(input, static_cast<std::uint64_t>(timeout * 1e9))) return std::nullopt;
+    if (!device.read(time, static_cast<std::uint64_t>(timeout * 1e9))) return std::nullopt;
   }
-  NewRows rows = new_rows(static_cast<std::size_t>(device.axes()), 5);
+  NewRows rows = new_rows(device.sizes.handles, 5);
   double* to = rows.data();
-  for (int n = 0; n < device.axes(); ++n) {
-    const auto& from = input.axis[n];
+  for (std::size_t n = 0; n < device.sizes.handles; ++n) {
+    const Measurement<double> from = device.reading({n, 2 * n, 2 * n + 1});
     for (const double value :
          {from.handle_angle, from.tension[0], from.tension[1], from.spool_angle[0], from.spool_angle[1]})
       *to++ = value;
   }
-  return std::make_tuple(input.time, rows);
+  return std::make_tuple(time, rows);
 }
 
-void rest(StreamedDevice& device) { device.write({}, {}); }
+void rest(StreamedDevice& device) {
+  const double speed[runtime::most_tendons]{};
+  device.write(speed);
+}
 
 }  // namespace
 

@@ -230,6 +230,8 @@ void wrist_inertia(const WristSpec& spec, const In<2>& links, const In<2>& angle
 
 }  // namespace
 
+AnyWristTwin& wrist_twin_of(nb::handle object) { return nb::cast<PyWristTwin&>(object).twin(); }
+
 void bind_wrist_twin(nb::module_& m) {
   nb::class_<PyWristTwin>(m, "WristTwin", "The twin of a wrist, with its state.")
       .def(nb::init<const WristSpec&, const In<3>&, const std::vector<int>&, const In<2>&, const In<2>&, const In<2>&,

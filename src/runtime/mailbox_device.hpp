@@ -6,10 +6,10 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <bit>
 #include <cerrno>
-#include <cstring>
 
 #include "device.hpp"
 #include "durations.hpp"
@@ -80,15 +80,17 @@ class Wakeup {
 class MailboxDevice final : public Device {
  public:
   struct Sensed {
-    AnyInput input{};
-    double output_angle[most_axes]{};
+    std::uint64_t time{};  ///< ns
+    double handle_angle[most_joints]{}, output_angle[most_joints]{};
+    double tension[most_tendons]{}, spool_angle[most_tendons]{};
   };
   struct Answer {
     std::uint64_t measurement{};  ///< number of the measurement that it answers, from 1
-    Velocities speed{};
+    double speed[most_tendons]{};
   };
 
-  explicit MailboxDevice(int axes) : axes_(axes) {}
+  MailboxDevice(const Sizes& sizes, bool distal_encoder)
+      : Device(sizes, bench_commands(sizes), bench_signals(sizes, distal_encoder)) {}
 
   // For the thread that serves the hardware.
   void post(const Sensed& sensed) {
@@ -107,11 +109,10 @@ class MailboxDevice final : public Device {
   bool stopped() const { return stopped_.load(std::memory_order_acquire); }
   bool power_cut() const { return power_cut_.load(std::memory_order_acquire); }
 
-  int axes() const override { return axes_; }
   bool simulated() const override { return false; }
   bool clocked() const override { return true; }
 
-  bool read(AnyInput& input, std::uint64_t timeout) override {
+  bool read(std::uint64_t& time, std::uint64_t timeout) override {
     const std::uint64_t until = now() + timeout;
     std::uint64_t number = sensed_.get(last_);
     while ((number == read_ || number == 0) && came_.wait_until(until)) number = sensed_.get(last_);
@@ -120,34 +121,32 @@ class MailboxDevice final : public Device {
       overtaken_ = read_ == 0 ? 0 : number - read_ - 1;
       read_ = number;
     }
-    const Request request = input.request;
-    input = last_.input;
-    input.request = request;
+    time = last_.time;
     return fresh;
+  }
+
+  Measurement<double> reading(const CompensatedAxis& of) const override {
+    return {last_.handle_angle[of.handle],
+            {last_.tension[of.agonist], last_.tension[of.antagonist]},
+            {last_.spool_angle[of.agonist], last_.spool_angle[of.antagonist]}};
   }
 
   bool may_be_late() const override { return true; }
   std::uint64_t overtaken() const override { return overtaken_; }
 
-  bool write(const Velocities& speed, const Benches& /*bench*/) override {
+  bool write(const double* row) override {
     Answer answer{read_, {}};
-    std::memcpy(answer.speed, speed, sizeof(Velocities));
+    std::copy_n(row, sizes.tendons, answer.speed);
     answer_.set(answer);
     answered_.notify();
     return true;
   }
 
-  Signals signals(int axis) const override {
-    Signals known;
-    known.fill(unknown);
-    const auto& measured = last_.input.axis[axis];
-    known[0] = measured.handle_angle;
-    known[1] = last_.output_angle[axis];
-    for (std::size_t i = 0; i < 2; ++i) {
-      known[2 + i] = measured.tension[i];
-      known[4 + i] = measured.spool_angle[i];
-    }
-    return known;
+  void store(double* out) const override {
+    out = std::copy_n(last_.handle_angle, sizes.handles, out);
+    out = std::copy_n(last_.tension, sizes.tendons, out);
+    out = std::copy_n(last_.spool_angle, sizes.tendons, out);
+    if (signals.find("measured_output_angle").second != 0) std::copy_n(last_.output_angle, sizes.joints, out);
   }
 
   void cut_power() noexcept override { power_cut_.store(true, std::memory_order_release); }
@@ -160,7 +159,6 @@ class MailboxDevice final : public Device {
   }
 
  private:
-  int axes_;
   SharedValue<Sensed> sensed_;
   SharedValue<Answer> answer_;
   Wakeup came_, answered_;

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "durations.hpp"
+#include "followers.hpp"
 #include "orders.hpp"
 #include "queue.hpp"
 #include "realtime.hpp"
@@ -22,7 +23,7 @@
 
 namespace tenodesis::runtime {
 
-using engine::AnyController;
+using engine::AnyController, engine::AnyInput;
 
 class Runtime {
  public:
@@ -34,8 +35,14 @@ class Runtime {
       : device_(device),
         controller_(controller),
         settings_(settings),
-        ring_(ring, columns(device.axes()), ring_capacity),
-        record_(columns(device.axes())) {}
+        ring_(ring, columns(device, settings.axes.size()), ring_capacity),
+        record_(columns(device, settings.axes.size())),
+        command_(device.commands.width()),
+        before_(command_),
+        spools_(device.commands.find("spool_velocity").first),
+        contacts_(device.commands.find("contact")),
+        hand_(device.commands.find("handle_angle").second),
+        motors_(settings_, device.sizes.tendons) {}
 
   ~Runtime() { finish(); }
   Runtime(const Runtime&) = delete;
@@ -66,6 +73,7 @@ class Runtime {
   /// False where too many orders wait already.
   bool order(const Order& order) { return orders_.push(order); }
   bool play(const PlayedTick& tick) { return played_.push(tick); }
+  const Columns& commands() const { return device_.commands; }
   std::size_t pending_ticks() const { return played_.pending(); }
   /// The operator is present for so many ns more; 0: is absent. After the first lease, motors are released only while
   /// the operator is present.
@@ -99,9 +107,6 @@ class Runtime {
   }
 
  private:
-  struct Hand {
-    double target{}, speed{};
-  };
   struct TimedInjection {
     engine::Injection fault{};
     std::uint64_t until{};  ///< tick
@@ -139,9 +144,9 @@ class Runtime {
     const std::uint64_t due = device_.clocked() ? 0 : wait();
     input_.request = Request::none;
     bool fresh = true;
-    if (device_.clocked()) fresh = device_.read(input_, std::uint64_t(2e9 * settings_.period));
+    if (device_.clocked()) fresh = device_.read(input_.time, std::uint64_t(2e9 * settings_.period));
     const std::uint64_t begun = now();
-    if (!device_.clocked()) fresh = device_.read(input_, 0);
+    if (!device_.clocked()) fresh = device_.read(input_.time, 0);
     ring_.report_alive(begun);
     // Before a device's first measurement there is nothing to control.
     if (device_.clocked() && !fresh && last_fresh_ == 0) {
@@ -228,11 +233,11 @@ class Runtime {
       drop_played();
       request(Request::pause);
     }
-    move_hands();
+    take_motion();
     measured_at_ = input_.time;
     for (std::size_t n = 0; n < axes(); ++n)
-      input_.axis[n] =
-          controller_.injector.pass(n, input_.axis[n], [&](std::size_t point) { return injected(n, point); });
+      input_.axis[n] = controller_.injector.pass(n, device_.reading(settings_.axes[n]),
+                                                 [&](std::size_t point) { return injected(n, point); });
     const bool given = inject_into_tick() && !awaits_measurement(begun, fresh);
     // The request of a tick that does not reach the controller is made with the next.
     input_.request = given ? requests_.pop() : Request::none;
@@ -240,33 +245,41 @@ class Runtime {
     if (given) controller_.step(input_, controller_.last);
     const std::uint64_t answered = now();
     control_.note(answered - asked);
-    Velocities speed{};
-    const double silent = controller_.injector.silent();
-    if (!stopped_ && (silent <= 0 || !controller_.watchdog(silent))) send_velocities(speed);
+    command_motors();
     if (controller_.last.cut_power) device_.cut_power();
-    if (!device_.write(speed, bench_)) {
+    if (!device_.write(command_.data())) {
       report(Problem::tip_lost);
-      for (std::size_t n = 0; n < most_axes; ++n) {
-        bench_[n].force = bench_before_[n].force;
-        bench_[n].radial_force = bench_before_[n].radial_force;
-      }
+      restore_loads();
     }
     bool in_tissue = false;
-    for (std::size_t n = 0; n < axes(); ++n) {
-      if (!device_.in_tissue(static_cast<int>(n))) continue;
-      bench_[n].contact = {};
+    for (std::size_t j = 0; j < contacts_.second / contact_columns; ++j) {
+      if (!device_.in_tissue(j)) continue;
+      std::fill_n(contact(j), contact_columns, 0.0);
       in_tissue = true;
     }
     if (in_tissue)
       report(Problem::in_tissue);
     else
       withdraw(Problem::in_tissue);
-    bench_before_ = bench_;
-    record(fresh, answered - asked, speed);
+    before_ = command_;
+    record(fresh, answered - asked);
     ++tick_;
   }
 
-  std::size_t axes() const { return static_cast<std::size_t>(device_.axes()); }
+  std::size_t axes() const { return settings_.axes.size(); }
+  double* contact(std::size_t joint) { return command_.data() + contacts_.first + contact_columns * joint; }
+  double& velocity(std::size_t tendon) { return command_[spools_ + tendon]; }
+  /// Whether a column is a load's: neither the handle's nor a spool's, nor tissue.
+  bool is_load(std::size_t column) const {
+    const bool spool = column >= spools_ && column < spools_ + device_.sizes.tendons;
+    const bool tissue = column >= contacts_.first && column < contacts_.first + contacts_.second;
+    return column >= hand_.size() && column < command_.size() && !spool && !tissue;
+  }
+
+  void restore_loads() {
+    for (std::size_t k = 0; k < command_.size(); ++k)
+      if (is_load(k)) command_[k] = before_[k];
+  }
 
   engine::Injection injected(std::size_t axis, std::size_t point) const {
     const TimedInjection& injection = injection_[axis][point];
@@ -290,18 +303,27 @@ class Runtime {
     return !too_long(silent) && !controller_.watchdog(double(silent) * 1e-9);
   }
 
-  void send_velocities(Velocities& speed) {
+  // Motors without a controller move with those that have one: while it is enabled, and the zero of its spools known.
+  void command_motors() {
+    const engine::AnyOutput& said = controller_.last;
+    const double silent = controller_.injector.silent();
+    const bool released = !stopped_ && (silent <= 0 || !controller_.watchdog(silent));
+    const bool free = released && said.state == OperatingState::enabled && !said.homing;
+    const Problem problem = motors_.command(device_, free, played_now_, command_.data() + spools_);
+    if (problem != Problem::none) stop_for(problem);
     for (std::size_t n = 0; n < axes(); ++n) {
-      const auto sent = controller_.injector.pass_pair(n, engine::at_velocity, controller_.last.axis[n].spool_velocity,
-                                                       [&](std::size_t point) { return injected(n, point); });
-      for (std::size_t i = 0; i < 2; ++i) speed[n][i] = sent[i];
+      std::array<double, 2> sent{};
+      if (released)
+        sent = controller_.injector.pass_pair(n, engine::at_velocity, said.axis[n].spool_velocity,
+                                              [&](std::size_t point) { return injected(n, point); });
+      velocity(settings_.axes[n].agonist) = sent[0];
+      velocity(settings_.axes[n].antagonist) = sent[1];
     }
   }
 
   void take_orders() {
     Order order;
     while (orders_.pop(order)) {
-      const auto n = static_cast<std::size_t>(std::clamp(order.axis, 0, device_.axes() - 1));
       switch (order.kind) {
         case OrderKind::request:
           obey(Request(order.a));
@@ -310,15 +332,14 @@ class Runtime {
           controller_.choose(ControlLaw(order.a), Actuation(order.b));
           break;
         case OrderKind::hand:
-          hand_[n].target = std::clamp(order.value, -settings_.handle_range[n], settings_.handle_range[n]);
+          if (order.at < hand_.size()) hand_[order.at].target = within_range(order.at, order.value);
           break;
-        case OrderKind::force:
-          bench_[n].force = order.value;
+        case OrderKind::load:
+          if (is_load(order.at)) command_[order.at] = order.value;
           withdraw(Problem::tip_lost);
           break;
-        case OrderKind::radial:
-          bench_[n].radial_force = order.value;
-          withdraw(Problem::tip_lost);
+        case OrderKind::motor:
+          motors_.order(order.at, order.value);
           break;
         case OrderKind::speed:
           settings_.speed = order.value;
@@ -327,12 +348,14 @@ class Runtime {
           next_ = now();
           break;
         case OrderKind::inject_fault:
-          injection_[n][static_cast<std::size_t>(order.a)] = {{engine::InjectionMode(order.b), order.value},
-                                                              tick_ + order.ticks};
+          if (order.at < axes())
+            injection_[order.at][static_cast<std::size_t>(order.a)] = {{engine::InjectionMode(order.b), order.value},
+                                                                       tick_ + order.ticks};
           break;
         case OrderKind::drop:
           drop_played();
-          for (auto& bench : bench_) bench.contact = {};
+          for (const auto& [first, count] : {contacts_, device_.commands.find("held")})
+            std::fill_n(command_.data() + first, count, 0.0);
           break;
       }
     }
@@ -353,7 +376,7 @@ class Runtime {
     PlayedTick played;
     while (played_.pop(played)) {
     }
-    for (std::size_t n = 0; n < most_axes; ++n) hand_[n] = {bench_[n].handle_angle, 0};
+    for (std::size_t h = 0; h < hand_.size(); ++h) hand_[h] = {command_[h], command_[h], 0};
   }
 
   void request(Request wanted) {
@@ -379,56 +402,48 @@ class Runtime {
     problem_.compare_exchange_strong(none, why);
   }
 
-  void move_hands() {
+  double within_range(std::size_t handle, double angle) const {
+    return std::clamp(angle, -settings_.handle_range[handle], settings_.handle_range[handle]);
+  }
+
+  void take_motion() {
     PlayedTick played;
-    if (played_.pop(played)) {
-      for (std::size_t n = 0; n < most_axes; ++n) {
-        bench_[n] = played.bench[n];
-        hand_[n] = {played.bench[n].handle_angle, 0};
-      }
+    played_now_ = played_.pop(played);
+    if (played_now_) {
+      std::copy_n(played.begin(), command_.size(), command_.begin());
+      for (std::size_t h = 0; h < hand_.size(); ++h) hand_[h] = {command_[h], command_[h], 0};
       return;
     }
-    // A critically damped follower, no faster than a hand.
-    const double rate = 1 / settings_.hand_smoothing;
-    for (std::size_t n = 0; n < most_axes; ++n) {
-      Hand& hand = hand_[n];
-      double& at = bench_[n].handle_angle;
-      hand.speed += settings_.period * rate * (rate * (hand.target - at) - 2 * hand.speed);
-      hand.speed = std::clamp(hand.speed, -settings_.hand_speed, settings_.hand_speed);
-      at += settings_.period * hand.speed;
-      at = std::clamp(at, -settings_.handle_range[n], settings_.handle_range[n]);
+    // No faster than a hand.
+    for (std::size_t h = 0; h < hand_.size(); ++h) {
+      Follower& hand = hand_[h];
+      const double wanted = hand.wanted_speed(settings_.period, 1 / settings_.hand_smoothing);
+      hand.speed = std::clamp(wanted, -settings_.hand_speed, settings_.hand_speed);
+      hand.at = command_[h] = within_range(h, hand.at + settings_.period * hand.speed);
     }
   }
 
   // ------------------------------------------------------------------ the record
 
-  void record(bool fresh, std::uint64_t controller_time, const Velocities& speed) {
+  void record(bool fresh, std::uint64_t controller_time) {
     const engine::AnyOutput& output = controller_.last;
     double* to = record_.data();
-    for (const double value :
-         {double(measured_at_) * 1e-9, double(input_.request), double(output.homed), double(output.homing),
-          double(output.first_faults), double(stopped_), double(problem_.load(std::memory_order_relaxed)),
-          double(late_now_) * 1e-9, double(controller_time) * 1e-9, double(fresh)})
+    for (const double value : {double(measured_at_) * 1e-9, double(input_.request), double(output.state),
+                               double(output.homed), double(output.homing), double(output.first_faults),
+                               double(stopped_), double(problem_.load(std::memory_order_relaxed)),
+                               double(late_now_) * 1e-9, double(controller_time) * 1e-9, double(fresh)})
       *to++ = value;
-    for (std::size_t n = 0; n < axes(); ++n) {
-      const bool simulated = device_.simulated();
-      *to++ = simulated ? bench_[n].handle_angle : unknown;
-      const Contact<double>& contact = bench_[n].contact;
-      for (const double value : {bench_[n].radial_force, contact.angle, contact.stiffness, contact.damping})
-        *to++ = simulated ? value : unknown;
-      to = std::ranges::copy(device_.signals(static_cast<int>(n)), to).out;
-      engine::ControlSignals signals = engine::control_signals(controller_, n);
-      // What the motors were sent, which is not what the controller wanted while they are stopped.
-      for (std::size_t i = 0; i < 2; ++i) signals[engine::velocity_signal + i] = speed[n][i];
-      to = std::ranges::copy(signals, to).out;
-    }
+    to = std::ranges::copy(command_, to).out;
+    device_.store(to);
+    to += device_.signals.width();
+    for (std::size_t n = 0; n < axes(); ++n) to = std::ranges::copy(engine::control_signals(controller_, n), to).out;
     ring_.write(record_);
   }
 
   // Motors at rest whichever way the loop ends.
   void halt() {
-    const Velocities rest{};
-    if (!device_.simulated()) device_.write(rest, bench_);
+    std::fill_n(command_.data() + spools_, device_.sizes.tendons, 0.0);
+    if (!device_.simulated()) device_.write(command_.data());
     device_.stop();
   }
 
@@ -445,8 +460,12 @@ class Runtime {
   std::atomic<std::uint64_t> lease_;
 
   AnyInput input_{};
-  Benches bench_{}, bench_before_{};
-  std::array<Hand, most_axes> hand_{};
+  std::vector<double> command_, before_;  // rows: of this tick, and of the one before
+  std::size_t spools_;                    // first column of the spools' velocities
+  std::pair<std::size_t, std::size_t> contacts_;
+  std::vector<Follower> hand_;
+  Motors motors_;
+  bool played_now_{};
   TimedInjection injection_[most_axes][engine::injection_point_count]{};
   RequestQueue requests_;
   bool stopped_{};

@@ -18,14 +18,13 @@ class StreamedController final : public BoardController {
     if (problem() == LinkProblem::none) begin();
   }
 
-  /// The board's next tick; false where none has come within so many ns, and the input holds the previous one.
-  bool receive(AnyInput& input, std::uint64_t timeout) {
+  /// The board's next tick and its time, ns; false where none has come within so many ns, and the previous one stays.
+  bool receive(std::uint64_t& time, std::uint64_t timeout) {
     const auto until = SerialLine::Clock::now() + std::chrono::nanoseconds(timeout);
     const bool fresh = receive(until);
     // A line that has failed returns at once, and the loop must not spin.
     if (!fresh && problem() != LinkProblem::none) std::this_thread::sleep_until(until);
-    input.time = received_.tick.time;
-    for (int n = 0; n < axes(); ++n) input.axis[n] = measurement_as<Measurement<double>>(received_.axis[n].measured);
+    time = received_.tick.time;
     return fresh;
   }
 
@@ -47,8 +46,8 @@ class StreamedController final : public BoardController {
 
   /// Lets the board drive its motors as it has answered, or stops them where the loop wants other velocities. One
   /// message is under way at a time, except for what stops: a slow board would receive the others late, and take them
-  /// for new ones.
-  void send(const Velocities& speed) {
+  /// for new ones. speed: of the spools, agonist and antagonist of each axis, rad/s.
+  void send(const double* speed) {
     const std::scoped_lock guard(mutex());
     if (problem() != LinkProblem::none || !unanswered_) return;
     unanswered_ = false;
@@ -57,7 +56,7 @@ class StreamedController final : public BoardController {
     keep_.rest = 0;
     for (int n = 0; n < axes(); ++n)
       for (int i = 0; i < 2; ++i)
-        if (speed[n][i] != double(answer_.axis[n].spool_velocity[i])) keep_.rest = 1;
+        if (speed[2 * n + i] != double(answer_.axis[n].spool_velocity[i])) keep_.rest = 1;
     keep_.choice = choice();
     const bool arrived = received_.kept == sent_ || number_ - sent_at_ >= longest_way;
     if (!arrived && !urgent_ && (keep_.rest == 0 || rested)) return;
@@ -151,34 +150,43 @@ class StreamedController final : public BoardController {
 /// Sensors and motors of such a board, as the loop sees them.
 class StreamedDevice final : public Device {
  public:
-  explicit StreamedDevice(StreamedController& board) : board_(board) {}
+  explicit StreamedDevice(StreamedController& board)
+      : Device(sizes_of(board), bench_commands(sizes_of(board)), bench_signals(sizes_of(board), false)),
+        board_(board) {}
 
-  int axes() const override { return board_.axes(); }
   bool simulated() const override { return false; }
   bool clocked() const override { return true; }
-  bool read(AnyInput& input, std::uint64_t timeout) override { return board_.receive(input, timeout); }
+  bool read(std::uint64_t& time, std::uint64_t timeout) override { return board_.receive(time, timeout); }
+  Measurement<double> reading(const CompensatedAxis& axis) const override {
+    return measurement_as<Measurement<double>>(board_.measured(int(axis.handle)));
+  }
   std::uint64_t overtaken() const override { return board_.overtaken(); }
 
-  bool write(const Velocities& speed, const Benches& /*bench*/) override {
-    board_.send(speed);
+  bool write(const double* row) override {
+    board_.send(row);
     return true;
   }
 
-  Signals signals(int axis) const override {
-    const link::Measured& from = board_.measured(axis);
-    Signals known;
-    known.fill(unknown);
-    known[0] = from.handle_angle;
-    for (std::size_t i = 0; i < 2; ++i) {
-      known[2 + i] = from.tension[i];
-      known[4 + i] = from.spool_angle[i];
+  void store(double* out) const override {
+    const int axes = board_.axes();
+    for (int n = 0; n < axes; ++n) {
+      const link::Measured& from = board_.measured(n);
+      out[n] = from.handle_angle;
+      for (int i = 0; i < 2; ++i) {
+        out[axes + 2 * n + i] = from.tension[i];
+        out[3 * axes + 2 * n + i] = from.spool_angle[i];
+      }
     }
-    return known;
   }
 
   void stop() noexcept override { board_.rest(); }
 
  private:
+  static Sizes sizes_of(const StreamedController& board) {
+    const auto axes = std::size_t(board.axes());
+    return {axes, axes, 2 * axes};
+  }
+
   StreamedController& board_;
 };
 

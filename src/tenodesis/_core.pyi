@@ -376,6 +376,12 @@ class LoopProblem(enum.IntEnum):
     IN_TISSUE = 5
     """the tip is where tissue is to be"""
 
+    OVERLOAD = 6
+    """a motor without a controller was to wind a tendon beyond the limit"""
+
+    NOT_A_NUMBER = 7
+    """a sensor of such a motor had no value"""
+
 class Order(enum.IntEnum):
     """What the live loop can be ordered to do."""
 
@@ -386,44 +392,60 @@ class Order(enum.IntEnum):
     """a: law, b: actuation"""
 
     HAND = 2
-    """value: handle angle, rad; axis"""
+    """at: joint of the handle; value: its angle, rad"""
 
-    FORCE = 3
-    """value: force at the tip, N; axis"""
+    LOAD = 3
+    """at: column of a row of commands; value"""
 
-    RADIAL = 4
-    """value: radial force at the tip, N; axis"""
+    MOTOR = 4
+    """at: tendon that no controller commands; value: angle of its spool, rad"""
 
     SPEED = 5
     """value: simulated over real time; 0: as fast as possible"""
 
     INJECT_FAULT = 6
-    """a: point, b: mode, axis, value, ticks: for how long"""
+    """a: point, b: mode, at: axis, value, ticks: for how long"""
 
     DROP = 7
     """the rest of a played motion"""
 
 class LiveDevice:
-    """What the live loop reads and writes."""
+    """What the live loop reads and writes, in named columns."""
 
-class TwinDevice(LiveDevice):
-    """The twins of an instrument's axes as a device."""
+    @property
+    def commands(self) -> list[tuple[str, int]]:
+        """Names and widths of a command's columns."""
+
+    @property
+    def signals(self) -> list[tuple[str, int]]:
+        """Names and widths of the signals' columns."""
+
+class AxesDevice(LiveDevice):
+    """The twins of axes that do not act on each other."""
 
     def __init__(self, twins: Sequence[Twin], time_step: float, steps_per_tick: int) -> None: ...
+
+class ChainDevice(LiveDevice):
+    """The twin of joints that may share tendons."""
+
+    def __init__(self, twin: object, time_step: float, steps_per_tick: int) -> None: ...
+
+class MotorSwitch(Controller):
+    """In place of a controller where no joint has a law."""
+
+    def __init__(self) -> None: ...
 
 class MailboxDevice(LiveDevice):
     """A device that another thread serves."""
 
-    def __init__(self, axes: int) -> None: ...
+    def __init__(self, joints: int, handles: int, tendons: int, distal_encoder: bool) -> None: ...
 
-    def post(self, time: int, measured: NDArray[numpy.float64]) -> None:
-        """
-        Post a measurement: its time in ns; per axis handle angle, tensions, spool angles, output angle.
-        """
+    def post(self, time: int, handle_angle: Sequence[float], tension: Sequence[float], spool_angle: Sequence[float], output_angle: Sequence[float]) -> None:
+        """Post a measurement: its time in ns, and its values by joint or tendon."""
 
-    def take(self, timeout: float) -> tuple[bool, NDArray[numpy.float64]]:
+    def take(self, timeout: float) -> tuple[bool, list[float]]:
         """
-        Whether an answer to the last post came within so many seconds, and its spool velocities by axis.
+        Whether an answer to the last post came within so many seconds, and its spool velocities by tendon.
         """
 
     @property
@@ -437,7 +459,10 @@ class MailboxDevice(LiveDevice):
 class Runtime:
     """The live loop, a thread of its own."""
 
-    def __init__(self, device: LiveDevice, controller: Controller, ring: str, ring_capacity: int, handle_range: Sequence[float], period: float, speed: float, late_bound: float, real_time: bool) -> None: ...
+    def __init__(self, device: LiveDevice, controller: Controller, axes: Sequence[Sequence[int]], motors: Sequence[int], ring: str, ring_capacity: int, handle_range: Sequence[float], period: float, speed: float, late_bound: float, motor_speed: float, motor_tension: float, real_time: bool) -> None:
+        """
+        axes: joint of the handle, agonist and antagonist of each of the controller's; motors: tendons without a controller.
+        """
 
     def start(self) -> None:
         """Begin."""
@@ -448,14 +473,14 @@ class Runtime:
     def run_ticks(self, count: int) -> None:
         """Take so many ticks as fast as possible, on this thread."""
 
-    def order(self, kind: int, a: int = 0, b: int = 0, axis: int = 0, value: float = 0.0, ticks: int = 0) -> bool:
+    def order(self, kind: int, a: int = 0, b: int = 0, at: int = 0, value: float = 0.0, ticks: int = 0) -> bool:
         """
         Give an order, by number of its kind; false where too many orders wait already.
         """
 
     def play(self, rows: NDArray[numpy.float64]) -> int:
         """
-        Queue ticks of a motion, per axis handle angle, force, radial force, and with tissue its angle, stiffness and damping; returns how many were taken.
+        Queue ticks of a motion, rows of the device's commands; returns how many were taken.
         """
 
     def lease(self, seconds: float) -> None:
@@ -532,10 +557,7 @@ class RingReader:
         """Time since the loop last reported that it is alive, s."""
 
 def tick_columns() -> list[str]:
-    """Columns of a record before its axes'."""
-
-def bench_columns() -> list[str]:
-    """Columns of an axis before its signals."""
+    """Columns of a record before its commands."""
 
 class LinkProblem(enum.IntEnum):
     """What has gone wrong with a board."""

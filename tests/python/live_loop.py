@@ -8,11 +8,12 @@ import numpy as np
 
 from tenodesis import _core
 from tenodesis.control import Controller, Request
+from tenodesis.control.pairs import names_of, pairs
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
+from tenodesis.live.layout import Layout
 from tenodesis.live.loop import ORDERS
-from tenodesis.live.ticks import run_of, signals_of
 from tenodesis.run import Run, concatenate
 from tenodesis.twin import Twin
 
@@ -24,7 +25,7 @@ class Played:
     """The rows of a run, block by block; before a block so many rows may be lost."""
 
     def __init__(self, run: Run, inst: Instrument, blocks: Sequence[int | tuple[int, int]]) -> None:
-        self.inst, self.axes, self.time_step = inst, inst.axes, float(run.time[1] - run.time[0])
+        self.inst, self.names, self.time_step = inst, names_of(inst), float(run.time[1] - run.time[0])
         self._run = run
         self._blocks = [block if isinstance(block, tuple) else (0, block) for block in blocks]
         self._row = 0
@@ -60,10 +61,14 @@ class LiveLoop:
             self.twin.loosen(loosened)
         controller = Controller(inst, homed=homed)
         self.time_step = self.twin.time_step
-        device = _core.TwinDevice(self.twin.cores, self.time_step, self.twin.steps_per_tick)
+        self._device = device = self.twin.live_device
+        self.layout = Layout(inst, device.commands, device.signals)
         path = str(folder / ring)
         ranges = [1.5] * len(inst.axes)
-        self._runtime = _core.Runtime(device, controller.core, path, capacity, ranges, self.time_step, 0.0, 1.0, False)
+        axes = [tuple(pair[1:]) for pair in pairs(inst).values()]
+        self._runtime = _core.Runtime(
+            device, controller.core, axes, [], path, capacity, ranges, self.time_step, 0.0, 1.0, 1.0, 1e3, False
+        )
         self._ring = _core.RingReader(path)
         self._controller = controller
         self._cursor = 0
@@ -84,22 +89,32 @@ class LiveLoop:
         taken, self._cursor, _ = self._ring.read(self._cursor, rows)
         assert taken == count
         self._row = rows[-1]
-        return run_of(rows, self.inst, simulated=True, distal=True)
+        return self.layout.run_of(rows)
+
+    @property
+    def playing(self) -> dict[str, Any]:
+        """What a player needs to know of the loop."""
+        return {"inst": self.inst, "assumed": self.inst, "columns": self.layout.commands, "time_step": self.time_step}
 
     def describe_folder(self) -> None:
         """Write the files that describe the folder."""
         (self.folder / folders.INSTRUMENT).write_text(to_toml(self.inst))
-        folders.write(self.folder, folders.About(self.inst, "twin", self.time_step, True, True, "", 0))
+        folders.write(
+            self.folder,
+            folders.About(
+                self.inst, "twin", self.time_step, True, True, "", 0, self._device.commands, self._device.signals
+            ),
+        )
 
     def latest(self) -> dict[str, Any]:
-        return signals_of(self._row, self.inst)
+        return self.layout.signals_of(self._row)
 
     def ask(self, request: str) -> None:
         self.asked.append(request)
         self._runtime.order(ORDERS.index("request"), int(Request[request.upper()]))
 
     def load(self, force: float) -> None:
-        self._runtime.order(ORDERS.index("force"), value=force)
+        self._runtime.order(ORDERS.index("load"), at=self.layout.commands.columns["force"].start, value=force)
 
     def hand(self, angle: float) -> None:
         self._runtime.order(ORDERS.index("hand"), value=angle)

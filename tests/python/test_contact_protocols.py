@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 import tenodesis as tn
-from tenodesis import simulate
+from tenodesis import _core, simulate
 from tenodesis.control import Controller
 from tenodesis.errors import ProtocolError
 from tenodesis.instrument import Instrument
-from tenodesis.live.loop import PROBLEMS
 from tenodesis.recording import Recording
 from tenodesis.recording.replay import replay
 from tenodesis.recording.simulation import record
@@ -207,13 +206,12 @@ def test_tissue_where_a_live_tip_is_waits_until_it_has_left(loop: LiveLoop) -> N
     loop.hand(0.25)
     loop.ticks(4000)
     at = float(loop.latest()["output_angle"])
-    rows = np.zeros((4000, 1, 6))
-    rows[:, 0, 0] = np.linspace(0.25, 0.0, 4000)
-    rows[:, 0, 3:] = Contact(at / 2, 1e3).row
+    commands = {"handle_angle": np.linspace(0.25, 0.0, 4000), "contact": (Contact(at / 2, 1e3),)}
+    rows = loop.layout.commands.row(commands, 4000)
     loop.push(rows[:2000])
     loop.ticks(100)
     assert loop.latest()["contact_stiffness"] == 0
-    assert PROBLEMS[loop._runtime.problem] == PROBLEMS[-1]
+    assert loop._runtime.problem == _core.LoopProblem.IN_TISSUE
     loop.ticks(1900)
     loop.push(rows[2000:])
     loop.ticks(2000)

@@ -27,7 +27,17 @@ def commanded(loop, folder):
     has = loop.capabilities
     folders.write(
         folder,
-        folders.About(loop.inst, has.name, loop.period, has.simulated, has.distal_encoder, "2026-01-01", os.getpid()),
+        folders.About(
+            loop.inst,
+            has.name,
+            loop.period,
+            has.simulated,
+            has.distal_encoder,
+            "2026-01-01",
+            os.getpid(),
+            loop.device.commands,
+            loop.device.signals,
+        ),
     )
     return loop
 
@@ -52,15 +62,15 @@ def test_a_live_loop_does_what_a_run_with_the_controller_does_bit_for_bit(tmp_pa
     handle, force = commands(4000)
     loop = looped(tmp_path, inst, seed=3)
     reader = Reader(tmp_path)
-    rows = np.zeros((4000, len(axes), 3))
-    rows[:, :, 0], rows[:, :, 1] = handle[:, np.newaxis], force[:, np.newaxis]
+    each = {name: np.tile(values[:, np.newaxis], len(axes)) for name, values in (("h", handle), ("f", force))}
+    rows = loop.commands.row({"handle_angle": each["h"], "force": each["f"]}, 4000)
     assert loop.push(rows) == 4000
     loop.request("enable")
     loop.core.run_ticks(4000)
     live, lost = reader.read(5000)
     run = Twin(inst, seed=3).run(
-        handle if axes == ("yaw",) else rows[:, :, 0],
-        force if axes == ("yaw",) else rows[:, :, 1],
+        handle if axes == ("yaw",) else each["h"],
+        force if axes == ("yaw",) else each["f"],
         controller=Controller(inst),
     )
     assert lost == 0
@@ -91,8 +101,7 @@ def test_a_reader_gets_every_tick_whole_or_is_told_how_many_it_missed(tmp_path):
 
 def test_the_queue_of_played_ticks_tells_how_many_fitted_and_is_left_out_on_demand(tmp_path):
     loop = looped(tmp_path)
-    rows = np.zeros((6000, 1, 3))
-    rows[:, :, 0] = 0.3
+    rows = loop.commands.row({"handle_angle": np.full(6000, 0.3)}, 6000)
     assert loop.push(rows) == 4096 == loop.pending
     loop.drop()
     reader = Reader(tmp_path)
@@ -118,8 +127,7 @@ def test_a_stop_sends_nothing_but_zero_from_its_tick_on_until_it_is_set_free(tmp
     loop = looped(tmp_path)
     reader = Reader(tmp_path)
     handle, force = commands(2000)
-    rows = np.stack([handle, force, 0 * force], -1)[:, np.newaxis]
-    loop.push(rows)
+    loop.push(loop.commands.row({"handle_angle": handle, "force": force}, len(handle)))
     loop.request("enable")
     loop.core.run_ticks(1500)
     assert np.abs(reader.read(2000)[0].commanded_spool_velocity[-200:]).max() > 0
@@ -269,7 +277,7 @@ def test_the_law_can_be_changed_on_the_way(tmp_path):
     loop.choose("off", "differential")
     loop.request("enable")
     handle, force = commands(1000)
-    loop.push(np.stack([handle, force, 0 * force], -1)[:, np.newaxis])
+    loop.push(loop.commands.row({"handle_angle": handle, "force": force}, len(handle)))
     loop.core.run_ticks(1000)
     off, _ = reader.read(2000)
     assert not off.commanded_spool_velocity.any()

@@ -19,9 +19,10 @@ from tenodesis.live import lease as leases
 from tenodesis.live import protocol_runner
 from tenodesis.live import server as servers
 from tenodesis.live.client import Client
+from tenodesis.live.layout import TICK
 from tenodesis.live.loop import LiveLoop
 from tenodesis.live.server import Server
-from tenodesis.live.ticks import TICK, Reader
+from tenodesis.live.ticks import Reader
 from tenodesis.recording import Recording
 
 from .test_live import looped, until
@@ -124,7 +125,7 @@ def test_a_protocol_asks_for_nothing_after_a_stop(served, monkeypatch):
         assert go.wait(30)
         player._ask("resume")
         player._ask("home")
-        player._queue.push(np.full((200, 1, 3), 0.1))
+        player._queue.push(player._columns.row({"handle_angle": np.full(200, 0.1)}, 200))
 
     monkeypatch.setattr(protocol_runner.Player, "advance", turn)
     one.play(RAMP, record=False)

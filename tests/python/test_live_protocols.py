@@ -29,7 +29,7 @@ HOMING = Protocol(name="homing", phases=(Pretension(timeout=30.0), *STEPS.phases
 
 def player(loop: LiveLoop, protocol: Protocol) -> Player:
     plan = protocol.plan(loop.inst, loop.time_step)
-    return Player(plan, loop, loop.ask, loop.latest, inst=loop.inst, time_step=loop.time_step)
+    return Player(plan, loop, loop.ask, loop.latest, **loop.playing)
 
 
 def turns(playing: Player, loop: LiveLoop, most: int = 2000, ticks: int = TURN) -> None:
@@ -316,10 +316,10 @@ def test_cancelling_stops_at_once_and_forgets_what_was_ahead(loop: LiveLoop) -> 
 
 def test_a_bench_whose_handle_nobody_commands_is_not_approached(loop: LiveLoop) -> None:
     def latest() -> dict[str, Any]:
-        return loop.latest() | dict.fromkeys(("commanded_handle_angle", "force", "radial_force"), np.nan)
+        return loop.latest() | {"commands": {}}
 
     plan = STEPS.plan(loop.inst, loop.time_step)
-    playing = Player(plan, loop, loop.ask, latest, inst=loop.inst, time_step=loop.time_step)
+    playing = Player(plan, loop, loop.ask, latest, **loop.playing)
     turns(playing, loop)
     rows = planned(STEPS, loop)
     assert (commanded(loop)[TURN : TURN + len(rows)] == rows).all()

@@ -60,7 +60,7 @@ def test_homing_waits_until_the_handle_is_straight_and_the_tip_free(tmp_path: Pa
         loop.ask(request)
 
     plan = HOMING.plan(scaled, loop.time_step)
-    turns(Player(plan, loop, ask, loop.latest, inst=scaled, time_step=loop.time_step), loop)
+    turns(Player(plan, loop, ask, loop.latest, **loop.playing), loop)
     assert asked == [("home", 0, [0.0, 0.0, 0.0]), ("resume", 0, [0.0, 0.0, 0.0])]
 
 
@@ -127,7 +127,7 @@ def test_an_instrument_that_does_not_home_is_told(tmp_path: Path, scaled: Instru
     loop.ticks(TURN)
     plan = HOMING.plan(scaled, loop.time_step)
     asked: list[str] = []
-    playing = Player(plan, loop, asked.append, loop.latest, inst=scaled, time_step=loop.time_step)
+    playing = Player(plan, loop, asked.append, loop.latest, **loop.playing)
     turns(playing, loop)
     assert asked == ["home"]
     assert "the instrument does not begin to home; home it to go on" in str(playing.problem)

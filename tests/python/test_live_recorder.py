@@ -28,7 +28,7 @@ from tenodesis.live import recorder as live
 from tenodesis.live.events import Tail
 from tenodesis.live.ticks import Reader
 from tenodesis.recording import Recorder, Recording
-from tenodesis.run import Run
+from tenodesis.run import Names, Run
 
 from .conftest import ROOT
 from .live_loop import LiveLoop, Played
@@ -52,10 +52,10 @@ from pathlib import Path
 import numpy as np
 import tenodesis as tn
 from tenodesis.live import recorder
-from tenodesis.run import Run
+from tenodesis.run import Names, Run
 {before}
 class Source:
-    inst, axes, time_step = tn.load("scaled-up"), ("yaw",), {STEP}
+    inst, names, time_step = tn.load("scaled-up"), Names.paired(["yaw"]), {STEP}
     row, begun = 1, time.monotonic()
     @property
     def alive(self):
@@ -66,7 +66,7 @@ class Source:
         self.row = max(due, self.row)
         kept = rows[rows % 400 != 0]
         t = kept * {STEP}
-        return Run(t, self.axes, force=np.sin(t), measured_tension=np.stack([t, -t], 1)), rows.size - kept.size
+        return Run(t, ("yaw",), force=np.sin(t), measured_tension=np.stack([t, -t], 1)), rows.size - kept.size
 folder, path = Path({str(folder)!r}), Path({str(path)!r})
 sys.exit(recorder.supervise(lambda stop: recorder.record(Source(), folder, path, stop=stop)))
 """
@@ -295,13 +295,13 @@ def test_what_was_there_when_it_was_told_to_stop_is_recorded_and_what_has_no_end
     stop = threading.Event()
 
     class Behind:
-        inst, axes, time_step, row, alive = scaled, ("yaw",), STEP, 0, True
+        inst, names, time_step, row, alive = scaled, Names.paired(["yaw"]), STEP, 0, True
 
         def read(self, most: int = 2000) -> tuple[Run, int]:
             stop.set()
             rows = np.arange(self.row, min(self.row + most, there)) + 1
             self.row += rows.size
-            return Run(rows * STEP, self.axes, force=rows * 1.0), 0
+            return Run(rows * STEP, ("yaw",), force=rows * 1.0), 0
 
     outcome = live.record(Behind(), tmp_path, tmp_path / "run.mcap", stop=stop)
     # A ring holds eight seconds, or up to twice that.
@@ -313,7 +313,7 @@ def test_memory_does_not_grow_with_the_rows(scaled: Instrument, tmp_path: Path) 
     """Ten times the rows take no more memory than the index that a file of so many chunks ends with."""
 
     class Endless:
-        inst, axes, time_step, row = scaled, ("yaw",), STEP, 0
+        inst, names, time_step, row = scaled, Names.paired(["yaw"]), STEP, 0
         peaks: tuple[int, ...] = ()
 
         @property
@@ -326,7 +326,7 @@ def test_memory_does_not_grow_with_the_rows(scaled: Instrument, tmp_path: Path) 
                 tracemalloc.reset_peak()
             rows = np.arange(self.row, min(self.row + most, 60_000)) + 1
             self.row += rows.size
-            return Run(rows * STEP, self.axes, force=rows * 1.0), 0
+            return Run(rows * STEP, ("yaw",), force=rows * 1.0), 0
 
     source = Endless()
     tracemalloc.start()

@@ -90,13 +90,11 @@ def is_at_rest(frame: Frame) -> bool:
 def test_the_live_loop_with_its_controller_on_a_board_is_that_without_to_the_last_bit(
     tmp_path: Path, scaled: Instrument, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rows = np.zeros((300, 1, 3))
-    rows[:, 0, 0] = np.radians(20) * np.arange(300) / 300
-    rows[180:, 0, 1] = 0.5
+    commands = {"handle_angle": np.radians(20) * np.arange(300) / 300, "force": 0.5 * (np.arange(300) >= 180)}
 
     def played(loop: LiveLoop, reader: Reader) -> Run:
         loop.request("enable")
-        assert loop.push(rows) == len(rows)
+        assert loop.push(loop.commands.row(commands, 300)) == 300
         loop.core.run_ticks(150)
         loop.choose("exact", "agonist")
         loop.core.run_ticks(150)

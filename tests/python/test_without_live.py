@@ -11,8 +11,19 @@ from .conftest import EXAMPLES
 SENTENCE = "The live runtime and the link to boards are not part of this build; they run on Linux."
 
 LIVE = (
-    *("LoopProblem", "Order", "LiveDevice", "TwinDevice", "MailboxDevice", "Runtime", "RingReader", "tick_columns"),
-    *("bench_columns", "LinkProblem", "BoardController", "SerialController", "StreamedController", "StreamedDevice"),
+    *(
+        "LoopProblem",
+        "Order",
+        "LiveDevice",
+        "AxesDevice",
+        "ChainDevice",
+        "MotorSwitch",
+        "MailboxDevice",
+        "Runtime",
+        "RingReader",
+        "tick_columns",
+    ),
+    *("LinkProblem", "BoardController", "SerialController", "StreamedController", "StreamedDevice"),
 )
 HIDE = f"from tenodesis import _core\nfor name in {LIVE!r}:\n    delattr(_core, name)\n"
 """Leaves of the C++ module what CMake's option TENODESIS_LIVE=OFF leaves."""

@@ -15,6 +15,7 @@ from tenodesis.console.tab_law import LawTab
 from tenodesis.console.tab_move import MoveTab, largest_force
 from tenodesis.console.tab_protocols import ProtocolsTab
 from tenodesis.console.tab_setup import SetupTab
+from tenodesis.instrument import as_short_form
 from tenodesis.instrument.joints import AXES
 from tenodesis.kinematics.chain import bend_side
 
@@ -87,7 +88,7 @@ class Browser:
 
     def _fill(self, gui: Any) -> tuple[PanelSection, ...]:
         """Add panel, curves and view, and return the sections of the panel."""
-        session, inst = self.session, self._inst
+        session, inst = self.session, as_short_form(self._inst)
         header = StatusHeader(session, inst)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Move"):

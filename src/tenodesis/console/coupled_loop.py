@@ -205,7 +205,7 @@ class CoupledLink(RestartableConnection):
         self.loop, self.origin = loop, origin
 
     @property
-    def inst(self) -> FullForm:  # type: ignore[override]
+    def inst(self) -> FullForm:
         """The instrument that runs."""
         return self.loop.inst
 
@@ -290,7 +290,7 @@ class CoupledLink(RestartableConnection):
         """Load the tip with a force in its axes, N, (3,)."""
         self._ask(force=_finite("force", force, 3))
 
-    def hold(self, held: Held | None) -> None:
+    def hold(self, held: Held | None) -> None:  # type: ignore[override]
         """Put an object between the jaws, or take it away."""
         with self.loop.lock:
             self._operate()

@@ -11,6 +11,7 @@ from tenodesis.console.session import PageState, Session, as_plain, enable, set_
 from tenodesis.control.resolution import sentences, warnings
 from tenodesis.errors import InstrumentError, LiveError
 from tenodesis.files import read_regular
+from tenodesis.instrument import as_short_form
 
 _LARGEST_FILE = 1_000_000
 """Largest instrument file that is read, bytes."""
@@ -23,7 +24,7 @@ class SetupTab:
     def __init__(self, session: Session) -> None:
         self._session = session
         gui: Any = session.client.gui
-        inst = session.link.inst
+        inst = as_short_form(session.link.inst)
         gui.add_markdown(
             f"**{as_plain(inst.name)}**, {' and '.join(inst.axes)}, on *{as_plain(session.link.device)}*. "
             f"{as_plain(inst.description)}"

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from tenodesis import _core, plant
 from tenodesis.control.pairs import compensated
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import InstrumentLike, ShortForm
+from tenodesis.instrument import Instrument, InstrumentLike, ShortForm
 from tenodesis.instrument.compliance import compliance_shares
 from tenodesis.instrument.tension import tension_sensor
 
@@ -121,7 +121,7 @@ def tension_from_current(inst: InstrumentLike, current: ArrayLike, axis: str | N
     return np.asarray(convert(current, sensor.per_current, sensor.range / sensor.per_current))
 
 
-def tension_limit(inst: ShortForm) -> float:
+def tension_limit(inst: Instrument) -> float:
     """Return the tension (N) above which no tendon is wound."""
     given = inst.control.tension_limit
     if given is not None:

@@ -31,6 +31,13 @@ class Capabilities:
     """Time from a measurement until a command that answers it acts, by the device's own account, s."""
     stops_alone: float
     """Time without a command after which the motors stop by themselves, s."""
+    tendons: tuple[str, ...] = ()
+    """Tendons, where the device names them; otherwise every axis has an agonist and an antagonist."""
+
+    @property
+    def spools(self) -> tuple[int, ...]:
+        """Shape of what it has per spool: (tendons,), or (axes, 2) where it does not name them."""
+        return (len(self.tendons),) if self.tendons else (len(self.axes), 2)
 
 
 class Measurement(NamedTuple):

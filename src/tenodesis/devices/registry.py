@@ -7,7 +7,7 @@ from types import MappingProxyType
 from tenodesis.devices.device import Device
 from tenodesis.errors import DeviceError
 from tenodesis.extras import require
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument, ShortForm, as_short_form
 from tenodesis.instrument.devices import Serial
 
 
@@ -21,7 +21,7 @@ class Kind:
     """None of the twin, which is a part of the live loop."""
 
 
-def make(name: str, inst: ShortForm, address: str | None = None) -> Device:
+def make(name: str, inst: Instrument, address: str | None = None) -> Device:
     """Return a device for an instrument, not open yet; the address replaces a serial device's port in the file.
 
     Raises
@@ -44,7 +44,7 @@ def make(name: str, inst: ShortForm, address: str | None = None) -> Device:
             raise DeviceError(f"--address is {address!r}; {name} has no address, only serial has.")
         given = (inst.devices.serial or Serial()).model_copy(update={"port": address})
         inst = inst.model_copy(update={"devices": inst.devices.model_copy(update={"serial": given})})
-    return made(inst)
+    return made(as_short_form(inst))
 
 
 def _canopen(inst: ShortForm) -> Device:

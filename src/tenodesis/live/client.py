@@ -15,12 +15,12 @@ import numpy as np
 
 from tenodesis.devices.device import Capabilities
 from tenodesis.errors import LiveError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument
 from tenodesis.live import folder as folders
 from tenodesis.live.commands import COMMANDS, Command, Connection
 from tenodesis.live.status import RuntimeState, Status, Timing
-from tenodesis.live.ticks import Reader, run_of, signals_of
-from tenodesis.run import Array
+from tenodesis.live.ticks import Reader
+from tenodesis.run import Array, Names
 
 _TIMEOUT = 5.0
 """Longest wait for a connection, s."""
@@ -70,14 +70,14 @@ class Client(Connection):
         self._last_status: Status | None = None
 
     @property
-    def inst(self) -> ShortForm:
+    def inst(self) -> Instrument:
         """The instrument."""
         return self._reader.inst
 
     @property
-    def axes(self) -> tuple[str, ...]:
-        """Its axes."""
-        return self._reader.axes
+    def names(self) -> Names:
+        """What the columns of its rows are named after."""
+        return self._reader.names
 
     @property
     def time_step(self) -> float:
@@ -95,9 +95,9 @@ class Client(Connection):
         return self._reader.alive
 
     def latest(self) -> dict[str, Any]:
-        """Return the newest tick's signals by name, scalars or arrays by axis and tendon; empty before the first."""
+        """Return the newest tick's signals by name, scalars or arrays by joint and tendon; empty before the first."""
         row = self._reader.newest()
-        return {} if row is None else signals_of(row, self.inst)
+        return {} if row is None else self._reader.layout.signals_of(row)
 
     def history(self, seconds: float, rows: int = 500) -> dict[str, Array]:
         """Return the signals of the last seconds by name, with ``time`` (s), thinned to at most `rows` rows."""
@@ -107,8 +107,7 @@ class Client(Connection):
         if len(table):
             table = table[table[:, 0] > table[-1, 0] - seconds]
         every = -(-len(table) // max(rows, 1)) or 1
-        run = run_of(table[::-1][::every][::-1], self.inst, simulated=True, distal=True)
-        return {"time": run.time, **run.signals()}
+        return self._reader.layout.history_of(table[::-1][::every][::-1])
 
     def status(self) -> Status:
         """Return the state of the runtime; GONE if it has ended."""

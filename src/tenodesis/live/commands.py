@@ -20,7 +20,7 @@ from pydantic import TypeAdapter
 from tenodesis import simulate
 from tenodesis.devices.device import Capabilities
 from tenodesis.errors import LiveError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument
 from tenodesis.live.status import Status
 from tenodesis.run import Array
 from tenodesis.simulate import Protocol
@@ -231,7 +231,11 @@ class Commands:
 
     @_command(streamed=True)
     def hand(self, angles: ArrayLike) -> None:
-        """Move the handle to angles, rad, shape (axes,)."""
+        """Move the handle's joints or, without a handle, those at the tip by their motors, to angles, rad."""
+
+    @_command(streamed=True)
+    def motors(self, angles: ArrayLike) -> None:
+        """Turn the spools whose motors no controller commands to angles, rad, in the order of their tendons."""
 
     @_command(streamed=True)
     def force(self, force: ArrayLike) -> None:
@@ -240,6 +244,18 @@ class Commands:
     @_command(streamed=True)
     def radial_force(self, force: ArrayLike) -> None:
         """Load the tip along the end-effector, N, shape (axes,)."""
+
+    @_command(streamed=True)
+    def wrench(self, wrench: ArrayLike) -> None:
+        """Load the tip with a force (N) and a moment (N m) in its axes, shape (6,)."""
+
+    @_command(streamed=True)
+    def grip_force(self, force: float) -> None:
+        """Press the jaws apart with a force, N."""
+
+    @_command()
+    def hold(self, opening: float, stiffness: float, damping: float = 0.0) -> None:
+        """Put something between the jaws, as :class:`tenodesis.twin.Held`; a stiffness of 0 takes it away."""
 
     @_command()
     def request(self, what: ControllerRequest) -> None:
@@ -276,7 +292,7 @@ class Connection(Commands, ABC):
 
     @property
     @abstractmethod
-    def inst(self) -> ShortForm:
+    def inst(self) -> Instrument:
         """The instrument that runs."""
 
     @property

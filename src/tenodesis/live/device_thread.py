@@ -53,15 +53,15 @@ class DeviceThread:
             self.problem = "the device does not answer and could not be closed; switch the motors' supply off."
 
     def _serve(self) -> None:
-        axes = len(self._device.capabilities.axes)
-        rest = np.zeros((axes, 2))
+        rest = np.zeros(self._device.capabilities.spools)
         try:
             while not self._ending.is_set() and not self._box.stopped:
                 measured = self._device.read(4 * self._period)
                 if measured is None:
                     self._device.write(rest)
                     continue
-                self._box.post(measured.time, measured.rows)
+                values = (measured.handle_angle, measured.tension, measured.spool_angle, measured.output_angle)
+                self._box.post(measured.time, *(np.ravel(value).tolist() for value in values))
                 answered, velocity = self._box.take(4 * self._period)
                 self.unanswered += not answered
                 if self._box.power_cut:
@@ -71,8 +71,8 @@ class DeviceThread:
                     )
                     self._device.cut_power()
                     break
-                speed = np.array(velocity)
-                self._device.write(speed if answered and np.isfinite(speed).all() else rest)
+                sound = answered and np.isfinite(velocity).all()
+                self._device.write(np.reshape(velocity, rest.shape) if sound else rest)
         except DeviceError as problem:
             self.problem = str(problem)
         except Exception as problem:

@@ -2,19 +2,23 @@
 
 import json
 import os
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from tenodesis.errors import LiveError
 from tenodesis.extras import require_live
 from tenodesis.files import atomic_file
-from tenodesis.instrument import ShortForm, as_short_form
+from tenodesis.instrument import Instrument, as_instrument
 
 # Every part of the live runtime that needs the C++ module's imports this module.
 require_live()
 
 import fcntl  # noqa: E402 - Windows has none
+
+Columns: TypeAlias = Sequence[tuple[str, int]]
+"""Names of columns, and how many each has."""
 
 RING = "ring"
 """The ticks, in shared memory."""
@@ -30,7 +34,7 @@ _SESSION = "session.json"
 class About(NamedTuple):
     """The description of a runtime."""
 
-    inst: ShortForm
+    inst: Instrument
     device: str
     period: float
     """Between ticks, s."""
@@ -39,6 +43,10 @@ class About(NamedTuple):
     started: str
     """Time and date, ISO 8601."""
     pid: int
+    commands: Columns
+    """Columns of its device's commands."""
+    signals: Columns
+    """Columns of its device's signals."""
 
 
 def write(folder: Path, about: About) -> None:
@@ -65,7 +73,7 @@ def read(folder: Path) -> About:
     """
     try:
         content = json.loads((folder / _SESSION).read_text("utf-8"))
-        return About(as_short_form(folder / INSTRUMENT), **content)
+        return About(as_instrument(folder / INSTRUMENT), **content)
     except (OSError, ValueError, TypeError) as problem:
         raise LiveError(
             f"{folder} is no folder of a live instrument ({problem}); start one with `tenodesis console`."

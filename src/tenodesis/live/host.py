@@ -11,7 +11,7 @@ from typing import Any
 from tenodesis.devices.device import Capabilities
 from tenodesis.errors import LiveError
 from tenodesis.files import atomic_file
-from tenodesis.instrument import ShortForm, as_short_form, parse
+from tenodesis.instrument import Instrument, as_instrument, parse
 from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
 from tenodesis.live.client import Client
@@ -96,7 +96,7 @@ class Host:
         LiveError
             The new runtime does not start; the message states why, and what runs now.
         """
-        inst = as_short_form(parse(instrument, "the instrument file") if "\n" in instrument else instrument)
+        inst = as_instrument(parse(instrument, "the instrument file") if "\n" in instrument else instrument)
         rehearse(inst, self.choices)
         with self._changing:
             file = self.home / f"{self._started + 1}.toml"
@@ -201,7 +201,7 @@ class HostConnection(RestartableConnection):
         return command.call(self._current(), arguments)
 
     @property
-    def inst(self) -> ShortForm:
+    def inst(self) -> Instrument:
         """The instrument that runs."""
         return self._current().inst
 

@@ -13,17 +13,22 @@ from numpy.typing import ArrayLike
 from tenodesis import _core
 from tenodesis.control import Controller, Request
 from tenodesis.control.controller import ActuationName, LawName
+from tenodesis.control.pairs import compensated, names_of, pairs
+from tenodesis.control.parameters import tension_limit
 from tenodesis.devices.device import Capabilities, Device
 from tenodesis.devices.serial import SerialController, StreamedController
 from tenodesis.errors import ArgumentError, DeviceError, LiveError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.instrument.devices import Serial
 from tenodesis.live import folder as folders
 from tenodesis.live.device_thread import DeviceThread
+from tenodesis.live.layout import CommandColumns
 from tenodesis.plant import check_runnable
 from tenodesis.run import Array
 from tenodesis.simulate.fault_injection import INJECTION_MODES, INJECTION_POINTS, check_mode
-from tenodesis.twin import Twin
+from tenodesis.statics.chain import coordinates
+from tenodesis.twin import Held, Twin
+from tenodesis.twin.commands import check_held, grip_error
 
 _RING_SECONDS = 8.0
 """Time by which a reader may fall behind, s."""
@@ -31,8 +36,10 @@ ORDERS = tuple(order.name.lower() for order in _core.Order)
 """Orders in the queue of the core's loop, by number."""
 _LATE_BOUND = 0.05
 """Delay above which real motors are stopped where the instrument has no watchdog, s."""
-_LARGEST_FORCE = 100.0
-"""At the tip, N."""
+_LARGEST_FORCE, _LARGEST_MOMENT = 100.0, 10.0
+"""At the tip, N and N m."""
+_JOINT_SPEED = 1.5
+"""Of joints that motors without a controller move, rad/s."""
 
 PROBLEMS = (
     None,
@@ -41,11 +48,12 @@ PROBLEMS = (
     "The device was silent for longer than the bound, and the motors were stopped: look at its cables and power.",
     "The operator went away, and the motors were paused: resume to go on.",
     "The tip is where tissue is to be, which is placed as soon as the tip has left.",
+    "A motor would have wound a tendon beyond the largest tension, and the motors were stopped: lessen the load.",
+    "A sensor beside a motor had no value, and the motors were stopped: look at its cable.",
 )
 """Problems of the core's loop, by number."""
 
 DeviceName: TypeAlias = Literal["twin", "nidaq", "canopen", "serial"]
-Maker: TypeAlias = Callable[[ShortForm], Device]
 
 
 @dataclass(frozen=True)
@@ -66,7 +74,7 @@ class Choices:
     """Delay above which the loop itself stops real motors, s; by default twice the instrument's watchdog."""
 
 
-def rehearse(inst: ShortForm, choices: Choices) -> None:
+def rehearse(inst: Instrument, choices: Choices) -> None:
     """Check all that can be checked of a loop without its device: instrument, twin, controller, table of the device.
 
     Raises
@@ -78,11 +86,17 @@ def rehearse(inst: ShortForm, choices: Choices) -> None:
     DeviceError
         The device does not suit the instrument, or its table is missing.
     """
-    check_runnable(inst)
+    assumed, _ = _assumed(inst)
+    if assumed is inst:
+        check_runnable(inst)
     twin = Twin(inst, seed=choices.seed)
-    Controller(inst, law=choices.law, actuation=choices.actuation, period=twin.time_step * twin.steps_per_tick)
+    period = twin.time_step * twin.steps_per_tick
+    if assumed is not None:
+        Controller(assumed, law=choices.law, actuation=choices.actuation, period=period)
     if choices.device not in ("twin", "serial"):
-        _check_axes(_made(choices.device, inst).capabilities, inst)
+        _check_device(_made(choices.device, inst).capabilities, inst)
+    elif choices.device == "serial":
+        _check_board(inst)
 
 
 class LiveLoop:
@@ -110,9 +124,11 @@ class LiveLoop:
     """
 
     def __init__(
-        self, inst: ShortForm, folder: Path, choices: Choices | None = None, *, device: Device | None = None
+        self, inst: Instrument, folder: Path, choices: Choices | None = None, *, device: Device | None = None
     ) -> None:
         self.inst, self.folder = inst, folder
+        self.assumed, self.refused = _assumed(inst)
+        """What the controller is made for; None where no joint has one, and why."""
         self.choices = choices = choices or Choices()
         if choices.device not in get_args(DeviceName):
             raise ArgumentError(key="device", value=choices.device, allowed=_one_of(get_args(DeviceName)))
@@ -134,42 +150,58 @@ class LiveLoop:
         inst = self.inst
         twin = Twin(inst, seed=choices.seed)
         self.period = twin.time_step * twin.steps_per_tick
-        self.controller = _controller(inst, choices, served=self._device is not None)
-        live, self.capabilities = self._bench(twin)
-        ranges = [one.handle_range for one in (inst.axis(name) for name in inst.axes)]
+        self._spool_radius = twin.spool_radius
+        own = pairs(inst) if self.assumed is not None else {}
+        self.axes = tuple(own)
+        """Axes that the controller compensates."""
+        taken = {tendon for pair in own.values() for tendon in (pair.agonist, pair.antagonist)}
+        self.motors = [n for n, one in enumerate(inst.tendons) if one.start == "spool" and n not in taken]
+        """Tendons whose motors no controller commands, by number."""
+        self.controller = _controller(self.assumed, choices, inst, served=self._device is not None)
+        self.device, self.capabilities = self._bench(twin)
+        self.commands = CommandColumns(self.device.commands)
         path = self.folder / folders.RING
         try:
             self.core = _core.Runtime(
-                live,
+                self.device,
                 self.controller.core,
+                [tuple(pair[1:]) for pair in own.values()],
+                self.motors,
                 str(path),
                 round(_RING_SECONDS / self.period),
-                ranges,
+                [joint.range for joint in inst.handle_joints],
                 self.period,
                 choices.speed,
                 choices.late_bound or 2 * inst.control.watchdog or _LATE_BOUND,
+                self._motor_speed,
+                tension_limit(inst),
                 choices.real_time,
             )
         except (OSError, RuntimeError) as problem:
             raise LiveError(f"{path} cannot be written: {problem}.") from None
 
+    @property
+    def _motor_speed(self) -> float:
+        """Largest speed of spools that no controller commands, rad/s."""
+        drives, arms = self.inst.drives, np.abs(self.inst.tendon_arms("tip"))
+        return min(drives.motor_speed / drives.gear_ratio, _JOINT_SPEED * float(arms.max()) / self._spool_radius)
+
     def _bench(self, twin: Twin) -> tuple[_core.LiveDevice, Capabilities]:
         """Return the device of the core's loop and its capabilities."""
-        axes, rate = self.inst.axes, 1 / self.period
+        inst, rate = self.inst, 1 / self.period
         if self._device is not None:
             has = self._device.capabilities
-            _check_axes(has, self.inst)
-            box = _core.MailboxDevice(len(axes))
+            _check_device(has, inst)
+            sizes = len(inst.tip_joints), len(inst.handle_joints), len(inst.tendons)
+            box = _core.MailboxDevice(*sizes, has.distal_encoder)
             self._device_thread = DeviceThread(self._device, box, self.period)
             return box, has
         if isinstance(self.controller, StreamedController):
-            stops_alone = self.inst.control.watchdog
+            stops_alone = inst.control.watchdog
             return self.controller.device(), Capabilities(
-                "serial", axes, rate, True, False, False, self.period, stops_alone
+                "serial", self.axes, rate, True, False, False, self.period, stops_alone
             )
-        return _core.TwinDevice(twin.cores, twin.time_step, twin.steps_per_tick), Capabilities(
-            self.choices.device, axes, rate, False, True, True, self.period, 0.0
-        )
+        return twin.live_device, Capabilities(self.choices.device, self.axes, rate, False, True, True, self.period, 0.0)
 
     def start(self) -> None:
         """Begin; motors are at rest until the controller is enabled."""
@@ -223,20 +255,60 @@ class LiveLoop:
         for argument, value, allowed in (("law", law, LawName), ("actuation", actuation, ActuationName)):
             if value not in get_args(allowed):
                 raise LiveError(key=argument, value=value, allowed=_one_of(get_args(allowed)))
+        if self.refused is not None:
+            raise LiveError(self.refused)
         self._order("law", get_args(LawName).index(law), get_args(ActuationName).index(actuation))
         self.law, self.actuation = law, actuation  # type: ignore[assignment]
 
     def hand(self, angles: ArrayLike) -> None:
-        """Move the handle to angles, rad, shape (axes,)."""
-        self._per_axis("hand", "handle_angle", angles, 10.0)
+        """Move the handle's joints or, without a handle, those at the tip by their motors, to angles, rad."""
+        inst = self.inst
+        joints = inst.handle_joints or inst.tip_joints
+        array = _numbers("handle_angle", angles, len(joints), 10.0)
+        if inst.handle_joints:
+            self._each("hand", enumerate(array.tolist()))
+            return
+        most = np.array([joint.range for joint in joints])
+        arms = inst.tendon_arms("tip") @ coordinates(joints, array.clip(-most, most))[0]
+        self._each("motor", ((tendon, float(arms[tendon]) / self._spool_radius) for tendon in self.motors))
+
+    def move_motors(self, angles: ArrayLike) -> None:
+        """Turn the spools whose motors no controller commands to angles, rad, shape (motors,)."""
+        if not self.motors:
+            raise LiveError(f"{self.inst.name} has no motors but those that its controller commands.")
+        array = _numbers("angles", angles, len(self.motors), 100.0)
+        self._each("motor", zip(self.motors, array.tolist(), strict=True))
 
     def force(self, forces: ArrayLike) -> None:
         """Load the tip tangentially, N, shape (axes,)."""
-        self._per_axis("force", "force", forces, _LARGEST_FORCE)
+        self._load("force", forces, _LARGEST_FORCE)
 
     def radial_force(self, forces: ArrayLike) -> None:
         """Load the tip along the end-effector, N, shape (axes,)."""
-        self._per_axis("radial", "radial_force", forces, _LARGEST_FORCE)
+        self._load("radial_force", forces, _LARGEST_FORCE)
+
+    def wrench(self, wrench: ArrayLike) -> None:
+        """Load the tip with a force (N) and a moment (N m) in its axes, shape (6,)."""
+        self._load("wrench", wrench, np.repeat([_LARGEST_FORCE, _LARGEST_MOMENT], 3))
+
+    def grip_force(self, force: float) -> None:
+        """Press the jaws apart with a force, N."""
+        if self.inst.grip is None:
+            raise grip_error("grip_force", self.inst)
+        self._load("grip_force", force, _LARGEST_FORCE)
+
+    def hold(self, held: Held | None, output_angle: ArrayLike) -> None:
+        """Put something between jaws whose joints are at angles, rad, or take it away."""
+        if self.inst.grip is None:
+            raise grip_error("held", self.inst)
+        check_held(held, None, float(self.inst.grip_arms @ np.asarray(output_angle)))
+        opening, stiffness, damping = held or (0.0, 0.0, 0.0)
+        first = self.commands.columns["held"].start if "held" in self.commands else None
+        if first is None:
+            raise self._without("held")
+        # The stiffness comes last and goes first: the jaws never press what is not there.
+        values = ((first, opening), (first + 2, damping), (first + 1, stiffness))
+        self._each("load", values if stiffness else values[::-1])
 
     def speed(self, factor: float) -> None:
         """Run simulated time at this multiple of wall time; 0: as fast as possible."""
@@ -254,15 +326,17 @@ class LiveLoop:
             if value_given not in allowed:
                 raise LiveError(key=argument, value=value_given, allowed=_one_of(allowed))
         check_mode(point, mode)
-        if axis is not None and axis not in self.inst.axes:
-            raise LiveError(key="axis", value=axis, allowed=_one_of(self.inst.axes))
+        if self.refused is not None:
+            raise LiveError(self.refused)
+        if axis is not None and axis not in self.axes:
+            raise LiveError(key="axis", value=axis, allowed=_one_of(self.axes))
         if not 0 < seconds <= 3600:
             raise LiveError(key="seconds", value=seconds, allowed="above 0, up to 3600")
         ticks = round(seconds / self.period)
-        for n, name in enumerate(self.inst.axes):
+        for n, name in enumerate(self.axes):
             if axis in (None, name):
                 place, how = INJECTION_POINTS.index(point), INJECTION_MODES.index(mode)
-                self._order("inject_fault", place, how, axis=n, value=float(value), ticks=ticks)
+                self._order("inject_fault", place, how, at=n, value=float(value), ticks=ticks)
 
     @property
     def pending(self) -> int:
@@ -270,28 +344,34 @@ class LiveLoop:
         return self.core.pending_rows
 
     def push(self, rows: Array) -> int:
-        """Append ticks of a played motion, shape (n, axes, 3) or with tissue (n, axes, 6), and return how many fitted.
-
-        A row per tick and axis: handle angle (rad), force and radial force (N); tissue's angle (rad), stiffness (N/m,
-        negative in extension) and damping (N s/m).
-        """
+        """Append ticks of a played motion, rows of :attr:`commands`, shape (n, width), and return how many fitted."""
         with self._lock:
             return self.core.play(np.ascontiguousarray(rows, float))
 
     def drop(self) -> None:
-        """Drop the remaining ticks of a played motion and its tissue; the handle stays where it is."""
+        """Drop the rest of a played motion, tissue and what the jaws hold; the handle stays where it is."""
         self._order("drop")
 
-    def _per_axis(self, order: str, argument: str, values: ArrayLike, most: float) -> None:
-        array = np.asarray(values, float).reshape(-1)
-        if array.shape != (len(self.inst.axes),) or not np.all(np.abs(array) <= most):
-            allowed = f"{len(self.inst.axes)} finite numbers, at most {most:g}"
-            raise LiveError(key=argument, value=np.asarray(values).tolist(), allowed=allowed)
-        for n, value in enumerate(array.tolist()):
-            self._order(order, axis=n, value=value)
+    def _load(self, name: str, values: ArrayLike, most: float | Array) -> None:
+        columns = self.commands.columns.get(name)
+        if columns is None:
+            raise self._without(name)
+        array = _numbers(name, values, columns.stop - columns.start, most)
+        self._each("load", enumerate(array.tolist(), columns.start))
 
-    def _order(self, kind: str, a: int = 0, b: int = 0, *, axis: int = 0, value: float = 0.0, ticks: int = 0) -> None:
-        self._given(self.core.order, ORDERS.index(kind), a, b, axis, value, ticks)
+    def _without(self, name: str) -> LiveError:
+        loads = [one for one in ("force", "radial_force", "wrench", "grip_force") if one in self.commands]
+        instead = (
+            f"it takes {', '.join(loads)}" if loads else f"{self.capabilities.name} has nothing that loads the tip"
+        )
+        return LiveError(f"{name} cannot be given to {self.inst.name}: {instead}.")
+
+    def _each(self, order: str, values: Iterable[tuple[int, float]]) -> None:
+        for at, value in values:
+            self._order(order, at=at, value=value)
+
+    def _order(self, kind: str, a: int = 0, b: int = 0, *, at: int = 0, value: float = 0.0, ticks: int = 0) -> None:
+        self._given(self.core.order, ORDERS.index(kind), a, b, at, value, ticks)
 
     def _given(self, order: Callable[..., Any], *arguments: Any) -> None:
         # The core's queue takes orders from one thread at a time.
@@ -301,10 +381,33 @@ class LiveLoop:
             raise LiveError("too many commands at once; this one was refused.")
 
 
-def _controller(inst: ShortForm, choices: Choices, *, served: bool) -> Controller:
+class _NoController:
+    """In place of a controller where no joint has a law."""
+
+    def __init__(self) -> None:
+        self.core = _core.MotorSwitch()
+
+
+def _assumed(inst: Instrument) -> tuple[ShortForm | None, str | None]:
+    """Return what a controller of an instrument is made for, or None and why it has none."""
+    try:
+        return compensated(inst), None
+    except ArgumentError as problem:
+        return None, str(problem)
+
+
+def _controller(
+    assumed: ShortForm | None, choices: Choices, inst: Instrument, *, served: bool
+) -> Controller | _NoController:
     """Return the controller, disabled; spool angles count from pretension where they are the twin's."""
-    if choices.device != "serial" or served:
-        return Controller(inst, law=choices.law, actuation=choices.actuation, homed=not served, enabled=False)
+    if choices.device == "serial" and not served:
+        return _board(_check_board(inst), choices)
+    if assumed is None:
+        return _NoController()
+    return Controller(assumed, law=choices.law, actuation=choices.actuation, homed=not served, enabled=False)
+
+
+def _board(inst: ShortForm, choices: Choices) -> SerialController | StreamedController:
     settings = inst.devices.serial or Serial()
     streams = settings.sensors == "board"
     kind = StreamedController if streams else SerialController
@@ -322,12 +425,36 @@ def _controller(inst: ShortForm, choices: Choices, *, served: bool) -> Controlle
     )
 
 
-def _check_axes(has: Capabilities, inst: ShortForm) -> None:
-    if has.axes != inst.axes:
-        raise DeviceError(f"{has.name} has {' and '.join(has.axes)}; {inst.name} has {' and '.join(inst.axes)}.")
+def _check_board(inst: Instrument) -> ShortForm:
+    """Return what the controller on a board is made for; raise DeviceError where a board cannot serve."""
+    assumed, refused = _assumed(inst)
+    if assumed is None:
+        raise DeviceError(f"serial is a controller on a board, but {refused}")
+    if len(assumed.axes) != len(inst.tip_joints) and (inst.devices.serial or Serial()).sensors == "board":
+        raise DeviceError(
+            f"a board with sensors and motors of its own serves {' and '.join(assumed.axes)}; {inst.name} has "
+            f'{", ".join(joint.name for joint in inst.tip_joints)}: give devices.serial.sensors = "twin".'
+        )
+    return assumed.model_copy(update={"devices": inst.devices})
 
 
-def _made(name: str, inst: ShortForm) -> Device:
+def _check_device(has: Capabilities, inst: Instrument) -> None:
+    axes = names_of(inst).joints
+    if has.axes != axes:
+        raise DeviceError(f"{has.name} has {' and '.join(has.axes)}; {inst.name} has {' and '.join(axes)}.")
+
+
+def _numbers(argument: str, values: ArrayLike, count: int, most: float | Array) -> Array:
+    """Return so many numbers, each of which is finite and at most its bound."""
+    array = np.asarray(values, float).reshape(-1)
+    if array.shape != (count,) or not np.all(np.abs(array) <= most):
+        bound = f"{most:g}" if np.ndim(most) == 0 else " or ".join(f"{one:g}" for one in np.unique(most)[::-1])
+        allowed = f"{count} finite numbers, at most {bound}"
+        raise LiveError(key=argument, value=np.asarray(values).tolist(), allowed=allowed)
+    return array
+
+
+def _made(name: str, inst: Instrument) -> Device:
     from tenodesis.devices import registry  # noqa: PLC0415 - drivers are needed for their devices alone
 
     return registry.make(name, inst)

@@ -9,13 +9,14 @@ import numpy as np
 
 from tenodesis.control import OperatingState
 from tenodesis.control.controller import fault_names
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument, ShortForm
+from tenodesis.live.layout import CommandColumns
 from tenodesis.run import Array
 from tenodesis.simulate import Pretension
-from tenodesis.simulate.command import SMOOTH, Command, between, sampled
+from tenodesis.simulate.command import SMOOTH, Between, between, sampled
 from tenodesis.simulate.execution import check_controllable
 from tenodesis.simulate.protocol import Planned, block_size
-from tenodesis.twin.contact import NO_TISSUE, Contact
+from tenodesis.twin import Held
 
 _AHEAD = 0.1
 """Least time by which the queue is kept ahead, s."""
@@ -29,10 +30,8 @@ _UNLOADING = 0.5
 """Least time in which loads change on that way, s."""
 _PATIENCE = 1.0
 """Time within which the instrument must begin what was requested, s, on its clock."""
-_TAKEN = ("handle_angle", "force", "radial_force")
-"""Commands that an instrument takes while it is live, by axis."""
-_COMMANDED = ("commanded_handle_angle", *_TAKEN[1:])
-_COLUMNS = len(_COMMANDED) + len(NO_TISSUE)
+_CONSTANT = ("contact", "held")
+"""Commands that do not change along a segment."""
 
 
 class Progress(NamedTuple):
@@ -51,10 +50,7 @@ class Queue(Protocol):
         ...
 
     def push(self, rows: Array) -> int:
-        """Append rows, shape (n, axes, 6), and return how many fitted.
-
-        Handle angle (rad), force and radial force (N), and tissue's angle, stiffness and damping.
-        """
+        """Append rows of commands, shape (n, width), and return how many fitted."""
         ...
 
     def drop(self) -> None:
@@ -78,10 +74,14 @@ class Player:
     ask
         Requests home, resume or pause of the controller.
     latest
-        Returns the newest tick: ``time`` (s), ``operating_state``, ``faults``, ``homed``, ``homing``, and what was
-        commanded: ``commanded_handle_angle`` (rad), ``force`` and ``radial_force`` (N), NaN where not commanded.
+        Returns the newest tick: ``time`` (s), ``state``, ``faults``, ``homed``, ``homing``, ``output_angle`` (rad) and
+        ``commands``, what was commanded by name.
     inst
-        The instrument, as in the controller.
+        The instrument.
+    assumed
+        What its controller is made for; None where it has none.
+    columns
+        Of the commands.
     time_step
         Time between two ticks, s, as in the plan.
 
@@ -98,17 +98,20 @@ class Player:
         ask: Callable[[str], object],
         latest: Callable[[], Mapping[str, Any]],
         *,
-        inst: ShortForm,
+        inst: Instrument,
+        assumed: ShortForm | None,
+        columns: CommandColumns,
         time_step: float,
     ) -> None:
-        check_controllable(plan, inst, inst)
+        if assumed is not None:
+            check_controllable(plan, inst, assumed)
         self._plan, self._queue, self._ask, self._latest = tuple(plan), queue, ask, latest
-        self._axes, self._time_step = len(inst.axes), time_step
+        self._inst, self._columns, self._time_step = inst, columns, time_step
         self._total = math.fsum(planned.seconds for planned in plan)
         self._tick: Mapping[str, Any] = {}
         self._script = self._play()
         self._over = self._homing = self._interrupted = False
-        self._at = np.zeros((self._axes, _COLUMNS))
+        self._at = np.zeros(columns.width)
         """Last row sent."""
         self._least = self._ahead = max(1, round(_AHEAD / time_step))
         self._pending = self._given = 0
@@ -159,16 +162,41 @@ class Player:
 
     def _play(self) -> Iterator[None]:
         homes_first = isinstance(self._plan[0].phase, Pretension)
-        yield from self._send(self._way_to(_rows(self._plan[0].initial)), self._plan[0], disabled=homes_first)
+        yield from self._send(self._way_to(self._start()), self._plan[0], disabled=homes_first)
+        present: Between | None = None
+        held: Held | None = None
         for planned in self._plan:
             if isinstance(planned.phase, Pretension):
                 yield from self._home(planned)
                 continue
             for commands in sampled(planned.segments, block_size(self._time_step, _BLOCK)):
-                yield from self._send(self._rows(commands), planned, played=True)
+                if commands.get("between") != present:
+                    # How far the jaws are open is known when they are there.
+                    yield from self._emptied()
+                    present = commands.get("between")
+                    held = None if present is None else present.held(self._opening)
+                given = {**commands, "held": held}
+                rows = self._columns.row(given, len(commands["handle_angle"]))
+                yield from self._send(rows, planned, played=True)
         yield from self._emptied()
-        if self._at[:, len(_COMMANDED) :].any():
+        if self._constants(self._at).any():
             self._queue.drop()
+
+    def _start(self) -> Array:
+        """Return the row from which the protocol begins."""
+        initial = self._plan[0].initial
+        single = {name: values[np.newaxis] for name, values in initial.values.items()}
+        row: Array = self._columns.row({**single, "contact": initial.contact}, 1)[0]
+        return row
+
+    @property
+    def _opening(self) -> float:
+        return float(self._inst.grip_arms @ np.ravel(self._tick["output_angle"]))
+
+    def _constants(self, row: Array) -> Array:
+        """Return the commands in a row that do not change along a segment."""
+        named = self._columns.named(row)
+        return np.concatenate([named[name] for name in _CONSTANT if name in named])
 
     def _send(self, rows: Array, planned: Planned, *, disabled: bool = False, played: bool = False) -> Iterator[None]:
         """Send the rows that are due, while the instrument is enabled or need not be."""
@@ -258,22 +286,17 @@ class Player:
             yield
 
     def _way_to(self, end: Array) -> Array:
-        """Return rows, shape (n, axes, 6), from the present commands to other commands (axes, 6), with their tissue."""
-        commanded = np.stack([np.reshape(self._tick[name], self._axes) for name in _COMMANDED], axis=-1)
-        tissue = end[:, len(_COMMANDED) :]
-        moved = np.where(np.isfinite(commanded), commanded, end[:, : len(_COMMANDED)])
-        start = np.concatenate([moved, tissue], axis=-1)
-        if (start == end).all():
-            return np.empty((0, self._axes, _COLUMNS))
-        seconds = max(SMOOTH.peak * float(np.abs(end - start)[:, 0].max()) / _APPROACH, _UNLOADING)
+        """Return rows (n, width) from the present commands to others (width,), with their tissue; spools rest."""
+        target, there = self._columns.named(end), self._tick["commands"]
+        begin = {name: target[name] if name in _CONSTANT else there.get(name, target[name]) for name in target}
+        begin["spool_velocity"] = target["spool_velocity"] = np.zeros_like(target["spool_velocity"])
+        start, last = (np.concatenate([row[name] for name in self._columns.columns]) for row in (begin, target))
+        if (start == last).all():
+            return np.empty((0, self._columns.width))
+        way = np.abs(target["handle_angle"] - begin["handle_angle"]).max(initial=0.0)
+        seconds = max(SMOOTH.peak * float(way) / _APPROACH, _UNLOADING)
         steps = math.ceil(seconds / self._time_step)
-        return between(start, end, SMOOTH.way(np.arange(1, steps + 1) / steps))
-
-    def _rows(self, commands: Mapping[str, Any]) -> Array:
-        """Return commands of :func:`sampled` as rows, shape (n, axes, 6)."""
-        moved = np.stack([commands[name].reshape(-1, self._axes) for name in _TAKEN], axis=-1)
-        tissue = _tissue(commands.get("contact"), self._axes)
-        return np.concatenate([moved, np.broadcast_to(tissue, (len(moved), *tissue.shape))], axis=-1)
+        return between(start, last, SMOOTH.way(np.arange(1, steps + 1) / steps))
 
     @property
     def _time(self) -> float:
@@ -281,11 +304,11 @@ class Player:
 
     @property
     def _state(self) -> OperatingState:
-        return OperatingState(int(np.nan_to_num(self._tick["operating_state"]).max()))
+        return OperatingState(int(self._tick["state"]))
 
     def _faults(self) -> str:
         masks = np.nan_to_num(np.ravel(self._tick["faults"])).astype(np.int64)
-        return f"fault {', '.join(fault_names(int(np.bitwise_or.reduce(masks)))) or 'of an unknown name'}"
+        return f"fault {', '.join(fault_names(int(np.bitwise_or.reduce(masks, initial=0)))) or 'of an unknown name'}"
 
     def _wait(self, planned: Planned, why: str) -> None:
         done, total = self.progress
@@ -297,14 +320,3 @@ class _Homing(Enum):
     UNDER_WAY = auto()
     OUT_OF_TIME = auto()
     FAILED = auto()
-
-
-def _rows(command: Command) -> Array:
-    """Return a command as a row, shape (axes, 6)."""
-    moved = np.stack([command.values[name] for name in _TAKEN], axis=-1)
-    return np.concatenate([moved, _tissue(command.contact, len(moved))], axis=-1)
-
-
-def _tissue(contact: Sequence[Contact | None] | None, axes: int) -> Array:
-    """Return the columns of tissue, shape (axes, 3)."""
-    return np.array([NO_TISSUE if one is None else one.row for one in contact or (None,) * axes])

@@ -97,6 +97,8 @@ class ProtocolRunner:
             lambda what: self._request_by_protocol(what, stops),
             self._latest,
             inst=loop.inst,
+            assumed=loop.assumed,
+            columns=loop.commands,
             time_step=loop.period,
         )
         with self._lock:

@@ -200,7 +200,7 @@ def _record_all(
     try:
         with Recorder(
             path,
-            axes=source.axes,
+            axes=source.names,
             metadata=metadata,
             start_time=began,
             chunk_seconds=_LONGEST_CHUNK,

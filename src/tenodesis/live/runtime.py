@@ -13,12 +13,14 @@ from tenodesis.control import OperatingState
 from tenodesis.control.controller import fault_names, homing_failure
 from tenodesis.errors import LiveError
 from tenodesis.live.journal import Journal
+from tenodesis.live.layout import TICK
 from tenodesis.live.lease import Lease
 from tenodesis.live.loop import LiveLoop
 from tenodesis.live.protocol_runner import ProtocolRunner
 from tenodesis.live.recording_process import RecordingProcess
 from tenodesis.live.status import RuntimeState, Status, Timing
-from tenodesis.live.ticks import TICK, Reader, signals_of
+from tenodesis.live.ticks import Reader
+from tenodesis.twin import Held
 
 _TURN = 0.02
 """Time between two checks, s."""
@@ -86,6 +88,10 @@ class Runtime:
             self.loop.request("pause")
         self.journal.write("operator_gone", origin)
 
+    def hold(self, held: Held | None) -> None:
+        """Put something between the jaws as they are now, or take it away."""
+        self.loop.hold(held, self._tick().get("output_angle", np.zeros(len(self.loop.inst.tip_joints))))
+
     def status(self) -> Status:
         """Return the state of the runtime."""
         loop, core = self.loop, self.loop.core
@@ -123,12 +129,12 @@ class Runtime:
             recorder_lost=lost,
             speed=core.speed,
             problem=self._problem(),
-            homing_failures=_homing_failures(tick, loop.inst.axes),
+            homing_failures=_homing_failures(tick, loop.axes),
         )
 
     def _tick(self) -> dict[str, Any]:
         row = self._reader.newest()
-        return {} if row is None else signals_of(row, self.loop.inst)
+        return {} if row is None else self._reader.layout.signals_of(row)
 
     def _time(self) -> float:
         row = self._reader.newest()
@@ -175,8 +181,7 @@ class Runtime:
 
 
 def _state(tick: dict[str, Any]) -> RuntimeState:
-    states = np.nan_to_num(np.atleast_1d(tick.get("operating_state", 0.0)))
-    return RuntimeState[OperatingState(int(states.max())).name]
+    return RuntimeState[OperatingState(int(tick.get("state", 0.0))).name]
 
 
 def _homing_failures(tick: dict[str, Any], axes: tuple[str, ...]) -> dict[str, str]:
@@ -186,4 +191,4 @@ def _homing_failures(tick: dict[str, Any], axes: tuple[str, ...]) -> dict[str, s
 
 def _mask(tick: dict[str, Any], name: str) -> int:
     values = np.nan_to_num(np.atleast_1d(tick.get(name, 0.0))).astype(np.int64)
-    return int(np.bitwise_or.reduce(values))
+    return int(np.bitwise_or.reduce(values, initial=0))

@@ -9,8 +9,9 @@ from pathlib import Path
 
 from tenodesis.errors import LiveError
 from tenodesis.live.client import Client
+from tenodesis.live.layout import TICK
 from tenodesis.live.loop import Choices
-from tenodesis.live.ticks import Reader, signals_of
+from tenodesis.live.ticks import Reader
 
 _TO_START = 30.0
 _TO_END = 15.0
@@ -118,7 +119,7 @@ class RuntimeProcess:
         except LiveError:
             return False
         row = reader.newest()
-        stopped = row is not None and bool(signals_of(row, reader.inst)["stopped"])
+        stopped = row is not None and bool(row[TICK.index("stopped")])
         return (stopped and reader.silence < _SILENT) or (self._ending and reader.silence > _SILENT)
 
     def _wait_until_ready(self, cancelled: threading.Event) -> None:

@@ -19,7 +19,7 @@ from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.devices.device import Capabilities
 from tenodesis.errors import Error, LiveError
 from tenodesis.files import atomic_file
-from tenodesis.instrument import ShortForm, as_short_form
+from tenodesis.instrument import Instrument, as_instrument
 from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
 from tenodesis.live.commands import COMMANDS, Commands, ControllerRequest
@@ -28,6 +28,7 @@ from tenodesis.live.runtime import Runtime
 from tenodesis.live.shutdown import on_signal
 from tenodesis.live.status import Status
 from tenodesis.simulate import Protocol
+from tenodesis.twin import Held
 
 _RETRY = 0.02
 """Wait after a connection that could not be accepted, s."""
@@ -216,6 +217,22 @@ class _ClientHandler(Commands):
         self._runtime.protocols.refuse_while_playing()
         self._runtime.loop.radial_force(force)
 
+    def motors(self, angles: ArrayLike) -> None:
+        self._runtime.protocols.refuse_while_playing()
+        self._runtime.loop.move_motors(angles)
+
+    def wrench(self, wrench: ArrayLike) -> None:
+        self._runtime.protocols.refuse_while_playing()
+        self._runtime.loop.wrench(wrench)
+
+    def grip_force(self, force: float) -> None:
+        self._runtime.protocols.refuse_while_playing()
+        self._runtime.loop.grip_force(force)
+
+    def hold(self, opening: float, stiffness: float, damping: float = 0.0) -> None:
+        self._runtime.protocols.refuse_while_playing()
+        self._runtime.hold(Held(opening, stiffness, damping) if stiffness else None)
+
     def request(self, what: ControllerRequest) -> None:
         self._runtime.protocols.request(what)
 
@@ -301,7 +318,7 @@ def _started(given: argparse.Namespace) -> Server:
 
 
 def _made(given: argparse.Namespace) -> Server:
-    inst = as_short_form(given.instrument)
+    inst = as_instrument(given.instrument)
     given.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     others = given.folder.stat().st_mode & 0o077
     if others:
@@ -324,7 +341,7 @@ def _made(given: argparse.Namespace) -> Server:
         raise
 
 
-def _served(given: argparse.Namespace, inst: ShortForm, loop: LiveLoop) -> Server:
+def _served(given: argparse.Namespace, inst: Instrument, loop: LiveLoop) -> Server:
     capabilities = loop.capabilities
     started = datetime.now(UTC).isoformat(timespec="milliseconds")
     folders.write(
@@ -337,6 +354,8 @@ def _served(given: argparse.Namespace, inst: ShortForm, loop: LiveLoop) -> Serve
             capabilities.distal_encoder,
             started,
             os.getpid(),
+            loop.device.commands,
+            loop.device.signals,
         ),
     )
     return Server(loop, given.recordings)

@@ -1,27 +1,18 @@
 """The ticks of a live runtime, read from its ring."""
 
 import time
-from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from tenodesis import _core
 from tenodesis.errors import LiveError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument
 from tenodesis.live import folder as folders
-from tenodesis.run import TISSUE, TRUTH, Array, Run
-from tenodesis.twin import as_run
-from tenodesis.twin.rows import with_currents
+from tenodesis.live.layout import Layout
+from tenodesis.run import Array, Names, Run
 
-TICK = tuple(_core.tick_columns())
-"""Columns of a record that belong to the tick, not to an axis."""
-_BENCH = len(_core.bench_columns())
-_SIGNALS = len(_core.twin_signals())
-_CONTROL = len(_core.control_signals())
-_AXIS = _BENCH + _SIGNALS + _CONTROL
 _SILENT = 2.0
 """Time without a tick after which a runtime counts as ended, s."""
 
@@ -30,13 +21,13 @@ class Source(Protocol):
     """A source of the rows of a live instrument, such as a :class:`Reader`."""
 
     @property
-    def inst(self) -> ShortForm:
+    def inst(self) -> Instrument:
         """The instrument."""
         ...
 
     @property
-    def axes(self) -> tuple[str, ...]:
-        """Its axes."""
+    def names(self) -> Names:
+        """What the columns of its rows are named after."""
         ...
 
     @property
@@ -75,20 +66,21 @@ class Reader:
             self._ring = _core.RingReader(str(self.folder / folders.RING))
         except (OSError, ValueError, RuntimeError) as problem:
             raise LiveError(f"the ticks of {self.folder} cannot be read: {problem}.") from None
-        if self._ring.columns != len(TICK) + len(self.axes) * _AXIS:
+        self.layout = Layout(self.about.inst, self.about.commands, self.about.signals)
+        if self._ring.columns != self.layout.width:
             raise LiveError(f"{self.folder} is of another version of tenodesis; start it again.")
         self._cursor = self._ring.written
         self._rows = np.empty((0, self._ring.columns))
 
     @property
-    def inst(self) -> ShortForm:
+    def inst(self) -> Instrument:
         """The instrument."""
         return self.about.inst
 
     @property
-    def axes(self) -> tuple[str, ...]:
-        """Its axes."""
-        return self.about.inst.axes
+    def names(self) -> Names:
+        """What the columns of its rows are named after."""
+        return self.layout.names
 
     @property
     def time_step(self) -> float:
@@ -118,7 +110,7 @@ class Reader:
     def read(self, most: int = 2000) -> tuple[Run, int]:
         """Return the next ticks, at most `most`, and how many were lost since the last call."""
         rows, lost = self.rows(most)
-        return run_of(rows, self.inst, simulated=self.about.simulated, distal=self.about.distal_encoder), lost
+        return self.layout.run_of(rows), lost
 
     def rows(self, most: int = 2000) -> tuple[Array, int]:
         """Return the next ticks as rows of the ring's columns; valid until the next call."""
@@ -136,44 +128,6 @@ class Reader:
                 newest: Array = row[0]
                 return newest
         return None
-
-
-def run_of(rows: Array, inst: ShortForm, *, simulated: bool, distal: bool) -> Run:
-    """Return rows of a ring as a run like a twin's, without the signals that a device does not have."""
-    axes = inst.axes
-    blocks = _blocks(rows, axes).copy()
-    bench, outs, controls = np.split(blocks, (_BENCH, _BENCH + _SIGNALS), axis=2)
-
-    def by_axis(values: Array) -> Array:
-        return values[:, 0] if len(axes) == 1 else values
-
-    run = as_run(
-        rows[:, 0].copy(),
-        axes,
-        {name: by_axis(bench[:, :, column]) for column, name in enumerate(_core.bench_columns())},
-        list(outs.swapaxes(0, 1)),
-        list(controls.swapaxes(0, 1)),
-    )
-    request = np.repeat(rows[:, TICK.index("request")][:, np.newaxis], len(axes), axis=1)
-    unknown: list[str] = []
-    if not simulated:
-        unknown = [*TRUTH, *TISSUE, "commanded_handle_angle", "force", "radial_force"]
-        unknown += [] if distal else ["measured_output_angle"]
-    missing: Mapping[str, Any] = dict.fromkeys(unknown)
-    run = replace(run, request=by_axis(request), **missing)
-    return with_currents(run, inst, inst.drives.spool_radius)
-
-
-def signals_of(row: Array, inst: ShortForm) -> dict[str, Any]:
-    """Return a row as signals by name: numbers, or arrays by axis and tendon, with the data of the tick."""
-    run = run_of(row[np.newaxis], inst, simulated=True, distal=True)
-    named: dict[str, Any] = {name: values[0] for name, values in run.signals().items()}
-    return dict(zip(TICK, row[: len(TICK)].tolist(), strict=True)) | named
-
-
-def _blocks(rows: Array, axes: tuple[str, ...]) -> Array:
-    """Return the columns of each axis in rows, shape (n, axes, columns of an axis)."""
-    return rows[:, len(TICK) :].reshape(len(rows), len(axes), _AXIS)
 
 
 def start_time(run: Run) -> int:

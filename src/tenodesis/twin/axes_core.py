@@ -124,6 +124,10 @@ class AxesCore:
         steps, status, energies, *worst = self.cores[0].audit(rows[0])
         return steps, Status(status), [*energies, *worst]
 
+    def device(self, time_step: float) -> "_core.LiveDevice":
+        """Return it as a device of the live loop, whose time step is in s."""
+        return _core.AxesDevice(self.cores, time_step, self.steps_per_tick)
+
     def now(self) -> Mapping[str, Array]:
         """Return the signals as they stand."""
         return _named([np.array([core.signals(np.zeros((1, len(COMMANDS))))]) for core in self.cores])

@@ -152,6 +152,10 @@ class ChainCore:
         steps, status = self._core.run(rows, self._room(len(rows)), totals)
         return steps, Status(status), totals.tolist()
 
+    def device(self, time_step: float) -> "_core.LiveDevice":
+        """Return it as a device of the live loop, whose time step is in s."""
+        return _core.ChainDevice(self._core, time_step, self.steps_per_tick)
+
     def now(self) -> Mapping[str, Array]:
         """Return the signals as they stand."""
         out = self._room(1)

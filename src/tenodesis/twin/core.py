@@ -83,6 +83,9 @@ class TwinCore(Protocol):
     def audit(self, rows: Rows) -> tuple[int, Status, list[float]]:
         """Step over commands; return steps, the last status, and the values of an energy balance."""
 
+    def device(self, time_step: float) -> "_core.LiveDevice":
+        """Return it as a device of the live loop, whose time step is in s."""
+
     def now(self) -> Mapping[str, Array]:
         """Return the signals as they stand, each of shape (1, columns)."""
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tenodesis import plant
+from tenodesis import _core, plant
 from tenodesis._core import Status
 from tenodesis.control.pairs import compensated
 from tenodesis.errors import ArgumentError
@@ -119,6 +119,11 @@ class Twin:
     def cores(self) -> list[Any]:
         """The twins of the core, one per axis; :attr:`time` is not updated if they are stepped directly."""
         return self._core.cores
+
+    @cached_property
+    def live_device(self) -> "_core.LiveDevice":
+        """It as a device of the live loop; :attr:`time` is not updated by that."""
+        return self._core.device(self.time_step)
 
     @property
     def steps_per_tick(self) -> int:

@@ -1,0 +1,133 @@
+"""The columns of a live instrument's rows: those of its tick, its commands, its signals and its controller."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from tenodesis import _core
+from tenodesis.control.pairs import compensated, names_of
+from tenodesis.errors import ArgumentError
+from tenodesis.instrument import Instrument
+from tenodesis.live.folder import Columns
+from tenodesis.run import SIGNALS, TISSUE, Array, Names, Run
+from tenodesis.twin.contact import NO_TISSUE
+from tenodesis.twin.rows import CONTROL, with_currents
+
+TICK = tuple(_core.tick_columns())
+"""Columns that belong to the tick."""
+_COMMANDED = {
+    "handle_angle": "commanded_handle_angle",
+    "spool_velocity": "commanded_spool_velocity",
+    "radial_force": "radial_force",
+    "wrench": "wrench",
+    "grip_force": "applied_grip_force",
+}
+"""Signals that are commands, by the command."""
+_CONTROLLED = {name: n for n, name in enumerate(CONTROL) if "." not in name}
+
+
+def live_names(inst: Instrument) -> Names:
+    """Return what the columns of a live instrument are named after; without a controller none is compensated."""
+    names = names_of(inst)
+    try:
+        compensated(inst)
+    except ArgumentError:
+        return names._replace(compensated=())
+    return names
+
+
+class CommandColumns:
+    """The columns of a row of commands, by name."""
+
+    def __init__(self, columns: Columns) -> None:
+        self.columns = dict(_slices(columns))
+        self.width = sum(width for _, width in columns)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.columns
+
+    def row(self, values: Mapping[str, Any], count: int) -> Array:
+        """Return so many rows, (n, width), with values by name, (n, columns) or (n,); the others are 0.
+
+        Tissue, ``contact``, and what the jaws hold, ``held``, are as :meth:`tenodesis.twin.Twin.run` takes them.
+        """
+        rows = np.zeros((count, self.width))
+        for name, columns in self.columns.items():
+            value = values.get(name)
+            if name == "contact":
+                value = np.ravel([NO_TISSUE if one is None else one.row for one in value or ()])
+                value = value if value.size else None
+            if value is not None:
+                single = columns.stop - columns.start == 1
+                rows[:, columns] = np.reshape(value, (-1, 1)) if single else value
+        return rows
+
+    def named(self, rows: Array) -> dict[str, Array]:
+        """Return the commands in rows (..., width) by name."""
+        return {name: rows[..., columns] for name, columns in self.columns.items()}
+
+
+class Layout:
+    """The columns of a live instrument's rows.
+
+    Parameters
+    ----------
+    inst
+        The instrument.
+    commands, signals
+        Columns of its device.
+    """
+
+    def __init__(self, inst: Instrument, commands: Columns, signals: Columns) -> None:
+        self.inst, self.names = inst, live_names(inst)
+        self.commands = CommandColumns(commands)
+        self._signals = dict(_slices(signals))
+        self._spool_radius = getattr(inst, "spool_radius", None) or inst.drives.spool_radius
+        widths = (len(TICK), self.commands.width, sum(width for _, width in signals))
+        self._parts = np.cumsum(widths).tolist()
+        self.width = self._parts[-1] + len(self.names.compensated) * len(CONTROL)
+
+    def run_of(self, rows: Array) -> Run:
+        """Return rows as a run like a twin's, without the signals that the device does not have."""
+        rows = rows.copy()
+        tick, commands, signals, control = np.split(rows, self._parts, axis=1)
+        commanded = self.commands.named(commands)
+        found = {_COMMANDED[name]: values for name, values in commanded.items() if name in _COMMANDED}
+        if "contact" in commanded:
+            found |= {name: commanded["contact"][:, n :: len(TISSUE)] for n, name in enumerate(TISSUE)}
+        found |= {name: signals[:, columns] for name, columns in self._signals.items() if name in SIGNALS}
+        axes = len(self.names.compensated)
+        if axes:
+            by_axis = control.reshape(len(rows), axes, len(CONTROL))
+            found |= {name: by_axis[:, :, n] for name, n in _CONTROLLED.items()}
+            found["request"] = np.repeat(tick[:, [TICK.index("request")]], axes, axis=1)
+        shaped: dict[str, Any] = {
+            name: values.reshape(self.names.shape(name, len(rows))) for name, values in found.items()
+        }
+        return with_currents(Run(tick[:, 0], *self.names, **shaped), self.inst, self._spool_radius)
+
+    def signals_of(self, row: Array) -> dict[str, Any]:
+        """Return a row as signals by name: numbers, or arrays by joint and tendon, with the data of the tick.
+
+        What the device does not have is NaN; ``commands`` has what was commanded, by name.
+        """
+        run = self.run_of(row[np.newaxis])
+        named = self._unknown(1) | run.signals()
+        tick = dict(zip(TICK, row[: len(TICK)].tolist(), strict=True))
+        first, last = self._parts[:2]
+        commands = self.commands.named(row[first:last].copy())
+        return {name: values[0] for name, values in named.items()} | tick | {"commands": commands}
+
+    def history_of(self, rows: Array) -> dict[str, Array]:
+        """Return rows as signals by name, with ``time`` (s)."""
+        run = self.run_of(rows)
+        return {"time": run.time, **self._unknown(len(rows)), **run.signals()}
+
+    def _unknown(self, rows: int) -> dict[str, Array]:
+        return {name: np.full(self.names.shape(name, rows), np.nan) for name in SIGNALS}
+
+
+def _slices(columns: Columns) -> list[tuple[str, slice]]:
+    ends = np.cumsum([width for _, width in columns]).tolist()
+    return [(name, slice(end - width, end)) for (name, width), end in zip(columns, ends, strict=True)]
