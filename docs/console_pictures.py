@@ -17,7 +17,7 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from tenodesis.console import serve, serve_coupled
+from tenodesis.console import serve
 from tenodesis.live.host import Host
 
 OUT = Path(__file__).parent / "console"
@@ -28,7 +28,7 @@ _STATES = re.compile("^(Enable|Resume|Pause|Take control)")
 
 
 def main() -> None:
-    """Write the sequence and the pictures of a phone and of a coupled instrument."""
+    """Write the sequence and the pictures of a phone and of joints that share tendons."""
     chromium = shutil.which("chromium")
     if chromium is None:
         sys.exit("There is no chromium; install it first.")
@@ -43,19 +43,19 @@ def main() -> None:
         page.get_by_role("button", name="Take control").click()
         time.sleep(2)
         _picture(page).save(OUT / "phone.webp", quality=80, method=6)
-        with serve_coupled("hybrid-scaled-up", port=0) as coupled:
-            _narrow(_loaded(_opened(browser, coupled.url, DESKTOP))).save(OUT / "coupled.webp", quality=80, method=6)
+        with _page("hybrid-scaled-up") as joints:
+            _narrow(_loaded(_opened(browser, joints, DESKTOP))).save(OUT / "coupled.webp", quality=80, method=6)
         browser.close()
     for path in sorted(OUT.iterdir()):
         print(f"{path} {path.stat().st_size / 1000:.0f} kB")
 
 
 @contextmanager
-def _page() -> Iterator[str]:
-    with tempfile.TemporaryDirectory() as name:
-        host = Host("scaled-up", recordings=Path(name))
+def _page(name: str = "scaled-up") -> Iterator[str]:
+    with tempfile.TemporaryDirectory() as recordings:
+        host = Host(name, recordings=Path(recordings))
         try:
-            with serve(host.connect, port=0, recordings=Path(name)) as page:
+            with serve(host.connect, port=0, recordings=Path(recordings)) as page:
                 yield page.url
         finally:
             host.close()
@@ -102,9 +102,9 @@ def _sequence(page: Any) -> list[Image.Image]:
 
 
 def _loaded(page: Any) -> Image.Image:
-    """Return the picture of a coupled instrument, bent about both axes and pushed aside, motors off."""
+    """Return the picture of joints that share tendons, bent about both axes and pushed aside, motors off."""
     page.get_by_text("tip", exact=True).first.click()
-    for label, value in (("Handle yaw, °", "15"), ("Handle pitch, °", "10"), ("Force x, N", "2")):
+    for label, value in (("Handle yaw, °", "15"), ("Handle pitch, °", "10"), ("Load x, N", "2")):
         page.locator(f"xpath=(//label[.='{label}']/following::input[not(@type='hidden')])[1]").fill(value)
         time.sleep(1)
     time.sleep(2)

@@ -78,7 +78,7 @@ def test_what_the_hand_asks_for_is_the_output_angle_without_load(any_inst: Instr
     for n, name in enumerate(any_inst.axes):
         alone = any_inst.axis(name) if axes > 1 else any_inst
         assert seen.target[:, n] == pytest.approx(tn.statics.output_angle(alone, angles), abs=1e-12)
-    assert seen.tension.shape == (7, axes, 2)
+    assert seen.tension.shape == (7, 2 * axes)
     assert np.isnan(seen.tension).all()
 
 
@@ -116,15 +116,15 @@ def test_colours_tell_slack_from_tight_and_redden_to_the_limit(scaled: Instrumen
 def test_a_newcomer_is_led_from_the_handle_to_the_law(
     handle: float, force: float, state: str, law: str, says: str
 ) -> None:
-    seen = SimpleNamespace(handle=np.array([0.0, handle]), force=np.array([force, 0.0]))
+    seen = SimpleNamespace(handle=np.array([0.0, handle]), force=np.array([force, 0.0]), wrench=np.full(6, np.nan))
     now: Any = SimpleNamespace(shown=seen, status=SimpleNamespace(state=state, law=law))
-    assert says in next_to_try(now)
+    assert says in next_to_try(now, tn.load("real-size"))
 
 
 def test_nothing_is_proposed_while_a_fault_has_to_be_cleared() -> None:
-    seen = SimpleNamespace(handle=np.array([0.3]), force=np.array([1.0]))
+    seen = SimpleNamespace(handle=np.array([0.3]), force=np.array([1.0]), wrench=np.full(6, np.nan))
     now: Any = SimpleNamespace(shown=seen, status=SimpleNamespace(state="FAULT", law="robust"))
-    assert next_to_try(now) == ""
+    assert next_to_try(now, tn.load("scaled-up")) == ""
 
 
 def test_two_recordings_differ_by_the_rms_of_their_difference() -> None:
@@ -173,7 +173,7 @@ def test_an_instrument_with_currents_is_not_said_to_have_load_cells(scaled: Inst
     assert "load cell" not in status_line(status, "", currents=True)
     currents = {"sensors.kind": "current", "sensors.current_range": 6.0, "drives.torque_constant": 0.1}
     seen = shown_signals(scaled.replace(**currents), {"time": 0.0, "measured_tension": [20.0, 40.0]})
-    assert seen.current == pytest.approx(np.array([[1.0, 2.0]]))
+    assert seen.current == pytest.approx(np.array([1.0, 2.0]))
     assert np.isnan(shown_signals(scaled, {"time": 0.0, "measured_tension": [20.0, 40.0]}).current).all()
 
 

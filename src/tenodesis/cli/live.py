@@ -4,9 +4,8 @@ import os
 import tempfile
 import threading
 import webbrowser
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -70,12 +69,7 @@ def live_console(  # noqa: PLR0917
 
     if not 0 < port < 65536:
         raise CommandError(key="--port", value=port, allowed="between 1 and 65535")
-    if load_instrument(instrument_file).short_form is None:
-        given = None if device == "twin" else device
-        alone = {"device": given, "address": address, "foxglove": foxglove, "solids": solids}
-        _coupled_console(instrument_file, alone, law, actuation, host, port, token, browser, seed)
-        return
-    inst = load_instrument(instrument_file, planar=True)
+    inst = load_instrument(instrument_file)
     with value_errors():
         parts = None if solids is None else load_parts(solids)
     if parts is not None and (other := parts.differs(inst)):
@@ -103,39 +97,6 @@ def live_console(  # noqa: PLR0917
                 page.close()
         finally:
             live.close()
-
-
-def _coupled_console(  # noqa: PLR0917
-    instrument_file: str,
-    alone: Mapping[str, Any],
-    law: LawName,
-    actuation: ActuationName,
-    host: str,
-    port: int,
-    token: str | None,
-    browser: bool,
-    seed: int,
-) -> None:
-    """Open a coupled instrument, whose twin runs in the page's process; options that are for others are refused."""
-    from tenodesis.console import link_page, serve_coupled  # noqa: PLC0415 - foxglove does without the page
-
-    for name, value in alone.items():
-        option = f"--{name}"
-        if value is not None:
-            raise CommandError(
-                f"{option} is {value}; it must be left out for {instrument_file}, whose twin runs in the page itself.",
-                key=option,
-                value=value,
-                allowed="left out",
-            )
-    ending = threading.Event()
-    with (
-        on_signal(ending.set),
-        tempfile.TemporaryDirectory(prefix="tenodesis-") as home,
-        serve_coupled(instrument_file, host, port, token, law=law, actuation=actuation, seed=seed) as page,
-    ):
-        _open(page.url, folders.write_link(Path(home), page.url, link_page(page.url)), browser=browser)
-        ending.wait()
 
 
 def _open(url: str, opener: Path, *, browser: bool) -> None:

@@ -6,7 +6,6 @@ require("viser", "live")  # before the modules that import it and what comes wit
 
 from tenodesis.console.access import link_page  # noqa: E402
 from tenodesis.console.assembly import load as load_parts  # noqa: E402
-from tenodesis.console.coupled_page import serve_coupled  # noqa: E402
 from tenodesis.console.page import Page, serve  # noqa: E402
 
-__all__ = ["Page", "link_page", "load_parts", "serve", "serve_coupled"]
+__all__ = ["Page", "link_page", "load_parts", "serve"]

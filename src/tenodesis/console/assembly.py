@@ -35,6 +35,8 @@ class Assembly(NamedTuple):
 
     def differs(self, inst: Instrument) -> str:
         """Return how an instrument differs from the one whose parts these are; nothing where they are its own."""
+        if inst.short_form is None:
+            return f"{inst.name} lists joints and tendons, the solids are of a bending axis"
         if len(inst.axes) > 1:
             return f"{inst.name} has two bending axes, the solids have one"
         for key, value in described(inst).items():

@@ -1,7 +1,7 @@
 """What a browser shows: panel, curves and view."""
 
 import time
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -15,22 +15,29 @@ from tenodesis.console.tab_law import LawTab
 from tenodesis.console.tab_move import MoveTab, largest_force
 from tenodesis.console.tab_protocols import ProtocolsTab
 from tenodesis.console.tab_setup import SetupTab
-from tenodesis.instrument import as_short_form
-from tenodesis.instrument.joints import AXES
+from tenodesis.instrument import Instrument
 from tenodesis.kinematics.chain import bend_side
+from tenodesis.live.controlled import controlled
 
 _PANEL_PERIOD = 0.2  # s
 _PLOTS_PERIOD = 0.25  # s
 _WIDTH = 340  # pixels
 
-_HELP = """
+_HANDLE = """
 **What you see.** An instrument for keyhole surgery. The dark **grip** at the top is in the surgeon's hand, the pale
 **disc** is the wall of the patient's body, and the **jaws** at the bottom work inside. The tube between them is drawn
 shorter than it is.
 
-**How it works.** Turn the grip, and a pair of rolling gears pulls thin **tendons** in the tube; at the other end
-another pair bends the jaws, about twice as far as the hand turns.
+**How it works.** Turn the grip, and its joints pull thin **tendons** in the tube, which bend the joints at the other
+end.
+"""
+_DRIVEN = """
+**What you see.** The end of an instrument whose motors pull thin **tendons**, which turn its joints.
 
+**How it works.** *Enable* the motors, and move a slider: the motors wind the tendons as far as the joints would need if
+no tendon stretched.
+"""
+_LOST = """
 **What goes wrong.** Tendons stretch under load. When tissue pushes on the tip (**violet arrow**), the jaws lose angle:
 they are no longer where the hand points them. The **green shadow** shows where they should be.
 
@@ -38,11 +45,12 @@ they are no longer where the hand points them. The **green shadow** shows where 
 needs no sensor at the tip.
 
 **Try it.**
-1. Move the slider *Handle yaw*: the jaws follow, and the shadow with them.
+1. Move a slider of the *Handle*: the jaws follow, and the shadow with them.
 2. Put a load on the tip: the jaws leave the shadow. The tendons change colour with their tension.
 3. Press *Enable* and choose the law *robust*: the motors bring the jaws back into the shadow. Choose *off*: they leave
    it again.
-
+"""
+_STOP = """
 **STOP** halts the motors at once, from any browser. The Esc key does the same.
 """
 _MEASURED = {"load-cell": "the tendon tensions at the handle", "current": "the currents of the motors"}
@@ -53,18 +61,10 @@ _MEASURED = {"load-cell": "the tendon tensions at the handle", "current": "the c
 _HELD_BACK = {4.0: ", restrained", 5.0: ", at the force limit"}
 
 
-class Curves(Protocol):
-    """The curves of a browser."""
-
-    def show(self, seconds: Any) -> None:
-        """Draw the last seconds."""
-        ...
-
-
 class Browser:
     """Builds what a browser shows for the instrument that runs, and keeps it up to date."""
 
-    plots: Curves
+    plots: Plots
     scene: Scene
 
     def __init__(self, session: Session) -> None:
@@ -88,12 +88,12 @@ class Browser:
 
     def _fill(self, gui: Any) -> tuple[PanelSection, ...]:
         """Add panel, curves and view, and return the sections of the panel."""
-        session, inst = self.session, as_short_form(self._inst)
+        session, inst = self.session, self._inst
         header = StatusHeader(session, inst)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Move"):
             move = MoveTab(session, inst)
-            self._add_look(gui)
+            self._add_look(gui, ("whole", "tip", "handle") if inst.handle_joints else ("whole", "tip"))
         with tabs.add_tab("Law"):
             law = LawTab(session)
         with tabs.add_tab("Tests"):
@@ -103,14 +103,14 @@ class Browser:
         with tabs.add_tab("Setup"):
             setup = SetupTab(session)
         with tabs.add_tab("Help"):
-            gui.add_markdown(_HELP.format(measured=_MEASURED[inst.sensors.kind]))
+            gui.add_markdown(_help(inst))
         known = session.link.capabilities
         self.plots = Plots(gui, inst, measured=known.distal_encoder, simulated=known.simulated)
         parts = session.folders.parts
         self.scene = Scene(session.client, inst, largest_force(inst), parts=parts, small=session.small)
         return header, move, law, protocols, self._files, setup
 
-    def _add_look(self, gui: Any, names: tuple[str, ...] = ("whole", "tip", "handle")) -> None:
+    def _add_look(self, gui: Any, names: tuple[str, ...]) -> None:
         look = gui.add_button_group("Look at", names)
         self.session.on(look, "look", lambda: self.scene.look(look.value))
 
@@ -144,29 +144,33 @@ class Browser:
                 for section in self._sections:
                     section.update(state)
 
-    def _drawn(self, shown: Any) -> Drawn:
+    def _drawn(self, shown: ShownSignals) -> Drawn:
         """Return what the view shows."""
-        push = np.zeros((1, 3))
-        for axis, force in zip(self._inst.axes, np.nan_to_num([shown.force, shown.contact_force]).sum(0), strict=True):
+        ends = len(self._inst.bearing)
+        push = np.nan_to_num(shown.wrench[:3])
+        for joint, force in zip(
+            self._inst.tip_joints, np.nan_to_num([shown.force, shown.contact_force]).sum(0), strict=True
+        ):
             # It pushes on the tip against positive flexion, and turns with the tip.
-            push -= force * bend_side(AXES[axis])
-        tension = np.stack([shown.tension, shown.distal_tension], -1).reshape(-1, 2)
-        return Drawn(shown.handle, shown.output, shown.target, tension, push)
+            push = push - force * bend_side(joint.axis_vector)
+        tension = np.stack([shown.tension, shown.distal_tension], -1)
+        # Of several ends each bears an equal share.
+        return Drawn(shown.handle, shown.output, shown.target, tension, np.tile(push / ends, (ends, 1)))
 
-    def _text(self, shown: Any) -> str:
+    def _text(self, shown: ShownSignals) -> str:
         """Return what is written at the tip: its angles and targets."""
-        axes = self._inst.axes
-        rows = zip(axes, np.degrees(shown.output), np.degrees(shown.target), shown.phase, strict=True)
-        forces = zip(axes, shown.estimated_force, 2 * shown.force_deviation, strict=True)
+        joints = [joint.name for joint in self._inst.tip_joints]
+        rows = zip(joints, np.degrees(shown.output), np.degrees(shown.target), shown.phase, strict=True)
+        forces = zip(joints, shown.estimated_force, 2 * shown.force_deviation, strict=True)
         angles = [
-            (axis, in_degrees(output), in_degrees(target) + _HELD_BACK.get(phase, ""))
-            for axis, output, target, phase in rows
+            (joint, in_degrees(output), in_degrees(target) + _HELD_BACK.get(phase, ""))
+            for joint, output, target, phase in rows
         ]
         if len(angles) == 1:
-            lines = [f"{axis} {output}\ntarget {target}" for axis, output, target in angles]
+            lines = [f"{joint} {output}\ntarget {target}" for joint, output, target in angles]
         else:
-            lines = ["tip, target", *(f"{axis} {output}, {target}" for axis, output, target in angles)]
-        lines += [f"{axis} force {force:+.1f} ± {width:.1f} N" for axis, force, width in forces if np.isfinite(width)]
+            lines = ["tip, target", *(f"{joint} {output}, {target}" for joint, output, target in angles)]
+        lines += [f"{joint} force {force:+.1f} ± {width:.1f} N" for joint, force, width in forces if np.isfinite(width)]
         return "\n".join(lines)
 
     def needs_history(self) -> bool:
@@ -178,3 +182,10 @@ class Browser:
         self._plots_drawn = time.monotonic()
         with self.session.client.atomic():
             self.plots.show(history)
+
+
+def _help(inst: Instrument) -> str:
+    """Return in Markdown what a newcomer may want to know."""
+    seen = _HANDLE if inst.handle_joints else _DRIVEN
+    served = controlled(inst)[0] is not None
+    return seen + (_LOST.format(measured=_MEASURED[inst.sensors.kind]) if served else "") + _STOP

@@ -6,7 +6,7 @@ import secrets
 import socket
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -119,18 +119,6 @@ class Page:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    @property
-    def frame_rate(self) -> float:
-        """Frames that are sent to every browser, Hz."""
-        return FRAME_RATE
-
-    def _browser(self, session: Session) -> Browser:
-        return Browser(session)
-
-    def _shown(self, inst: Any, signals: Mapping[str, Any]) -> Any:
-        """Return what browsers show, from the signals of the newest tick or of the last seconds."""
-        return shown_signals(inst, signals)
-
     def _run(self) -> None:
         """Tick at the frame rate until closed."""
         due = time.monotonic()
@@ -140,7 +128,7 @@ class Page:
             except Exception:
                 _log.exception("a tick of the page failed")
                 self._closing.wait(0.2)
-            due = max(due + 1 / self.frame_rate, time.monotonic())
+            due = max(due + 1 / FRAME_RATE, time.monotonic())
             self._closing.wait(due - time.monotonic())
 
     def _send_heartbeats(self) -> None:
@@ -172,8 +160,8 @@ class Page:
             self._retry()
         if not latest:
             return
-        shown = self._shown(inst, latest)
-        seconds = None if history is None else self._shown(inst, history)
+        shown = shown_signals(inst, latest)
+        seconds = None if history is None else shown_signals(inst, history)
         for browser in self._browsers.values():
             try:
                 if browser.outdated:
@@ -211,7 +199,7 @@ class Page:
         self._waiting.pop(client.client_id, None)
         session = Session(client, link, origin, self._workers, self._folders)
         guard(client, lambda: browser.operating, session.notify)
-        browser = self._browser(session)
+        browser = Browser(session)
         self._browsers[client.client_id] = browser
         # No real motor moves: the first browser may operate at once.
         if link.capabilities.simulated and link.status().operator is None:

@@ -8,9 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.console.display import ShownSignals
+from tenodesis.control.pairs import pairs
 from tenodesis.control.parameters import tension_limit
-from tenodesis.instrument import Instrument, ShortForm
+from tenodesis.instrument import Instrument
+from tenodesis.live.controlled import live_names
 from tenodesis.run import Array
+from tenodesis.simulate.places import Places
 
 if TYPE_CHECKING:
     import viser
@@ -23,6 +26,8 @@ ROWS = 160
 INK, TARGET, ESTIMATED, EDGE = "#1b2733", "#168658", "#7c3aed", "rgba(124, 58, 237, 0.3)"
 BAND = "rgba(124, 58, 237, 0.16)"
 AGONIST, ANTAGONIST, LINE = "#b4232f", "#1f5fa8", "#6b7785"
+_TENDONS = (AGONIST, ANTAGONIST, "#b8860b", "#0f766e", "#9333ea", "#db2777", "#4d7c0f", "#0369a1", *("#374151",) * 4)
+"""Colours of a joint's tendons, in order."""
 
 _WIDTH = 420
 _HEIGHT = 112
@@ -30,7 +35,7 @@ _EMPTY = np.array([-WINDOW, 0.0])
 
 
 class Plots:
-    """Curves of angle, force, tensions, stroke and friction of one axis, and of currents that measure the tensions.
+    """Curves of angle, force, tensions, strokes and friction of one joint, and of currents that measure the tensions.
 
     Parameters
     ----------
@@ -44,15 +49,25 @@ class Plots:
         Whether the load on the tip and the tensions are known, too.
     """
 
-    def __init__(self, gui: "viser.GuiApi", inst: ShortForm, *, measured: bool, simulated: bool) -> None:
+    def __init__(self, gui: "viser.GuiApi", inst: Instrument, *, measured: bool, simulated: bool) -> None:
         from viser import uplot  # noqa: PLC0415 - takes half a second
 
-        self._inst, self._colours, self._simulated = inst, TensionColours(inst), simulated
+        self._colours, self._simulated = TensionColours(inst), simulated
+        names = live_names(inst)
+        self._joints, self._served = names.joints, names.compensated
+        across = {} if Places.of(inst).takes_forces else pairs(inst)
+        self._across = {names.joints[pair.joint]: ("yaw", "pitch").index(axis) for axis, pair in across.items()}
+        """Component of the wrench that a force on a joint opposes, where the load is a wrench."""
+        arms = inst.tendon_arms("tip")
+        self._tendons = [np.flatnonzero(arms[:, j]) for j in range(len(names.joints))]
+        """Tendons that turn each joint, by number."""
+        self._names = names.tendons
+        self._stretches = 1e3 * inst.pretensions / inst.stiffnesses
         panel = gui.add_panel()
-        planar = inst.planar
-        self._stretches = [1e3 * axis.pretension / axis.tendon_stiffness for axis in planar]
         with panel.add_tab("Curves"):
-            self.axis = gui.add_dropdown("Axis", inst.axes, visible=len(inst.axes) > 1)
+            self.axis = gui.add_dropdown("Axis", self._joints, visible=len(self._joints) > 1)
+            self._of = ""
+            """The joint whose tendons the charts name."""
             self._angle = add_chart(
                 gui,
                 "Tip angle, deg",
@@ -73,59 +88,66 @@ class Plots:
             band = uplot.Band(series=(2, 3), fill=BAND)
             self._force = add_chart(gui, "Force at the tip, N", force, height=_HEIGHT, bands=(band,))
             currents = inst.sensors.kind == "current"
-            self._current = None
-            if currents:
-                pair = {"agonist": AGONIST, "antagonist": ANTAGONIST, "none": LINE}
-                self._current = add_chart(gui, "Motor current, A", pair, height=_HEIGHT)
-            self._tension = add_chart(
-                gui,
-                "Tendon tension by current, N" if currents and not simulated else "Tendon tension, N",
-                {"agonist": AGONIST, "antagonist": ANTAGONIST, "slack": LINE, "limit": LINE},
-                height=_HEIGHT,
-            )
-            self._stroke = add_chart(
-                gui,
-                "Motor stroke, mm",
-                {"agonist": AGONIST, "antagonist": ANTAGONIST, "+ stretch at rest": LINE, "− stretch at rest": LINE},
-                height=_HEIGHT,
-            )
+            self._current = add_chart(gui, "Motor current, A", {"none": LINE}, height=_HEIGHT)
+            self._current.visible = currents
+            title = "Tendon tension by current, N" if currents and not simulated else "Tendon tension, N"
+            self._tension = add_chart(gui, title, {"slack": LINE, "limit": LINE}, height=_HEIGHT)
+            stretches = {"+ stretch at rest": LINE, "− stretch at rest": LINE}
+            self._stroke = add_chart(gui, "Motor stroke, mm", stretches, height=_HEIGHT)
             self._friction = add_chart(
                 gui,
                 "Friction, ratio to the file",
                 {"estimated": ESTIMATED, "file": LINE, "none": LINE},
                 height=_HEIGHT,
             )
+            self._grip = add_chart(gui, "Grip force, N", {"on the object": INK, "none": LINE}, height=_HEIGHT)
+            self._grip.visible = simulated and inst.grip is not None
         panel.dock_left()
         panel.set_width(_WIDTH)
 
     def show(self, seconds: ShownSignals) -> None:
         """Draw the last seconds."""
         time = seconds.time
-        axis = self._inst.axes.index(self.axis.value)
-        output = without_gaps(np.degrees(seconds.output[:, axis]), 0.0)
+        joint = self._joints.index(self.axis.value)
+        own = self._tendons[joint]
+        if self._of != self.axis.value:
+            self._name_tendons(self.axis.value, own)
+        output = without_gaps(np.degrees(seconds.output[:, joint]), 0.0)
         target, estimated, deviation = (
-            np.degrees(values[:, axis]) for values in (seconds.target, seconds.estimated, seconds.deviation)
+            np.degrees(values[:, joint]) for values in (seconds.target, seconds.estimated, seconds.deviation)
         )
-        tension, stroke = seconds.tension[:, axis], 1e3 * seconds.stroke[:, axis]
+        target = without_gaps(target, output)
         estimated, deviation = without_gaps(estimated, output), without_gaps(deviation, 0.0)
         # Level lines also keep the scales from zooming into noise.
         level = np.ones(time.shape)
         edges = (estimated + 2 * deviation, estimated - 2 * deviation)
         self._set(self._angle, time, target, output, estimated, *edges, 0 * level)
-        self._show_force(seconds, axis)
-        if self._current is not None:
-            agonist, antagonist = without_gaps(seconds.current[:, axis], 0.0).T
-            self._set(self._current, time, agonist, antagonist, 0 * level)
+        self._show_force(seconds, joint)
+        self._set(self._current, time, *without_gaps(seconds.current[:, own], 0.0).T, 0 * level)
         slack, limit = self._colours.slack * level, self._colours.limit * level
-        self._set(self._tension, time, tension[:, 0], tension[:, 1], slack, limit)
-        stretch = self._stretches[axis] * level
-        self._set(self._stroke, time, stroke[:, 0], stroke[:, 1], stretch, -stretch)
-        self._set(self._friction, time, without_gaps(seconds.friction_scale[:, axis], 1.0), level, 0 * level)
+        self._set(self._tension, time, *without_gaps(seconds.tension[:, own], 0.0).T, slack, limit)
+        stretch = float(self._stretches[own].max()) * level
+        self._set(self._stroke, time, *without_gaps(1e3 * seconds.stroke[:, own], 0.0).T, stretch, -stretch)
+        self._set(self._friction, time, without_gaps(seconds.friction_scale[:, joint], 1.0), level, 0 * level)
+        self._set(self._grip, time, without_gaps(seconds.grip_force[:, 0], 0.0), 0 * level)
 
-    def _show_force(self, seconds: ShownSignals, axis: int) -> None:
-        load = np.nan_to_num(seconds.force[:, axis]) + np.nan_to_num(seconds.contact_force[:, axis])
-        estimated = without_gaps(seconds.estimated_force[:, axis], 0.0)
-        width = 2 * without_gaps(seconds.force_deviation[:, axis], 0.0)
+    def _name_tendons(self, joint: str, own: NDArray[np.int64]) -> None:
+        """Let the charts of tendons have those of a joint, and hide what the law alone knows where there is none."""
+        self._of = joint
+        names = [self._names[tendon].removeprefix(f"{joint}_") for tendon in own]
+        tendons = dict(zip(names, _TENDONS, strict=False))
+        self._current.series = series({**tendons, "none": LINE})
+        self._tension.series = series({**tendons, "slack": LINE, "limit": LINE})
+        self._stroke.series = series({**tendons, "+ stretch at rest": LINE, "− stretch at rest": LINE})
+        self._friction.visible = joint in self._served
+        self._force.visible = joint in self._served
+
+    def _show_force(self, seconds: ShownSignals, joint: int) -> None:
+        load = np.nan_to_num(seconds.force[:, joint]) + np.nan_to_num(seconds.contact_force[:, joint])
+        if self._joints[joint] in self._across:
+            load -= np.nan_to_num(seconds.wrench[:, self._across[self._joints[joint]]])
+        estimated = without_gaps(seconds.estimated_force[:, joint], 0.0)
+        width = 2 * without_gaps(seconds.force_deviation[:, joint], 0.0)
         curves = (estimated, estimated + width, estimated - width, 0 * load, load)
         self._set(self._force, seconds.time, *curves[: 5 if self._simulated else 4])
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from tenodesis.console.plots import TensionColours
 from tenodesis.console.session import PageState, Session, enable, set_properties
 from tenodesis.control import HOMING_REASONS
-from tenodesis.instrument import FullForm, ShortForm
+from tenodesis.instrument import Instrument
 from tenodesis.live.commands import ControllerRequest
 from tenodesis.live.status import RuntimeState, Status
 
@@ -236,7 +236,7 @@ _BUTTON_COLOURS = {"enable": "green", "resume": "green", "clear": "orange"}
 class StatusHeader:
     """The state, the scale of the tendons' colours, and the buttons that the state allows."""
 
-    def __init__(self, session: Session, inst: ShortForm | FullForm) -> None:
+    def __init__(self, session: Session, inst: Instrument) -> None:
         self._session = session
         self._currents = inst.sensors.kind == "current"
         gui: Any = session.client.gui

@@ -13,8 +13,9 @@ import numpy as np
 from tenodesis.console.display import ShownSignals, shown_signals
 from tenodesis.console.plots import AGONIST, INK, TARGET, add_chart, series, without_gaps
 from tenodesis.console.session import PageState, Session, as_plain, enable, set_properties
+from tenodesis.control.pairs import names_of
 from tenodesis.errors import RecordingError
-from tenodesis.instrument import ShortForm, as_short_form
+from tenodesis.instrument import Instrument
 from tenodesis.recording import Recording
 from tenodesis.run import Array
 from tenodesis.simulate import Motion, Protocol
@@ -35,14 +36,14 @@ class _Opened(NamedTuple):
     """A recording that has been read."""
 
     recording: Recording
-    inst: ShortForm
+    inst: Instrument
     shown: ShownSignals
 
 
 class FilesTab:
     """The recordings of a folder, and the recording that is open."""
 
-    def __init__(self, session: Session, inst: ShortForm) -> None:
+    def __init__(self, session: Session, inst: Instrument) -> None:
         self._session, self._inst = session, inst
         self._opened: _Opened | None = None
         self._started: float | None = None
@@ -52,7 +53,7 @@ class FilesTab:
         self._name = gui.add_dropdown("Recording", (_NONE,))
         self._open = gui.add_button("Open", icon="folder-open")
         self._facts = gui.add_markdown(f"Recordings are in {as_plain(session.folders.recordings.absolute())}.")
-        self._axis = gui.add_dropdown("Axis of the curves", inst.axes, visible=len(inst.axes) > 1)
+        self._axis = gui.add_dropdown("Axis of the curves", _joints(inst), visible=len(_joints(inst)) > 1)
         self._chart = add_chart(gui, "Tip angle, deg", _OPENED, height=170)
         self._chart.visible = False
         self._replay = gui.add_button("Replay in the view", icon="player-play", disabled=True)
@@ -100,16 +101,16 @@ class FilesTab:
         row = int(np.searchsorted(since, at, side="right")) - 1
         return ShownSignals(*(values[max(row, 0)] for values in shown))
 
-    def _recording(self, name: str) -> tuple[Recording, ShortForm]:
+    def _recording(self, name: str) -> tuple[Recording, Instrument]:
         """Open a recording of the list, which may have changed."""
         if name not in _recordings(self._session.folders.recordings):
             raise RecordingError(f"{name} is not among the recordings of {self._session.folders.recordings}.")
         recording = Recording.open(self._session.folders.recordings / name)
-        inst = as_short_form(recording.instrument()) if "instrument" in recording.metadata else self._inst
-        if recording.run.axes != inst.axes:
+        inst = recording.instrument() if "instrument" in recording.metadata else self._inst
+        if recording.run.joints != _joints(inst):
             raise RecordingError(
-                f"{name} has {' and '.join(recording.run.axes)} and does not contain its instrument; it must have "
-                f"{' and '.join(inst.axes)}, as {inst.name} has."
+                f"{name} has {' and '.join(recording.run.joints)} and does not contain its instrument; it must have "
+                f"{' and '.join(_joints(inst))}, as {inst.name} has."
             )
         return recording, inst
 
@@ -130,10 +131,10 @@ class FilesTab:
         with self._session.client.atomic():
             set_properties(self._facts, content=_facts(recording, inst, self._inst))
             set_properties(self._difference, content="")
-            set_properties(self._axis, options=inst.axes, visible=len(inst.axes) > 1)
+            set_properties(self._axis, options=_joints(inst), visible=len(_joints(inst)) > 1)
             self._draw_opened()
             # The scene is that of the live instrument.
-            enable((self._replay,), lasts > 0 and inst.axes == self._inst.axes)
+            enable((self._replay,), lasts > 0 and names_of(inst)[:3] == names_of(self._inst)[:3])
             self._at.max = ceil(100 * max(lasts, 0.02)) / 100
 
     def _draw_opened(self) -> None:
@@ -141,7 +142,7 @@ class FilesTab:
         if self._opened is None or self._opened.shown.time.size < 2:
             return
         _, inst, shown = self._opened
-        axis = inst.axes.index(self._axis.value)
+        axis = _joints(inst).index(self._axis.value)
         self._draw(_OPENED, shown.time - shown.time[0], shown.target[:, axis], shown.output[:, axis])
 
     def _draw(self, curves: Mapping[str, str], time: Array, *angles: Array) -> None:
@@ -192,10 +193,15 @@ class FilesTab:
     def _tip_angle(self, name: str, axis: str) -> tuple[Array, Array]:
         """Return times (s) and tip angles (rad) of a recording's axis."""
         recording, inst = self._recording(name)
-        if axis not in inst.axes:
-            raise RecordingError(f"{name} has only {' and '.join(inst.axes)}; it must have {axis}.")
+        if axis not in _joints(inst):
+            raise RecordingError(f"{name} has only {' and '.join(_joints(inst))}; it must have {axis}.")
         shown = shown_signals(inst, recording.to_numpy())
-        return shown.time, shown.output[:, inst.axes.index(axis)]
+        return shown.time, shown.output[:, _joints(inst).index(axis)]
+
+
+def _joints(inst: Instrument) -> tuple[str, ...]:
+    """Return the names of the tip's joints."""
+    return tuple(joint.name for joint in inst.tip_joints)
 
 
 def _recordings(folder: Path) -> list[str]:
@@ -209,20 +215,20 @@ def _recordings(folder: Path) -> list[str]:
     return [name for _, name in sorted(found, reverse=True)[:_LISTED]]
 
 
-def _thinned(recording: Recording, inst: ShortForm) -> ShownSignals:
+def _thinned(recording: Recording, inst: Instrument) -> ShownSignals:
     signals = recording.to_numpy()
     count = signals["time"].size
     rows = np.unique(np.linspace(0, max(count - 1, 0), min(_ROWS, count)).astype(int))
     return shown_signals(inst, {name: values[rows] for name, values in signals.items()})
 
 
-def _facts(recording: Recording, inst: ShortForm, live: ShortForm) -> str:
+def _facts(recording: Recording, inst: Instrument, live: Instrument) -> str:
     """Return as Markdown what a recording holds."""
-    rows, axes = len(recording.run), " and ".join(inst.axes)
+    rows, axes = len(recording.run), " and ".join(_joints(inst))
     lines = [
         f"**{as_plain(recording.path.name)}**: {recording.duration:.1f} s, {rows} rows, {as_plain(inst.name)}, {axes}."
     ]
-    if inst.axes != live.axes:
+    if _joints(inst) != _joints(live):
         lines.append(f"To replay it, run an instrument with {axes} first, under *Setup*.")
     elif inst.name != live.name:
         lines.append(f"The view replays its angles on the live instrument, {as_plain(live.name)}.")
@@ -241,20 +247,20 @@ def repeated(recording: Recording) -> Protocol:
     """
     run = recording.run
     names = [name for name in ("measured_handle_angle", "handle_angle") if name in run.signals()]
-    if not names or len(run) < 2:
+    if not names or len(run) < 2 or not run.handle_joints:
         raise RecordingError(f"{recording.path} has no motion of the handle.")
     angles = run[names[0]].reshape(len(run), -1)
     rows = np.unique(np.linspace(0, len(run) - 1, max(2, int(recording.duration * _REPEAT_RATE))).astype(int))
     phases = tuple(
         Motion(
-            axis=axis,
+            joint=joint,
             data=csv_text(run.time[rows], angles[rows, n], "time_s", "angle_rad"),
             time_column="time_s",
             angle_column="angle_rad",
             angle_unit="rad",
             limit=True,
         )
-        for n, axis in enumerate(run.axes)
+        for n, joint in enumerate(run.handle_joints)
     )
     return Protocol(
         name=f"as {recording.path.stem}"[:60], description="The handle's motion of a recording", phases=phases

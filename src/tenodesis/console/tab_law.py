@@ -3,8 +3,9 @@
 from math import nan
 from typing import Any, NamedTuple
 
-from tenodesis.console.session import PageState, Session, enable, set_properties
+from tenodesis.console.session import PageState, Session, as_plain, enable, set_properties
 from tenodesis.console.status import timing_line
+from tenodesis.live.controlled import controlled
 
 LAWS = {
     "off": "Off: the motors are at rest; the angle lost under load is not restored.",
@@ -51,14 +52,19 @@ class LawTab:
         self._session = session
         gui: Any = session.client.gui
         status = session.link.status()
-        kind = session.link.inst.sensors.kind
+        inst = session.link.inst
+        kind, refused = inst.sensors.kind, controlled(inst)[1]
+        served = refused is None
+        if refused is not None:
+            gui.add_markdown(as_plain(refused))
         faults = dict(zip(_TENSION_FAULTS[kind], (_LOST, _FROZEN), strict=True)) | _FAULTS
-        self._law = gui.add_dropdown("Law", tuple(LAWS), initial_value=status.law)
-        self._law_text = gui.add_markdown("")
-        self._actuation = gui.add_dropdown("Motors", tuple(ACTUATIONS), initial_value=status.actuation)
-        self._actuation_text = gui.add_markdown("")
-        self._home = gui.add_button("Home: find the pretension again", icon="home")
-        with gui.add_folder("Try a fault", expand_by_default=False, visible=session.link.capabilities.simulated):
+        self._law = gui.add_dropdown("Law", tuple(LAWS), initial_value=status.law, visible=served)
+        self._law_text = gui.add_markdown("", visible=served)
+        self._actuation = gui.add_dropdown("Motors", tuple(ACTUATIONS), initial_value=status.actuation, visible=served)
+        self._actuation_text = gui.add_markdown("", visible=served)
+        self._home = gui.add_button("Home: find the pretension again", icon="home", visible=served)
+        tried = served and session.link.capabilities.simulated
+        with gui.add_folder("Try a fault", expand_by_default=False, visible=tried):
             self._fault = gui.add_dropdown("Fault", tuple(faults))
             self._inject = gui.add_button("Inject it into the twin", color="orange")
         with gui.add_folder("Timing of the loop", expand_by_default=False):

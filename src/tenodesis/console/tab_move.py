@@ -1,18 +1,20 @@
 """The tab of the motion: handle angles, recorded motions, and the load at the tip."""
 
 import time
-from math import degrees, floor, isfinite, log10
+from math import degrees, floor, log10
 from typing import Any, Literal
 
 import numpy as np
 
 from tenodesis import simulate
+from tenodesis.console.more_sliders import MoreSliders, follow, slider_values
 from tenodesis.console.session import PageState, Session, enable, set_properties
-from tenodesis.errors import LiveError, ProtocolError
-from tenodesis.instrument import ShortForm
+from tenodesis.errors import ProtocolError
+from tenodesis.instrument import Instrument
+from tenodesis.live.controlled import controlled
 from tenodesis.live.status import RuntimeState
-from tenodesis.run import Array
 from tenodesis.simulate import Motion, Protocol
+from tenodesis.simulate.places import Places
 
 _APPLY, _REMOVE = "Apply the load as a step", "Remove the load as a step"
 _SYNTHETIC = "wrist, synthetic"
@@ -38,8 +40,8 @@ _HINTS = {
 class MoveTab:
     """Sliders of handle angle and load, and recorded motions of the hand."""
 
-    def __init__(self, session: Session, inst: ShortForm) -> None:
-        self._session = session
+    def __init__(self, session: Session, inst: Instrument) -> None:
+        self._session, self._inst = session, inst
         gui: Any = session.client.gui
         self._simulated = session.link.capabilities.simulated
         self._motions = {_SYNTHETIC: simulate.load("wrist")}
@@ -47,26 +49,33 @@ class MoveTab:
         most = largest_force(inst)
         fine = 10.0 ** floor(log10(most / 50))
         self._hand: list[Any] = []
-        for axis in inst.axes:
-            reach = floor(10 * degrees(inst.axis(axis).handle_range) + 1e-6) / 10
-            self._hand.append(gui.add_slider(f"Handle {axis}, °", min=-reach, max=reach, step=0.1, initial_value=0.0))
+        for joint in inst.handle_joints or inst.tip_joints:
+            reach = floor(10 * degrees(joint.range) + 1e-6) / 10
+            label = f"{joint.name.replace('_', ' ').capitalize()}, °"
+            self._hand.append(gui.add_slider(label, min=-reach, max=reach, step=0.1, initial_value=0.0))
+        places = Places.of(inst)
+        self._by_axis = places.takes_forces
+        named = tuple(places.axes) if self._by_axis else tuple("xyz")
+        hint = "Tangential force at the tip; a positive force opposes positive flexion."
         self._force: list[Any] = [
             gui.add_slider(
-                f"Load {axis}, N",
+                f"Load {name}, N",
                 min=-most,
                 max=most,
                 step=fine,
                 initial_value=0.0,
-                hint="Tangential force at the tip; a positive force opposes positive flexion.",
+                hint=hint if self._by_axis else "In the axes of the tip, z along it.",
             )
-            for axis in inst.axes
+            for name in named
         ]
-        self._axis = gui.add_dropdown("Step on", inst.axes, visible=len(inst.axes) > 1)
+        self._axis = gui.add_dropdown("Step on", named, visible=len(named) > 1)
         self._size = gui.add_number("Step, N", initial_value=_usual_force(inst, most), min=-most, max=most, step=fine)
         self._step = gui.add_button(_APPLY, color="violet", hint="A sudden load, as when the tip hits tissue.")
         if not self._simulated:
             gui.add_markdown("*Here a hand moves the handle and weights load the tip; the sliders only show both.*")
-        with gui.add_folder("Recorded motion", expand_by_default=False, visible=self._simulated):
+        self._more = MoreSliders(session, inst, most)
+        moved = self._simulated and bool(places.axes)
+        with gui.add_folder("Recorded motion", expand_by_default=False, visible=moved):
             self._motion = gui.add_dropdown("Motion", tuple(self._motions))
             self._play = gui.add_button("Play the motion", icon="player-play")
             self._upload = gui.add_upload_button(
@@ -79,6 +88,8 @@ class MoveTab:
         for slider in self._force:
             session.on(slider, "force", self._load)
         session.on(self._step, "force", self._toggle_load)
+        for slider in self._more.moments:
+            session.on(slider, "force", self._load)
         # Reading and planning a long motion takes seconds.
         session.on(self._play, "play", lambda: session.run_in_background("play", self._play_motion))
         session.on(self._upload, "upload motion", lambda: session.run_in_background("motion", self._add_motion))
@@ -87,18 +98,24 @@ class MoveTab:
 
     def update(self, state: PageState) -> None:
         """Enable the sliders for the operator while no protocol runs; otherwise let them follow the instrument."""
-        free = state.operating and self._simulated and not state.status.protocol_runs
-        enable((*self._hand, *self._force, self._axis, self._size, self._step, self._play), free)
+        simulated = self._simulated or not self._inst.handle_joints
+        free = state.operating and simulated and not state.status.protocol_runs
+        loads = free and self._simulated
+        enable(self._hand, free)
+        enable((*self._force, self._axis, self._size, self._step, self._play), loads)
         set_properties(self._step, label=_REMOVE if self._step_slider.value else _APPLY)
-        hint = next_to_try(state) if free else ""
+        hint = next_to_try(state, self._inst) if loads else ""
         set_properties(self._next, content=hint, visible=bool(hint))
         if not free:
             self._enabled_at = time.monotonic()
+        shown = state.shown
         # They follow until the browser moves one: the other's value is sent with it.
         if self._session.changed_at(*self._hand) < self._enabled_at:
-            follow(self._hand, np.degrees(state.shown.handle))
-        if self._session.changed_at(*self._force, self._step) < self._enabled_at:
-            follow(self._force, state.shown.force)
+            follow(self._hand, np.degrees(shown.handle if self._inst.handle_joints else shown.target))
+        if self._session.changed_at(*self._force, *self._more.moments, self._step) < self._enabled_at:
+            follow(self._force, shown.force if self._by_axis else shown.wrench[:3])
+            follow(self._more.moments, 1e3 * shown.wrench[3 : 3 + len(self._more.moments)])
+        self._more.update(state, self._enabled_at, free=free)
 
     @property
     def _step_slider(self) -> Any:
@@ -109,7 +126,11 @@ class MoveTab:
         self._session.link.hand(np.radians(slider_values(self._hand)))
 
     def _load(self) -> None:
-        self._session.link.force(slider_values(self._force))
+        forces = slider_values(self._force)
+        if self._by_axis:
+            self._session.link.force(forces)
+        else:
+            self._session.link.wrench([*forces, *1e-3 * slider_values(self._more.moments)])
 
     def _toggle_load(self) -> None:
         self._step_slider.value = 0.0 if self._step_slider.value else self._size.value
@@ -130,40 +151,30 @@ class MoveTab:
         self._session.notify(file.name, "Motion read", good=True)
 
 
-def next_to_try(state: PageState) -> str:
+def next_to_try(state: PageState, inst: Instrument) -> str:
     """Return as Markdown what a newcomer may try next."""
-    if not np.abs(state.shown.handle).max() > _MOVED:
+    shown, status = state.shown, state.status
+    if not inst.handle_joints:
+        if status.state in (RuntimeState.DISABLED, RuntimeState.PAUSED):
+            way = "Enable" if status.state == RuntimeState.DISABLED else "Resume"
+            return f"**1.** Press *{way}*, and move a slider: the motors turn the joints."
+        return ""
+    if not np.abs(shown.handle).max() > _MOVED:
         return "**1.** Move the handle: the jaws follow. The green shadow is where they should be."
-    if not np.abs(state.shown.force).max() > 0:
+    if not np.nanmax(np.abs([*shown.force, *shown.wrench]), initial=0.0) > 0:
         return "**2.** Apply the load: tissue pushes on the tip, and the jaws leave the shadow."
-    return _HINTS.get((state.status.state, state.status.law != "off"), "")
+    return _HINTS.get((status.state, status.law != "off"), "") if controlled(inst)[0] is not None else ""
 
 
-def largest_force(inst: ShortForm) -> float:
+def largest_force(inst: Instrument) -> float:
     """Return the largest load that the page offers, N: the largest test force of the instrument file."""
-    return round(max(inst.conditions.forces, default=inst.pretension / 30), 3)
+    share = 30 if Places.of(inst).takes_forces else 10
+    return round(max(inst.conditions.forces, default=inst.pretension / share), 3)
 
 
-def _usual_force(inst: ShortForm, most: float) -> float:
+def _usual_force(inst: Instrument, most: float) -> float:
     forces = sorted(inst.conditions.forces)
     return round(forces[(len(forces) - 1) // 2], 3) if forces else most / 2
-
-
-def slider_values(sliders: list[Any]) -> Array:
-    """Return the values of sliders, clipped to their ranges: a browser may send anything."""
-    values = np.array([float(slider.value) for slider in sliders])
-    if not np.isfinite(values).all():
-        raise LiveError(key="slider", value=values.tolist(), allowed="finite")
-    return values.clip([slider.min for slider in sliders], [slider.max for slider in sliders])
-
-
-def follow(sliders: list[Any], values: Array) -> None:
-    """Set sliders to values, rounded to their steps; unknown values are left out."""
-    for slider, value in zip(sliders, values, strict=True):
-        if isfinite(value):
-            shown = round(float(np.clip(value, slider.min, slider.max)) / slider.step) * slider.step
-            if abs(slider.value - shown) > slider.step / 2:
-                slider.value = round(shown, 9)
 
 
 def motion_protocol(content: bytes, name: str) -> Protocol:

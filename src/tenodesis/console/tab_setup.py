@@ -11,7 +11,7 @@ from tenodesis.console.session import PageState, Session, as_plain, enable, set_
 from tenodesis.control.resolution import sentences, warnings
 from tenodesis.errors import InstrumentError, LiveError
 from tenodesis.files import read_regular
-from tenodesis.instrument import as_short_form
+from tenodesis.live.controlled import controlled
 
 _LARGEST_FILE = 1_000_000
 """Largest instrument file that is read, bytes."""
@@ -24,13 +24,17 @@ class SetupTab:
     def __init__(self, session: Session) -> None:
         self._session = session
         gui: Any = session.client.gui
-        inst = as_short_form(session.link.inst)
+        inst = session.link.inst
+        joints = " and ".join(joint.name for joint in inst.tip_joints)
         gui.add_markdown(
-            f"**{as_plain(inst.name)}**, {' and '.join(inst.axes)}, on *{as_plain(session.link.device)}*. "
+            f"**{as_plain(inst.name)}**, {as_plain(joints)}, on *{as_plain(session.link.device)}*. "
             f"{as_plain(inst.description)}"
         )
-        gui.add_markdown(as_plain(" ".join((*sentences(inst), *(f"Warning: {each}" for each in warnings(inst))))))
-        self._shipped = gui.add_dropdown("Shipped", ("real-size", "scaled-up"))
+        assumed, _ = controlled(inst)
+        if assumed is not None:
+            said = (*sentences(assumed), *(f"Warning: {each}" for each in warnings(assumed)))
+            gui.add_markdown(as_plain(" ".join(said)))
+        self._shipped = gui.add_dropdown("Shipped", instrument.shipped())
         self._load = gui.add_button("Run this instrument")
         self._path = gui.add_text("Path", "", hint="On the machine that runs the instrument.")
         self._load_path = gui.add_button("Run the file at this path")

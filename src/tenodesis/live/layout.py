@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 
 from tenodesis import _core
-from tenodesis.control.pairs import compensated, names_of
-from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument
+from tenodesis.live.controlled import live_names, spool_radius
 from tenodesis.live.folder import Columns
-from tenodesis.run import SIGNALS, TISSUE, Array, Names, Run
+from tenodesis.run import SIGNALS, TISSUE, Array, Run
 from tenodesis.twin.contact import NO_TISSUE
 from tenodesis.twin.rows import CONTROL, with_currents
 
@@ -25,16 +24,6 @@ _COMMANDED = {
 }
 """Signals that are commands, by the command."""
 _CONTROLLED = {name: n for n, name in enumerate(CONTROL) if "." not in name}
-
-
-def live_names(inst: Instrument) -> Names:
-    """Return what the columns of a live instrument are named after; without a controller none is compensated."""
-    names = names_of(inst)
-    try:
-        compensated(inst)
-    except ArgumentError:
-        return names._replace(compensated=())
-    return names
 
 
 class CommandColumns:
@@ -83,7 +72,7 @@ class Layout:
         self.inst, self.names = inst, live_names(inst)
         self.commands = CommandColumns(commands)
         self._signals = dict(_slices(signals))
-        self._spool_radius = getattr(inst, "spool_radius", None) or inst.drives.spool_radius
+        self._spool_radius = spool_radius(inst)
         widths = (len(TICK), self.commands.width, sum(width for _, width in signals))
         self._parts = np.cumsum(widths).tolist()
         self.width = self._parts[-1] + len(self.names.compensated) * len(CONTROL)

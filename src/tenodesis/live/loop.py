@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from tenodesis import _core
 from tenodesis.control import Controller, Request
 from tenodesis.control.controller import ActuationName, LawName
-from tenodesis.control.pairs import compensated, names_of, pairs
+from tenodesis.control.pairs import names_of, pairs
 from tenodesis.control.parameters import tension_limit
 from tenodesis.devices.device import Capabilities, Device
 from tenodesis.devices.serial import SerialController, StreamedController
@@ -21,6 +21,7 @@ from tenodesis.errors import ArgumentError, DeviceError, LiveError
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.instrument.devices import Serial
 from tenodesis.live import folder as folders
+from tenodesis.live.controlled import controlled
 from tenodesis.live.device_thread import DeviceThread
 from tenodesis.live.layout import CommandColumns
 from tenodesis.plant import check_runnable
@@ -86,7 +87,7 @@ def rehearse(inst: Instrument, choices: Choices) -> None:
     DeviceError
         The device does not suit the instrument, or its table is missing.
     """
-    assumed, _ = _assumed(inst)
+    assumed, _ = controlled(inst)
     if assumed is inst:
         check_runnable(inst)
     twin = Twin(inst, seed=choices.seed)
@@ -127,7 +128,7 @@ class LiveLoop:
         self, inst: Instrument, folder: Path, choices: Choices | None = None, *, device: Device | None = None
     ) -> None:
         self.inst, self.folder = inst, folder
-        self.assumed, self.refused = _assumed(inst)
+        self.assumed, self.refused = controlled(inst)
         """What the controller is made for; None where no joint has one, and why."""
         self.choices = choices = choices or Choices()
         if choices.device not in get_args(DeviceName):
@@ -244,6 +245,8 @@ class LiveLoop:
         except (KeyError, ValueError):
             names = [request.name.lower() for request in Request]
             raise LiveError(key="request", value=what, allowed=_one_of(names)) from None
+        if asked == Request.HOME and self.refused is not None:
+            raise LiveError(self.refused)
         self._order("request", int(asked))
 
     def stop(self) -> None:
@@ -388,14 +391,6 @@ class _NoController:
         self.core = _core.MotorSwitch()
 
 
-def _assumed(inst: Instrument) -> tuple[ShortForm | None, str | None]:
-    """Return what a controller of an instrument is made for, or None and why it has none."""
-    try:
-        return compensated(inst), None
-    except ArgumentError as problem:
-        return None, str(problem)
-
-
 def _controller(
     assumed: ShortForm | None, choices: Choices, inst: Instrument, *, served: bool
 ) -> Controller | _NoController:
@@ -427,7 +422,7 @@ def _board(inst: ShortForm, choices: Choices) -> SerialController | StreamedCont
 
 def _check_board(inst: Instrument) -> ShortForm:
     """Return what the controller on a board is made for; raise DeviceError where a board cannot serve."""
-    assumed, refused = _assumed(inst)
+    assumed, refused = controlled(inst)
     if assumed is None:
         raise DeviceError(f"serial is a controller on a board, but {refused}")
     if len(assumed.axes) != len(inst.tip_joints) and (inst.devices.serial or Serial()).sensors == "board":
