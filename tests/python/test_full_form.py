@@ -145,6 +145,8 @@ def test_the_short_form_alone_has_axes_radii_and_what_follows_from_them() -> Non
 def test_an_unknown_name_is_an_attribute_error() -> None:
     inst = tn.load("needle-driver")
     assert not hasattr(inst, "speed") and not hasattr(inst, "_axis")
+    with pytest.raises(AttributeError):
+        print(FullForm.__new__(FullForm).tip_joints)  # of an instrument that is not complete
 
 
 def test_a_short_form_has_the_joints_and_tendons_that_it_stands_for(real: tn.Instrument) -> None:

@@ -64,7 +64,7 @@ class FullForm(Instrument):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            if name[0] != "_" and any(name in kind.model_fields or hasattr(kind, name) for kind in _kinds(ShortForm)):
+            if name[0] != "_" and not _has(type(self), name) and any(_has(kind, name) for kind in _kinds(ShortForm)):
                 raise self.not_short()
             return super().__getattr__(name)
 
@@ -167,6 +167,10 @@ class FullForm(Instrument):
                 self,
                 joints=names,
             )
+
+
+def _has(kind: type[Instrument], name: str) -> bool:
+    return name in kind.model_fields or hasattr(kind, name)
 
 
 def _kinds(of: type[ShortForm]) -> Iterator[type[ShortForm]]:
