@@ -139,7 +139,7 @@ def _tables_of(*kinds: type[BaseModel]) -> Iterator[str]:
 
 def _places(kind: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, type[BaseModel]]]:
     for name, field in kind.model_fields.items():
-        path = prefix + key(name, field)
+        path = prefix + key(name, field) + (".NAME" if get_origin(_bare(field.annotation)) is Mapping else "")
         several = get_origin(_bare(field.annotation)) in (tuple, list)
         for table in _tables(field.annotation):
             tag = _tag(table)

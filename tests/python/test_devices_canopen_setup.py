@@ -293,9 +293,9 @@ def test_no_unit_rounds_a_speed_beyond_the_limit(inst: Instrument) -> None:
 
 
 def test_what_is_more_than_any_number_is_not_a_number() -> None:
-    assert isnan(Sensor(0, 0, 1e300, 0.0, None).value(3e38))
-    assert isnan(Sensor(0, 0, 1e308, 0.0, (-(2**31), 2**31 - 1)).value(-(2**31) + 1))
-    assert Sensor(0, 0, 2.0, 1.0, None).value(3.0) == 7.0
+    assert isnan(Sensor(0, "tension", 1e300, 0.0, None).value(3e38))
+    assert isnan(Sensor(0, "tension", 1e308, 0.0, (-(2**31), 2**31 - 1)).value(-(2**31) + 1))
+    assert Sensor(0, "tension", 2.0, 1.0, None).value(3.0) == 7.0
 
 
 def test_an_axis_without_its_table_is_refused(inst: Instrument) -> None:

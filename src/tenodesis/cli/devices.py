@@ -33,7 +33,7 @@ def test_device(
     ] = None,
 ) -> None:
     """Measure a device's rate, jitter and losses, with the motors at rest; exit code 1 if the controller needs more."""
-    inst = load_instrument(instrument_file, planar=True)
+    inst = load_instrument(instrument_file)
     device = registry.make(name, inst, address)
     shown = 0.0
     with ProgressBar(escape(f"{name}: motors at rest"), " s") as bar:

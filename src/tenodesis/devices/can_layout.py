@@ -1,18 +1,16 @@
 """What the frames on the CAN bus carry, from an instrument and its table devices.canopen."""
 
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import floor, isfinite, nan, pi
-from typing import TypeAlias
 
 from tenodesis.devices.cia402 import wrapped
+from tenodesis.devices.wiring import COLUMNS, Plug, Wiring, wiring
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.instrument.devices import CanAngle, CanAxis, CanDrive, CanOpen, CanTension
 from tenodesis.run import TENDONS
-
-COLUMNS = ("handle angle", "agonist tension", "antagonist tension", "output angle")
-"""What sensors measure, in the order of a measurement's row."""
 
 _CODES = {"i8": "b", "u8": "B", "i16": "h", "u16": "H", "i32": "i", "u32": "I", "f32": "f"}
 _MOST_PDOS = 4  # of the predefined connection set
@@ -24,8 +22,6 @@ _CONTROL_AND_TARGET = struct.Struct("<Hi")
 _MEASURED_OBJECTS = ((0x6041, 0, 16), (0x6064, 0, 32))
 LEAD = 0.05
 """Largest lag of a motor, as time at full speed, s; a blocked motor must not jump when it is released."""
-_Placed: TypeAlias = tuple[int, int, CanAngle | CanTension]
-"""A sensor's axis and column, and where it is."""
 _TARGET_VELOCITY, _TARGET_POSITION = 0x60FF, 0x607A
 _TORQUE, _CURRENT = 0x6077, 0x6078
 """Actual values of a drive, in thousandths of its rated ones."""
@@ -35,8 +31,9 @@ _TORQUE, _CURRENT = 0x6077, 0x6078
 class Sensor:
     """A sensor's place in a frame and in a measurement."""
 
-    axis: int
-    column: int
+    place: int
+    """As of :class:`tenodesis.devices.wiring.Plug`."""
+    name: str
     gain: float
     offset: float
     ends: tuple[int, int] | None
@@ -69,8 +66,8 @@ class DriveFrames:
 
     node: int
     name: str
-    axis: int
-    tendon: int
+    spool: int
+    """Number of its tendon."""
     measured_id: int
     measured_objects: tuple[tuple[int, int, int], ...]
     measured: struct.Struct
@@ -128,7 +125,7 @@ class Aim:
 class Layout:
     """All frames of a bench."""
 
-    axes: tuple[str, ...]
+    wiring: Wiring
     drives: tuple[DriveFrames, ...]
     sensors: tuple[SensorFrame, ...]
     speed_limit: float
@@ -147,26 +144,16 @@ class Layout:
         return named
 
 
-def layout(inst: ShortForm, settings: CanOpen) -> Layout:
+def layout(inst: Instrument, settings: CanOpen) -> Layout:
     """Return the frames by which an instrument's bench is served.
 
     Raises InstrumentError if an axis is missing, two sensors are one, a node has more sensors than its PDOs carry, the
     heartbeat is faster than the samples, the unit of velocity is too coarse or too fine, or the bus is too slow.
     """
-    axes: list[CanAxis] = []
-    for name in inst.axes:
-        axis: CanAxis | None = getattr(settings, name)
-        if axis is None:
-            raise InstrumentError(f"devices.canopen.{name} is missing; {inst.name} has that axis.")
-        axes.append(axis)
+    wired = wiring(inst, settings, "canopen", lambda alone, axis: sources_of(alone, settings, axis))
     unit = settings.velocity_unit or 2 * pi / inst.drives.encoder_counts
-    drives = tuple(
-        _drive(inst, settings, (n, tendon), drive, unit)
-        for n, axis in enumerate(axes)
-        for tendon, drive in enumerate(axis.drives)
-    )
-    sources = [sources_of(one, settings, axis) for one, axis in zip(inst.planar, axes, strict=True)]
-    sensors = tuple(_sensor_frames(inst.axes, sources, {drive.node for drive in drives}))
+    drives = tuple(_drive(inst, settings, plug, unit) for plug in wired.drives)
+    sensors = tuple(_sensor_frames(wired.sensors, {drive.node for drive in drives}))
     speed = inst.drives.motor_speed
     if not _LEAST_UNITS <= speed / unit <= _MOST_UNITS:
         raise InstrumentError(
@@ -186,7 +173,7 @@ def layout(inst: ShortForm, settings: CanOpen) -> Layout:
             f"sensors take {load:.0%} of a bus of {settings.bitrate} bit/s; it must be at most "
             f"{inst.sensors.sampling_rate * _MOST_LOAD / load:.0f} Hz, or the bus faster."
         )
-    return Layout(inst.axes, drives, sensors, speed / inst.drives.gear_ratio, unit, load)
+    return Layout(wired, drives, sensors, speed / inst.drives.gear_ratio, unit, load)
 
 
 def sources_of(inst: ShortForm, settings: CanOpen, axis: CanAxis) -> dict[str, CanAngle | CanTension]:
@@ -214,16 +201,15 @@ def sources_of(inst: ShortForm, settings: CanOpen, axis: CanAxis) -> dict[str, C
     return {name: found[name] for name in COLUMNS if name in found}
 
 
-def _drive(inst: ShortForm, settings: CanOpen, place: tuple[int, int], drive: CanDrive, unit: float) -> DriveFrames:
-    axis, tendon = place
+def _drive(inst: Instrument, settings: CanOpen, plug: Plug, unit: float) -> DriveFrames:
+    drive: CanDrive = plug.part
     counter = settings.counter
     objects = _MEASURED_OBJECTS if counter is None else (*_MEASURED_OBJECTS, (counter.object, counter.sub, 16))
     turn = (-1 if drive.reversed else 1) / inst.drives.gear_ratio
     return DriveFrames(
         drive.node,
-        f"the {('agonist', 'antagonist')[tendon]} drive of {inst.axes[axis]}",
-        axis,
-        tendon,
+        plug.name,
+        plug.place,
         0x180 + drive.node,
         objects,
         struct.Struct(_STATUS_AND_POSITION + ("" if counter is None else "H")),
@@ -235,50 +221,50 @@ def _drive(inst: ShortForm, settings: CanOpen, place: tuple[int, int], drive: Ca
     )
 
 
-def _sensor_frames(
-    names: tuple[str, ...], sensors: list[dict[str, CanAngle | CanTension]], drives: set[int]
-) -> list[SensorFrame]:
-    by_node: dict[int, list[_Placed]] = {}
+def _sensor_frames(sensors: Sequence[Plug], drives: set[int]) -> list[SensorFrame]:
+    by_node: dict[int, list[Plug]] = {}
     taken_by: dict[tuple[int, int, int], str] = {}
-    for n, of_axis in enumerate(sensors):
-        for measured, source in of_axis.items():
-            place, name = (source.node, source.object, source.sub), f"the {measured} of {names[n]}"
-            if taken_by.setdefault(place, name) != name:
-                raise InstrumentError(
-                    f"devices.canopen: {name} is read from node {place[0]}, object {place[1]:04X}h:{place[2]:02X}, as "
-                    f"{taken_by[place]} is; each must have an object of its own."
-                )
-            by_node.setdefault(source.node, []).append((n, COLUMNS.index(measured), source))
+    for plug in sensors:
+        source: CanAngle | CanTension = plug.part
+        place, name = (source.node, source.object, source.sub), f"the {plug.name} of {plug.of}"
+        if taken_by.setdefault(place, name) != name:
+            raise InstrumentError(
+                f"devices.canopen: {name} is read from node {place[0]}, object {place[1]:04X}h:{place[2]:02X}, as "
+                f"{taken_by[place]} is; each must have an object of its own."
+            )
+        by_node.setdefault(source.node, []).append(plug)
     frames = []
-    for node, sources in by_node.items():
-        packed: list[list[_Placed]] = [[]]
-        for one in sources:
-            taken = sum(_size(source) for _, _, source in packed[-1])
-            if taken + _size(one[2]) > _PDO_BYTES:
+    for node, plugs in by_node.items():
+        packed: list[list[Plug]] = [[]]
+        for one in plugs:
+            taken = sum(_size(plug.part) for plug in packed[-1])
+            if taken + _size(one.part) > _PDO_BYTES:
                 packed.append([])
             packed[-1].append(one)
         first = 2 if node in drives else 1  # a drive's first PDO is taken
         if first + len(packed) - 1 > _MOST_PDOS:
             raise InstrumentError(
-                f"devices.canopen: node {node} has {len(sources)} sensors; they must fit into "
+                f"devices.canopen: node {node} has {len(plugs)} sensors; they must fit into "
                 f"{_MOST_PDOS + 1 - first} PDOs of {_PDO_BYTES} bytes."
             )
-        for number, held in enumerate(packed, start=first):
-            served = " and ".join(dict.fromkeys(names[n] for n, _, _ in sources))
-            frames.append(_sensor_frame(node, f"the sensor node of {served}", number, held))
+        served = " and ".join(dict.fromkeys(plug.of for plug in plugs))
+        frames += [
+            _sensor_frame(node, f"the sensor node of {served}", number, held)
+            for number, held in enumerate(packed, start=first)
+        ]
     return frames
 
 
-def _sensor_frame(node: int, name: str, number: int, held: list[_Placed]) -> SensorFrame:
+def _sensor_frame(node: int, name: str, number: int, held: Sequence[Plug]) -> SensorFrame:
     return SensorFrame(
         node,
         name,
         0x80 + 0x100 * number + node,
-        tuple((source.object, source.sub, 8 * _size(source)) for _, _, source in held),
-        struct.Struct("<" + "".join(_CODES[source.type] for _, _, source in held)),
+        tuple((plug.part.object, plug.part.sub, 8 * _size(plug.part)) for plug in held),
+        struct.Struct("<" + "".join(_CODES[plug.part.type] for plug in held)),
         tuple(
-            Sensor(axis, column, source.gain, source.offset, integer_range(source.type))
-            for axis, column, source in held
+            Sensor(plug.place, plug.name, plug.part.gain, plug.part.offset, integer_range(plug.part.type))
+            for plug in held
         ),
     )
 
@@ -296,7 +282,7 @@ def _size(source: CanAngle | CanTension) -> int:
 
 
 def _load(
-    inst: ShortForm, settings: CanOpen, drives: tuple[DriveFrames, ...], sensors: tuple[SensorFrame, ...]
+    inst: Instrument, settings: CanOpen, drives: tuple[DriveFrames, ...], sensors: tuple[SensorFrame, ...]
 ) -> float:
     if settings.bitrate is None:
         return nan

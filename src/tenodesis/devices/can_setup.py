@@ -11,7 +11,7 @@ from canopen.sdo.exceptions import SdoError
 from tenodesis.devices import cia402
 from tenodesis.devices.can_layout import DriveFrames, Layout
 from tenodesis.errors import DeviceError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import CanOpen
 
 MISSED_HEARTBEATS = 3
@@ -34,7 +34,7 @@ _OPERATIONAL, _PRE_OPERATIONAL = 1, 128  # NMT commands
 class Setup:
     """Prepares nodes by SDO on a listening network; DeviceError is raised for what a node refuses."""
 
-    def __init__(self, network: Network, inst: ShortForm, settings: CanOpen, plan: Layout) -> None:
+    def __init__(self, network: Network, inst: Instrument, settings: CanOpen, plan: Layout) -> None:
         self._network = network
         self._inst, self._settings, self._plan = inst, settings, plan
         self._nodes: dict[int, RemoteNode] = {}

@@ -15,12 +15,12 @@ from canopen.network import PeriodicMessageTask
 
 from tenodesis.devices import cia402
 from tenodesis.devices.can_bus import BusError, CanBus
-from tenodesis.devices.can_layout import COLUMNS, Aim, DriveFrames, SensorFrame, layout
+from tenodesis.devices.can_layout import Aim, DriveFrames, SensorFrame, layout
 from tenodesis.devices.can_setup import MISSED_HEARTBEATS, Setup
 from tenodesis.devices.cia402 import State
 from tenodesis.devices.device import Bench, Capabilities, Measurement
 from tenodesis.errors import DeviceError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import CanOpen
 from tenodesis.run import Array
 
@@ -53,7 +53,7 @@ class CanOpenDevice(Bench):
 
     def __init__(
         self,
-        inst: ShortForm,
+        inst: Instrument,
         settings: CanOpen,
         *,
         bus: can.BusABC | None = None,
@@ -66,22 +66,24 @@ class CanOpenDevice(Bench):
         self._loss = round(MISSED_HEARTBEATS * settings.heartbeat * 1e9)
         capabilities = Capabilities(
             name="canopen",
-            axes=inst.axes,
+            axes=plan.wiring.names.joints,
             rate=inst.sensors.sampling_rate,
             clocked=paced,
             simulated=settings.interface == "virtual",
-            distal_encoder=all(getattr(settings, name).output_angle is not None for name in inst.axes),
+            distal_encoder=plan.wiring.distal,
             # A command that comes between two SYNCs acts at the second.
             latency=self._period / 1e9,
             stops_alone=self._loss / 1e9,
+            tendons=plan.wiring.tendons,
         )
         super().__init__(capabilities, plan.speed_limit)
         self._can = CanBus(settings, bus)
         self._beat: PeriodicMessageTask | None = None
         self._frames: dict[int, DriveFrames | SensorFrame] = {drive.measured_id: drive for drive in plan.drives}
         self._frames |= {frame.cob_id: frame for frame in plan.sensors}
-        self._values = np.full((len(inst.axes), len(COLUMNS)), nan)
-        self._spools = np.full((len(inst.axes), 2), nan)
+        names = plan.wiring.names
+        self._values = np.full(len(names.handle_joints) + len(names.tendons) + len(names.joints), nan)
+        self._spools = np.full(len(names.tendons), nan)
         self._turned: dict[int, int] = {}
         self._position: dict[int, int] = {}
         self._counted: dict[int, int] = {}
@@ -162,7 +164,7 @@ class CanOpenDevice(Bench):
         self._due = now
         self._beaten = now - self._loss
         self._read_at = time.monotonic()
-        self._command(np.zeros((len(self._plan.axes), 2)))
+        self._command(np.zeros(self._spools.shape))
 
     def _give_up(self) -> None:
         """Leave what could not be opened: motors stopped and without power, as far as they hear."""
@@ -201,8 +203,9 @@ class CanOpenDevice(Bench):
         self._count_missing()
         if not answered:
             return None
-        rows = np.column_stack([self._values[:, :3], self._spools, self._values[:, 3]])
-        return Measurement.from_rows(measured_at, rows)
+        handle, tension, output = self._plan.wiring.split(self._values.copy())
+        spools = self._spools.reshape(tension.shape).copy()
+        return Measurement(measured_at, handle, tension, spools, output)
 
     def write(self, spool_velocity: Array) -> None:
         """Send speeds, which act at the next SYNC; and our heartbeat, which thus stops with the commands."""
@@ -264,7 +267,7 @@ class CanOpenDevice(Bench):
 
     def _command(self, speeds: Array) -> None:
         for drive in self._plan.drives:
-            speed = float(speeds[drive.axis, drive.tendon])
+            speed = float(speeds.flat[drive.spool])
             aim = self._aims.get(drive.node)
             target = drive.velocity(speed) if aim is None else aim.go_on(speed, self._turned.get(drive.node))
             self._send(drive.commanded_id, drive.command(cia402.ENABLE, target))
@@ -344,9 +347,9 @@ class CanOpenDevice(Bench):
         if isinstance(frame, SensorFrame):
             for sensor, raw in zip(frame.sensors, values, strict=True):
                 value = sensor.value(raw)
-                self._values[sensor.axis, sensor.column] = value
+                self._values[sensor.place] = value
                 if not isfinite(value):
-                    self._note("saturated", f"The {COLUMNS[sensor.column]} by node {frame.node} is beyond its range.")
+                    self._note("saturated", f"The {sensor.name} by node {frame.node} is beyond its range.")
         elif not self._moved(frame, *values):
             return
         self._waiting.discard(can_id)
@@ -374,7 +377,7 @@ class CanOpenDevice(Bench):
             return True
         turned = position if moved is None else self._turned[drive.node] + moved
         self._position[drive.node], self._turned[drive.node] = position, turned
-        self._spools[drive.axis, drive.tendon] = turned * drive.angle_per_count
+        self._spools[drive.spool] = turned * drive.angle_per_count
         return True
 
     def _heartbeat(self, node: int, state: int) -> None:

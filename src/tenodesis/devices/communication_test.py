@@ -9,7 +9,7 @@ import numpy as np
 
 from tenodesis.devices.device import Device
 from tenodesis.errors import DeviceError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 
 LEAST_RATE = 0.99
@@ -128,7 +128,7 @@ class Findings:
 
 def measure(
     device: Device,
-    inst: ShortForm,
+    inst: Instrument,
     seconds: float,
     progress: Callable[[float], None] = lambda _: None,
     *,
@@ -144,7 +144,7 @@ def measure(
     if not 0 < seconds <= 3600:
         raise DeviceError(key="--seconds", value=seconds, allowed="a time above 0 and up to 3600 s")
     period = 1 / inst.sensors.sampling_rate
-    rest = np.zeros((len(inst.axes), 2))
+    rest = np.zeros(device.capabilities.spools)
     times: list[int] = []
     trips: list[float] = []
     blind = dict.fromkeys(_SENSORS, 0)

@@ -147,7 +147,7 @@ class Bench(Device):
     def _speeds(self, spool_velocity: Array) -> Array:
         """Return the speeds that motors may be commanded: cut to the limit, and 0 where they are not finite."""
         speeds = np.asarray(spool_velocity, float)
-        allowed = (len(self.capabilities.axes), 2)
+        allowed = self.capabilities.spools
         if speeds.shape != allowed:
             sentence = f"spool_velocity has shape {speeds.shape}; it must be {allowed}."
             raise ArgumentError(sentence, key="spool_velocity", value=speeds, allowed=f"shape {allowed}")

@@ -10,9 +10,10 @@ import numpy as np
 
 from tenodesis.devices.device import Bench, Capabilities, Measurement
 from tenodesis.devices.nidaq_tasks import NiTasks
+from tenodesis.devices.wiring import wiring
 from tenodesis.errors import DeviceError, InstrumentError
-from tenodesis.instrument import ShortForm
-from tenodesis.instrument.devices import NiAxis, NiDaq
+from tenodesis.instrument import Instrument, ShortForm
+from tenodesis.instrument.devices import NiAngle, NiAxis, NiDaq, NiTension
 from tenodesis.run import Array
 
 _SATURATED = 0.999
@@ -32,18 +33,13 @@ class NiDaqDevice(Bench):
 
     def __init__(
         self,
-        inst: ShortForm,
+        inst: Instrument,
         settings: NiDaq,
         *,
         tasks: NiTasks | None = None,
         clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        axes: list[NiAxis] = []
-        for name in inst.axes:
-            axis: NiAxis | None = getattr(settings, name)
-            if axis is None:
-                raise InstrumentError(f"devices.nidaq.{name} is missing; {inst.name} has that axis.")
-            axes.append(axis)
+        self._wiring = plan = wiring(inst, settings, "nidaq", _inputs)
         if tasks is None and inst.drives.encoder_counts % _EDGES_PER_PERIOD:
             raise InstrumentError(
                 f"drives.encoder_counts is {inst.drives.encoder_counts}; nidaq counts all edges of a "
@@ -51,11 +47,11 @@ class NiDaqDevice(Bench):
             )
         self._settings, self._clock = settings, clock
         rate = inst.sensors.sampling_rate
-        self._inputs = [
-            axis.inputs(one.tension_sensor.per_current) for axis, one in zip(axes, inst.planar, strict=True)
-        ]
-        wired = [one for inputs in self._inputs for one in inputs]
-        drives = [drive for axis in axes for drive in axis.drives]
+        wired = [plug.part for plug in plan.sensors]
+        drives = [plug.part for plug in plan.drives]
+        self._channels = [one.channel for one in wired]
+        self._places = [plug.place for plug in plan.sensors]
+        self._spools = [plug.place for plug in plan.drives]
         self._gains = np.array([one.gain for one in wired])
         self._offsets = np.array([one.offset for one in wired])
         self._limit = _SATURATED * settings.input_limit
@@ -66,7 +62,7 @@ class NiDaqDevice(Bench):
         self._period = 1e9 / rate
         self._tasks = tasks or NiTasks(
             settings,
-            [one.channel for one in wired],
+            self._channels,
             drives,
             rate=rate,
             encoder_counts=inst.drives.encoder_counts,
@@ -74,13 +70,14 @@ class NiDaqDevice(Bench):
         super().__init__(
             Capabilities(
                 name="nidaq",
-                axes=inst.axes,
+                axes=plan.names.joints,
                 rate=rate,
                 clocked=True,
                 simulated=False,
-                distal_encoder=all(axis.output_angle is not None for axis in axes),
+                distal_encoder=plan.distal,
                 latency=(1 + settings.ahead) / rate,
                 stops_alone=self._tasks.stops_alone,
+                tendons=plan.tendons,
             ),
             inst.drives.motor_speed / inst.drives.gear_ratio,
         )
@@ -129,26 +126,24 @@ class NiDaqDevice(Bench):
             self._started = self._clock() - round(samples.number * self._period)
         there = np.abs(samples.volts) < self._limit
         if not there.all():
-            place = [one.channel for inputs in self._inputs for one in inputs][int(np.argmin(there))]
+            place = self._channels[int(np.argmin(there))]
             self._note("saturated", f"Input {place} is at the end of its range; look for an open wire.")
         with np.errstate(over="ignore"):
             values = self._gains * samples.volts + self._offsets
         values[~(there & np.isfinite(values))] = nan
-        turned = (self._unwrapped(samples.turned) * self._turns).reshape(-1, 2)
-        rows = np.full((len(self._inputs), 6), nan)
-        rows[:, 3:5] = turned
-        first = 0
-        for row, inputs in zip(rows, self._inputs, strict=True):
-            count = len(inputs)
-            row[[0, 1, 2, 5][:count]] = values[first : first + count]
-            first += count
+        names = self._wiring.names
+        row = np.full(len(names.handle_joints) + len(names.tendons) + len(names.joints), nan)
+        row[self._places] = values
+        handle, tension, output = self._wiring.split(row)
+        spools = np.full(len(names.tendons), nan)
+        spools[self._spools] = self._unwrapped(samples.turned) * self._turns
         measured_at = self._started + round(samples.number * self._period)
-        return Measurement.from_rows(measured_at, rows)
+        return Measurement(measured_at, handle, tension, spools.reshape(tension.shape), output)
 
     def write(self, spool_velocity: Array) -> None:
         """Append a speed to those that wait in the device, as many times as samples have passed."""
         self._refuse()
-        speeds = self._speeds(spool_velocity).ravel()
+        speeds = self._speeds(spool_velocity).ravel()[self._spools]
         limit = self._settings.output_limit
         with np.errstate(invalid="ignore"):
             volts = np.clip(self._standstill + speeds * self._volts_per_speed, -limit, limit)
@@ -190,3 +185,8 @@ class NiDaqDevice(Bench):
         except DeviceError as worse:
             self._failed = DeviceError(f"{problem} {worse}")
         raise self._failed
+
+
+def _inputs(inst: ShortForm, axis: NiAxis) -> dict[str, NiAngle | NiTension]:
+    """Return the analogue inputs of an axis by what they measure."""
+    return axis.inputs(inst.tension_sensor.per_current)

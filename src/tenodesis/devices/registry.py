@@ -4,10 +4,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from tenodesis.control.pairs import compensated
 from tenodesis.devices.device import Device
-from tenodesis.errors import DeviceError
+from tenodesis.errors import ArgumentError, DeviceError
 from tenodesis.extras import require
-from tenodesis.instrument import Instrument, ShortForm, as_short_form
+from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import Serial
 
 
@@ -17,7 +18,7 @@ class Kind:
 
     description: str
     needs: str
-    make: Callable[[ShortForm], Device] | None
+    make: Callable[[Instrument], Device] | None
     """None of the twin, which is a part of the live loop."""
 
 
@@ -44,10 +45,10 @@ def make(name: str, inst: Instrument, address: str | None = None) -> Device:
             raise DeviceError(f"--address is {address!r}; {name} has no address, only serial has.")
         given = (inst.devices.serial or Serial()).model_copy(update={"port": address})
         inst = inst.model_copy(update={"devices": inst.devices.model_copy(update={"serial": given})})
-    return made(as_short_form(inst))
+    return made(inst)
 
 
-def _canopen(inst: ShortForm) -> Device:
+def _canopen(inst: Instrument) -> Device:
     if inst.devices.canopen is None:
         raise _without_table("canopen", inst)
     require("can", "devices")
@@ -57,7 +58,7 @@ def _canopen(inst: ShortForm) -> Device:
     return CanOpenDevice(inst, inst.devices.canopen)
 
 
-def _nidaq(inst: ShortForm) -> Device:
+def _nidaq(inst: Instrument) -> Device:
     from tenodesis.devices.nidaq import NiDaqDevice  # noqa: PLC0415 - as above
 
     if inst.devices.nidaq is None:
@@ -65,13 +66,17 @@ def _nidaq(inst: ShortForm) -> Device:
     return NiDaqDevice(inst, inst.devices.nidaq)
 
 
-def _serial(inst: ShortForm) -> Device:
+def _serial(inst: Instrument) -> Device:
     from tenodesis.devices.serial_device import SerialDevice  # noqa: PLC0415 - as above
 
-    return SerialDevice(inst, inst.devices.serial or Serial())
+    try:
+        assumed = compensated(inst)
+    except ArgumentError as problem:
+        raise DeviceError(f"serial is a controller on a board, but {problem}") from None
+    return SerialDevice(assumed, inst.devices.serial or Serial())
 
 
-def _without_table(name: str, inst: ShortForm) -> DeviceError:
+def _without_table(name: str, inst: Instrument) -> DeviceError:
     return DeviceError(
         f"{inst.name} has no table devices.{name}, which describes the wiring of its bench; add that table."
     )

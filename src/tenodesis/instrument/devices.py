@@ -1,7 +1,7 @@
 """Table devices of an instrument file: wiring and calibration of the devices of its bench."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import product
 from typing import Annotated, Generic, Literal, Self, TypeAlias, TypeVar
 
@@ -35,6 +35,9 @@ Drive = TypeVar("Drive", bound=FileTable)
 AngleSensor = TypeVar("AngleSensor", bound=FileTable)
 LoadCell = TypeVar("LoadCell", bound=FileTable)
 CanType: TypeAlias = Literal["i8", "u8", "i16", "u16", "i32", "u32", "f32"]
+_TENDONS = "Drive and load cell of each tendon, by its name, where the file lists joints and tendons"
+_HANDLE_JOINTS = "Encoder of each joint of the handle, by its name, likewise"
+_JOINTS = "Distal encoders of joints at the tip, by their names, likewise"
 CanMode: TypeAlias = Literal["cyclic-velocity", "profile-velocity", "cyclic-position"]
 
 
@@ -99,6 +102,12 @@ class CanAxis(Axis[CanDrive, CanAngle, CanTension]):
     """The sensors and drives of one bending axis on the CAN bus."""
 
 
+class CanTendon(CanDrive):
+    """The drive of a tendon, and its load cell."""
+
+    tension: CanTension = Field(description="Its load cell")
+
+
 class CanCounter(FileTable):
     """An object of each drive, u16, that counts its measurements; while it is constant, readings are old."""
 
@@ -138,11 +147,13 @@ class CanOpen(FileTable):
     )
     yaw: CanAxis | None = Field(default=None, description="Sensors and drives of yaw")
     pitch: CanAxis | None = Field(default=None, description="Sensors and drives of pitch")
+    tendons: Mapping[str, CanTendon] = Field(default={}, description=_TENDONS)
+    handle_joints: Mapping[str, CanAngle] = Field(default={}, description=_HANDLE_JOINTS)
+    joints: Mapping[str, CanAngle] = Field(default={}, description=_JOINTS)
 
     @model_validator(mode="after")
     def _nodes(self) -> Self:
-        if self.yaw is None and self.pitch is None:
-            raise ValueError("neither yaw nor pitch is given; give one table for each axis of the instrument")
+        _check_given(self)
         if self.rated_current is not None and self.rated_torque is not None:
             raise ValueError(
                 "rated_current and rated_torque are both given; a drive reports its current by one of them"
@@ -154,9 +165,11 @@ class CanOpen(FileTable):
                     f"{place}.node is {drive.node}, which is {seen[drive.node]} already; it must be another one"
                 )
             seen[drive.node] = place
-        for axis in filter(None, (self.yaw, self.pitch)):
-            if any(source.node == self.master for source in axis.sources.values()):
-                raise ValueError(f"a sensor's node is {self.master}, which is master; it must be another node")
+        sources: list[CanSource] = [*self.handle_joints.values(), *self.joints.values()]
+        sources += [one.tension for one in self.tendons.values()]
+        sources += [one for axis in filter(None, (self.yaw, self.pitch)) for one in axis.sources.values()]
+        if any(source.node == self.master for source in sources):
+            raise ValueError(f"a sensor's node is {self.master}, which is master; it must be another node")
         return self
 
     def drives(self) -> Iterator[tuple[str, CanDrive]]:
@@ -165,6 +178,8 @@ class CanOpen(FileTable):
             if axis is not None:
                 yield f"{name}.agonist", axis.agonist
                 yield f"{name}.antagonist", axis.antagonist
+        for name, tendon in self.tendons.items():
+            yield f"tendons.{name}", tendon
 
 
 class NiAngle(FileTable):
@@ -202,11 +217,17 @@ class NiDrive(FileTable):
     current: NiCurrent | None = Field(default=None, description="Its motor's current, for sensors of kind current")
 
 
+class NiTendon(NiDrive):
+    """The drive of a tendon, its motor's encoder, and its load cell."""
+
+    tension: NiTension = Field(description="Its load cell")
+
+
 class NiAxis(Axis[NiDrive, NiAngle, NiTension]):
     """The sensors and drives of one bending axis."""
 
-    def inputs(self, per_current: float) -> tuple[NiAngle | NiTension, ...]:
-        """Return the analogue inputs: handle, agonist, antagonist and, if present, output.
+    def inputs(self, per_current: float) -> dict[str, NiAngle | NiTension]:
+        """Return the analogue inputs by what they measure: handle, agonist, antagonist and, if present, output.
 
         per_current: tension per motor current where currents measure the tensions, N/A; 0 with load cells.
         """
@@ -218,7 +239,7 @@ class NiAxis(Axis[NiDrive, NiAngle, NiTension]):
                     channel=one.channel, gain=one.gain * per_current, offset=one.offset * per_current
                 )
         order = ("handle angle", "agonist tension", "antagonist tension", "output angle")
-        return tuple(found[name] for name in order if name in found)
+        return {name: found[name] for name in order if name in found}
 
 
 class NiDaq(FileTable):
@@ -246,26 +267,38 @@ class NiDaq(FileTable):
     )
     yaw: NiAxis | None = Field(default=None, description="Sensors and drives of yaw")
     pitch: NiAxis | None = Field(default=None, description="Sensors and drives of pitch")
+    tendons: Mapping[str, NiTendon] = Field(default={}, description=_TENDONS)
+    handle_joints: Mapping[str, NiAngle] = Field(default={}, description=_HANDLE_JOINTS)
+    joints: Mapping[str, NiAngle] = Field(default={}, description=_JOINTS)
 
     @model_validator(mode="after")
     def _channels(self) -> Self:
+        _check_given(self)
         axes = [axis for axis in (self.yaw, self.pitch) if axis is not None]
-        if not axes:
-            raise ValueError("neither yaw nor pitch is given; give one table for each axis of the instrument")
+        drives = [*(drive for axis in axes for drive in axis.drives), *self.tendons.values()]
         used = [one.channel for axis in axes for one in axis.sources.values()]
-        used += [drive.current.channel for axis in axes for drive in axis.drives if drive.current is not None]
-        used += [name for axis in axes for drive in axis.drives for name in (drive.speed, drive.counter)]
+        used += [one.channel for one in (*self.handle_joints.values(), *self.joints.values())]
+        used += [one.tension.channel for one in self.tendons.values()]
+        used += [drive.current.channel for drive in drives if drive.current is not None]
+        used += [name for drive in drives for name in (drive.speed, drive.counter)]
         twice = next((name for name in used if used.count(name) > 1), None)
         if twice is not None:
             raise ValueError(f"channel {twice!r} is given twice; each signal must have a channel of its own")
-        for axis in axes:
-            for drive in axis.drives:
-                if not math.fabs(drive.standstill) < self.output_limit:
-                    raise ValueError(
-                        f"standstill of {drive.speed} is {drive.standstill:g} V; it must be below output_limit, "
-                        f"{self.output_limit:g} V"
-                    )
+        for drive in drives:
+            if not math.fabs(drive.standstill) < self.output_limit:
+                raise ValueError(
+                    f"standstill of {drive.speed} is {drive.standstill:g} V; it must be below output_limit, "
+                    f"{self.output_limit:g} V"
+                )
         return self
+
+
+def _check_given(bench: CanOpen | NiDaq) -> None:
+    if bench.yaw is None and bench.pitch is None and not bench.tendons:
+        raise ValueError(
+            "neither yaw nor pitch is given, nor tendons; give one table for each axis of the instrument, or for each "
+            "tendon where it lists joints and tendons"
+        )
 
 
 class Serial(FileTable):

@@ -78,5 +78,5 @@ def _plain(value: Any, unset: bool) -> Any:
     if isinstance(value, BaseModel):
         return with_units(value, unset=unset)
     if isinstance(value, Mapping):
-        return dict(value)
+        return {key: _plain(item, unset) for key, item in value.items()}
     return [_plain(item, unset) for item in value] if isinstance(value, tuple) else value

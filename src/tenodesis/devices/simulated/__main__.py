@@ -15,7 +15,7 @@ _LOOK = 0.01  # s
 
 def main(source: str) -> None:
     """Print each change of state of the drives on a line, with the present speeds (rad/s)."""
-    inst = instrument.as_short_form(source)
+    inst = instrument.as_instrument(source)
     settings = inst.devices.canopen
     if settings is None or settings.interface == "virtual":
         raise InstrumentError(f"{source}: devices.canopen must be there, with a bus that other processes reach.")

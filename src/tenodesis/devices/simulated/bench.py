@@ -15,8 +15,9 @@ from canopen import objectdictionary as od
 from tenodesis.devices.can_layout import sources_of
 from tenodesis.devices.device import Measurement
 from tenodesis.devices.simulated.cia402 import Drive, Node
-from tenodesis.instrument import ShortForm
-from tenodesis.instrument.devices import CanAngle, CanAxis, CanOpen, CanTension
+from tenodesis.devices.wiring import wiring
+from tenodesis.instrument import Instrument
+from tenodesis.instrument.devices import CanAngle, CanOpen, CanTension
 from tenodesis.run import Array, Run
 from tenodesis.twin import Twin
 
@@ -37,13 +38,14 @@ class Plant(Protocol):
     """What the simulated drives turn, and the simulated sensors measure."""
 
     def step(self, spool_velocity: Array) -> Measurement:
-        """Go on by a sampling period with spool velocities (rad/s, shape (axes, 2)) and return what is measured."""
+        """Go on by a sampling period with spool velocities (rad/s), and return what is measured."""
 
 
 class TwinPlant:
     """The twin as a plant.
 
-    `motion` gives handle angles and tip forces at a time (s), numbers or shape (axes,); by default it rests.
+    `motion` gives handle angles and tip forces at a time (s), numbers or shape (axes,), or the wrench, (6,), where
+    the instrument takes one; by default it rests.
     """
 
     def __init__(
@@ -56,22 +58,22 @@ class TwinPlant:
 
     def step(self, spool_velocity: Array) -> Measurement:
         """Go on by a sampling period."""
-        axes = len(self.twin.inst.axes)
-        shape = (self._steps, axes) if axes > 1 else (self._steps,)
-        handle, force = (np.broadcast_to(one, shape) for one in self._motion(self.twin.time))
-        self.latest = run = self.twin.run(
-            handle, force, spool_velocity=spool_velocity if axes > 1 else spool_velocity[0]
-        )
+        names, shape = self.twin.names, spool_velocity.shape
+        motion, load = self._motion(self.twin.time)
+        handle = np.broadcast_to(motion, (self._steps, len(names.handle_joints)))
+        by_axis = self.twin.inst.short_form is not None
+        loaded = {"force": np.broadcast_to(load, handle.shape)} if by_axis else {"wrench": np.asarray(load)}
+        self.latest = run = self.twin.run(handle, spool_velocity=spool_velocity.ravel(), **loaded)  # type: ignore[arg-type]
 
-        def measured(name: str, *each: int) -> Array:
-            values: Array = run[f"measured_{name}"][-1].reshape(axes, *each)
+        def measured(name: str) -> Array:
+            values: Array = run.by_column(f"measured_{name}")[-1]
             return values
 
         return Measurement(
             round(self.twin.time * 1e9),
             measured("handle_angle"),
-            measured("tension", 2),
-            measured("spool_angle", 2),
+            measured("tension").reshape(shape),
+            measured("spool_angle").reshape(shape),
             measured("output_angle"),
         )
 
@@ -86,7 +88,7 @@ class SimulatedBench:
 
     def __init__(
         self,
-        inst: ShortForm,
+        inst: Instrument,
         settings: CanOpen,
         bus: can.BusABC,
         *,
@@ -97,13 +99,11 @@ class SimulatedBench:
         self.inst, self.settings, self.bus = inst, settings, bus
         self.plant: Plant = TwinPlant(Twin(inst)) if plant is None else plant
         self.network = _Network(bus)
-        self._axes: list[CanAxis] = [getattr(settings, name) for name in inst.axes]
+        self._wiring = wiring(inst, settings, "canopen", lambda alone, axis: sources_of(alone, settings, axis))
         self._unit = settings.velocity_unit or 2 * pi / inst.drives.encoder_counts
         objects: dict[int, list[tuple[int, int, int]]] = {}
-        self._sources = [sources_of(one, settings, axis) for one, axis in zip(inst.planar, self._axes, strict=True)]
-        for sources in self._sources:
-            for source in sources.values():
-                objects.setdefault(source.node, []).append((source.object, source.sub, _TYPES[source.type]))
+        for source in (plug.part for plug in self._wiring.sensors):
+            objects.setdefault(source.node, []).append((source.object, source.sub, _TYPES[source.type]))
         counter = settings.counter
         self.drives = {
             drive.node: Drive(
@@ -114,8 +114,7 @@ class SimulatedBench:
                 position=(positions or {}).get(drive.node, 0),
                 objects=objects.pop(drive.node, []),
             )
-            for axis in self._axes
-            for drive in axis.drives
+            for drive in (plug.part for plug in self._wiring.drives)
         }
         self.nodes: dict[int, Node] = dict(self.drives)
         self.nodes |= {number: Node(number, _CIA_401, self.network, clock, own) for number, own in objects.items()}
@@ -123,7 +122,7 @@ class SimulatedBench:
         self.network.subscribe(0, self._commanded)
         self.syncs = 0
         """How many were answered."""
-        self.velocity = np.zeros((len(self._axes), 2))
+        self.velocity = np.zeros(self._wiring.spools)
         """Spool velocities in force, rad/s."""
         self.fastest = 0.0
         """Largest of them so far."""
@@ -187,18 +186,12 @@ class SimulatedBench:
     def _sync(self, can_id: int, data: bytearray, timestamp: float) -> None:
         measured = self.plant.step(self.velocity)
         per_count = 2 * pi / self.inst.drives.encoder_counts / self.inst.drives.gear_ratio
-        for n, axis in enumerate(self._axes):
-            for tendon, wired in enumerate(axis.drives):
-                turned = round(measured.spool_angle[n, tendon] / per_count)
-                self.drives[wired.node].measure(-turned if wired.reversed else turned)
-            for name, source in self._sources[n].items():
-                value = {
-                    "handle angle": measured.handle_angle[n],
-                    "agonist tension": measured.tension[n, 0],
-                    "antagonist tension": measured.tension[n, 1],
-                    "output angle": measured.output_angle[n],
-                }[name]
-                self._set(source, float(value))
+        for plug in self._wiring.drives:
+            turned = round(measured.spool_angle.flat[plug.place] / per_count)
+            self.drives[plug.part.node].measure(-turned if plug.part.reversed else turned)
+        values = np.concatenate([measured.handle_angle, measured.tension.ravel(), measured.output_angle])
+        for plug in self._wiring.sensors:
+            self._set(plug.part, float(values[plug.place]))
         for (number, index, sub), raw in self.fixed.items():
             self.nodes[number].set(index, sub, raw)
         for node in self.nodes.values():
@@ -216,12 +209,11 @@ class SimulatedBench:
 
     def _rule(self) -> None:
         """Take over the speeds in force."""
-        for n, axis in enumerate(self._axes):
-            for tendon, wired in enumerate(axis.drives):
-                drive, gears = self.drives[wired.node], self.inst.drives
-                follows = drive.pursuit(self.inst.sensors.sampling_rate) * 2 * pi / gears.encoder_counts
-                speed = (drive.velocity * self._unit + follows) / gears.gear_ratio
-                self.velocity[n, tendon] = -speed if wired.reversed else speed
+        for plug in self._wiring.drives:
+            drive, gears = self.drives[plug.part.node], self.inst.drives
+            follows = drive.pursuit(self.inst.sensors.sampling_rate) * 2 * pi / gears.encoder_counts
+            speed = (drive.velocity * self._unit + follows) / gears.gear_ratio
+            self.velocity.flat[plug.place] = -speed if plug.part.reversed else speed
         self.fastest = max(self.fastest, float(np.abs(self.velocity).max()))
 
 
