@@ -241,8 +241,9 @@ void bind_wrist_twin(nb::module_& m) {
            "law"_a, "steps_per_sample"_a, "quasi_static"_a, "currents"_a, "seed"_a,
            "passages: by tendon and contact the joint (-1: the sheath; the handle's count on), friction coefficient, "
            "wrap in rad of the straight joint or in the sheath, share, arm in m; links: by joint mass, its centre, "
-           "inertia about x, y, z, damping, stop, its stiffness, reach of the tip; load_cells: gain and bias; rig: "
-           "wrench on the tip by a newton of weight; law: 0 capstan with a constant part, 1 Stribeck, 2 power.")
+           "inertia about x, y, z, damping, stop, its stiffness, reach of the tip; load_cells: gain, bias, "
+           "noise, range and resolution by tendon; rig: wrench on the tip by a newton of weight; law: 0 capstan with a "
+           "constant part, 1 Stribeck, 2 power.")
       .def("copy", [](const PyWristTwin& twin) { return PyWristTwin(twin); })
       .def(
           "run", &PyWristTwin::run, "commands"_a, "out"_a, "energy"_a.none(),

@@ -34,7 +34,14 @@ enum LinkNumber {
   link_reach,
   link_numbers
 };
-enum LoadCellNumber { load_cell_gain, load_cell_bias, load_cell_numbers };
+enum LoadCellNumber {
+  load_cell_gain,
+  load_cell_bias,
+  sensor_noise,
+  sensor_range,
+  sensor_resolution,
+  load_cell_numbers
+};
 
 /// Parameters of a wrist's twin, in SI units and the order of a row.
 #define TENODESIS_WRIST_TWIN_PARAMETERS(ROW)                                                                          \
@@ -43,9 +50,8 @@ enum LoadCellNumber { load_cell_gain, load_cell_bias, load_cell_numbers };
       ROW(hand_stiffness), ROW(hand_damping), ROW(hand_inertia), ROW(spool_radius), ROW(spool_speed_limit),           \
       ROW(spool_acceleration_limit), ROW(drive_time_constant), ROW(backlash), ROW(encoder_noise), ROW(encoder_range), \
       ROW(encoder_resolution), ROW(handle_encoder_offset), ROW(output_encoder_offset), ROW(motor_encoder_resolution), \
-      ROW(load_cell_noise), ROW(load_cell_range), ROW(load_cell_resolution), ROW(gear_efficiency),                    \
-      ROW(friction_torque), ROW(torque_ripple), ROW(ripple_rate), ROW(thermal_drift), ROW(thermal_time),              \
-      ROW(time_step)
+      ROW(gear_efficiency), ROW(friction_torque), ROW(torque_ripple), ROW(ripple_rate), ROW(thermal_drift),           \
+      ROW(thermal_time), ROW(time_step)
 
 #define TENODESIS_ROW(name) name
 enum class WristParameter : std::size_t { TENODESIS_WRIST_TWIN_PARAMETERS(TENODESIS_ROW) };
@@ -182,8 +188,8 @@ void fill(T& twin, const WristTwinRows& rows, const WristSizes& sizes) {
       twin.passage[m][j] = {place, at[passage_coefficient], at[passage_wrap], at[passage_share], at[passage_arm]};
     }
     const double* cell = rows.load_cells + m * load_cell_numbers;
-    twin.load_cell[m] = {cell[load_cell_gain], cell[load_cell_bias], p(load_cell_noise),
-                         -p(load_cell_range),  p(load_cell_range),   p(load_cell_resolution)};
+    twin.load_cell[m] = {cell[load_cell_gain], cell[load_cell_bias], cell[sensor_noise],
+                         -cell[sensor_range],  cell[sensor_range],   cell[sensor_resolution]};
   }
   for (std::size_t i = 0; i < sizes.joints; ++i) {
     const double* at = rows.links + i * link_numbers;

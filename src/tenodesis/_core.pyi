@@ -154,7 +154,7 @@ class WristTwin:
 
     def __init__(self, wrist: WristSpec, passages: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], contacts: Sequence[int], segments: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], links: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], load_cells: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], rig: Sequence[float], parameters: Sequence[float], law: int, steps_per_sample: int, quasi_static: bool, currents: bool, seed: int) -> None:
         """
-        passages: by tendon and contact the joint (-1: the sheath; the handle's count on), friction coefficient, wrap in rad of the straight joint or in the sheath, share, arm in m; links: by joint mass, its centre, inertia about x, y, z, damping, stop, its stiffness, reach of the tip; load_cells: gain and bias; rig: wrench on the tip by a newton of weight; law: 0 capstan with a constant part, 1 Stribeck, 2 power.
+        passages: by tendon and contact the joint (-1: the sheath; the handle's count on), friction coefficient, wrap in rad of the straight joint or in the sheath, share, arm in m; links: by joint mass, its centre, inertia about x, y, z, damping, stop, its stiffness, reach of the tip; load_cells: gain, bias, noise, range and resolution by tendon; rig: wrench on the tip by a newton of weight; law: 0 capstan with a constant part, 1 Stribeck, 2 power.
         """
 
     def copy(self) -> WristTwin: ...

@@ -108,7 +108,7 @@ def hand_parameters(hand: Hand) -> dict[str, float]:
 
 
 def hardware_parameters(drives: Drives, sensors: Sensors) -> dict[str, float]:
-    """Return the parameters of drives and sensors without their errors, SI units, by the core's names."""
+    """Return the parameters of drives and encoders without their errors, SI units, by the core's names."""
     return {
         "spool_radius": drives.spool_radius,
         "spool_speed_limit": drives.motor_speed / drives.gear_ratio,
@@ -119,10 +119,6 @@ def hardware_parameters(drives: Drives, sensors: Sensors) -> dict[str, float]:
         "encoder_range": sensors.encoder_range,
         "encoder_resolution": sensors.encoder_range / 2**sensors.encoder_bits,
         "motor_encoder_resolution": 2 * pi / drives.encoder_counts / drives.gear_ratio,
-        "load_cell_noise": sensors.load_cell_noise,
-        "load_cell_range": sensors.load_cell_range,
-        # The converter's range is to either side of 0.
-        "load_cell_resolution": 2 * sensors.load_cell_range / 2**sensors.load_cell_bits,
     }
 
 

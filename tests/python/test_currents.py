@@ -180,8 +180,6 @@ def test_a_kind_of_sensor_that_a_device_does_not_give_is_refused(scaled: Instrum
         scaled.replace(**CURRENTS, devices={"canopen": {"yaw": yaw}})
     with pytest.raises(InstrumentError, match="agonist_tension is missing"):
         scaled.replace(devices={"canopen": {"yaw": {key: one for key, one in yaw.items() if "tension" not in key}}})
-    with pytest.raises(InstrumentError, match="joints share tendons"):
-        tn.instrument.expanded("maryland-dissector").replace(sensors={"kind": "current", "current_range": 6.0})
 
 
 def test_axes_of_different_pretensions_have_a_tension_per_current_each() -> None:
@@ -198,3 +196,19 @@ def test_axes_of_different_pretensions_have_a_tension_per_current_each() -> None
     ]
     with pytest.raises(InstrumentError, match="real-size has no axis 'roll'; it has yaw and pitch"):
         tension_from_current(inst, 1.0, "roll")
+
+
+def test_currents_tell_the_tensions_of_joints_that_share_tendons() -> None:
+    plain = tn.load("needle-driver")
+    inst = plain.replace(**GEARED | EXACT | {"drives.torque_constant": 0.02, "drives.friction_torque": 2e-3})
+    (gain,) = {sensor.gain for sensor in inst.tension_sensors}
+    radius = inst.own_drives.spool_radius
+    assert radius != inst.drives.spool_radius
+    for speed, edge in ((0.05, 1 / 0.9), (-0.05, 0.9)):
+        run = Twin(inst).run(np.zeros((COUNT, 0)), spool_velocity=speed)
+        pull = edge * run.tension + np.sign(speed) * 2e-3 / radius
+        assert run.measured_tension[-1] == pytest.approx(gain * pull[-1], rel=2e-3)
+        torque = run.measured_current * inst.drives.torque_constant * inst.drives.gear_ratio
+        assert torque[-1] == pytest.approx(pull[-1] * radius, rel=2e-3)
+    with pytest.raises(InstrumentError, match=r"drives\.torque_constant is not given"):
+        plain.replace(**{"sensors.kind": "current", "sensors.current_range": 6.0})

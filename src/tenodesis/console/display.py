@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tenodesis.instrument import Instrument, expanded
-from tenodesis.instrument.tension import tension_sensor
-from tenodesis.live.controlled import live_names, spool_radius
+from tenodesis.live.controlled import live_names
 from tenodesis.run import COMPONENTS, Array
 from tenodesis.statics import targets
 from tenodesis.statics.chain import output_angles
@@ -83,10 +82,9 @@ def shown_signals(inst: Instrument, signals: Mapping[str, Any]) -> ShownSignals:
 
     joints, tendons = len(names.joints), len(names.tendons)
     handle = first(_HANDLE, len(names.handle_joints))
-    stroke = first(("measured_spool_angle", "spool_angle"), tendons) * spool_radius(inst)
+    stroke = first(("measured_spool_angle", "spool_angle"), tendons) * inst.own_drives.spool_radius
     output = first(_OUTPUT[:2], joints)
     force = first(("force",), joints)
-    sensors = [tension_sensor(inst.drives, inst.sensors, tension).per_current for tension in inst.pretensions]
     return ShownSignals(
         time=time,
         handle=handle,
@@ -103,7 +101,8 @@ def shown_signals(inst: Instrument, signals: Mapping[str, Any]) -> ShownSignals:
         friction_scale=of_law("friction_scale"),
         phase=of_law("phase"),
         tension=first(_TENSION, tendons),
-        current=first(("measured_tension",), tendons) / np.array([one or np.nan for one in sensors]),
+        current=first(("measured_tension",), tendons)
+        / np.array([one.per_current or np.nan for one in inst.tension_sensors]),
         distal_tension=first(_DISTAL, tendons),
         stroke=stroke,
     )

@@ -9,7 +9,7 @@ from tenodesis.console.session import PageState, Session, enable
 from tenodesis.control.pairs import pairs
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
-from tenodesis.live.controlled import controlled, spool_radius
+from tenodesis.live.controlled import controlled
 from tenodesis.run import Array
 from tenodesis.simulate.places import Places
 
@@ -46,7 +46,7 @@ class MoreSliders:
                 gui.add_number("Opening, mm", 1.0, min=0.0, max=widest, step=0.1, hint="At which the jaws touch it."),
                 gui.add_number("Stiffness, N/mm", 5.0, min=0.01, max=1000.0, step=0.01),
             ]
-        self._radius = spool_radius(inst)
+        self._radius = inst.own_drives.spool_radius
         own = pairs(inst) if controlled(inst)[0] is not None else {}
         taken = {tendon for pair in own.values() for tendon in (pair.agonist, pair.antagonist)}
         self._tendons = [n for n, one in enumerate(inst.tendons) if one.start == "spool" and n not in taken]

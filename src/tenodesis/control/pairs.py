@@ -105,8 +105,7 @@ def compensated(inst: InstrumentLike) -> ShortForm:
         **first,
         **{table: getattr(inst, table).model_dump(exclude_none=True, exclude_unset=True) for table in _SHARED},
     }
-    if inst.spool_radius is not None:
-        values["drives"]["spool_radius"] = inst.spool_radius
+    values["drives"]["spool_radius"] = inst.own_drives.spool_radius
     # Tendons of a farther joint bend over the nearer ones.
     values["friction"]["passing_coefficient"] = inst.friction.vertex_coefficient if _passes(inst, axes) else 0.0
     # One table for all axes: the one that is slowest to turn decides how fast a law may be.

@@ -8,7 +8,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from tenodesis import notebook
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument.hardware import Friction
+from tenodesis.instrument.hardware import Drives, Friction
 from tenodesis.instrument.instrument import Instrument
 from tenodesis.instrument.joints import Grip, Joint, LinkDynamics, Tendon
 from tenodesis.instrument.short_form import ShortForm
@@ -57,6 +57,15 @@ class FullForm(Instrument):
         return self
 
     @property
+    def own_drives(self) -> Drives:
+        """The drives, with the spools that the instrument has."""
+        return (
+            self.drives
+            if self.spool_radius is None
+            else self.drives.model_copy(update={"spool_radius": self.spool_radius})
+        )
+
+    @property
     def as_chain(self) -> Self:
         """The joints and tendons that statics act on: all of them."""
         return self
@@ -97,10 +106,11 @@ class FullForm(Instrument):
             self.stiffness_of(tendon)
         _check_distinct("tendons", [tendon.name for tendon in self.tendons])
         self._check_held()
-        # A short form may have friction and sensors that no file of joints and tendons has yet.
+        # A short form may have friction that no file of joints and tendons has.
+        self.tension_sensors  # noqa: B018 - refuses currents that cannot measure them
+        self.devices.check_tensions(self.sensors.kind)
         if not (info.context and info.context.get("expanded")):
             self._check_friction()
-            self._check_sensors()
         return self
 
     def _check_joints(self) -> None:
@@ -136,13 +146,6 @@ class FullForm(Instrument):
                 raise ValueError(f"friction.{key} is {given:g}, which only the short form has{instead}")
         if self.spool_radius is not None and "spool_radius" in self.drives.model_fields_set:
             raise ValueError("spool_radius and drives.spool_radius are both given; give one of them")
-
-    def _check_sensors(self) -> None:
-        if self.sensors.kind != "load-cell":
-            raise ValueError(
-                f'sensors.kind is "{self.sensors.kind}", which instruments whose joints share tendons do not have; it '
-                "must be load-cell"
-            )
 
     def _check_held(self) -> None:
         """Refuse joints that nothing holds, and tendons that leave a motion of several joints free."""

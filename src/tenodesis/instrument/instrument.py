@@ -16,6 +16,7 @@ from tenodesis.instrument.conditions import Conditions
 from tenodesis.instrument.devices import Devices
 from tenodesis.instrument.hardware import Control, Drives, Friction, Geometry, Sensors
 from tenodesis.instrument.joints import MECHANISMS, SIGNS, Joint, Tendon
+from tenodesis.instrument.tension import TensionSensor, tension_sensor
 from tenodesis.toml import FileTable, validated
 from tenodesis.units import Force, Length, Modulus, PositiveForce, Quantity, Stiffness, quantity_of
 
@@ -140,6 +141,16 @@ class Instrument(FileTable, AnyForm):
         """Tension of every tendon at rest, (tendons,), N."""
         own = (self.pretension if tendon.pretension is None else tendon.pretension for tendon in self.tendons)
         return np.array(list(own))
+
+    @property
+    def own_drives(self) -> Drives:
+        """The drives, with the spools that the instrument has."""
+        return self.drives
+
+    @cached_property
+    def tension_sensors(self) -> tuple[TensionSensor, ...]:
+        """What measures the tension of every tendon."""
+        return tuple(tension_sensor(self.own_drives, self.sensors, float(tension)) for tension in self.pretensions)
 
     @cached_property
     def core(self) -> _core.Wrist:

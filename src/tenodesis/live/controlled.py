@@ -22,8 +22,3 @@ def live_names(inst: Instrument) -> Names:
     """Return what the columns of a live instrument are named after; without a controller none is compensated."""
     names = names_of(inst)
     return names if controlled(inst)[0] is not None else names._replace(compensated=())
-
-
-def spool_radius(inst: Instrument) -> float:
-    """Return the radius of the motors' spools, m."""
-    return getattr(inst, "spool_radius", None) or inst.drives.spool_radius

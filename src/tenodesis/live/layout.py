@@ -7,7 +7,7 @@ import numpy as np
 
 from tenodesis import _core
 from tenodesis.instrument import Instrument
-from tenodesis.live.controlled import live_names, spool_radius
+from tenodesis.live.controlled import live_names
 from tenodesis.live.folder import Columns
 from tenodesis.run import SIGNALS, TISSUE, Array, Run
 from tenodesis.twin.contact import NO_TISSUE
@@ -72,7 +72,6 @@ class Layout:
         self.inst, self.names = inst, live_names(inst)
         self.commands = CommandColumns(commands)
         self._signals = dict(_slices(signals))
-        self._spool_radius = spool_radius(inst)
         widths = (len(TICK), self.commands.width, sum(width for _, width in signals))
         self._parts = np.cumsum(widths).tolist()
         self.width = self._parts[-1] + len(self.names.compensated) * len(CONTROL)
@@ -94,7 +93,7 @@ class Layout:
         shaped: dict[str, Any] = {
             name: values.reshape(self.names.shape(name, len(rows))) for name, values in found.items()
         }
-        return with_currents(Run(tick[:, 0], *self.names, **shaped), self.inst, self._spool_radius)
+        return with_currents(Run(tick[:, 0], *self.names, **shaped), self.inst)
 
     def signals_of(self, row: Array) -> dict[str, Any]:
         """Return a row as signals by name: numbers, or arrays by joint and tendon, with the data of the tick.

@@ -61,7 +61,7 @@ def _there_and_back(inst: FullForm, number: int) -> list[AnyPhase]:
 
 def _driven(inst: FullForm, angles: Array, seconds: float) -> list[AnyPhase]:
     """Return phases in which the spools draw what tendons that do not stretch would for a change of the angles."""
-    speeds = inst.tendon_arms("tip") @ angles / (inst.spool_radius or inst.drives.spool_radius) / seconds
+    speeds = inst.tendon_arms("tip") @ angles / inst.own_drives.spool_radius / seconds
     spools = {
         tendon.name: float(speed)
         for tendon, speed in zip(inst.tendons, speeds, strict=True)

@@ -40,7 +40,7 @@ class ChainCore:
         self._pairs = [tuple(pair[1:]) for pair in own.values()]
         self.own_tendons: Sequence[int] = [tendon for _, *tendons in self._pairs for tendon in tendons]
         rows = twin_rows(inst, time_step, quasi_static)
-        self.spool_radius = inst.drives.spool_radius if inst.spool_radius is None else inst.spool_radius
+        self.spool_radius = inst.own_drives.spool_radius
         self.stretch = float(np.max(inst.pretensions / inst.stiffnesses))
         self.steps_per_tick = rows.steps_per_sample
         self._core = _core.WristTwin(

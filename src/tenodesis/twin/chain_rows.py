@@ -28,7 +28,7 @@ class TwinRows(NamedTuple):
     """Stiffness by tendon and segment, N/m."""
     links: Array
     load_cells: Array
-    """Gain and bias by tendon."""
+    """Gain, bias, noise, range and resolution of what measures the tension, by tendon."""
     rig: list[float]
     """Wrench on the tip by a newton on the load rig."""
     parameters: list[float]
@@ -59,23 +59,20 @@ def twin_rows(inst: FullForm, time_step: float, quasi_static: bool) -> TwinRows:
     for m, route in enumerate(routes):
         passages[m, : len(route.passages)] = route.passages
         segments[m, : len(route.passages) + 1] = route.segments
-    drives = inst.drives
-    if inst.spool_radius is not None:
-        drives = drives.model_copy(update={"spool_radius": inst.spool_radius})
     values = {
         **_friction(inst.friction),
         "stiffness_ratio": 1.0,
         "pretension_ratio": 1.0,
         "handle_encoder_offset": 0.0,
         "output_encoder_offset": 0.0,
-        **plant.current_parameters(drives),
+        **plant.current_parameters(inst.drives),
         **plant.hand_parameters(inst.dynamics),
-        **plant.hardware_parameters(drives, inst.sensors),
+        **plant.hardware_parameters(inst.own_drives, inst.sensors),
         "time_step": time_step,
     }
     parameters = [values[name] for name in _PARAMETERS]
     contacts = [len(route.passages) for route in routes]
-    cells = np.tile([1.0, 0.0], (len(routes), 1))
+    cells = np.array([(one.gain, 0.0, one.noise, one.range, one.resolution) for one in inst.tension_sensors])
     law = {"stribeck": 1, "capstan-power": 2}.get(inst.friction.law, 2 if inst.friction.bends else 0)
     return TwinRows(passages, contacts, segments, links, cells, [0.0] * 6, parameters, law, per_sample)
 

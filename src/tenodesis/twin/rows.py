@@ -10,7 +10,6 @@ from tenodesis import _core
 from tenodesis._core import Status
 from tenodesis.errors import ArgumentError, NoSolutionError
 from tenodesis.instrument import Instrument, ShortForm
-from tenodesis.instrument.tension import tension_sensor
 from tenodesis.run import TENDONS, TISSUE, Array, Run
 from tenodesis.statics.query import handle_angle_error
 
@@ -83,13 +82,11 @@ def as_run(
     return Run(time, axes, **signals)
 
 
-def with_currents(run: Run, inst: Instrument, spool_radius: float) -> Run:
-    """Return a run with the motors' currents, where these give the tensions of its instrument with such spools (m)."""
+def with_currents(run: Run, inst: Instrument) -> Run:
+    """Return a run with the motors' currents, where these give the tensions of its instrument."""
     if inst.sensors.kind != "current" or run.measured_tension is None:
         return run
-    drives = inst.drives.model_copy(update={"spool_radius": spool_radius})
-    per_current = [tension_sensor(drives, inst.sensors, tension).per_current for tension in inst.pretensions]
-    return replace(run, measured_current=run.measured_tension / per_current)
+    return replace(run, measured_current=run.measured_tension / [one.per_current for one in inst.tension_sensors])
 
 
 def commanded(commands: Sequence[Array], *, tissue: bool) -> dict[str, Array]:

@@ -291,7 +291,7 @@ class Twin:
         shaped: dict[str, Any] = {
             name: values.reshape(self.names.shape(name, count)) for name, values in signals.items()
         }
-        run = with_currents(Run(time, *self.names, **shaped), self.inst, self.spool_radius)
+        run = with_currents(Run(time, *self.names, **shaped), self.inst)
         if controller is not None:
             warn_of_faults(run, self._assumed)
         return run
