@@ -138,6 +138,11 @@ class Run:
     applied_grip_force: Array | None = _signal(
         "command", "N", "run", "Force that presses the jaws apart, besides that of what they hold"
     )
+    held_opening: Array | None = _signal(
+        "command", "m", "run", "Opening of the jaws below which they press what they hold, by the arms of the grip"
+    )
+    held_stiffness: Array | None = _signal("command", "N/m", "run", "Stiffness of what they hold; 0: it is nothing")
+    held_damping: Array | None = _signal("command", "N*s/m", "run", "Its damping")
     commanded_spool_velocity: Array | None = _signal(
         "command", "rad/s", "tendons", "Spool velocity commanded to the drives; positive winds"
     )
@@ -386,6 +391,9 @@ TRUTH = _group("truth")
 
 TISSUE = tuple(name for name in COMMANDS if name.startswith("contact_"))
 """The commands among them that describe tissue, which only some runs have."""
+
+HELD = tuple(name for name in COMMANDS if name.startswith("held_"))
+"""The commands that describe what jaws hold."""
 
 CONTROL = _group("control")
 """Estimates, outputs and requests of a controller; NaN while it does not run."""

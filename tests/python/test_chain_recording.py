@@ -11,6 +11,7 @@ import pytest
 import tenodesis as tn
 from tenodesis.errors import ProtocolError, RecordingError
 from tenodesis.recording import Recorder, Recording, tables
+from tenodesis.recording.replay import replay
 from tenodesis.recording.simulation import record, write_run
 from tenodesis.recording.summary import facts
 from tenodesis.simulate import Cycles, GrippedObject, Hold, Protocol, Ramp, StepLoad, Wrench
@@ -55,6 +56,7 @@ def test_the_default_protocol_moves_loads_and_grips_and_comes_back_bit_by_bit(na
         tn.twin.Twin(inst, seed=1, time_step=2e-3, quasi_static=True), tn.simulate.parse(back.metadata["protocol"])
     )
     assert all(np.array_equal(again[signal], run[signal]) for signal in run.signals())
+    assert replay(back).exact
 
 
 def test_a_recording_names_joints_tendons_units_and_meanings(run: tn.Run, tmp_path: Path) -> None:

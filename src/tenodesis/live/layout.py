@@ -9,7 +9,7 @@ from tenodesis import _core
 from tenodesis.instrument import Instrument
 from tenodesis.live.controlled import live_names
 from tenodesis.live.folder import Columns
-from tenodesis.run import SIGNALS, TISSUE, Array, Run
+from tenodesis.run import HELD, SIGNALS, TISSUE, Array, Run
 from tenodesis.twin.contact import NO_TISSUE
 from tenodesis.twin.rows import CONTROL, with_currents
 
@@ -71,6 +71,7 @@ class Layout:
     def __init__(self, inst: Instrument, commands: Columns, signals: Columns) -> None:
         self.inst, self.names = inst, live_names(inst)
         self.commands = CommandColumns(commands)
+        self._held = HELD if inst.expanded.grip is not None else ()
         self._signals = dict(_slices(signals))
         widths = (len(TICK), self.commands.width, sum(width for _, width in signals))
         self._parts = np.cumsum(widths).tolist()
@@ -84,6 +85,7 @@ class Layout:
         found = {_COMMANDED[name]: values for name, values in commanded.items() if name in _COMMANDED}
         if "contact" in commanded:
             found |= {name: commanded["contact"][:, n :: len(TISSUE)] for n, name in enumerate(TISSUE)}
+        found |= {name: commanded["held"][:, [n]] for n, name in enumerate(self._held)}
         found |= {name: signals[:, columns] for name, columns in self._signals.items() if name in SIGNALS}
         axes = len(self.names.compensated)
         if axes:

@@ -1,7 +1,7 @@
 """Replay: run a recording's commands on a twin again, and compare."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -19,9 +19,9 @@ from tenodesis.recording.schemas import TRANSFERRED
 from tenodesis.recording.simulation import without_control
 from tenodesis.recording.tables import columns
 from tenodesis.recording.writer import Recorder
-from tenodesis.run import TISSUE, Array, Names, Run, concatenate
+from tenodesis.run import HELD, TISSUE, Array, Names, Run, concatenate
 from tenodesis.simulate.execution import with_request
-from tenodesis.twin import Contact, Twin
+from tenodesis.twin import Contact, Held, Twin
 
 _UNEVEN = 0.01
 """Largest share by which a time step may differ from the others."""
@@ -126,7 +126,8 @@ def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
             raise RecordingError(
                 f"{recording.path} has the {about} {has}, {inst.name} {has_not}; the instrument must have the same."
             )
-    if recorded.grip_force is not None and recorded.grip_force.any():
+    described = all(name in recorded.signals() for name in HELD)
+    if recorded.grip_force is not None and recorded.grip_force.any() and not described:
         raise RecordingError(
             f"{recording.path} has jaws that held something, which it does not describe; it cannot be replayed."
         )
@@ -153,33 +154,36 @@ def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
 
 def _run(twin: Twin, recorded: Run, controller: Controller | None = None) -> Run:
     """Return the twin's run under recorded commands, with or without a controller in the loop."""
-    if not all(name in recorded.signals() for name in TISSUE):
-        return _run_in(twin, recorded, controller, None)
-    tissue = np.nan_to_num(np.stack([recorded[name].reshape(len(recorded), -1) for name in TISSUE], axis=-1))
-    changes = np.flatnonzero((tissue[1:] != tissue[:-1]).any(axis=(1, 2))) + 1
-    return concatenate(
-        [
-            _run_in(
-                twin, recorded.rows(first, last), controller, [Contact.of_row(*row) for row in tissue[first].tolist()]
-            )
-            for first, last in pairwise([0, *changes.tolist(), len(recorded)])
-        ]
-    )
+    signals = recorded.signals()
+    touched = [name for names in (TISSUE, HELD) if signals.keys() >= set(names) for name in names]
+    changes = np.zeros(max(len(recorded) - 1, 0), bool)
+    for name in touched:
+        column = np.nan_to_num(recorded.by_column(name))
+        changes |= (column[1:] != column[:-1]).any(axis=1)
+    blocks = pairwise([0, *(np.flatnonzero(changes) + 1).tolist(), len(recorded)])
+    return concatenate([_run_in(twin, recorded.rows(first, last), controller) for first, last in blocks])
 
 
-def _run_in(twin: Twin, recorded: Run, controller: Controller | None, contact: Sequence[Contact | None] | None) -> Run:
+def _run_in(twin: Twin, recorded: Run, controller: Controller | None) -> Run:
+    """Return the twin's run while neither tissue nor what the jaws hold changes."""
     handle, velocity = recorded["commanded_handle_angle"], recorded.commanded_spool_velocity
     signals = recorded.signals()
     commands: dict[str, Any] = {name: signals[signal] for name, signal in _LOADS.items() if signal in signals}
+    if signals.keys() >= set(TISSUE):
+        tissue = np.nan_to_num([recorded.by_column(name)[0] for name in TISSUE])
+        commands["contact"] = [Contact.of_row(*row) for row in tissue.T.tolist()]
+    if signals.keys() >= set(HELD):
+        held = Held(*(float(recorded.by_column(name)[0, 0]) for name in HELD))
+        commands["held"] = held if held.stiffness > 0 else None
     if velocity is not None:
         own = [] if controller is None else [m for pair in pairs(twin.inst).values() for m in pair[2:]]
         commands["spool_velocity"] = np.where(np.isin(np.arange(velocity.shape[1]), own), 0.0, velocity)
     if controller is None:
-        return twin.run(handle, contact=contact, **commands)
+        return twin.run(handle, **commands)
     request = np.zeros(len(recorded))
     if recorded.request is not None:
         request = np.nan_to_num(recorded.by_column("request")[:, 0])
-    run = twin.run(handle, contact=contact, controller=controller, request=request.astype(np.uint8), **commands)
+    run = twin.run(handle, controller=controller, request=request.astype(np.uint8), **commands)
     return with_request(run, request)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.recording import cdr
-from tenodesis.run import COMPONENTS, SIGNALS, TENDONS, TISSUE, Array, Names, Run, Signal
+from tenodesis.run import COMPONENTS, HELD, SIGNALS, TENDONS, TISSUE, Array, Names, Run, Signal
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 WRENCH = "geometry_msgs/msg/WrenchStamped"
@@ -132,6 +132,7 @@ def topics(names: Names) -> tuple[Topic, ...]:
         ),
         Topic("/rig/wrench", WRENCH, (), _WRENCH, frame="tip", before="/rig/measured_cf"),
         *(Topic(topic, FLOAT64, (), {"data": signal}) for topic, signal in _GRIP.items()),
+        *(Topic(f"/twin/{signal}", FLOAT64, (), {"data": signal}) for signal in HELD),
         *(
             Topic(
                 _of_one("controller", joint, names.compensated, "measured_cf"),

@@ -10,7 +10,7 @@ from tenodesis._core import Status
 from tenodesis.control.pairs import names_of, pairs
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import FullForm
-from tenodesis.run import TISSUE, Array
+from tenodesis.run import HELD, TISSUE, Array
 from tenodesis.twin.chain_rows import twin_rows
 from tenodesis.twin.contact import NO_TISSUE
 from tenodesis.twin.core import Constant, Outcome, Ticks
@@ -117,6 +117,9 @@ class ChainCore:
     def commanded(self, rows: Array, *, tissue: bool) -> dict[str, Array]:
         """Return the commands that are signals of a run."""
         signals = {signal: rows[:, self._columns[name]] for name, signal in _COMMANDED.items()}
+        if self.inst.grip is not None:
+            held = rows[:, self._columns["held"]]
+            signals |= {name: held[:, [n]] for n, name in enumerate(HELD)}
         contact = rows[:, self._columns["contact"]]
         return signals | {name: contact[:, n :: len(TISSUE)] for n, name in enumerate(TISSUE) if tissue}
 
