@@ -217,8 +217,6 @@ inline constexpr std::array control_signal_names{"estimated_output_angle",
                                                  "homing_failure"};
 inline constexpr std::size_t control_signal_count = control_signal_names.size();
 using ControlSignals = std::array<double, control_signal_count>;
-/// Place of the first spool velocity among them.
-inline constexpr std::size_t velocity_signal = 6;
 
 inline ControlSignals control_signals(const AnyController& controller, std::size_t n) {
   const AnyOutput& output = controller.last;

@@ -120,7 +120,7 @@ def ni_tasks(settings: NiDaq, ni: FakeNi, **changes: Any) -> NiTasks:
     assert settings.yaw is not None
     return NiTasks(
         settings,
-        [one.channel for one in settings.yaw.inputs(0.0).values()],
+        [one.channel for one in settings.yaw.sources.values()],
         settings.yaw.drives,
         rate=2000.0,
         encoder_counts=4096,

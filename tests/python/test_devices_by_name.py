@@ -10,8 +10,10 @@ import pytest
 
 import tenodesis as tn
 from tenodesis.devices import registry
+from tenodesis.devices.can_layout import wired_by
 from tenodesis.devices.canopen import CanOpenDevice
 from tenodesis.devices.device import Capabilities, Device, Measurement
+from tenodesis.devices.nidaq import _current
 from tenodesis.devices.simulated.bench import TwinPlant
 from tenodesis.devices.wiring import wiring
 from tenodesis.errors import DeviceError, InstrumentError
@@ -151,11 +153,11 @@ def test_what_is_missing_or_not_there_is_named() -> None:
     values = canopen_values(inst)
     for group, name in (("tendons", "grip"), ("handle_joints", "trigger")):
         with pytest.raises(InstrumentError, match=rf"devices\.canopen\.{group}\.{name} is missing; hybrid"):
-            wiring(inst, CanOpen.model_validate(without(values, group, name)), "canopen")
+            wired_by(inst, CanOpen.model_validate(without(values, group, name)))
     more = {**values, "joints": {**values["joints"], "elbow": values["joints"]["jaw"] | {"sub": 99}}}
     with pytest.raises(InstrumentError, match="joints names elbow; it must be among yaw, pitch, jaw"):
-        wiring(inst, CanOpen.model_validate(more), "canopen")
-    assert not wiring(inst, CanOpen.model_validate(without(values, "joints", "jaw")), "canopen").distal
+        wired_by(inst, CanOpen.model_validate(more))
+    assert not wired_by(inst, CanOpen.model_validate(without(values, "joints", "jaw"))).distal
     with pytest.raises(ValueError, match="nor tendons; give one table"):
         CanOpen.model_validate({})
 
@@ -182,7 +184,7 @@ def test_channels_of_a_data_acquisition_device_are_wired_by_name() -> None:
         for n, one in enumerate(inst.tendons)
     }
     settings = NiDaq.model_validate({"tendons": tendons})
-    plan = wiring(inst, settings, "nidaq")
+    plan = wiring(inst, settings, "nidaq", _current)
     assert [plug.part.speed for plug in plan.drives] == ["ao0", "ao1", "ao2", "ao3"]
     assert [plug.place for plug in plan.sensors] == [0, 1, 2, 3]
     assert not plan.distal

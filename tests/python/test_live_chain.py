@@ -135,6 +135,19 @@ def test_a_motor_without_a_law_does_not_wind_beyond_the_largest_tension(tmp_path
     assert loop.problem is None
 
 
+def test_motors_that_move_together_stay_together_where_one_is_at_its_largest_speed(tmp_path: Path) -> None:
+    loop = looped(tmp_path, tn.load("needle-driver"))
+    reader = Reader(tmp_path)
+    loop.request("enable")
+    ran(loop, reader, 0.01)
+    loop.move_motors([1.0, -1.0, 0.4, -0.4, 0.2, -0.2])
+    run = ran(loop, reader, 3.0)
+    turned = run["spool_angle"]
+    assert turned[-1] == pytest.approx([1.0, -1.0, 0.4, -0.4, 0.2, -0.2], abs=2e-3)
+    assert np.abs(turned[:, 2] - 0.4 * turned[:, 0]).max() < 1e-2
+    assert np.abs(turned[:, 4] - 0.2 * turned[:, 0]).max() < 1e-2
+
+
 def test_what_the_jaws_hold_presses_back_until_it_is_taken_away(tmp_path: Path) -> None:
     loop = looped(tmp_path, tn.load("needle-driver"))
     reader = Reader(tmp_path)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from tenodesis.console.session import PageState, Session, enable
+from tenodesis.console.session import PageState, Session, enable, set_properties
 from tenodesis.control.pairs import pairs
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
@@ -70,6 +70,10 @@ class MoreSliders:
         enable((*self.moments, *self._object, *self._motors), free)
         if self._motors and self._session.changed_at(*self._motors) < enabled_at:
             follow(self._motors, np.degrees(state.shown.stroke[self._tendons] / self._radius))
+
+        if self._object and not self._session.just_changed(*self._object):
+            held = self._session.link.latest().get("commands", {}).get("held")
+            set_properties(self._object[0], value=held is not None and bool(held[1]))
 
     def _hold(self) -> None:
         there, *numbers = self._object

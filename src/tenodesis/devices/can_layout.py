@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from math import floor, isfinite, nan, pi
 
 from tenodesis.devices.cia402 import wrapped
-from tenodesis.devices.wiring import COLUMNS, Plug, Wiring, wiring
+from tenodesis.devices.wiring import Plug, Wiring, wiring
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument import Instrument, ShortForm
-from tenodesis.instrument.devices import CanAngle, CanAxis, CanDrive, CanOpen, CanTension
-from tenodesis.run import TENDONS
+from tenodesis.instrument import Instrument
+from tenodesis.instrument.devices import CanAngle, CanDrive, CanOpen, CanTension
 
 _CODES = {"i8": "b", "u8": "B", "i16": "h", "u16": "H", "i32": "i", "u32": "I", "f32": "f"}
 _MOST_PDOS = 4  # of the predefined connection set
@@ -150,7 +149,7 @@ def layout(inst: Instrument, settings: CanOpen) -> Layout:
     Raises InstrumentError if an axis is missing, two sensors are one, a node has more sensors than its PDOs carry, the
     heartbeat is faster than the samples, the unit of velocity is too coarse or too fine, or the bus is too slow.
     """
-    wired = wiring(inst, settings, "canopen", lambda alone, axis: sources_of(alone, settings, axis))
+    wired = wired_by(inst, settings)
     unit = settings.velocity_unit or 2 * pi / inst.drives.encoder_counts
     drives = tuple(_drive(inst, settings, plug, unit) for plug in wired.drives)
     sensors = tuple(_sensor_frames(wired.sensors, {drive.node for drive in drives}))
@@ -176,29 +175,19 @@ def layout(inst: Instrument, settings: CanOpen) -> Layout:
     return Layout(wired, drives, sensors, speed / inst.drives.gear_ratio, unit, load)
 
 
-def sources_of(inst: ShortForm, settings: CanOpen, axis: CanAxis) -> dict[str, CanAngle | CanTension]:
-    """Return the sensors of an axis by what they measure; where its drives' currents measure the tensions, these.
-
-    The instrument is that of the axis alone.
-    """
-    if inst.sensors.kind == "load-cell":
-        return axis.sources
-    drives = inst.drives
+def wired_by(inst: Instrument, settings: CanOpen) -> Wiring:
+    """Return how the bench of an instrument is wired; where its drives' currents measure the tensions, by these."""
     of_torque = settings.rated_torque is not None
     # The file has been checked for either, and for the torque constant.
-    rated = settings.rated_torque if of_torque else settings.rated_current
-    per_count = inst.tension_sensor.per_current * (rated or 0.0) / 1000
-    per_count /= (drives.torque_constant or 1.0) if of_torque else 1.0
-    currents: dict[str, CanAngle | CanTension] = {
-        f"{tendon} tension": CanTension(
-            node=drive.node,
-            object=_TORQUE if of_torque else _CURRENT,
-            gain=-per_count if drive.reversed else per_count,
-        )
-        for tendon, drive in zip(TENDONS, axis.drives, strict=True)
-    }
-    found = axis.sources | currents
-    return {name: found[name] for name in COLUMNS if name in found}
+    rated = (settings.rated_torque if of_torque else settings.rated_current) or 0.0
+    per_unit = rated / 1000 / ((inst.drives.torque_constant or 1.0) if of_torque else 1.0)
+
+    def current_of(drive: CanDrive, per_current: float) -> CanTension:
+        gain = per_unit * per_current
+        code = _TORQUE if of_torque else _CURRENT
+        return CanTension(node=drive.node, object=code, gain=-gain if drive.reversed else gain)
+
+    return wiring(inst, settings, "canopen", current_of)
 
 
 def _drive(inst: Instrument, settings: CanOpen, plug: Plug, unit: float) -> DriveFrames:

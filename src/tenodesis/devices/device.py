@@ -46,23 +46,13 @@ class Measurement(NamedTuple):
     time: int
     """By a clock that never runs backwards, ns."""
     handle_angle: Array
-    """rad, shape (axes,)"""
+    """rad, shape (joints of the handle,)"""
     tension: Array
-    """Beside the spools, agonist first, N, shape (axes, 2)"""
+    """Beside the spools, N, in the shape :attr:`Capabilities.spools`: agonist first, or by tendon"""
     spool_angle: Array
-    """Positive winds, rad, shape (axes, 2)"""
+    """Positive winds, rad, in the same shape"""
     output_angle: Array
-    """By a distal encoder, rad, shape (axes,); NaN if there is none"""
-
-    @classmethod
-    def from_rows(cls, instant: int, rows: Array) -> "Measurement":
-        """Return a measurement of an instant (ns) from a row per axis, in the order of the fields."""
-        return cls(instant, rows[:, 0], rows[:, 1:3], rows[:, 3:5], rows[:, 5])
-
-    @property
-    def rows(self) -> Array:
-        """The values as a row per axis, shape (axes, 6)."""
-        return np.column_stack([self.handle_angle, self.tension, self.spool_angle, self.output_angle]).astype(float)
+    """By a distal encoder, rad, shape (joints,); NaN if there is none"""
 
 
 class Device(ABC):
@@ -85,7 +75,7 @@ class Device(ABC):
 
     @abstractmethod
     def write(self, spool_velocity: Array) -> None:
-        """Command the motors a speed, rad/s at the spool, positive winds, shape (axes, 2).
+        """Command the motors a speed, rad/s at the spool, positive winds, in the shape of the measurements.
 
         A speed that is not finite stops its motor; one beyond the device's limit is cut to it.
         """

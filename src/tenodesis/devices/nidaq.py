@@ -12,8 +12,8 @@ from tenodesis.devices.device import Bench, Capabilities, Measurement
 from tenodesis.devices.nidaq_tasks import NiTasks
 from tenodesis.devices.wiring import wiring
 from tenodesis.errors import DeviceError, InstrumentError
-from tenodesis.instrument import Instrument, ShortForm
-from tenodesis.instrument.devices import NiAngle, NiAxis, NiDaq, NiTension
+from tenodesis.instrument import Instrument
+from tenodesis.instrument.devices import NiDaq, NiDrive, NiTension
 from tenodesis.run import Array
 
 _SATURATED = 0.999
@@ -39,7 +39,7 @@ class NiDaqDevice(Bench):
         tasks: NiTasks | None = None,
         clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        self._wiring = plan = wiring(inst, settings, "nidaq", _inputs)
+        self._wiring = plan = wiring(inst, settings, "nidaq", _current)
         if tasks is None and inst.drives.encoder_counts % _EDGES_PER_PERIOD:
             raise InstrumentError(
                 f"drives.encoder_counts is {inst.drives.encoder_counts}; nidaq counts all edges of a "
@@ -187,6 +187,8 @@ class NiDaqDevice(Bench):
         raise self._failed
 
 
-def _inputs(inst: ShortForm, axis: NiAxis) -> dict[str, NiAngle | NiTension]:
-    """Return the analogue inputs of an axis by what they measure."""
-    return axis.inputs(inst.tension_sensor.per_current)
+def _current(drive: NiDrive, per_current: float) -> NiTension:
+    """Return the source of a drive's current as that of a tension; the file has been checked for it."""
+    assert drive.current is not None
+    one = drive.current
+    return NiTension(channel=one.channel, gain=one.gain * per_current, offset=one.offset * per_current)

@@ -93,7 +93,7 @@ class SerialDevice(Device):
             return None
         self._lost += bench.overtaken()
         rows = np.array(found[1])
-        return Measurement.from_rows(found[0], np.column_stack([rows[:, :5], np.full(len(rows), nan)]))
+        return Measurement(found[0], rows[:, 0], rows[:, 1:3], rows[:, 3:5], np.full(len(rows), nan))
 
     def write(self, spool_velocity: Array) -> None:
         """Keep the connection to the board alive; its motors rest, whatever the speed."""

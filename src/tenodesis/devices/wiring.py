@@ -1,7 +1,7 @@
 """What the drives and sensors of a bench serve: an instrument's axes, or its joints and tendons by their names."""
 
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeAlias
 
 from tenodesis.control.pairs import names_of
 from tenodesis.errors import InstrumentError
@@ -9,7 +9,7 @@ from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.instrument.devices import CanOpen, NiDaq
 from tenodesis.run import TENDONS, Array, Names
 
-COLUMNS = ("handle angle", *(f"{side} tension" for side in TENDONS), "output angle")
+_COLUMNS = ("handle angle", *(f"{side} tension" for side in TENDONS), "output angle")
 """What the sensors of an axis measure."""
 
 
@@ -54,14 +54,11 @@ class Wiring(NamedTuple):
 
 
 def wiring(
-    inst: Instrument,
-    settings: CanOpen | NiDaq,
-    key: str,
-    sources_of: Callable[[ShortForm, Any], Mapping[str, Any]] = lambda _, axis: axis.sources,
+    inst: Instrument, settings: CanOpen | NiDaq, key: str, current_of: Callable[[Any, float], Any]
 ) -> Wiring:
     """Return how a bench of an instrument is wired by its table under a key of ``devices``.
 
-    `sources_of` gives the sensors of an axis, whose instrument is that axis alone, by what they measure.
+    `current_of` gives a drive's current as the source of a tension, of which 1 A stands for so many N.
 
     Raises
     ------
@@ -69,16 +66,35 @@ def wiring(
         A tendon, a joint or an axis is missing, or one is named that the instrument does not have.
     """
     short = inst.short_form
-    return _by_name(inst, settings, key) if short is None else _by_axis(short, settings, key, sources_of)
+    names, drives, sensors = _by_name(inst, settings, key) if short is None else _by_axis(short, settings, key)
+    if inst.sensors.kind == "current":
+        first = len(names.handle_joints)
+        sensors |= {
+            first + drive.place: Plug(
+                _tension(drive), drive.of, first + drive.place, current_of(drive.part, sensor.per_current)
+            )
+            for drive, sensor in ((drive, inst.tension_sensors[drive.place]) for drive in drives)
+        }
+    # Axis after axis, or by what is measured.
+    order = [(0 if short is None else short.axes.index(plug.of), place) for place, plug in sensors.items()]
+    return Wiring(names, drives, tuple(sensors[place] for _, place in sorted(order)), names.tendons * (short is None))
 
 
-def _by_axis(
-    inst: ShortForm, settings: CanOpen | NiDaq, key: str, sources_of: Callable[[ShortForm, Any], Mapping[str, Any]]
-) -> Wiring:
+_Found: TypeAlias = tuple[Names, tuple[Plug, ...], dict[int, Plug]]
+"""Names, drives, and sensors by place."""
+
+
+def _tension(drive: Plug) -> str:
+    """Return in words the tension that a drive pulls with."""
+    side = next((side for side in TENDONS if drive.name.startswith(f"the {side} ")), "")
+    return f"{side} tension".lstrip()
+
+
+def _by_axis(inst: ShortForm, settings: CanOpen | NiDaq, key: str) -> _Found:
     names, count = names_of(inst), len(inst.axes)
     drives: list[Plug] = []
-    sensors: list[Plug] = []
-    for n, (name, alone) in enumerate(zip(inst.axes, inst.planar, strict=True)):
+    sensors: dict[int, Plug] = {}
+    for n, name in enumerate(inst.axes):
         axis = getattr(settings, name)
         if axis is None:
             raise InstrumentError(f"devices.{key}.{name} is missing; {inst.name} has that axis.")
@@ -86,12 +102,12 @@ def _by_axis(
             Plug(f"the {side} drive of {name}", name, 2 * n + m, drive)
             for m, (side, drive) in enumerate(zip(TENDONS, axis.drives, strict=True))
         ]
-        places = dict(zip(COLUMNS, (n, count + 2 * n, count + 2 * n + 1, 3 * count + n), strict=True))
-        sensors += [Plug(what, name, places[what], source) for what, source in sources_of(alone, axis).items()]
-    return Wiring(names, tuple(drives), tuple(sensors), ())
+        places = dict(zip(_COLUMNS, (n, count + 2 * n, count + 2 * n + 1, 3 * count + n), strict=True))
+        sensors |= {places[what]: Plug(what, name, places[what], source) for what, source in axis.sources.items()}
+    return names, tuple(drives), sensors
 
 
-def _by_name(inst: Instrument, settings: CanOpen | NiDaq, key: str) -> Wiring:
+def _by_name(inst: Instrument, settings: CanOpen | NiDaq, key: str) -> _Found:
     names = names_of(inst)
     wound = [tendon.name for tendon in inst.tendons if tendon.start == "spool"]
     groups = {
@@ -107,20 +123,20 @@ def _by_name(inst: Instrument, settings: CanOpen | NiDaq, key: str) -> Wiring:
         if unknown is not None:
             allowed = ", ".join(there) or "left out"
             raise InstrumentError(f"devices.{key}.{group} names {unknown}; it must be among {allowed}.")
-    handles, tensions = len(names.handle_joints), len(names.handle_joints) + len(names.tendons)
     drives = [
         Plug(f"the drive of {name}", name, names.tendons.index(name), part) for name, part in settings.tendons.items()
     ]
-    sensors = [
-        *(
-            Plug("handle angle", name, names.handle_joints.index(name), part)
-            for name, part in settings.handle_joints.items()
-        ),
-        *(Plug("tension", drive.of, handles + drive.place, drive.part.tension) for drive in drives),
-        *(
-            Plug("output angle", name, tensions + names.joints.index(name), part)
-            for name, part in settings.joints.items()
-        ),
-    ]
-    by_place = sorted(sensors, key=lambda plug: plug.place)
-    return Wiring(names, tuple(sorted(drives, key=lambda plug: plug.place)), tuple(by_place), names.tendons)
+    cells = {name: one.tension for name, one in settings.tendons.items() if one.tension is not None}
+    measured = (
+        ("handle angle", names.handle_joints, settings.handle_joints),
+        ("tension", names.tendons, cells),
+        ("output angle", names.joints, settings.joints),
+    )
+    sensors: dict[int, Plug] = {}
+    first = 0
+    for what, there, given in measured:
+        sensors |= {
+            first + n: Plug(what, name, first + n, given[name]) for n, name in enumerate(there) if name in given
+        }
+        first += len(there)
+    return names, tuple(sorted(drives, key=lambda plug: plug.place)), sensors

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping
 from itertools import product
-from typing import Annotated, Generic, Literal, Self, TypeAlias, TypeVar
+from typing import Annotated, Any, Generic, Literal, Self, TypeAlias, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -105,7 +105,7 @@ class CanAxis(Axis[CanDrive, CanAngle, CanTension]):
 class CanTendon(CanDrive):
     """The drive of a tendon, and its load cell."""
 
-    tension: CanTension = Field(description="Its load cell")
+    tension: CanTension | None = Field(default=None, description="Its load cell, if any")
 
 
 class CanCounter(FileTable):
@@ -166,7 +166,7 @@ class CanOpen(FileTable):
                 )
             seen[drive.node] = place
         sources: list[CanSource] = [*self.handle_joints.values(), *self.joints.values()]
-        sources += [one.tension for one in self.tendons.values()]
+        sources += [one.tension for one in self.tendons.values() if one.tension is not None]
         sources += [one for axis in filter(None, (self.yaw, self.pitch)) for one in axis.sources.values()]
         if any(source.node == self.master for source in sources):
             raise ValueError(f"a sensor's node is {self.master}, which is master; it must be another node")
@@ -220,26 +220,11 @@ class NiDrive(FileTable):
 class NiTendon(NiDrive):
     """The drive of a tendon, its motor's encoder, and its load cell."""
 
-    tension: NiTension = Field(description="Its load cell")
+    tension: NiTension | None = Field(default=None, description="Its load cell, if any")
 
 
 class NiAxis(Axis[NiDrive, NiAngle, NiTension]):
     """The sensors and drives of one bending axis."""
-
-    def inputs(self, per_current: float) -> dict[str, NiAngle | NiTension]:
-        """Return the analogue inputs by what they measure: handle, agonist, antagonist and, if present, output.
-
-        per_current: tension per motor current where currents measure the tensions, N/A; 0 with load cells.
-        """
-        found: dict[str, NiAngle | NiTension] = self.sources
-        for name, drive in zip(("agonist tension", "antagonist tension"), self.drives, strict=True):
-            if per_current and drive.current is not None:
-                one = drive.current
-                found[name] = NiTension(
-                    channel=one.channel, gain=one.gain * per_current, offset=one.offset * per_current
-                )
-        order = ("handle angle", "agonist tension", "antagonist tension", "output angle")
-        return {name: found[name] for name in order if name in found}
 
 
 class NiDaq(FileTable):
@@ -278,7 +263,7 @@ class NiDaq(FileTable):
         drives = [*(drive for axis in axes for drive in axis.drives), *self.tendons.values()]
         used = [one.channel for axis in axes for one in axis.sources.values()]
         used += [one.channel for one in (*self.handle_joints.values(), *self.joints.values())]
-        used += [one.tension.channel for one in self.tendons.values()]
+        used += [one.tension.channel for one in self.tendons.values() if one.tension is not None]
         used += [drive.current.channel for drive in drives if drive.current is not None]
         used += [name for drive in drives for name in (drive.speed, drive.counter)]
         twice = next((name for name in used if used.count(name) > 1), None)
@@ -339,14 +324,23 @@ class Devices(FileTable):
                         "one of them, or load cells"
                     )
                 continue
-            for axis, tendon in product(("yaw", "pitch"), ("agonist", "antagonist")):
-                wired = getattr(bench, axis)
-                if wired is None:
-                    continue
+            for place, wired, side in _wired(bench):
                 if kind == "current":
-                    missing, other = getattr(wired, tendon).current is None, "load-cell"
+                    drive = getattr(wired, side) if side else wired
+                    missing, other, key = drive.current is None, "load-cell", f"{side}.current".lstrip(".")
                 else:
-                    missing, other = getattr(wired, f"{tendon}_tension") is None, "current"
+                    key = f"{side}_tension".lstrip("_")
+                    missing, other = getattr(wired, key) is None, "current"
                 if missing:
-                    key = f"{tendon}.current" if kind == "current" else f"{tendon}_tension"
-                    raise ValueError(f"devices.{name}.{axis}.{key} is missing; without it sensors.kind must be {other}")
+                    raise ValueError(
+                        f"devices.{name}.{place}.{key} is missing; without it sensors.kind must be {other}"
+                    )
+
+
+def _wired(bench: CanOpen | NiDaq) -> Iterator[tuple[str, Any, str]]:
+    """Yield the tables of a bench in which a tendon is wired: their key, the table, and which tendon of an axis."""
+    for axis, tendon in product(("yaw", "pitch"), ("agonist", "antagonist")):
+        if getattr(bench, axis) is not None:
+            yield axis, getattr(bench, axis), tendon
+    for name, wired in bench.tendons.items():
+        yield f"tendons.{name}", wired, ""

@@ -189,7 +189,7 @@ class LiveLoop:
 
     def _bench(self, twin: Twin) -> tuple[_core.LiveDevice, Capabilities]:
         """Return the device of the core's loop and its capabilities."""
-        inst, rate = self.inst, 1 / self.period
+        inst, rate, joints = self.inst, 1 / self.period, names_of(self.inst).joints
         if self._device is not None:
             has = self._device.capabilities
             _check_device(has, inst)
@@ -200,9 +200,9 @@ class LiveLoop:
         if isinstance(self.controller, StreamedController):
             stops_alone = inst.control.watchdog
             return self.controller.device(), Capabilities(
-                "serial", self.axes, rate, True, False, False, self.period, stops_alone
+                "serial", joints, rate, True, False, False, self.period, stops_alone
             )
-        return twin.live_device, Capabilities(self.choices.device, self.axes, rate, False, True, True, self.period, 0.0)
+        return twin.live_device, Capabilities(self.choices.device, joints, rate, False, True, True, self.period, 0.0)
 
     def start(self) -> None:
         """Begin; motors are at rest until the controller is enabled."""

@@ -5,7 +5,6 @@ from tenodesis.twin.batch import Batch, run_many
 from tenodesis.twin.closed_loop import LoopController, SignalFault
 from tenodesis.twin.commands import Held
 from tenodesis.twin.contact import Contact, Side
-from tenodesis.twin.rows import as_run
 from tenodesis.twin.twin import Energy, State, Twin
 
 __all__ = [
@@ -19,7 +18,6 @@ __all__ = [
     "SignalFault",
     "State",
     "Twin",
-    "as_run",
     "run_many",
 ]
 

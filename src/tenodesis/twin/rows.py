@@ -1,8 +1,7 @@
 """Rows of the core: commands, checks before a run, and signals."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -64,24 +63,6 @@ def lost(status: Status, where: str) -> Exception:
     )
 
 
-def as_run(
-    time: Array,
-    axes: tuple[str, ...],
-    commanded: Mapping[str, Array],
-    outs: Sequence[Array],
-    controls: Sequence[Array] = (),
-) -> Run:
-    """Return rows of the core as a run, at times of shape (n,), s.
-
-    Commanded signals are shaped as in the run; `outs` and `controls` are, by axis, the twin's signals and the
-    controller's, each of shape (n, columns).
-    """
-    controlled = {name: of_axes(controls, columns) for name, columns in _CONTROLLED.items() if controls}
-    simulated = {name: of_axes(outs, columns) for name, columns in SIMULATED.items()}
-    signals: dict[str, Any] = {**commanded, **controlled, **simulated}
-    return Run(time, axes, **signals)
-
-
 def with_currents(run: Run, inst: Instrument) -> Run:
     """Return a run with the motors' currents, where these give the tensions of its instrument."""
     if inst.sensors.kind != "current" or run.measured_tension is None:
@@ -113,4 +94,3 @@ def _columns(names: Sequence[str]) -> dict[str, int | slice]:
 
 SIMULATED = _columns(SIGNALS)
 """Columns of a twin's signals, by name."""
-_CONTROLLED = _columns(CONTROL)

@@ -12,10 +12,9 @@ import canopen
 import numpy as np
 from canopen import objectdictionary as od
 
-from tenodesis.devices.can_layout import sources_of
+from tenodesis.devices.can_layout import wired_by
 from tenodesis.devices.device import Measurement
 from tenodesis.devices.simulated.cia402 import Drive, Node
-from tenodesis.devices.wiring import wiring
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import CanAngle, CanOpen, CanTension
 from tenodesis.run import Array, Run
@@ -99,7 +98,7 @@ class SimulatedBench:
         self.inst, self.settings, self.bus = inst, settings, bus
         self.plant: Plant = TwinPlant(Twin(inst)) if plant is None else plant
         self.network = _Network(bus)
-        self._wiring = wiring(inst, settings, "canopen", lambda alone, axis: sources_of(alone, settings, axis))
+        self._wiring = wired_by(inst, settings)
         self._unit = settings.velocity_unit or 2 * pi / inst.drives.encoder_counts
         objects: dict[int, list[tuple[int, int, int]]] = {}
         for source in (plug.part for plug in self._wiring.sensors):
