@@ -191,3 +191,24 @@ def test_channels_of_a_data_acquisition_device_are_wired_by_name() -> None:
     tendons["far_agonist"]["speed"] = "ao0"
     with pytest.raises(ValueError, match="'ao0' is given twice"):
         NiDaq.model_validate({"tendons": tendons})
+
+
+def test_currents_of_the_drives_measure_the_tensions_where_the_file_says_so() -> None:
+    inst = rated("needle-driver").replace(
+        **{"sensors.kind": "current", "sensors.current_range": 3.0, "drives.torque_constant": 0.05}
+    )
+    values = canopen_values(rated("needle-driver"))
+    drives = {name: {"node": one["node"], "reversed": one["reversed"]} for name, one in values["tendons"].items()}
+    settings = CanOpen.model_validate({**values, "tendons": drives, "rated_current": 3.0})
+    plan = wired_by(inst, settings)
+    tensions = plan.sensors[: len(inst.tendons)]
+    assert [plug.of for plug in tensions] == [one.name for one in inst.tendons]
+    assert {plug.part.object for plug in tensions} == {0x6078}
+    per_count = inst.tension_sensors[0].per_current * 3.0 / 1000
+    assert [plug.part.gain for plug in tensions[:2]] == pytest.approx([per_count, -per_count])
+    with pytest.raises(InstrumentError, match=r"devices.nidaq.tendons.pitch_wound.current is missing"):
+        inst.replace(devices={"nidaq": {"tendons": {"pitch_wound": {"speed": "ao0", "gain": 1.0, "counter": "c"}}}})
+    with pytest.raises(InstrumentError, match=r"devices.nidaq.tendons.pitch_wound.tension is missing"):
+        rated("needle-driver").replace(
+            devices={"nidaq": {"tendons": {"pitch_wound": {"speed": "ao0", "gain": 1.0, "counter": "c"}}}}
+        )

@@ -53,9 +53,7 @@ class Wiring(NamedTuple):
         return values[:handles], values[handles:tensions].reshape(self.spools), values[tensions:]
 
 
-def wiring(
-    inst: Instrument, settings: CanOpen | NiDaq, key: str, current_of: Callable[[Any, float], Any]
-) -> Wiring:
+def wiring(inst: Instrument, settings: CanOpen | NiDaq, key: str, current_of: Callable[[Any, float], Any]) -> Wiring:
     """Return how a bench of an instrument is wired by its table under a key of ``devices``.
 
     `current_of` gives a drive's current as the source of a tension, of which 1 A stands for so many N.
@@ -134,9 +132,9 @@ def _by_name(inst: Instrument, settings: CanOpen | NiDaq, key: str) -> _Found:
     )
     sensors: dict[int, Plug] = {}
     first = 0
-    for what, there, given in measured:
+    for what, there, wired in measured:
         sensors |= {
-            first + n: Plug(what, name, first + n, given[name]) for n, name in enumerate(there) if name in given
+            first + n: Plug(what, name, first + n, wired[name]) for n, name in enumerate(there) if name in wired
         }
         first += len(there)
     return names, tuple(sorted(drives, key=lambda plug: plug.place)), sensors

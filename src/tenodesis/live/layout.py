@@ -85,7 +85,8 @@ class Layout:
         found = {_COMMANDED[name]: values for name, values in commanded.items() if name in _COMMANDED}
         if "contact" in commanded:
             found |= {name: commanded["contact"][:, n :: len(TISSUE)] for n, name in enumerate(TISSUE)}
-        found |= {name: commanded["held"][:, [n]] for n, name in enumerate(self._held)}
+        if "held" in commanded:
+            found |= {name: commanded["held"][:, [n]] for n, name in enumerate(self._held)}
         found |= {name: signals[:, columns] for name, columns in self._signals.items() if name in SIGNALS}
         axes = len(self.names.compensated)
         if axes:
