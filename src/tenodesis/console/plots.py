@@ -66,8 +66,9 @@ class Plots:
         panel = gui.add_panel()
         with panel.add_tab("Curves"):
             self.axis = gui.add_dropdown("Axis", self._joints, visible=len(self._joints) > 1)
-            self._of = ""
+            self._of = self._joints[0]
             """The joint whose tendons the charts name."""
+            of_tendons = self._curves_of_tendons(0)
             self._angle = add_chart(
                 gui,
                 "Tip angle, deg",
@@ -88,12 +89,11 @@ class Plots:
             band = uplot.Band(series=(2, 3), fill=BAND)
             self._force = add_chart(gui, "Force at the tip, N", force, height=_HEIGHT, bands=(band,))
             currents = inst.sensors.kind == "current"
-            self._current = add_chart(gui, "Motor current, A", {"none": LINE}, height=_HEIGHT)
+            self._current = add_chart(gui, "Motor current, A", of_tendons[0], height=_HEIGHT)
             self._current.visible = currents
             title = "Tendon tension by current, N" if currents and not simulated else "Tendon tension, N"
-            self._tension = add_chart(gui, title, {"slack": LINE, "limit": LINE}, height=_HEIGHT)
-            stretches = {"+ stretch at rest": LINE, "− stretch at rest": LINE}
-            self._stroke = add_chart(gui, "Motor stroke, mm", stretches, height=_HEIGHT)
+            self._tension = add_chart(gui, title, of_tendons[1], height=_HEIGHT)
+            self._stroke = add_chart(gui, "Motor stroke, mm", of_tendons[2], height=_HEIGHT)
             self._friction = add_chart(
                 gui,
                 "Friction, ratio to the file",
@@ -102,6 +102,7 @@ class Plots:
             )
             self._grip = add_chart(gui, "Grip force, N", {"on the object": INK, "none": LINE}, height=_HEIGHT)
             self._grip.visible = simulated and inst.grip is not None
+            self._friction.visible = self._force.visible = self._of in self._served
         panel.dock_left()
         panel.set_width(_WIDTH)
 
@@ -111,7 +112,7 @@ class Plots:
         joint = self._joints.index(self.axis.value)
         own = self._tendons[joint]
         if self._of != self.axis.value:
-            self._name_tendons(self.axis.value, own)
+            self._name_tendons(joint)
         output = without_gaps(np.degrees(seconds.output[:, joint]), 0.0)
         target, estimated, deviation = (
             np.degrees(values[:, joint]) for values in (seconds.target, seconds.estimated, seconds.deviation)
@@ -131,16 +132,22 @@ class Plots:
         self._set(self._friction, time, without_gaps(seconds.friction_scale[:, joint], 1.0), level, 0 * level)
         self._set(self._grip, time, without_gaps(seconds.grip_force[:, 0], 0.0), 0 * level)
 
-    def _name_tendons(self, joint: str, own: NDArray[np.int64]) -> None:
-        """Let the charts of tendons have those of a joint, and hide what the law alone knows where there is none."""
-        self._of = joint
-        names = [self._names[tendon].removeprefix(f"{joint}_") for tendon in own]
+    def _curves_of_tendons(self, joint: int) -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
+        """Return the curves of the charts of current, tension and stroke, with the tendons of a joint."""
+        names = [self._names[tendon].removeprefix(f"{self._joints[joint]}_") for tendon in self._tendons[joint]]
         tendons = dict(zip(names, _TENDONS, strict=False))
-        self._current.series = series({**tendons, "none": LINE})
-        self._tension.series = series({**tendons, "slack": LINE, "limit": LINE})
-        self._stroke.series = series({**tendons, "+ stretch at rest": LINE, "− stretch at rest": LINE})
-        self._friction.visible = joint in self._served
-        self._force.visible = joint in self._served
+        levels = (("none",), ("slack", "limit"), ("+ stretch at rest", "− stretch at rest"))
+        current, tension, stroke = (tendons | dict.fromkeys(lines, LINE) for lines in levels)
+        return current, tension, stroke
+
+    def _name_tendons(self, joint: int) -> None:
+        """Let the charts of tendons have those of a joint, and hide what the law alone knows where there is none."""
+        self._of = self._joints[joint]
+        for chart, curves in zip(
+            (self._current, self._tension, self._stroke), self._curves_of_tendons(joint), strict=True
+        ):
+            chart.series = series(curves)
+        self._friction.visible = self._force.visible = self._of in self._served
 
     def _show_force(self, seconds: ShownSignals, joint: int) -> None:
         load = np.nan_to_num(seconds.force[:, joint]) + np.nan_to_num(seconds.contact_force[:, joint])

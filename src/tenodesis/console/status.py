@@ -142,7 +142,7 @@ _COLOURS = {
     RuntimeState.GONE: "#b4232f",
 }
 _MEANING = {
-    RuntimeState.DISABLED: "The motors are off. Enable to let the controller move them.",
+    RuntimeState.DISABLED: "The motors are off. Enable to let them move.",
     RuntimeState.ENABLED: "The controller moves the motors.",
     RuntimeState.PAUSED: "The motors hold their positions. Resume to go on.",
     RuntimeState.FAULT: "The motors hold their positions until the fault is cleared.",
