@@ -149,6 +149,11 @@ def test_without_a_handle_the_sliders_are_the_joints_that_the_motors_turn(served
         guest.set("Shipped", "scaled-up")
         guest.set("Run this instrument", True)
         wait(lambda: served.watch.inst.name == "scaled-up", 60.0)
-        wait(lambda: guest.property(YAW, "disabled") is False, 60.0)
-        guest.set("Load yaw, N", 0.5)
-        wait(lambda: served.latest["force"] == pytest.approx(0.5))
+        wait(lambda: served.operates(guest) and guest.property(YAW, "disabled") is False, 60.0)
+
+        def loads() -> bool:
+            # Until the browser operates the new instrument, its sliders are taken back.
+            guest.set("Load yaw, N", 0.5)
+            return bool(served.latest["force"] == pytest.approx(0.5))
+
+        wait(loads)
