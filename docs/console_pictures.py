@@ -44,7 +44,7 @@ def main() -> None:
         time.sleep(2)
         _picture(page).save(OUT / "phone.webp", quality=80, method=6)
         with _page("hybrid-scaled-up") as joints:
-            _narrow(_loaded(_opened(browser, joints, DESKTOP))).save(OUT / "coupled.webp", quality=80, method=6)
+            _narrow(_loaded(_opened(browser, joints, DESKTOP))).save(OUT / "joints.webp", quality=80, method=6)
         browser.close()
     for path in sorted(OUT.iterdir()):
         print(f"{path} {path.stat().st_size / 1000:.0f} kB")
@@ -103,7 +103,7 @@ def _sequence(page: Any) -> list[Image.Image]:
 
 def _loaded(page: Any) -> Image.Image:
     """Return the picture of joints that share tendons, bent about both axes and pushed aside, motors off."""
-    page.get_by_text("tip", exact=True).first.click()
+    page.get_by_role("button", name="tip", exact=True).click()
     for label, value in (("Handle yaw, °", "15"), ("Handle pitch, °", "10"), ("Load x, N", "2")):
         page.locator(f"xpath=(//label[.='{label}']/following::input[not(@type='hidden')])[1]").fill(value)
         time.sleep(1)
