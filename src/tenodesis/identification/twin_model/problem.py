@@ -384,9 +384,7 @@ def instrument_of(runs: Sequence[MeasuredRun], given: ShortForm | None) -> Short
         return given
     known = [run.instrument for run in runs if isinstance(run, InstrumentRun) and run.instrument is not None]
     if not known:
-        raise IdentificationError(
-            f"{runs[0].name} contains no planar instrument; give one by --instrument.", key="instrument"
-        )
+        raise IdentificationError(f"{runs[0].name} contains no planar instrument; give --instrument.", key="instrument")
     # that of a recorded twin is the truth
     return known[0].replace(mismatch=None)
 
