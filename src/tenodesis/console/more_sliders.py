@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 
 from tenodesis.console.session import PageState, Session, enable, set_properties
-from tenodesis.control.pairs import pairs
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
-from tenodesis.live.controlled import controlled
+from tenodesis.live.controlled import free_motors
 from tenodesis.run import Array
 from tenodesis.simulate.places import Places
 
@@ -47,9 +46,7 @@ class MoreSliders:
                 gui.add_number("Stiffness, N/mm", 5.0, min=0.01, max=1000.0, step=0.01),
             ]
         self._radius = inst.own_drives.spool_radius
-        own = pairs(inst) if controlled(inst)[0] is not None else {}
-        taken = {tendon for pair in own.values() for tendon in (pair.agonist, pair.antagonist)}
-        self._tendons = [n for n, one in enumerate(inst.tendons) if one.start == "spool" and n not in taken]
+        self._tendons = free_motors(inst)
         self._motors: list[Any] = []
         if self._tendons:
             ways = np.abs(inst.tendon_arms("tip")) @ [joint.range for joint in inst.tip_joints] / self._radius

@@ -69,7 +69,10 @@ def wiring(inst: Instrument, settings: CanOpen | NiDaq, key: str, current_of: Ca
         first = len(names.handle_joints)
         sensors |= {
             first + drive.place: Plug(
-                _tension(drive), drive.of, first + drive.place, current_of(drive.part, sensor.per_current)
+                "tension" if short is None else f"{TENDONS[drive.place % 2]} tension",
+                drive.of,
+                first + drive.place,
+                current_of(drive.part, sensor.per_current),
             )
             for drive, sensor in ((drive, inst.tension_sensors[drive.place]) for drive in drives)
         }
@@ -80,12 +83,6 @@ def wiring(inst: Instrument, settings: CanOpen | NiDaq, key: str, current_of: Ca
 
 _Found: TypeAlias = tuple[Names, tuple[Plug, ...], dict[int, Plug]]
 """Names, drives, and sensors by place."""
-
-
-def _tension(drive: Plug) -> str:
-    """Return in words the tension that a drive pulls with."""
-    side = next((side for side in TENDONS if drive.name.startswith(f"the {side} ")), "")
-    return f"{side} tension".lstrip()
 
 
 def _by_axis(inst: ShortForm, settings: CanOpen | NiDaq, key: str) -> _Found:

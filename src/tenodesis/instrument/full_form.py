@@ -1,6 +1,7 @@
 """An instrument as its file lists it: joints and tendons that may cross several of them."""
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -56,14 +57,11 @@ class FullForm(Instrument):
         """The instrument as joints and tendons: itself."""
         return self
 
-    @property
+    @cached_property
     def own_drives(self) -> Drives:
         """The drives, with the spools that the instrument has."""
-        return (
-            self.drives
-            if self.spool_radius is None
-            else self.drives.model_copy(update={"spool_radius": self.spool_radius})
-        )
+        own = {} if self.spool_radius is None else {"spool_radius": self.spool_radius}
+        return self.drives.model_copy(update=own)
 
     @property
     def as_chain(self) -> Self:
@@ -106,9 +104,9 @@ class FullForm(Instrument):
             self.stiffness_of(tendon)
         _check_distinct("tendons", [tendon.name for tendon in self.tendons])
         self._check_held()
-        # A short form may have friction that no file of joints and tendons has.
         self.tension_sensors  # noqa: B018 - refuses currents that cannot measure them
         self.devices.check_tensions(self.sensors.kind)
+        # A short form may have friction that no file of joints and tendons has.
         if not (info.context and info.context.get("expanded")):
             self._check_friction()
         return self

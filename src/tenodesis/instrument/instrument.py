@@ -142,7 +142,7 @@ class Instrument(FileTable, AnyForm):
         own = (self.pretension if tendon.pretension is None else tendon.pretension for tendon in self.tendons)
         return np.array(list(own))
 
-    @property
+    @cached_property
     def own_drives(self) -> Drives:
         """The drives, with the spools that the instrument has."""
         return self.drives

@@ -2,7 +2,7 @@
 
 from functools import lru_cache
 
-from tenodesis.control.pairs import compensated, names_of
+from tenodesis.control.pairs import Pair, compensated, names_of, pairs
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.run import Names
@@ -15,6 +15,17 @@ def controlled(inst: Instrument) -> tuple[ShortForm | None, str | None]:
         return compensated(inst), None
     except ArgumentError as problem:
         return None, str(problem)
+
+
+def served_pairs(inst: Instrument) -> dict[str, Pair]:
+    """Return the pairs of tendons that a live instrument's controller commands, by axis; none without a controller."""
+    return pairs(inst) if controlled(inst)[0] is not None else {}
+
+
+def free_motors(inst: Instrument) -> list[int]:
+    """Return the tendons whose motors no controller commands, by number."""
+    taken = {tendon for pair in served_pairs(inst).values() for tendon in (pair.agonist, pair.antagonist)}
+    return [n for n, one in enumerate(inst.tendons) if one.start == "spool" and n not in taken]
 
 
 @lru_cache(maxsize=16)

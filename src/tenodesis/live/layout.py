@@ -9,20 +9,12 @@ from tenodesis import _core
 from tenodesis.instrument import Instrument
 from tenodesis.live.controlled import live_names
 from tenodesis.live.folder import Columns
-from tenodesis.run import HELD, SIGNALS, TISSUE, Array, Run
+from tenodesis.run import SIGNALS, Array, Run
 from tenodesis.twin.contact import NO_TISSUE
-from tenodesis.twin.rows import CONTROL, with_currents
+from tenodesis.twin.rows import CONTROL, columns_by_name, signals_of_commands, with_currents
 
 TICK = tuple(_core.tick_columns())
 """Columns that belong to the tick."""
-_COMMANDED = {
-    "handle_angle": "commanded_handle_angle",
-    "spool_velocity": "commanded_spool_velocity",
-    "radial_force": "radial_force",
-    "wrench": "wrench",
-    "grip_force": "applied_grip_force",
-}
-"""Signals that are commands, by the command."""
 _CONTROLLED = {name: n for n, name in enumerate(CONTROL) if "." not in name}
 
 
@@ -30,7 +22,7 @@ class CommandColumns:
     """The columns of a row of commands, by name."""
 
     def __init__(self, columns: Columns) -> None:
-        self.columns = dict(_slices(columns))
+        self.columns = columns_by_name(columns)
         self.width = sum(width for _, width in columns)
 
     def __contains__(self, name: str) -> bool:
@@ -71,8 +63,8 @@ class Layout:
     def __init__(self, inst: Instrument, commands: Columns, signals: Columns) -> None:
         self.inst, self.names = inst, live_names(inst)
         self.commands = CommandColumns(commands)
-        self._held = HELD if inst.expanded.grip is not None else ()
-        self._signals = dict(_slices(signals))
+        self._grips = inst.expanded.grip is not None
+        self._signals = columns_by_name(signals)
         widths = (len(TICK), self.commands.width, sum(width for _, width in signals))
         self._parts = np.cumsum(widths).tolist()
         self.width = self._parts[-1] + len(self.names.compensated) * len(CONTROL)
@@ -82,11 +74,8 @@ class Layout:
         rows = rows.copy()
         tick, commands, signals, control = np.split(rows, self._parts, axis=1)
         commanded = self.commands.named(commands)
-        found = {_COMMANDED[name]: values for name, values in commanded.items() if name in _COMMANDED}
-        if "contact" in commanded:
-            found |= {name: commanded["contact"][:, n :: len(TISSUE)] for n, name in enumerate(TISSUE)}
-        if "held" in commanded:
-            found |= {name: commanded["held"][:, [n]] for n, name in enumerate(self._held)}
+        grip = self._grips and "held" in commanded
+        found = signals_of_commands(commanded, tissue="contact" in commanded, grip=grip)
         found |= {name: signals[:, columns] for name, columns in self._signals.items() if name in SIGNALS}
         axes = len(self.names.compensated)
         if axes:
@@ -117,8 +106,3 @@ class Layout:
 
     def _unknown(self, rows: int) -> dict[str, Array]:
         return {name: np.full(self.names.shape(name, rows), np.nan) for name in SIGNALS}
-
-
-def _slices(columns: Columns) -> list[tuple[str, slice]]:
-    ends = np.cumsum([width for _, width in columns]).tolist()
-    return [(name, slice(end - width, end)) for (name, width), end in zip(columns, ends, strict=True)]

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from tenodesis import _core
 from tenodesis.control import Controller, Request
 from tenodesis.control.controller import ActuationName, LawName
-from tenodesis.control.pairs import names_of, pairs
+from tenodesis.control.pairs import names_of
 from tenodesis.control.parameters import tension_limit
 from tenodesis.devices.device import Capabilities, Device
 from tenodesis.devices.serial import SerialController, StreamedController
@@ -21,7 +21,7 @@ from tenodesis.errors import ArgumentError, DeviceError, LiveError
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.instrument.devices import Serial
 from tenodesis.live import folder as folders
-from tenodesis.live.controlled import controlled
+from tenodesis.live.controlled import controlled, free_motors, served_pairs
 from tenodesis.live.device_thread import DeviceThread
 from tenodesis.live.layout import CommandColumns
 from tenodesis.plant import check_runnable
@@ -152,11 +152,10 @@ class LiveLoop:
         twin = Twin(inst, seed=choices.seed)
         self.period = twin.time_step * twin.steps_per_tick
         self._spool_radius = twin.spool_radius
-        own = pairs(inst) if self.assumed is not None else {}
+        own = served_pairs(inst)
         self.axes = tuple(own)
         """Axes that the controller compensates."""
-        taken = {tendon for pair in own.values() for tendon in (pair.agonist, pair.antagonist)}
-        self.motors = [n for n, one in enumerate(inst.tendons) if one.start == "spool" and n not in taken]
+        self.motors = free_motors(inst)
         """Tendons whose motors no controller commands, by number."""
         self.controller = _controller(self.assumed, choices, inst, served=self._device is not None)
         self.device, self.capabilities = self._bench(twin)

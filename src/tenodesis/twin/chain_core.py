@@ -1,6 +1,6 @@
 """Joints that share tendons, or any chain: one twin of the core for all of them."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,22 +10,15 @@ from tenodesis._core import Status
 from tenodesis.control.pairs import names_of, pairs
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import FullForm
-from tenodesis.run import HELD, TISSUE, Array
+from tenodesis.run import Array
 from tenodesis.twin.chain_rows import twin_rows
 from tenodesis.twin.contact import NO_TISSUE
 from tenodesis.twin.core import Constant, Outcome, Ticks
-from tenodesis.twin.rows import CONTROL
+from tenodesis.twin.rows import CONTROL, columns_by_name, signals_of_commands
 
 _UNSEEN = ("sweeps",)
 _NOT_TAKEN = ("in_stem_axes", "held", "contact", "weight")
 """Columns of a command that no argument fills, or that no instrument has a rig for."""
-_COMMANDED = {
-    "handle_angle": "commanded_handle_angle",
-    "wrench": "wrench",
-    "grip_force": "applied_grip_force",
-    "spool_velocity": "commanded_spool_velocity",
-}
-"""Signals that are commands, by the command."""
 
 
 class ChainCore:
@@ -58,8 +51,8 @@ class ChainCore:
             inst.sensors.kind == "current",
             seed,
         )
-        self._columns = dict(_slices(self._core.commands))
-        self._signals = dict(_slices(self._core.signals))
+        self._columns = columns_by_name(self._core.commands)
+        self._signals = columns_by_name(self._core.signals)
         taken = {name: width for name, width in self._core.commands if name not in _NOT_TAKEN}
         if inst.grip is None:
             del taken["grip_force"]
@@ -116,12 +109,8 @@ class ChainCore:
 
     def commanded(self, rows: Array, *, tissue: bool) -> dict[str, Array]:
         """Return the commands that are signals of a run."""
-        signals = {signal: rows[:, self._columns[name]] for name, signal in _COMMANDED.items()}
-        if self.inst.grip is not None:
-            held = rows[:, self._columns["held"]]
-            signals |= {name: held[:, [n]] for n, name in enumerate(HELD)}
-        contact = rows[:, self._columns["contact"]]
-        return signals | {name: contact[:, n :: len(TISSUE)] for n, name in enumerate(TISSUE) if tissue}
+        commands = {name: rows[:, columns] for name, columns in self._columns.items()}
+        return signals_of_commands(commands, tissue=tissue, grip=self.inst.grip is not None)
 
     def run(self, rows: Array) -> Outcome:
         """Step over commands."""
@@ -178,10 +167,3 @@ class ChainCore:
 
     def _named(self, out: Array) -> dict[str, Array]:
         return {name: out[:, columns] for name, columns in self._signals.items() if name not in _UNSEEN}
-
-
-def _slices(columns: Sequence[tuple[str, int]]) -> Iterator[tuple[str, slice]]:
-    first = 0
-    for name, width in columns:
-        yield name, slice(first, first + width)
-        first += width

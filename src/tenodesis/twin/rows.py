@@ -1,6 +1,6 @@
 """Rows of the core: commands, checks before a run, and signals."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +9,7 @@ from tenodesis import _core
 from tenodesis._core import Status
 from tenodesis.errors import ArgumentError, NoSolutionError
 from tenodesis.instrument import Instrument, ShortForm
-from tenodesis.run import TENDONS, TISSUE, Array, Run
+from tenodesis.run import HELD, TENDONS, TISSUE, Array, Run
 from tenodesis.statics.query import handle_angle_error
 
 COMMANDS = _core.twin_commands()
@@ -24,6 +24,30 @@ ARGUMENTS: dict[str, int | slice] = {
 }
 """Columns of a command, by the argument that fills them."""
 PER_TENDON = ("spool_velocity", "let_out")
+_COMMANDED = {
+    "handle_angle": "commanded_handle_angle",
+    "spool_velocity": "commanded_spool_velocity",
+    "radial_force": "radial_force",
+    "wrench": "wrench",
+    "grip_force": "applied_grip_force",
+}
+"""Signals that are commands, by the name of the command's columns."""
+
+
+def columns_by_name(columns: Sequence[tuple[str, int]]) -> dict[str, slice]:
+    """Return where the columns of each name are in a row, from their names and widths in order."""
+    ends = np.cumsum([width for _, width in columns]).tolist()
+    return {name: slice(end - width, end) for (name, width), end in zip(columns, ends, strict=True)}
+
+
+def signals_of_commands(commands: Mapping[str, Array], *, tissue: bool, grip: bool) -> dict[str, Array]:
+    """Return the signals of a run in commands by name, (n, columns), with or without tissue and what jaws hold."""
+    signals = {signal: commands[name] for name, signal in _COMMANDED.items() if name in commands}
+    if tissue:
+        signals |= {name: commands["contact"][:, n :: len(TISSUE)] for n, name in enumerate(TISSUE)}
+    if grip:
+        signals |= {name: commands["held"][:, [n]] for n, name in enumerate(HELD)}
+    return signals
 
 
 def check_seed(seed: int) -> None:

@@ -9,7 +9,6 @@ nothing, so that their hinges have a little inertia of their own.
 """
 
 from dataclasses import dataclass
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from tenodesis.instrument import FullForm
 from tenodesis.kinematics.parts import moving
 from tenodesis.plant import link_rows
 from tenodesis.verification.chain_peer import ChainPeer
+from tenodesis.verification.mujoco_dynamics import step_rate
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,6 @@ _LEAST = 1e-14  # kg, kg m^2: MuJoCo compiles no body that weighs less
 # Inertia (kg m^2) against which no tendon changes the prescribed velocity of the handle's joints.
 _IMMOVABLE = 1e12
 _TOLERANCE = 1e-8  # of the solver: MuJoCo's own
-_BATCH = 1000  # steps between two looks at the clock
 
 
 @dataclass(frozen=True)
@@ -192,13 +191,7 @@ def steps_per_second(
         data.ctrl[-acting.size :] = acting
     else:
         model, data = _fastest(inst, acting, time_step)
-    mujoco.mj_step(model, data, _BATCH)
-    steps, elapsed, start = 0, 0.0, perf_counter()
-    while elapsed < seconds or not steps:
-        mujoco.mj_step(model, data, _BATCH)
-        steps += _BATCH
-        elapsed = perf_counter() - start
-    return steps / elapsed
+    return step_rate(model, data, seconds)
 
 
 def _fastest(inst: FullForm, acting: Array, time_step: float) -> tuple[Any, Any]:

@@ -125,6 +125,12 @@ def steps_per_second(
     data = mujoco.MjData(model)
     data.qpos[:] = _resting(inst, handle_angle, force, 0.0) / 2
     data.ctrl[0] = force
+    return step_rate(model, data, seconds)
+
+
+def step_rate(model: Any, data: Any, seconds: float) -> float:
+    """Return the steps per second of a model of MuJoCo over at least so many seconds, after a first batch."""
+    mujoco = require("mujoco", "verify")
     mujoco.mj_step(model, data, _BATCH)
     steps, elapsed, start = 0, 0.0, perf_counter()
     while elapsed < seconds or not steps:
