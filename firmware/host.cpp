@@ -4,12 +4,12 @@
 #include <cstdio>
 
 #include "recording.hpp"
-#include "tenodesis/twin.hpp"
+#include "tenodesis/axis_twin.hpp"
 
 namespace {
 
 using namespace tenodesis;
-using Plant = Twin<GearAxis<double>, Contacts<3>, CapstanWithConstant<double>>;
+using Plant = AxisTwin<GearAxis<double>>;
 
 constexpr double degree = pi / 180;
 constexpr double handle_angle = 33.2 * degree;  // an output angle of 80 degrees
@@ -20,27 +20,34 @@ constexpr double duration = 10;                 // s
 constexpr double friction_error = 1.3;          // of the plant's friction over that of the parameters
 constexpr double stiffness_error = 0.85;        // the same of the tendons' stiffness, as on the paper's bench
 
-/// The instrument of the parameters, with other friction and stiffness, and with the bench's drives and noisy sensors.
+/// The axis of the parameters, with other stiffness.
+GearAxis<double> bench_axis() {
+  const tenodesis_axis_parameters& axis = scaled_up.axis[0];
+  return {{axis.proximal_radius, axis.handle_length},
+          {axis.distal_radius, axis.end_effector_length},
+          axis.stiffness * stiffness_error,
+          axis.pretension,
+          axis.handle_range};
+}
+
+/// Its twin, with other friction, and with the bench's drives and noisy sensors.
 Plant plant() {
   const tenodesis_axis_parameters& axis = scaled_up.axis[0];
+  const GearAxis<double> own = bench_axis();
   Plant plant{};
-  plant.axis = {{axis.proximal_radius, axis.handle_length},
-                {axis.distal_radius, axis.end_effector_length},
-                axis.stiffness * stiffness_error,
-                axis.pretension,
-                axis.handle_range};
+  set_axis(plant, own,
+           {axis.vertex_coefficient * friction_error, axis.sheath_coefficient * friction_error, axis.sheath_bend});
   const float share[] = {axis.share_sheath, axis.share_handle, axis.share_stem, axis.share_tip};
-  for (int i = 0; i < 4; ++i) plant.tendon.stiffness[i] = plant.axis.stiffness / double(share[i]);
-  plant.tendon.rest_tension = plant.axis.pretension;
-  plant.friction = {axis.vertex_coefficient * friction_error, axis.sheath_coefficient * friction_error,
-                    axis.sheath_bend};
-  plant.body = {4e-4, 9e-3, 1.86, 25.8};
-  plant.rig = {0.015, plant.axis.distal.rig_arm()};
+  for (auto& tendon : plant.tendon)
+    for (int i = 0; i < 4; ++i) tendon.stiffness[i] = own.stiffness / double(share[i]);
+  set_tip(plant, 4e-4, 9e-3, 1.86, 25.8);
+  set_rig(plant, 0.015, own.distal.rig_arm());
   plant.drive = {axis.spool_radius, axis.drive_speed, axis.drive_acceleration, axis.drive_time_constant, 0};
-  const Sensor<double> encoder{1, 0, 0.03 * degree, -pi, pi, 2 * pi / 4096};
-  const Sensor<double> load_cell{1, 0, 0.03, -200, 200, 200.0 / 32768};
-  plant.sensors = {encoder, encoder, {load_cell, load_cell}, {1, 0, 0, -1e9, 1e9, 2 * pi / 4096}};
+  plant.handle_encoder = plant.output_encoder = {1, 0, 0.03 * degree, -pi, pi, 2 * pi / 4096};
+  for (auto& cell : plant.load_cell) cell = {1, 0, 0.03, -200, 200, 200.0 / 32768};
+  plant.motor_encoder = {1, 0, 0, -1e9, 1e9, 2 * pi / 4096};
   plant.time_step = double(scaled_up.period);
+  plant.prepare();
   return plant;
 }
 
@@ -60,23 +67,23 @@ bool record(std::FILE* file) {
   bool written = std::fwrite(&header, sizeof header, 1, file) == 1;
   for (std::uint32_t n = 0; n < ticks; ++n) {
     const double time = n * bench.time_step;
-    const auto input = measurement_as<instrument::Input>(twin.reading);
+    const auto input = measurement_as<instrument::Input>(reading_of(twin));
     const recording::Tick tick{input, controller.step(input)};
     written = written && std::fwrite(&tick, sizeof tick, 1, file) == 1;
     Command<double> command{};
     command.handle_angle = handle_angle * rise(time / approach);
     command.weight = time >= loaded_at ? weight : 0;
     for (int i = 0; i < 2; ++i) command.spool_velocity[i] = tick.output.axis.spool_velocity[i];
-    if (const Status found = bench.step(command, twin); found != Status::ok) {
+    if (const Status found = bench.step(command_of<Plant::Command>(command), twin); found != Status::ok) {
       std::printf("tick %u: the twin stopped with status %d\n", n, static_cast<int>(found));
       return false;
     }
   }
-  const auto& axis = bench.axis;
+  const GearAxis<double> axis = bench_axis();
   const double wanted = axis.distal.angle(axis.proximal.coordinate(handle_angle) * axis.proximal.excursion_slope() /
                                           axis.distal.excursion_slope());
   std::printf("recorded: %u ticks of %g ms; the tip ends %.2f degrees from its target\n", ticks, bench.time_step * 1e3,
-              (twin.output_angle - wanted) / degree);
+              (twin.angle[0] - wanted) / degree);
   return written;
 }
 

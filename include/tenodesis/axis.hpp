@@ -20,6 +20,7 @@ struct Axis {
   using Scalar = S;
   template <class T>
   using Rebind = Axis<T, DistalJoint, ProximalJoint>;
+  static constexpr Mechanism tip_mechanism = DistalJoint<S>::mechanism, handle_mechanism = ProximalJoint<S>::mechanism;
 
   ProximalJoint<S> proximal{};
   DistalJoint<S> distal{};

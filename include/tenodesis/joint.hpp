@@ -16,6 +16,7 @@
 //   tendon_span()                 length of tendon within the straight joint, m
 //   rig_arm()                     from the pivot of a load rig to the tip of the straight joint, m
 //   limit()                       bound of |x|
+//   mechanism                     its name
 //   chord(angle)                  between the ends of the bent joint, m; it makes half the angle with either end
 //   values()                      the same joint in real numbers
 // All arms follow from virtual work on the joint's exact kinematics.
@@ -25,6 +26,8 @@
 #include "tenodesis/rotation.hpp"
 
 namespace tenodesis {
+
+enum class Mechanism : unsigned char { gear, pulley, continuum };
 
 /// Forces at the tip that rotate with it, N. A positive force opposes positive flexion; a radial force pulls outward.
 template <class S>
@@ -49,6 +52,7 @@ struct TendonGear {
   S radius{};  ///< pitch radius, m
   S length{};  ///< from the moving gear's centre to where the force acts, m
 
+  static constexpr Mechanism mechanism = Mechanism::gear;
   static constexpr S limit() { return S(1); }
   static constexpr S coordinate(const S& angle) { return sin_quarter(angle * S(0.5)); }
   static S angle(const S& x) { return S(2) * asin(x); }
@@ -93,6 +97,7 @@ struct TendonPulley {
   S radius{};  ///< pulley radius, m
   S length{};  ///< from the axis to where the force acts, m
 
+  static constexpr Mechanism mechanism = Mechanism::pulley;
   static constexpr S limit() { return S(pi); }
   static constexpr S coordinate(const S& angle) { return angle; }
   static constexpr S angle(const S& x) { return x; }
@@ -127,6 +132,7 @@ struct TendonContinuum {
   S backbone_length{};    ///< m
   S backbone_rigidity{};  ///< flexural rigidity EI, N·m^2
 
+  static constexpr Mechanism mechanism = Mechanism::continuum;
   static constexpr S limit() { return S(pi); }
   static constexpr S coordinate(const S& angle) { return angle; }
   static constexpr S angle(const S& x) { return x; }
@@ -179,8 +185,6 @@ struct TendonContinuum {
     return backbone * x * bow_of_square(x * x);
   }
 };
-
-enum class Mechanism : unsigned char { gear, pulley, continuum };
 
 /// Largest |coordinate| of a mechanism.
 template <class S>

@@ -29,11 +29,8 @@ struct Row {
 };
 
 /// Rows of a tendon whose number of contacts is known at compile time.
-///
-/// vertices: those of each joint of a twin.
-template <int contacts, int vertices = 1>
+template <int contacts>
 struct Contacts {
-  static constexpr int vertices_per_joint = vertices;
   template <class T>
   using PerContact = Row<T, contacts>;
   template <class T>
@@ -99,19 +96,12 @@ struct Tendon {
   /// Reaction of segment 0 to a spool that has drawn the tendon by pull, m.
   Reaction<S> held_by_spool(const S& pull) const { return {rest_tension + stiffness[0] * pull, stiffness[0]}; }
 
-  /// One pass toward the tip under the state's guess: returns how the tip's end reacts, and in line each slip by the
-  /// next.
+  /// One pass toward the tip over the first n contacts under the state's guess: returns how segment n reacts, and in
+  /// line each slip by the next.
   ///
   /// spool: how segment 0 reacts to the first contact's slip; pull: lengthening of each other segment, m; from: slips
-  /// at the step's beginning.
-  Reaction<S> eliminate(const Bands& band, const Reaction<S>& spool, const Lengths& pull, const Slips& from,
-                        const State& state, Line& line) const {
-    return eliminate(contacts(), band, spool, pull, from, state, line);
-  }
-
-  /// The same over the first n contacts only: how segment n reacts.
-  ///
-  /// A is a number, or a linear function of what draws the tendon on its way (wrist_twin.hpp); so are its slips then.
+  /// at the step's beginning. A is a number, or a linear function of what draws the tendon on its way (wrist_step.hpp);
+  /// so are its slips then.
   template <class A>
   Reaction<A, S> eliminate(int n, const Bands& band, const Reaction<A, S>& spool,
                            const Rows::template PerSegment<A>& pull, const Slips& from, const State& state,
@@ -160,51 +150,7 @@ struct Tendon {
     return end;
   }
 
-  /// The last contact of a tendon whose anchor is displaced together with that contact: how the segment before it
-  /// reacts, given how it reacts without that contact; in line the last slip by the displacement.
-  Reaction<S> eliminate_last(const Bands& band, const Reaction<S>& end, const Lengths& pull, const Slips& from,
-                             const State& state, Line& line) const {
-    const int last = contacts() - 1;
-    const S k = state.slack[last + 1] ? S(0) : stiffness[last + 1];
-    const S tip = state.slack[last + 1] ? S(0) : rest_tension + k * pull[last + 1];
-    S slip = from[last];
-    S rate(0);
-    S remaining(1);
-    if (state.slide[last] != Slide::none) {
-      const bool to_spool = state.slide[last] == Slide::toward_spool;
-      const S on_spool = to_spool ? S(1) : band[last].ratio;
-      const S on_tip = to_spool ? band[last].ratio : S(1);
-      const S constant = to_spool ? -band[last].constant : band[last].constant;
-      const S held = on_tip * k + band[last].drag;
-      const S resistance = on_spool * end.stiffness + held;
-      if (resistance > S(0)) {
-        const S inverse = S(1) / resistance;
-        slip = (on_spool * end.at_rest - on_tip * tip + constant + band[last].drag * from[last]) * inverse;
-        rate = -on_spool * end.stiffness * inverse;
-        remaining = held * inverse;
-      }
-    }
-    line.at_rest[last] = slip;
-    line.rate[last] = rate;
-    return {end.at_rest - end.stiffness * slip, end.stiffness * remaining};
-  }
-
-  /// The pass back of such a tendon.
-  void substitute_last(const Reaction<S>& spool, const Lengths& pull, const Line& line, const S& y,
-                       State& state) const {
-    const int last = contacts() - 1;
-    const S slip = line.at_rest[last] + line.rate[last] * y;
-    state.tension[last + 1] = rest_tension + stiffness[last + 1] * (pull[last + 1] + slip);
-    state.slip[last] = slip;
-    substitute(last, spool, pull, line, slip + y, state);
-  }
-
-  /// The pass back: slips and tensions when the end is displaced by y, m.
-  void substitute(const Reaction<S>& spool, const Lengths& pull, const Line& line, const S& y, State& state) const {
-    substitute(contacts(), spool, pull, line, y, state);
-  }
-
-  /// The same over the first n contacts only.
+  /// The pass back: slips and tensions when the end of the first n contacts is displaced by y, m.
   void substitute(int n, const Reaction<S>& spool, const Lengths& pull, const Line& line, const S& y,
                   State& state) const {
     S beyond = y;
@@ -219,12 +165,6 @@ struct Tendon {
 
   /// Revises the guess where a pass contradicts it, in so many places at most, and returns their number; slack segments
   /// get zero tension.
-  int revise(const Bands& band, const Slips& from, const S& tolerance, State& state,
-             int most = std::numeric_limits<int>::max()) const {
-    return revise(contacts(), band, from, tolerance, state, most);
-  }
-
-  /// The same over the first n contacts only.
   int revise(int n, const Bands& band, const Slips& from, const S& tolerance, State& state,
              int most = std::numeric_limits<int>::max()) const {
     int revised = 0;
@@ -248,9 +188,6 @@ struct Tendon {
   }
 
   /// The same in lanes and in all places; true where there was a contradiction.
-  Flag<S> revise_all(const Bands& band, const Slips& from, const S& tolerance, State& state) const {
-    return revise_all(contacts(), band, from, tolerance, state);
-  }
   Flag<S> revise_all(int n, const Bands& band, const Slips& from, const S& tolerance, State& state) const {
     Flag<S> revised = false;
     for (int i = 0; i <= n; ++i) {

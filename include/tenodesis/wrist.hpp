@@ -150,21 +150,16 @@ struct Wrist {
       constexpr int i = N - 1 - decltype(from_stem)::value;
       const auto& on = joint[i];
       const auto axis = this->template axis<T, i>();
-      const auto& bent_about = [&]() -> const auto& {
-        if constexpr (known)
-          return axis;
-        else
-          return on.axis;
-      }();
+      const auto& given = given_axis<T, i>(axis);
       const Bend<T>& bent = bend[i];
       const auto pass = [&](const Wrench<T>& far, T& about) {
-        Wrench<T> mid{bent.inward(bent_about, far.force), bent.inward(bent_about, far.moment)};
+        Wrench<T> mid{bent.inward(given, far.force), bent.inward(given, far.moment)};
         mid.moment = mid.moment + bent.chord * along(mid.force);
         about = T(0.5) * (dot(axis, far.moment) + dot(axis, mid.moment)) + bent.chord_rate * mid.force.z;
         return mid;
       };
       const auto near = [&](const Wrench<T>& mid) {
-        return Wrench<T>{bent.inward(bent_about, mid.force), bent.inward(bent_about, mid.moment)};
+        return Wrench<T>{bent.inward(given, mid.force), bent.inward(given, mid.moment)};
       };
       const int parent = serial ? i - 1 : this->parent(i);
       const auto hand_on = [&](Wrench<T>& to, const Wrench<T>& from) {
@@ -209,20 +204,31 @@ struct Wrist {
   template <class T>
   constexpr void turn_with_stem(const Bend<T>* bend, const Wrench<T>& wrench, Wrench<T>* at, Wrench<T> (*by)[N],
                                 std::uint32_t* before) const {
-    for (int i = 0; i < N; ++i) {
-      const int on = joint[i].parent;
+    each<N>([&](auto at_joint) {
+      constexpr int i = decltype(at_joint)::value;
+      const int on = parent(i);
+      const auto axis = this->template axis<T, i>();
       const auto outward = [&](const Wrench<T>& w) {
         const auto turned = [&](const Vector<T>& v) {
-          return bend[i].outward(joint[i].axis, bend[i].outward(joint[i].axis, v));
+          const auto& given = given_axis<T, i>(axis);
+          return bend[i].outward(given, bend[i].outward(given, v));
         };
         return Wrench<T>{turned(w.force), turned(w.moment)};
       };
       at[i] = outward(on < 0 ? wrench : at[on]);
       for (int j = 0; j < i && on >= 0; ++j) by[i][j] = outward(by[on][j]);
-      const Vector<T> axis{T(joint[i].axis.x), T(joint[i].axis.y), T(joint[i].axis.z)};
       by[i][i] = {T(-1) * cross(axis, at[i].force), T(-1) * cross(axis, at[i].moment)};
-      for (int j = on; j >= 0; j = joint[j].parent) before[i] |= std::uint32_t(1) << j;
-    }
+      for (int j = on; j >= 0; j = parent(j)) before[i] |= std::uint32_t(1) << j;
+    });
+  }
+
+  // The axis of joint i as a bent joint asks for it: where it is unknown, in the wrist's own numbers.
+  template <class T, int i, class Axis>
+  constexpr const auto& given_axis(const Axis& axis) const {
+    if constexpr (known)
+      return axis;
+    else
+      return joint[i].axis;
   }
 
   // The share of a wrench that acts at a joint's end, at its far end.

@@ -1,10 +1,26 @@
 #pragma once
-// The energy balance of a step of a wrist's twin, by the trapezoidal rule, as energy.hpp has it for one axis.
+// The energy balance of a step of a twin: stored energy, work put in, losses to friction and damping.
+//
+// All work is integrated by the trapezoidal rule, which for linear springs is exact.
 
-#include "tenodesis/energy.hpp"
 #include "tenodesis/wrist_twin.hpp"
 
 namespace tenodesis {
+
+/// Energies of a twin, J.
+template <class S>
+struct Energy {
+  S stored{};    ///< in tendons, springs, stops, tissue, what is gripped and the links' motion
+  S handle{};    ///< work of the handle on the tendons
+  S spools{};    ///< work of the spools on the tendons
+  S load{};      ///< work of the load on the tip
+  S friction{};  ///< lost at the contacts
+  S damping{};   ///< lost at the tip
+  S tissue{};    ///< lost in tissue: to its damping, and what was stored in tissue that is taken away
+  /// Lost at the contacts by the tensions at the step's end, where the friction law holds: not negative, except for
+  /// rounding.
+  S friction_at_end{};
+};
 
 /// Energy stored in a state, J.
 template <class T>

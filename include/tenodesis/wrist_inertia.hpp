@@ -26,6 +26,7 @@ struct Motion {
   Vector<S> rate{};   ///< of that by the angle, in the axes of the far side, m
   Vector<S> curve{};  ///< second rate, likewise
 
+  // NOLINTNEXTLINE(modernize-pass-by-value): an axis has nothing to move
   Motion(const Axis& about, const Bend<S>& bend, const S& offset) : axis(about) {
     // A joint with a chord bends about an axis across z, in the plane of z and this.
     const Vector<S> side = cross(axis, Vector<S>{S(0), S(0), S(1)});

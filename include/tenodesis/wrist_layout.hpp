@@ -37,7 +37,9 @@ struct Layout {
 /// The layout of so many planar axes, each with a joint of the handle, one of the tip and a pair of tendons, which
 /// cross the joints of the axes before on their way; the sheath is one contact, and so is each joint.
 template <int axes>
-constexpr auto planar_layout(Mechanism tip, Mechanism handle) {
+constexpr auto planar_layout(Mechanism tip) {
+  // As in axis.hpp.
+  const Mechanism handle = tip == Mechanism::continuum ? Mechanism::pulley : tip;
   Layout<axes, 2 * axes, 1 + 2 * axes> of{};
   for (int a = 0; a < axes; ++a) {
     of.mechanism[a] = tip;

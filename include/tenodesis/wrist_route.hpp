@@ -46,7 +46,7 @@ struct Linear {
     a.value = a.value + b;
     return a;
   }
-  friend constexpr Linear operator+(const S& a, Linear b) { return b + a; }
+  friend constexpr Linear operator+(const S& a, const Linear& b) { return b + a; }
   friend constexpr Linear operator*(const S& by, Linear a) {
     a.value = by * a.value;
     for (int u = 0; u < U; ++u) a.by[u] = by * a.by[u];

@@ -1,7 +1,10 @@
 #pragma once
 // Commands and state of a wrist's twin.
 
-#include "tenodesis/twin_parts.hpp"
+#include "tenodesis/current.hpp"
+#include "tenodesis/drive.hpp"
+#include "tenodesis/sensor.hpp"
+#include "tenodesis/tissue.hpp"
 #include "tenodesis/wrist.hpp"
 #include "tenodesis/wrist_route.hpp"
 
@@ -52,14 +55,17 @@ struct WristCommand {
   Contact<S> contact[W::joints]{};  ///< tissue across the tip's path about each joint
 
   bool finite() const {
-    bool all = all_finite(load.wrench.force.x, load.wrench.force.y, load.wrench.force.z, load.wrench.moment.x,
-                          load.wrench.moment.y, load.wrench.moment.z, load.grip) &&
-               all_finite(held.opening, held.stiffness, held.damping, weight, sheath_bend);
-    for (const S& angle : handle_angle) all = all && is_finite(angle);
-    for (const S& velocity : spool_velocity) all = all && is_finite(velocity);
-    for (const S& length : let_out) all = all && is_finite(length);
-    for (const auto& tissue : contact) all = all && all_finite(tissue.angle, tissue.stiffness, tissue.damping);
-    return all;
+    // The difference of infinities, and of NaN, is no number, nor is what it is added to.
+    ValueOf<S> none(0);
+    const auto add = [&](const auto&... v) { ((none += value_of(v) - value_of(v)), ...); };
+    const Wrench<S>& wrench = load.wrench;
+    add(wrench.force.x, wrench.force.y, wrench.force.z, wrench.moment.x, wrench.moment.y, wrench.moment.z, load.grip);
+    add(held.opening, held.stiffness, held.damping, weight, sheath_bend);
+    for (const S& angle : handle_angle) add(angle);
+    for (const S& velocity : spool_velocity) add(velocity);
+    for (const S& length : let_out) add(length);
+    for (const auto& tissue : contact) add(tissue.angle, tissue.stiffness, tissue.damping);
+    return none == ValueOf<S>(0);
   }
 };
 
@@ -90,7 +96,7 @@ struct WristState {
   TendonState<S, Rows> tendon[M]{};
   SlipSpeeds<typename Rows::template PerContact<S>, M, Law::depends_on_speed> slip_speed{};
   DriveState<S> drive[M]{};
-  CurrentState<S> current[M]{};
+  Row<CurrentState<S>, M> current{};
   NoiseOf<typename SideBySide<S>::Word> noise{};
   S measured_handle[N]{};
   S measured_angle[N]{};

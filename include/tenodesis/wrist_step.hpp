@@ -8,13 +8,14 @@
 
 #include <type_traits>
 
-#include "tenodesis/twin_at_rest.hpp"
 #include "tenodesis/wrist_inertia.hpp"
 #include "tenodesis/wrist_state.hpp"
 #include "tenodesis/wrist_statics.hpp"
 
 namespace tenodesis {
 
+/// Most corrections of an angle in one solve.
+inline constexpr int most_corrections = 64;
 /// Most passes of a step of several twins in lockstep.
 inline constexpr int most_lane_passes = 6;
 
@@ -39,6 +40,17 @@ template <class S, int N>
   return regular;
 }
 
+/// Rounds in which a loose tip's coordinates are brought to where no tendon is stretched; with a pair a joint one does.
+inline constexpr int loosening_rounds = 4;
+/// Stretch of a slack tendon that is rounding, m.
+template <Real S>
+inline constexpr S loose_by = sizeof(S) == 4 ? S(1e-9) : S(1e-15);
+
+/// Corrections after which a moment that is negligible may be left over, and its share of what tendons can hold.
+inline constexpr int patience = 8;
+template <Real S>
+inline constexpr S negligible = sizeof(S) == 4 ? S(1e-5) : S(1e-10);
+
 /// Change of angles within which a load's moments are linear to 1e-8 of them, rad.
 inline constexpr double near_angle = 1e-4;
 
@@ -53,6 +65,7 @@ struct WristStep {
   static constexpr int N = T::N, M = T::M, joints = T::joints;
   using Sum = Linear<S, U>;
   using Count = SideBySide<S>::Count;
+  static constexpr bool alone = std::is_same_v<Flag<S>, bool>;  // not one of several in lanes
 
   const T& twin;
   const Command& command;
@@ -74,9 +87,13 @@ struct WristStep {
   S angle[joints];
   S coordinate[U];  // of the unknown joints
   S given[N];       // of the handle's joints, if they are known
-  // Moments at the step's end and their slopes, as last computed, and the load's, which in motion changes little.
+  // Moments at the step's end, after the last correction of the angles; and as last computed, with their slopes and the
+  // force on what is gripped.
   S pushed[U];
+  S pushes[U];
   Square<S, U> yielding;
+  S gripped;
+  // The load's, which in motion changes little.
   S load_angle[N];
   S load_moment[N];
   S load_rate[N][N];
@@ -87,7 +104,7 @@ struct WristStep {
 
   /// Moves to the step's end, in the lanes that run; true where there is one.
   Flag<S> solve(const Flag<S>& runs) {
-    if constexpr (T::known)
+    if constexpr (T::known && Real<S>)
       return solve_flat(runs);
     else
       return solve_all(runs);
@@ -104,23 +121,125 @@ struct WristStep {
     set_pulls();
     for (int g = 0; g < joints; ++g) next.band_angle[g] = angle[g];
     next.sweeps = Count(0);
-    // Quasi-static, friction is that of the step's end, as it is at a handle that a hand moves; at the tip in motion
-    // the first guess is close enough.
-    const int first_exact = twin.quasi_static ? 0 : N;
     Flag<S> open = runs;
     Flag<S> found = false;
+    if (U == N && twin.quasi_static) {
+      S x[N];
+      const Flag<S> loose = runs && slack_about(x);
+      if constexpr (alone) {
+        if (loose && rests(x)) {
+          finish();
+          return true;
+        }
+      } else {
+        // Left to their own step.
+        open = open && !loose;
+      }
+    }
+    S last[U]{}, missed[U]{};
     for (int n = 0; n <= most_corrections && any(open); ++n) {
-      for (int u = first_exact; u < U && n > 0; ++u) next.band_angle[u] = where(open, angle[u], next.band_angle[u]);
+      if (n > 0) correct_bands(open, n, last, missed);
       set_bands();
       open = settle(open);
       Flag<S> agreed = open;
-      for (int u = first_exact; u < U; ++u)
+      for (int u = first_exact(); u < U; ++u)
         agreed = agreed && abs(angle[u] - next.band_angle[u]) <= S(settled<ValueOf<S>>);
       found = found || agreed;
       open = open && !agreed;
     }
     if (any(found)) finish();
     return found;
+  }
+
+  // Takes friction at the angles that were found, and from the second time on between these and the last ones, where
+  // the two misses, as functions of what is taken, are smallest (Anderson 1965).
+  void correct_bands(const Flag<S>& open, int n, S* last, S* missed) {
+    S along(0), square(0);
+    for (int u = first_exact(); u < U && n > 1; ++u) {
+      const S miss = angle[u] - next.band_angle[u];
+      const S change = miss - missed[u];
+      along = along + miss * change;
+      square = square + change * change;
+    }
+    const S back = if_above(square, clamp(along / square, S(-4), S(0.9)), S(0));
+    for (int u = first_exact(); u < U; ++u) {
+      missed[u] = angle[u] - next.band_angle[u];
+      const S mixed = n > 1 ? angle[u] - back * (angle[u] - last[u]) : angle[u];
+      last[u] = angle[u];
+      next.band_angle[u] = where(open, mixed, next.band_angle[u]);
+    }
+  }
+
+  // The first joint whose friction is that of the step's end: quasi-static all, else those of a handle that a hand
+  // moves; at the tip in motion the first guess is close enough.
+  int first_exact() const { return twin.quasi_static ? 0 : N; }
+
+  // Where tendons would let a tip without load and springs lie; x: its coordinates there, the nearest to its own.
+  Flag<S> slack_about(S* x) {
+    const WristLoad<S> load = twin.load_of(command);
+    S pushed_by = abs(load.grip) + command.held.stiffness;
+    for (const Vector<S>& by : {load.wrench.force, load.wrench.moment})
+      pushed_by = pushed_by + abs(by.x) + abs(by.y) + abs(by.z);
+    for (int i = 0; i < N; ++i) pushed_by = pushed_by + twin.wrist.joint[i].stiffness;
+    Flag<S> bare = pushed_by == S(0);
+    if (!any(bare)) return bare;
+    S stretched[M];
+    twin.each_tendon([&](int m) {
+      const auto& tendon = twin.tendon[m];
+      stretched[m] = (spool[m].at_rest - tendon.rest_tension) / spool[m].stiffness;
+      for (int i = 0; i <= twin.contacts(m); ++i)
+        stretched[m] = stretched[m] + tendon.rest_tension / tendon.stiffness[i] + known[m][i];
+    });
+    for (int i = 0; i < N; ++i) x[i] = coordinate_at(twin.mechanism(i), angle[i]);
+    Flag<S> slack = bare;
+    for (int round = 0; round < loosening_rounds; ++round) {
+      slack = bare;
+      twin.each_tendon([&](int m) {
+        S by = stretched[m];
+        S square(0);
+        twin.each_draw(m, [&](const Draw<S>& at) {
+          if (at.joint >= N) return;
+          by = by + at.arm * x[at.joint];
+          square = square + at.arm * at.arm;
+        });
+        slack = slack && by <= S(loose_by<ValueOf<S>>);
+        const S share = if_above(by, by / square, S(0));
+        twin.each_draw(m, [&](const Draw<S>& at) {
+          if (at.joint < N) x[at.joint] = x[at.joint] - share * at.arm;
+        });
+      });
+    }
+    return slack;
+  }
+
+  // Whether a loose tip rests at coordinates x: friction may keep parts of a loose tendon tight, which then move it.
+  [[gnu::noinline, gnu::cold]] bool rests(const S* x) {
+    const State start = next;
+    S was[N];
+    for (int i = 0; i < N; ++i) {
+      was[i] = angle[i];
+      coordinate[i] = x[i];
+      angle[i] = next.band_angle[i] = angle_at(twin.mechanism(i), x[i]);
+    }
+    bool still = true;
+    for (int i = 0; i < N; ++i)
+      still = still && !touches(twin.path(i), command.contact[i], Tip<S>{angle[i], coordinate[i]});
+    set_bands();
+    twin.each_tendon([&](int m) {
+      if (!still) return;
+      settle_alone(m);
+      twin.each_draw(m, [&](const Draw<S>& by) {
+        if (by.joint < N) still = still && next.tendon[m].tension[by.segment] <= tolerance(m);
+      });
+    });
+    if (still) {
+      for (S& moment_at_end : pushed) moment_at_end = S(0);
+      next.grip_force = S(0);
+      return true;
+    }
+    next = start;
+    for (int i = 0; i < N; ++i) angle[i] = was[i];
+    return false;
   }
 
   void set_inertia() {
@@ -144,9 +263,9 @@ struct WristStep {
   void guess() {
     S turned[U];
     for (int u = 0; u < U; ++u) {
-      const S gripped = u < N ? twin.wrist.joint[u].grip * before.grip_force : S(0);
+      const S held = u < N ? twin.wrist.joint[u].grip * before.grip_force : S(0);
       const S pushed_back = u < N ? before.contact_moment[u] : S(0);
-      turned[u] = before.moment[u] + gripped + pushed_back - bias[u];
+      turned[u] = before.moment[u] + held + pushed_back - bias[u];
     }
     const Flag<S> regular = solve_definite(heavy, turned);
     for (int u = 0; u < U; ++u)
@@ -256,7 +375,6 @@ struct WristStep {
   // Guess, pass, revise (tendon.hpp), with the joints' own equations, in the lanes that run; true where it has settled.
   // Others stay as they are.
   Flag<S> settle(const Flag<S>& runs) {
-    constexpr bool alone = std::is_same_v<Flag<S>, bool>;
     S start[joints];
     if constexpr (alone)
       for (int g = 0; g < joints; ++g) start[g] = angle[g];
@@ -297,6 +415,9 @@ struct WristStep {
     S step[U]{};
     set_coordinates();
     for (int n = 0; n < 4 * most_corrections; ++n) {
+      // Near a fold there may be no equilibrium with the friction of other angles.
+      for (int u = first_exact(); u < U; ++u) next.band_angle[u] = angle[u];
+      if (first_exact() < U) set_bands();
       for (int u = 0; u < U; ++u) moment[u] = Sum(S(0));
       twin.each_tendon([&](int m) {
         settle_alone(m);
@@ -312,7 +433,9 @@ struct WristStep {
       for (int u = 0; u < U; ++u) size = size + off[u] * off[u] / (slope.at[u][u] * slope.at[u][u]);
       S largest(0);
       for (int u = 0; u < U; ++u) largest = larger(largest, abs(scaled[u]));
-      if (largest <= settled<ValueOf<S>>) return Status::ok;
+      for (int u = 0; u < U; ++u) pushed[u] = pushes[u];
+      next.grip_force = gripped;
+      if (largest <= settled<ValueOf<S>> || (n >= patience && is_negligible(off))) return Status::ok;
       // A step that leads farther away is halved.
       if (smallest >= S(0) && !(size < smallest) && share > S(1e-4)) {
         share = share * S(0.5);
@@ -327,6 +450,18 @@ struct WristStep {
       if (!within()) return Status::no_equilibrium;
     }
     return Status::no_equilibrium;
+  }
+
+  // Whether what is left over about the joints is nothing beside what the tendons can hold: about a loose joint, drag
+  // alone moves the tendons, and rounding the angle.
+  bool is_negligible(const S* off) const {
+    S largest(0);
+    twin.each_tendon([&](int m) {
+      twin.each_draw(m, [&](const Draw<S>& by) { largest = larger(largest, twin.tension_scale[m] * abs(by.arm)); });
+    });
+    for (int u = 0; u < U; ++u)
+      if (!(abs(off[u]) <= S(negligible<ValueOf<S>>) * largest)) return false;
+    return true;
   }
 
   void settle_alone(int m) {
@@ -365,8 +500,9 @@ struct WristStep {
         angle[u] = where(open, angle[u] - share * off[u], angle[u]);
         S less = yielding.at[u][0] * off[0];
         for (int v = 1; v < U; ++v) less = less + yielding.at[u][v] * off[v];
-        pushed[u] = where(open, pushed[u] - share * less, pushed[u]);
+        pushed[u] = where(open, pushes[u] - share * less, pushed[u]);
       }
+      next.grip_force = where(open, gripped, next.grip_force);
       open = open && within();
       using V = ValueOf<S>;
       // In motion inertia outweighs all else: the next correction would be of this one's square, and smaller still.
@@ -381,7 +517,7 @@ struct WristStep {
   // What is left over about every unknown joint, N m, and its slopes by the angles, N m/rad; without slopes of rates.
   void unbalanced(S* off, Square<S, U>& slope) {
     moments(off, slope);
-    for (int u = 0; u < U; ++u) pushed[u] = off[u];
+    for (int u = 0; u < U; ++u) pushes[u] = off[u];
     yielding = slope;
     const S share = twin.quasi_static ? S(1) : S(0.5);
     for (int u = 0; u < U; ++u) {
@@ -402,16 +538,16 @@ struct WristStep {
       slope.at[i][i] = slope.at[i][i] - tissue.stiffness;
     }
     const Held<S>& held = command.held;
-    next.grip_force = S(0);
+    gripped = S(0);
     if (!any(held.stiffness > S(0))) return;
     const S pressed = held.opening - twin.opening(angle);
     const S drag = twin.quasi_static ? S(0) : held.damping * per_second;
     const S push = held.stiffness * pressed + drag * (twin.opening(before.angle) - twin.opening(angle));
-    const Flag<S> pushes = held.stiffness > S(0) && pressed > S(0) && push > S(0);
-    next.grip_force = where(pushes, push, S(0));
-    const S stiffness = where(pushes, held.stiffness + drag, S(0));
+    const Flag<S> holds = held.stiffness > S(0) && pressed > S(0) && push > S(0);
+    gripped = where(holds, push, S(0));
+    const S stiffness = where(holds, held.stiffness + drag, S(0));
     for (int i = 0; i < N; ++i) {
-      off[i] = off[i] + twin.wrist.joint[i].grip * next.grip_force;
+      off[i] = off[i] + twin.wrist.joint[i].grip * gripped;
       for (int j = 0; j < N; ++j)
         slope.at[i][j] = slope.at[i][j] - stiffness * twin.wrist.joint[i].grip * twin.wrist.joint[j].grip;
     }

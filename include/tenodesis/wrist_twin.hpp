@@ -1,13 +1,25 @@
 #pragma once
-// The twin of a wrist (wrist.hpp) in time: tendons with friction at every contact of their routes, links with inertia,
-// jaws that grip, motors, sensors and hand.
+// The digital twin: joints and tendons (wrist.hpp) on their bench, simulated in time steps: tendons with friction at
+// every contact of their routes, links with inertia, jaws that grip, motors, sensors and hand.
 
 #include "tenodesis/wrist_step.hpp"
 
 namespace tenodesis {
 
+/// Most parts that a quasi-static step is divided into.
+inline constexpr int most_parts = 1024;
+
+/// The hand on the handle; without stiffness the handle angle is prescribed.
+template <class S>
+struct Hand {
+  S stiffness{};  ///< N m/rad
+  S damping{};    ///< N m s/rad
+  S inertia{};    ///< of hand and handle, kg m^2
+};
+
 /// W: a wrist; most: contacts of a tendon, those of the wrist's layout if that is known; Law: one of friction.hpp's.
 template <class W, int most, class LawOf = CapstanWithConstant<typename W::S>>
+// NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): in lanes, a part that is not a number is as wide
 struct WristTwin {
   using S = W::S;
   using Wrist = W;
@@ -32,6 +44,7 @@ struct WristTwin {
   S stop_stiffness[N]{};
   S viscous{};           ///< friction of each joint and of the sheath, N s/m
   S sheath_bend_rate{};  ///< bend of a tendon's sheath per radian of each |angle| of the handle's joints that draw it
+  S handle_range[N]{};   ///< largest |angle| of each joint of the handle, rad; 0: any below half a turn
   Hand<S> hand{};        ///< on each joint of the handle
   Drive<S> drive{};
   Wrench<S> rig{};  ///< on the tip by a newton on the load rig, in the axes of the load
@@ -85,7 +98,8 @@ struct WristTwin {
   Status step(const Command& command, State& state) const {
     if (!command.finite()) return Status::not_finite;
     for (int h = 0; h < handles(); ++h)
-      if (!(abs(command.handle_angle[h]) < S(pi))) return Status::out_of_range;
+      if (prescribed() ? beyond_range(h, command.handle_angle[h]) : !(abs(command.handle_angle[h]) < S(pi)))
+        return Status::out_of_range;
     for (const Contact<S>& tissue : command.contact)
       if (abs(tissue.angle) > S(pi)) return Status::unreachable;
     const State before = state;
@@ -96,6 +110,8 @@ struct WristTwin {
             advance(drive, before.drive[m], command.spool_velocity[m], before.tendon[m].tension[0], time_step);
     Status found = move(command, time_step, before, state);
     if (found == Status::no_equilibrium && quasi_static) found = move_in_parts(command, before, state);
+    for (int h = 0; h < handles() && found == Status::ok && !prescribed(); ++h)
+      if (beyond_range(h, state.angle[N + h])) found = Status::out_of_range;
     if (found != Status::ok) {
       state = before;
       return found;
@@ -108,7 +124,12 @@ struct WristTwin {
     return Status::ok;
   }
 
-  bool prescribed() const { return !(hand.stiffness > S(0)); }
+  /// Whether the handle is held where a command says.
+  bool prescribed() const { return !any(hand.stiffness > S(0)); }
+  Flag<S> beyond_range(int h, const S& angle) const {
+    const S range = if_above(handle_range[h], handle_range[h] + S(range_tolerance<ValueOf<S>>), S(pi));
+    return !(abs(angle) <= range) || abs(angle) >= S(pi);
+  }
   S per_second() const { return S(1) / time_step; }
 
   /// Opening of the jaws by the arms of the grip, m.
@@ -121,7 +142,7 @@ struct WristTwin {
   /// The load of a command, with that of the rig.
   WristLoad<S> load_of(const Command& command) const {
     WristLoad<S> load = command.load;
-    if (command.weight == S(0)) return load;
+    if (!any(command.weight != S(0))) return load;
     load.wrench.force = load.wrench.force + command.weight * rig.force;
     load.wrench.moment = load.wrench.moment + command.weight * rig.moment;
     return load;
@@ -148,7 +169,12 @@ struct WristTwin {
   /// Joints of the handle.
   int handles() const { return known ? N : wrist.handles; }
   /// Whether a tendon is there.
-  bool taut(int m) const { return known || wrist.stiffness[m] > S(0); }
+  bool taut(int m) const {
+    if constexpr (known)
+      return true;
+    else
+      return wrist.stiffness[m] > S(0);
+  }
   int contacts(int m) const {
     if constexpr (known)
       return W::layout.contacts[m];
@@ -250,11 +276,12 @@ struct WristTwin {
       const auto& tension = before.tendon[m].tension;
       // The held side is the slacker one.
       const auto held = [&] { return smaller(tension[j], tension[j + 1]); };
+      // In dual numbers, exponents that are the same may have other derivatives.
       if constexpr (Law::depends_on_speed) {
         band[j] = band_of(law, exponent, wrap, at, before.slip_speed.of[m][j], held());
       } else if constexpr (Law::depends_on_tension) {
         band[j] = band_of(law, exponent, wrap, at, S(0), held());
-      } else if constexpr (Real<ValueOf<S>> && sizeof(S) != 0 && !requires(S s) { slope_of(s, 0); }) {
+      } else if constexpr (Real<S> || !std::is_same_v<Flag<S>, bool>) {
         Shared& same = shared[in_sheath ? joints : joint];
         if (any(same.exponent != exponent)) same = {exponent, law.band(exponent, S(0))};
         band[j] = same.band;
@@ -271,6 +298,20 @@ struct WristTwin {
     return after.residual_in_parts >= S(0) ? after.residual_in_parts : residual(before, after, per_second());
   }
 
+  /// Reads the sensors.
+  void read(State& state) const {
+    for (int h = 0; h < N && h < handles(); ++h)
+      state.measured_handle[h] = handle_encoder.read(state.angle[N + h], state.noise);
+    for (int i = 0; i < N; ++i) state.measured_angle[i] = output_encoder.read(state.angle[i], state.noise);
+    for (int m = 0; m < M; ++m) {
+      if (!taut(m)) continue;
+      S tension = state.tendon[m].tension[0];
+      if (current.on) tension = sense(current, tension, state.drive[m].angle, state.current[m]);
+      state.measured_tension[m] = load_cell[m].read(tension, state.noise);
+      state.measured_spool[m] = motor_encoder.read(state.drive[m].angle - drive.backlash * S(0.5), state.noise);
+    }
+  }
+
  private:
   S residual(const State& before, const State& after, const S& rate) const {
     S worst(0);
@@ -282,18 +323,6 @@ struct WristTwin {
                      tendon[m].residual(contacts(m), band, before.tendon[m].slip, after.tendon[m]) / tension_scale[m]);
     });
     return worst;
-  }
-
-  void read(State& state) const {
-    for (int h = 0; h < handles(); ++h) state.measured_handle[h] = handle_encoder.read(state.angle[N + h], state.noise);
-    for (int i = 0; i < N; ++i) state.measured_angle[i] = output_encoder.read(state.angle[i], state.noise);
-    for (int m = 0; m < M; ++m) {
-      if (!taut(m)) continue;
-      S tension = state.tendon[m].tension[0];
-      if (current.on) tension = sense(current, tension, state.drive[m].angle, state.current[m]);
-      state.measured_tension[m] = load_cell[m].read(tension, state.noise);
-      state.measured_spool[m] = motor_encoder.read(state.drive[m].angle - drive.backlash * S(0.5), state.noise);
-    }
   }
 
   // Divides a large quasi-static step: a guess within it may have no equilibrium although the wrist has one.

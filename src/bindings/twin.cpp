@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "engine/any_twin.hpp"
+#include "engine/lane_loop.hpp"
 #include "engine/vectors.hpp"
 #include "module.hpp"
 
@@ -40,16 +41,15 @@ class TwinBatch {
       return;
     }
     for (std::size_t i = 0; i < count; i += stride())
-      groups_.emplace_back(
-          lanes_->make({int(spec.axis.joint_type), spec.axis.handle_range, spec.steps_per_sample, spec.quasi_static}),
-          lanes_->release);
+      groups_.emplace_back(lanes_->make({1, int(mechanism_of(spec.axis.joint_type)), spec.quasi_static}),
+                           lanes_->release);
   }
 
-  /// Whether twins of a spec can step in lanes, whose rows of parameters all give a stiffness, or none does.
+  /// Whether twins of a spec can step in lanes, whose rows of parameters all have a hand that yields, or none has.
   static bool in_lanes(const TwinSpec& spec, const In<2>& rows) {
-    const auto given = [&](std::size_t i) { return !std::isnan(rows(i, twin_parameter_count + given_stiffness)); };
+    const auto yields = [&](std::size_t i) { return rows(i, hand_stiffness) > 0; };
     for (std::size_t i = 1; i < rows.shape(0); ++i)
-      if (given(i) != given(0)) return false;
+      if (yields(i) != yields(0)) return false;
     return steps_in_lanes(spec);
   }
 
@@ -68,10 +68,13 @@ class TwinBatch {
       return;
     }
     void* group = groups_[i / stride()].get();
-    lanes_->start(group, int(i % stride()), row, seed);
-    // What fills a group up repeats its first.
-    if (i % stride() == 0)
-      for (std::size_t k = count_ - i; k < stride(); ++k) lanes_->start(group, int(k), row, seed);
+    with_twin(with_row(spec_, row), [&](const auto& twin) {
+      const auto rest = twin.rest(seed);
+      lanes_->start(group, int(i % stride()), &twin, &rest);
+      // What fills a group up repeats its first.
+      if (i % stride() == 0)
+        for (std::size_t k = count_ - i; k < stride(); ++k) lanes_->start(group, int(k), &twin, &rest);
+    });
   }
 
   struct Work {
@@ -115,16 +118,10 @@ class TwinBatch {
     const Work& work;
     std::size_t first;
 
-    static void tick(void* of, std::size_t run, std::size_t step, const double* reading, double* velocity) {
+    static void tick(void* of, std::size_t run, std::size_t step, const double* readings, double* velocities) {
       const Loop& loop = *static_cast<const Loop*>(of);
-      AnyController& controller = *loop.work.controllers[loop.first + run];
-      AnyInput input{};
-      input.time = static_cast<std::uint64_t>(std::llround(double(step + 1) * loop.work.time_step * 1e9));
-      input.request = controller.request;
-      controller.request = Request::none;
-      input.axis[0] = {reading[0], {reading[1], reading[2]}, {reading[3], reading[4]}};
-      controller.step(input, controller.last);
-      std::copy_n(controller.last.axis[0].spool_velocity, 2, velocity);
+      tick_in_lanes(*loop.work.controllers[loop.first + run], double(step + 1) * loop.work.time_step, readings,
+                    velocities);
     }
 
     static void keep(void* of, std::size_t run, std::size_t column) {
@@ -152,10 +149,25 @@ class TwinBatch {
     const auto own = std::ranges::find_if(work.signals, [](std::size_t s) { return s >= signal_count; });
     const bool closed = !work.controllers.empty();
     Loop loop{work, first};
-    lanes_->advance(groups_[first / stride()].get(),
-                    {runs, work.steps, commands.data(), work.signals.data(), std::size_t(own - work.signals.begin()),
-                     work.every, work.columns, kept.data(), work.outcome + 2 * first, closed ? &Loop::tick : nullptr,
-                     closed ? &Loop::keep : nullptr, &loop, work.steps_per_tick});
+    constexpr tenodesis_lanes::Axis axis{0, agonist, antagonist};
+    lanes_->advance(groups_[first / stride()].get(), {.runs = runs,
+                                                      .steps = work.steps,
+                                                      .commands = commands.data(),
+                                                      .command_width = command_count,
+                                                      .planar = true,
+                                                      .signals = work.signals.data(),
+                                                      .signal_count = std::size_t(own - work.signals.begin()),
+                                                      .every = work.every,
+                                                      .out = kept.data(),
+                                                      .signal_stride = work.columns,
+                                                      .sample_stride = 1,
+                                                      .outcomes = work.outcome + 2 * first,
+                                                      .tick = closed ? &Loop::tick : nullptr,
+                                                      .keep = closed ? &Loop::keep : nullptr,
+                                                      .loop = &loop,
+                                                      .axes = &axis,
+                                                      .axis_count = 1,
+                                                      .steps_per_tick = work.steps_per_tick});
   }
 
   void advance_alone(const Work& work, std::size_t i) {
@@ -307,9 +319,8 @@ void bind_twin(nb::module_& m) {
           },
           "Tissue by the last command: angle in rad, stiffness in N/m, damping in N s/m.")
       .def(
-          "signals", [](const AnyTwin& twin, const In<2>& command) { return twin.signals(commands_of(command)[0]); },
-          "command"_a, nb::sig("def signals(self, command: NDArray[numpy.float64]) -> list[float]"),
-          "The signals as they stand.");
+          "signals", [](const AnyTwin& twin, const In<2>& /*command*/) { return twin.signals(); }, "command"_a,
+          nb::sig("def signals(self, command: NDArray[numpy.float64]) -> list[float]"), "The signals as they stand.");
 
   nb::class_<TwinBatch>(m, "TwinBatch", "Many twins of one axis each, with their states, stepped together.")
       .def(nb::new_(&make_batch), "spec"_a, "parameters"_a, "seeds"_a, "most_lanes"_a = 8,

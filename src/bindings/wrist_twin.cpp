@@ -1,11 +1,14 @@
 // The twin of a wrist of joints that share tendons, for Python.
 
 #include "engine/wrist_twin.hpp"
+#include "engine/lane_loop.hpp"
+#include "engine/vectors.hpp"
 
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 
 #include <atomic>
+#include <numeric>
 #include <thread>
 
 #include "wrist_spec.hpp"
@@ -138,12 +141,134 @@ class PyWristTwin {
   std::size_t commands_{}, signals_{};
 };
 
-/// Steps twins over their commands, or over common ones, by threads, and keeps the signals of every n-th step; with a
-/// controller each, its signals too. Returns the steps taken and the last status of each.
+/// Twins, their commands and what is kept of them, for several runs.
+struct Batch {
+  const std::vector<PyWristTwin*>& twins;
+  const In<3>& commands;  // of each run, or common ones
+  std::size_t every;
+  const Out<3>& out;
+  const std::vector<AnyController*>& controllers;
+  const std::vector<CompensatedAxis>& axes;
+  int steps_per_tick;
+  double time_step;
+  double* control;
+
+  std::size_t count() const { return commands.shape(1); }
+  const double* rows(std::size_t r) const {
+    return commands.data() + (commands.shape(0) == 1 ? 0 : r * count() * commands.shape(2));
+  }
+  double* kept(std::size_t r) const { return out.data() + r * out.shape(1) * out.shape(2); }
+  void keep_control(std::size_t r, std::size_t sample) const {
+    double* said = control + (r * out.shape(1) + sample) * axes.size() * control_signal_count;
+    for (std::size_t n = 0; n < axes.size(); ++n)
+      said = std::ranges::copy(control_signals(*controllers[r], n), said).out;
+  }
+
+  Outcome run_alone(std::size_t r) const {
+    AnyWristTwin& twin = twins[r]->twin();
+    double* to = kept(r);
+    if (controllers.empty()) {
+      for (std::size_t i = 0; i < count(); ++i) {
+        const Status found = twin.step(rows(r) + i * commands.shape(2));
+        if (found != Status::ok) return {i, found};
+        if ((i + 1) % every == 0) to = twin.store(to);
+      }
+      return {count(), Status::ok};
+    }
+    CompensatedWrist plant(twin, axes, rows(r));
+    ClosedLoop loop(plant, *controllers[r], steps_per_tick, time_step);
+    const Progress progress = loop.run(count(), 0, {}, [&](std::size_t i) {
+      if ((i + 1) % every != 0) return;
+      to = twin.store(to);
+      keep_control(r, i / every);
+    });
+    return {progress.steps, progress.status};
+  }
+
+  // A loop through controllers, for the lanes.
+  struct Loop {
+    const Batch& of;
+    std::size_t first;
+
+    static void tick(void* loop, std::size_t run, std::size_t step, const double* readings, double* velocities) {
+      const auto& [of, first] = *static_cast<const Loop*>(loop);
+      tick_in_lanes(*of.controllers[first + run], double(step + 1) * of.time_step, readings, velocities);
+    }
+    static void keep(void* loop, std::size_t run, std::size_t sample) {
+      const auto& [of, first] = *static_cast<const Loop*>(loop);
+      of.keep_control(first + run, sample);
+    }
+  };
+
+  /// Runs some from first on, in the lanes of a vector.
+  void run_in_lanes(const tenodesis_lanes::Lanes& lanes, std::size_t first, Outcome* outcomes) const {
+    const auto width = std::size_t(lanes.count);
+    const std::size_t runs = std::min(width, twins.size() - first);
+    const std::unique_ptr<void, void (*)(void*)> group(lanes.make(twins[first]->twin().in_lanes()->kind),
+                                                       lanes.release);
+    std::vector<const double*> given(runs);
+    std::vector<double*> to(runs);
+    std::vector<std::int64_t> ends(2 * runs);
+    // What fills the lanes up repeats the first.
+    for (std::size_t k = 0; k < width; ++k) {
+      const auto bytes = *twins[first + (k < runs ? k : 0)]->twin().in_lanes();
+      lanes.start(group.get(), int(k), bytes.twin, bytes.state);
+      if (k >= runs) continue;
+      given[k] = rows(first + k);
+      to[k] = kept(first + k);
+    }
+    std::vector<std::size_t> signals(out.shape(2));
+    std::iota(signals.begin(), signals.end(), std::size_t(0));
+    std::vector<tenodesis_lanes::Axis> compensated;
+    compensated.reserve(axes.size());
+    for (const auto& [handle, agonist_at, antagonist_at] : axes)
+      compensated.push_back({handle, agonist_at, antagonist_at});
+    Loop loop{*this, first};
+    const bool closed = !controllers.empty();
+    lanes.advance(group.get(), {.runs = runs,
+                                .steps = count(),
+                                .commands = given.data(),
+                                .command_width = commands.shape(2),
+                                .planar = false,
+                                .signals = signals.data(),
+                                .signal_count = signals.size(),
+                                .every = every,
+                                .out = to.data(),
+                                .signal_stride = 1,
+                                .sample_stride = signals.size(),
+                                .outcomes = ends.data(),
+                                .tick = closed ? &Loop::tick : nullptr,
+                                .keep = closed ? &Loop::keep : nullptr,
+                                .loop = &loop,
+                                .axes = compensated.data(),
+                                .axis_count = closed ? compensated.size() : 0,
+                                .steps_per_tick = steps_per_tick});
+    for (std::size_t k = 0; k < runs; ++k) {
+      outcomes[first + k] = {std::size_t(ends[2 * k]), Status(ends[2 * k + 1])};
+      std::string state = twins[first + k]->twin().state();
+      lanes.state(group.get(), int(k), state.data());
+      twins[first + k]->twin().set_state(state);
+    }
+  }
+};
+
+/// The lanes that twins can step in together; null if they cannot.
+const tenodesis_lanes::Lanes* lanes_of(const std::vector<PyWristTwin*>& twins, int most) {
+  const auto first = twins[0]->twin().in_lanes();
+  if (!first) return nullptr;
+  const bool together = std::ranges::all_of(twins, [&](const PyWristTwin* twin) {
+    const auto bytes = twin->twin().in_lanes();
+    return bytes && bytes->goes_with(*first);
+  });
+  return together ? lanes_of_processor(most) : nullptr;
+}
+
+/// Steps twins over their commands, or over common ones, in lanes where they can, by threads, and keeps the signals of
+/// every n-th step; with a controller each, its signals too. Returns the steps taken and the last status of each.
 std::vector<Outcome> run_wrist_twins(const std::vector<PyWristTwin*>& twins, const In<3>& commands, std::size_t every,
                                      const Out<3>& out, const std::vector<AnyController*>& controllers,
                                      const std::vector<std::array<int, 3>>& axes, int steps_per_tick, double time_step,
-                                     const std::optional<Array<double, 4>>& control, int threads) {
+                                     const std::optional<Array<double, 4>>& control, int threads, int most_lanes) {
   const std::size_t runs = twins.size();
   const std::size_t count = commands.shape(1);
   require(runs > 0 && every > 0 && (commands.shape(0) == runs || commands.shape(0) == 1) && out.shape(0) == runs &&
@@ -161,36 +286,29 @@ std::vector<Outcome> run_wrist_twins(const std::vector<PyWristTwin*>& twins, con
   for (const AnyController* controller : controllers)
     require(std::cmp_equal(axes.size(), controller->axes()), "an axis is missing, or one too many");
   std::vector<Outcome> outcomes(runs);
+  const Batch batch{twins,
+                    commands,
+                    every,
+                    out,
+                    controllers,
+                    compensated,
+                    steps_per_tick,
+                    time_step,
+                    control ? control->data() : nullptr};
   const nb::gil_scoped_release release;
-  const auto run = [&](std::size_t r) -> Outcome {
-    AnyWristTwin& twin = twins[r]->twin();
-    const double* rows = commands.data() + (commands.shape(0) == 1 ? 0 : r * count * commands.shape(2));
-    double* to = out.data() + r * out.shape(1) * out.shape(2);
-    if (controllers.empty()) {
-      for (std::size_t i = 0; i < count; ++i) {
-        const Status found = twin.step(rows + i * commands.shape(2));
-        if (found != Status::ok) return {i, found};
-        if ((i + 1) % every == 0) to = twin.store(to);
-      }
-      return {count, Status::ok};
-    }
-    double* said = control->data() + r * control->shape(1) * axes.size() * control_signal_count;
-    CompensatedWrist plant(twin, compensated, rows);
-    ClosedLoop loop(plant, *controllers[r], steps_per_tick, time_step);
-    const Progress progress = loop.run(count, 0, {}, [&](std::size_t i) {
-      if ((i + 1) % every != 0) return;
-      to = twin.store(to);
-      for (std::size_t n = 0; n < axes.size(); ++n)
-        said = std::ranges::copy(control_signals(*controllers[r], n), said).out;
-    });
-    return {progress.steps, progress.status};
-  };
+  const auto* lanes = lanes_of(twins, most_lanes);
+  const std::size_t stride = lanes != nullptr ? std::size_t(lanes->count) : 1;
   std::atomic<std::size_t> next{0};
   const auto some = [&] {
-    for (std::size_t r = next.fetch_add(1); r < runs; r = next.fetch_add(1)) outcomes[r] = run(r);
+    for (std::size_t r = next.fetch_add(stride); r < runs; r = next.fetch_add(stride))
+      if (lanes != nullptr)
+        batch.run_in_lanes(*lanes, r, outcomes.data());
+      else
+        outcomes[r] = batch.run_alone(r);
   };
+  const std::size_t groups = (runs + stride - 1) / stride;
   std::vector<std::jthread> pool;
-  for (std::size_t n = 1; n < std::min(std::size_t(std::max(threads, 1)), runs); ++n) pool.emplace_back(some);
+  for (std::size_t n = 1; n < std::min(std::size_t(std::max(threads, 1)), groups); ++n) pool.emplace_back(some);
   some();
   pool.clear();
   return outcomes;
@@ -298,13 +416,15 @@ void bind_wrist_twin(nb::module_& m) {
           },
           "joint"_a, "Tissue across the tip's path about a joint by the last command: angle in rad, N/m, N s/m.");
   m.def("run_wrist_twins", &run_wrist_twins, "twins"_a, "commands"_a, "every"_a, "out"_a, "controllers"_a, "axes"_a,
-        "steps_per_tick"_a, "time_step"_a, "control"_a.none(), "threads"_a,
-        nb::sig("def run_wrist_twins(twins: Sequence[WristTwin], commands: NDArray[numpy.float64], every: int, out: "
-                "NDArray[numpy.float64], controllers: Sequence[Controller], axes: Sequence[Sequence[int]], "
-                "steps_per_tick: int, time_step: float, control: NDArray[numpy.float64] | None, threads: int) -> "
-                "list[tuple[int, Status]]"),
-        "Step twins over their commands by run, step and column, or over common ones, and keep the signals of every "
-        "n-th step by run, sample and column, those of their controllers by run, sample and axis. Returns steps taken "
+        "steps_per_tick"_a, "time_step"_a, "control"_a.none(), "threads"_a, "most_lanes"_a = 8,
+        nb::sig(
+            "def run_wrist_twins(twins: Sequence[WristTwin], commands: NDArray[numpy.float64], every: int, out: "
+            "NDArray[numpy.float64], controllers: Sequence[Controller], axes: Sequence[Sequence[int]], "
+            "steps_per_tick: int, time_step: float, control: NDArray[numpy.float64] | None, threads: int, most_lanes: "
+            "int = 8) -> list[tuple[int, Status]]"),
+        "Step twins over their commands by run, step and column, or over common ones, at most so many in a vector's "
+        "lanes, and keep the signals of every n-th step by run, sample and column, those of their controllers by run, "
+        "sample and axis. Returns steps taken "
         "and the last status of each.");
   m.def("wrist_inertia", &wrist_inertia, "wrist"_a, "links"_a, "angles"_a, "speeds"_a, "matrix"_a, "bias"_a);
   m.def("wrist_twin_parameters", [] { return list_of(wrist_twin_names); });

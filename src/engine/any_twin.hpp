@@ -10,7 +10,7 @@
 #include <type_traits>
 
 #include "closed_loop.hpp"
-#include "tenodesis/energy.hpp"
+#include "tenodesis/wrist_energy.hpp"
 #include "twin_spec.hpp"
 
 namespace tenodesis::engine {
@@ -38,7 +38,7 @@ class AnyTwin {
   virtual Progress audit(const Commands& commands, std::size_t count, EnergyTotals& totals) = 0;
   /// One step, for a loop that is closed by the caller.
   virtual Status step(const Command<double>& command) = 0;
-  virtual const Reading<double>& reading() const = 0;
+  virtual Reading<double> reading() const = 0;
   virtual std::string state() const = 0;
   virtual void set_state(const std::string& bytes) = 0;
   virtual double handle_wanted() const = 0;
@@ -46,7 +46,9 @@ class AnyTwin {
   virtual Contact<double> contact() const = 0;
   /// Whether the tip is within tissue, were it there.
   virtual bool inside(const Contact<double>& contact) const = 0;
-  virtual std::array<double, signal_count> signals(const Command<double>& command) const = 0;
+  /// As they stand.
+  virtual std::array<double, signal_count> signals() const = 0;
+  std::array<double, signal_count> signals(const Command<double>& /*command*/) const { return signals(); }
 };
 
 template <class T>
@@ -58,31 +60,29 @@ class TwinOf final : public AnyTwin {
   TwinOf(const T& twin, std::uint64_t seed) : twin_(twin), state_(twin.rest(seed)) {}
 
   Progress run(const Commands& commands, std::size_t count, double* out) override {
-    return walk(commands, count, [&](std::size_t i, const Command<double>& command) {
-      std::ranges::copy(signals_of(twin_, command, state_, state_.reading), out + i * signal_count);
-    });
+    return walk(commands, count,
+                [&](std::size_t i) { std::ranges::copy(signals_of(twin_, state_), out + i * signal_count); });
   }
 
   Progress sample(const Commands& commands, std::size_t count, std::span<const std::size_t> signals, std::size_t every,
                   double* out, std::size_t columns) override {
-    return walk(commands, count, [&](std::size_t i, const Command<double>& command) {
+    return walk(commands, count, [&](std::size_t i) {
       if ((i + 1) % every != 0) return;
-      const auto row = signals_of(twin_, command, state_, state_.reading);
+      const auto row = signals_of(twin_, state_);
       for (std::size_t k = 0; k < signals.size(); ++k) out[k * columns + i / every] = row[signals[k]];
     });
   }
 
   Progress audit(const Commands& commands, std::size_t count, EnergyTotals& totals) override {
     Progress progress;
-    totals.values[0] = stored_energy(twin_, state_);
+    totals.values[0] = wrist_stored_energy(twin_, state_);
     totals.values[1] = totals.values[0];
     for (std::size_t i = 0; i < count; ++i) {
       const State before = state_;
-      const Command<double> command = commands[i];
-      progress.status = twin_.step(command, state_);
+      progress.status = step(commands[i]);
       if (progress.status != Status::ok) return progress;
       progress.steps = i + 1;
-      const Energy<double> energy = account(twin_, before, state_, before.load, state_.load);
+      const Energy<double> energy = wrist_energy(twin_, before, state_);
       totals.values[1] = energy.stored;
       totals.values[2] += energy.handle;
       totals.values[3] += energy.spools;
@@ -97,9 +97,11 @@ class TwinOf final : public AnyTwin {
     return progress;
   }
 
-  Status step(const Command<double>& command) override { return twin_.step(command, state_); }
+  Status step(const Command<double>& command) override {
+    return twin_.step(command_of<typename T::Command>(command), state_);
+  }
 
-  const Reading<double>& reading() const override { return state_.reading; }
+  Reading<double> reading() const override { return reading_of(state_); }
 
   std::string state() const override {
     std::string bytes(sizeof(State), '\0');
@@ -112,28 +114,25 @@ class TwinOf final : public AnyTwin {
     std::memcpy(&state_, bytes.data(), sizeof(State));
   }
 
-  double handle_wanted() const override { return state_.handle_wanted; }
+  double handle_wanted() const override { return state_.command.handle_angle[0]; }
 
-  Contact<double> contact() const override { return state_.load.contact; }
+  Contact<double> contact() const override { return state_.command.contact[0]; }
 
   bool inside(const Contact<double>& contact) const override {
-    return touches(twin_.axis.distal, contact, tip_at(twin_.axis.distal, state_.output_angle));
+    return touches(twin_.path(0), contact, tip_at(twin_.path(0), state_.angle[0]));
   }
 
-  std::array<double, signal_count> signals(const Command<double>& command) const override {
-    return signals_of(twin_, command, state_, state_.reading);
-  }
+  std::array<double, signal_count> signals() const override { return signals_of(twin_, state_); }
 
  private:
-  /// Steps over commands until one fails; calls keep(step, command) after each.
+  /// Steps over commands until one fails; calls keep(step) after each.
   template <class Keep>
   Progress walk(const Commands& commands, std::size_t count, const Keep& keep) {
     Progress progress;
     for (std::size_t i = 0; i < count; ++i) {
-      const Command<double> command = commands[i];
-      progress.status = twin_.step(command, state_);
+      progress.status = step(commands[i]);
       if (progress.status != Status::ok) break;
-      keep(i, command);
+      keep(i);
       progress.steps = i + 1;
     }
     return progress;
@@ -148,26 +147,25 @@ class TwinsByAxis {
  public:
   /// commands: of each axis.
   TwinsByAxis(std::span<AnyTwin* const> twins, std::span<const Commands> commands)
-      : twins_(twins), commands_(commands), last_(twins.size()) {}
+      : twins_(twins), commands_(commands) {}
 
   Measurement<double> reading(std::size_t n) const { return measurement_as<Measurement<double>>(twins_[n]->reading()); }
 
   Status step(std::size_t i, const SpoolVelocities* velocity) {
     for (std::size_t n = 0; n < twins_.size(); ++n) {
-      last_[n] = commands_[n][i];
-      std::ranges::copy(velocity[n], last_[n].spool_velocity);
-      const Status status = twins_[n]->step(last_[n]);
+      Command<double> command = commands_[n][i];
+      std::ranges::copy(velocity[n], command.spool_velocity);
+      const Status status = twins_[n]->step(command);
       if (status != Status::ok) return status;
     }
     return Status::ok;
   }
 
-  std::array<double, signal_count> signals(std::size_t n) const { return twins_[n]->signals(last_[n]); }
+  std::array<double, signal_count> signals(std::size_t n) const { return twins_[n]->signals(); }
 
  private:
   std::span<AnyTwin* const> twins_;
   std::span<const Commands> commands_;
-  std::vector<Command<double>> last_;
 };
 
 inline std::unique_ptr<AnyTwin> make_twin(const TwinSpec& spec, std::uint64_t seed) {

@@ -10,27 +10,40 @@
 
 namespace tenodesis_lanes {
 
-/// What the twins of a group have in common.
+/// What the twins of a group have in common: the axes and the tip's mechanism of their planar layout
+/// (wrist_layout.hpp).
 struct Kind {
-  int joint_type;  ///< a JointType
-  double handle_range;
-  int steps_per_sample;
+  int axes;
+  int mechanism;
   bool quasi_static;
 };
+
+/// What a controller compensates: a joint of the handle and a pair of tendons.
+struct Axis {
+  std::size_t handle, agonist, antagonist;
+};
+/// Readings of an axis that a controller is asked with: handle angle, tensions, spool angles.
+inline constexpr std::size_t axis_readings = 5;
 
 /// Steps of all twins of a group; what is given by run is for the first lanes.
 struct Job {
   std::size_t runs, steps;
   const double* const* commands;  ///< of each run, a row for each step
-  const std::size_t* signals;     ///< that are kept, of every n-th step, as a row of columns each
-  std::size_t signal_count, every, columns;
-  double* const* out;      ///< of each run
-  std::int64_t* outcomes;  ///< of each run: steps taken and status
-  /// Asked for the spool velocities that hold from a step on, given the reading before it; null without controllers.
-  void (*tick)(void* loop, std::size_t run, std::size_t step, const double* reading, double* velocity);
+  std::size_t command_width;
+  bool planar;                 ///< rows of commands and signals are those of an axis (twin_rows.hpp)
+  const std::size_t* signals;  ///< that are kept of every n-th step
+  std::size_t signal_count, every;
+  double* const* out;                        ///< of each run
+  std::size_t signal_stride, sample_stride;  ///< of out
+  std::int64_t* outcomes;                    ///< of each run: steps taken and status
+  /// Asked for the spool velocities that hold from a step on, given the readings before it, by axis; null without
+  /// controllers.
+  void (*tick)(void* loop, std::size_t run, std::size_t step, const double* readings, double* velocities);
   /// Told of each step that is kept; null without controllers.
-  void (*keep)(void* loop, std::size_t run, std::size_t column);
+  void (*keep)(void* loop, std::size_t run, std::size_t sample);
   void* loop;
+  const Axis* axes;
+  std::size_t axis_count;
   int steps_per_tick;
 };
 
@@ -53,10 +66,12 @@ inline constexpr std::size_t most_directions = 7;
 struct Lanes {
   int count;
   void* (*make)(const Kind& kind);
-  /// Puts a lane to rest, with parameters of a twin and then its axis. Until then it does not run, nor after a step
-  /// that it could not take.
-  void (*start)(void* group, int lane, const double* parameters, std::uint64_t seed);
+  /// Puts a twin, and the state it is in, into a lane, each as the bytes of its type. Until then it does not run, nor
+  /// after a step that it could not take.
+  void (*start)(void* group, int lane, const void* twin, const void* state);
   void (*advance)(void* group, const Job& job);
+  /// Brings the state of a twin, as the bytes of its type, to that of a lane.
+  void (*state)(const void* group, int lane, void* state);
   void (*release)(void* group);
   /// Steps taken and status.
   void (*differentiate)(const Gradient& of, std::int64_t outcome[2]);

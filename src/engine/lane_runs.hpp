@@ -6,6 +6,7 @@
 #include "lane_twins.hpp"
 #include "tenodesis/packed_dual.hpp"
 #include "twin_gradient.hpp"
+#include "twin_spec.hpp"
 
 // Each file that includes this has a namespace of its own.
 // NOLINTBEGIN(misc-anonymous-namespace-in-header,misc-definitions-in-headers)
@@ -13,52 +14,54 @@ namespace tenodesis::engine {
 namespace {
 
 // A group with its kind, which says what it is.
-template <template <class> class AxisOf>
+template <int axes, Mechanism tip>
 struct Group {
-  int joint_type;
-  LaneTwins<AxisOf, TENODESIS_LANES> twins;
+  tenodesis_lanes::Kind kind;
+  LaneTwins<axes, tip, TENODESIS_LANES> twins;
 };
 
 template <class Work>
-void with_group(void* group, const Work& work) {
-  // The first member of each is the same.
-  switch (JointType(*static_cast<int*>(group))) {
-    case JointType::tendon_gear:
-      return work(static_cast<Group<GearAxis>*>(group));
-    case JointType::tendon_pulley:
-      return work(static_cast<Group<PulleyAxis>*>(group));
-    case JointType::continuum:
-      return work(static_cast<Group<ContinuumAxis>*>(group));
-  }
+void with_kind(const tenodesis_lanes::Kind& kind, const Work& work) {
+  const auto with_axes = [&]<int axes>() {
+    switch (Mechanism(kind.mechanism)) {
+      case Mechanism::gear:
+        return work.template operator()<Group<axes, Mechanism::gear>>();
+      case Mechanism::pulley:
+        return work.template operator()<Group<axes, Mechanism::pulley>>();
+      case Mechanism::continuum:
+        return work.template operator()<Group<axes, Mechanism::continuum>>();
+    }
+  };
+  if (kind.axes == 1) return with_axes.template operator()<1>();
+  with_axes.template operator()<2>();
 }
 
-template <template <class> class AxisOf>
-void* made(const tenodesis_lanes::Kind& kind) {
-  return new Group<AxisOf>{kind.joint_type, LaneTwins<AxisOf, TENODESIS_LANES>(kind)};
+// The first member of each is its kind.
+template <class Work>
+void with_group(const void* group, const Work& work) {
+  with_kind(*static_cast<const tenodesis_lanes::Kind*>(group), work);
 }
 
 void* make_group(const tenodesis_lanes::Kind& kind) {
-  switch (JointType(kind.joint_type)) {
-    case JointType::tendon_gear:
-      return made<GearAxis>(kind);
-    case JointType::tendon_pulley:
-      return made<PulleyAxis>(kind);
-    case JointType::continuum:
-      break;
-  }
-  return made<ContinuumAxis>(kind);
+  void* made{};
+  with_kind(kind, [&]<class G>() { made = new G{kind, decltype(G::twins)(kind.quasi_static)}; });
+  return made;
 }
 
-void start(void* group, int lane, const double* parameters, std::uint64_t seed) {
-  with_group(group, [&](auto* of) { of->twins.start(lane, parameters, seed); });
+void start(void* group, int lane, const void* twin, const void* state) {
+  with_group(group, [&]<class G>() { static_cast<G*>(group)->twins.start(lane, twin, state); });
 }
 
 void advance(void* group, const tenodesis_lanes::Job& job) {
-  with_group(group, [&](auto* of) { of->twins.advance(job); });
+  with_group(group, [&]<class G>() { static_cast<G*>(group)->twins.advance(job); });
+}
+
+void state(const void* group, int lane, void* to) {
+  with_group(group, [&]<class G>() { static_cast<const G*>(group)->twins.state(lane, to); });
 }
 
 void release(void* group) {
-  with_group(group, [](auto* of) { delete of; });
+  with_group(group, [&]<class G>() { delete static_cast<G*>(group); });
 }
 
 void differentiate_one(const tenodesis_lanes::Gradient& of, std::int64_t outcome[2]) {
@@ -68,10 +71,8 @@ void differentiate_one(const tenodesis_lanes::Gradient& of, std::int64_t outcome
   spec.axis = {JointType(of.joint_type), {}, of.handle_range};
   for (std::size_t p = 0; p < parameter_count; ++p) spec.axis.parameters[p] = value_of(at.axis[p]);
   const auto with_axis = [&]<class A>(const A& axis) {
-    Twin<A, Contacts<1 + tendon_joints>, CapstanWithConstant<PackedDual>> twin{};
-    twin.axis = axis;
-    twin.law = {at.row[constant]};
-    fill(twin, spec, at.row, at.axis[tendon_length]);
+    AxisTwin<A> twin{};
+    fill(twin, axis, spec, at.row, at.axis[tendon_length]);
     const Progress done = differentiate(twin, at.row, of);
     outcome[0] = std::int64_t(done.steps);
     outcome[1] = std::int64_t(done.status);
@@ -89,6 +90,7 @@ const tenodesis_lanes::Lanes tenodesis_lanes::TENODESIS_PROCESSOR{TENODESIS_LANE
                                                                   tenodesis::engine::make_group,
                                                                   tenodesis::engine::start,
                                                                   tenodesis::engine::advance,
+                                                                  tenodesis::engine::state,
                                                                   tenodesis::engine::release,
                                                                   tenodesis::engine::differentiate_one};
 // NOLINTEND(misc-anonymous-namespace-in-header,misc-definitions-in-headers)

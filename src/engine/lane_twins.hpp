@@ -3,68 +3,66 @@
 
 #include <array>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 #include <utility>
 
+#include "chain_rows.hpp"
 #include "lane_job.hpp"
-#include "tenodesis/twin_lanes.hpp"
+#include "tenodesis/wrist_lanes.hpp"
 #include "twin_rows.hpp"
-#include "twin_spec.hpp"
 
 namespace tenodesis::engine {
 
-/// N twins with an axis of axis.hpp; their tendons have one contact in the sheath and one at each joint, their friction
-/// law is the capstan's.
-template <template <class> class AxisOf, int N>
+template <int axes, Mechanism tip, class S>
+using LaneTwin = WristTwin<Wrist<S, axes, 2 * axes, planar_layout<axes>(tip)>, 1 + 2 * axes>;
+
+/// K twins of so many axes, of one tip's mechanism; their friction law is the capstan's.
+template <int axes, Mechanism tip, int K>
 class LaneTwins {
  public:
-  using L = Lanes<double, N>;
-  using Rows = Contacts<1 + tendon_joints>;
-  using One = Twin<AxisOf<double>, Rows, CapstanWithConstant<double>>;
-  using Many = Twin<AxisOf<L>, Rows, CapstanWithConstant<L>>;
+  using L = Lanes<double, K>;
+  using One = LaneTwin<axes, tip, double>;
+  using Many = LaneTwin<axes, tip, L>;
 
-  explicit LaneTwins(const tenodesis_lanes::Kind& kind) : steps_per_sample_(kind.steps_per_sample) {
-    spec_.axis.joint_type = JointType(kind.joint_type);
-    spec_.axis.handle_range = kind.handle_range;
-    spec_.quasi_static = kind.quasi_static;
+  explicit LaneTwins(bool quasi_static) : resting_(quasi_static) {}
+
+  void start(int k, const void* twin, const void* state) {
+    std::memcpy(&one_[k], twin, sizeof(One));
+    typename One::State from;
+    std::memcpy(&from, state, sizeof from);
+    steps_per_sample_ = one_[k].steps_per_sample;
+    until_sample_ = from.until_sample;
     // Sensors are read beside the steps.
-    spec_.steps_per_sample = std::numeric_limits<int>::max();
-  }
-
-  void start(int k, const double* parameters, std::uint64_t seed) {
-    for (std::size_t p = 0; p < row_.size(); ++p) {
-      spec_.row[p] = parameters[p];
-      row_[p].set(k, parameters[p]);
-    }
-    for (std::size_t p = 0; p < axis_row_.size(); ++p) {
-      spec_.axis.parameters[p] = parameters[row_.size() + p];
-      axis_row_[p].set(k, parameters[row_.size() + p]);
-    }
-    make(spec_.axis.parameters, spec_.row, one_[k]);
-    make(axis_row_, row_, many_);
-    const typename One::State rest = one_[k].rest(seed);
-    put(k, rest, state_[current_]);
-    state_[current_].noise.seed[k] = rest.noise.seed;
-    state_[current_].noise.count[k] = rest.noise.count;
-    state_[1 - current_].noise.seed[k] = rest.noise.seed;
-    const Reading<double>& read = rest.reading;
-    reading_.handle_angle.set(k, read.handle_angle);
-    reading_.output_angle.set(k, read.output_angle);
-    for (int i = 0; i < 2; ++i) {
-      reading_.tension[i].set(k, read.tension[i]);
-      reading_.spool_angle[i].set(k, read.spool_angle[i]);
-    }
+    one_[k].steps_per_sample = std::numeric_limits<int>::max();
+    many_.quasi_static = resting_;
+    pair_twins(many_, one_[k], [&](auto& all, const auto& own) { all.set(k, own); });
+    put(k, from, state_[current_]);
+    for (auto& each : state_) each.noise.seed[k] = from.noise.seed;
+    state_[current_].noise.count[k] = from.noise.count;
     runs_.set(k, true);
   }
 
+  void state(int k, void* to) const {
+    typename One::State own;
+    std::memcpy(&own, to, sizeof own);
+    take(k, state_[current_], own);
+    own.noise = {state_[current_].noise.seed[k], state_[current_].noise.count[k]};
+    own.until_sample = until_sample_;
+    own.sweeps = int(state_[current_].sweeps[k]);
+    std::memcpy(to, &own, sizeof own);
+  }
+
   void advance(const tenodesis_lanes::Job& job) {
-    if (spec_.quasi_static)
+    if (resting_)
       advance_all<true>(job);
     else
       advance_all<false>(job);
   }
 
  private:
+  static constexpr WristSizes sizes{axes, axes, 2 * axes};
+
   // Flat, since a compiler inlines less of a larger file.
   template <bool resting>
   [[gnu::flatten]] void advance_all(const tenodesis_lanes::Job& job) {
@@ -72,9 +70,7 @@ class LaneTwins {
       job.outcomes[2 * k] = runs_[int(k)] ? std::int64_t(job.steps) : 0;
       job.outcomes[2 * k + 1] = std::int64_t(runs_[int(k)] ? Status::ok : Status::no_equilibrium);
     }
-    bool measured = job.tick != nullptr;
-    for (std::size_t s = 0; s < job.signal_count; ++s) measured = measured || job.signals[s] < measured_signal_count;
-    int until_sample = steps_per_sample_;
+    const bool measured = job.tick != nullptr || is_measured(job);
     // A copy that nothing else can change, so that what follows from its constants is computed once.
     const Many twin = [&] {
       Many copy = many_;
@@ -83,143 +79,182 @@ class LaneTwins {
     }();
     for (std::size_t i = 0; i < job.steps && any(runs_); ++i) {
       if (job.tick != nullptr && i % std::size_t(job.steps_per_tick) == 0) tick(job, i);
-      const Command<L> command = command_at(job, i);
-      step(InLanes<Many, resting>{twin}, command, [&](int k, Status status) {
-        runs_.set(k, false);
-        if (std::cmp_greater_equal(k, job.runs)) return;
-        job.outcomes[2 * k] = std::int64_t(i);
-        job.outcomes[2 * k + 1] = std::int64_t(status);
-      });
-      if (--until_sample <= 0) {
-        until_sample = steps_per_sample_;
+      step(twin, job, i);
+      if (--until_sample_ <= 0) {
+        until_sample_ = steps_per_sample_;
         // A reading that nobody sees need not be made; the last one is that of the next call.
         const std::size_t kept = (i + job.every) / job.every * job.every - 1;
         if (measured && (job.tick != nullptr || kept < i + std::size_t(steps_per_sample_)))
-          reading_ = readings(twin.sensors, twin.drive, state_[current_]);
+          twin.read(state_[current_]);
         else
-          skip_reading();
+          skip_reading(twin);
       }
-      if ((i + 1) % job.every == 0) keep(job, i / job.every, command);
+      if ((i + 1) % job.every == 0) keep(twin, job, i / job.every);
     }
   }
 
-  template <class T, class S>
-  void make(const std::array<S, parameter_count>& parameters, const std::array<S, twin_parameter_count>& row,
-            T& twin) const {
-    const AnyAxis<S> any = make_axis(spec_.axis, parameters);
-    twin.axis = *std::get_if<AxisOf<S>>(&any);
-    twin.law = CapstanWithConstant<S>{row[constant]};
-    fill(twin, spec_, row, parameters[tendon_length]);
+  // Whether readings are among the kept signals.
+  static bool is_measured(const tenodesis_lanes::Job& job) {
+    // They are the first of an axis's signals, and the last of a chain's.
+    bool measured = false;
+    for (std::size_t s = 0; s < job.signal_count; ++s)
+      measured = measured || (job.planar ? job.signals[s] < measured_signal_count : job.signals[s] >= first_measured);
+    return measured;
   }
 
   static void put(int k, const One::State& one, Many::State& to) {
     pair_states(to, one, [&](auto& all, const auto& own) { all.set(k, own); });
     to.sweeps.set(k, one.sweeps);
   }
+  static void take(int k, const Many::State& from, One::State& to) {
+    pair_states(from, to, [&](const auto& all, auto& own) { own = all[k]; });
+  }
 
   void tick(const tenodesis_lanes::Job& job, std::size_t i) {
+    const auto& now = state_[current_];
     for (int k = 0; std::cmp_less(k, job.runs); ++k) {
       if (!runs_[k]) continue;
-      const double read[] = {reading_.handle_angle[k], reading_.tension[0][k], reading_.tension[1][k],
-                             reading_.spool_angle[0][k], reading_.spool_angle[1][k]};
-      double asked[2];
+      double read[axes * tenodesis_lanes::axis_readings];
+      double asked[2 * axes];
+      for (std::size_t n = 0; n < job.axis_count; ++n) {
+        const auto& [handle, first, second] = job.axes[n];
+        double* to = read + n * tenodesis_lanes::axis_readings;
+        to[0] = now.measured_handle[handle][k];
+        to[1] = now.measured_tension[first][k];
+        to[2] = now.measured_tension[second][k];
+        to[3] = now.measured_spool[first][k];
+        to[4] = now.measured_spool[second][k];
+      }
       job.tick(job.loop, std::size_t(k), i, read, asked);
-      for (int m = 0; m < 2; ++m) velocity_[m].set(k, asked[m]);
+      for (std::size_t n = 0; n < job.axis_count; ++n) {
+        velocity_[job.axes[n].agonist].set(k, asked[2 * n]);
+        velocity_[job.axes[n].antagonist].set(k, asked[2 * n + 1]);
+      }
     }
   }
 
-  // Lanes without a run of their own repeat the first.
-  [[gnu::always_inline]] Command<L> command_at(const tenodesis_lanes::Job& job, std::size_t i) const {
-    const double* rows[N];
-    for (int k = 0; k < N; ++k) rows[k] = job.commands[std::cmp_less(k, job.runs) ? k : 0] + i * command_count;
-    bool common = true;
-    for (int k = 1; k < N; ++k) common = common && rows[k] == rows[0];
-    const auto column = [&](std::size_t c) {
-      L all(rows[0][c]);
-      if (common) return all;
-      for (int k = 0; k < N; ++k) all.set(k, rows[k][c]);
-      return all;
-    };
-    const bool closed = job.tick != nullptr;
-    return {column(0),
-            column(1),
-            column(2),
-            column(3),
-            {closed ? velocity_[0] : column(4), closed ? velocity_[1] : column(5)},
-            column(6),
-            {column(7), column(8)},
-            {column(9), column(10), column(11)}};
+  // The command of a row whose columns take() gives; closed: spools turn as controllers ask.
+  template <class Command, class Take, class Holds, class Velocity>
+  [[gnu::always_inline]] static Command command_from(const tenodesis_lanes::Job& job, const Take& take,
+                                                     const Holds& holds, const Velocity& velocity) {
+    Command command = [&] {
+      if constexpr (axes == 1)
+        if (job.planar) return command_of<Command>(axis_command<typename Command::S>(take));
+      return chain_command<Command>(sizes, take, holds);
+    }();
+    if (job.tick != nullptr)
+      for (std::size_t n = 0; n < job.axis_count; ++n)
+        for (const std::size_t m : {job.axes[n].agonist, job.axes[n].antagonist})
+          command.spool_velocity[m] = velocity(m);
+    return command;
   }
 
-  // One step; fails(lane, status) is called for each lane of those that run and cannot.
-  template <class Steps, class Fails>
-  [[gnu::always_inline]] void step(const Steps& steps, const Command<L>& command, const Fails& fails) {
+  [[gnu::always_inline]] void step(const Many& twin, const tenodesis_lanes::Job& job, std::size_t i) {
+    // Lanes without a run of their own repeat the first.
+    const double* rows[K];
+    for (int k = 0; k < K; ++k) rows[k] = job.commands[std::cmp_less(k, job.runs) ? k : 0] + i * job.command_width;
+    bool common = true;
+    for (int k = 1; k < K; ++k) common = common && rows[k] == rows[0];
+    std::size_t c = 0;
+    const auto take = [&] {
+      L all(rows[0][c]);
+      if (!common)
+        for (int k = 0; k < K; ++k) all.set(k, rows[k][c]);
+      ++c;
+      return all;
+    };
+    // Lanes whose wrench is in other axes than the first's step alone.
+    Mask<double, K> same = true;
+    const auto holds = [&](const L& column) {
+      const bool first = column[0] != 0;
+      const Mask<double, K> holding = column != L(0.0);
+      same = first ? holding : !holding;
+      return first;
+    };
+    const auto command =
+        command_from<typename Many::Command>(job, take, holds, [&](std::size_t m) { return velocity_[m]; });
     const typename Many::State& now = state_[current_];
     typename Many::State& next = state_[1 - current_];
-    const Mask<double, N> moved = steps.step(command, runs_, now, next);
-    const Mask<double, N> left = runs_ && !moved;
+    const Mask<double, K> moved = step_in_lanes(twin, command, runs_ && same, now, next);
+    const Mask<double, K> left = runs_ && !(moved && same);
     if (any(left)) [[unlikely]]
-      for (int k = 0; k < N; ++k)
-        if (left[k]) {
-          const Status status = step_alone(k, command, now, next);
-          if (status != Status::ok) fails(k, status);
-        }
+      for (int k = 0; k < K; ++k)
+        if (left[k]) step_alone(k, job, i, rows[k], now, next);
     next.noise = now.noise;
+    for (int n = 0; n < axes; ++n) {
+      next.measured_handle[n] = now.measured_handle[n];
+      next.measured_angle[n] = now.measured_angle[n];
+    }
+    for (int m = 0; m < 2 * axes; ++m) {
+      next.measured_tension[m] = now.measured_tension[m];
+      next.measured_spool[m] = now.measured_spool[m];
+    }
     current_ = 1 - current_;
   }
 
-  [[gnu::noinline, gnu::cold]] Status step_alone(int k, const Command<L>& command, const Many::State& now,
-                                                 Many::State& next) const {
+  [[gnu::noinline, gnu::cold]] void step_alone(int k, const tenodesis_lanes::Job& job, std::size_t i, const double* row,
+                                               const Many::State& now, Many::State& next) {
     typename One::State state{};
-    pair_states(now, state, [&](const auto& all, auto& own) { own = all[k]; });
+    take(k, now, state);
     state.until_sample = std::numeric_limits<int>::max();
-    const Command<double> own{command.handle_angle[k],
-                              command.force[k],
-                              command.radial_force[k],
-                              command.weight[k],
-                              {command.spool_velocity[0][k], command.spool_velocity[1][k]},
-                              command.sheath_bend[k],
-                              {command.let_out[0][k], command.let_out[1][k]},
-                              {command.contact.angle[k], command.contact.stiffness[k], command.contact.damping[k]}};
-    const Status status = one_[k].step(own, state);
+    const auto command = command_from<typename One::Command>(
+        job, [&] { return *row++; }, [](double column) { return column != 0; },
+        [&](std::size_t m) { return velocity_[m][k]; });
+    const Status status = one_[k].step(command, state);
     put(k, state, next);
-    return status;
+    if (status == Status::ok) return;
+    runs_.set(k, false);
+    if (std::cmp_greater_equal(k, job.runs)) return;
+    job.outcomes[2 * k] = std::int64_t(i);
+    job.outcomes[2 * k + 1] = std::int64_t(status);
   }
 
   // Draws what a reading would.
-  void skip_reading() {
+  void skip_reading(const Many& twin) {
     auto& count = state_[current_].noise.count;
     const auto draw = [&](const Sensor<L>& sensor) { count = count + one_where(sensor.noise > L(0.0)); };
-    draw(many_.sensors.handle_encoder);
-    draw(many_.sensors.output_encoder);
-    for (int i = 0; i < 2; ++i) {
-      draw(many_.sensors.load_cell[i]);
-      draw(many_.sensors.motor_encoder);
+    for (int n = 0; n < axes; ++n) draw(twin.handle_encoder);
+    for (int n = 0; n < axes; ++n) draw(twin.output_encoder);
+    for (int m = 0; m < 2 * axes; ++m) {
+      draw(twin.load_cell[m]);
+      draw(twin.motor_encoder);
     }
   }
 
-  void keep(const tenodesis_lanes::Job& job, std::size_t column, const Command<L>& command) {
-    const auto row = signals_of(many_, command, state_[current_], reading_);
+  void keep(const Many& twin, const tenodesis_lanes::Job& job, std::size_t sample) {
+    std::array<L, most_signals> row;
+    std::size_t width = 0;
+    const auto put_signal = [&](const L& value) { row[width++] = value; };
+    bool planar = false;
+    if constexpr (axes == 1) {
+      planar = job.planar;
+      if (planar)
+        for (const L& value : signals_of(twin, state_[current_])) put_signal(value);
+    }
+    if (!planar) chain_signals(twin, state_[current_], sizes, put_signal);
     for (std::size_t k = 0; k < job.runs; ++k) {
       if (!runs_[int(k)]) continue;
       for (std::size_t s = 0; s < job.signal_count; ++s)
-        job.out[k][s * job.columns + column] = row[job.signals[s]][int(k)];
-      if (job.keep != nullptr) job.keep(job.loop, k, column);
+        job.out[k][s * job.signal_stride + sample * job.sample_stride] = row[job.signals[s]][int(k)];
+      if (job.keep != nullptr) job.keep(job.loop, k, sample);
     }
   }
 
+  // Columns of a chain's signals.
+  static constexpr std::size_t first_measured = 13 * axes + 1;
+  static constexpr std::size_t most_signals = 19 * axes + 2;
+  static_assert(axes > 1 || most_signals >= signal_count);
+
   // What is aligned most comes first.
-  Mask<double, N> runs_ = false;
-  L velocity_[2]{};
-  Reading<L> reading_{};
-  std::array<L, parameter_count> axis_row_{};
-  std::array<L, twin_parameter_count> row_{};
+  Mask<double, K> runs_ = false;
+  L velocity_[2 * axes]{};
   Many many_{};
   Many::State state_[2]{};
-  TwinSpec spec_{};
-  std::array<One, N> one_{};
+  std::array<One, K> one_{};
+  bool resting_;
   int current_{};
-  int steps_per_sample_;
+  int steps_per_sample_{1};
+  int until_sample_{1};
 };
 
 }  // namespace tenodesis::engine

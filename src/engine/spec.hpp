@@ -28,6 +28,12 @@ inline constexpr std::size_t parameter_count = parameter_names.size();
 
 enum class JointType { tendon_gear, tendon_pulley, continuum };
 
+/// Mechanism of the tip's joint.
+constexpr Mechanism mechanism_of(JointType type) {
+  if (type == JointType::tendon_gear) return Mechanism::gear;
+  return type == JointType::tendon_pulley ? Mechanism::pulley : Mechanism::continuum;
+}
+
 struct Spec {
   JointType joint_type{};
   std::array<double, parameter_count> parameters{};

@@ -13,9 +13,9 @@ namespace tenodesis::engine {
 /// Readings that are written: handle encoder, output encoder, both load cells.
 inline constexpr int reading_count = 4;
 
-template <class S>
-std::array<S, reading_count> readings_of(const Reading<S>& reading) {
-  return {reading.handle_angle, reading.output_angle, reading.tension[0], reading.tension[1]};
+template <class State, class S = State::S>
+std::array<S, reading_count> readings_of(const State& state) {
+  return {state.measured_handle[0], state.measured_angle[0], state.measured_tension[0], state.measured_tension[1]};
 }
 
 /// A twin's parameters and its axis's in dual numbers; some are independent variables, one for each direction.
@@ -52,7 +52,7 @@ Progress differentiate(const T& twin, const std::array<D, twin_parameter_count>&
       const D play = row[backlash] * row[spool_radius];
       spool[t] = taut || i == 0 ? wound : clamp(spool[t], wound, wound + play);
       // A current shows which way its motor turns.
-      if (twin.sensors.current.on) {
+      if (twin.current.on) {
         const D angle = wound / row[spool_radius];
         if (i > 0) state.current[t].angle = state.drive[t].angle - (angle - turned[t]);
         turned[t] = angle;
@@ -67,9 +67,13 @@ Progress differentiate(const T& twin, const std::array<D, twin_parameter_count>&
                        {-spool[0], -spool[1]},
                        {D(given.contact.angle), D(given.contact.stiffness), D(given.contact.damping)}};
     if (of.as_read) command.handle_angle = command.handle_angle - row[handle_encoder_offset];
-    const Status status = twin.step(command, state);
+    const Status status = twin.step(command_of<typename T::Command>(command), state);
     if (status != Status::ok) return {i, status};
-    const auto reading = readings_of(twin.expected(state));
+    // Beside the samples, which the motors' friction goes by.
+    const auto current = state.current;
+    twin.read(state);
+    state.current = current;
+    const auto reading = readings_of(state);
     for (std::size_t k = 0; k < reading.size(); ++k) {
       of.out[k * of.rows * of.steps + i] = value_of(reading[k]);
       for (std::size_t d = 0; d < of.variable_count; ++d)

@@ -4,7 +4,7 @@
 #include <array>
 #include <cstddef>
 
-#include "tenodesis/twin.hpp"
+#include "tenodesis/axis_twin.hpp"
 
 namespace tenodesis::engine {
 
@@ -49,13 +49,24 @@ inline constexpr std::size_t signal_count = signal_names.size();
 /// The first of them are readings.
 inline constexpr std::size_t measured_signal_count = 6;
 
+/// The command of an axis by a row whose columns take() gives one after another.
+template <class S, class Take>
+[[gnu::always_inline]] inline Command<S> axis_command(const Take& take) {
+  Command<S> command{};
+  for (S* column : {&command.handle_angle, &command.force, &command.radial_force, &command.weight,
+                    &command.spool_velocity[0], &command.spool_velocity[1], &command.sheath_bend, &command.let_out[0],
+                    &command.let_out[1], &command.contact.angle, &command.contact.stiffness, &command.contact.damping})
+    *column = take();
+  return command;
+}
+
 /// Commands of successive steps, each a row of command_count values.
 struct Commands {
   const double* rows{};
 
   Command<double> operator[](std::size_t i) const {
     const double* row = rows + i * command_count;
-    return {row[0], row[1], row[2], row[3], {row[4], row[5]}, row[6], {row[7], row[8]}, {row[9], row[10], row[11]}};
+    return axis_command<double>([&] { return *row++; });
   }
 };
 
@@ -65,24 +76,22 @@ struct Progress {
   Status status{Status::ok};
 };
 
-/// The signals of a twin after a step, in the order of their names.
+/// The signals of an axis's twin after a step, in the order of their names.
 template <class T, class S = T::S>
-[[gnu::always_inline]] inline std::array<S, signal_count> signals_of(const T& twin, const Command<S>& command,
-                                                                     const typename T::State& state,
-                                                                     const Reading<S>& reading) {
+[[gnu::always_inline]] inline std::array<S, signal_count> signals_of(const T& twin, const typename T::State& state) {
   const auto& tendon = state.tendon;
   const auto& drive = state.drive;
-  const int last = twin.tip_segment();
-  return {reading.handle_angle,
-          reading.output_angle,
-          reading.tension[agonist],
-          reading.tension[antagonist],
-          reading.spool_angle[agonist],
-          reading.spool_angle[antagonist],
-          state.handle_angle,
-          twin.handle_torque(command, state),
-          state.output_angle,
-          state.output_velocity,
+  const int last = twin.tip_segment(0);
+  return {state.measured_handle[0],
+          state.measured_angle[0],
+          state.measured_tension[agonist],
+          state.measured_tension[antagonist],
+          state.measured_spool[agonist],
+          state.measured_spool[antagonist],
+          state.angle[1],
+          twin.handle_torque(state, 0),
+          state.angle[0],
+          state.velocity[0],
           tendon[agonist].tension[0],
           tendon[antagonist].tension[0],
           tendon[agonist].tension[last],
@@ -91,8 +100,8 @@ template <class T, class S = T::S>
           drive[antagonist].spool,
           drive[agonist].speed,
           drive[antagonist].speed,
-          twin.load_of(command).force,
-          state.contact_force,
+          -twin.load_of(state.command).wrench.force.x,
+          state.contact_force[0],
           S(state.sweeps)};
 }
 

@@ -3,11 +3,10 @@
 
 #include <array>
 #include <cstddef>
-#include <string>
 #include <variant>
 
 #include "spec.hpp"
-#include "tenodesis/twin.hpp"
+#include "tenodesis/axis_twin.hpp"
 
 namespace tenodesis::engine {
 
@@ -51,7 +50,7 @@ struct TwinSpec {
   bool currents{};  ///< in the place of load cells
   TwinRow row{};
 
-  int contacts() const { return sheath_contacts + tendon_joints * vertices_per_joint; }
+  RouteContacts route() const { return {sheath_contacts, vertices_per_joint}; }
 };
 
 /// Whether twins of a spec can step in lanes (lane_job.hpp); others step one by one.
@@ -60,48 +59,26 @@ inline bool steps_in_lanes(const TwinSpec& spec) {
          spec.vertices_per_joint == 1;
 }
 
-/// A row whose length is set when a twin is made.
-template <class T, int capacity>
-struct LongRow {
-  T at[capacity]{};
-  int length{capacity};
-
-  int size() const { return length; }
-  // The analyser does not know that a twin has contacts.
-  T& operator[](int i) { return at[i]; }              // NOLINT(clang-analyzer-security.ArrayBound)
-  const T& operator[](int i) const { return at[i]; }  // NOLINT(clang-analyzer-security.ArrayBound)
-};
-
 inline constexpr int most_sheath_contacts = 32;
 inline constexpr int most_vertices_per_joint = 2;
-inline constexpr int most_contacts = most_sheath_contacts + tendon_joints * most_vertices_per_joint;
+inline constexpr int most_contacts = RouteContacts{most_sheath_contacts, most_vertices_per_joint}.count();
 
-struct LongContacts {
-  template <class T>
-  using PerContact = LongRow<T, most_contacts>;
-  template <class T>
-  using PerSegment = LongRow<T, most_contacts + 1>;
-};
-
-/// Fills in the constants of a twin from its row; length: of a tendon, m.
-template <class T, class S = T::S>
-void fill(T& twin, const TwinSpec& spec, const std::array<S, twin_parameter_count>& row, const S& length) {
-  twin.axis.stiffness = twin.axis.stiffness * row[stiffness_ratio];
-  twin.axis.pretension = twin.axis.pretension * row[pretension_ratio];
-  twin.friction = {row[vertex_coefficient],
-                   row[sheath_coefficient],
-                   row[sheath_bend],
-                   row[sheath_bend_rate],
-                   row[viscous],
-                   row[base_wrap],
-                   S(1)};
-  if constexpr (T::Law::depends_on_tension)
-    twin.friction.vertex_factor = exp((S(1) - row[load_index]) * log(row[vertex_radius_ratio]));
-  twin.body = {row[tip_inertia], row[tip_damping], row[output_stop], row[stop_stiffness]};
+/// Fills in the constants of a twin of an axis from its row; length: of a tendon, m.
+template <class T, class A, class S = T::S>
+void fill(T& twin, A axis, const TwinSpec& spec, const std::array<S, twin_parameter_count>& row, const S& length) {
+  axis.stiffness = axis.stiffness * row[stiffness_ratio];
+  axis.pretension = axis.pretension * row[pretension_ratio];
+  RouteFriction<S> friction{
+      row[vertex_coefficient], row[sheath_coefficient], row[sheath_bend], row[sheath_bend_rate], row[viscous],
+      row[base_wrap]};
+  if (spec.tension_dependent)
+    friction.vertex = friction.vertex * exp((S(1) - row[load_index]) * log(row[vertex_radius_ratio]));
+  set_axis(twin, axis, friction, spec.route());
+  set_tip(twin, row[tip_inertia], row[tip_damping], row[output_stop], row[stop_stiffness]);
+  set_rig(twin, row[rig_pulley_radius], axis.distal.rig_arm());
   twin.hand = {row[hand_stiffness], row[hand_damping], row[hand_inertia]};
   twin.drive = {row[spool_radius], row[spool_speed_limit], row[spool_acceleration_limit], row[drive_time_constant],
                 row[backlash]};
-  twin.rig = {row[rig_pulley_radius], twin.axis.distal.rig_arm()};
   const auto encoder = [&](const S& offset) {
     return Sensor<S>{S(1),
                      offset,
@@ -115,51 +92,60 @@ void fill(T& twin, const TwinSpec& spec, const std::array<S, twin_parameter_coun
         gain, bias, row[load_cell_noise], -row[load_cell_range], row[load_cell_range], row[load_cell_resolution]};
   };
   const S turns(1e9);  // a motor's encoder has no end
-  twin.sensors = {encoder(row[handle_encoder_offset]),
-                  encoder(row[output_encoder_offset]),
-                  {load_cell(row[agonist_load_cell_gain] * row[tension_gain], row[agonist_load_cell_bias]),
-                   load_cell(row[antagonist_load_cell_gain] * row[tension_gain], row[antagonist_load_cell_bias])},
-                  {S(1), S(0), S(0), -turns, turns, row[motor_encoder_resolution]}};
+  twin.handle_encoder = encoder(row[handle_encoder_offset]);
+  twin.output_encoder = encoder(row[output_encoder_offset]);
+  twin.load_cell[agonist] = load_cell(row[agonist_load_cell_gain] * row[tension_gain], row[agonist_load_cell_bias]);
+  twin.load_cell[antagonist] =
+      load_cell(row[antagonist_load_cell_gain] * row[tension_gain], row[antagonist_load_cell_bias]);
+  twin.motor_encoder = {S(1), S(0), S(0), -turns, turns, row[motor_encoder_resolution]};
   twin.time_step = row[time_step];
   if (spec.currents) {
     const S sample = row[time_step] * S(spec.steps_per_sample);
-    twin.sensors.current = {true,
-                            row[gear_efficiency],
-                            row[friction_torque] / row[spool_radius],
-                            row[torque_ripple],
-                            row[ripple_rate],
-                            row[thermal_drift],
-                            sample / (row[thermal_time] + sample)};
+    twin.current = {true,
+                    row[gear_efficiency],
+                    row[friction_torque] / row[spool_radius],
+                    row[torque_ripple],
+                    row[ripple_rate],
+                    row[thermal_drift],
+                    sample / (row[thermal_time] + sample)};
   }
   twin.steps_per_sample = spec.steps_per_sample;
   twin.quasi_static = spec.quasi_static;
 
-  if constexpr (requires { twin.tendon.stiffness.length; }) {
-    twin.tendon.stiffness.length = spec.contacts() + 1;
-    twin.joint_vertices = spec.vertices_per_joint;
-  }
   // Compliance by length, from the spool: the sheath in the handle, its joint, the stem, the tip's joint, the anchor.
   const int sheath = spec.sheath_contacts;
   const S in_handle = row[handle_length_share] / S(sheath + 1);
-  const S at_handle = twin.axis.proximal.tendon_span() / length * row[handle_span_ratio];
-  const S at_tip = twin.axis.distal.tendon_span() / length * row[tip_span_ratio];
+  const S at_handle = axis.proximal.tendon_span() / length * row[handle_span_ratio];
+  const S at_tip = axis.distal.tendon_span() / length * row[tip_span_ratio];
   const S in_stem = S(1) - row[handle_length_share] - at_handle - at_tip - row[anchor_share];
-  const auto stiffness = [&](const S& share) { return twin.axis.stiffness / share; };
-  auto& segment = twin.tendon.stiffness;
-  for (int i = 0; i < sheath; ++i) segment[i] = stiffness(in_handle);
-  if (spec.vertices_per_joint == 1) {
-    segment[sheath] = stiffness(in_handle + at_handle);
-    segment[sheath + 1] = stiffness(in_stem);
-    segment[sheath + 2] = stiffness(at_tip);
-  } else {
-    segment[sheath] = stiffness(in_handle);
-    segment[sheath + 1] = stiffness(at_handle);
-    segment[sheath + 2] = stiffness(in_stem);
-    segment[sheath + 3] = stiffness(at_tip);
-    segment[sheath + 4] = stiffness(row[anchor_share]);
+  const auto stiffness = [&](const S& share) { return axis.stiffness / share; };
+  for (auto& tendon : twin.tendon) {
+    auto& segment = tendon.stiffness;
+    for (int i = 0; i < sheath; ++i) segment[i] = stiffness(in_handle);
+    if (spec.vertices_per_joint == 1) {
+      segment[sheath] = stiffness(in_handle + at_handle);
+      segment[sheath + 1] = stiffness(in_stem);
+      segment[sheath + 2] = stiffness(at_tip);
+    } else {
+      segment[sheath] = stiffness(in_handle);
+      segment[sheath + 1] = stiffness(at_handle);
+      segment[sheath + 2] = stiffness(in_stem);
+      segment[sheath + 3] = stiffness(at_tip);
+      segment[sheath + 4] = stiffness(row[anchor_share]);
+    }
   }
-  twin.tendon.rest_tension = twin.axis.pretension;
-  if constexpr (T::Law::depends_on_tension) twin.law.least = twin.axis.pretension * S(1e-3);
+  if constexpr (requires { twin.law.kind; }) {
+    using Kind = decltype(twin.law.kind);
+    twin.law = {spec.tension_dependent ? Kind::capstan_power
+                : spec.speed_dependent ? Kind::stribeck
+                                       : Kind::capstan_with_constant,
+                {row[constant]},
+                {row[constant], row[static_ratio], row[stribeck_speed], row[memory]},
+                {row[constant], row[load_index], row[reference_tension], row[bending_loss], axis.pretension * S(1e-3)}};
+  } else {
+    twin.law = {row[constant]};
+  }
+  twin.prepare();
 }
 
 /// Calls work(twin) with the twin that a spec describes, in the number type of its parameters.
@@ -169,30 +155,15 @@ auto with_twin(const TwinSpec& spec, const std::array<S, parameter_count>& param
   const AnyAxis<S> any = make_axis(spec.axis, parameters);
   return std::visit(
       [&]<class A>(const A& axis) {
-        const auto with_law = [&]<class Law>(const Law& law) {
-          const auto with_rows = [&]<class Rows>() {
-            Twin<A, Rows, Law> twin{};
-            twin.axis = axis;
-            twin.law = law;
-            fill(twin, spec, row, parameters[tendon_length]);
-            return work(twin);
-          };
-          // Rows of known length are faster; the rarer laws make do with long ones.
-          if constexpr (!Law::depends_on_tension)
-            if (spec.sheath_contacts == 1 && spec.vertices_per_joint == 1)
-              return with_rows.template operator()<Contacts<1 + tendon_joints>>();
-          if constexpr (!Law::depends_on_tension && !Law::depends_on_speed)
-            if (spec.sheath_contacts == 1 && spec.vertices_per_joint == 2)
-              return with_rows.template operator()<Contacts<1 + 2 * tendon_joints, 2>>();
-          return with_rows.template operator()<LongContacts>();
+        const auto filled = [&]<class T>(T&& twin) {
+          fill(twin, axis, spec, row, parameters[tendon_length]);
+          return work(twin);
         };
-        if (spec.tension_dependent)
-          return with_law(
-              PowerCapstan<S>{row[constant], row[load_index], row[reference_tension], row[bending_loss], S(0)});
-        // The other laws are these with some parameters zero, to the last bit.
-        return spec.speed_dependent
-                   ? with_law(Stribeck<S>{row[constant], row[static_ratio], row[stribeck_speed], row[memory]})
-                   : with_law(CapstanWithConstant<S>{row[constant]});
+        // Known layouts are the fastest; the rarer laws and routes make do with one that is not.
+        if (!spec.speed_dependent && !spec.tension_dependent && spec.sheath_contacts == 1 &&
+            spec.vertices_per_joint == 1)
+          return filled(AxisTwin<A>{});
+        return filled(WristTwin<Wrist<S, 1, 2>, most_contacts, ChosenLaw<S>>{});
       },
       any);
 }

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 #include <memory>
+#include <optional>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -13,7 +14,9 @@
 #include <utility>
 #include <vector>
 
+#include "chain_rows.hpp"
 #include "closed_loop.hpp"
+#include "lane_job.hpp"
 #include "tenodesis/axis.hpp"
 #include "tenodesis/wrist_energy.hpp"
 
@@ -66,56 +69,6 @@ using WristLaw = ChosenLaw<double>::Kind;
 inline constexpr std::array wrist_energy_names{"stored_before",  "stored_after",   "handle",     "spools",
                                                "load",           "friction",       "damping",    "tissue",
                                                "least_friction", "worst_residual", "most_sweeps"};
-inline constexpr std::size_t wrench_components = 6;
-
-/// Sizes of a wrist.
-struct WristSizes {
-  std::size_t joints{}, handles{}, tendons{};
-};
-
-/// A name and the number of its columns.
-using Column = std::pair<const char*, std::size_t>;
-
-/// Columns of a row of commands; contact: angle, stiffness and damping of each joint; held: opening, stiffness,
-/// damping.
-inline std::vector<Column> wrist_commands(const WristSizes& of) {
-  return {{"handle_angle", of.handles},
-          {"spool_velocity", of.tendons},
-          {"wrench", wrench_components},
-          {"grip_force", 1},
-          {"in_stem_axes", 1},
-          {"held", 3},
-          {"weight", 1},
-          {"sheath_bend", 1},
-          {"let_out", of.tendons},
-          {"contact", 3 * of.joints}};
-}
-
-/// Signals that a step writes, in order.
-inline std::vector<Column> wrist_signals(const WristSizes& of) {
-  return {{"output_angle", of.joints},
-          {"output_velocity", of.joints},
-          {"handle_angle", of.handles},
-          {"handle_torque", of.handles},
-          {"tension", of.tendons},
-          {"distal_tension", of.tendons},
-          {"spool_angle", of.tendons},
-          {"spool_velocity", of.tendons},
-          {"grip_force", 1},
-          {"contact_force", of.joints},
-          {"measured_handle_angle", of.handles},
-          {"measured_output_angle", of.joints},
-          {"measured_tension", of.tendons},
-          {"measured_spool_angle", of.tendons},
-          {"sweeps", 1}};
-}
-
-inline std::size_t width_of(const std::vector<Column>& columns) {
-  std::size_t sum = 0;
-  for (const auto& [name, width] : columns) sum += width;
-  return sum;
-}
-
 /// Constants of a twin in arrays.
 struct WristTwinRows {
   const double* passages;  ///< tendons x contacts x numbers
@@ -138,6 +91,22 @@ struct CompensatedAxis {
   std::size_t handle, agonist, antagonist;
 };
 
+/// A twin that can step in lanes, and its state, as the bytes of their types.
+struct LaneTwinBytes {
+  tenodesis_lanes::Kind kind;
+  bool yields;  ///< the hand
+  int steps_per_sample, until_sample;
+  const void* twin;
+  const void* state;
+
+  /// Whether they can step together.
+  bool goes_with(const LaneTwinBytes& other) const {
+    return kind.axes == other.kind.axes && kind.mechanism == other.kind.mechanism &&
+           kind.quasi_static == other.kind.quasi_static && yields == other.yields &&
+           steps_per_sample == other.steps_per_sample && until_sample == other.until_sample;
+  }
+};
+
 class AnyWristTwin {
  public:
   virtual ~AnyWristTwin() = default;
@@ -158,6 +127,8 @@ class AnyWristTwin {
   virtual bool inside(std::size_t joint, const Contact<double>& contact) const = 0;
   virtual std::string state() const = 0;
   virtual void set_state(const std::string& bytes) = 0;
+  /// Nothing if it cannot step in lanes.
+  virtual std::optional<LaneTwinBytes> in_lanes() const = 0;
 
  protected:
   AnyWristTwin() = default;
@@ -269,26 +240,7 @@ class WristTwinOf final : public AnyWristTwin {
   double stored() const override { return wrist_stored_energy(twin_, state_); }
 
   double* store(double* out) const override {
-    constexpr int N = T::N;
-    const State& s = state_;
-    const auto each = [&](std::size_t count, const auto& value) {
-      for (std::size_t k = 0; k < count; ++k) *out++ = value(int(k));
-    };
-    out = std::copy_n(s.angle, sizes_.joints, out);
-    out = std::copy_n(s.velocity, sizes_.joints, out);
-    out = std::copy_n(s.angle + N, sizes_.handles, out);
-    each(sizes_.handles, [&](int h) { return twin_.handle_torque(s, h); });
-    each(sizes_.tendons, [&](int m) { return s.tendon[m].tension[0]; });
-    each(sizes_.tendons, [&](int m) { return s.tendon[m].tension[twin_.tip_segment(m)]; });
-    each(sizes_.tendons, [&](int m) { return s.drive[m].spool; });
-    each(sizes_.tendons, [&](int m) { return s.drive[m].speed; });
-    *out++ = s.grip_force;
-    out = std::copy_n(s.contact_force, sizes_.joints, out);
-    out = std::copy_n(s.measured_handle, sizes_.handles, out);
-    out = std::copy_n(s.measured_angle, sizes_.joints, out);
-    out = std::copy_n(s.measured_tension, sizes_.tendons, out);
-    out = std::copy_n(s.measured_spool, sizes_.tendons, out);
-    *out++ = s.sweeps;
+    chain_signals(twin_, state_, sizes_, [&](double value) { *out++ = value; });
     return out;
   }
 
@@ -316,23 +268,21 @@ class WristTwinOf final : public AnyWristTwin {
     std::memcpy(&state_, bytes.data(), sizeof(State));
   }
 
+  std::optional<LaneTwinBytes> in_lanes() const override {
+    if constexpr (T::known)
+      if (!twin_.current.on)
+        return LaneTwinBytes{{T::N, int(twin_.mechanism(0)), twin_.quasi_static},
+                             !twin_.prescribed(),
+                             twin_.steps_per_sample,
+                             state_.until_sample,
+                             &twin_,
+                             &state_};
+    return std::nullopt;
+  }
+
  private:
   Command command_of(const double* from) const {
-    Command command{};
-    const auto take = [&](double* to, std::size_t count) {
-      std::copy_n(from, count, to);
-      from += count;
-    };
-    take(command.handle_angle, sizes_.handles);
-    take(command.spool_velocity, sizes_.tendons);
-    command.load = {{{from[0], from[1], from[2]}, {from[3], from[4], from[5]}}, from[6], from[7] != 0};
-    command.held = {from[8], from[9], from[10]};
-    command.weight = from[11];
-    command.sheath_bend = from[12];
-    from += 13;
-    take(command.let_out, sizes_.tendons);
-    for (std::size_t i = 0; i < sizes_.joints; ++i, from += 3) command.contact[i] = {from[0], from[1], from[2]};
-    return command;
+    return chain_command<Command>(sizes_, [&] { return *from++; }, [](double column) { return column != 0; });
   }
 
   WristSizes sizes_;
@@ -408,8 +358,8 @@ bool fits(const W& wrist, const WristTwinRows& rows) {
   return same;
 }
 
-template <int N, Mechanism tip, Mechanism handle>
-using PlanarWrist = Wrist<double, N, 2 * N, planar_layout<N>(tip, handle)>;
+template <int N, Mechanism tip>
+using PlanarWrist = Wrist<double, N, 2 * N, planar_layout<N>(tip)>;
 
 /// Calls work with the wrist as a type of a known layout, if that fits it; returns whether it does.
 template <class Known, class W, class Work>
@@ -425,9 +375,8 @@ bool with_layout(const W& wrist, const WristTwinRows& rows, const Work& work) {
   constexpr int N = W::joints;
   using enum Mechanism;
   if constexpr (N <= most_axes && W::tendons == 2 * N)
-    return if_fits<PlanarWrist<N, gear, gear>>(wrist, rows, work) ||
-           if_fits<PlanarWrist<N, pulley, pulley>>(wrist, rows, work) ||
-           if_fits<PlanarWrist<N, continuum, pulley>>(wrist, rows, work);
+    return if_fits<PlanarWrist<N, gear>>(wrist, rows, work) || if_fits<PlanarWrist<N, pulley>>(wrist, rows, work) ||
+           if_fits<PlanarWrist<N, continuum>>(wrist, rows, work);
   return false;
 }
 

@@ -195,9 +195,9 @@ class WristTwin:
         Tissue across the tip's path about a joint by the last command: angle in rad, N/m, N s/m.
         """
 
-def run_wrist_twins(twins: Sequence[WristTwin], commands: NDArray[numpy.float64], every: int, out: NDArray[numpy.float64], controllers: Sequence[Controller], axes: Sequence[Sequence[int]], steps_per_tick: int, time_step: float, control: NDArray[numpy.float64] | None, threads: int) -> list[tuple[int, Status]]:
+def run_wrist_twins(twins: Sequence[WristTwin], commands: NDArray[numpy.float64], every: int, out: NDArray[numpy.float64], controllers: Sequence[Controller], axes: Sequence[Sequence[int]], steps_per_tick: int, time_step: float, control: NDArray[numpy.float64] | None, threads: int, most_lanes: int = 8) -> list[tuple[int, Status]]:
     """
-    Step twins over their commands by run, step and column, or over common ones, and keep the signals of every n-th step by run, sample and column, those of their controllers by run, sample and axis. Returns steps taken and the last status of each.
+    Step twins over their commands by run, step and column, or over common ones, at most so many in a vector's lanes, and keep the signals of every n-th step by run, sample and column, those of their controllers by run, sample and axis. Returns steps taken and the last status of each.
     """
 
 def wrist_inertia(wrist: WristSpec, links: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], angles: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], speeds: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], matrix: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu')], bias: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')]) -> None: ...

@@ -2,11 +2,11 @@
 // moves.
 
 #include "instruments.hpp"
+#include "tenodesis/axis_twin.hpp"
 #include "tenodesis/kinematics.hpp"
 #include "tenodesis/parameters.hpp"
 #include "tenodesis/statics.hpp"
 #include "tenodesis/tenodesis.h"
-#include "tenodesis/twin.hpp"
 
 static_assert(__STDC_HOSTED__ == 0, "this file is built with -ffreestanding");
 #ifdef __cpp_exceptions
@@ -76,24 +76,24 @@ extern "C" double motions_in_double(const double* in) {
 
 template <class S, class A, class FrictionLaw>
 S a_step(const A& axis, const FrictionLaw& law, const S* in) {
-  Twin<A, Contacts<4>, FrictionLaw> twin{};
-  twin.axis = axis;
+  AxisTwin<A, FrictionLaw> twin{};
+  set_axis(twin, axis, {in[0], in[1], in[2], in[3], in[4]});
+  set_tip(twin, in[5], in[6], in[7], in[8]);
+  set_rig(twin, in[17], in[18]);
   twin.law = law;
-  twin.tendon.rest_tension = axis.pretension;
-  for (S& stiffness : twin.tendon.stiffness.at) stiffness = axis.stiffness * S(5);
-  twin.friction = {in[0], in[1], in[2], in[3], in[4]};
-  twin.body = {in[5], in[6], in[7], in[8]};
+  for (auto& tendon : twin.tendon)
+    for (S& stiffness : tendon.stiffness.at) stiffness = axis.stiffness * S(5);
   twin.hand = {in[9], in[10], in[11]};
   twin.drive = {in[12], in[13], in[14], in[15], in[16]};
-  twin.rig = {in[17], in[18]};
   twin.time_step = in[19];
   twin.quasi_static = in[20] > S(0);
+  twin.prepare();
   auto state = twin.rest(1);
   const auto before = state;
   const Command<S> command{in[21], in[22], in[23], in[24], {in[25], in[26]}, S(0), {}, {in[34], in[35], in[36]}};
-  const Status status = twin.step(command, state);
-  return status == Status::ok ? state.reading.output_angle + twin.residual(before, state) +
-                                    twin.handle_torque(command, state) + transmit(Band<S>{in[27]}, in[28], in[29])
+  const Status status = twin.step(command_of<typename AxisTwin<A, FrictionLaw>::Command>(command), state);
+  return status == Status::ok ? state.measured_angle[0] + twin.residual(before, state) + twin.handle_torque(state, 0) +
+                                    transmit(Band<S>{in[27]}, in[28], in[29])
                               : S(0);
 }
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "control_parameters.hpp"
-#include "tenodesis/twin.hpp"
+#include "tenodesis/axis_twin.hpp"
 
 // ---- parameters
 
@@ -54,25 +54,23 @@ void an_unknown_choice_makes_no_controller() {
 
 // ---- the closed loop on the twin
 
-using Plant = Twin<GearAxis<double>, Contacts<3>, Capstan<double>>;
+using Plant = AxisTwin<GearAxis<double>, Capstan<double>>;
 
 Plant plant(const GearAxis<double>& axis, double friction, bool noisy = true) {
   Plant twin{};
-  twin.axis = axis;
   const auto p = axis_parameters(axis);
+  set_axis(twin, axis, {friction, friction, p.sheath_bend});
   const double share[4] = {p.share_sheath, p.share_handle, p.share_stem, p.share_tip};
-  for (int n = 0; n < 4; ++n) twin.tendon.stiffness[n] = axis.stiffness / share[n];
-  twin.tendon.rest_tension = axis.pretension;
-  twin.friction = {friction, friction, p.sheath_bend, 0, 0};
+  for (auto& tendon : twin.tendon)
+    for (int n = 0; n < 4; ++n) tendon.stiffness[n] = axis.stiffness / share[n];
   const double inertia = axis.distal.radius > 5e-3 ? 4e-4 : 4e-6, damping = axis.distal.radius > 5e-3 ? 9e-3 : 4e-4;
-  twin.body = {inertia, damping, 1.86, 20};
+  set_tip(twin, inertia, damping, 1.86, 20.0);
   twin.drive = {spool_radius, 20, 400, 0.01, 0};
-  twin.rig = {0.015, axis.distal.rig_arm()};
-  const Sensor<double> encoder{1, 0, noisy ? 5.2e-4 : 0, -pi, pi, counts};
-  const Sensor<double> cell{1, 0, noisy ? 0.03 : 0, -200, 200, 0.0061};
-  twin.sensors = {encoder, encoder, {cell, cell}, {1, 0, 0, -1e3, 1e3, counts}};
+  twin.handle_encoder = twin.output_encoder = {1, 0, noisy ? 5.2e-4 : 0, -pi, pi, counts};
+  for (auto& cell : twin.load_cell) cell = {1, 0, noisy ? 0.03 : 0, -200, 200, 0.0061};
+  twin.motor_encoder = {1, 0, 0, -1e3, 1e3, counts};
   twin.time_step = dt;
-  twin.steps_per_sample = 1;
+  twin.prepare();
   return twin;
 }
 
@@ -107,7 +105,7 @@ Trace close_loop(const GearAxis<double>& axis, const Script& script, double fric
   auto bench = twin.rest(seed);
   Trace trace{};
   for (int n = 0; n < int(duration / dt); ++n) {
-    const auto read = measurement_as<Measurement<double>>(bench.reading);
+    const auto read = measurement_as<Measurement<double>>(reading_of(bench));
     ControlInput<S, 1> input{
         tick * std::uint64_t(n + 1), n == 0 ? Request::enable : Request::none, {measurement_as<Measurement<S>>(read)}};
     ControlOutput<S, 1> output{};
@@ -121,10 +119,10 @@ Trace close_loop(const GearAxis<double>& axis, const Script& script, double fric
       trace.tension[i].push_back(bench.tendon[i].tension[0]);
     }
     trace.read.push_back(read);
-    trace.tip.push_back(bench.output_angle);
+    trace.tip.push_back(bench.angle[0]);
     trace.estimate.push_back(double(output.axis[0].estimate.output_angle));
     trace.deviation.push_back(double(output.axis[0].estimate.output_angle_std));
-    const Status found = twin.step(command, bench);
+    const Status found = twin.step(command_of<Plant::Command>(command), bench);
     CLAIM(found == Status::ok);
     if (found != Status::ok) return trace;
   }

@@ -126,6 +126,27 @@ def test_loops_through_controllers_are_those_that_run_alone(scaled: Instrument) 
         np.testing.assert_array_equal(batch["estimated_output_angle"][n], run.estimated_output_angle[4::5])
 
 
+@pytest.mark.parametrize("quasi_static", [False, True], ids=["in motion", "quasi-static"])
+def test_two_axes_that_share_a_chain_step_in_lanes_as_alone(quasi_static: bool) -> None:
+    friction = {"law": "capstan", "vertex_coefficient": 0.3, "sheath_coefficient": 0.15, "sheath_bend": 1.0}
+    planar = tn.load("real-size").replace(axes=("yaw", "pitch"))
+    inst = tn.instrument.expanded(planar).replace(friction=friction)
+    t = clock(0.2)[:: 6 if quasi_static else 1]
+    share = np.linspace(0, 1, RUNS)[:, np.newaxis, np.newaxis]
+    handle = share * np.stack([0.3 * np.sin(17 * t), -0.2 * np.sin(9 * t)], axis=-1)
+    wrench = np.zeros((RUNS, t.size, 6))
+    wrench[:, :, :2] = 0.4 * share[::-1] * np.stack([np.sin(7 * t), np.cos(5 * t) - 1], axis=-1)
+    vary = {"friction.vertex_coefficient": np.linspace(0, 0.4, RUNS)}
+    names = ("output_angle", "tension", "measured_tension", "handle_torque")
+    batch = run_many(inst, handle, wrench=wrench, vary=vary, signals=names, quasi_static=quasi_static)
+    assert (batch.status == 0).all()
+    for n in range(RUNS):
+        own = inst.replace(**{key: values[n].item() for key, values in vary.items()})
+        run = Twin(own, seed=n, quasi_static=quasi_static).run(handle[n], wrench=wrench[n])
+        for name in names:
+            np.testing.assert_array_equal(batch[name][n], run[name])
+
+
 @pytest.mark.parametrize(
     ("count", "given", "key"),
     [

@@ -2,18 +2,20 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core, plant
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
+from tenodesis.instrument import Instrument, InstrumentLike, ShortForm, as_instrument, as_short_form
 from tenodesis.run import Array, Names
 from tenodesis.statics.query import common_shape
 from tenodesis.threads import threads
+from tenodesis.twin.chain_batch import PER_RUN, run_chains
 from tenodesis.twin.closed_loop import LoopController
-from tenodesis.twin.commands import check_finite
+from tenodesis.twin.commands import check_finite, check_no_wrench
 from tenodesis.twin.contact import Contact, Contacts, rows_of
 from tenodesis.twin.rows import (
     ARGUMENTS,
@@ -68,6 +70,7 @@ def run_many(
     *,
     radial_force: ArrayLike = 0.0,
     weight: ArrayLike = 0.0,
+    wrench: ArrayLike = 0.0,
     spool_velocity: ArrayLike = 0.0,
     contact: Contacts | None = None,
     controllers: Sequence[LoopController] | None = None,
@@ -78,21 +81,26 @@ def run_many(
     time_step: float = plant.TIME_STEP,
     quasi_static: bool = False,
 ) -> Batch:
-    """Run many one-axis twins from rest, in parallel: over threads, and in the lanes of the processor's vectors.
+    """Run many twins from rest, in parallel: over threads, and in the lanes of the processor's vectors.
 
     Each run is the same to the last bit as that of a :class:`Twin` by itself. Twins with friction laws that depend on
-    speed or tension, with two vertices a joint, more than one sheath contact or motor currents run over threads alone.
+    speed or tension, with two vertices a joint, more than one sheath contact or motor currents run over threads alone,
+    and so do chains other than one or two axes, each with a joint of the handle, one of the tip and a pair of tendons.
 
     Parameters
     ----------
     inst
-        The instrument, or one per run; all of one joint type.
+        The instrument, or one per run: of one axis and all of one joint type, or all with the same joints and tendons.
     handle_angle, force, radial_force, weight
-        Commands as for :meth:`Twin.run`, shape (n,) for all runs or (runs, n).
+        Commands as for :meth:`Twin.run`, shape (n,) for all runs or (runs, n); where joints and tendons are listed,
+        with an axis of columns, (n, columns) or (runs, n, columns).
+    wrench
+        On an instrument that lists joints and tendons, as for :meth:`Twin.run`, or (runs, n, 6).
     spool_velocity
-        Spool velocities, rad/s, shape (n, 2) for all runs or (runs, n, 2).
+        Spool velocities, rad/s, shape (n, tendons) for all runs or (runs, n, tendons).
     contact
-        Tissue at the tip, for all runs or one per run, None where there is none.
+        Tissue at the tip, for all runs or one per run, None where there is none; with several joints for all runs, one
+        per joint.
     controllers
         One per run, new or reset, each for an instrument of one axis: they close the loops.
     vary
@@ -116,7 +124,30 @@ def run_many(
     InstrumentError
         A varied value is not allowed.
     """
-    insts = _instruments(inst, vary or {})
+    chosen = [as_instrument(one) for one in ([inst] if isinstance(inst, InstrumentLike) else inst)]
+    if any(one.short_form is None for one in chosen):
+        if controllers is not None:
+            raise ArgumentError("controllers are given; they are for instruments of one axis.", key="controllers")
+        arguments = {
+            "handle_angle": handle_angle,
+            "force": force,
+            "radial_force": radial_force,
+            "weight": weight,
+            "wrench": wrench,
+            "spool_velocity": spool_velocity,
+        }
+        return _chains(
+            _varied(chosen, vary or {}),
+            arguments,
+            signals,
+            contact=contact,
+            seeds=seeds,
+            every=every,
+            time_step=time_step,
+            quasi_static=quasi_static,
+        )
+    insts = _instruments(chosen, vary or {})
+    check_no_wrench(wrench, insts[0])
     commands = _shared_commands(len(insts), handle_angle, force, radial_force, weight, spool_velocity)
     tissue = _tissue(contact)
     runs = len(insts)
@@ -155,8 +186,8 @@ def run_many(
     out = np.full((runs, len(ordered), commands.shape[1] // every), np.nan)
     ends = np.zeros((runs, 2), np.int64)
     per_tick = plant.steps_per_sample(insts[0], time_step, quasi_static)
-    chosen = [known.index(name) for name in ordered]
-    twins.advance(commands, chosen, every, out, ends, threads(), loops, per_tick, time_step)
+    columns = [known.index(name) for name in ordered]
+    twins.advance(commands, columns, every, out, ends, threads(), loops, per_tick, time_step)
     time = (1 + np.arange(out.shape[2])) * every * time_step
     found = {
         name: np.stack([out[:, ordered.index(column)] for column in columns], axis=-1)
@@ -196,8 +227,52 @@ def _loops(
     return [controller.core for controller in controllers]
 
 
-def _instruments(inst: InstrumentLike | Sequence[InstrumentLike], vary: Mapping[str, ArrayLike]) -> list[ShortForm]:
-    insts = [as_short_form(one) for one in ([inst] if isinstance(inst, InstrumentLike) else inst)]
+def _chains(
+    insts: list[Instrument],
+    arguments: Mapping[str, ArrayLike],
+    signals: Sequence[str],
+    *,
+    contact: Contacts | None,
+    seeds: ArrayLike | None,
+    every: int,
+    time_step: float,
+    quasi_static: bool,
+) -> Batch:
+    """Return the runs of instruments that list joints and tendons."""
+    if len(insts) == 1:
+        insts = insts * max(
+            [1, *(len(given) for given in map(np.asarray, arguments.values()) if given.ndim == PER_RUN)]
+        )
+    own = [int(seed) for seed in _seeds(seeds, len(insts))]
+    done = run_chains(
+        insts,
+        arguments,
+        contact=contact,
+        seeds=own,
+        every=every,
+        time_step=time_step,
+        quasi_static=quasi_static,
+    )
+    kept = {}
+    for name in signals:
+        signal, _, column = name.partition(".")
+        if signal not in done.signals:
+            allowed = f"one of {', '.join(done.signals)}"
+            raise ArgumentError(
+                f"signals has {name!r}; it must be {allowed}.", key="signals", value=name, allowed=allowed
+            )
+        values = done.signals[signal]
+        if column:
+            kept[name] = values[:, :, done.names.column(signal, column)]
+        else:
+            kept[name] = values.reshape(len(insts), *done.names.shape(signal, values.shape[1]))
+    samples = next(iter(done.signals.values())).shape[1]
+    time: Array = np.arange(1, 1 + samples, dtype=np.float64) * every * time_step
+    return Batch(time, kept, done.steps, done.status, done.names)
+
+
+def _varied(insts: list[Any], vary: Mapping[str, ArrayLike]) -> list[Any]:
+    """Return an instrument for each run, with its values."""
     if not insts:
         raise ArgumentError("inst is empty; it must be one instrument or more.", key="inst")
     columns = {key: np.atleast_1d(np.asarray(values)) for key, values in vary.items()}
@@ -214,6 +289,11 @@ def _instruments(inst: InstrumentLike | Sequence[InstrumentLike], vary: Mapping[
         insts = [
             one.replace(**{key: column[n].item() for key, column in columns.items()}) for n, one in enumerate(insts)
         ]
+    return insts
+
+
+def _instruments(chosen: Sequence[Instrument], vary: Mapping[str, ArrayLike]) -> list[ShortForm]:
+    insts: list[ShortForm] = _varied([as_short_form(one) for one in chosen], vary)
     first = insts[0]
     fixed = ("law", "sheath_contacts", "vertices_per_joint", "bends")
     for one in insts:

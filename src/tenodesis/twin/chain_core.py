@@ -116,7 +116,7 @@ class ChainCore:
         """Step over commands."""
         out = self._room(len(rows))
         steps, status = self._core.run(rows, out, None)
-        return Outcome(steps, Status(status), "", self._named(out))
+        return Outcome(steps, Status(status), "", self.named(out))
 
     def run_controlled(self, controller: _core.Controller, rows: Array, ticks: Ticks) -> Outcome:
         """Step over commands, with a controller in the loop."""
@@ -136,7 +136,7 @@ class ChainCore:
             out,
             control,
         )
-        return Outcome(steps, Status(status), "", self._named(out), control)
+        return Outcome(steps, Status(status), "", self.named(out), control)
 
     def audit(self, rows: Array) -> tuple[int, Status, list[float]]:
         """Step over commands and return the values of an energy balance."""
@@ -152,7 +152,7 @@ class ChainCore:
         """Return the signals as they stand."""
         out = self._room(1)
         self._core.now(out[0])
-        return self._named(out)
+        return self.named(out)
 
     def handle_wanted(self) -> Array:
         """Return the angles of the handle's joints by the last command, rad."""
@@ -165,5 +165,6 @@ class ChainCore:
     def _room(self, count: int) -> Array:
         return np.empty((count, sum(width for _, width in self._core.signals)))
 
-    def _named(self, out: Array) -> dict[str, Array]:
-        return {name: out[:, columns] for name, columns in self._signals.items() if name not in _UNSEEN}
+    def named(self, out: Array) -> dict[str, Array]:
+        """Return rows of the core's signals by name; their last axis is that of the columns."""
+        return {name: out[..., columns] for name, columns in self._signals.items() if name not in _UNSEEN}

@@ -95,6 +95,12 @@ def check_finite(name: str, array: Array) -> None:
         raise ArgumentError(key=f"{name}{at}", value=float(array.flat[first]), allowed="a finite number")
 
 
+def check_no_wrench(wrench: ArrayLike, inst: Instrument) -> None:
+    """Raise ArgumentError for a wrench on an instrument that takes forces of axes."""
+    if np.any(wrench):
+        raise _refused("wrench", inst)
+
+
 def check_held(held: Held | None, there: Held | None, opening: float) -> None:
     """Raise ArgumentError for something that cannot be held, or that is put between jaws (m) too narrow for it."""
     if held is None:
