@@ -79,6 +79,8 @@ struct SlipSpeeds<Slips, M, true> {
 
 /// Angles of all joints, of the tip first, then of the handle, with rates and moments.
 template <class W, int most_contacts, class Law>
+// What belongs together stands together, although lanes leave room between.
+// NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding)
 struct WristState {
   using S = W::S;
   using Rows = BoundedContacts<most_contacts, W::known>;

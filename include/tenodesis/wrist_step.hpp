@@ -56,6 +56,7 @@ inline constexpr double near_angle = 1e-4;
 
 /// One step of a twin T, with U joints whose angles are unknown.
 template <class T, int U>
+// NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): as of the state
 struct WristStep {
   using S = T::S;
   using Rows = T::Rows;
@@ -277,7 +278,7 @@ struct WristStep {
 
   // What the joints, known or unknown, draw in each segment.
   void set_pulls() {
-    for (int h = 0; h < twin.handles(); ++h) given[h] = coordinate_at(twin.mechanism(N + h), angle[N + h]);
+    for (int h = 0; h < N && h < twin.handles(); ++h) given[h] = coordinate_at(twin.mechanism(N + h), angle[N + h]);
     twin.each_tendon([&](int m) {
       const auto& tendon = twin.tendon[m];
       const int n = twin.contacts(m);
@@ -657,7 +658,7 @@ struct WristStep {
         pulled[by.joint] = pulled[by.joint] + by.arm * next.tendon[m].tension[by.segment];
       });
     });
-    for (int h = 0; h < twin.handles(); ++h)
+    for (int h = 0; h < N && h < twin.handles(); ++h)
       next.handle_moment[h] = turn_at(N + h, U > N ? coordinate[U > N ? N + h : 0] : given[h]) * pulled[N + h];
   }
 };

@@ -204,15 +204,17 @@ struct Batch {
   void run_in_lanes(const tenodesis_lanes::Lanes& lanes, std::size_t first, Outcome* outcomes) const {
     const auto width = std::size_t(lanes.count);
     const std::size_t runs = std::min(width, twins.size() - first);
-    const std::unique_ptr<void, void (*)(void*)> group(lanes.make(twins[first]->twin().in_lanes()->kind),
-                                                       lanes.release);
+    const auto leader = twins[first]->twin().in_lanes();
+    if (!leader) return;
+    const std::unique_ptr<void, void (*)(void*)> group(lanes.make(leader->kind), lanes.release);
     std::vector<const double*> given(runs);
     std::vector<double*> to(runs);
     std::vector<std::int64_t> ends(2 * runs);
     // What fills the lanes up repeats the first.
     for (std::size_t k = 0; k < width; ++k) {
-      const auto bytes = *twins[first + (k < runs ? k : 0)]->twin().in_lanes();
-      lanes.start(group.get(), int(k), bytes.twin, bytes.state);
+      const auto bytes = twins[first + (k < runs ? k : 0)]->twin().in_lanes();
+      if (!bytes) return;
+      lanes.start(group.get(), int(k), bytes->twin, bytes->state);
       if (k >= runs) continue;
       given[k] = rows(first + k);
       to[k] = kept(first + k);
