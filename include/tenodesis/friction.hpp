@@ -15,9 +15,9 @@ namespace tenodesis {
 /// length that slips in the step.
 template <class S>
 struct Band {
-  S ratio{1};
-  S constant{};
-  S drag{};
+  S ratio;
+  S constant;
+  S drag;
 
   /// Whether the contact has no friction.
   constexpr Flag<S> free() const { return ratio == S(1) && constant == S(0); }
@@ -27,7 +27,7 @@ template <class S>
 struct NoFriction {
   static constexpr bool depends_on_speed = false;
   static constexpr bool depends_on_tension = false;
-  static constexpr Band<S> band(const S&, const S&) { return {}; }
+  static constexpr Band<S> band(const S&, const S&) { return {S(1), S(0), S(0)}; }
 };
 
 /// Capstan friction: tensions differ by the factor exp(mu phi) before the tendon slips (Euler, Eytelwein).

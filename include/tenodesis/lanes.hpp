@@ -70,9 +70,10 @@ struct Mask {
   using Bits = detail::BitsOf<S>;
   using Vector = detail::VectorOf<Bits, N>::Type;
 
-  Vector v{};  ///< all bits, or none
+  Vector v;  ///< all bits, or none
 
-  constexpr Mask() = default;
+  // Not initialised, like a number: a step has many that it never reads.
+  Mask() = default;
   // As for Lanes.
   [[gnu::always_inline]] constexpr Mask(const Mask& other) : v(other.v) {}
   constexpr Mask& operator=(const Mask&) = default;
@@ -122,9 +123,9 @@ template <>
 struct Mask<double, 8> {
   using Integers = detail::VectorOf<std::int64_t, 8>::Type;
 
-  std::uint8_t bits{};
+  std::uint8_t bits;
 
-  constexpr Mask() = default;
+  Mask() = default;
   // As for Lanes.
   [[gnu::always_inline]] constexpr Mask(const Mask& other) : bits(other.bits) {}
   constexpr Mask& operator=(const Mask&) = default;
@@ -171,9 +172,9 @@ struct Lanes {
   using Bits = detail::BitsOf<S>;
   using Integers = detail::VectorOf<Bits, N>::Type;
 
-  Vector v{};
+  Vector v;
 
-  constexpr Lanes() = default;
+  Lanes() = default;
   // Not trivial, so that lanes are passed and returned in memory: a vector's own register depends on what the function
   // is compiled for, and callers are compiled for several processors.
   [[gnu::always_inline]] constexpr Lanes(const Lanes& other) : v(other.v) {}
@@ -255,9 +256,9 @@ template <class E, Real S, int N>
 struct LanesOf {
   using Vector = detail::VectorOf<detail::BitsOf<S>, N>::Type;
 
-  Vector v{};
+  Vector v;
 
-  constexpr LanesOf() = default;
+  LanesOf() = default;
   // As for Lanes.
   [[gnu::always_inline]] constexpr LanesOf(const LanesOf& other) : v(other.v) {}
   constexpr LanesOf& operator=(const LanesOf&) = default;

@@ -21,7 +21,7 @@ namespace tenodesis {
 /// A row of N values.
 template <class T, int N>
 struct Row {
-  T at[N]{};
+  T at[N];
 
   static constexpr int size() { return N; }
   constexpr T& operator[](int i) { return at[i]; }
@@ -51,8 +51,8 @@ struct TendonState {
 /// How the end of a tendon reacts to a displacement y toward the spool: tension = at_rest - stiffness y.
 template <class A, class S = A>
 struct Reaction {
-  A at_rest{};    ///< N
-  S stiffness{};  ///< N/m
+  A at_rest;    ///< N
+  S stiffness;  ///< N/m
 };
 
 /// Most passes of one step.
@@ -88,8 +88,8 @@ struct Tendon {
   /// Slip of each contact as a linear function of the next contact's slip.
   template <class A>
   struct LineOf {
-    Rows::template PerContact<A> at_rest{};
-    Slips rate{};
+    Rows::template PerContact<A> at_rest;
+    Slips rate;
   };
   using Line = LineOf<S>;
 

@@ -68,7 +68,7 @@ template <class Many, class One, class Visit>
   pair(many.measured_spool, one.measured_spool);
 }
 
-/// The same for the constants of twins.
+/// The same for the constants of twins, but for those that are no numbers.
 template <class Many, class One, class Visit>
 [[gnu::always_inline]] inline void pair_twins(Many& many, One& one, const Visit& visit) {
   const auto pair = [&](auto& a, auto& b) {
@@ -129,15 +129,15 @@ template <class Many, class One, class Visit>
   visit(many.lone_inertia, one.lone_inertia);
 }
 
-/// Steps the lanes that run, without their sensors; true in those that moved, the next state of others is undefined.
-/// The hands of all lanes yield, or none does.
+/// Steps the lanes that run, without their sensors, by the command that the next state has: finite numbers; true in
+/// those that moved, the rest of the next state of others is undefined. The hands of all lanes yield, or none does.
 template <class T>
-[[gnu::always_inline]] inline Flag<typename T::S> step_in_lanes(const T& twin, const typename T::Command& command,
-                                                                const Flag<typename T::S>& runs,
+[[gnu::always_inline]] inline Flag<typename T::S> step_in_lanes(const T& twin, const Flag<typename T::S>& runs,
                                                                 const typename T::State& before,
                                                                 typename T::State& next) {
   using S = T::S;
   constexpr int N = T::N, M = T::M;
+  const typename T::Command& command = next.command;
   for (int m = 0; m < M; ++m) {
     next.drive[m] =
         advance(twin.drive, before.drive[m], command.spool_velocity[m], before.tendon[m].tension[0], twin.time_step);
@@ -148,11 +148,7 @@ template <class T>
   Flag<S> moved = twin.prescribed()
                       ? WristStep<T, N>(twin, command, twin.time_step, before, next).solve_all(runs)
                       : WristStep<T, T::joints>(twin, command, twin.time_step, before, next).solve_all(runs);
-  next.command = command;
-  // NaN and infinities in a command spread to what is summed here, or are an angle out of range.
   S sum = next.grip_force;
-  const auto add = [&](const S& value, const S&) { sum = sum + value; };
-  pair_commands(command, command, add);
   for (int g = 0; g < T::joints; ++g) sum = sum + next.angle[g] + next.velocity[g] + next.moment[g];
   for (int m = 0; m < M; ++m) sum = sum + next.drive[m].angle;
   // Not of infinities and NaN.

@@ -32,6 +32,7 @@ struct Layout {
   int contacts[M]{};             ///< of each tendon
   int joint[M][most]{};          ///< of each contact, as a Passage has it
   bool draws[M][most]{};         ///< whether the joint draws the tendon at the contact
+  bool ends[M]{};                ///< whether the tip draws a tendon in its last segment alone
 };
 
 /// The layout of so many planar axes, each with a joint of the handle, one of the tip and a pair of tendons, which
@@ -52,6 +53,7 @@ constexpr auto planar_layout(Mechanism tip) {
       for (int i = 0; i <= a; ++i) of.joint[m][n++] = i;
       of.contacts[m] = n;
       of.draws[m][1] = of.draws[m][n - 1] = true;
+      of.ends[m] = true;
     }
   }
   return of;

@@ -9,7 +9,7 @@ namespace tenodesis {
 /// Up to Most values.
 template <class T, int Most>
 struct BoundedRow {
-  T at[Most]{};
+  T at[Most];
   int length{Most};
 
   constexpr int size() const { return length; }
@@ -70,33 +70,13 @@ struct Linear {
   }
 };
 
-/// Values that are not initialised.
-template <class T, int N>
-struct Unset {
-  T at[N];
-
-  Unset() {}  // NOLINT(modernize-use-equals-default): with that, {} would set them
-  T& operator[](int i) { return at[i]; }
-  const T& operator[](int i) const { return at[i]; }
-};
-
 /// Rows of a tendon with at most so many contacts; fixed: those of a segment have no length of their own.
 template <int most, bool fixed = false>
 struct BoundedContacts {
   template <class T>
-  struct Of {
-    using PerContact = Row<T, most>;
-    using PerSegment = std::conditional_t<fixed, Row<T, most + 1>, BoundedRow<T, most + 1>>;
-  };
-  template <class S, int U>
-  struct Of<Linear<S, U>> {
-    using PerContact = Unset<Linear<S, U>, most>;
-    using PerSegment = Unset<Linear<S, U>, most + 1>;
-  };
+  using PerContact = Row<T, most>;
   template <class T>
-  using PerContact = Of<T>::PerContact;
-  template <class T>
-  using PerSegment = Of<T>::PerSegment;
+  using PerSegment = std::conditional_t<fixed, Row<T, most + 1>, BoundedRow<T, most + 1>>;
 };
 
 /// One contact of a tendon's route: in the sheath, or on a joint.

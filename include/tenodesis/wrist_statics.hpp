@@ -13,7 +13,7 @@ namespace tenodesis {
 /// A square matrix of N rows.
 template <class S, int N>
 struct Square {
-  S at[N][N]{};
+  S at[N][N];
 };
 
 /// Solves rows x = right by elimination with pivots; returns the determinant's sign, 0 if it is singular or a pivot is

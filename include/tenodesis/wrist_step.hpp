@@ -87,6 +87,7 @@ struct WristStep {
   S bias[U]{};
   S angle[joints];
   S coordinate[U];  // of the unknown joints
+  S turn[U];        // their rates by the angles
   S given[N];       // of the handle's joints, if they are known
   // Moments at the step's end, after the last correction of the angles; and as last computed, with their slopes and the
   // force on what is gripped.
@@ -302,8 +303,12 @@ struct WristStep {
 
   void set_bands() {
     typename T::Shared shared[joints + 1];
-    twin.each_tendon(
-        [&](int m) { twin.bands(m, next.band_angle, command.sheath_bend, per_second, before, shared, band[m]); });
+    twin.each_tendon([&](int m) {
+      if (m > 0 && twin.alike[m])
+        band[m] = band[m - 1];
+      else
+        twin.bands(m, next.band_angle, command.sheath_bend, per_second, before, shared, band[m]);
+    });
   }
 
   S tolerance(int m) const { return friction_tolerance<ValueOf<S>> * twin.tension_scale[m]; }
@@ -448,6 +453,7 @@ struct WristStep {
         for (int u = 0; u < U; ++u) step[u] = cut * scaled[u];
       }
       for (int u = 0; u < U; ++u) angle[u] = last[u] - share * step[u];
+      set_coordinates();
       if (!within()) return Status::no_equilibrium;
     }
     return Status::no_equilibrium;
@@ -475,9 +481,8 @@ struct WristStep {
     next.sweeps += tenodesis::settle(twin.tendon[m], n, band[m], drawn, spool[m], tolerance(m), next.tendon[m], own);
   }
 
-  // Whether new angles are possible; sets their coordinates.
-  Flag<S> within() {
-    set_coordinates();
+  // Whether angles and coordinates are possible.
+  Flag<S> within() const {
     Flag<S> possible = true;
     for (int u = 0; u < U; ++u)
       possible =
@@ -497,20 +502,25 @@ struct WristStep {
       S largest = abs(off[0]);
       for (int u = 1; u < U; ++u) largest = larger(largest, abs(off[u]));
       const S share = smaller(S(0.25) / largest, S(1));
+      using V = ValueOf<S>;
+      // In motion inertia outweighs all else: the next correction would be of this one's square, and smaller still.
+      const V arrived = twin.quasi_static ? settled<V> : sizeof(V) == 4 ? V(1e-4) : V(1e-7);
+      const Flag<S> arrives = open && largest <= S(arrived);
       for (int u = 0; u < U; ++u) {
         angle[u] = where(open, angle[u] - share * off[u], angle[u]);
+        // Beyond the correction's square there is nothing but rounding.
+        coordinate[u] = where(arrives, coordinate[u] - turn[u] * off[u], coordinate[u]);
         S less = yielding.at[u][0] * off[0];
         for (int v = 1; v < U; ++v) less = less + yielding.at[u][v] * off[v];
         pushed[u] = where(open, pushes[u] - share * less, pushed[u]);
       }
       next.grip_force = where(open, gripped, next.grip_force);
-      open = open && within();
-      using V = ValueOf<S>;
-      // In motion inertia outweighs all else: the next correction would be of this one's square, and smaller still.
-      const V arrived = twin.quasi_static ? settled<V> : sizeof(V) == 4 ? V(1e-4) : V(1e-7);
-      const Flag<S> arrives = open && largest <= S(arrived);
-      found = found || arrives;
-      open = open && !arrives;
+      if (any(open && !arrives))
+        for (int u = 0; u < U; ++u)
+          coordinate[u] = where(arrives, coordinate[u], coordinate_at(twin.mechanism(u), angle[u]));
+      const Flag<S> possible = within();
+      found = found || (arrives && possible);
+      open = open && possible && !arrives;
     }
     return found;
   }
@@ -602,9 +612,7 @@ struct WristStep {
   void moments(S* at, Square<S, U>& slope) {
     S load[N];
     set_load(load);
-    S turn[U];
-    for (int i = 0; i < N; ++i) turn[i] = turn_at(i, coordinate[i]);
-    for (int h = N; h < U; ++h) turn[h] = turn_at(h, coordinate[h]);
+    for (int u = 0; u < U; ++u) turn[u] = turn_at(u, coordinate[u]);
     const S speed_rate = twin.quasi_static ? S(0) : S(2) * per_second;
     for (int u = 0; u < U; ++u) {
       const S pulled = moment[u].at(coordinate);
@@ -617,10 +625,12 @@ struct WristStep {
         const int i = u < N ? u : 0;
         const S beyond = angle[i] - clamp(angle[i], -twin.stop[i], twin.stop[i]);
         const S spring = twin.wrist.joint[i].stiffness;
-        at[i] = at[i] + load[i] - spring * angle[i] - twin.damping[i] * velocity - twin.stop_stiffness[i] * beyond;
+        // At rest there are no stops, as in statics: a load that the tendons cannot hold is lost.
+        const S stop = twin.quasi_static ? S(0) : twin.stop_stiffness[i];
+        at[i] = at[i] + load[i] - spring * angle[i] - twin.damping[i] * velocity - stop * beyond;
         for (int j = 0; j < N; ++j) slope.at[i][j] = slope.at[i][j] + load_rate[i][j];
         slope.at[i][i] = slope.at[i][i] - spring - twin.damping[i] * speed_rate -
-                         where(Flag<S>(beyond == S(0)), S(0), twin.stop_stiffness[i]);
+                         where(Flag<S>(beyond == S(0)), S(0), stop);
         // A joint that nothing holds stays where it is.
         if (twin.quasi_static)
           slope.at[i][i] = slope.at[i][i] - S(detail::slack_stiffness<ValueOf<S>>) * twin.stop_stiffness[i];
@@ -641,8 +651,9 @@ struct WristStep {
       next.moment[g] = g < U ? pushed[g < U ? g : 0] : S(0);
     }
     for (int i = 0; i < N; ++i) {
-      const bool touched = any(command.contact[i].present());
-      const Resistance<S> tissue = touched ? resistance_about(i) : Resistance<S>{};
+      next.contact_force[i] = next.contact_moment[i] = S(0);
+      if (!any(command.contact[i].present())) continue;
+      const Resistance<S> tissue = resistance_about(i);
       next.contact_force[i] = tissue.force;
       next.contact_moment[i] = tissue.moment;
     }

@@ -59,6 +59,7 @@ struct WristTwin {
 
   S tension_scale[M]{};  ///< typical tensions, see prepare(), N
   bool ends[M]{};        ///< whether the tip draws a tendon in its last segment alone, see prepare()
+  bool alike[M]{};       ///< whether friction bounds a tendon as the one before, whatever its tensions, see prepare()
   S lone_inertia{};      ///< of a single joint whose link has no mass, about its axis, see prepare(), kg m^2
 
   /// Sets what follows from the rest: what joints draw, the nearest to the spool first, tension scales and inertia.
@@ -77,6 +78,9 @@ struct WristTwin {
       int by_tip = 0;
       for (int d = 0; d < draw_count[m]; ++d) by_tip += draw[m][d].joint < N ? 1 : 0;
       ends[m] = by_tip == 1 && draw[m][draw_count[m] - 1].segment == contacts(m);
+      // In dual numbers, what is the same may have other derivatives.
+      alike[m] = Real<S> && !Law::depends_on_speed && !Law::depends_on_tension && m > 0 && taut(m - 1) &&
+                 has_route_of(m, m - 1);
     }
   }
 
@@ -207,14 +211,10 @@ struct WristTwin {
   }
   /// Whether the tip draws a tendon in its last segment alone.
   bool ends_drawn(int m) const {
-    if constexpr (known) {
-      const int last = contacts(m) - 1;
-      int by_tip = 0;
-      for (int j = 0; j <= last; ++j) by_tip += draws(m, j) && joint_at(m, j) < N ? 1 : 0;
-      return by_tip == 1 && draws(m, last) && joint_at(m, last) < N;
-    } else {
+    if constexpr (known)
+      return W::layout.ends[m];
+    else
       return ends[m];
-    }
   }
   /// Calls f with the number of every tendon that is there.
   template <class F>
@@ -252,7 +252,7 @@ struct WristTwin {
   /// The last exponent at a joint or in the sheaths and its band, which most tendons share.
   struct Shared {
     S exponent{-1};
-    Band<S> band{};
+    Band<S> band;
   };
 
   /// Bands of a tendon's contacts in a step of 1/rate from a state, at given angles of all joints; shared: of every
@@ -283,7 +283,8 @@ struct WristTwin {
         band[j] = band_of(law, exponent, wrap, at, S(0), held());
       } else if constexpr (Real<S> || !std::is_same_v<Flag<S>, bool>) {
         Shared& same = shared[in_sheath ? joints : joint];
-        if (any(same.exponent != exponent)) same = {exponent, law.band(exponent, S(0))};
+        // The first tendon of a known layout comes past nothing twice.
+        if ((known && m == 0) || any(same.exponent != exponent)) same = {exponent, law.band(exponent, S(0))};
         band[j] = same.band;
         band[j].constant = band[j].constant * at.share;
       } else {
@@ -313,6 +314,17 @@ struct WristTwin {
   }
 
  private:
+  // Whether all that friction is of is the same along two tendons.
+  bool has_route_of(int m, int other) const {
+    bool same = contacts(m) == contacts(other) && wrist.stiffness[m] == wrist.stiffness[other];
+    for (int j = 0; same && j < contacts(m); ++j) {
+      const Passage<S>&a = passage[m][j], &b = passage[other][j];
+      same = a.coefficient == b.coefficient && a.wrap == b.wrap && a.share == b.share &&
+             joint_at(m, j) == joint_at(other, j) && (joint_at(m, j) < N || draws(m, j) == draws(other, j));
+    }
+    return same;
+  }
+
   S residual(const State& before, const State& after, const S& rate) const {
     S worst(0);
     Shared shared[joints + 1];

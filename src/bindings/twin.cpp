@@ -80,7 +80,8 @@ class TwinBatch {
   struct Work {
     std::size_t steps;
     const double* commands;
-    bool common;  // commands are for all
+    const std::vector<std::size_t>& given;  // columns of the commands
+    bool common;                            // commands are for all
     const std::vector<std::size_t>& signals;
     std::size_t every;
     double* out;
@@ -90,7 +91,7 @@ class TwinBatch {
     int steps_per_tick;
     double time_step;
 
-    const double* commands_of(std::size_t i) const { return commands + (common ? 0 : i * steps * command_count); }
+    const double* commands_of(std::size_t i) const { return commands + (common ? 0 : i * steps * given.size()); }
     double* kept(std::size_t i) const { return out + i * rows * columns; }
   };
 
@@ -150,10 +151,13 @@ class TwinBatch {
     const bool closed = !work.controllers.empty();
     Loop loop{work, first};
     constexpr tenodesis_lanes::Axis axis{0, agonist, antagonist};
+    std::array<tenodesis_lanes::Column, command_count> columns;
+    std::ranges::transform(work.given, columns.begin(), [](std::size_t c) { return axis_columns[c]; });
     lanes_->advance(groups_[first / stride()].get(), {.runs = runs,
                                                       .steps = work.steps,
                                                       .commands = commands.data(),
-                                                      .command_width = command_count,
+                                                      .columns = columns.data(),
+                                                      .column_count = work.given.size(),
                                                       .planar = true,
                                                       .signals = work.signals.data(),
                                                       .signal_count = std::size_t(own - work.signals.begin()),
@@ -174,10 +178,10 @@ class TwinBatch {
     Progress progress;
     if (work.controllers.empty()) {
       progress =
-          alone_[i]->sample({work.commands_of(i)}, work.steps, work.signals, work.every, work.kept(i), work.columns);
+          alone_[i]->sample({work.commands_of(i), &work.given}, work.steps, work.signals, work.every, work.kept(i), work.columns);
     } else {
       AnyTwin* const twins[] = {alone_[i].get()};
-      const Commands rows[] = {{work.commands_of(i)}};
+      const Commands rows[] = {{work.commands_of(i), &work.given}};
       TwinsByAxis plant(twins, rows);
       ClosedLoop loop(plant, *work.controllers[i], work.steps_per_tick, work.time_step);
       const auto keep = [&](std::size_t step) {
@@ -223,22 +227,26 @@ void restart(TwinBatch& batch, const Array<const std::int64_t, 1>& which, const 
   }
 }
 
-void advance(TwinBatch& batch, const In<3>& commands, const std::vector<std::size_t>& signals, std::size_t every,
-             const Out<3>& out, const Array<std::int64_t, 2>& outcome, int threads,
-             const std::vector<AnyController*>& controllers, int steps_per_tick, double time_step) {
+void advance(TwinBatch& batch, const In<3>& commands, const std::vector<std::size_t>& given,
+             const std::vector<std::size_t>& signals, std::size_t every, const Out<3>& out,
+             const Array<std::int64_t, 2>& outcome, int threads, const std::vector<AnyController*>& controllers,
+             int steps_per_tick, double time_step) {
   const std::size_t runs = batch.count();
   const std::size_t count = commands.shape(1);
-  if (commands.shape(2) != command_count || (commands.shape(0) != runs && commands.shape(0) != 1) ||
+  if (commands.shape(2) != given.size() || (commands.shape(0) != runs && commands.shape(0) != 1) ||
       out.shape(0) != runs || out.shape(1) != signals.size() || every == 0 || out.shape(2) != count / every ||
       outcome.shape(0) != runs || outcome.shape(1) != 2 || (!controllers.empty() && controllers.size() != runs) ||
       steps_per_tick < 1)
     throw nb::value_error("commands, controllers and outputs do not fit");
+  if (given.size() > command_count ||
+      !std::ranges::all_of(given, [](std::size_t column) { return column < command_count; }))
+    throw nb::value_error("no such column");
   const std::size_t known = signal_count + (controllers.empty() ? 0 : control_signal_count);
   if (!std::ranges::all_of(signals, [&](std::size_t signal) { return signal < known; }) ||
       !std::ranges::is_sorted(signals, {}, [](std::size_t signal) { return signal >= signal_count; }))
     throw nb::value_error("no such signal");
   const nb::gil_scoped_release release;
-  batch.advance({count, commands.data(), commands.shape(0) == 1, signals, every, out.data(), out.shape(1), out.shape(2),
+  batch.advance({count, commands.data(), given, commands.shape(0) == 1, signals, every, out.data(), out.shape(1), out.shape(2),
                  outcome.data(), controllers, steps_per_tick, time_step},
                 threads);
 }
@@ -331,12 +339,13 @@ void bind_twin(nb::module_& m) {
            "Put some of them to rest, with new parameters and seeds.")
       .def_prop_ro("together", &TwinBatch::stride, "How many step in lockstep, in the lanes of a vector.")
       .def(
-          "advance", &advance, "commands"_a, "signals"_a, "every"_a, "out"_a, "outcome"_a, "threads"_a, "controllers"_a,
+          "advance", &advance, "commands"_a, "given"_a, "signals"_a, "every"_a, "out"_a, "outcome"_a, "threads"_a, "controllers"_a,
           "steps_per_tick"_a, "time_step"_a,
-          nb::sig("def advance(self, commands: NDArray[numpy.float64], signals: Sequence[int], every: int, out: "
+          nb::sig("def advance(self, commands: NDArray[numpy.float64], given: Sequence[int], signals: Sequence[int], every: int, out: "
                   "NDArray[numpy.float64], outcome: NDArray[numpy.int64], threads: int, controllers: "
                   "Sequence[Controller], steps_per_tick: int, time_step: float) -> None"),
-          "Step over commands by twin, step and column, or common ones, with a controller each if there are any; "
+          "Step over commands by twin, step and column of those that are given, or common ones, with a controller each "
+          "if there are any; "
           "write every n-th step's signals, the controllers' counted on after the twins', by twin, signal and sample; "
           "outcome: steps taken and status of each. A twin that could not take a step stands still until its restart.");
 

@@ -219,6 +219,8 @@ struct Batch {
       given[k] = rows(first + k);
       to[k] = kept(first + k);
     }
+    std::vector<tenodesis_lanes::Column> columns(commands.shape(2));
+    for (std::size_t c = 0; c < columns.size(); ++c) columns[c] = {c, 1};
     std::vector<std::size_t> signals(out.shape(2));
     std::iota(signals.begin(), signals.end(), std::size_t(0));
     std::vector<tenodesis_lanes::Axis> compensated;
@@ -230,7 +232,8 @@ struct Batch {
     lanes.advance(group.get(), {.runs = runs,
                                 .steps = count(),
                                 .commands = given.data(),
-                                .command_width = commands.shape(2),
+                                .columns = columns.data(),
+                                .column_count = columns.size(),
                                 .planar = false,
                                 .signals = signals.data(),
                                 .signal_count = signals.size(),

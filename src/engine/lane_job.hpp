@@ -25,12 +25,19 @@ struct Axis {
 /// Readings of an axis that a controller is asked with: handle angle, tensions, spool angles.
 inline constexpr std::size_t axis_readings = 5;
 
+/// Where a column of commands goes: its place in a row of a chain's commands (chain_rows.hpp), and by how much.
+struct Column {
+  std::size_t place;
+  double factor;
+};
+
 /// Steps of all twins of a group; what is given by run is for the first lanes.
 struct Job {
   std::size_t runs, steps;
   const double* const* commands;  ///< of each run, a row for each step
-  std::size_t command_width;
-  bool planar;                 ///< rows of commands and signals are those of an axis (twin_rows.hpp)
+  const Column* columns;          ///< of a row; what none of them gives is zero
+  std::size_t column_count;
+  bool planar;                 ///< signals are those of an axis (twin_rows.hpp)
   const std::size_t* signals;  ///< that are kept of every n-th step
   std::size_t signal_count, every;
   double* const* out;                        ///< of each run

@@ -26,6 +26,9 @@ class LaneTwins {
   using Many = LaneTwin<axes, tip, L>;
 
   explicit LaneTwins(bool quasi_static) : resting_(quasi_static) {}
+  LaneTwins(const LaneTwins&) = delete;
+  LaneTwins& operator=(const LaneTwins&) = delete;
+  ~LaneTwins() = default;
 
   void start(int k, const void* twin, const void* state) {
     std::memcpy(&one_[k], twin, sizeof(One));
@@ -37,6 +40,7 @@ class LaneTwins {
     one_[k].steps_per_sample = std::numeric_limits<int>::max();
     many_.quasi_static = resting_;
     pair_twins(many_, one_[k], [&](auto& all, const auto& own) { all.set(k, own); });
+    for (int m = 0; m < One::M; ++m) many_.alike[m] = one_[k].alike[m] && (many_.alike[m] || !any(runs_));
     put(k, from, state_[current_]);
     for (auto& each : state_) each.noise.seed[k] = from.noise.seed;
     state_[current_].noise.count[k] = from.noise.count;
@@ -62,6 +66,9 @@ class LaneTwins {
 
  private:
   static constexpr WristSizes sizes{axes, axes, 2 * axes};
+  // Columns of a chain's commands; that which says in which axes the wrench is.
+  static constexpr std::size_t most_columns = 14 + 8 * axes;
+  static constexpr std::size_t stem_place = 7 + 3 * axes;
 
   // Flat, since a compiler inlines less of a larger file.
   template <bool resting>
@@ -71,6 +78,8 @@ class LaneTwins {
       job.outcomes[2 * k + 1] = std::int64_t(runs_[int(k)] ? Status::ok : Status::no_equilibrium);
     }
     const bool measured = job.tick != nullptr || is_measured(job);
+    for (std::size_t c = 0; c < job.column_count; ++c)
+      for (int s = 0; s < 2; ++s) column_[s][c] = column_of(state_[s].command, job.columns[c].place);
     // A copy that nothing else can change, so that what follows from its constants is computed once.
     const Many twin = [&] {
       Many copy = many_;
@@ -79,6 +88,8 @@ class LaneTwins {
     }();
     for (std::size_t i = 0; i < job.steps && any(runs_); ++i) {
       if (job.tick != nullptr && i % std::size_t(job.steps_per_tick) == 0) tick(job, i);
+      // What no column gives was that of other calls.
+      if (i < 2) state_[1 - current_].command = {};
       step(twin, job, i);
       if (--until_sample_ <= 0) {
         until_sample_ = steps_per_sample_;
@@ -133,49 +144,53 @@ class LaneTwins {
     }
   }
 
-  // The command of a row whose columns take() gives; closed: spools turn as controllers ask.
-  template <class Command, class Take, class Holds, class Velocity>
-  [[gnu::always_inline]] static Command command_from(const tenodesis_lanes::Job& job, const Take& take,
-                                                     const Holds& holds, const Velocity& velocity) {
-    Command command = [&] {
-      if constexpr (axes == 1)
-        if (job.planar) return command_of<Command>(axis_command<typename Command::S>(take));
-      return chain_command<Command>(sizes, take, holds);
-    }();
-    if (job.tick != nullptr)
-      for (std::size_t n = 0; n < job.axis_count; ++n)
-        for (const std::size_t m : {job.axes[n].agonist, job.axes[n].antagonist})
-          command.spool_velocity[m] = velocity(m);
-    return command;
+  // A row's column of a command, by its place; null: whether the wrench keeps its direction.
+  template <class Command>
+  static auto* column_of(Command& command, std::size_t place) {
+    using S = Command::S;
+    S* found = nullptr;
+    if (place == stem_place) return found;
+    std::size_t left = place - (place > stem_place ? 1 : 0);
+    pair_commands(command, command, [&](S& value, const S&) {
+      if (left-- == 0) found = &value;
+    });
+    return found;
   }
 
   [[gnu::always_inline]] void step(const Many& twin, const tenodesis_lanes::Job& job, std::size_t i) {
+    const typename Many::State& now = state_[current_];
+    typename Many::State& next = state_[1 - current_];
+    auto& command = next.command;
     // Lanes without a run of their own repeat the first.
     const double* rows[K];
-    for (int k = 0; k < K; ++k) rows[k] = job.commands[std::cmp_less(k, job.runs) ? k : 0] + i * job.command_width;
+    for (int k = 0; k < K; ++k) rows[k] = job.commands[std::cmp_less(k, job.runs) ? k : 0] + i * job.column_count;
     bool common = true;
     for (int k = 1; k < K; ++k) common = common && rows[k] == rows[0];
-    std::size_t c = 0;
-    const auto take = [&] {
+    // Lanes whose wrench is in other axes than the first's step alone.
+    Mask<double, K> same = true;
+    L sum(0.0);
+    for (std::size_t c = 0; c < job.column_count; ++c) {
       L all(rows[0][c]);
       if (!common)
         for (int k = 0; k < K; ++k) all.set(k, rows[k][c]);
-      ++c;
-      return all;
-    };
-    // Lanes whose wrench is in other axes than the first's step alone.
-    Mask<double, K> same = true;
-    const auto holds = [&](const L& column) {
-      const bool first = column[0] != 0;
-      const Mask<double, K> holding = column != L(0.0);
-      same = first ? holding : !holding;
-      return first;
-    };
-    const auto command =
-        command_from<typename Many::Command>(job, take, holds, [&](std::size_t m) { return velocity_[m]; });
-    const typename Many::State& now = state_[current_];
-    typename Many::State& next = state_[1 - current_];
-    const Mask<double, K> moved = step_in_lanes(twin, command, runs_ && same, now, next);
+      sum = sum + all;
+      if (L* to = column_[1 - current_][c]; to != nullptr) {
+        *to = all * L(job.columns[c].factor);
+      } else {
+        command.load.in_stem_axes = all[0] != 0;
+        const Mask<double, K> holds = all != L(0.0);
+        same = command.load.in_stem_axes ? holds : !holds;
+      }
+    }
+    if (job.tick != nullptr)
+      for (std::size_t n = 0; n < job.axis_count; ++n)
+        for (const std::size_t m : {job.axes[n].agonist, job.axes[n].antagonist}) {
+          command.spool_velocity[m] = velocity_[m];
+          sum = sum + velocity_[m];
+        }
+    // Not of infinities and NaN.
+    same = same && sum - sum == L(0.0);  // NOLINT(misc-redundant-expression)
+    const Mask<double, K> moved = step_in_lanes(twin, runs_ && same, now, next);
     const Mask<double, K> left = runs_ && !(moved && same);
     if (any(left)) [[unlikely]]
       for (int k = 0; k < K; ++k)
@@ -197,9 +212,18 @@ class LaneTwins {
     typename One::State state{};
     take(k, now, state);
     state.until_sample = std::numeric_limits<int>::max();
-    const auto command = command_from<typename One::Command>(
-        job, [&] { return *row++; }, [](double column) { return column != 0; },
-        [&](std::size_t m) { return velocity_[m][k]; });
+    typename One::Command command{};
+    for (std::size_t c = 0; c < job.column_count; ++c) {
+      const auto [place, factor] = job.columns[c];
+      if (double* to = column_of(command, place); to != nullptr)
+        *to = row[c] * factor;
+      else
+        command.load.in_stem_axes = row[c] != 0;
+    }
+    if (job.tick != nullptr)
+      for (std::size_t n = 0; n < job.axis_count; ++n)
+        for (const std::size_t m : {job.axes[n].agonist, job.axes[n].antagonist})
+          command.spool_velocity[m] = velocity_[m][k];
     const Status status = one_[k].step(command, state);
     put(k, state, next);
     if (status == Status::ok) return;
@@ -248,6 +272,7 @@ class LaneTwins {
   // What is aligned most comes first.
   Mask<double, K> runs_ = false;
   L velocity_[2 * axes]{};
+  L* column_[2][most_columns]{};
   Many many_{};
   Many::State state_[2]{};
   std::array<One, K> one_{};

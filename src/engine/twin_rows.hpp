@@ -3,7 +3,9 @@
 
 #include <array>
 #include <cstddef>
+#include <vector>
 
+#include "lane_job.hpp"
 #include "tenodesis/axis_twin.hpp"
 
 namespace tenodesis::engine {
@@ -49,6 +51,10 @@ inline constexpr std::size_t signal_count = signal_names.size();
 /// The first of them are readings.
 inline constexpr std::size_t measured_signal_count = 6;
 
+/// Where the columns go in a row of the axis's joint and two tendons (chain_rows.hpp); a force is against x.
+inline constexpr std::array<tenodesis_lanes::Column, command_count> axis_columns{
+    {{0, 1}, {3, -1}, {5, 1}, {14, 1}, {1, 1}, {2, 1}, {15, 1}, {16, 1}, {17, 1}, {18, 1}, {19, 1}, {20, 1}}};
+
 /// The command of an axis by a row whose columns take() gives one after another.
 template <class S, class Take>
 [[gnu::always_inline]] inline Command<S> axis_command(const Take& take) {
@@ -60,12 +66,18 @@ template <class S, class Take>
   return command;
 }
 
-/// Commands of successive steps, each a row of command_count values.
+/// Commands of successive steps, each a row of those columns that are given; null: of all.
 struct Commands {
   const double* rows{};
+  const std::vector<std::size_t>* given{};
 
   Command<double> operator[](std::size_t i) const {
+    std::array<double, command_count> scattered{};
     const double* row = rows + i * command_count;
+    if (given != nullptr) {
+      for (std::size_t c = 0; c < given->size(); ++c) scattered[(*given)[c]] = rows[i * given->size() + c];
+      row = scattered.data();
+    }
     return axis_command<double>([&] { return *row++; });
   }
 };

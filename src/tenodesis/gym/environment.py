@@ -25,6 +25,7 @@ _READ = (
     "measured_spool_angle.antagonist",
 )
 _TRUE = ("handle_angle", "output_angle", "tension.agonist", "tension.antagonist")
+_GIVEN = list(range(len(COMMANDS)))
 _PLACES = [SIGNALS.index(name) for name in (*_READ, *_TRUE)]
 _BOUNDS = np.array([2, 50, 50, 100, 100, 1, 1], np.float32)
 """Of an observation, which is cut there."""
@@ -124,7 +125,7 @@ class TendonVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
         self._commands[:, :, ARGUMENTS["spool_velocity"]] = action[:, np.newaxis] * self._speed
         self._out.fill(np.nan)
         self._twins.advance(
-            self._commands, _PLACES, self._steps, self._out, self._ends, threads(), [], 1, plant.TIME_STEP
+            self._commands, _GIVEN, _PLACES, self._steps, self._out, self._ends, threads(), [], 1, plant.TIME_STEP
         )
         self._tick += 1
         values = self._out[:, :, 0]

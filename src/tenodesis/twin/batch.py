@@ -28,6 +28,10 @@ from tenodesis.twin.rows import (
 )
 
 
+_COLUMNS = {name: np.atleast_1d(np.arange(len(COMMANDS))[columns]).tolist() for name, columns in ARGUMENTS.items()}
+"""Columns of a command, by the argument that fills them."""
+
+
 @dataclass(frozen=True)
 class Batch:
     """The runs of :func:`run_many`: kept signals by name, with the names and shapes of a run after an axis of runs.
@@ -148,7 +152,7 @@ def run_many(
         )
     insts = _instruments(chosen, vary or {})
     check_no_wrench(wrench, insts[0])
-    commands = _shared_commands(len(insts), handle_angle, force, radial_force, weight, spool_velocity)
+    commands, given = _shared_commands(len(insts), handle_angle, force, radial_force, weight, spool_velocity)
     tissue = _tissue(contact)
     runs = len(insts)
     if runs == 1:
@@ -161,13 +165,16 @@ def run_many(
         narrowest = min(prescribed, key=lambda one: one.handle_range)
         for row in commands[:, :, 0]:
             check_handle_range(narrowest, row)
-    if commands[:, :, COMMANDS.index("weight")].any():
+    if COMMANDS.index("weight") in given:
         for one in insts:
             check_rig(one)
     if len(tissue) not in (1, runs):
         raise ArgumentError(f"contact is for {len(tissue)} runs, instruments for {runs}; it must be the same.")
-    commands = np.repeat(commands, len(tissue) if len(commands) == 1 else 1, axis=0)
-    commands[:, :, ARGUMENTS["contact"]] = tissue[:, np.newaxis]
+    if tissue.any():
+        shape = (max(len(tissue), len(commands)), commands.shape[1])
+        parts = [np.broadcast_to(part, (*shape, part.shape[2])) for part in (commands, tissue[:, np.newaxis])]
+        commands = np.concatenate(parts, axis=2)
+        given += _COLUMNS["contact"]
     if not commands.shape[1]:
         raise ArgumentError("handle_angle is empty; it must have one step or more.", key="handle_angle")
     if not (isinstance(every, int | np.integer) and 1 <= every <= commands.shape[1]):
@@ -181,13 +188,13 @@ def run_many(
         plant.spec(insts[0], time_step, quasi_static), _rows(insts, time_step, quasi_static), _seeds(seeds, runs)
     )
     loops = _loops(controllers, insts, twins)
-    if loops and commands[:, :, ARGUMENTS["spool_velocity"]].any():
+    if loops and set(_COLUMNS["spool_velocity"]).intersection(given):
         raise ArgumentError("spool_velocity and controllers are both given; give one of them.", key="spool_velocity")
     out = np.full((runs, len(ordered), commands.shape[1] // every), np.nan)
     ends = np.zeros((runs, 2), np.int64)
     per_tick = plant.steps_per_sample(insts[0], time_step, quasi_static)
     columns = [known.index(name) for name in ordered]
-    twins.advance(commands, columns, every, out, ends, threads(), loops, per_tick, time_step)
+    twins.advance(commands, given, columns, every, out, ends, threads(), loops, per_tick, time_step)
     time = (1 + np.arange(out.shape[2])) * every * time_step
     found = {
         name: np.stack([out[:, ordered.index(column)] for column in columns], axis=-1)
@@ -308,8 +315,11 @@ def _instruments(chosen: Sequence[Instrument], vary: Mapping[str, ArrayLike]) ->
     return insts
 
 
-def _shared_commands(runs: int, *arguments: ArrayLike) -> Array:
-    """Return commands of shape (runs, n, columns), or (1, n, columns) if all runs share them."""
+def _shared_commands(runs: int, *arguments: ArrayLike) -> tuple[Array, list[int]]:
+    """Return commands of shape (runs, n, columns), or (1, n, columns) if all runs share them, and their columns.
+
+    Of those that are zero throughout, only the handle angle has one.
+    """
     arrays = [np.asarray(argument, float) for argument in arguments]
     named = dict(zip(ARGUMENTS, arrays, strict=False))
     by_step = {name: array.shape[:-1] if name == "spool_velocity" else array.shape for name, array in named.items()}
@@ -318,11 +328,16 @@ def _shared_commands(runs: int, *arguments: ArrayLike) -> Array:
     if len(shape) != 2 or (shape[0] not in (1, runs) and runs != 1):
         problem = f"commands have shape {shape}; it must be (n,) or ({runs}, n)."
         raise ArgumentError(problem, key="handle_angle", value=shape)
-    rows = np.zeros((*shape, len(COMMANDS)))
     for name, array in named.items():
         check_finite(name, array)
-        rows[..., ARGUMENTS[name]] = array
-    return rows
+    there = {name: array for name, array in named.items() if name == "handle_angle" or array.any()}
+    given = [column for name in there for column in _COLUMNS[name]]
+    rows = np.empty((*shape, len(given)))
+    for name, array in there.items():
+        rows[..., [given.index(column) for column in _COLUMNS[name]]] = (
+            array if array.ndim and name == "spool_velocity" else array[..., np.newaxis]
+        )
+    return rows, given
 
 
 def _tissue(contact: Contacts | None) -> Array:
