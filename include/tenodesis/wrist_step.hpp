@@ -515,9 +515,10 @@ struct WristStep {
         pushed[u] = where(open, pushes[u] - share * less, pushed[u]);
       }
       next.grip_force = where(open, gripped, next.grip_force);
-      if (any(open && !arrives))
+      const Flag<S> far = open && !arrives;
+      if (any(far))
         for (int u = 0; u < U; ++u)
-          coordinate[u] = where(arrives, coordinate[u], coordinate_at(twin.mechanism(u), angle[u]));
+          coordinate[u] = where(far, coordinate_at(twin.mechanism(u), angle[u]), coordinate[u]);
       const Flag<S> possible = within();
       found = found || (arrives && possible);
       open = open && possible && !arrives;

@@ -6,7 +6,7 @@
 #include <optional>
 #include <utility>
 
-#include "engine/any_twin.hpp"
+#include "engine/any_controller.hpp"
 #include "module.hpp"
 
 namespace tenodesis::bindings {
@@ -85,41 +85,6 @@ Answer step(AnyController& controller, std::uint64_t time, int request, const In
           output.faults,
           output.first_faults,
           output.cut_power};
-}
-
-std::tuple<std::size_t, Status> run_controlled(const std::vector<AnyTwin*>& twins, AnyController& controller,
-                                               const In<3>& commands, int steps_per_tick, double time_step,
-                                               double relay, std::size_t started,
-                                               const std::optional<Array<const std::uint8_t, 1>>& requests,
-                                               const std::optional<In<3>>& values,
-                                               const std::optional<Array<const std::uint8_t, 3>>& modes,
-                                               const Out<3>& out, const Out<3>& control) {
-  const std::size_t axes = twins.size();
-  const std::size_t count = commands.shape(1);
-  const auto fits = [&](const auto& stack, std::size_t columns) {
-    return stack.shape(0) == axes && stack.shape(1) == count && stack.shape(2) == columns;
-  };
-  require(std::cmp_equal(axes, controller.axes()) && fits(commands, command_count) && fits(out, signal_count) &&
-              fits(control, control_signal_count) && steps_per_tick >= 1 &&
-              (!requests || requests->shape(0) == count) && values.has_value() == modes.has_value() &&
-              (!values || (fits(*values, injection_point_count) && fits(*modes, injection_point_count))),
-          "commands, requests, injected faults and outputs do not fit");
-  InjectedSteps injected;
-  if (values && modes) injected = {values->data(), modes->data(), nullptr};
-  if (requests) injected.request = requests->data();
-  std::vector<Commands> rows;
-  rows.reserve(axes);
-  for (std::size_t n = 0; n < axes; ++n) rows.push_back({commands.data() + n * count * command_count});
-  const nb::gil_scoped_release release;
-  TwinsByAxis plant(twins, rows);
-  ClosedLoop loop(plant, controller, steps_per_tick, time_step, relay);
-  const Progress progress = loop.run(count, started, injected, [&](std::size_t i) {
-    for (std::size_t n = 0; n < axes; ++n) {
-      std::ranges::copy(plant.signals(n), out.data() + (n * count + i) * signal_count);
-      std::ranges::copy(control_signals(controller, n), control.data() + (n * count + i) * control_signal_count);
-    }
-  });
-  return {progress.steps, progress.status};
 }
 
 std::tuple<std::vector<std::uint32_t>, std::vector<std::uint32_t>, std::uint32_t> counts(
@@ -229,14 +194,6 @@ void bind_control(nb::module_& m) {
   m.def(
       "fault_injection_points", [] { return list_of(fault_injection_points); },
       "Points between instrument and controller where a fault can be injected.");
-  m.def("run_controlled", &run_controlled, "twins"_a, "controller"_a, "commands"_a, "steps_per_tick"_a, "time_step"_a,
-        "relay"_a, "started"_a, "requests"_a.none(), "values"_a.none(), "modes"_a.none(), "out"_a, "control"_a,
-        nb::sig("def run_controlled(twins: Sequence[Twin], controller: Controller, commands: NDArray[numpy.float64], "
-                "steps_per_tick: int, time_step: float, relay: float, started: int, requests: NDArray[numpy.uint8] | "
-                "None, values: NDArray[numpy.float64] | None, modes: NDArray[numpy.uint8] | None, out: "
-                "NDArray[numpy.float64], control: NDArray[numpy.float64]) -> tuple[int, Status]"),
-        "Step twins and a controller in a closed loop over rows of commands, axis by axis. Returns the steps taken and "
-        "the status of the last.");
 }
 
 }  // namespace tenodesis::bindings

@@ -13,10 +13,6 @@
 #include <cstdint>
 #include <memory>
 
-namespace tenodesis::engine {
-class AnyWristTwin;
-}
-
 namespace tenodesis::bindings {
 
 namespace nb = nanobind;
@@ -50,11 +46,9 @@ inline void require(bool condition, const char* otherwise) {
   if (!condition) throw nb::value_error(otherwise);
 }
 
-/// The twin within an object of the class WristTwin.
-engine::AnyWristTwin& wrist_twin_of(nb::handle object);
-
 void bind_twin(nb::module_& m);
 void bind_twin_gradient(nb::module_& m);
+void bind_chain_twin(nb::module_& m);
 void bind_control(nb::module_& m);
 void bind_joint(nb::module_& m);
 void bind_kinematics(nb::module_& m);
@@ -63,6 +57,5 @@ void bind_serial(nb::module_& m);
 void bind_similarity(nb::module_& m);
 void bind_tendon(nb::module_& m);
 void bind_wrist(nb::module_& m);
-void bind_wrist_twin(nb::module_& m);
 
 }  // namespace tenodesis::bindings

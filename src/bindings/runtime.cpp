@@ -17,7 +17,7 @@ namespace tenodesis::bindings {
 namespace {
 
 using namespace engine;
-using runtime::AxesDevice, runtime::ChainDevice, runtime::MailboxDevice, runtime::MotorSwitch, runtime::OrderKind,
+using runtime::TwinDevice, runtime::MailboxDevice, runtime::MotorSwitch, runtime::OrderKind,
     runtime::Problem, runtime::RingReader, runtime::Runtime;
 
 static_assert(runtime::most_joints >= most_wrist_joints && runtime::most_tendons >= most_wrist_tendons);
@@ -175,14 +175,8 @@ void bind_runtime(nb::module_& m) {
       .def_prop_ro(
           "signals", [](const runtime::Device& device) { return named(device.signals); },
           "Names and widths of the signals' columns.");
-  nb::class_<AxesDevice, runtime::Device>(m, "AxesDevice", "The twins of axes that do not act on each other.")
-      .def(nb::init<std::vector<AnyTwin*>, double, int>(), "twins"_a, "time_step"_a, "steps_per_tick"_a,
-           nb::keep_alive<1, 2>());
-  nb::class_<ChainDevice, runtime::Device>(m, "ChainDevice", "The twin of joints that may share tendons.")
-      .def(nb::new_([](nb::handle twin, double time_step, int steps_per_tick) {
-             return new ChainDevice(wrist_twin_of(twin), time_step, steps_per_tick);
-           }),
-           "twin"_a, "time_step"_a, "steps_per_tick"_a, nb::keep_alive<1, 2>(), nb::rv_policy::take_ownership);
+  nb::class_<TwinDevice, runtime::Device>(m, "TwinDevice", "A digital twin, which each write advances by a tick.")
+      .def(nb::init<AnyTwin&, double, int>(), "twin"_a, "time_step"_a, "steps_per_tick"_a, nb::keep_alive<1, 2>());
   nb::class_<MotorSwitch, AnyController>(m, "MotorSwitch", "In place of a controller where no joint has a law.")
       .def(nb::init<>());
   nb::class_<MailboxDevice, runtime::Device>(m, "MailboxDevice", "A device that another thread serves.")

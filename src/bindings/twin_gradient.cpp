@@ -26,7 +26,7 @@ std::tuple<std::size_t, Status> gradient(const TwinSpec& spec, const In<2>& comm
                                          const std::vector<std::size_t>& variables, const Out<3>& out) {
   const std::size_t count = commands.shape(0);
   const std::size_t rows = 1 + variables.size();
-  if (commands.shape(1) != command_count || out.shape(0) != reading_count || out.shape(1) != rows ||
+  if (commands.shape(1) != axis_command_count || out.shape(0) != reading_count || out.shape(1) != rows ||
       out.shape(2) != count)
     throw nb::value_error("commands and out do not fit");
   for (const std::size_t variable : variables)

@@ -5,7 +5,15 @@
 #include <utility>
 #include <vector>
 
+#include "tenodesis/equilibrium.hpp"
+
 namespace tenodesis::engine {
+
+/// How far a run came.
+struct Progress {
+  std::size_t steps{};
+  Status status{Status::ok};
+};
 
 inline constexpr std::size_t wrench_components = 6;
 

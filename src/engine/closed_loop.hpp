@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "any_controller.hpp"
-#include "twin_rows.hpp"
+#include "chain_rows.hpp"
 
 namespace tenodesis::engine {
 

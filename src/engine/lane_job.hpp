@@ -37,11 +37,10 @@ struct Job {
   const double* const* commands;  ///< of each run, a row for each step
   const Column* columns;          ///< of a row; what none of them gives is zero
   std::size_t column_count;
-  bool planar;                 ///< signals are those of an axis (twin_rows.hpp)
   const std::size_t* signals;  ///< that are kept of every n-th step
   std::size_t signal_count, every;
   double* const* out;                        ///< of each run
-  std::size_t signal_stride, sample_stride;  ///< of out
+  std::size_t samples;                       ///< of each signal in out
   std::int64_t* outcomes;                    ///< of each run: steps taken and status
   /// Asked for the spool velocities that hold from a step on, given the readings before it, by axis; null without
   /// controllers.
@@ -77,8 +76,6 @@ struct Lanes {
   /// after a step that it could not take.
   void (*start)(void* group, int lane, const void* twin, const void* state);
   void (*advance)(void* group, const Job& job);
-  /// Brings the state of a twin, as the bytes of its type, to that of a lane.
-  void (*state)(const void* group, int lane, void* state);
   void (*release)(void* group);
   /// Steps taken and status.
   void (*differentiate)(const Gradient& of, std::int64_t outcome[2]);

@@ -56,10 +56,6 @@ void advance(void* group, const tenodesis_lanes::Job& job) {
   with_group(group, [&]<class G>() { static_cast<G*>(group)->twins.advance(job); });
 }
 
-void state(const void* group, int lane, void* to) {
-  with_group(group, [&]<class G>() { static_cast<const G*>(group)->twins.state(lane, to); });
-}
-
 void release(void* group) {
   with_group(group, [&]<class G>() { delete static_cast<G*>(group); });
 }
@@ -90,7 +86,6 @@ const tenodesis_lanes::Lanes tenodesis_lanes::TENODESIS_PROCESSOR{TENODESIS_LANE
                                                                   tenodesis::engine::make_group,
                                                                   tenodesis::engine::start,
                                                                   tenodesis::engine::advance,
-                                                                  tenodesis::engine::state,
                                                                   tenodesis::engine::release,
                                                                   tenodesis::engine::differentiate_one};
 // NOLINTEND(misc-anonymous-namespace-in-header,misc-definitions-in-headers)

@@ -1,6 +1,7 @@
 #pragma once
 // A group of twins that step in lockstep.
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <cstring>
@@ -10,7 +11,6 @@
 #include "chain_rows.hpp"
 #include "lane_job.hpp"
 #include "tenodesis/wrist_lanes.hpp"
-#include "twin_rows.hpp"
 
 namespace tenodesis::engine {
 
@@ -45,16 +45,6 @@ class LaneTwins {
     for (auto& each : state_) each.noise.seed[k] = from.noise.seed;
     state_[current_].noise.count[k] = from.noise.count;
     runs_.set(k, true);
-  }
-
-  void state(int k, void* to) const {
-    typename One::State own;
-    std::memcpy(&own, to, sizeof own);
-    take(k, state_[current_], own);
-    own.noise = {state_[current_].noise.seed[k], state_[current_].noise.count[k]};
-    own.until_sample = until_sample_;
-    own.sweeps = int(state_[current_].sweeps[k]);
-    std::memcpy(to, &own, sizeof own);
   }
 
   void advance(const tenodesis_lanes::Job& job) {
@@ -106,11 +96,7 @@ class LaneTwins {
 
   // Whether readings are among the kept signals.
   static bool is_measured(const tenodesis_lanes::Job& job) {
-    // They are the first of an axis's signals, and the last of a chain's.
-    bool measured = false;
-    for (std::size_t s = 0; s < job.signal_count; ++s)
-      measured = measured || (job.planar ? job.signals[s] < measured_signal_count : job.signals[s] >= first_measured);
-    return measured;
+    return std::any_of(job.signals, job.signals + job.signal_count, [](std::size_t s) { return s >= first_measured; });
   }
 
   static void put(int k, const One::State& one, Many::State& to) {
@@ -248,26 +234,19 @@ class LaneTwins {
   void keep(const Many& twin, const tenodesis_lanes::Job& job, std::size_t sample) {
     std::array<L, most_signals> row;
     std::size_t width = 0;
-    const auto put_signal = [&](const L& value) { row[width++] = value; };
-    bool planar = false;
-    if constexpr (axes == 1) {
-      planar = job.planar;
-      if (planar)
-        for (const L& value : signals_of(twin, state_[current_])) put_signal(value);
-    }
-    if (!planar) chain_signals(twin, state_[current_], sizes, put_signal);
+    chain_signals(twin, state_[current_], sizes, [&](const L& value) { row[width++] = value; });
+    row[width] = -twin.load_of(state_[current_].command).wrench.force.x;
     for (std::size_t k = 0; k < job.runs; ++k) {
       if (!runs_[int(k)]) continue;
       for (std::size_t s = 0; s < job.signal_count; ++s)
-        job.out[k][s * job.signal_stride + sample * job.sample_stride] = row[job.signals[s]][int(k)];
+        job.out[k][s * job.samples + sample] = row[job.signals[s]][int(k)];
       if (job.keep != nullptr) job.keep(job.loop, k, sample);
     }
   }
 
-  // Columns of a chain's signals.
+  // Columns of a chain's signals, and the force against x.
   static constexpr std::size_t first_measured = 13 * axes + 1;
-  static constexpr std::size_t most_signals = 19 * axes + 2;
-  static_assert(axes > 1 || most_signals >= signal_count);
+  static constexpr std::size_t most_signals = 19 * axes + 3;
 
   // What is aligned most comes first.
   Mask<double, K> runs_ = false;

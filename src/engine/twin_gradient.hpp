@@ -4,8 +4,9 @@
 #include <array>
 #include <cstddef>
 
+#include "axis_rows.hpp"
+#include "chain_rows.hpp"
 #include "lane_job.hpp"
-#include "twin_rows.hpp"
 #include "twin_spec.hpp"
 
 namespace tenodesis::engine {
@@ -39,12 +40,11 @@ struct Variables {
 template <class T, class D = T::S>
 Progress differentiate(const T& twin, const std::array<D, twin_parameter_count>& row,
                        const tenodesis_lanes::Gradient& of) {
-  const Commands commands{of.commands};
   auto state = twin.rest(0);
   D spool[2]{};
   D turned[2]{};
   for (std::size_t i = 0; i < of.steps; ++i) {
-    const Command<double> given = commands[i];
+    const Command<double> given = axis_command(of.commands + i * axis_command_count);
     // What is let out is where the motors stand: their spools follow on the flank that a taut tendon keeps them on.
     for (int t = 0; t < 2; ++t) {
       const D wound(-given.let_out[t]);

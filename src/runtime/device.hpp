@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "engine/wrist_twin.hpp"
+#include "engine/any_twin.hpp"
 
 namespace tenodesis::runtime {
 

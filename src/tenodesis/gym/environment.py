@@ -1,6 +1,6 @@
 """An instrument in a hand, on a load or on tissue, whose motors a policy drives."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -10,23 +10,17 @@ from numpy.typing import NDArray
 
 from tenodesis import _core, control, plant
 from tenodesis.errors import ArgumentError
-from tenodesis.gym.episodes import Episodes, Task
+from tenodesis.gym.episodes import COMMANDS, WIDTH, Episodes, Task
 from tenodesis.instrument import InstrumentLike, as_short_form
 from tenodesis.run import Array
 from tenodesis.threads import threads
 from tenodesis.twin import Contact
-from tenodesis.twin.rows import ARGUMENTS, COMMANDS, SIGNALS
+from tenodesis.twin.rows import columns_by_name
 
-_READ = (
-    "measured_handle_angle",
-    "measured_tension.agonist",
-    "measured_tension.antagonist",
-    "measured_spool_angle.agonist",
-    "measured_spool_angle.antagonist",
-)
-_TRUE = ("handle_angle", "output_angle", "tension.agonist", "tension.antagonist")
-_GIVEN = list(range(len(COMMANDS)))
-_PLACES = [SIGNALS.index(name) for name in (*_READ, *_TRUE)]
+_READ = ("measured_handle_angle", "measured_tension", "measured_spool_angle")
+_TRUE = ("handle_angle", "output_angle", "tension")
+_READINGS = 5
+"""Columns of what is read."""
 _BOUNDS = np.array([2, 50, 50, 100, 100, 1, 1], np.float32)
 """Of an observation, which is cut there."""
 _OBSERVED = _BOUNDS.size
@@ -76,8 +70,7 @@ class TendonVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
                 raise ArgumentError(f"{inst.name} has two axes; it must have one: inst.axis(name).", key="instruments")
         self._steps = _steps(self.task.period, plant.steps_per_sample(insts[0], plant.TIME_STEP, False))
         self._insts = insts
-        self._rows = np.array([plant.parameter_row(inst, plant.TIME_STEP) for inst in insts])
-        self._spec = plant.spec(insts[0], plant.TIME_STEP, False)
+        self._specs = [plant.spec(inst, plant.TIME_STEP, False) for inst in insts]
         self._pretension = np.array([inst.pretension for inst in insts])
         self._handle_range = insts[0].handle_range
         self._speed = insts[0].drives.motor_speed / insts[0].drives.gear_ratio
@@ -91,13 +84,16 @@ class TendonVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
         self.observation_space = batch(self.single_observation_space, num_envs)
         self.action_space = batch(self.single_action_space, num_envs)
         self._episodes = Episodes(insts[0], self.task, num_envs)
-        self._commands = np.zeros((num_envs, self._steps, len(COMMANDS)))
-        self._out = np.zeros((num_envs, len(_PLACES), 1))
+        self._commands = np.zeros((num_envs, self._steps, WIDTH))
         self._ends = np.zeros((num_envs, 2), np.int64)
         self._tick = np.zeros(num_envs, np.int64)
         self._which = np.zeros(num_envs, np.int64)
         self._seeds = np.zeros(num_envs, np.uint64)
-        self._twins = _core.TwinBatch(self._spec, self._rows[self._which], self._seeds)
+        self._twins = _core.TwinBatch(self._resting(range(num_envs)))
+        twin = self._resting([0])[0]
+        self._given = _places(columns_by_name(twin.commands), COMMANDS)
+        self._kept = _places(columns_by_name(twin.signals), (*_READ, *_TRUE))
+        self._out = np.zeros((num_envs, len(self._kept), 1))
 
     def reset(self, *, seed: int | list[int | None] | None = None, options: Info | None = None) -> tuple[Any, Info]:
         """Begin new episodes in all environments: observations, shape (num_envs, 7), and an empty information.
@@ -122,14 +118,24 @@ class TendonVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
             allowed = f"finite, of shape ({self.num_envs}, 2)"
             raise ArgumentError(key="actions", value=action.shape, allowed=allowed)
         self._episodes.commands(self._tick, self._commands)
-        self._commands[:, :, ARGUMENTS["spool_velocity"]] = action[:, np.newaxis] * self._speed
+        self._commands[:, :, COMMANDS["spool_velocity"]] = action[:, np.newaxis] * self._speed
         self._out.fill(np.nan)
         self._twins.advance(
-            self._commands, _GIVEN, _PLACES, self._steps, self._out, self._ends, threads(), [], 1, plant.TIME_STEP
+            self._commands,
+            self._given,
+            self._kept,
+            self._steps,
+            self._out,
+            self._ends,
+            threads(),
+            [],
+            [],
+            1,
+            plant.TIME_STEP,
         )
         self._tick += 1
         values = self._out[:, :, 0]
-        handle, output, *tensions = values[:, len(_READ) :].T
+        handle, output, *tensions = values[:, _READINGS:].T
         aim = self._episodes.target(handle)
         error = output - aim
         terminated = (self._ends[:, 1] != 0) | (np.max(tensions, axis=0) > self.tension_limit)
@@ -164,21 +170,24 @@ class TendonVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
         ``handle_angle`` and ``force``, shape (num_envs, steps), ``contact`` and ``seeds``.
         """
         steps = round(self.task.duration / plant.TIME_STEP)
-        rows = np.zeros((self.num_envs, steps, len(COMMANDS)))
+        rows = np.zeros((self.num_envs, steps, WIDTH))
         self._episodes.commands(np.zeros_like(self._tick), rows)
         return {
             "inst": [self._insts[n] for n in self._which],
-            "handle_angle": rows[:, :, ARGUMENTS["handle_angle"]],
-            "force": rows[:, :, ARGUMENTS["force"]],
-            "contact": [Contact.of_row(*row) for row in rows[:, 0, ARGUMENTS["contact"]]],
+            "handle_angle": rows[:, :, COMMANDS["handle_angle"]][:, :, 0],
+            "force": rows[:, :, COMMANDS["force"]][:, :, 0],
+            "contact": [Contact.of_row(*row) for row in rows[:, 0, COMMANDS["contact"]]],
             "seeds": self._seeds.copy(),
         }
 
+    def _resting(self, which: Iterable[int]) -> list[_core.Twin]:
+        return [_core.axes_twin([self._specs[self._which[n]]], [int(self._seeds[n])]) for n in which]
+
     def _begin(self, which: NDArray[np.int64], alike: int = 1) -> None:
         drawn = len(which) // alike
-        self._which[which] = np.repeat(self.np_random.integers(len(self._rows), size=drawn), alike)
+        self._which[which] = np.repeat(self.np_random.integers(len(self._specs), size=drawn), alike)
         self._seeds[which] = np.repeat(self.np_random.integers(2**63, size=drawn, dtype=np.uint64), alike)
-        self._twins.restart(which, self._rows[self._which[which]], self._seeds[which])
+        self._twins.restart(which.tolist(), self._resting(which))
         self._episodes.draw(which, self.np_random, alike)
         self._tick[which] = 0
 
@@ -204,6 +213,10 @@ class TendonEnv(gymnasium.Env[Observations, NDArray[np.float32]]):
         last = info["final_obs"][0] if done else observed[0]
         details = {"error": float(info["error"][0]), "aim": float(info["aim"][0])}
         return last, float(rewards[0]), bool(terminated[0]), bool(truncated[0]), details
+
+
+def _places(columns: Mapping[str, slice], names: Iterable[str]) -> list[int]:
+    return [place for name in names for place in range(columns[name].start, columns[name].stop)]
 
 
 def _steps(period: float, per_sample: int) -> int:

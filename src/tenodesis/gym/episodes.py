@@ -13,8 +13,12 @@ from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.plant import TIME_STEP
 from tenodesis.run import Array
 from tenodesis.tolerance.parameters import resolve
-from tenodesis.twin.rows import ARGUMENTS
+from tenodesis.twin.rows import columns_by_name
 
+_WIDTHS = (("handle_angle", 1), ("spool_velocity", 2), ("force", 1), ("contact", 3))
+COMMANDS = columns_by_name(_WIDTHS)
+"""Columns of a row of commands, by name."""
+WIDTH = sum(width for _, width in _WIDTHS)
 _FINGERS_STILL = 0.2
 """Time before the hand moves, s."""
 _LOAD_RISE = 0.05  # s
@@ -109,7 +113,7 @@ class Episodes:
         return np.asarray(np.interp(handle_angle, self._handle, self._output), np.float64)
 
     def commands(self, tick: NDArray[np.int64], out: Array) -> None:
-        """Write the commands of a period that begins after so many periods, shape (count,), into rows of the core."""
+        """Write the commands of a period that begins after so many periods, shape (count,), into rows of COMMANDS."""
         task, d = self._task, self._drawn
         steps = out.shape[1]
         time = tick[:, np.newaxis] * task.period + (1 + np.arange(steps)) * TIME_STEP
@@ -118,10 +122,10 @@ class Episodes:
         angle += (second - first) * _minimum_jerk((time - _FINGERS_STILL - pause) / task.move_time)
         wave = np.sin(2 * np.pi * d["frequency"][:, np.newaxis] * time + d["phase"][:, np.newaxis])
         angle += d["amplitude"][:, np.newaxis] * wave * np.minimum(time / _FINGERS_STILL, 1)
-        out[:, :, ARGUMENTS["handle_angle"]] = np.clip(angle, -self._limit, self._limit)
+        out[:, :, COMMANDS["handle_angle"]] = np.clip(angle, -self._limit, self._limit)[..., np.newaxis]
         rise = np.clip((time - d["at"][:, np.newaxis]) / _LOAD_RISE, 0, 1)
-        out[:, :, ARGUMENTS["force"]] = d["force"][:, np.newaxis] * rise
-        out[:, :, ARGUMENTS["contact"]] = self._contact[:, np.newaxis]
+        out[:, :, COMMANDS["force"]] = (d["force"][:, np.newaxis] * rise)[..., np.newaxis]
+        out[:, :, COMMANDS["contact"]] = self._contact[:, np.newaxis]
 
 
 def randomised(

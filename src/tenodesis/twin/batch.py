@@ -8,28 +8,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core, plant
+from tenodesis.control.pairs import compensated
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument, InstrumentLike, ShortForm, as_instrument, as_short_form
-from tenodesis.run import Array, Names
+from tenodesis.instrument import InstrumentLike, ShortForm, as_instrument, as_short_form
+from tenodesis.run import SIGNALS, Array, Names
 from tenodesis.statics.query import common_shape
 from tenodesis.threads import threads
-from tenodesis.twin.chain_batch import PER_RUN, run_chains
+from tenodesis.twin.axes_core import AxesCore
+from tenodesis.twin.chain_batch import Many, Steps, chains, seeds_of
 from tenodesis.twin.closed_loop import LoopController
 from tenodesis.twin.commands import check_finite, check_no_wrench
 from tenodesis.twin.contact import Contact, Contacts, rows_of
-from tenodesis.twin.rows import (
-    ARGUMENTS,
-    COMMANDS,
-    CONTROL,
-    SIGNALS,
-    check_handle_range,
-    check_rig,
-    check_seed,
-)
-
-
-_COLUMNS = {name: np.atleast_1d(np.arange(len(COMMANDS))[columns]).tolist() for name, columns in ARGUMENTS.items()}
-"""Columns of a command, by the argument that fills them."""
+from tenodesis.twin.core import TwinCore
+from tenodesis.twin.rows import CONTROL, check_handle_range, check_rig, columns_by_name
 
 
 @dataclass(frozen=True)
@@ -106,7 +97,7 @@ def run_many(
         Tissue at the tip, for all runs or one per run, None where there is none; with several joints for all runs, one
         per joint.
     controllers
-        One per run, new or reset, each for an instrument of one axis: they close the loops.
+        One per run, new or reset, each for its run's instrument: they close the loops.
     vary
         Values per run by key of the instrument, as :meth:`Instrument.replace` takes them: ``{"pretension": array}``,
         ``{"friction.vertex_coefficient": array}``.
@@ -129,153 +120,137 @@ def run_many(
         A varied value is not allowed.
     """
     chosen = [as_instrument(one) for one in ([inst] if isinstance(inst, InstrumentLike) else inst)]
-    if any(one.short_form is None for one in chosen):
-        if controllers is not None:
-            raise ArgumentError("controllers are given; they are for instruments of one axis.", key="controllers")
-        arguments = {
-            "handle_angle": handle_angle,
-            "force": force,
-            "radial_force": radial_force,
-            "weight": weight,
-            "wrench": wrench,
-            "spool_velocity": spool_velocity,
-        }
-        return _chains(
-            _varied(chosen, vary or {}),
-            arguments,
-            signals,
-            contact=contact,
-            seeds=seeds,
-            every=every,
-            time_step=time_step,
-            quasi_static=quasi_static,
-        )
-    insts = _instruments(chosen, vary or {})
-    check_no_wrench(wrench, insts[0])
-    commands, given = _shared_commands(len(insts), handle_angle, force, radial_force, weight, spool_velocity)
-    tissue = _tissue(contact)
-    runs = len(insts)
-    if runs == 1:
-        insts = insts * max(len(commands), len(tissue))
-        runs = len(insts)
-    if commands.shape[0] not in (1, runs):
-        raise ArgumentError(f"commands are for {commands.shape[0]} runs, instruments for {runs}; it must be the same.")
-    prescribed = [one for one in insts if not one.dynamics.hand_stiffness]
-    if prescribed:
-        narrowest = min(prescribed, key=lambda one: one.handle_range)
-        for row in commands[:, :, 0]:
-            check_handle_range(narrowest, row)
-    if COMMANDS.index("weight") in given:
-        for one in insts:
-            check_rig(one)
-    if len(tissue) not in (1, runs):
-        raise ArgumentError(f"contact is for {len(tissue)} runs, instruments for {runs}; it must be the same.")
-    if tissue.any():
-        shape = (max(len(tissue), len(commands)), commands.shape[1])
-        parts = [np.broadcast_to(part, (*shape, part.shape[2])) for part in (commands, tissue[:, np.newaxis])]
-        commands = np.concatenate(parts, axis=2)
-        given += _COLUMNS["contact"]
-    if not commands.shape[1]:
-        raise ArgumentError("handle_angle is empty; it must have one step or more.", key="handle_angle")
-    if not (isinstance(every, int | np.integer) and 1 <= every <= commands.shape[1]):
-        allowed = f"an integer from 1 to {commands.shape[1]}, the number of steps"
-        raise ArgumentError(key="every", value=every, allowed=allowed)
-    known = (*SIGNALS, *(() if controllers is None else CONTROL))
-    kept = {name: _columns_of(name, known, insts[0].axes[0]) for name in signals}
-    # The core has the twin's signals before the controller's.
-    ordered = sorted({column for columns in kept.values() for column in columns}, key=known.index)
-    twins = _core.TwinBatch(
-        plant.spec(insts[0], time_step, quasi_static), _rows(insts, time_step, quasi_static), _seeds(seeds, runs)
-    )
-    loops = _loops(controllers, insts, twins)
-    if loops and set(_COLUMNS["spool_velocity"]).intersection(given):
-        raise ArgumentError("spool_velocity and controllers are both given; give one of them.", key="spool_velocity")
-    out = np.full((runs, len(ordered), commands.shape[1] // every), np.nan)
-    ends = np.zeros((runs, 2), np.int64)
-    per_tick = plant.steps_per_sample(insts[0], time_step, quasi_static)
-    columns = [known.index(name) for name in ordered]
-    twins.advance(commands, given, columns, every, out, ends, threads(), loops, per_tick, time_step)
-    time = (1 + np.arange(out.shape[2])) * every * time_step
-    found = {
-        name: np.stack([out[:, ordered.index(column)] for column in columns], axis=-1)
-        if len(columns) > 1
-        else out[:, ordered.index(columns[0])]
-        for name, columns in kept.items()
+    arguments: dict[str, ArrayLike] = {
+        "handle_angle": handle_angle,
+        "force": force,
+        "radial_force": radial_force,
+        "weight": weight,
+        "wrench": wrench,
+        "spool_velocity": spool_velocity,
     }
-    return Batch(time, found, ends[:, 0], ends[:, 1], Names.paired(insts[0].axes))
+    steps = Steps(time_step, quasi_static)
+    if any(one.short_form is None for one in chosen):
+        many = chains(_varied(chosen, vary or {}), arguments, contact, seeds, steps)
+    else:
+        many = _axes(_instruments(chosen, vary or {}), arguments, contact, seeds, steps)
+    count = many.rows.shape[1]
+    if not count:
+        raise ArgumentError("handle_angle is empty; it must have one step or more.", key="handle_angle")
+    if not (isinstance(every, int | np.integer) and 1 <= every <= count):
+        allowed = f"an integer from 1 to {count}, the number of steps"
+        raise ArgumentError(key="every", value=every, allowed=allowed)
+    first, runs = many.first, len(many.twins)
+    twins = _core.TwinBatch(many.twins)
+    loops = _loops(controllers, many, twins)
+    kept = _kept(signals, first, controlled=bool(loops))
+    # The core has the twin's signals before the controller's.
+    ordered = sorted({column for columns in kept.values() for column in columns})
+    out = np.full((runs, len(ordered), count // every), np.nan)
+    ends = np.zeros((runs, 2), np.int64)
+    twins.advance(
+        many.rows, many.given, ordered, every, out, ends, threads(), loops, first.pairs, first.steps_per_tick, time_step
+    )
+    time = (1 + np.arange(out.shape[2])) * every * time_step
+    found = {}
+    for name, columns in kept.items():
+        values = np.stack([out[:, ordered.index(column)] for column in columns], axis=-1)
+        single = len(columns) == 1 and not (name in SIGNALS and SIGNALS[name].per_tendon)
+        found[name] = values[:, :, 0] if single else values
+    return Batch(time, found, ends[:, 0], ends[:, 1], first.names)
 
 
-def _columns_of(name: str, known: Sequence[str], axis: str) -> list[str]:
-    """Return the core's columns of a signal, or of one of its columns."""
-    signal, _, column = name.partition(".")
-    column = "" if column in (axis, f"handle_{axis}") else column.removeprefix(f"{axis}_")
-    found = [one for one in known if one == f"{signal}.{column}" or (not column and one.partition(".")[0] == signal)]
-    if not found:
-        allowed = f"one of {', '.join(known)}"
-        raise ArgumentError(f"signals has {name!r}; it must be {allowed}.", key="signals", value=name, allowed=allowed)
-    return found
+def _kept(signals: Sequence[str], core: TwinCore, *, controlled: bool) -> dict[str, list[int]]:
+    """Return the core's columns of signals, or of one of their columns, by name."""
+    known = {
+        name: list(range(columns.start, columns.stop)) for name, columns in columns_by_name(core.core.signals).items()
+    }
+    width = sum(len(columns) for columns in known.values())
+    for place, column in enumerate(CONTROL if controlled else ()):
+        places = [width + axis * len(CONTROL) + place for axis in range(len(core.pairs))]
+        name = column.partition(".")[0]
+        known[name] = [*known.get(name, []), *places]
+    kept = {}
+    for name in signals:
+        signal, _, column = name.partition(".")
+        if signal not in known:
+            allowed = f"one of {', '.join(known)}"
+            raise ArgumentError(
+                f"signals has {name!r}; it must be {allowed}.", key="signals", value=name, allowed=allowed
+            )
+        kept[name] = [known[signal][core.names.column(signal, column)]] if column else known[signal]
+    return kept
 
 
-def _loops(
-    controllers: Sequence[LoopController] | None, insts: Sequence[ShortForm], plant_: object
-) -> list[_core.Controller]:
+def _loops(controllers: Sequence[LoopController] | None, many: Many, plant_: object) -> list[_core.Controller]:
     """Return the controllers' cores, each with its request for the first tick."""
     if controllers is None:
         return []
-    if len(controllers) != len(insts) or len({id(one) for one in controllers}) != len(insts):
-        problem = (
-            f"controllers has {len(controllers)} entries; it must have one of its own for each of {len(insts)} runs."
-        )
+    runs = len(many.twins)
+    if len(controllers) != runs or len({id(one) for one in controllers}) != runs:
+        problem = f"controllers has {len(controllers)} entries; it must have one of its own for each of {runs} runs."
         raise ArgumentError(problem, key="controllers", value=len(controllers), allowed="one controller per run")
-    for controller, inst in zip(controllers, insts, strict=True):
-        controller.check_instrument(inst)
+    spools = many.first.columns["spool_velocity"].start
+    if {spools + tendon for tendon in many.first.own_tendons}.intersection(many.given):
+        raise ArgumentError("spool_velocity and controllers are both given; give one of them.", key="spool_velocity")
+    for controller, inst in zip(controllers, many.insts, strict=True):
+        controller.check_instrument(compensated(inst))
         controller.begin(plant_, 0.0)
         controller.core.ask(int(controller.take_request()))
     return [controller.core for controller in controllers]
 
 
-def _chains(
-    insts: list[Instrument],
+def _axes(
+    insts: list[ShortForm],
     arguments: Mapping[str, ArrayLike],
-    signals: Sequence[str],
-    *,
     contact: Contacts | None,
     seeds: ArrayLike | None,
-    every: int,
-    time_step: float,
-    quasi_static: bool,
-) -> Batch:
-    """Return the runs of instruments that list joints and tendons."""
-    if len(insts) == 1:
-        insts = insts * max(
-            [1, *(len(given) for given in map(np.asarray, arguments.values()) if given.ndim == PER_RUN)]
-        )
-    own = [int(seed) for seed in _seeds(seeds, len(insts))]
-    done = run_chains(
-        insts,
-        arguments,
-        contact=contact,
-        seeds=own,
-        every=every,
-        time_step=time_step,
-        quasi_static=quasi_static,
+    steps: Steps,
+) -> Many:
+    """Return the twins of planar instruments of one axis, with their commands."""
+    check_no_wrench(arguments["wrench"], insts[0])
+    tissue = _tissue(contact)
+    arrays = {name: np.asarray(value, float) for name, value in arguments.items() if name != "wrench"}
+    shape = _shape(len(insts), arrays)
+    runs = len(insts) if len(insts) > 1 else max(shape[0], len(tissue))
+    insts = insts * runs if len(insts) == 1 else insts
+    for name, count in (("commands are", shape[0]), ("contact is", len(tissue))):
+        if count not in (1, runs):
+            raise ArgumentError(f"{name} for {count} runs, instruments for {runs}; it must be the same.")
+    prescribed = [one for one in insts if not one.dynamics.hand_stiffness]
+    if prescribed:
+        narrowest = min(prescribed, key=lambda one: one.handle_range)
+        for row in np.atleast_2d(arrays["handle_angle"]):
+            check_handle_range(narrowest, row)
+    if arrays["weight"].any():
+        for one in insts:
+            check_rig(one)
+    own = seeds_of(seeds, runs)
+    first = AxesCore(insts[0], steps.time_step, own[0], steps.quasi_static)
+    specs: dict[int, _core.TwinSpec] = {}
+    for one in insts:
+        if id(one) not in specs:
+            plant.steps_per_sample(one, steps.time_step, steps.quasi_static)
+            specs[id(one)] = plant.spec(one, steps.time_step, steps.quasi_static)
+    twins = [_core.axes_twin([specs[id(one)]], [seed]) for one, seed in zip(insts, own, strict=True)]
+    # Of what is zero throughout, only the handle angle has a column.
+    blocks = [
+        (name, array if array.ndim and name == "spool_velocity" else array[..., np.newaxis])
+        for name, array in arrays.items()
+        if name == "handle_angle" or array.any()
+    ]
+    if tissue.any():
+        blocks.append(("contact", tissue[:, np.newaxis]))
+        shape = (max(len(tissue), shape[0]), shape[1])
+    columns = [first.columns[name] for name, _ in blocks]
+    rows = np.concatenate(
+        [
+            np.broadcast_to(block, (*shape, column.stop - column.start))
+            for (_, block), column in zip(blocks, columns, strict=True)
+        ],
+        axis=-1,
     )
-    kept = {}
-    for name in signals:
-        signal, _, column = name.partition(".")
-        if signal not in done.signals:
-            allowed = f"one of {', '.join(done.signals)}"
-            raise ArgumentError(
-                f"signals has {name!r}; it must be {allowed}.", key="signals", value=name, allowed=allowed
-            )
-        values = done.signals[signal]
-        if column:
-            kept[name] = values[:, :, done.names.column(signal, column)]
-        else:
-            kept[name] = values.reshape(len(insts), *done.names.shape(signal, values.shape[1]))
-    samples = next(iter(done.signals.values())).shape[1]
-    time: Array = np.arange(1, 1 + samples, dtype=np.float64) * every * time_step
-    return Batch(time, kept, done.steps, done.status, done.names)
+    given = [place for column in columns for place in range(column.start, column.stop)]
+    return Many(first, twins, insts, rows, given)
 
 
 def _varied(insts: list[Any], vary: Mapping[str, ArrayLike]) -> list[Any]:
@@ -299,7 +274,7 @@ def _varied(insts: list[Any], vary: Mapping[str, ArrayLike]) -> list[Any]:
     return insts
 
 
-def _instruments(chosen: Sequence[Instrument], vary: Mapping[str, ArrayLike]) -> list[ShortForm]:
+def _instruments(chosen: Sequence[InstrumentLike], vary: Mapping[str, ArrayLike]) -> list[ShortForm]:
     insts: list[ShortForm] = _varied([as_short_form(one) for one in chosen], vary)
     first = insts[0]
     fixed = ("law", "sheath_contacts", "vertices_per_joint", "bends")
@@ -315,29 +290,17 @@ def _instruments(chosen: Sequence[Instrument], vary: Mapping[str, ArrayLike]) ->
     return insts
 
 
-def _shared_commands(runs: int, *arguments: ArrayLike) -> tuple[Array, list[int]]:
-    """Return commands of shape (runs, n, columns), or (1, n, columns) if all runs share them, and their columns.
-
-    Of those that are zero throughout, only the handle angle has one.
-    """
-    arrays = [np.asarray(argument, float) for argument in arguments]
-    named = dict(zip(ARGUMENTS, arrays, strict=False))
-    by_step = {name: array.shape[:-1] if name == "spool_velocity" else array.shape for name, array in named.items()}
+def _shape(runs: int, arrays: Mapping[str, Array]) -> tuple[int, int]:
+    """Return the runs that commands are for, 1 if all share them, and their steps."""
+    by_step = {name: array.shape[:-1] if name == "spool_velocity" else array.shape for name, array in arrays.items()}
     shape = common_shape(by_step)
     shape = (1,) * (2 - len(shape)) + shape
     if len(shape) != 2 or (shape[0] not in (1, runs) and runs != 1):
         problem = f"commands have shape {shape}; it must be (n,) or ({runs}, n)."
         raise ArgumentError(problem, key="handle_angle", value=shape)
-    for name, array in named.items():
+    for name, array in arrays.items():
         check_finite(name, array)
-    there = {name: array for name, array in named.items() if name == "handle_angle" or array.any()}
-    given = [column for name in there for column in _COLUMNS[name]]
-    rows = np.empty((*shape, len(given)))
-    for name, array in there.items():
-        rows[..., [given.index(column) for column in _COLUMNS[name]]] = (
-            array if array.ndim and name == "spool_velocity" else array[..., np.newaxis]
-        )
-    return rows, given
+    return shape[0], shape[1]
 
 
 def _tissue(contact: Contacts | None) -> Array:
@@ -347,23 +310,3 @@ def _tissue(contact: Contacts | None) -> Array:
         if one is not None:
             one.check_outside(0.0)
     return np.concatenate([rows_of(one, ("run",)) for one in given]) if given else np.empty((0, 3))
-
-
-def _seeds(seeds: ArrayLike | None, runs: int) -> NDArray[np.uint64]:
-    given = list(range(runs)) if seeds is None else np.asarray(seeds).tolist()
-    if not isinstance(given, list) or len(given) != runs:
-        problem = f"seeds has shape {np.shape(given)}; it must be ({runs},)."
-        raise ArgumentError(problem, key="seeds", value=np.shape(given), allowed=f"({runs},)")
-    for seed in given:
-        check_seed(seed)
-    return np.array(given, np.uint64)
-
-
-def _rows(insts: Sequence[ShortForm], time_step: float, quasi_static: bool) -> Array:
-    """Return the parameters of every run, each instrument checked and converted once."""
-    rows: dict[int, list[float]] = {}
-    for one in insts:
-        if id(one) not in rows:
-            plant.steps_per_sample(one, time_step, quasi_static)
-            rows[id(one)] = plant.parameter_row(one, time_step)
-    return np.array([rows[id(one)] for one in insts])

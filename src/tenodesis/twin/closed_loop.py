@@ -12,7 +12,7 @@ from tenodesis.control.controller import OperatingState, fault_names
 from tenodesis.errors import ArgumentError, FaultWarning
 from tenodesis.instrument import InstrumentLike, ShortForm
 from tenodesis.run import TENDONS, Array, Run
-from tenodesis.twin.core import Outcome, Rows, Ticks, TwinCore
+from tenodesis.twin.core import Outcome, Ticks, TwinCore
 from tenodesis.twin.rows import CONTROL
 
 
@@ -44,7 +44,7 @@ class SignalFault(Protocol):
 
 def run_closed_loop(
     core: TwinCore,
-    rows: Rows,
+    rows: Array,
     controller: LoopController,
     request: ArrayLike,
     faults: Sequence[SignalFault],

@@ -9,21 +9,10 @@ from tenodesis import _core
 from tenodesis._core import Status
 from tenodesis.errors import ArgumentError, NoSolutionError
 from tenodesis.instrument import Instrument, ShortForm
-from tenodesis.run import HELD, TENDONS, TISSUE, Array, Run
+from tenodesis.run import HELD, TISSUE, Array, Run
 from tenodesis.statics.query import handle_angle_error
 
-COMMANDS = _core.twin_commands()
-SIGNALS = _core.twin_signals()
 CONTROL = _core.control_signals()
-ARGUMENTS: dict[str, int | slice] = {
-    **{name: COMMANDS.index(name) for name in ("handle_angle", "force", "radial_force", "weight")},
-    "spool_velocity": slice(4, 6),
-    "sheath_bend": COMMANDS.index("sheath_bend"),
-    "let_out": slice(7, 9),
-    "contact": slice(9, 12),
-}
-"""Columns of a command, by the argument that fills them."""
-PER_TENDON = ("spool_velocity", "let_out")
 _COMMANDED = {
     "handle_angle": "commanded_handle_angle",
     "spool_velocity": "commanded_spool_velocity",
@@ -92,29 +81,3 @@ def with_currents(run: Run, inst: Instrument) -> Run:
     if inst.sensors.kind != "current" or run.measured_tension is None:
         return run
     return replace(run, measured_current=run.measured_tension / [one.per_current for one in inst.tension_sensors])
-
-
-def commanded(commands: Sequence[Array], *, tissue: bool) -> dict[str, Array]:
-    """Return the commands of each axis, each of shape (n, columns), as signals of a run, with or without tissue."""
-    named = (("commanded_", "handle_angle"), ("", "radial_force"), ("commanded_", "spool_velocity"))
-    signals = {f"{prefix}{name}": of_axes(commands, ARGUMENTS[name]) for prefix, name in named}
-    return signals | {name: of_axes(commands, COMMANDS.index(name)) for name in (TISSUE if tissue else ())}
-
-
-def of_axes(stack: Sequence[Array], columns: int | slice) -> Array:
-    """Return columns of each axis's rows (n, columns) in the shape of a run's signal."""
-    per_axis = [rows[:, columns] for rows in stack]
-    if len(stack) == 1:
-        return per_axis[0]
-    return np.concatenate(per_axis, axis=1) if isinstance(columns, slice) else np.stack(per_axis, 1)
-
-
-def _columns(names: Sequence[str]) -> dict[str, int | slice]:
-    """Return the columns of the core's signals by name: one, or those of both tendons."""
-    signals = dict.fromkeys(name.partition(".")[0] for name in names if name != "sweeps")
-    first = {name: names.index(name if name in names else f"{name}.{TENDONS[0]}") for name in signals}
-    return {name: at if name in names else slice(at, at + len(TENDONS)) for name, at in first.items()}
-
-
-SIMULATED = _columns(SIGNALS)
-"""Columns of a twin's signals, by name."""

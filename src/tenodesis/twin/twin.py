@@ -15,13 +15,13 @@ from tenodesis._core import Status
 from tenodesis.control.pairs import compensated
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument, InstrumentLike, ShortForm, as_instrument, expanded
-from tenodesis.run import Run, concatenate
+from tenodesis.run import Array, Run, concatenate
 from tenodesis.twin.axes_core import AxesCore
 from tenodesis.twin.chain_core import ChainCore
 from tenodesis.twin.closed_loop import LoopController, SignalFault, controlled_signals, run_closed_loop, warn_of_faults
 from tenodesis.twin.commands import Frame, Held, Loads, as_columns, check_held, grip_error
 from tenodesis.twin.contact import Contact, Contacts, by_axis
-from tenodesis.twin.core import Constant, Rows, TwinCore
+from tenodesis.twin.core import Constant, TwinCore
 from tenodesis.twin.rows import check_seed, lost, with_currents
 
 _LOOSENING_BLOCK = 0.05  # s
@@ -116,9 +116,9 @@ class Twin:
         return self._steps * self.time_step
 
     @property
-    def cores(self) -> list[Any]:
-        """The twins of the core, one per axis; :attr:`time` is not updated if they are stepped directly."""
-        return self._core.cores
+    def core(self) -> "_core.Twin":
+        """The core's twin; :attr:`time` is not updated if it is stepped directly."""
+        return self._core.core
 
     @cached_property
     def live_device(self) -> "_core.LiveDevice":
@@ -148,7 +148,7 @@ class Twin:
     @property
     def state(self) -> State:
         """The complete state; setting it restores the twin to it."""
-        return State(self._kind, self.time, self._core.state, self._held)
+        return State(self._kind, self.time, (self._core.state,), self._held)
 
     @state.setter
     def state(self, state: State) -> None:
@@ -161,7 +161,7 @@ class Twin:
                 value=state.kind,
                 allowed=self._kind,
             )
-        self._core.state = state.axes
+        (self._core.state,) = state.axes
         self._held = state.held
         self._steps = round(state.time / self.time_step)
 
@@ -280,7 +280,7 @@ class Twin:
         if done.status != Status.OK:
             self.state = before
             at = self.time + done.steps * self.time_step
-            raise lost(done.status, f"step {done.steps} ({done.where}{at:.6g} s)")
+            raise lost(done.status, f"step {done.steps} ({at:.6g} s)")
         self._steps += count
         if controller is not None:
             controller.begin(self, self.time)
@@ -307,10 +307,7 @@ class Twin:
         return Run(run.time[0], *run.names, **signals)
 
     def energy(self, handle_angle: ArrayLike, force: ArrayLike = 0.0, **loads: Unpack[Loads]) -> Energy:
-        """Step over arrays of commands and return the energy balance; of planar instruments those of one axis.
-
-        Otherwise as :meth:`run`.
-        """
+        """Step over arrays of commands and return the energy balance; otherwise as :meth:`run`."""
         before = self.state
         rows, count = self._rows(handle_angle, force, **loads)
         steps, status, values = self._core.audit(rows)
@@ -347,7 +344,7 @@ class Twin:
         handle = np.tile(self._core.handle_wanted(), (count, 1))
         return self.run(handle, spool_velocity=np.full(len(self.names.tendons), velocity))
 
-    def _rows(self, handle_angle: ArrayLike, force: ArrayLike, **loads: Unpack[Loads]) -> tuple[Rows, int]:
+    def _rows(self, handle_angle: ArrayLike, force: ArrayLike, **loads: Unpack[Loads]) -> tuple[Array, int]:
         """Return the commands as the core takes them, checked, and their number; what is held is between the jaws."""
         core, given = self._core, dict(loads)
         contact: Any = given.pop("contact", None)

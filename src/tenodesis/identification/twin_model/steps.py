@@ -15,12 +15,14 @@ from tenodesis.identification.twin_model import tuning
 from tenodesis.identification.twin_model.inputs import PathError, ReconstructedPath, smoothed, unrounded
 from tenodesis.instrument import ShortForm
 from tenodesis.run import TENDONS, Array
+from tenodesis.twin.rows import columns_by_name
 
 READINGS = ("measured_handle_angle", "measured_output_angle", "tension_agonist", "tension_antagonist")
 """The twin's sensor readings, in the core's order."""
 
-_COMMANDS = _core.twin_commands()
-_HANDLE = _COMMANDS.index("handle_angle")
+_COMMANDS = columns_by_name(_core.axis_commands())
+_HANDLE = _COMMANDS["handle_angle"].start
+_LET_OUT = range(_COMMANDS["let_out"].start, _COMMANDS["let_out"].stop)
 
 
 class InputError(NamedTuple):
@@ -80,10 +82,10 @@ def in_steps(run: MeasuredRun, inst: ShortForm, stride: int) -> SteppedRun:
     )
     grid = _Grid(run, stride)
     inputs = _inputs(run, columns, inst, as_read=as_read)
-    commands = np.zeros((grid.count, len(_COMMANDS)))
+    commands = np.zeros((grid.count, max(columns.stop for columns in _COMMANDS.values())))
     for name in ("force", "radial_force"):
         if name in columns:
-            commands[:, _COMMANDS.index(name)] = grid.interpolated(columns[name])
+            commands[:, _COMMANDS[name].start] = grid.interpolated(columns[name])
     for column, scale, path in inputs:
         commands[:, column] = scale * grid.interpolated(path.values)
 
@@ -151,13 +153,13 @@ def _inputs(
     if as_read:
         handle = smoothed(handle.values, run.sample_time, encoder(inst))
     inputs, drives = [(_HANDLE, 1.0, handle)], inst.drives
-    for tendon in TENDONS:
+    for let_out, tendon in zip(_LET_OUT, TENDONS, strict=True):
         if f"spool_{tendon}" in columns:
             spool = columns[f"spool_{tendon}"]
             reference = _reference(run.time, spool, columns[f"tension_{tendon}"], inst)
             path = unrounded(spool, run.sample_time, 2 * pi / drives.encoder_counts / drives.gear_ratio)
             path = path._replace(values=path.values - reference)
-            inputs.append((_COMMANDS.index(f"{tendon}_let_out"), -drives.spool_radius, path))
+            inputs.append((let_out, -drives.spool_radius, path))
     return inputs
 
 
@@ -200,8 +202,8 @@ def _leading(first: Array, step: float, inst: ShortForm) -> Array:
     """Return commands that lead from rest to the first command; none if that is rest."""
     scale = np.full(first.size, tuning.REST_SHARE * inst.pretension)
     scale[_HANDLE] = tuning.REST_SHARE * inst.handle_range
-    for tendon in TENDONS:
-        scale[_COMMANDS.index(f"{tendon}_let_out")] = tuning.REST_SHARE * inst.pretension / inst.tendon_stiffness
+    for let_out in _LET_OUT:
+        scale[let_out] = tuning.REST_SHARE * inst.pretension / inst.tendon_stiffness
     if (np.abs(first) <= scale).all():
         return np.zeros((0, first.size))
     share = np.linspace(0, 1, max(2, round(tuning.LEAD_TIME / step)))[:, None]

@@ -1,22 +1,16 @@
 #pragma once
-// A twin of any wrist behind one interface: commands in, signals out, row by row.
+// The twin of a chain of joints that may share tendons, of any size.
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <memory>
-#include <optional>
-#include <span>
+#include <numeric>
 #include <stdexcept>
-#include <string>
 #include <type_traits>
 #include <utility>
-#include <vector>
 
-#include "chain_rows.hpp"
-#include "closed_loop.hpp"
-#include "lane_job.hpp"
+#include "any_twin.hpp"
 #include "tenodesis/axis.hpp"
 #include "tenodesis/wrist_energy.hpp"
 
@@ -66,9 +60,6 @@ inline constexpr std::array wrist_twin_names{TENODESIS_WRIST_TWIN_PARAMETERS(TEN
 /// Friction laws by number; capstan friction without a constant part, and none, are the first with zeros.
 using WristLaw = ChosenLaw<double>::Kind;
 
-inline constexpr std::array wrist_energy_names{"stored_before",  "stored_after",   "handle",     "spools",
-                                               "load",           "friction",       "damping",    "tissue",
-                                               "least_friction", "worst_residual", "most_sweeps"};
 /// Constants of a twin in arrays.
 struct WristTwinRows {
   const double* passages;  ///< tendons x contacts x numbers
@@ -84,56 +75,6 @@ struct WristTwinRows {
   bool quasi_static{};
   bool currents{};
   std::uint64_t seed{};
-};
-
-/// A joint that a controller's axis compensates, with its joint of the handle and its pair of tendons.
-struct CompensatedAxis {
-  std::size_t handle, agonist, antagonist;
-};
-
-/// A twin that can step in lanes, and its state, as the bytes of their types.
-struct LaneTwinBytes {
-  tenodesis_lanes::Kind kind;
-  bool yields;  ///< the hand
-  int steps_per_sample, until_sample;
-  const void* twin;
-  const void* state;
-
-  /// Whether they can step together.
-  bool goes_with(const LaneTwinBytes& other) const {
-    return kind.axes == other.kind.axes && kind.mechanism == other.kind.mechanism &&
-           kind.quasi_static == other.kind.quasi_static && yields == other.yields &&
-           steps_per_sample == other.steps_per_sample && until_sample == other.until_sample;
-  }
-};
-
-class AnyWristTwin {
- public:
-  virtual ~AnyWristTwin() = default;
-  virtual std::unique_ptr<AnyWristTwin> copy() const = 0;
-  virtual const WristSizes& sizes() const = 0;
-  /// One step by a row of commands.
-  virtual Status step(const double* command) = 0;
-  /// The same, with its energies added to a row of wrist_energy_names.
-  virtual Status audit(const double* command, double* energy) = 0;
-  virtual double stored() const = 0;
-  /// Writes a row of signals; returns what follows it.
-  virtual double* store(double* out) const = 0;
-  virtual Measurement<double> reading(const CompensatedAxis& axis) const = 0;
-  /// By the last command, rad.
-  virtual double handle_wanted(std::size_t h) const = 0;
-  virtual Contact<double> contact(std::size_t joint) const = 0;
-  /// Whether the tip is within tissue across its path about a joint, were it there.
-  virtual bool inside(std::size_t joint, const Contact<double>& contact) const = 0;
-  virtual std::string state() const = 0;
-  virtual void set_state(const std::string& bytes) = 0;
-  /// Nothing if it cannot step in lanes.
-  virtual std::optional<LaneTwinBytes> in_lanes() const = 0;
-
- protected:
-  AnyWristTwin() = default;
-  AnyWristTwin(const AnyWristTwin&) = default;
-  AnyWristTwin& operator=(const AnyWristTwin&) = default;
 };
 
 /// Fills in the constants of a twin whose wrist is there.
@@ -202,22 +143,31 @@ void fill(T& twin, const WristTwinRows& rows, const WristSizes& sizes) {
   twin.prepare();
 }
 
+/// A twin with its state.
 template <class T>
-class WristTwinOf final : public AnyWristTwin {
+class ChainTwin final : public AnyTwin {
  public:
   using State = T::State;
   using Command = T::Command;
   static_assert(std::is_trivially_copyable_v<State>);
 
-  WristTwinOf(const T::Wrist& wrist, const WristTwinRows& rows, const WristSizes& sizes) : sizes_(sizes) {
-    twin_.wrist = wrist;
-    fill(twin_, rows, sizes);
-    state_ = twin_.rest(rows.seed);
-  }
+  ChainTwin(const T& twin, const WristSizes& sizes, std::uint64_t seed)
+      : sizes_(sizes), twin_(twin), state_(twin.rest(seed)) {}
 
-  std::unique_ptr<AnyWristTwin> copy() const override { return std::make_unique<WristTwinOf>(*this); }
+  std::unique_ptr<AnyTwin> copy() const override { return std::make_unique<ChainTwin>(*this); }
   const WristSizes& sizes() const override { return sizes_; }
+  std::vector<Column> commands() const override { return wrist_commands(sizes_); }
+  std::vector<Column> signals() const override { return wrist_signals(sizes_); }
   Status step(const double* command) override { return twin_.step(command_of(command), state_); }
+
+  bool step_or_hold(const double* command) override {
+    Command given = command_of(command);
+    if (twin_.step(given, state_) == Status::ok) return true;
+    Command held = state_.command;
+    std::ranges::copy(given.spool_velocity, held.spool_velocity);
+    twin_.step(held, state_);
+    return false;
+  }
 
   Status audit(const double* command, double* energy) override {
     const State before = state_;
@@ -250,6 +200,7 @@ class WristTwinOf final : public AnyWristTwin {
             {state_.measured_spool[of.agonist], state_.measured_spool[of.antagonist]}};
   }
 
+  double force() const override { return twin_.load_of(state_.command).wrench.force.x; }
   double handle_wanted(std::size_t h) const override { return state_.command.handle_angle[h]; }
   Contact<double> contact(std::size_t joint) const override { return state_.command.contact[joint]; }
   bool inside(std::size_t joint, const Contact<double>& contact) const override {
@@ -263,7 +214,7 @@ class WristTwinOf final : public AnyWristTwin {
     return bytes;
   }
 
-  void set_state(const std::string& bytes) override {
+  void set_state(std::string_view bytes) override {
     if (bytes.size() != sizeof(State)) throw std::invalid_argument("the state belongs to another kind of twin");
     std::memcpy(&state_, bytes.data(), sizeof(State));
   }
@@ -280,6 +231,12 @@ class WristTwinOf final : public AnyWristTwin {
     return std::nullopt;
   }
 
+  std::vector<tenodesis_lanes::Column> lane_columns() const override {
+    std::vector<tenodesis_lanes::Column> all(width_of(commands()));
+    for (std::size_t c = 0; c < all.size(); ++c) all[c] = {c, 1};
+    return all;
+  }
+
  private:
   Command command_of(const double* from) const {
     return chain_command<Command>(sizes_, [&] { return *from++; }, [](double column) { return column != 0; });
@@ -288,31 +245,6 @@ class WristTwinOf final : public AnyWristTwin {
   WristSizes sizes_;
   T twin_{};
   State state_{};
-};
-
-/// A twin whose command rows a controller's velocities replace, as a closed loop's plant.
-class CompensatedWrist {
- public:
-  CompensatedWrist(AnyWristTwin& twin, std::span<const CompensatedAxis> axes, const double* commands)
-      : twin_(twin), axes_(axes), commands_(commands), row_(width_of(wrist_commands(twin.sizes()))) {}
-
-  Measurement<double> reading(std::size_t n) const { return twin_.reading(axes_[n]); }
-
-  Status step(std::size_t i, const SpoolVelocities* velocity) {
-    std::copy_n(commands_ + i * row_.size(), row_.size(), row_.begin());
-    const std::size_t first = twin_.sizes().handles;
-    for (std::size_t n = 0; n < axes_.size(); ++n) {
-      row_[first + axes_[n].agonist] = velocity[n][0];
-      row_[first + axes_[n].antagonist] = velocity[n][1];
-    }
-    return twin_.step(row_.data());
-  }
-
- private:
-  AnyWristTwin& twin_;
-  std::span<const CompensatedAxis> axes_;
-  const double* commands_;
-  std::vector<double> row_;
 };
 
 inline constexpr int most_short_sheath_contacts = 4;
@@ -380,23 +312,31 @@ bool with_layout(const W& wrist, const WristTwinRows& rows, const Work& work) {
   return false;
 }
 
+template <class T>
+std::unique_ptr<AnyTwin> filled(const typename T::Wrist& wrist, const WristTwinRows& rows, const WristSizes& sizes) {
+  T twin{};
+  twin.wrist = wrist;
+  fill(twin, rows, sizes);
+  return std::make_unique<ChainTwin<T>>(twin, sizes, rows.seed);
+}
+
 /// The twin of a wrist. Known layouts with the capstan's law are the fastest, then short routes with that law; others
 /// make do with one size, that of most tendons M.
 template <int M, class W>
-std::unique_ptr<AnyWristTwin> make_twin(const W& wrist, const WristTwinRows& rows, const WristSizes& sizes) {
+std::unique_ptr<AnyTwin> make_twin(const W& wrist, const WristTwinRows& rows, const WristSizes& sizes) {
   using S = W::S;
   constexpr int N = W::joints;
-  std::unique_ptr<AnyWristTwin> made;
+  std::unique_ptr<AnyTwin> made;
   if (with_layout(wrist, rows, [&]<class Known>(const Known& same) {
-        made = std::make_unique<WristTwinOf<WristTwin<Known, Known::layout.most_contacts>>>(same, rows, sizes);
+        made = filled<WristTwin<Known, Known::layout.most_contacts>>(same, rows, sizes);
       }))
     return made;
   constexpr int few = 2 * N + most_short_sheath_contacts;
   if (rows.law == WristLaw::capstan_with_constant && *std::ranges::max_element(rows.contacts) <= few)
-    return std::make_unique<WristTwinOf<WristTwin<W, few>>>(wrist, rows, sizes);
+    return filled<WristTwin<W, few>>(wrist, rows, sizes);
   using Roomy = Wrist<S, N, M>;
   constexpr int many = 2 * most_vertices * N + most_long_sheath_contacts;
-  return std::make_unique<WristTwinOf<WristTwin<Roomy, many, ChosenLaw<S>>>>(as<Roomy>(wrist), rows, sizes);
+  return filled<WristTwin<Roomy, many, ChosenLaw<S>>>(as<Roomy>(wrist), rows, sizes);
 }
 
 }  // namespace tenodesis::engine
