@@ -27,7 +27,6 @@ GENERATED = (
     "docs/routing.svg",
     "docs/posture.svg",
     "docs/keys.md",
-    "src/tenodesis/_core.pyi",
 )
 
 
