@@ -10,8 +10,9 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 import typer
 
 from tenodesis import instrument, plant, statics
+from tenodesis.cli.command import command
 from tenodesis.cli.common import check_choice, note, quantity, say, warn
-from tenodesis.cli.outputs import Overwrite, write_text, writing
+from tenodesis.cli.outputs import Outputs, write_text
 from tenodesis.control.plausibility import implausible, solid_tip_inertia
 from tenodesis.errors import CommandError, InstrumentError
 from tenodesis.instrument import JOINT_TYPES, ShortForm
@@ -35,9 +36,10 @@ _HANDLE_SHARE = 0.24  # of the overall length
 
 
 def _option(what: str) -> Any:
-    return typer.Option(help=what, show_default=False)
+    return typer.Option(help=what)
 
 
+@command()
 def new(  # noqa: PLR0917
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the instrument; the file is NAME.toml.")],
     mechanism: Annotated[Answer, _option("tendon-gear, tendon-pulley or continuum.")] = None,
@@ -64,7 +66,8 @@ def new(  # noqa: PLR0917
         Answer, _option("Largest handle angle to either side. Default: what the tip needs and a quarter more.")
     ] = None,
     defaults: Annotated[bool, typer.Option("--defaults", help="Ask nothing: what is not given is assumed.")] = False,
-    overwrite: Overwrite = False,
+    *,
+    outputs: Outputs,
 ) -> None:
     """Write a commented instrument file from a mechanism and six numbers, asking for what no option gives."""
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
@@ -87,7 +90,7 @@ def new(  # noqa: PLR0917
         "output_range": output_range,
         "handle_range": handle_range,
     }
-    with writing([("NAME", path)], overwrite=overwrite):
+    with outputs.files(NAME=path):
         joint_type = _mechanism(mechanism, defaults)
         answers = _answers(joint_type, given, defaults)
         for key, value in more.items():
