@@ -16,7 +16,6 @@ from tenodesis.control import Controller, OperatingState
 from tenodesis.devices import can_bus
 from tenodesis.devices.can_layout import LEAD, Aim, layout
 from tenodesis.devices.canopen import CanOpenDevice
-from tenodesis.devices.simulated.bench import SimulatedBench, TwinPlant
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import CanOpen
@@ -45,6 +44,7 @@ from .can_bench import (
     tick,
     until,
 )
+from .simulated_bench.bench import SimulatedBench, TwinPlant
 
 EMERGENCY_OVERVOLTAGE = 0x3210
 ANSWER_TIME = 60.0  # s, of an answer that comes, however busy the machine

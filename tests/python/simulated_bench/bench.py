@@ -14,11 +14,12 @@ from canopen import objectdictionary as od
 
 from tenodesis.devices.can_layout import wired_by
 from tenodesis.devices.device import Measurement
-from tenodesis.devices.simulated.cia402 import Drive, Node
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import CanAngle, CanOpen, CanTension
 from tenodesis.run import Array, Run
 from tenodesis.twin import Twin
+
+from .cia402 import Drive, Node
 
 _TYPES = {
     "i8": od.INTEGER8,

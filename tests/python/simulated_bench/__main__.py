@@ -7,8 +7,9 @@ from typing import Any
 import can
 
 from tenodesis import instrument
-from tenodesis.devices.simulated.bench import SimulatedBench
 from tenodesis.errors import InstrumentError
+
+from .bench import SimulatedBench
 
 _LOOK = 0.01  # s
 
