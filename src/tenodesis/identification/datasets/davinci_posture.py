@@ -20,13 +20,14 @@ import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.datasets import davinci_tool
 from tenodesis.identification.datasets.davinci_tool import DEFAULT_LAW, Series, Tool
-from tenodesis.identification.datasets.dual_numbers import Dual
+from tenodesis.identification.datasets.friction_laws import Values
 from tenodesis.identification.datasets.reference import refuse_instrument
 from tenodesis.identification.formats.measured import MeasuredRun, Source
 from tenodesis.identification.problem import Parameter
@@ -137,11 +138,10 @@ class Wrist(Tool):
         """Return the derivatives of the residuals, (n, parameters)."""
         return _without_mean(super().jacobian(values, run), OFFSET_SHARE)
 
-    def modelled(self, values: Array, series: Series, *, exact: bool) -> Dual:
+    def modelled(self, values: Values, series: Series) -> Values:
         """Return the jaw angle by the model without the recording's own offset, (1 + n,), rad."""
-        jaw = super().modelled(values, series, exact=exact)
-        given = self._given(values, series, exact=exact)
-        return jaw + given["coupling"] * series.pitch if "coupling" in given else jaw
+        coupling = self._given(values, series).get("coupling", 0.0)
+        return np.asarray(super().modelled(values, series) + coupling * series.pitch)
 
     def advice(self, names: Sequence[str]) -> str | None:
         """Return which recording would make these parameters identifiable."""
@@ -152,10 +152,10 @@ class Wrist(Tool):
     def _errors(self, values: Array, series: Series) -> Array:
         return _without_mean(super()._errors(values, series), 0.0)
 
-    def _given(self, values: Array, series: Series, *, exact: bool) -> dict[str, Dual]:
-        given = super()._given(values, series, exact=exact)
+    def _given(self, values: Values, series: Series) -> dict[str, Any]:
+        given = super()._given(values, series)
         if "bend_growth" in given:
-            growth = (given["bend_growth"] * max(0.0, self._side * series.pitch)).exp()
+            growth = np.exp(given["bend_growth"] * max(0.0, self._side * series.pitch))
             given |= {name: given[name] * growth for name in ("friction_exponent", "compliance")}
         return given
 

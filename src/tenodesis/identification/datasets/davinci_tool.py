@@ -21,13 +21,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.datasets.dual_numbers import Dual, Operand, number, unknowns
-from tenodesis.identification.datasets.friction_laws import band, held, hysteresis
+from tenodesis.identification.datasets.friction_laws import Given, Values, band, held, hysteresis
 from tenodesis.identification.datasets.reference import (
     ReferenceProblem,
     ReferenceSeries,
@@ -287,44 +286,42 @@ class Tool(ReferenceProblem[Series]):
             return "Record the same motion at several loads at the jaw, over a larger angle."
         return None
 
-    def modelled(self, values: Array, series: Series, *, exact: bool) -> Dual:
+    def modelled(self, values: Values, series: Series) -> Values:
         """Return the jaw angle by the model, (1 + n,), rad."""
-        given = self._given(values, series, exact=exact)
+        given = self._given(values, series)
         turned = given["ratio"] * series.spindle + self.signs.load * given["compliance"] * self._mean(given, series)
-        return self.signs.jaw * turned + given["offset"]
+        return np.asarray(self.signs.jaw * turned + given["offset"])
 
-    def _mean(self, given: Mapping[str, Dual], series: Series) -> Dual:
+    def _mean(self, given: Given, series: Series) -> Values:
         """Return the mean torque along the transmission, (n,)."""
-        torque = number(series.torque)
+        torque = series.torque
         if self.law == "none":
             return torque
         if self.law == "bouc-wen":
             full, width, beta, start = (given[one.name] for one in LAWS[self.law])
-            return torque - full * hysteresis(number(-self.signs.load * series.spindle), width, beta, start)
+            return np.asarray(torque - full * hysteresis(-self.signs.load * series.spindle, width, beta, start))
         # a law without tension has no slack
         slack = "pretension" in given
-        pretension = given.get("pretension", number(0.0))
-        tension = torque + pretension
-        bearing: dict[str, Operand] = {"constant": given.get("spindle_friction", 0.0)}
+        pretension = given.get("pretension", 0.0)
+        bearing = {"constant": given.get("spindle_friction", 0.0)}
         # the tendon reaches from the bearing to the last contact: a half of its pieces' length at either end
-        passed = [_behind("coulomb", bearing, tension, given["start"], series.speed, slack=slack)]
+        passed = [_behind("coulomb", bearing, torque + pretension, given["start"], series.speed, slack=slack)]
         along = self._along(given)
         for _ in range(self.contacts):
             passed.append(_behind(self.law, along, passed[-1], given["start"], series.speed, slack=slack))
-        pieces = [0.5 / self.contacts * (one + other) for one, other in pairwise(passed)]
-        return sum(pieces[1:], pieces[0]) - pretension
+        return np.asarray(sum(one + other for one, other in pairwise(passed)) * (0.5 / self.contacts) - pretension)
 
-    def _along(self, given: Mapping[str, Dual]) -> dict[str, Operand]:
+    def _along(self, given: Given) -> dict[str, Any]:
         """Return the friction of a contact along the tendon, by the names of its law."""
-        friction: dict[str, Operand] = {name: given[name] for name in _SHAPES if name in given}
+        friction = {name: given[name] for name in _SHAPES if name in given}
         for name, ours in (("exponent", "friction_exponent"), ("constant", "sliding_friction")):
             if ours in given:
                 friction[name] = given[ours] * (1 / self.contacts)
         return friction
 
-    def _given(self, values: Array, series: Series, *, exact: bool) -> dict[str, Dual]:
+    def _given(self, values: Values, series: Series) -> dict[str, Any]:
         """Return the parameters by name as they are for a run."""
-        return unknowns(self._names, values, exact=exact)
+        return dict(zip(self._names, values, strict=True))
 
 
 def problem(
@@ -335,12 +332,10 @@ def problem(
     return Tool(train, test, law=law)
 
 
-def _behind(
-    law: str, friction: Mapping[str, Operand], tension: Dual, start: Dual, speed: Array, *, slack: bool
-) -> Dual:
+def _behind(law: str, friction: Given, tension: Values, start: Any, speed: Array, *, slack: bool) -> Values:
     """Return the tension behind a contact whose run begins somewhere in its band."""
     lower, upper = band(law, friction, tension, speed=speed, slack=slack)
-    return held(lower, upper, lower.first() + start * (upper - lower).first())
+    return held(lower, upper, lower[0] + start * (upper[0] - lower[0]))
 
 
 def _kinematics(train: Sequence[Series], signs: Signs) -> tuple[Parameter, ...]:

@@ -13,20 +13,25 @@ holds its tension, on them it slides. In Bouc-Wen, a rival without contact, fric
 | stribeck | capstan, the exponent higher at rest by an excess that falls with speed | Stribeck |
 | bouc-wen | none: tension less a hysteresis force | Wen 1976 |
 
-Every law passes on derivatives by whatever its numbers and the tension carry them.
+Numbers and tensions may be complex, for derivatives by complex steps (`differences.complex_step`): where a law has to
+choose, it goes by the real part.
 """
 
-import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tenodesis import _core
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.datasets.dual_numbers import Dual, Operand, joined, number
 from tenodesis.identification.problem import Parameter
 from tenodesis.run import Array
+
+Values: TypeAlias = NDArray[Any]
+"""Real or complex numbers, (n,)."""
+Given: TypeAlias = Mapping[str, Any]
+"""Real or complex numbers by the names of a law's parameters."""
 
 
 class Law(NamedTuple):
@@ -81,13 +86,13 @@ def law_of(name: str) -> Law:
 
 def pass_on(
     name: str,
-    given: Mapping[str, Operand],
-    tension: Operand,
-    against: Operand | None = None,
+    given: Given,
+    tension: Values,
+    against: Values | None = None,
     *,
     speed: Array | None = None,
-    start: Operand = 0.0,
-) -> Dual:
+    start: float = 0.0,
+) -> Values:
     """Return the tension behind a contact, or the tension difference of a pair that moves as one, N.
 
     The tendons of a pair slip by the same length, one forward and one back: the contact holds their difference between
@@ -98,21 +103,20 @@ def pass_on(
     there is no such law.
     """
     law_of(name)
-    before = number(tension)
     if name == "bouc-wen":
-        moved = before if against is None else before - number(against)
+        moved = tension if against is None else tension - against
         shape = (given[one] for one in ("hysteresis_width", "hysteresis_shape"))
-        return moved - given["hysteresis_force"] * hysteresis(moved, *shape)
-    least, most = band(name, given, before, speed=speed)
+        return np.asarray(moved - given["hysteresis_force"] * hysteresis(moved, *shape))
+    least, most = band(name, given, tension, speed=speed)
     if against is not None:
-        lower, upper = band(name, given, number(against), speed=speed)
+        lower, upper = band(name, given, against, speed=speed)
         least, most = least - upper, most - lower
-    return held(least, most, number(start))
+    return held(least, most, start)
 
 
 def band(
-    name: str, given: Mapping[str, Operand], tension: Dual, *, speed: Array | None = None, slack: bool = True
-) -> tuple[Dual, Dual]:
+    name: str, given: Given, tension: Values, *, speed: Array | None = None, slack: bool = True
+) -> tuple[Values, Values]:
     """Return the least and the most tension that a contact of a play-type law can hold behind it.
 
     Only stribeck needs the speed of the motion. With `slack` no bound is below zero: a tendon cannot push.
@@ -121,88 +125,74 @@ def band(
     for sign in (-1.0, 1.0):
         bound = tension
         if name == "capstan-power":
-            bound = _power(tension, sign * number(given["exponent"]), 1 - number(given["load_index"]))
+            bound = _power(tension, sign * given["exponent"], 1 - given["load_index"])
         elif "exponent" in given:
-            bound = tension * (sign * number(given["exponent"]) * _pace(given, speed)).exp()
-        if "constant" in given:
-            bound = bound + sign * number(given["constant"])
-        found.append(bound.above(0.0) if slack else bound)
+            bound = tension * np.exp(sign * given["exponent"] * _pace(given, speed))
+        bound = bound + sign * given.get("constant", 0.0)
+        found.append(np.where(bound.real > 0, bound, 0.0) if slack else bound)
     return found[0], found[1]
 
 
-def held(lower: Dual, upper: Dual, start: Dual) -> Dual:
-    """Return a play element (stick-slip): constant until a bound pushes it, from its value before the first sample.
-
-    Its derivative is that of the bound which pushed last.
-    """
-    count = lower.value.size
+def held(lower: Values, upper: Values, start: Any) -> Values:
+    """Return a play element (stick-slip): constant until a bound pushes it, from its value before the first sample."""
+    count = lower.size
     source = np.empty(count, dtype=np.int64)
-    _core.play(np.ascontiguousarray(lower.value), np.ascontiguousarray(upper.value), float(start.value[0]), source)
+    _core.play(np.ascontiguousarray(lower.real), np.ascontiguousarray(upper.real), float(np.real(start)), source)
     # where each sample stands among: the start, all lower bounds, all upper bounds
     place = np.where(source < 0, -source, np.where(source > 0, source + count, 0))
-    return joined([start, lower, upper]).taken(place)
+    return np.concatenate([[start], lower, upper])[place]
 
 
-def hysteresis(moved: Dual, width: Operand, beta: Operand, start: Operand = 0.0) -> Dual:
+def hysteresis(moved: Values, width: Any, beta: Any, start: Any = 0.0) -> Values:
     """Return friction relative to full sliding friction: Wen 1976 with exponent 1 and beta + gamma = 1.
 
     Solved exactly within each step. Friction follows what has moved, a tension or an angle: it reverses over its
     `width`, and a reversal meets a share `beta` of it at once; `start` is its value before the first step.
     """
-    wide, shape, state = number(width), number(beta), number(start)
-    steps = np.diff(moved.value)
-    ways = np.abs(steps) / wide.value[0]
-    against_rate = 2 * float(shape.value[0]) - 1
-    states = [float(state.value[0])]
-    for step, way in zip(steps.tolist(), ways.tolist(), strict=True):
-        rate = against_rate if states[-1] * step <= 0 else 1.0
-        grown = way if abs(rate * way) < _SMALL**2 else -math.expm1(-rate * way) / rate
-        states.append(math.exp(-rate * way) * states[-1] + math.copysign(grown, step))
-    value = np.array(states)
-
-    before, sign = value[:-1], np.copysign(1.0, steps)
-    against = before * steps <= 0
-    rates = np.where(against, against_rate, 1.0)
-    kept = np.exp(-rates * ways)
-    small = np.abs(rates * ways) < _SMALL
-    safe = np.where(small, 1.0, rates)
-    by_rate = np.where(small, -0.5 * ways**2, (ways * kept * safe - (1 - kept)) / safe**2)
-    by_way = (sign - rates * before) * kept
-    by_shape = np.where(against, 2 * (sign * by_rate - ways * kept * before), 0.0)
-    of_way = sign / wide.value * np.diff(np.broadcast_to(moved.slopes, (*moved.slopes.shape[:1], value.size)))
-    pushed = by_way * (of_way - ways / wide.value * wide.slopes) + by_shape * shape.slopes
-    rows = np.broadcast_shapes(pushed.shape[:1], state.slopes.shape[:1])[0]
-    slopes = np.empty((value.size, rows))
-    slopes[0] = state.slopes[:, 0]
-    for index, (share, add) in enumerate(zip(kept.tolist(), pushed.T, strict=True)):
-        slopes[index + 1] = share * slopes[index] + add
-    return Dual(value, slopes.T)
+    steps = np.diff(moved)
+    signs = np.copysign(1.0, steps.real)
+    ways = signs * steps / width
+    found = [start]
+    # by whether a step goes against the friction before it, or with it
+    rates = (2 * beta - 1, 1.0)
+    kept, grown = zip(*((np.exp(-rate * ways), _grown(rate, ways)) for rate in rates), strict=True)
+    choices = zip(signs.tolist(), *(one.tolist() for one in (*kept, *grown)), strict=True)
+    for sign, *(kept_against, kept_along, grown_against, grown_along) in choices:
+        against = found[-1].real * sign <= 0
+        found.append(
+            (kept_against if against else kept_along) * found[-1] + sign * (grown_against if against else grown_along)
+        )
+    return np.array(found)
 
 
-def _pace(given: Mapping[str, Operand], speed: Array | None) -> Operand:
+def _grown(rate: Any, ways: Values) -> Values:
+    """Return (1 - exp(-rate way)) / rate, by its series where that is small."""
+    small = np.abs(rate * ways) < _SMALL
+    safe = np.where(small, 1.0, rate)
+    series = ways * (1 - rate * ways / 2 * (1 - rate * ways / 3))
+    return np.asarray(np.where(small, series, -np.expm1(-safe * ways) / safe))
+
+
+def _pace(given: Given, speed: Array | None) -> Any:
     """Return friction over that in motion."""
     if "static_excess" not in given or speed is None:
         return 1.0
-    share = speed / number(given["stribeck_speed"])
-    return 1.0 + number(given["static_excess"]) * (-(share * share)).exp()
+    return 1.0 + given["static_excess"] * np.exp(-((speed / given["stribeck_speed"]) ** 2))
 
 
-def _power(tension: Dual, exponent: Dual, less: Dual) -> Dual:
+def _power(tension: Values, exponent: Any, less: Any) -> Values:
     """Return a tension behind a contact whose friction grows with its power 1 - `less`.
 
     dT/ds = exponent T^(1 - less) over the way, solved from one end to the other:
     T^less = T(0)^less + less exponent. At less = 0 it is Euler's.
     """
-    taut = tension.above(_LEAST_TENSION)
-    log = taut.mapped(np.log(taut.value), 1 / taut.value)
-    grade = exponent * (-(less * log)).exp()
+    taut = np.where(tension.real > _LEAST_TENSION, tension, _LEAST_TENSION)
+    grade = exponent * np.exp(-less * np.log(taut))
     # log(1 + less grade) / less, which stands for the exponent
-    share = less.value * grade.value
-    ends = share <= -1
+    share = less * grade
+    ends = share.real <= -1
     share = np.where(ends, 0.0, share)
     small = np.abs(share) < _SMALL
-    safe = np.where(small, 1.0, less.value)
-    over = np.where(small, grade.value * (1 - share / 2 + share**2 / 3), np.log1p(share) / safe)
-    by_less = np.where(small, grade.value**2 * (-0.5 + 2 / 3 * share), (grade.value / (1 + share) - over) / safe)
-    passed = taut * Dual(over, by_less * less.slopes + grade.slopes / (1 + share)).exp()
-    return Dual(np.where(ends, 0.0, passed.value), np.where(ends, 0.0, passed.slopes))
+    safe = np.where(small, 1.0, less)
+    over = np.where(small, grade * (1 - share / 2 + share**2 / 3), np.log1p(share) / safe)
+    return np.asarray(np.where(ends, 0.0, taut * np.exp(over)))

@@ -8,7 +8,8 @@ from typing import ClassVar, Generic, TypeVar
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.datasets.dual_numbers import Dual
+from tenodesis.identification.datasets.friction_laws import Values
+from tenodesis.identification.differences import complex_step
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.problem import Problem, Trace
 from tenodesis.instrument import ShortForm
@@ -42,12 +43,12 @@ class ReferenceProblem(Problem, Generic[_Series]):
     full: Sequence[_Series]
 
     @abstractmethod
-    def modelled(self, values: Array, series: _Series, *, exact: bool) -> Dual:
-        """Return the reference by the model, (n,), with its derivatives by the parameters if they are to be exact."""
+    def modelled(self, values: Values, series: _Series) -> Values:
+        """Return the reference by the model, (n,); it is complex where values are, for exact derivatives."""
 
     def predict(self, values: Array, run: int) -> Array:
         """Return the modelled reference at all samples, (n,), by nothing but the run's proximal signals."""
-        return self.modelled(values, self.full[run], exact=False).value
+        return self.modelled(values, self.full[run])
 
     def residuals(self, values: Array, run: int) -> Array:
         """Return measured minus modelled reference, (n,), in standard deviations of its sensor."""
@@ -56,8 +57,7 @@ class ReferenceProblem(Problem, Generic[_Series]):
     def jacobian(self, values: Array, run: int) -> Array:
         """Return the derivatives of the residuals, (n, parameters)."""
         series = self.fitted[run]
-        slopes = self.modelled(values, series, exact=True).slopes[:, series.first :]
-        return np.ascontiguousarray(-slopes.T / self.noise)
+        return -complex_step(lambda at: self.modelled(at, series)[series.first :], values) / self.noise
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus modelled reference at all samples that count."""
@@ -76,7 +76,7 @@ class ReferenceProblem(Problem, Generic[_Series]):
         return float(np.median(np.diff(series.time[series.first :])))
 
     def _errors(self, values: Array, series: _Series) -> Array:
-        return (series.reference - self.modelled(values, series, exact=False).value)[series.first :]
+        return (series.reference - self.modelled(values, series))[series.first :]
 
 
 def check_recordings(recordings: Sequence[MeasuredRun]) -> None:

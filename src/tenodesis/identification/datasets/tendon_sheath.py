@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.datasets.dual_numbers import Dual, unknowns
-from tenodesis.identification.datasets.friction_laws import LAWS, law_of, pass_on
+from tenodesis.identification.datasets.friction_laws import LAWS, Values, law_of, pass_on
 from tenodesis.identification.datasets.reference import (
     ReferenceProblem,
     ReferenceSeries,
@@ -173,11 +172,11 @@ class Sheath(ReferenceProblem[Series]):
             return "Pull and release far enough that the tendon slides both ways: the band's two edges show the gain."
         return "Record reversals at several tensions, the highest several times the lowest."
 
-    def modelled(self, values: Array, series: Series, *, exact: bool) -> Dual:
+    def modelled(self, values: Values, series: Series) -> Values:
         """Return what the distal load cell would show, (n,), N."""
-        given = unknowns(self._names, values, exact=exact)
+        given = dict(zip(self._names, values, strict=True))
         start = float(series.proximal[0])
-        return given["gain"] * pass_on(self.law, given, series.proximal, speed=series.rate, start=start)
+        return np.asarray(given["gain"] * pass_on(self.law, given, series.proximal, speed=series.rate, start=start))
 
 
 def problem(
