@@ -69,7 +69,7 @@ def test_contributing_names_files_that_exist() -> None:
     named = [name for name in re.findall(r"`([\w./]+\.(?:hpp|h|py|md|cpp|toml))`", text) if name != "instrument.toml"]
     tracked = [
         str(path)
-        for folder in ("include", "src", "docs", "tests", "benchmarks")
+        for folder in ("include", "src", "docs", "tests", "benchmarks", "studies")
         for path in (ROOT / folder).rglob("*.*")
     ]
     assert len(named) > 50

@@ -4,22 +4,24 @@ import html
 from collections.abc import Sequence
 
 import numpy as np
+from peers import kinematics_peers, mujoco_peer, scipy_peer
+from scipy.spatial.transform import Rotation
 
-from tenodesis import statics
+from tenodesis import kinematics, statics
 from tenodesis.errors import MissingExtraError
 from tenodesis.instrument import ShortForm, TendonGear
-from tenodesis.kinematics import dimensions
+from tenodesis.kinematics import Posture, dimensions
 from tenodesis.paper.context import Context
 from tenodesis.report import style
 from tenodesis.report.content import CarePoint, Chart, Column, Plot, Section, fixed, named, number
 from tenodesis.statics import chain
-from tenodesis.verification import mujoco_peer, scipy_peer
 
 SCIPY_POINTS = 10_000
 _TITLE = "Independent verification"
 _ANGLES = 9  # handle angles, and
 _FORCES = 9  # forces, of the grid that MuJoCo settles
 _POSES = (-60.0, -40.0, 40.0, 60.0)  # output angles of each axis in the two-axis check, deg
+_POSTURES = 20
 
 
 def section(context: Context) -> Section:
@@ -74,6 +76,8 @@ def section(context: Context) -> Section:
         settled = {role: _mujoco(context, each) for role, each in instruments.items()}
         independence, plots = _axes(context, inst)
         care = _radial(context, inst)
+        # What is checked is the tool, not the instrument.
+        independence += "" if context.is_own else f"<p>{_frames(context)}</p>"
     except MissingExtraError as missing:
         settled, plots, care = {}, [], []
         independence = f"<p>The check against MuJoCo is left out: {html.escape(str(missing))}</p>"
@@ -244,3 +248,35 @@ def _radial(context: Context, inst: TendonGear) -> list[CarePoint]:
             f"and differs from MuJoCo by {number(abs(difference), 2)}°.",
         )
     ]
+
+
+def _frames(context: Context) -> str:
+    """Return a sentence on how far the bodies are from MuJoCo's."""
+    distance = _off_mujoco(context.inst)
+    about = "Largest distance, or difference of an entry of a rotation matrix, from MuJoCo's pose of a body"
+    context.add("workspace.mujoco", distance, "m", about)
+    return (
+        f"Positions of all bodies equal those of the exported model in MuJoCo to {number(distance, 1)} m, and the "
+        "entries of their rotation matrices as closely."
+    )
+
+
+def _off_mujoco(inst: ShortForm) -> float:
+    """Return how far the bodies are from MuJoCo's at random postures, m and as entries of rotation matrices."""
+    random = np.random.default_rng(0)
+    postures = []
+    for _ in range(_POSTURES):
+        drawn = {key: float(random.uniform(*ends)) for key, ends in kinematics.limits(inst)._asdict().items()}
+        handle = {f"handle_{axis}": float(random.uniform(-1, 1)) * inst.axis(axis).handle_range for axis in inst.axes}
+        postures.append(Posture(**drawn, **handle))
+    joints = [kinematics.joint_positions(inst, posture, format="mjcf") for posture in postures]
+    worst = 0.0
+    for posture, theirs in zip(postures, kinematics_peers.mujoco_poses(kinematics.mjcf(inst), joints), strict=True):
+        for name, frame in kinematics.frames(inst, posture).bodies.items():
+            if name not in theirs:  # the chord of a backbone, which is a row of vertebrae there
+                continue
+            position, rotation = theirs[name]
+            turned = Rotation.from_quat(frame.quaternion, scalar_first=True).as_matrix()
+            worst = max(worst, float(np.abs(frame.position - position).max()))
+            worst = max(worst, float(np.abs(turned - rotation).max()))
+    return worst

@@ -5,7 +5,7 @@ on samples of all runs split at random. That split is made here, and beside it s
 the fitted ones in load, frequency, posture or tool. The peer is scikit-learn's histogram gradient boosting with the
 same inputs: spindle angle, torque or current, and speed; ours is given angle and torque or current.
 
-    python benchmarks/force_measured.py DATA [--other FOLDER] [--out FOLDER]
+    python studies/force_measured.py DATA [--other FOLDER] [--out FOLDER]
 
 DATA holds the folders davinci-tool and davinci-posture; both stay where they are. Needs scikit-learn.
 """

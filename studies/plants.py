@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from plant import PERIOD, Plant, Plants, plant_of
+from peers.plant import PERIOD, Plant, Plants, plant_of
 
 import tenodesis as tn
 from tenodesis import _core

@@ -1,6 +1,6 @@
 """The tendon-driven rolling joint of a single axis in motion, simulated in MuJoCo.
 
-The mechanism is that of :mod:`tenodesis.verification.mujoco_peer`, without friction and gravity: two elastic tendons
+The mechanism is that of :mod:`peers.mujoco_peer`, without friction and gravity: two elastic tendons
 that only pull, a handle that moves as prescribed, and loads that turn with the end-effector. What the tip adds is a
 constant effective inertia J and viscous damping c about the output angle. Quantities are in SI units (m, N, rad, s).
 
@@ -17,11 +17,11 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from peers.mujoco_peer import mechanism_xml, settle
 
 from tenodesis.errors import NoSolutionError
 from tenodesis.extras import require
 from tenodesis.instrument import TendonGear
-from tenodesis.verification.mujoco_peer import mechanism_xml, settle
 
 Array: TypeAlias = NDArray[np.float64]
 

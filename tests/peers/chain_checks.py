@@ -3,13 +3,13 @@
 import html
 
 import numpy as np
+from peers.chain_peer import ChainPeer
 
 from tenodesis.errors import MissingExtraError
 from tenodesis.paper.any_instrument.held import loads, states
 from tenodesis.paper.context import Context
 from tenodesis.report.content import Column, Section
 from tenodesis.statics import chain
-from tenodesis.verification.chain_peer import ChainPeer
 
 _TITLE = "Independent verification"
 

@@ -12,12 +12,12 @@ from xml.etree.ElementTree import SubElement, fromstring, tostring
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from peers.mujoco_peer import relax
 
 from tenodesis import kinematics
 from tenodesis.extras import require
 from tenodesis.instrument import FullForm
 from tenodesis.kinematics.parts import moving
-from tenodesis.verification.mujoco_peer import relax
 
 Array = NDArray[np.float64]
 

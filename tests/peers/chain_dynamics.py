@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from peers.chain_peer import ChainPeer
+from peers.mujoco_dynamics import step_rate
 
 from tenodesis import kinematics
 from tenodesis.errors import NoSolutionError
@@ -20,8 +22,6 @@ from tenodesis.extras import require
 from tenodesis.instrument import FullForm
 from tenodesis.kinematics.parts import moving
 from tenodesis.plant import link_rows
-from tenodesis.verification.chain_peer import ChainPeer
-from tenodesis.verification.mujoco_dynamics import step_rate
 
 Array = NDArray[np.float64]
 
