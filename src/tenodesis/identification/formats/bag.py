@@ -1,4 +1,7 @@
-"""ROS 2 bags in SQLite, read into the same messages as MCAP files."""
+"""ROS 2 bags in SQLite, read into the same messages as MCAP files.
+
+``rosbags`` reads a whole folder with its ``metadata.yaml``; this reads a file alone, also a damaged one, within bounds.
+"""
 
 import sqlite3
 from collections.abc import Collection
