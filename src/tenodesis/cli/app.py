@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from tenodesis.cli.table import ALL, HELP_OPTIONS, VERSION_OPTION, Command, Group, print_overview
+from tenodesis.cli.table import ALL, HELP_OPTIONS, VERSION_OPTION, Entry, EntryGroup, print_overview
 from tenodesis.errors import CommandInterruptedError
 from tenodesis.version import __version__
 
@@ -18,7 +18,7 @@ _DEFAULT = "list"
 class _Stub(TyperCommand):
     """A command whose module is imported when it is called."""
 
-    def __init__(self, name: str, command: Command, hidden: bool = False) -> None:
+    def __init__(self, name: str, command: Entry, hidden: bool = False) -> None:
         super().__init__(name, help=command.help, hidden=hidden)
         self._function = command.function
 
@@ -30,11 +30,11 @@ class _Stub(TyperCommand):
 class _Commands(TyperGroup):
     """A group of stubs; its help imports none of them."""
 
-    def __init__(self, *, group: Group = ALL, **settings: Any) -> None:
+    def __init__(self, *, group: EntryGroup = ALL, **settings: Any) -> None:
         super().__init__(**settings | {"help": group.help, "no_args_is_help": group.default is None})
         self._group = group
         for name, command in group.commands.items():
-            if isinstance(command, Group):
+            if isinstance(command, EntryGroup):
                 self.commands[name] = _Commands(name=name, group=command)
             else:
                 self.commands[name] = _Stub(name, command)

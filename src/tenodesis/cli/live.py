@@ -86,7 +86,9 @@ def live_console(  # noqa: PLR0917
                 _open(page.url, opener, browser=browser)
                 say(f"Runtime: process {live.pid}, folder {live.folder}; recordings go to {recordings.absolute()}.")
                 if foxglove is not None:
-                    with live_foxglove.Server(Reader(live.folder), "127.0.0.1", foxglove, folder=live.folder) as server:
+                    with live_foxglove.FoxgloveServer(
+                        Reader(live.folder), "127.0.0.1", foxglove, folder=live.folder
+                    ) as server:
                         say(f"Foxglove: ws://127.0.0.1:{server.port}")
                         live_foxglove.serve(server, ending)
                 ending.wait()
@@ -120,7 +122,7 @@ def foxglove(
     stop = threading.Event()
     with on_signal(stop.set):
         reader = Reader(folder)
-        with live_foxglove.Server(reader, host, port, rate=None if all_rows else rate, folder=folder) as server:
+        with live_foxglove.FoxgloveServer(reader, host, port, rate=None if all_rows else rate, folder=folder) as server:
             shared = live_foxglove.warning(host)
             if shared is not None:
                 warn(shared)

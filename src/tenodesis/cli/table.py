@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 
-class Command(NamedTuple):
+class Entry(NamedTuple):
     """A command of the command line."""
 
     function: str
@@ -21,66 +21,68 @@ class Command(NamedTuple):
         return "" if found is None else found[1]
 
 
-class Group(NamedTuple):
+class EntryGroup(NamedTuple):
     """A command that has commands of its own."""
 
     help: str
-    commands: "Mapping[str, Command | Group]"
-    default: Command | None = None
+    commands: "Mapping[str, Entry | EntryGroup]"
+    default: Entry | None = None
     """Runs where no command is named."""
 
 
-PANELS: dict[str, dict[str, Command | Group]] = {
+PANELS: dict[str, dict[str, Entry | EntryGroup]] = {
     "Describe": {
-        "new": Command("new.new"),
-        "check": Command("instrument.check"),
-        "schema": Command("instrument.schema"),
+        "new": Entry("new.new"),
+        "check": Entry("instrument.check"),
+        "schema": Entry("instrument.schema"),
     },
     "Analyse": {
-        "loss": Command("loss.loss"),
-        "bench": Command("bench.bench"),
-        "vertices": Command("vertices.study_vertices"),
+        "loss": Entry("loss.loss"),
+        "bench": Entry("bench.bench"),
+        "vertices": Entry("vertices.study_vertices"),
     },
     "Record and control": {
-        "record": Command("recording.record"),
-        "info": Command("recording.info"),
-        "replay": Command("recording.replay"),
-        "console": Command("live.live_console"),
-        "link": Command("live.link"),
-        "foxglove": Command("live.foxglove"),
-        "devices": Group(
+        "record": Entry("recording.record"),
+        "info": Entry("recording.info"),
+        "replay": Entry("recording.replay"),
+        "console": Entry("live.live_console"),
+        "link": Entry("live.link"),
+        "foxglove": Entry("live.foxglove"),
+        "devices": EntryGroup(
             "List devices, or test a device.",
-            {"test": Command("devices.test_device")},
-            Command("devices.list_devices"),
+            {"test": Entry("devices.test_device")},
+            Entry("devices.list_devices"),
         ),
     },
     "Identify": {
-        "plan-identification": Command("plan_identification.plan_identification"),
-        "identify": Command("identify.identify"),
-        "force": Command("force.force"),
+        "plan-identification": Entry("plan_identification.plan_identification"),
+        "identify": Entry("identify.identify"),
+        "force": Entry("force.force"),
     },
     "Scale and build": {
-        "scale": Command("scale.scale"),
-        "tolerance": Command("tolerance.study_tolerances"),
-        "cad": Command("cad.write_cad"),
-        "transfer": Command("transfer.transfer"),
+        "scale": Entry("scale.scale"),
+        "tolerance": Entry("tolerance.study_tolerances"),
+        "cad": Entry("cad.write_cad"),
+        "transfer": Entry("transfer.transfer"),
     },
     "Exchange": {
-        "import": Group("Read what other programs describe.", {"dvrk": Command("import_tool.import_dvrk")}),
-        "export": Group(
+        "import": EntryGroup("Read what other programs describe.", {"dvrk": Entry("import_tool.import_dvrk")}),
+        "export": EntryGroup(
             "Write what other programs read.",
             {
-                "recording": Command("recording.export_recording"),
-                "controller": Command("export.export_controller"),
-                "urdf": Command("export.export_urdf"),
-                "mjcf": Command("export.export_mjcf"),
+                "recording": Entry("recording.export_recording"),
+                "controller": Entry("export.export_controller"),
+                "urdf": Entry("export.export_urdf"),
+                "mjcf": Entry("export.export_mjcf"),
             },
         ),
     },
 }
 """The commands by what people do."""
-COMMANDS: dict[str, Command | Group] = {name: command for panel in PANELS.values() for name, command in panel.items()}
-ALL = Group(
+COMMANDS: dict[str, Entry | EntryGroup] = {
+    name: command for panel in PANELS.values() for name, command in panel.items()
+}
+ALL = EntryGroup(
     "Model, scale, test and control tendon-driven hand-held surgical instruments. Research software, not a medical "
     "device.",
     COMMANDS,
@@ -98,7 +100,7 @@ OPTIONS = {
 """Options beside the commands."""
 
 
-def print_overview(usage: str, group: Group) -> None:
+def print_overview(usage: str, group: EntryGroup) -> None:
     """Print the help of a group of commands, as typer prints that of a command, without what that loads."""
     from rich.console import Console  # noqa: PLC0415
     from rich.padding import Padding  # noqa: PLC0415
