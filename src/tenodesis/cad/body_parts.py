@@ -4,9 +4,7 @@ from typing import NamedTuple
 
 from tenodesis.cad import kernel as k
 from tenodesis.cad.kernel import Solid
-from tenodesis.cad.parts import Dimension, Part, bought, pin
-from tenodesis.cad.shared import End, groove_dimensions
-from tenodesis.cad.sizes import Sizes
+from tenodesis.cad.parts import Dimension, End, Part, Sizes, bought, groove_dimensions, pin
 
 TIP_PIN = 3.0
 """Diameter of the pin at the tip that the load rig pushes, mm."""
@@ -65,7 +63,6 @@ def end_effector_part(end: End, sizes: Sizes, length: float, start: float) -> Pa
         body,
         end.far,
         (k.at(),),
-        density=sizes.process.density,
         dimensions=(
             Dimension(
                 "joint's far axis to the force",
@@ -106,7 +103,6 @@ def grip_part(end: End, sizes: Sizes, length: float, start: float) -> Part:
         body,
         end.far,
         (k.at(),),
-        density=sizes.process.density,
         dimensions=(
             Dimension(
                 "joint's far axis to the hand", (0, 0, 0), (0, 0, -length), "front", -1, key="handle_length", along="y"
@@ -150,7 +146,6 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float) ->
             body,
             "bench",
             tuple(k.at(x, 0, lead) for x in columns),
-            density=sizes.process.density,
             dimensions=(
                 *groove_dimensions("rope", spool, bottom, -half, "drives.spool_radius"),
                 Dimension("rim", (-rim, -half, 0), (rim, -half, 0), "front", -1, "Ø"),
@@ -169,7 +164,6 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float) ->
             mount,
             "bench",
             tuple(k.at(x, -level, lead) for x in columns),
-            density=sizes.process.density,
             dimensions=(
                 Dimension("bolts", (-bolts / 2, 0, 0), (bolts / 2, 0, 0), "front", 1),
                 Dimension("boss", (-boss / 2, 0, 0), (boss / 2, 0, 0), "front", 1, "Ø"),
@@ -184,7 +178,6 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float) ->
             cell_mount,
             "bench",
             tuple(k.at(x + spool, 0, lead + plate / 2 + 30) for x in columns),
-            density=sizes.process.density,
             dimensions=(
                 Dimension(
                     "seat of the cell",

@@ -4,9 +4,7 @@ from typing import NamedTuple
 
 from tenodesis.cad import kernel as k
 from tenodesis.cad.body_parts import TIP_PIN, Hardware
-from tenodesis.cad.parts import Dimension, Part, bought
-from tenodesis.cad.shared import groove_dimensions
-from tenodesis.cad.sizes import Sizes
+from tenodesis.cad.parts import Dimension, Part, Sizes, bought, groove_dimensions
 
 CABLE = 1.0
 """Diameter of a weight's cable, mm."""
@@ -61,7 +59,6 @@ def rig_parts(rig: Rig, sizes: Sizes, hardware: Hardware, stem: float) -> list[P
     screws = 0.5 * (seat + bottom)
     for x in (-screws, screws):
         pulley -= k.rod((x, -half - 1, 0), (x, half + 1, 0), 1.25)
-    density = sizes.process.density
     back = rig.pivot - 180.0
     level = rig.base_level
     return [
@@ -71,7 +68,6 @@ def rig_parts(rig: Rig, sizes: Sizes, hardware: Hardware, stem: float) -> list[P
             pulley,
             "rig_bar",
             (k.at(0, rig.pulley_level),),
-            density=density,
             dimensions=(
                 *groove_dimensions("cable", rig.cable_radius, bottom, -half, "conditions.cable_pulley_radius"),
                 Dimension("rim", (-rim, -half, 0), (rim, -half, 0), "front", -1, "Ø"),
@@ -89,7 +85,6 @@ def rig_parts(rig: Rig, sizes: Sizes, hardware: Hardware, stem: float) -> list[P
             _base(rig, stem, back),
             "bench",
             (k.at(),),
-            density=density,
             dimensions=(
                 Dimension("length", (0, 0, back), (0, 0, rig.pivot + 25), "front", -1, along="y"),
                 Dimension("axis to back", (0, 0, back), (0, 0, rig.pivot), "front", 1, along="y"),
@@ -129,7 +124,6 @@ def _bar(rig: Rig, sizes: Sizes, screws: float, seat: float) -> Part:
         body,
         "rig_bar",
         (k.at(0, -rig.level - _BAR),),
-        density=sizes.process.density,
         dimensions=(
             Dimension("axis to end of slot", (0, 0, 0), (0, 0, high), "front", -1, along="y"),
             Dimension("axis to begin of slot", (0, 0, 0), (0, 0, low), "front", 1, along="y"),
@@ -177,7 +171,6 @@ def _clamp(rig: Rig, sizes: Sizes, stem: float) -> Part:
         body,
         "bench",
         tuple(k.at(0, 0, z) for z in _clamps(rig)),
-        density=sizes.process.density,
         dimensions=(
             Dimension("bore", (-stem, 0, 0), (stem, 0, 0), "top", 1, "Ø", "stem_diameter"),
             Dimension("axis above the base", (0, -high, 0), (0, 0, 0), "top", -1, along="y"),
@@ -200,7 +193,6 @@ def _guide(rig: Rig, sizes: Sizes, hardware: Hardware, back: float, level: float
         body,
         "bench",
         tuple(k.at(x, y, z, (0, 0, 90)) for x, y, z in _guides(rig, back)),
-        density=sizes.process.density,
         dimensions=(
             *groove_dimensions("cable", _GUIDE, bottom, -half),
             Dimension("bore", (-bore, -half, 0), (bore, -half, 0), "front", -1, "Ø"),
@@ -233,7 +225,6 @@ def _bracket(rig: Rig, hardware: Hardware, back: float, level: float) -> Part:
         body,
         "bench",
         tuple(k.at(x, 0, back) for x, _, _ in places),
-        density=0.0,
         dimensions=(
             Dimension("axle from the edge", (0, 0, -reach), (0, 0, 0), "side", 1, along="y"),
             Dimension("between the cheeks", (-4, 0, -reach), (4, 0, -reach), "front", -1),
