@@ -11,7 +11,7 @@ import pytest
 from pydantic import BaseModel
 
 from tenodesis.instrument import JOINT_TYPES, FullForm
-from tenodesis.scaling.catalogue_file import CatalogueFile
+from tenodesis.scaling.catalogue import CatalogueFile
 from tenodesis.simulate import Protocol
 from tenodesis.tolerance import Tolerances
 

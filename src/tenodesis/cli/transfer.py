@@ -12,9 +12,7 @@ from tenodesis.cli.outputs import INSTRUMENT, RECORDING, Outputs, output, write_
 from tenodesis.errors import CommandError
 from tenodesis.instrument.text import to_file
 from tenodesis.recording import Recording
-from tenodesis.scaling.transfer import Carried, carry
-from tenodesis.scaling.transfer_factors import KEYS, QUANTITY
-from tenodesis.scaling.transfer_friction import carry_friction
+from tenodesis.scaling.transfer import KEYS, QUANTITY, Carried, carry, carry_friction
 
 
 @command("log", "real_size", "scaled_up")

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from tenodesis.control.parameters import force_limit, tension_limit
 from tenodesis.instrument import ShortForm
 from tenodesis.scaling import Design
-from tenodesis.scaling.plan_text import angle, plain, quantity
+from tenodesis.scaling.plan import angle, plain, quantity
 from tenodesis.workshop.budget import BACKLASHES, Budget
 from tenodesis.workshop.first_run import CONTROLLED, FIRST_RUN, FirstRun
 from tenodesis.workshop.order import SPARE_TURNS, rope_length

@@ -11,7 +11,7 @@ from tenodesis.instrument import InstrumentLike, as_short_form
 from tenodesis.report.content import fixed
 from tenodesis.scaling import Design, Wheel
 from tenodesis.scaling.parts import Hardware, Known, Motor
-from tenodesis.scaling.plan_text import masses, quantity
+from tenodesis.scaling.plan import masses, quantity
 from tenodesis.scaling.practical import is_stock
 from tenodesis.workshop.first_run import MARGIN, Demand
 

@@ -14,9 +14,7 @@ from tenodesis.control.controller import fault_names
 from tenodesis.control.export import header
 from tenodesis.report.content import fixed
 from tenodesis.scaling import Design
-from tenodesis.scaling.plan import Card, Drawing, Supplement
-from tenodesis.scaling.plan_tables import PlanTable
-from tenodesis.scaling.plan_text import angle, plain, quantity
+from tenodesis.scaling.plan import Card, Drawing, PlanTable, Supplement, angle, plain, quantity
 from tenodesis.scaling.practical import OBJECTIVES, PracticalFront
 from tenodesis.workshop import figures
 from tenodesis.workshop.assembly import HEADER, Step, checklist

@@ -1,6 +1,6 @@
 """How a plan names dimensions and writes their tolerances."""
 
-from tenodesis.scaling.plan_text import plain, quantity
+from tenodesis.scaling.plan import plain, quantity
 from tenodesis.workshop.budget import PULLEY, Dimension
 
 NAMES = {
