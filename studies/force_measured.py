@@ -30,8 +30,8 @@ from matplotlib.figure import Figure
 from tenodesis.identification.datasets import davinci_posture, davinci_tool
 from tenodesis.identification.force import ForceModel, fit_force
 from tenodesis.identification.force.fitting import fit_series
-from tenodesis.identification.force.results import RunResult, Traces, assess, bounds_of, pooled, traces
-from tenodesis.identification.force.signals import SIGNALS, Series, Signal, bench_of, checked, series_of
+from tenodesis.identification.force.model import SIGNALS, Series, Signal, bench_of, checked, series_of
+from tenodesis.identification.force.report import RunResult, Traces, assess, bounds_of, pooled, traces
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.report import page, style
 from tenodesis.run import Array

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from tenodesis.devices import nidaq_tasks, registry
+from tenodesis.devices import nidaq, registry
 from tenodesis.errors import Error, MissingExtraError
 from tenodesis.extras import require
 from tenodesis.instrument import Instrument
@@ -56,7 +56,7 @@ def test_the_exception_reaches_another_process_as_it_is():
         ("foxglove", "live", lambda inst: FoxgloveServer(SimpleNamespace(inst=inst, time_step=1e-3), port=0)),
         ("can", "devices", lambda inst: registry.make("canopen", with_can(inst))),
         ("canopen", "devices", lambda inst: registry.make("canopen", with_can(inst))),
-        ("nidaqmx", "devices", lambda inst: nidaq_tasks._driver()),
+        ("nidaqmx", "devices", lambda inst: nidaq._driver()),
         ("serial", "devices", lambda inst: registry.make("serial", inst, "/dev/null").open()),
     ],
 )

@@ -10,10 +10,10 @@ import pytest
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, Fit, fit, jacobian_error
+from tenodesis.identification.comparison import compare_laws
 from tenodesis.identification.datasets.endoscope_pair import Pair, load, problem
-from tenodesis.identification.datasets.friction_laws import LAWS, pass_on
+from tenodesis.identification.datasets.reference import LAWS, pass_on
 from tenodesis.identification.formats.measured import MeasuredRun
-from tenodesis.identification.laws_comparison import compare_laws
 from tenodesis.run import Array
 
 ROOT = Path(__file__).parents[2]

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, fit, jacobian_error
-from tenodesis.identification.datasets.friction_laws import LAWS, band, pass_on
+from tenodesis.identification.datasets.reference import LAWS, band, pass_on
 from tenodesis.identification.datasets.tendon_sheath import DEFAULT_LOSS, GRAM_FORCE, Sheath, load, problem
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.results import Fit

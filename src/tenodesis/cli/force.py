@@ -17,10 +17,8 @@ from tenodesis.errors import CommandError
 from tenodesis.files import read_regular
 from tenodesis.identification.force import report
 from tenodesis.identification.force.fitting import fit_force
-from tenodesis.identification.force.model import ForceModel, from_json
-from tenodesis.identification.force.parameters import RECALIBRATED
-from tenodesis.identification.force.results import RunResult, Traces, assess, bounds_of, pooled, traces
-from tenodesis.identification.force.signals import SIGNALS
+from tenodesis.identification.force.model import RECALIBRATED, SIGNALS, ForceModel, from_json
+from tenodesis.identification.force.report import RunResult, Traces, assess, bounds_of, pooled, traces
 from tenodesis.identification.formats import load_all
 from tenodesis.identification.registry import FORMATS
 from tenodesis.identification.report import grouped

@@ -15,20 +15,19 @@ from tenodesis.cli.common import ProgressBar, check_choice, console, load_instru
 from tenodesis.cli.outputs import JSON, Outputs, check_suffix, write_text
 from tenodesis.errors import CommandError
 from tenodesis.identification import report
-from tenodesis.identification.arrangements import (
+from tenodesis.identification.comparison import (
     LEAST_EXCESS,
     ArrangementComparison,
     Fitted,
     compare_arrangements,
     excess,
 )
-from tenodesis.identification.figures import axis_label
 from tenodesis.identification.fit import LEAST_REPLICATES, STARTS, fit
 from tenodesis.identification.formats import MeasuredRun, load_all
-from tenodesis.identification.goodness import unexplained, worse_held_out
 from tenodesis.identification.problem import Problem
 from tenodesis.identification.registry import FORMATS, Format
-from tenodesis.identification.results import Fit, to_json
+from tenodesis.identification.report import axis_label
+from tenodesis.identification.results import Fit, to_json, unexplained, worse_held_out
 from tenodesis.identification.split import LEAST_SHARE, FittedPart, split
 from tenodesis.identification.stretch import LEAST_LENGTH, LONGEST, shortened
 from tenodesis.identification.uncertainty import LossName

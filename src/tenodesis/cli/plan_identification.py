@@ -9,7 +9,7 @@ from tenodesis.cli.command import command
 from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_instrument, quantity, say, table
 from tenodesis.cli.outputs import Outputs
 from tenodesis.identification.experiment import DURATION, OPTIMISTIC, Plan, plan, report
-from tenodesis.identification.experiment.choice import CriterionName
+from tenodesis.identification.experiment.information import CriterionName
 from tenodesis.units import Duration, PositiveForce
 
 _NONE = "none"

@@ -27,8 +27,7 @@ import numpy as np
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.datasets import davinci_tool
 from tenodesis.identification.datasets.davinci_tool import DEFAULT_LAW, Series, Tool
-from tenodesis.identification.datasets.friction_laws import Values
-from tenodesis.identification.datasets.reference import refuse_instrument
+from tenodesis.identification.datasets.reference import Values, refuse_instrument
 from tenodesis.identification.formats.measured import MeasuredRun, Source
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.registry import Format

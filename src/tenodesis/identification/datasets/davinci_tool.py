@@ -26,16 +26,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.datasets.friction_laws import Given, Values, band, held, hysteresis
 from tenodesis.identification.datasets.reference import (
+    Given,
     ReferenceProblem,
     ReferenceSeries,
+    Values,
+    band,
     check_recordings,
+    held,
+    hysteresis,
     refuse_instrument,
 )
-from tenodesis.identification.formats.measured import MeasuredRun, Source, checksum
-from tenodesis.identification.formats.raw import Raw, Unit
-from tenodesis.identification.formats.table import read_rows
+from tenodesis.identification.formats.csv import read_rows
+from tenodesis.identification.formats.measured import MeasuredRun, Raw, Source, Unit, checksum
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.registry import Format
 from tenodesis.instrument import ShortForm

@@ -29,16 +29,19 @@ from pathlib import Path
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.datasets.friction_laws import LAWS, Given, Values, law_of, pass_on
 from tenodesis.identification.datasets.reference import (
+    LAWS,
+    Given,
     ReferenceProblem,
     ReferenceSeries,
+    Values,
     check_recordings,
+    law_of,
+    pass_on,
     refuse_instrument,
 )
-from tenodesis.identification.formats.measured import MeasuredRun, Source, checksum
-from tenodesis.identification.formats.raw import GRAM_FORCE, Raw, Unit, spread_of
-from tenodesis.identification.formats.table import read_rows
+from tenodesis.identification.formats.csv import read_rows
+from tenodesis.identification.formats.measured import GRAM_FORCE, MeasuredRun, Raw, Source, Unit, checksum, spread_of
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.registry import Format
 from tenodesis.instrument import ShortForm
