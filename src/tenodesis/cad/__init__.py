@@ -8,7 +8,7 @@ Needs the extra ``[cad]`` (build123d, trimesh). Solids are the kernel's, in mm; 
 """
 
 from tenodesis.cad.assembly import Overlap, Placed, assembled, interference, mesh_play
-from tenodesis.cad.body_parts import Hardware
+from tenodesis.cad.bench_parts import Hardware
 from tenodesis.cad.checks import Agreement, Printable, agreement, tendon_lengths, tip_places
 from tenodesis.cad.drawing import Row, draw_part, rows, write_drawings
 from tenodesis.cad.masses import Inertia, Mass, inertias, masses, tip_inertia, with_inertia

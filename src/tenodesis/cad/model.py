@@ -9,11 +9,13 @@ import numpy as np
 from tenodesis import kinematics
 from tenodesis.cad import kernel as k
 from tenodesis.cad.backbone_parts import Backbone, backbone, backbone_parts
-from tenodesis.cad.body_parts import (
+from tenodesis.cad.bench_parts import (
     Hardware,
+    Rig,
     drive_parts,
     end_effector_part,
     grip_part,
+    rig_parts,
     stem_part,
     tip_pin_part,
 )
@@ -21,7 +23,6 @@ from tenodesis.cad.gears import Gear, GearJoint, gear_joint, gear_parts
 from tenodesis.cad.parts import End, Part, Process, Sizes, ferrule, refuse, transition_length
 from tenodesis.cad.parts import process as process_of
 from tenodesis.cad.pulley_parts import PulleyJoint, pulley_joint, pulley_parts
-from tenodesis.cad.rig_parts import Rig, rig_parts
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.kinematics import Posture

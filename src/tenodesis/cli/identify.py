@@ -28,8 +28,7 @@ from tenodesis.identification.problem import Problem
 from tenodesis.identification.registry import FORMATS, Format
 from tenodesis.identification.report import axis_label
 from tenodesis.identification.results import Fit, to_json, unexplained, worse_held_out
-from tenodesis.identification.split import LEAST_SHARE, FittedPart, split
-from tenodesis.identification.stretch import LEAST_LENGTH, LONGEST, shortened
+from tenodesis.identification.split import LEAST_LENGTH, LEAST_SHARE, LONGEST, FittedPart, shortened, split
 from tenodesis.identification.uncertainty import LossName
 from tenodesis.instrument import ShortForm
 from tenodesis.units import Duration

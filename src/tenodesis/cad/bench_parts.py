@@ -1,4 +1,4 @@
-"""Parts between and beyond the joints: stem, end-effector, grip, spools, and the mounts of motors and load cells."""
+"""Parts beyond the joints: stem, end-effector, grip, spools and mounts, and the load rig of Fig. 13."""
 
 from typing import NamedTuple
 
@@ -225,3 +225,230 @@ def _cell_mount(cell: float, height: float, passage: float) -> Solid:
     for x in (-half / 2, half / 2):
         body -= k.rod((x, -height - 1, -24), (x, -height + _MOUNT + 1, -24), _SCREW / 2)
     return body
+
+
+CABLE = 1.0
+"""Diameter of a weight's cable, mm."""
+_BAR = 4.0  # mm
+_BASE = 6.0  # mm
+_GUIDE = 10.0  # mm, radius of the guide pulleys to the cable's centre
+
+
+class Rig(NamedTuple):
+    """Where the load rig stands, mm, in the frame of the stem."""
+
+    pivot: float
+    """Height of its axis along the stem."""
+    cable_radius: float
+    """Radius of its pulley to the cable's centre."""
+    nearest: float
+    """Least distance of the tip from the axis over the working range."""
+    furthest: float
+    level: float
+    """Of the top of the slotted bar, below the plane of the joint."""
+
+    @property
+    def pulley_half(self) -> float:
+        """Half the width of the pulley."""
+        return 4.0 + 2 * 0.525 * CABLE
+
+    @property
+    def pulley_level(self) -> float:
+        """Of the pulley's middle."""
+        return -self.level - _BAR - self.pulley_half
+
+    @property
+    def base_level(self) -> float:
+        """Of the top of the base."""
+        return self.pulley_level - self.pulley_half - 3.0
+
+
+def rig_parts(rig: Rig, sizes: Sizes, hardware: Hardware, stem: float) -> list[Part]:
+    """Return the parts of the load rig; the bar turns with the pulley, body "rig_bar", toward the tip."""
+    groove = 0.525 * CABLE
+    bottom = rig.cable_radius - CABLE / 2
+    half, rim = rig.pulley_half, rig.cable_radius + 1.5 * CABLE
+    levels = (half / 2, -half / 2)
+    seat = (1e3 * hardware.bearing + sizes.bore) / 2
+    pulley = k.rod((0, -half, 0), (0, half, 0), rim)
+    for y in levels:
+        pulley = k.grooved(pulley, bottom, y, groove, rim + 1)
+    pulley -= k.rod((0, -half - 1, 0), (0, half + 1, 0), seat - 1.0)
+    for y in (-half, half - 1e3 * hardware.bearing_width):
+        pulley -= k.rod((0, y, 0), (0, y + 1e3 * hardware.bearing_width, 0), seat)
+    screws = 0.5 * (seat + bottom)
+    for x in (-screws, screws):
+        pulley -= k.rod((x, -half - 1, 0), (x, half + 1, 0), 1.25)
+    back = rig.pivot - 180.0
+    level = rig.base_level
+    return [
+        Part(
+            "rig_pulley",
+            "Pulley of the load rig",
+            pulley,
+            "rig_bar",
+            (k.at(0, rig.pulley_level),),
+            dimensions=(
+                *groove_dimensions("cable", rig.cable_radius, bottom, -half, "conditions.cable_pulley_radius"),
+                Dimension("rim", (-rim, -half, 0), (rim, -half, 0), "front", -1, "Ø"),
+                Dimension("bearing's seat", (-seat, -half, 0), (seat, -half, 0), "front", -1, "Ø"),
+                Dimension("grooves apart", (0, levels[1], 0), (0, levels[0], 0), "side", 1),
+                Dimension("width", (0, -half, 0), (0, half, 0), "side", 1),
+            ),
+            notes=(f"For cables of {CABLE:g} mm; each is knotted through a hole drilled at its groove.",),
+            away=(0, -25, 0),
+        ),
+        _bar(rig, sizes, screws, seat),
+        Part(
+            "rig_base",
+            "Base of the load rig",
+            _base(rig, stem, back),
+            "bench",
+            (k.at(),),
+            dimensions=(
+                Dimension("length", (0, 0, back), (0, 0, rig.pivot + 25), "front", -1, along="y"),
+                Dimension("axis to back", (0, 0, back), (0, 0, rig.pivot), "front", 1, along="y"),
+                Dimension("width", (-_width(rig), 0, back), (_width(rig), 0, back), "front", -1),
+            ),
+            away=(0, -70, 0),
+        ),
+        _clamp(rig, sizes, stem),
+        _guide(rig, sizes, hardware, back, level),
+        _bracket(rig, hardware, back, level),
+        bought(
+            "rig_axle",
+            "Screw ISO 4762 M3 as axle",
+            k.rod((0, level - _BASE, 0), (0, rig.pulley_level + half, 0), 1.5),
+            "bench",
+            (k.at(0, 0, rig.pivot),),
+            away=(0, -25, 0),
+        ),
+    ]
+
+
+def _bar(rig: Rig, sizes: Sizes, screws: float, seat: float) -> Part:
+    end = rig.furthest + TIP_PIN / 2 + 6
+    wide, slot = 6.0, TIP_PIN / 2 + sizes.play
+    body = k.box((-wide, wide), (0, _BAR), (0, end)) + k.rod((0, 0, 0), (0, _BAR, 0), max(screws + 3, 6.0))
+    body += k.rod((0, 0, end), (0, _BAR, end), wide)
+    low, high = rig.nearest - 2, rig.furthest + 2
+    body -= k.box((-slot, slot), (-1, _BAR + 1), (low, high))
+    for z in (low, high):
+        body -= k.rod((0, -1, z), (0, _BAR + 1, z), slot)
+    body -= k.rod((0, -1, 0), (0, _BAR + 1, 0), seat - 1.0)
+    for x in (-screws, screws):
+        body -= k.rod((x, -1, 0), (x, _BAR + 1, 0), _SCREW / 2)
+    return Part(
+        "rig_bar",
+        "Slotted bar of the load rig",
+        body,
+        "rig_bar",
+        (k.at(0, -rig.level - _BAR),),
+        dimensions=(
+            Dimension("axis to end of slot", (0, 0, 0), (0, 0, high), "front", -1, along="y"),
+            Dimension("axis to begin of slot", (0, 0, 0), (0, 0, low), "front", 1, along="y"),
+            Dimension("slot", (-slot, 0, high), (slot, 0, high), "front", 1),
+            Dimension("screws", (-screws, 0, 0), (screws, 0, 0), "front", -1),
+            Dimension("thickness", (0, 0, 0), (0, _BAR, 0), "side", 1),
+        ),
+        notes=("Slot polished: it transmits the tangential force only.",),
+        away=(0, -12, 0),
+    )
+
+
+def _width(rig: Rig) -> float:
+    return max(rig.cable_radius + 12, 30.0)
+
+
+def _base(rig: Rig, stem: float, back: float) -> k.Solid:
+    half, top = _width(rig), rig.base_level
+    body = k.box((-half, half), (top - _BASE, top), (back, rig.pivot + 25))
+    body += k.rod((0, top, rig.pivot), (0, rig.pulley_level - rig.pulley_half, rig.pivot), 3.5)
+    body -= k.rod((0, top - _BASE - 1, rig.pivot), (0, 0, rig.pivot), 1.5)
+    for z in _clamps(rig):
+        for x in (-stem - 8, stem + 8):
+            body -= k.rod((x, top - _BASE - 1, z), (x, top + 1, z), _SCREW / 2)
+    return body
+
+
+def _clamps(rig: Rig) -> tuple[float, float]:
+    return (rig.pivot - 160.0, rig.pivot - 70.0)
+
+
+def _clamp(rig: Rig, sizes: Sizes, stem: float) -> Part:
+    high, half = -rig.base_level, 6.0
+    wide = stem + 4
+    body = k.box((-wide, wide), (-high, stem + 4), (-half, half))
+    body += k.box((-stem - 14, stem + 14), (-high, -high + 5), (-half, half))
+    body -= k.rod((0, 0, -half - 1), (0, 0, half + 1), stem + sizes.bore / 2)
+    body -= k.box((-0.75, 0.75), (0, stem + 5), (-half - 1, half + 1))
+    for x in (-stem - 8, stem + 8):
+        body -= k.rod((x, -high - 1, 0), (x, -high + 6, 0), _SCREW / 2)
+    body -= k.rod((-wide - 1, stem + 2, 0), (wide + 1, stem + 2, 0), 0.8)
+    return Part(
+        "rig_clamp",
+        "Clamp of the stem",
+        body,
+        "bench",
+        tuple(k.at(0, 0, z) for z in _clamps(rig)),
+        dimensions=(
+            Dimension("bore", (-stem, 0, 0), (stem, 0, 0), "top", 1, "Ø", "stem_diameter"),
+            Dimension("axis above the base", (0, -high, 0), (0, 0, 0), "top", -1, along="y"),
+            Dimension("screws", (-stem - 8, -high, 0), (stem + 8, -high, 0), "top", -1),
+            Dimension("thickness", (0, 0, -half), (0, 0, half), "side", 1, along="y"),
+        ),
+        away=(0, -45, 0),
+    )
+
+
+def _guide(rig: Rig, sizes: Sizes, hardware: Hardware, back: float, level: float) -> Part:
+    groove, half, rim = 0.525 * CABLE, 3.0, _GUIDE + 1.5 * CABLE
+    bore = (1e3 * hardware.bearing_bore + sizes.bore) / 2
+    bottom = _GUIDE - CABLE / 2
+    body = k.grooved(k.rod((0, -half, 0), (0, half, 0), rim), bottom, 0.0, groove, rim + 1)
+    body -= k.rod((0, -half - 1, 0), (0, half + 1, 0), bore)
+    return Part(
+        "rig_guide",
+        "Guide pulley of a weight's cable",
+        body,
+        "bench",
+        tuple(k.at(x, y, z, (0, 0, 90)) for x, y, z in _guides(rig, back)),
+        dimensions=(
+            *groove_dimensions("cable", _GUIDE, bottom, -half),
+            Dimension("bore", (-bore, -half, 0), (bore, -half, 0), "front", -1, "Ø"),
+            Dimension("width", (0, -half, 0), (0, half, 0), "side", 1),
+        ),
+        away=(0, 0, -30),
+    )
+
+
+def _guides(rig: Rig, back: float) -> list[tuple[float, float, float]]:
+    """Return the centres of the guide pulleys: their cables are as high as the pulley's grooves."""
+    shift = rig.pulley_half / 2
+    return [(side * rig.cable_radius, rig.pulley_level + side * shift - _GUIDE, back - _GUIDE - 6) for side in (1, -1)]
+
+
+def _bracket(rig: Rig, hardware: Hardware, back: float, level: float) -> Part:
+    reach, low = _GUIDE + 6.0, level - _BASE
+    places = _guides(rig, back)
+    body = k.box((-9, 9), (low - 12, low), (0, 30))
+    for x in (-8.0, 4.0):
+        body += k.box((x, x + 4), (low - 12, places[0][1] + 5), (-reach - 5, 0))
+        body += k.box((x, x + 4), (low - 12, low), (-1, 12))
+        for _, y, _ in places:
+            body -= k.rod((x - 1, y, -reach), (x + 5, y, -reach), (1e3 * hardware.bearing_bore + 0.2) / 2)
+    for z in (8.0, 22.0):
+        body -= k.rod((0, low - 13, z), (0, low + 1, z), _SCREW / 2)
+    return Part(
+        "rig_bracket",
+        "Bracket of a guide pulley",
+        body,
+        "bench",
+        tuple(k.at(x, 0, back) for x, _, _ in places),
+        dimensions=(
+            Dimension("axle from the edge", (0, 0, -reach), (0, 0, 0), "side", 1, along="y"),
+            Dimension("between the cheeks", (-4, 0, -reach), (4, 0, -reach), "front", -1),
+        ),
+        notes=("Two bores for the axle: each bracket uses that of its cable's height.",),
+        away=(0, -20, -30),
+    )
