@@ -114,7 +114,7 @@ class Wrist(Tool):
         own = (_COUPLING, _BEND) if several else ()
         starts = self._lines(self.fitted[: len(train)], several=several)
         # Against the load the tendon pulls the jaw to -jaw * load; the pitch that draws it moves the jaw there too.
-        self._side = -self.signs.jaw * self.signs.load * math.copysign(1.0, starts["coupling"])
+        self._side = -self.jaw * self.load * math.copysign(1.0, starts["coupling"])
         parameters = [
             one
             if one.name not in starts
@@ -160,7 +160,7 @@ class Wrist(Tool):
 
     def _lines(self, train: Sequence[Series], *, several: bool) -> dict[str, float]:
         """Return where the parameters that act without friction start: by a line for each run, side by side."""
-        sign, load = self.signs.jaw, self.signs.load
+        sign, load = self.jaw, self.load
         runs = [(one, np.column_stack([sign * one.spindle, sign * load * one.torque])[one.first :]) for one in train]
         ratio, compliance = np.linalg.lstsq(
             np.vstack([_without_mean(columns, 0.0) for _, columns in runs]),

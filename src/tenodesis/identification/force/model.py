@@ -99,24 +99,41 @@ def checked(run: MeasuredRun, signal: Signal) -> MeasuredRun:
     return MeasuredRun(run.name, raw.time, raw.columns, (*run.notes, *raw.notes), run.source, run.checksum)
 
 
+def signs_of(runs: Sequence[MeasuredRun]) -> tuple[float, float]:
+    """Return the sign of the spindle's torque under load, and whether the jaw turns with the spindle (1 or -1)."""
+    load = math.copysign(1.0, float(np.concatenate([run["spindle_torque"] for run in runs]).mean()))
+    return load, math.copysign(1.0, _joint(runs, "spindle_angle", "jaw_angle"))
+
+
 def bench_of(runs: Sequence[MeasuredRun]) -> Bench:
     """Return how the sensors of recordings go together; raises IdentificationError if there are none."""
     if not runs:
         raise IdentificationError("train is empty; it must hold at least one recording.", key="train")
-
-    def joint(one: str, other: str) -> float:
-        return sum(float(np.mean((run[one] - run[one].mean()) * run[other])) for run in runs)
-
-    load = math.copysign(1.0, sum(float(run["spindle_torque"].mean()) for run in runs))
+    load, jaw = signs_of(runs)
     low, high = np.quantile(np.concatenate([run["spindle_angle"] for run in runs]), (0.01, 0.99))
     has_current = all("motor_current" in run.columns for run in runs)
     return Bench(
         load,
-        math.copysign(1.0, joint("spindle_angle", "jaw_angle")),
-        load * math.copysign(1.0, joint("motor_current", "spindle_torque")) if has_current else load,
+        jaw,
+        load * math.copysign(1.0, _joint(runs, "motor_current", "spindle_torque")) if has_current else load,
         math.copysign(1.0, sum(float(run["jaw_torque"].mean()) for run in runs)),
         float(low + high) / 2,
     )
+
+
+def _joint(runs: Sequence[MeasuredRun], one: str, other: str) -> float:
+    return sum(float(np.mean((run[one] - run[one].mean()) * run[other])) for run in runs)
+
+
+def settled(run: MeasuredRun) -> NDArray[np.bool_]:
+    """Return the samples of which errors count; raises IdentificationError if they are too few."""
+    counted = np.asarray(run.time >= run.time[0] + SETTLING)
+    if counted.sum() < _LEAST:
+        raise IdentificationError(
+            f"{run.name} has {int(counted.sum())} samples after the first {SETTLING:g} s, in which the bench settles; "
+            f"at least {_LEAST} are needed."
+        )
+    return counted
 
 
 def series_of(run: MeasuredRun, bench: Bench, *, interval: float | None = None) -> Series:
@@ -128,12 +145,7 @@ def series_of(run: MeasuredRun, bench: Bench, *, interval: float | None = None) 
     short = max(1, round(INTERVAL / step))
     every = 1 if interval is None else max(1, round(interval / step))
     angle = -bench.load * (run["spindle_angle"] - bench.middle)
-    counted = run.time >= run.time[0] + SETTLING
-    if counted.sum() < _LEAST:
-        raise IdentificationError(
-            f"{run.name} has {int(counted.sum())} samples after the first {SETTLING:g} s, in which the bench settles; "
-            f"at least {_LEAST} are needed."
-        )
+    counted = settled(run)
     fast = np.abs(angle - np.concatenate([np.repeat(angle[0], short), angle[:-short]])) > RUNAWAY * short * step
     around = max(1, round(_AROUND / step))
     near_fast = np.convolve(fast, np.ones(2 * around + 1), "same") > 0.5
