@@ -405,8 +405,8 @@ def _check_arrangement(kind: Format, format_name: str, arrangement: str) -> None
 
 
 def _print_parameters(found: Fit) -> None:
-    interval = ">95 % interval" + (", bootstrap" if found.bootstrap else "")
-    parameters = table("parameters", "parameter", ">value", "unit", interval, "identifiable")
+    heading = ">95 % interval" + (", bootstrap" if found.bootstrap else "")
+    parameters = table("parameters", "parameter", ">value", "unit", heading, "identifiable")
     for one in (one for one in found.parameters if one.name in found.free):
         row = report.shown(found, one)
         interval = row.bootstrap if found.bootstrap else row.interval
