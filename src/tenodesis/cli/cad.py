@@ -14,9 +14,10 @@ from tenodesis import cad
 from tenodesis.cad.assembly import Progress
 from tenodesis.cli.command import command
 from tenodesis.cli.common import InstrumentFile, ProgressBar, check_choice, load_instrument, quantity, say
-from tenodesis.cli.outputs import Outputs, write_errors
+from tenodesis.cli.outputs import Outputs
 from tenodesis.errors import CommandError, InstrumentError
 from tenodesis.extras import require
+from tenodesis.files import write_errors
 from tenodesis.instrument.tip_motion import tip_inertia
 from tenodesis.report import style
 from tenodesis.scaling import Design
@@ -57,7 +58,7 @@ def write_cad(
         report = in_step(bar)
         report(0, 1, "solids")
         model = cad.build(inst, process=process, axis=axis, modules=modules)
-        with write_errors(out):
+        with write_errors(out, CommandError):
             checks = cad.write(model, out, progress=report)
     print_checks(checks, model)
     say(f"{out / 'drawings.pdf'}, {out / 'assembly.step'}, {out / 'step'}, {out / 'stl'} and pictures are written.")
@@ -132,7 +133,7 @@ class DesignSolids:
         if self._folder is None or self._model is None:
             return
         try:
-            with write_errors(self._folder):
+            with write_errors(self._folder, CommandError):
                 self._checks = cad.write(self._model, self._folder, tolerances, report)
         except InstrumentError as problem:
             self._refused = problem

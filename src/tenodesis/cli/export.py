@@ -9,8 +9,10 @@ import typer
 from tenodesis import control, kinematics
 from tenodesis.cli.command import command
 from tenodesis.cli.common import InstrumentFile, load_instrument
-from tenodesis.cli.outputs import HEADER, MJCF, URDF, Outputs, output, write_errors, write_text
+from tenodesis.cli.outputs import HEADER, MJCF, URDF, Outputs, output, write_text
 from tenodesis.control.controller import ActuationName, LawName, ObserverName
+from tenodesis.errors import CommandError
+from tenodesis.files import write_errors
 from tenodesis.instrument import Instrument, expanded
 
 _OUT = "The file. Default: by the instrument's name."
@@ -41,7 +43,7 @@ def export_controller(  # noqa: PLR0917
         inst = inst.axis(axis)
     name = control.identifier(inst.name) if name is None else name
     path = Path(f"{name}.h") if out is None else out
-    with outputs.files(out=path), write_errors(path):
+    with outputs.files(out=path), write_errors(path, CommandError):
         control.export_header(
             inst,
             path,

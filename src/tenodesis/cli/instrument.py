@@ -17,12 +17,12 @@ from tenodesis.cli.command import Answer, command
 from tenodesis.cli.common import InstrumentFile, console, load_instrument, note, say, table, warn
 from tenodesis.cli.joints import joints_as_json, print_joints
 from tenodesis.cli.loss import losses_of_joints
-from tenodesis.cli.outputs import FIGURE, Outputs, output, write_errors
+from tenodesis.cli.outputs import FIGURE, Outputs, output
 from tenodesis.control.derived import Derived, derive
 from tenodesis.control.plausibility import implausible
 from tenodesis.control.resolution import sentences, shares
-from tenodesis.errors import InstrumentError
-from tenodesis.files import atomic_file
+from tenodesis.errors import CommandError, InstrumentError
+from tenodesis.files import atomic_file, write_errors
 from tenodesis.instrument import FullForm, Instrument, RouteError
 from tenodesis.instrument.listing import Listed, listed
 
@@ -92,7 +92,7 @@ def check(
 def _draw(path: Path, inst: FullForm, problem: RouteError | None = None) -> None:
     from tenodesis.report import routing  # noqa: PLC0415 - loads matplotlib
 
-    with write_errors(path), atomic_file(path) as new:
+    with write_errors(path, CommandError), atomic_file(path) as new:
         routing.write(new, inst, problem)
 
 

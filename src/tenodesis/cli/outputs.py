@@ -11,7 +11,7 @@ from typing import Any
 import typer
 
 from tenodesis.errors import CommandError, CommandInterruptedError
-from tenodesis.files import atomic_file, locked_file, locked_folder
+from tenodesis.files import atomic_file, locked_file, locked_folder, write_errors
 
 TABLES = {".csv": "a CSV table", ".parquet": "a Parquet table"}
 """Extensions of the tables that a recording is exported to."""
@@ -98,14 +98,14 @@ class Outputs:
         alone = [path for path in before if folder is None or not path.is_relative_to(folder)]
         with ExitStack() as locks:
             for path in alone if folder is None else [folder, *alone]:
-                try:
-                    locks.enter_context(locked_folder(path) if path is folder else locked_file(path))
-                except BlockingIOError:
-                    raise CommandError(
-                        f"{path} is being written by another command; wait for it, or give another path.", value=path
-                    ) from None
-                except OSError as problem:
-                    raise _unwritable(path, problem) from None
+                with write_errors(path, CommandError):
+                    try:
+                        locks.enter_context(locked_folder(path) if path is folder else locked_file(path))
+                    except BlockingIOError:
+                        raise CommandError(
+                            f"{path} is being written by another command; wait for it, or give another path.",
+                            value=path,
+                        ) from None
             try:
                 yield
             except KeyboardInterrupt:
@@ -167,12 +167,12 @@ def _check_outputs(
         within = folder is not None and path.is_relative_to(folder)
         if not within and not path.parent.exists():
             raise CommandError(f"{path} cannot be written: there is no folder {path.parent}.", key=option, value=path)
-        try:
-            # No file can be made in its folder, or the nearest one above that exists.
-            with tempfile.TemporaryFile(dir=next(one for one in place.parents if one.exists())):
-                pass
-        except OSError as problem:
-            raise _unwritable(folder if folder is not None and within else path, problem) from None
+        nearest = next(one for one in place.parents if one.exists())
+        with (
+            write_errors(folder if folder is not None and within else path, CommandError, option),
+            tempfile.TemporaryFile(dir=nearest),
+        ):
+            pass
         taken[place] = option
 
 
@@ -234,18 +234,5 @@ def write_text(path: Path, text: str) -> None:
     CommandError
         It cannot be written.
     """
-    with write_errors(path), atomic_file(path) as new:
+    with write_errors(path, CommandError), atomic_file(path) as new:
         new.write_text(text, "utf-8")
-
-
-@contextmanager
-def write_errors(path: Path) -> Iterator[None]:
-    """Raise an error of the operating system on writing a path as an error of the command."""
-    try:
-        yield
-    except OSError as problem:
-        raise _unwritable(path, problem) from None
-
-
-def _unwritable(path: Path, problem: OSError) -> CommandError:
-    return CommandError(f"{path} cannot be written: {problem.strerror or problem}.", value=path)

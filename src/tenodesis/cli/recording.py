@@ -24,10 +24,11 @@ from tenodesis.cli.common import (
     table,
     warn_resolution,
 )
-from tenodesis.cli.outputs import FIGURE, RECORDING, TABLES, Outputs, output, write_errors
+from tenodesis.cli.outputs import FIGURE, RECORDING, TABLES, Outputs, output
 from tenodesis.control import Controller
 from tenodesis.control.controller import ActuationName, LawName, ObserverName
 from tenodesis.errors import CommandError, CommandInterruptedError, ProtocolError
+from tenodesis.files import write_errors
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.live import event_summary
 from tenodesis.recording import Recording, tables
@@ -232,7 +233,7 @@ def _print_outcome(run: Run, inst: Instrument) -> None:
 
 def _default_path(protocol_file: str, instrument_file: str, law: str | None) -> Path:
     folder = Path("recordings")
-    with write_errors(folder):
+    with write_errors(folder, CommandError):
         folder.mkdir(exist_ok=True)
     parts = (Path(protocol_file).stem, Path(instrument_file).stem, *(() if law is None else (law,)))
     return folder / f"{'-'.join(parts)}.mcap"

@@ -23,10 +23,10 @@ from tenodesis.cli.common import (
     say,
     table,
 )
-from tenodesis.cli.outputs import Outputs, write_errors
+from tenodesis.cli.outputs import Outputs
 from tenodesis.errors import CommandError, NoSolutionError, ProtocolError, StudyError
 from tenodesis.extras import require
-from tenodesis.files import atomic_files
+from tenodesis.files import atomic_files, write_errors
 from tenodesis.instrument import ShortForm
 from tenodesis.instrument.text import to_file
 from tenodesis.report import style
@@ -222,7 +222,7 @@ def _write(  # noqa: PLR0917
     pack: workshop.Pack | None,
 ) -> None:
     """Write all files to a temporary place, and move them when all are written."""
-    with write_errors(out), atomic_files(out) as new:
+    with write_errors(out, CommandError), atomic_files(out) as new:
         (new / files[0]).write_text(to_file(design.scaled_up, comment=_HEADING.format(design.real_size.name)), "utf-8")
         plan.write(design, new, supplement)
         if pack is not None:
