@@ -62,9 +62,11 @@ test-cpp: .venv/.deps ## Build and run the tests of the C++ core alone
 firmware: build ## Build the controller for a Cortex-M4F and run it in QEMU; names the Debian packages it needs
 	$(MAKE) -C firmware run
 
-bench: build ## Run the benchmarks, each against a named peer
-	for name in startup accuracy statics twin environments control homing harm tip_sensor tremor tissue plants information faults scaling identification live; do \
+bench: build ## Run the benchmarks, each against a named peer, and the studies of the law
+	for name in startup accuracy statics twin environments control scaling identification live; do \
 	  $(BIN)/python benchmarks/$$name.py || exit; done
+	for name in homing harm tip_sensor tremor tissue plants information faults; do \
+	  $(BIN)/python studies/$$name.py || exit; done
 
 lint: build ## Check style, types, layers and C++
 	$(BIN)/ruff check .
@@ -81,7 +83,7 @@ format: build ## Format Python and C++
 	$(BIN)/ruff format .
 	$(BIN)/clang-format -i $(CPP_FILES)
 
-docs: build ## Regenerate what is generated: tables in docs/, the C++ module's typed stub, the example's controller
+docs: build ## Regenerate what is generated: tables in docs/, the example's controller
 	$(BIN)/tenodesis export controller scaled-up --homed --own-clock --overwrite --out examples/scaled_up.h
 	$(BIN)/python docs/generate.py
 

@@ -1,10 +1,10 @@
 """How accurate the statics are, as the largest differences measured; the tests bound the same."""
 
 import numpy as np
+from peers import scipy_peer
 
 import tenodesis as tn
 from tenodesis.instrument import TendonGear
-from tenodesis.verification import scipy_peer
 
 POINTS = 10_000
 SHARE = 1e-3  # of a parameter, the step of the finite differences

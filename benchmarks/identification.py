@@ -21,8 +21,8 @@ from scipy.optimize import least_squares
 
 import tenodesis as tn
 from tenodesis.identification import FORMATS, fit
-from tenodesis.identification.differences import scales
 from tenodesis.identification.formats.instrument_run import TENDONS, InstrumentRun, checked
+from tenodesis.identification.problem import scales
 from tenodesis.identification.twin_model.problem import TwinProblem, problem
 from tenodesis.instrument import Instrument
 from tenodesis.recording.simulation import record

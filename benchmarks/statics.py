@@ -10,13 +10,13 @@ from timeit import timeit
 
 import numpy as np
 from numpy.typing import NDArray
+from peers import scipy_peer
 from scipy.optimize import elementwise, root
 
 import tenodesis as tn
 from tenodesis import instrument
 from tenodesis.instrument import TendonGear
 from tenodesis.statics import chain
-from tenodesis.verification import scipy_peer
 
 Array = NDArray[np.float64]
 

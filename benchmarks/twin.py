@@ -16,6 +16,7 @@ from timeit import timeit
 
 import numpy as np
 from numpy.typing import NDArray
+from peers import chain_dynamics, mujoco_dynamics
 
 import tenodesis as tn
 from tenodesis import _core, plant
@@ -23,7 +24,6 @@ from tenodesis.instrument import Instrument
 from tenodesis.twin import TIME_STEP, Twin, run_many
 from tenodesis.twin.rows import COMMANDS
 from tenodesis.twin.rows import SIGNALS as SIGNAL_NAMES
-from tenodesis.verification import chain_dynamics, mujoco_dynamics
 
 Array = NDArray[np.float64]
 

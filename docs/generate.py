@@ -1,9 +1,7 @@
-"""Write what is generated, not typed: tables and figures in docs/, and the typed stub of the C++ module."""
+"""Write what is generated, not typed: tables and figures in docs/."""
 
 import ast
 import re
-import subprocess
-import sys
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterator
@@ -29,9 +27,6 @@ def main(folder: Path = ROOT) -> None:
     (folder / "docs").mkdir(parents=True, exist_ok=True)
     (folder / "docs/traceability.md").write_text(traceability(), "utf-8")
     (folder / "docs/keys.md").write_text(keys.page(), "utf-8")
-    package = folder / "src/tenodesis"
-    package.mkdir(parents=True, exist_ok=True)
-    (package / "_core.pyi").write_text(stub(), "utf-8")
     picture.draw(folder / "docs/picture.svg")
     dimensions.draw(folder / "docs/dimensions.svg")
     conventions.draw(folder / "docs/conventions.svg")
@@ -87,17 +82,6 @@ def results(context: Context) -> str:
         printed = "" if result.published is None else f"{result.published.value:g} ({result.published.source})"
         lines.append(f"| `{key}` | {result.unit} | {result.description} | {printed} |")
     return "\n".join(lines) + "\n"
-
-
-def stub() -> str:
-    """Return the typed stub of the C++ module."""
-    command = [sys.executable, "-m", "nanobind.stubgen", "-q", "-m", "tenodesis._core"]
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "_core.pyi"
-        subprocess.run([*command, "-o", str(path)], check=True)
-        text = path.read_text("utf-8")
-    # Signatures written out in the bindings name the array type, for which stubgen adds no import.
-    return text.replace("import numpy\n", "import numpy\nfrom numpy.typing import NDArray\n", 1)
 
 
 def _cell(names: list[str]) -> str:

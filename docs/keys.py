@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from tenodesis.instrument import JOINT_TYPES, FullForm, Instrument, ShortForm
-from tenodesis.scaling.catalogue_file import CatalogueFile
+from tenodesis.scaling.catalogue import CatalogueFile
 from tenodesis.simulate.protocol import Protocol
 from tenodesis.tolerance.files import Tolerances
 from tenodesis.units import READABLE, Quantity, in_unit, quantity_of

@@ -7,6 +7,7 @@ sources compile and link there. Only the wheel of this processor's manylinux tar
 
 import argparse
 import os
+import platform
 import subprocess
 import sys
 import sysconfig
@@ -120,6 +121,7 @@ def build(target: Target, tools: Path, out: Path, jobs: int, quick: bool) -> Non
         "Python_INCLUDE_DIR": include,
         "CMAKE_FIND_ROOT_PATH_MODE_PACKAGE": "BOTH",
         "CMAKE_BUILD_WITH_INSTALL_RPATH": "ON",  # to change it afterwards takes a tool of macOS
+        "TENODESIS_STUB": "ON" if is_own(target) else "OFF",
     }
     toolchain = tools / "toolchain.cmake"
     toolchain.write_text("".join(f'set({name} "{value}" CACHE STRING "")\n' for name, value in defined.items()))
@@ -136,6 +138,11 @@ def build(target: Target, tools: Path, out: Path, jobs: int, quick: bool) -> Non
     command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", out, "-v"]
     command += [word for name, value in settings.items() for word in ("--config-settings", f"{name}={value}")]
     subprocess.run([*command, ROOT], check=True, env=os.environ | suffix)
+
+
+def is_own(target: Target) -> bool:
+    """Return whether the Python that builds can import a target's module."""
+    return sys.platform == "linux" and "-linux-gnu" in target.zig and target.processor == platform.machine()
 
 
 def soabi(target: Target) -> str:

@@ -7,7 +7,7 @@ from sphinx.application import Sphinx
 from typer.cli import get_docs_for_click
 
 from tenodesis.cli.app import built, load
-from tenodesis.cli.table import COMMANDS, Command, Group
+from tenodesis.cli.table import COMMANDS, Entry, EntryGroup
 
 _HERE = "{{commands}}"
 
@@ -23,10 +23,10 @@ def _write(app: Sphinx, page: str, source: list[str]) -> None:
         source[0] = source[0].replace(_HERE, "\n".join(_texts("tenodesis", COMMANDS)))
 
 
-def _texts(prefix: str, commands: Mapping[str, Command | Group]) -> Iterator[str]:
+def _texts(prefix: str, commands: Mapping[str, Entry | EntryGroup]) -> Iterator[str]:
     for name, command in commands.items():
         words = f"{prefix} {name}"
-        if isinstance(command, Group):
+        if isinstance(command, EntryGroup):
             if command.default is not None:
                 yield _text(words, command.default)
             yield from _texts(words, command.commands)
@@ -34,7 +34,7 @@ def _texts(prefix: str, commands: Mapping[str, Command | Group]) -> Iterator[str
             yield _text(words, command)
 
 
-def _text(words: str, command: Command) -> str:
+def _text(words: str, command: Entry) -> str:
     """Return the help of a command as Markdown, a level below the page's title."""
     built_command = built(words, load(command.function))
     text = get_docs_for_click(obj=built_command, ctx=typer.Context(built_command), name=words)

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from tenodesis.errors import Error
+
 try:
     import fcntl
 except ImportError:  # Windows
@@ -43,6 +45,15 @@ def _refuse_irregular(path: Path, mode: int) -> None:
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if not stat.S_ISREG(mode):
         raise OSError(errno.EINVAL, "it is no regular file", str(path))
+
+
+@contextmanager
+def write_errors(path: Path, error: type[Error], key: str = "") -> Iterator[None]:
+    """Raise an error of the operating system on writing a path as an error of this package."""
+    try:
+        yield
+    except OSError as problem:
+        raise error(f"{path} cannot be written: {problem.strerror or problem}.", key=key, value=path) from problem
 
 
 @contextmanager

@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from tenodesis.control import Controller, OperatingState
 from tenodesis.devices import can_setup
 from tenodesis.devices.canopen import CanOpenDevice
-from tenodesis.devices.simulated.bench import SimulatedBench, TwinPlant
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import CanOpen
 from tenodesis.run import Array
 from tenodesis.twin import Twin
+
+from .simulated_bench.bench import SimulatedBench, TwinPlant
 
 RATE = 500.0  # Hz
 TIMEOUT = 5.0  # s: of an answer that comes, however busy the machine

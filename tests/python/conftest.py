@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from .live_loop import LiveLoop
 
 ROOT = Path(__file__).parents[2]
-BENCHMARKS = ROOT / "benchmarks"
+STUDIES = ROOT / "studies"
 
 
-def load_benchmark(name: str) -> ModuleType:
-    """Return the module of a benchmark, which is no part of a package and may import others."""
-    if str(BENCHMARKS) not in sys.path:
-        sys.path.append(str(BENCHMARKS))
-    return load_file(BENCHMARKS / f"{name}.py")
+def load_study(name: str) -> ModuleType:
+    """Return the module of a study, which is no part of a package and may import others."""
+    if str(STUDIES) not in sys.path:
+        sys.path.append(str(STUDIES))
+    return load_file(STUDIES / f"{name}.py")
 
 
 def load_file(path: Path) -> ModuleType:

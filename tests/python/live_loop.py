@@ -12,7 +12,7 @@ from tenodesis.control.pairs import names_of, pairs
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
-from tenodesis.live.layout import Layout
+from tenodesis.live.layout import RowLayout
 from tenodesis.live.loop import ORDERS
 from tenodesis.run import Run, concatenate
 from tenodesis.twin import Twin
@@ -62,7 +62,7 @@ class LiveLoop:
         controller = Controller(inst, homed=homed)
         self.time_step = self.twin.time_step
         self._device = device = self.twin.live_device
-        self.layout = Layout(inst, device.commands, device.signals)
+        self.layout = RowLayout(inst, device.commands, device.signals)
         path = str(folder / ring)
         ranges = [1.5] * len(inst.axes)
         axes = [tuple(pair[1:]) for pair in pairs(inst).values()]

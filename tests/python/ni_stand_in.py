@@ -8,7 +8,7 @@ from unittest.mock import MagicMock
 
 import pytest
 
-from tenodesis.devices.nidaq_tasks import NiTasks
+from tenodesis.devices.nidaq import NiTasks
 from tenodesis.instrument.devices import NiDaq
 from tenodesis.run import Array
 

@@ -13,7 +13,7 @@ from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.compliance import compliance_shares
 from tenodesis.run import Run
-from tenodesis.scaling.transfer_friction import carry_friction
+from tenodesis.scaling.transfer import carry_friction
 from tenodesis.similarity.groups import groups_of
 from tenodesis.twin import TIME_STEP, Twin
 

@@ -17,7 +17,7 @@ import pytest
 import tenodesis as tn
 from tenodesis import cad, kinematics, plant
 from tenodesis.cad import kernel, pack, picture
-from tenodesis.cad.involute import Gear
+from tenodesis.cad.gears import Gear
 from tenodesis.cad.model import gear_of
 from tenodesis.errors import InstrumentError, MissingExtraError
 from tenodesis.instrument import Instrument

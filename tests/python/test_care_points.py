@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from peers import mujoco_peer
 
 import tenodesis as tn
 from tenodesis.instrument import TendonGear
 from tenodesis.paper.published import STATES
 from tenodesis.statics.stroke import settled_stroke, wound
-from tenodesis.verification import mujoco_peer
 
 
 @pytest.mark.care(1)

@@ -12,8 +12,7 @@ from tenodesis.instrument import TendonGear
 from tenodesis.instrument import load as load_instrument
 from tenodesis.instrument.text import with_units
 from tenodesis.scaling import catalogue
-from tenodesis.scaling.catalogue import NEEDED, Catalogue, json_schema, load, shipped
-from tenodesis.scaling.catalogue_file import Constraints
+from tenodesis.scaling.catalogue import NEEDED, Catalogue, Constraints, json_schema, load, shipped
 from tenodesis.scaling.parts import KINDS, Rod
 
 ROOT = Path(__file__).parents[2]

@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from peers import chain_dynamics
 
 from tenodesis import instrument
 from tenodesis.instrument import FullForm
 from tenodesis.plant import link_rows, mass_matrix
 from tenodesis.statics import chain
 from tenodesis.twin import Twin
-from tenodesis.verification import chain_dynamics
 
 from .chain_samples import LISTED, backbone, jaws, two_axes
 

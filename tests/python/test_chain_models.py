@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from peers.kinematics_peers import mujoco_poses
 from typer.testing import CliRunner
 
 import tenodesis as tn
@@ -13,7 +14,6 @@ from tenodesis.cli.app import app
 from tenodesis.instrument import FullForm, expanded
 from tenodesis.kinematics import Port, Posture
 from tenodesis.statics import chain
-from tenodesis.verification.kinematics_peers import mujoco_poses
 
 from .chain_samples import LISTED, backbone, drawn, holds, jaws
 from .kinematic_instruments import INSTRUMENTS

@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from peers.chain_peer import ChainPeer
 
 from tenodesis import instrument
 from tenodesis.instrument import FullForm
 from tenodesis.statics import Axes, Status, chain
-from tenodesis.verification.chain_peer import ChainPeer
 
 from .chain_samples import LISTED, Point, backbone, drawn, holds, jaws
 

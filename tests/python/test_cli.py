@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 import tenodesis as tn
 from tenodesis.cli import bench
 from tenodesis.cli.app import app, load
-from tenodesis.cli.table import COMMANDS, Command, Group
+from tenodesis.cli.table import COMMANDS, Entry, EntryGroup
 from tenodesis.instrument import Instrument
 from tenodesis.paper.context import Context
 from tenodesis.paper.run import CHAPTERS
@@ -27,11 +27,11 @@ Run: TypeAlias = Callable[..., tuple[int, str, str]]
 HEAVY = ("typer", "matplotlib", "pint", "viser", "typst", "numpy", "scipy", "pydantic", "tenodesis.instrument")
 
 
-def leaves() -> dict[str, Command]:
+def leaves() -> dict[str, Entry]:
     """Return all commands by the words that call them."""
-    found: dict[str, Command] = {}
+    found: dict[str, Entry] = {}
     for name, command in COMMANDS.items():
-        if isinstance(command, Command):
+        if isinstance(command, Entry):
             found[name] = command
             continue
         found |= {f"{name} {part}": own for part, own in command.commands.items()}
@@ -73,7 +73,7 @@ def test_the_help_of_a_group_is_the_same_by_every_way(tenodesis: Run) -> None:
     assert fast.split() == slow.split()
     for name, command in COMMANDS.items():
         assert f" {name} " in fast
-        if isinstance(command, Group):
+        if isinstance(command, EntryGroup):
             code, said, _ = tenodesis(name, "--help")
             assert code == 0
             assert f"tenodesis {name} [OPTIONS] COMMAND [ARGS]..." in said

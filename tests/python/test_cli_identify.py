@@ -150,8 +150,9 @@ def test_a_run_is_identified_and_written_as_page_numbers_and_instrument(logs: li
 
 
 def test_only_what_fit_names_is_fitted_by_name_group_or_word(logs: list[Path], tmp_path: Path) -> None:
-    run(logs[0], "--fit", "stiffness, offset", "--out", tmp_path / "out")
+    given = run(logs[0], "--fit", "stiffness, offset", "--out", tmp_path / "out", "--json")
     found = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert json.loads(given.output) == found
     fitted = [name for name, one in found["parameters"].items() if one["fitted"]]
     assert fitted == ["tendon_stiffness", "encoder_offset"]
     assert not (tmp_path / "out" / "instrument.toml").exists()

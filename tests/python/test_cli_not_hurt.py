@@ -289,21 +289,6 @@ def test_an_input_of_another_kind_is_named(tenodesis: Command, desk: Path, words
     refused(tenodesis, desk, words, sentence)
 
 
-def test_there_are_about_a_hundred_and_fifty_of_these() -> None:
-    from _pytest.mark.structures import Mark
-
-    def cases(test: Callable[..., None]) -> int:
-        marks: list[Mark] = test.pytestmark  # type: ignore[attr-defined]
-        return sum(len(mark.args[1]) for mark in marks if mark.name == "parametrize")
-
-    assert sum(map(cases, (
-        test_nothing_is_overwritten_unasked,
-        test_an_input_is_not_written_over_even_if_asked,
-        test_what_cannot_be_written_is_refused_at_once,
-        test_an_input_of_another_kind_is_named,
-    ))) >= 100  # fmt: skip
-
-
 @pytest.mark.parametrize("words", ["bench pulley.toml --out there", "vertices --out there", f"{IDENTIFY} --out there"])
 def test_the_second_of_two_runs_into_a_folder_is_refused(tenodesis: Command, desk: Path, words: str) -> None:
     with locked_folder(desk / "there"):

@@ -103,7 +103,7 @@ def test_pitch_moves_the_jaw_by_the_coupling_and_drags_on_one_side_only() -> Non
         MeasuredRun(run.name, run.time, {**run.columns, "spindle_torque": -run["spindle_torque"]}) for run in runs
     ]
     mirrored = Wrist(turned)
-    assert mirrored.signs.load == -wrist.signs.load
+    assert mirrored.load == -wrist.load
     released, bent = (mirrored.predict(values(mirrored, coupling=0.0), n) for n in (2, 0))
     assert np.abs(released - mirrored.predict(values(mirrored, coupling=0.0, bend_growth=0.0), 2)).max() == 0
     assert np.abs(bent - mirrored.predict(values(mirrored, coupling=0.0, bend_growth=0.0), 0)).max() > 0.01

@@ -14,7 +14,6 @@ from tenodesis.devices.can_layout import wired_by
 from tenodesis.devices.canopen import CanOpenDevice
 from tenodesis.devices.device import Capabilities, Device, Measurement
 from tenodesis.devices.nidaq import _current
-from tenodesis.devices.simulated.bench import TwinPlant
 from tenodesis.devices.wiring import wiring
 from tenodesis.errors import DeviceError, InstrumentError
 from tenodesis.instrument import FullForm
@@ -26,6 +25,7 @@ from tenodesis.twin import Twin
 
 from . import can_bench
 from .can_bench import RATE, TIMEOUT, served
+from .simulated_bench.bench import TwinPlant
 from .test_live import looped, until
 
 pytest.importorskip("can")

@@ -13,10 +13,9 @@ import pytest
 
 import tenodesis as tn
 from tenodesis.control import Controller, OperatingState
-from tenodesis.devices import can_bus
+from tenodesis.devices import canopen
 from tenodesis.devices.can_layout import LEAD, Aim, layout
 from tenodesis.devices.canopen import CanOpenDevice
-from tenodesis.devices.simulated.bench import SimulatedBench, TwinPlant
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import CanOpen
@@ -45,6 +44,7 @@ from .can_bench import (
     tick,
     until,
 )
+from .simulated_bench.bench import SimulatedBench, TwinPlant
 
 EMERGENCY_OVERVOLTAGE = 0x3210
 ANSWER_TIME = 60.0  # s, of an answer that comes, however busy the machine
@@ -287,7 +287,7 @@ def test_a_drive_that_heeds_no_pdo_any_more_loses_its_power_by_sdo(
     inst: Instrument, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The bench answers only once it has simulated a period for each SYNC that stopping has sent it.
-    monkeypatch.setattr(can_bus, "_ANSWER_TIME", ANSWER_TIME)
+    monkeypatch.setattr(canopen, "_ANSWER_TIME", ANSWER_TIME)
     with served(inst) as (device, bench, clock):
         tick(device, clock)
         tick(device, clock)

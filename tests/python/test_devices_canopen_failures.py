@@ -9,7 +9,6 @@ import pytest
 import tenodesis as tn
 from tenodesis.control import Controller, OperatingState
 from tenodesis.devices.canopen import CanOpenDevice
-from tenodesis.devices.simulated.bench import SimulatedBench, TwinPlant
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
 
@@ -34,6 +33,7 @@ from .can_bench import (
     tick,
     until,
 )
+from .simulated_bench.bench import SimulatedBench, TwinPlant
 
 
 @pytest.fixture(scope="module")

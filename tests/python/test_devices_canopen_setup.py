@@ -12,7 +12,6 @@ import tenodesis as tn
 from tenodesis.devices import cia402
 from tenodesis.devices.can_layout import Sensor, layout
 from tenodesis.devices.canopen import CanOpenDevice
-from tenodesis.devices.simulated.bench import SimulatedBench
 from tenodesis.errors import DeviceError, InstrumentError
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import CanOpen
@@ -34,6 +33,7 @@ from .can_bench import (
     table,
     tick,
 )
+from .simulated_bench.bench import SimulatedBench
 
 EMERGENCY_OVERVOLTAGE = 0x3210
 
@@ -211,7 +211,7 @@ def test_a_node_that_is_no_drive_is_refused(inst: Instrument) -> None:
 
 
 def test_a_drive_that_would_not_stop_alone_is_refused(inst: Instrument, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tenodesis.devices.simulated import cia402
+    from .simulated_bench import cia402
 
     without = tuple(one for one in cia402._DRIVE_OBJECTS if one[0] != 0x6007)
     monkeypatch.setattr(cia402, "_DRIVE_OBJECTS", without)

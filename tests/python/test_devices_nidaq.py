@@ -9,8 +9,7 @@ import pytest
 
 import tenodesis as tn
 from tenodesis import instrument
-from tenodesis.devices.nidaq import NiDaqDevice
-from tenodesis.devices.nidaq_tasks import Samples
+from tenodesis.devices.nidaq import NiDaqDevice, Samples
 from tenodesis.errors import DeviceError, InstrumentError
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import NiDaq

@@ -7,12 +7,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from tenodesis.devices import nidaq_tasks, registry
+from tenodesis.devices import nidaq, registry
 from tenodesis.errors import Error, MissingExtraError
 from tenodesis.extras import require
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import CanOpen
-from tenodesis.live.foxglove import Server
+from tenodesis.live.foxglove import FoxgloveServer
 
 
 def with_can(inst: Instrument) -> Instrument:
@@ -53,10 +53,10 @@ def test_the_exception_reaches_another_process_as_it_is():
 @pytest.mark.parametrize(
     ("module", "extra", "use"),
     [
-        ("foxglove", "live", lambda inst: Server(SimpleNamespace(inst=inst, time_step=1e-3), port=0)),
+        ("foxglove", "live", lambda inst: FoxgloveServer(SimpleNamespace(inst=inst, time_step=1e-3), port=0)),
         ("can", "devices", lambda inst: registry.make("canopen", with_can(inst))),
         ("canopen", "devices", lambda inst: registry.make("canopen", with_can(inst))),
-        ("nidaqmx", "devices", lambda inst: nidaq_tasks._driver()),
+        ("nidaqmx", "devices", lambda inst: nidaq._driver()),
         ("serial", "devices", lambda inst: registry.make("serial", inst, "/dev/null").open()),
     ],
 )

@@ -15,7 +15,7 @@ from tenodesis.run import Run
 from tenodesis.simulate import FaultInjection
 from tenodesis.twin import TIME_STEP, Twin
 
-from .conftest import load_benchmark
+from .conftest import load_study
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ TOO_LITTLE = 0.3  # of the pretension: half of it, the mean's share, is near the
 MOST_MOTION = np.radians(2)  # issue 4: from the fault to the safe state, beyond what a load itself causes
 
 
-normal = load_benchmark("faults")
+normal = load_study("faults")
 
 
 class Case(NamedTuple):

@@ -14,10 +14,20 @@ import pytest
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.datasets import davinci_posture, davinci_tool
 from tenodesis.identification.force import ForceModel, fit_force
-from tenodesis.identification.force.model import Band, Bands, from_json, predicted, to_json
-from tenodesis.identification.force.parameters import unknowns
-from tenodesis.identification.force.results import RunResult, assess, bounds_of, pooled, traces
-from tenodesis.identification.force.signals import Bench, Signal, bench_of, checked, series_of
+from tenodesis.identification.force.model import (
+    Band,
+    Bands,
+    Bench,
+    Signal,
+    bench_of,
+    checked,
+    from_json,
+    predicted,
+    series_of,
+    to_json,
+    unknowns,
+)
+from tenodesis.identification.force.report import RunResult, assess, bounds_of, pooled, traces
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.run import Array
 from tenodesis.tendon import far_end

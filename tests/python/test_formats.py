@@ -12,9 +12,8 @@ from tenodesis.identification import FORMATS
 from tenodesis.identification.datasets import tendon_sheath
 from tenodesis.identification.datasets.davinci_tool import JAW_COUNTS, SPINDLE_COUNTS, TORQUE_PER_COUNT, load
 from tenodesis.identification.formats import distinct_names, load_all
-from tenodesis.identification.formats.measured import Source
-from tenodesis.identification.formats.raw import Raw, Unit
-from tenodesis.identification.formats.table import read_rows
+from tenodesis.identification.formats.csv import read_rows
+from tenodesis.identification.formats.measured import Raw, Source, Unit
 
 from .dataset_files import JAW, JAW_TORQUE, SAMPLES, SPINDLE, TIME, TORQUE, said, table, write
 

@@ -12,7 +12,7 @@ import pytest
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS
 from tenodesis.identification.datasets import endoscope_pair, tendon_sheath
-from tenodesis.identification.formats.raw import GRAM_FORCE
+from tenodesis.identification.formats.measured import GRAM_FORCE
 from tenodesis.run import Array
 
 from .dataset_files import (

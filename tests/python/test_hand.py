@@ -12,11 +12,11 @@ from tenodesis.instrument import Instrument
 from tenodesis.run import Run
 from tenodesis.twin import Twin
 
-from .conftest import load_benchmark
+from .conftest import load_study
 
 Array = NDArray[np.float64]
 
-tremor = load_benchmark("tremor")
+tremor = load_study("tremor")
 LOADS = (0.0, 1.0)
 
 

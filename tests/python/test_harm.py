@@ -15,12 +15,12 @@ from tenodesis.run import Run
 from tenodesis.simulate import FaultInjection
 from tenodesis.twin import TIME_STEP, Contact, Twin
 
-from .conftest import load_benchmark
+from .conftest import load_study
 
 Array = NDArray[np.float64]
 
 
-harm = load_benchmark("harm")
+harm = load_study("harm")
 SIDES = ("agonist", "antagonist")
 
 

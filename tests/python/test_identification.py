@@ -10,9 +10,16 @@ from scipy.signal import lfilter
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, Fit, Parameter, Problem, fit, jacobian_error, to_json
-from tenodesis.identification.bootstrap import block_length, resampled
-from tenodesis.identification.uncertainty import Linearised, estimate, long_run
-from tenodesis.identification.whiteness import autocorrelation, correlation_samples, examine
+from tenodesis.identification.uncertainty import (
+    Linearised,
+    autocorrelation,
+    block_length,
+    correlation_samples,
+    estimate,
+    long_run,
+    resampled,
+    whiteness,
+)
 from tenodesis.run import Array
 
 STEP = 0.01
@@ -435,10 +442,10 @@ def test_errors_that_last_come_on_top_of_those_that_residuals_show() -> None:
 
 
 def test_whiteness_distinguishes_white_from_coloured_noise_and_gives_its_correlation_time() -> None:
-    white = [examine(coloured(3000, 0, n), run="a", channel=0, sample_time=STEP) for n in range(100)]
+    white = [whiteness(coloured(3000, 0, n), run="a", channel=0, sample_time=STEP) for n in range(100)]
     assert np.sum([one.white for one in white]) >= 95
     assert np.mean([one.p_value for one in white]) == pytest.approx(0.5, abs=0.1)
-    red = examine(coloured(20000, 0.9, 1), run="a", channel=0, sample_time=STEP)
+    red = whiteness(coloured(20000, 0.9, 1), run="a", channel=0, sample_time=STEP)
     assert not red.white
     assert red.correlation_time == pytest.approx(STEP * 1.9 / 0.1, rel=0.15)
     assert red.effective_samples == pytest.approx(20000 / 19, rel=0.15)

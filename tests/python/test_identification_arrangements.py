@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tenodesis.identification import fit
-from tenodesis.identification.arrangements import ArrangementComparison, Fitted, compare_arrangements
+from tenodesis.identification.comparison import ArrangementComparison, Fitted, compare_arrangements
 from tenodesis.identification.formats.instrument_run import InstrumentRun
-from tenodesis.identification.twin_model.arrangements import arrangements
+from tenodesis.identification.twin_model.formats import arrangements
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.compliance import compliance_shares
 

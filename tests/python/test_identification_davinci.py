@@ -11,7 +11,8 @@ import pytest
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, Fit, fit, jacobian_error
-from tenodesis.identification.datasets.davinci_tool import LAWS, SETTLING, Tool, load, problem
+from tenodesis.identification.datasets.davinci_tool import LAWS, Tool, load, problem
+from tenodesis.identification.force.model import SETTLING
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.run import Array
 
@@ -126,7 +127,7 @@ def test_transmission_slides_at_the_capstan_ratio_and_holds_at_reversal() -> Non
     )
     tool = Tool([run], law="capstan", contacts=1)
     given = {**TRUTH, "ratio": 1e-9, "compliance": 1.0, "offset": 0.0, "start": 0.0}
-    jaw = tool.predict(np.array([given[one.name] for one in tool.parameters]), 0) * tool.signs.jaw
+    jaw = tool.predict(np.array([given[one.name] for one in tool.parameters]), 0) * tool.jaw
     beyond = 2 * jaw - torque  # the mean is of the torque before and past the contact
     assert beyond[1999] == pytest.approx((0.2 + 0.06) * math.exp(-0.9) - 0.06, rel=1e-6)
     assert np.ptp(beyond[1999:]) < 1e-8

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from tenodesis.identification.quantisation import QuantisedSensor
-from tenodesis.identification.twin_model.inputs import smoothed, unrounded
+from tenodesis.identification.twin_model.steps import QuantisedSensor, smoothed, unrounded
 
 from .twin_recordings import STEP
 

@@ -10,10 +10,10 @@ import pytest
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, Fit, fit, jacobian_error
+from tenodesis.identification.comparison import compare_laws
 from tenodesis.identification.datasets.endoscope_pair import Pair, load, problem
-from tenodesis.identification.datasets.friction_laws import LAWS, pass_on
+from tenodesis.identification.datasets.reference import LAWS, pass_on
 from tenodesis.identification.formats.measured import MeasuredRun
-from tenodesis.identification.laws_comparison import compare_laws
 from tenodesis.run import Array
 
 ROOT = Path(__file__).parents[2]
@@ -72,7 +72,7 @@ def starts(model: Pair) -> Array:
 
 def test_pair_of_tendons_obeys_both_bounds_of_its_friction_and_sticks_between_them() -> None:
     _, _, agonist, antagonist = tensions()
-    difference = pass_on("capstan", {"exponent": 0.5}, agonist, antagonist).value
+    difference = pass_on("capstan", {"exponent": 0.5}, agonist, antagonist)
     gain = math.exp(0.5)
     lower, upper = agonist / gain - antagonist * gain, agonist * gain - antagonist / gain
     assert (difference >= lower - 1e-12).all()
@@ -86,8 +86,8 @@ def test_every_law_without_friction_passes_everything_on() -> None:
     _, _, agonist, antagonist = tensions()
     for name, law in LAWS.items():
         nothing = {one.name: 0.0 for one in law.magnitudes} | {one.name: one.start for one in law.shapes}
-        assert pass_on(name, nothing, agonist, start=agonist[0]).value == pytest.approx(agonist, rel=1e-12)
-        both = pass_on(name, nothing, agonist, antagonist).value
+        assert pass_on(name, nothing, agonist, start=agonist[0]) == pytest.approx(agonist, rel=1e-12)
+        both = pass_on(name, nothing, agonist, antagonist)
         assert both == pytest.approx(agonist - antagonist, rel=1e-9, abs=1e-9)
 
 
@@ -95,14 +95,14 @@ def test_constant_friction_joins_capstan_and_coulomb() -> None:
     _, _, agonist, antagonist = tensions()
     both = {"exponent": 0.4, "constant": 0.7}
     for name, given in (("capstan", both | {"constant": 0.0}), ("coulomb", both | {"exponent": 0.0})):
-        joined = pass_on("capstan-constant", given, agonist, antagonist).value
-        assert (joined == pass_on(name, given, agonist, antagonist).value).all()
+        joined = pass_on("capstan-constant", given, agonist, antagonist)
+        assert (joined == pass_on(name, given, agonist, antagonist)).all()
 
 
 def test_stribeck_holds_more_at_rest_and_is_capstan_at_speed() -> None:
     tension = np.linspace(5, 20, 50)
     given = {"exponent": 0.4, "static_excess": 0.5, "stribeck_speed": 0.1}
-    slow, fast = (pass_on("stribeck", given, tension, speed=np.full(50, v), start=5.0).value[-1] for v in (0.0, 10.0))
+    slow, fast = (pass_on("stribeck", given, tension, speed=np.full(50, v), start=5.0)[-1] for v in (0.0, 10.0))
     assert slow == pytest.approx(20 * math.exp(-0.6), rel=1e-12)
     assert fast == pytest.approx(20 * math.exp(-0.4), rel=1e-12)
 
@@ -110,13 +110,13 @@ def test_stribeck_holds_more_at_rest_and_is_capstan_at_speed() -> None:
 def test_bouc_wen_loses_its_whole_force_far_from_a_reversal() -> None:
     given = {"hysteresis_force": 1.5, "hysteresis_width": 2.0, "hysteresis_shape": 0.5}
     tension = np.concatenate([np.linspace(0, 60, 200), np.linspace(60, 0, 200)])
-    passed = pass_on("bouc-wen", given, tension).value
+    passed = pass_on("bouc-wen", given, tension)
     assert tension[199] - passed[199] == pytest.approx(1.5, rel=1e-9)
     assert tension[-1] - passed[-1] == pytest.approx(-1.5, rel=1e-9)
 
 
 def test_tendon_cannot_push_so_that_no_bound_is_below_zero() -> None:
-    passed = pass_on("capstan-constant", {"exponent": 0.3, "constant": 5.0}, np.linspace(8, 0, 40), start=8.0).value
+    passed = pass_on("capstan-constant", {"exponent": 0.3, "constant": 5.0}, np.linspace(8, 0, 40), start=8.0)
     assert (passed >= 0).all()
 
 

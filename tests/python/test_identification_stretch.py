@@ -9,7 +9,7 @@ import pytest
 
 import tenodesis as tn
 from tenodesis.identification.formats.instrument_run import InstrumentRun, measured
-from tenodesis.identification.stretch import shortened
+from tenodesis.identification.split import shortened
 from tenodesis.instrument import Instrument
 from tenodesis.simulate import execute
 from tenodesis.simulate.protocol import parse

@@ -10,8 +10,8 @@ from scipy import stats
 import tenodesis as tn
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, fit
-from tenodesis.identification.differences import differenced, scales
 from tenodesis.identification.formats.instrument_run import InstrumentRun
+from tenodesis.identification.problem import differenced, scales
 from tenodesis.instrument import Instrument
 from tenodesis.recording.simulation import record
 from tenodesis.run import TENDONS

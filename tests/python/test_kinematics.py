@@ -4,12 +4,12 @@ import itertools
 
 import numpy as np
 import pytest
+from peers import kinematics_peers as peers
 from scipy.spatial.transform import Rotation
 
 import tenodesis as tn
 from tenodesis import kinematics as km
 from tenodesis.kinematics.motion import COORDINATES
-from tenodesis.verification import kinematics_peers as peers
 
 from .conftest import refused
 from .kinematic_instruments import INSTRUMENTS, REAL, every_instrument

@@ -245,7 +245,7 @@ def test_a_chain_runs_in_the_live_process_is_recorded_and_shown(tmp_path: Path) 
             until(lambda: link.heartbeat() and file.exists())
             link.hand([0.2, -0.1, 0.1])
             link.wrench([0.3, 0, 0, 0, 0, 0])
-            with foxglove.Server(Reader(host.folder), port=0) as server:
+            with foxglove.FoxgloveServer(Reader(host.folder), port=0) as server:
                 until(lambda: link.heartbeat() and abs(float(link.latest()["output_angle"][0]) - 0.2) < 0.05)
                 assert server.publish()
             link.stop()

@@ -53,14 +53,14 @@ print("ended")
 def test_a_recorder_told_to_end_within_its_wait_ends() -> None:
     done = python("""
 import os, signal, sys
-from tenodesis.live.recorder import Outcome, supervise
+from tenodesis.live.recorder import RecordingOutcome, supervise
 def work(stop):
     with stop._cond:
         os.kill(os.getpid(), signal.SIGTERM)
         for _ in range(100_000):
             pass
     assert stop.wait(30)
-    return Outcome(0, 0.0, 0, 0)
+    return RecordingOutcome(0, 0.0, 0, 0)
 sys.exit(supervise(work))
 """)
     assert (done.stderr, done.returncode) == ("", 0)

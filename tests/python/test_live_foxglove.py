@@ -23,7 +23,7 @@ import tenodesis as tn
 from tenodesis.cli import live as live_commands
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
-from tenodesis.live.foxglove import Server, serve, warning
+from tenodesis.live.foxglove import FoxgloveServer, serve, warning
 from tenodesis.recording import Recorder
 from tenodesis.recording.schemas import flat_columns, messages_of, topics
 from tenodesis.run import Names
@@ -86,7 +86,7 @@ class Client:
 
 
 @contextmanager
-def client(server: Server) -> Iterator[Client]:
+def client(server: FoxgloveServer) -> Iterator[Client]:
     protocols = [Subprotocol("foxglove.sdk.v1")]
     with connect(f"ws://127.0.0.1:{server.port}", subprotocols=protocols, compression=None, max_queue=None) as socket:
         yield Client(socket)
@@ -99,7 +99,7 @@ def test_topics_schemas_and_values_are_those_of_a_recording(
     run = a_run(200, axes)
     inst = scaled.axis("yaw") if len(axes) == 1 and len(scaled.axes) > 1 else scaled
     source = Played(run, inst, [FIRST, 90, 100])
-    with Server(source, port=0, rate=None, folder=tmp_path) as server:
+    with FoxgloveServer(source, port=0, rate=None, folder=tmp_path) as server:
         server.publish()
         with client(server) as watcher:
             watcher.subscribe(1 + len(topics(Names.paired(axes))))
@@ -144,7 +144,7 @@ def test_a_stock_decoder_reads_the_values_of_the_loop_itself(tmp_path: Path) -> 
     loop.load(0.5)
     loop.ticks(300)
     (run,) = loop.runs
-    with Server(Played(run, loop.inst, [FIRST, 290]), port=0, rate=None) as server:
+    with FoxgloveServer(Played(run, loop.inst, [FIRST, 290]), port=0, rate=None) as server:
         server.publish()
         with client(server) as watcher:
             watcher.subscribe(1 + len(list(messages_of(run.names, flat_columns(run).keys()))))
@@ -172,7 +172,7 @@ def test_a_stock_decoder_reads_the_values_of_the_loop_itself(tmp_path: Path) -> 
 def test_rows_are_thinned_evenly_whatever_blocks_they_come_in(scaled: Instrument) -> None:
     run = a_run(2000, names=["force"])
     source = Played(run, scaled, [10, 1, 0, 389, 13, 7, 580, 1000])
-    with Server(source, port=0) as server:
+    with FoxgloveServer(source, port=0) as server:
         server.publish()
         with client(server) as watcher:
             watcher.subscribe(3)
@@ -187,7 +187,7 @@ def test_events_are_sent_as_they_happen_and_not_those_before(scaled: Instrument,
     events = tmp_path / "events.jsonl"
     events.write_text('{"time": 0.001, "event": "law", "law": "off"}\n')
     run = a_run(30, names=["force"])
-    with Server(Played(run, scaled, [10, 20]), port=0, folder=tmp_path) as server:
+    with FoxgloveServer(Played(run, scaled, [10, 20]), port=0, folder=tmp_path) as server:
         server.publish()
         with client(server) as watcher:
             watcher.subscribe(3)
@@ -207,7 +207,7 @@ def test_events_are_sent_as_they_happen_and_not_those_before(scaled: Instrument,
 
 def test_no_client_can_do_anything_but_watch(scaled: Instrument) -> None:
     run = a_run(40, names=["force"])
-    with Server(Played(run, scaled, [10, 30]), port=0) as server:
+    with FoxgloveServer(Played(run, scaled, [10, 30]), port=0) as server:
         server.publish()
         with client(server) as watcher:
             assert watcher.info["capabilities"] == []
@@ -236,13 +236,13 @@ def test_no_client_can_do_anything_but_watch(scaled: Instrument) -> None:
 def test_it_serves_until_the_runtime_ends_or_it_is_stopped(scaled: Instrument) -> None:
     run = a_run(100, names=["force"])
     source = Played(run, scaled, [10, 20, 30])
-    with Server(source, port=0) as server:
+    with FoxgloveServer(source, port=0) as server:
         serve(server, threading.Event())
         assert not source.alive
     stop = threading.Event()
     stop.set()
     source = Played(run, scaled, [10])
-    with Server(source, port=0) as server:
+    with FoxgloveServer(source, port=0) as server:
         serve(server, stop)
         assert source.alive
         server.stop()
@@ -251,7 +251,7 @@ def test_it_serves_until_the_runtime_ends_or_it_is_stopped(scaled: Instrument) -
 def test_rows_without_a_time_of_the_day_are_left_out(scaled: Instrument) -> None:
     run = a_run(40, names=["force"])
     run.time[[12, 15, 20, 30]] = np.nan, -1.0, np.inf, 1e300
-    with Server(Played(run, scaled, [10, 30]), port=0, rate=None) as server:
+    with FoxgloveServer(Played(run, scaled, [10, 30]), port=0, rate=None) as server:
         server.publish()
         with client(server) as watcher:
             watcher.subscribe(3)
@@ -262,7 +262,7 @@ def test_rows_without_a_time_of_the_day_are_left_out(scaled: Instrument) -> None
 
 
 def test_lost_rows_are_counted(scaled: Instrument) -> None:
-    with Server(Played(a_run(100, names=["force"]), scaled, [10, (5, 20), (7, 10)]), port=0) as server:
+    with FoxgloveServer(Played(a_run(100, names=["force"]), scaled, [10, (5, 20), (7, 10)]), port=0) as server:
         while server.publish():
             pass
         assert server.lost == 12
@@ -274,15 +274,15 @@ def test_a_bad_address_port_or_rate_is_one_sentence(scaled: Instrument) -> None:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         with pytest.raises(LiveError, match=r"cannot listen on 127\.0\.0\.1, port \d+: Address already in use"):
-            Server(source, port=taken.getsockname()[1])
+            FoxgloveServer(source, port=taken.getsockname()[1])
     with pytest.raises(LiveError, match=r"cannot listen on no-such-host\.invalid"):
-        Server(source, "no-such-host.invalid", 0)
+        FoxgloveServer(source, "no-such-host.invalid", 0)
     for port in (-1, 65536):
         with pytest.raises(LiveError, match=f"port is {port}; it must be"):
-            Server(source, port=port)
+            FoxgloveServer(source, port=port)
     for rate in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(LiveError, match=r"rate is .*; it must be above 0 Hz"):
-            Server(source, port=0, rate=rate)
+            FoxgloveServer(source, port=0, rate=rate)
 
 
 def test_only_loopback_goes_without_a_warning() -> None:

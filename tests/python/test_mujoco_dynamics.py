@@ -6,12 +6,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from peers import mujoco_dynamics
+from peers.mujoco_dynamics import Motion, simulate, steps_per_second
 from scipy.integrate import solve_ivp
 
 import tenodesis as tn
 from tenodesis.instrument import TendonGear
-from tenodesis.verification import mujoco_dynamics
-from tenodesis.verification.mujoco_dynamics import Motion, simulate, steps_per_second
 
 Array = NDArray[np.float64]
 STEP = 5e-4  # s

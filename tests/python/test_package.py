@@ -162,7 +162,8 @@ def test_the_installed_package_works_from_an_empty_folder(wheel: Path, install: 
     installed = install(wheel)
     packages = uv("pip", "list", "--python", installed.python, "--format", "freeze").split()
     assert len([name for name in packages if not name.startswith("tenodesis")]) <= PACKAGES_OF_THE_CORE
-    use(installed, "loss", "slack", "workspace", "checks")  # the last two compare with MuJoCo where it is
+    use(installed, "loss", "slack", "workspace")
+    assert "code is with the tests" in installed.run("bench", "--only", "checks", code=1)
     assert "pip install 'tenodesis[design]'" in installed.run("scale", "real-size", code=1)
 
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from peers import mujoco_peer, scipy_peer
 
 import tenodesis as tn
 from tenodesis.instrument import TendonGear
-from tenodesis.verification import mujoco_peer, scipy_peer
 
 
 @pytest.mark.parametrize("name", ["real-size", "scaled-up"])

@@ -16,9 +16,9 @@ import pytest
 import tenodesis as tn
 from tenodesis import scaling
 from tenodesis.errors import DesignError
-from tenodesis.scaling import catalogue, plan, plan_text
+from tenodesis.scaling import catalogue, plan
 from tenodesis.scaling.candidates import Wheel
-from tenodesis.scaling.catalogue_file import Constraints
+from tenodesis.scaling.catalogue import Constraints
 from tenodesis.scaling.parts import Weight
 from tenodesis.scaling.plan import Plan
 from tenodesis.scaling.weights import select_weights
@@ -230,8 +230,8 @@ def test_the_plan_gives_the_motor_torque_at_the_largest_tension(design: Any, fou
 
 
 def test_a_margin_that_falls_short_is_written_so() -> None:
-    assert plan_text.falling_short(2.99996, 3.0) == "2.99996"
-    assert plan_text.falling_short(2.1, 3.0) == "2.10"
+    assert plan.falling_short(2.99996, 3.0) == "2.99996"
+    assert plan.falling_short(2.1, 3.0) == "2.10"
 
 
 def test_card_and_table_give_the_same_error_where_a_tip_snaps_through(pinned: Plan, similar: Plan) -> None:
@@ -341,7 +341,7 @@ def test_long_lists_and_names_are_complete_and_stay_on_the_pages(crowded: Any, t
 
 
 def test_many_weights_are_listed_to_a_dozen_kinds_and_the_lightest_summed_up() -> None:
-    listed = plan_text.masses([1e-3 * n for n in range(1, 16)]).replace("\u00a0", " ")
+    listed = plan.masses([1e-3 * n for n in range(1, 16)]).replace("\u00a0", " ")
     assert listed.startswith("15 g + 14 g + ")
     assert listed.endswith(" + 4 g + 3 smaller, not listed, of 6 g in all")
 

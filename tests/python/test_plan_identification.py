@@ -18,8 +18,13 @@ from tenodesis.errors import CommandError, IdentificationError
 from tenodesis.identification import FORMATS
 from tenodesis.identification.experiment import OPTIMISTIC, Plan, plan, report
 from tenodesis.identification.experiment import candidates as blocks
-from tenodesis.identification.experiment.choice import Criterion, CriterionName, choose
-from tenodesis.identification.experiment.information import Information, QuantisedSensor
+from tenodesis.identification.experiment.information import (
+    Criterion,
+    CriterionName,
+    Information,
+    QuantisedSensor,
+    choose,
+)
 from tenodesis.identification.experiment.simulated import InfeasibleProtocolError, SimulatedExperiment
 from tenodesis.recording.simulation import record
 from tenodesis.twin import Twin

@@ -6,15 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from peers.plant import MOST_SWEEPS
 
 import tenodesis as tn
 from tenodesis.twin import Twin
 
-from .conftest import load_benchmark
+from .conftest import load_study
 
 Array = NDArray[np.float64]
 
-plants = load_benchmark("plants")
+plants = load_study("plants")
 NAMES = ("scaled-up", "real-size", "pulley wrist")
 LANES: tuple[dict[str, Any], ...] = (
     {},
@@ -94,7 +95,7 @@ def test_friction_never_returns_energy_and_its_law_holds_in_every_step(vertices:
     assert both.least_dissipated > -1e-9
     assert both.dissipated.min() > 0.01
     assert worst < 1e-3
-    assert both.most_sweeps < load_benchmark("plant").MOST_SWEEPS
+    assert both.most_sweeps < MOST_SWEEPS
 
 
 def test_shorter_steps_converge() -> None:

@@ -13,8 +13,7 @@ from tenodesis.instrument import Continuum, Instrument, TendonGear
 from tenodesis.instrument.text import to_file
 from tenodesis.paper.published import SCALE_FACTORS, STIFFNESS
 from tenodesis.scaling.catalogue import Catalogue
-from tenodesis.scaling.costs import FINDINGS, working_range
-from tenodesis.scaling.limits import forces_of, limits
+from tenodesis.scaling.costs import FINDINGS, forces_of, limits, working_range
 from tenodesis.scaling.scale_model import weights_for
 from tenodesis.scaling.sweep import ERROR_STEP, RELATIVE_STEP, exact_costs, levels
 

@@ -20,7 +20,7 @@ from tenodesis.control import Controller, OperatingState
 from tenodesis.control.export import INTERFACE_VERSION
 from tenodesis.devices import registry
 from tenodesis.devices.communication_test import measure
-from tenodesis.devices.serial_device import SerialDevice
+from tenodesis.devices.serial import SerialDevice
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import Serial

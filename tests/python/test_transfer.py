@@ -18,9 +18,7 @@ from tenodesis.recording import Recorder, Recording
 from tenodesis.recording.replay import replay
 from tenodesis.recording.simulation import record
 from tenodesis.run import SIGNALS, Run
-from tenodesis.scaling.transfer import carry
-from tenodesis.scaling.transfer_factors import QUANTITY
-from tenodesis.scaling.transfer_friction import carry_friction, left_behind
+from tenodesis.scaling.transfer import QUANTITY, carry, carry_friction, left_behind
 from tenodesis.simulate import Cycles, Protocol
 from tenodesis.twin import Twin
 

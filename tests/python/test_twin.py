@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from peers import mujoco_dynamics
 
 import tenodesis as tn
 from tenodesis.instrument import Instrument
 from tenodesis.run import Run
 from tenodesis.twin import TIME_STEP, Twin
-from tenodesis.verification import mujoco_dynamics
 
 from .twin_motions import (
     LAWS,

@@ -16,8 +16,8 @@ from tenodesis.errors import ArgumentError, DesignError, StudyError
 from tenodesis.scaling.practical import OBJECTIVES, PracticalFront, is_stock, practical_front
 from tenodesis.simulate.execution import check_controllable
 from tenodesis.workshop import budget as budgets
-from tenodesis.workshop import first_run, grades, pack
-from tenodesis.workshop.words import NAMES
+from tenodesis.workshop import first_run, pack
+from tenodesis.workshop.budget import NAMES
 
 from .conftest import ROOT
 
@@ -52,14 +52,14 @@ def found() -> workshop.Budget:
 
 def test_standard_tolerances_are_those_of_iso_286() -> None:
     """The standard's table: 10 mm IT7 15 um, 30 mm IT9 52 um, above 50 mm IT6 19 um."""
-    assert grades.standard_tolerance(10e-3, 7) == pytest.approx(15e-6)
-    assert grades.standard_tolerance(30e-3, 9) == pytest.approx(52e-6)
-    assert grades.standard_tolerance(50.01e-3, 6) == pytest.approx(19e-6)
+    assert budgets.standard_tolerance(10e-3, 7) == pytest.approx(15e-6)
+    assert budgets.standard_tolerance(30e-3, 9) == pytest.approx(52e-6)
+    assert budgets.standard_tolerance(50.01e-3, 6) == pytest.approx(19e-6)
 
 
 @pytest.mark.parametrize("radius", [1.2e-3, 5e-3, 50e-3, 400e-3])
 def test_every_dearer_grade_is_finer(radius: float) -> None:
-    for offered in (grades.of_radius(radius), grades.of_length(radius), grades.of_stiffness(5e10, 0.5)):
+    for offered in (budgets.of_radius(radius), budgets.of_length(radius), budgets.of_stiffness(5e10, 0.5)):
         costs, widths = [one.cost for one in offered], [one.width for one in offered]
         assert costs == sorted(costs)
         assert widths == sorted(widths, reverse=True)
@@ -146,8 +146,8 @@ def test_printed_gears_need_their_play_taken_out_and_the_budget_says_what_it_cos
         assert one.is_kept
         assert one.dimensions[key].grade.width < 0.03e-3
         assert key not in one.drawn
-    assert "DIN 3967" in grades.of_backlash(radii[0], None)[0].name
-    assert "0.15 mm" in grades.of_backlash(radii[0], 0.15e-3)[0].name
+    assert "DIN 3967" in budgets.of_backlash(radii[0], None)[0].name
+    assert "0.15 mm" in budgets.of_backlash(radii[0], 0.15e-3)[0].name
 
 
 @pytest.mark.slow

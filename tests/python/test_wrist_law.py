@@ -5,7 +5,11 @@ import pytest
 
 import tenodesis as tn
 from tenodesis.control import Controller
-from tenodesis.verification import wrist_law as wrist
+from tenodesis.simulate.campaign import rms
+
+from .conftest import load_study
+
+wrist = load_study("wrist")
 
 
 @pytest.mark.parametrize("name", ["real-size", "scaled-up"])
@@ -36,17 +40,15 @@ def test_a_joint_without_a_pair_of_its_own_has_no_controller() -> None:
 def test_both_axes_are_given_back_under_a_force_across(
     state: tuple[float, float], direction: tuple[float, float, float]
 ) -> None:
-    off = wrist.run("hybrid-scaled-up", state, direction, 1.0, "off")
-    robust = wrist.run("hybrid-scaled-up", state, direction, 1.0, "robust")
-    assert np.abs(off.final).max() > 2
-    assert np.abs(robust.final).max() < 0.3
-    assert robust.faults == ()
-    assert wrist.neighbour_push(robust) < 0.3
+    off, robust = (wrist.trial("hybrid-scaled-up", state, direction, 1.0, law) for law in ("off", "robust"))
+    assert off["worst"] > 2
+    assert robust["worst"] < 0.3
+    assert robust["faults"] == []
+    assert robust["push"] < 0.3
 
 
 def test_pitch_tendons_that_pass_a_bent_yaw_joint_are_told_their_friction() -> None:
-    case = wrist.run("hybrid-real-size", (67, 0), (0, -1, 0), 1.0, "robust")
-    assert np.abs(case.final).max() < 0.5
+    assert wrist.trial("hybrid-real-size", (67, 0), (0, -1, 0), 1.0, "robust")["worst"] < 0.5
 
 
 def test_gripped_objects_are_held_with_the_same_force_while_the_wrist_moves() -> None:
@@ -59,17 +61,11 @@ def test_gripped_objects_are_held_with_the_same_force_while_the_wrist_moves() ->
 @pytest.mark.slow
 @pytest.mark.parametrize("name", wrist.FORCES)
 def test_final_errors_over_all_states_and_directions(name: str) -> None:
-    finals = []
-    for state in wrist.STATES:
-        for direction in wrist.DIRECTIONS:
-            for friction in wrist.FRICTION:
-                case = wrist.run(name, state, direction, friction, "robust")
-                assert case.faults == ()
-                assert wrist.neighbour_push(case) < 0.3
-                finals.append(case.final)
-    whole = np.concatenate(finals)
-    assert np.sqrt(np.mean(whole**2)) < 0.3
-    assert np.abs(whole).max() < 0.7
+    rows = wrist.study(name, laws=("robust",), on="threads")
+    assert not any(row["faults"] for row in rows)
+    assert rows["push"].max() < 0.3
+    assert rms(rows["rms"]) < 0.3
+    assert rows["worst"].max() < 0.7
 
 
 def test_moments_by_a_wrench_are_those_of_the_statics() -> None:

@@ -8,18 +8,14 @@ Needs the extra ``[cad]`` (build123d, trimesh). Solids are the kernel's, in mm; 
 """
 
 from tenodesis.cad.assembly import Overlap, Placed, assembled, interference, mesh_play
-from tenodesis.cad.body_parts import Hardware
-from tenodesis.cad.checks import Agreement, Printable, agreement
+from tenodesis.cad.bench_parts import Hardware
+from tenodesis.cad.checks import Agreement, Printable, agreement, tendon_lengths, tip_places
 from tenodesis.cad.drawing import Row, draw_part, rows, write_drawings
-from tenodesis.cad.gltf import gltf
 from tenodesis.cad.masses import Inertia, Mass, inertias, masses, tip_inertia, with_inertia
 from tenodesis.cad.model import Model, build
-from tenodesis.cad.pack import ASSEMBLY, FILES, FOLDERS, Checks, check, write
-from tenodesis.cad.parts import Dimension, Part
+from tenodesis.cad.pack import ASSEMBLY, FILES, FOLDERS, Checks, check, gltf, urdf, write
+from tenodesis.cad.parts import PROCESSES, Dimension, Part, Process
 from tenodesis.cad.picture import draw_assembly, draw_exploded
-from tenodesis.cad.process import PROCESSES, Process
-from tenodesis.cad.routes import tendon_lengths, tip_places
-from tenodesis.cad.urdf import urdf
 
 __all__ = [
     "ASSEMBLY",

@@ -9,7 +9,7 @@ import numpy as np
 from tenodesis import kinematics
 from tenodesis.cad import kernel as k
 from tenodesis.cad.backbone_parts import Backbone, arc_place, bent_rod
-from tenodesis.cad.gear_joint import GearJoint
+from tenodesis.cad.gears import GearJoint
 from tenodesis.cad.kernel import Location, Solid
 from tenodesis.cad.model import Model
 from tenodesis.cad.parts import Part

@@ -5,9 +5,19 @@ from typing import NamedTuple
 
 from tenodesis.cad import kernel as k
 from tenodesis.cad.kernel import FLIP, Solid
-from tenodesis.cad.parts import Dimension, Part
-from tenodesis.cad.shared import End, far_dimensions, ferrule_collar, ferrule_pockets, socket, spigot, tube_dimensions
-from tenodesis.cad.sizes import Sizes, refuse
+from tenodesis.cad.parts import (
+    Dimension,
+    End,
+    Part,
+    Sizes,
+    far_dimensions,
+    ferrule_collar,
+    ferrule_pockets,
+    refuse,
+    socket,
+    spigot,
+    tube_dimensions,
+)
 
 _DEVIATION = 1e-3
 """Length, mm, by which straight tendons between the discs may differ from the model's arcs."""
@@ -75,7 +85,7 @@ def backbone(sizes: Sizes, radius: float, length: float, rod: float, largest: fl
 
 def backbone_parts(tip: Backbone, end: End, sizes: Sizes) -> list[Part]:
     """Return the parts of a tip of a backbone; discs are fixed to places along it, body "arc"."""
-    density, radius, bore = sizes.process.density, tip.radius, (tip.rod + sizes.bore) / 2
+    radius, bore = tip.radius, (tip.rod + sizes.bore) / 2
     discs = tuple(k.at(z=number * tip.pitch) for number in range(1, tip.spans))
     out = tip.length
     offset = Dimension("tendon's centre to backbone", (0, 0, 0), (radius, 0, 0), "top", 1, "R", end.key)
@@ -86,7 +96,6 @@ def backbone_parts(tip: Backbone, end: End, sizes: Sizes) -> list[Part]:
             _socket(tip, end, sizes),
             "stem",
             (k.at(),),
-            density=density,
             dimensions=(
                 offset,
                 *tube_dimensions(end, sizes),
@@ -99,7 +108,6 @@ def backbone_parts(tip: Backbone, end: End, sizes: Sizes) -> list[Part]:
             _disc(tip, sizes),
             "arc",
             discs,
-            density=density,
             dimensions=(
                 offset,
                 Dimension("outer diameter", (-tip.outer, 0, 0), (tip.outer, 0, 0), "top", 1, "Ø"),
@@ -114,7 +122,6 @@ def backbone_parts(tip: Backbone, end: End, sizes: Sizes) -> list[Part]:
             _plate(tip, end, sizes),
             end.far,
             (k.at(turn=FLIP),),
-            density=density,
             dimensions=(
                 offset,
                 *far_dimensions(end, sizes, -end.far_collar - tip.collar),

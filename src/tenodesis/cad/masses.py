@@ -9,7 +9,7 @@ from tenodesis import plant
 from tenodesis.cad import kernel as k
 from tenodesis.cad.assembly import matrix
 from tenodesis.cad.backbone_parts import Backbone
-from tenodesis.cad.gear_joint import GearJoint
+from tenodesis.cad.gears import GearJoint
 from tenodesis.cad.model import Model
 from tenodesis.instrument import ShortForm
 from tenodesis.run import Array

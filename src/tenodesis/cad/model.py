@@ -9,24 +9,20 @@ import numpy as np
 from tenodesis import kinematics
 from tenodesis.cad import kernel as k
 from tenodesis.cad.backbone_parts import Backbone, backbone, backbone_parts
-from tenodesis.cad.body_parts import (
+from tenodesis.cad.bench_parts import (
     Hardware,
+    Rig,
     drive_parts,
     end_effector_part,
     grip_part,
+    rig_parts,
     stem_part,
     tip_pin_part,
 )
-from tenodesis.cad.gear_joint import GearJoint, gear_joint
-from tenodesis.cad.gear_parts import gear_parts
-from tenodesis.cad.involute import Gear
-from tenodesis.cad.parts import Part
-from tenodesis.cad.process import Process
-from tenodesis.cad.process import process as process_of
+from tenodesis.cad.gears import Gear, GearJoint, gear_joint, gear_parts
+from tenodesis.cad.parts import End, Part, Process, Sizes, ferrule, refuse, transition_length
+from tenodesis.cad.parts import process as process_of
 from tenodesis.cad.pulley_parts import PulleyJoint, pulley_joint, pulley_parts
-from tenodesis.cad.rig_parts import Rig, rig_parts
-from tenodesis.cad.shared import End, ferrule, transition_length
-from tenodesis.cad.sizes import Sizes, refuse
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.kinematics import Posture

@@ -1,4 +1,4 @@
-"""The pack of an instrument's solids: STEP, STL, glTF, drawings, pictures, and what was checked."""
+"""The pack of an instrument's solids: STEP, STL, glTF, URDF, drawings, pictures, and what was checked."""
 
 import csv
 import json
@@ -7,23 +7,114 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element, SubElement, TreeBuilder, XMLParser, fromstring, indent, tostring
 
 import numpy as np
 
-from tenodesis import files
+from tenodesis import files, kinematics
 from tenodesis.cad import kernel as k
-from tenodesis.cad.assembly import Overlap, Progress, assembled, interference, mesh_play
+from tenodesis.cad.assembly import Overlap, Progress, assembled, frames_of, interference, matrix, mesh_play
 from tenodesis.cad.checks import Agreement, Printable, agreement, printable, write_mesh
 from tenodesis.cad.drawing import write_drawings
-from tenodesis.cad.gltf import gltf
-from tenodesis.cad.masses import inertias, masses, tip_inertia, with_inertia
+from tenodesis.cad.masses import Inertia, inertias, masses, tip_inertia, with_inertia
 from tenodesis.cad.model import Model
 from tenodesis.cad.picture import colours_of, draw_assembly, draw_exploded
-from tenodesis.cad.urdf import urdf
 from tenodesis.errors import InstrumentError
+from tenodesis.extras import require
 from tenodesis.instrument import ShortForm
 from tenodesis.instrument.text import to_file
+from tenodesis.kinematics.gltf import BODY_NODE, described
 from tenodesis.report import style
+from tenodesis.run import Array
+
+_CHORD, _TURN = 0.05, 0.3  # mm and rad: how closely a mesh follows its solid
+
+
+def gltf(model: Model) -> bytes:
+    """Return the assembly at straight joints as binary glTF, m, y upward.
+
+    A node for each body, "body" and its name in :func:`tenodesis.kinematics.frames`, holds the parts in its own frame;
+    those of a backbone's discs and of the bench are in the frame of the stem's distal end. The scene's extras say whose
+    solids they are: joint type and lengths, m.
+    """
+    trimesh = require("trimesh", "cad")
+    inst = model.instrument
+    scene = trimesh.Scene(metadata={"tenodesis": {"name": inst.name, **described(inst)}})
+    placed, colours = frames_of(model, 0.0, 0.0), colours_of(model)
+    for part in model.parts:
+        body = f"{BODY_NODE}{part.body}"
+        scene.graph.update(body, matrix=_metres(matrix(placed(part, k.at()))))
+        mesh = k.meshed(part.solid, _CHORD, _TURN)
+        colour = [round(255 * share) for share in colours[part.name]]
+        material = trimesh.visual.material.PBRMaterial(
+            baseColorFactor=[*colour, 255], metallicFactor=0.1, roughnessFactor=0.7, doubleSided=True
+        )
+        visual = trimesh.visual.TextureVisuals(material=material)
+        shape = trimesh.Trimesh(1e-3 * mesh.points, mesh.faces, process=False, visual=visual)
+        for number, place in enumerate(part.places):
+            scene.add_geometry(
+                shape,
+                node_name=part.name if len(part.places) == 1 else f"{part.name}_{number + 1}",
+                geom_name=part.name,
+                parent_node_name=body,
+                transform=_metres(matrix(place)),
+            )
+    found: bytes = scene.export(file_type="glb")
+    return found
+
+
+def _metres(place: Array) -> Array:
+    found = place.copy()
+    found[:3, 3] *= 1e-3
+    return found
+
+
+_AXES = "xyz"
+_FIXED = ("end_effector", "tip", "grip")
+"""Links without a mass of their own: their solids are counted with the far bodies they are fixed to."""
+_LEAST_MASS, _LEAST_INERTIA = 1e-6, 1e-9
+
+
+def urdf(model: Model) -> str:
+    """Return the text of the URDF file of :func:`tenodesis.kinematics.urdf`, with the solids' masses and inertias.
+
+    A backbone and its discs are left out, since that model has its chord alone.
+    """
+    text = kinematics.urdf(model.instrument)
+    root = fromstring(text, XMLParser(target=TreeBuilder(insert_comments=True)))
+    bodies = inertias(model)
+    for link in root.iter("link"):
+        name = link.get("name", "")
+        if name in bodies:
+            _write(link, bodies[name])
+        elif name in _FIXED:
+            _write(link, None)
+    for note in root:
+        if not isinstance(note.tag, str) and note.text:
+            head, _, _ = note.text.partition("\n- masses:")
+            note.text = f"{head}\n- masses: those of the solids of tenodesis cad, process {model.process.name}.\n"
+    indent(root)
+    return '<?xml version="1.0"?>\n' + tostring(root, encoding="unicode") + "\n"
+
+
+def _write(link: Element, body: Inertia | None) -> None:
+    old = link.find("inertial")
+    if old is not None:
+        link.remove(old)
+    element = Element("inertial")
+    centre = [0.0] * 3 if body is None else [float(one) for one in body.centre]
+    SubElement(element, "origin", xyz=" ".join(map(repr, centre)), rpy="0 0 0")
+    SubElement(element, "mass", value=repr(_LEAST_MASS if body is None else float(body.mass)))
+    moments = {
+        f"i{_AXES[row]}{_AXES[column]}": repr(
+            float(body.about_centre[row, column]) if body is not None else _LEAST_INERTIA * (row == column)
+        )
+        for row in range(3)
+        for column in range(row, 3)
+    }
+    SubElement(element, "inertia", moments)
+    link.insert(0, element)
+
 
 ASSEMBLY = "assembly.glb"
 """File of the assembly as glTF, which the console draws."""
@@ -187,18 +278,7 @@ def _write_parts(model: Model, found: Checks, path: Path) -> None:
     weighed = {one.part: one for one in masses(model)}
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(
-            (
-                "part",
-                "title",
-                "pieces",
-                "make",
-                "mass each [g]",
-                "volume each [mm3]",
-                "least wall [mm]",
-                "support [mm2]",
-            )
-        )
+        writer.writerow(_COLUMNS)
         for part in model.parts:
             mesh, pieces = meshes.get(part.name), len(part.places)
             writer.writerow(

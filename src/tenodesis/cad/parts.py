@@ -1,10 +1,92 @@
-"""What an instrument is made of: a part with its solid, where it sits, and the dimensions of its drawing."""
+"""What an instrument is made of: processes, sizes that all parts share, parts, dimensions, and ends of the stem."""
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal, NamedTuple, NoReturn
 
+from tenodesis.cad import kernel as k
 from tenodesis.cad.kernel import Location, Point, Solid
+from tenodesis.errors import ArgumentError, InstrumentError
+
+
+class Process(NamedTuple):
+    """A way of making parts; lengths in m, density in kg/m³. Values are ours: to be measured on the machine at hand."""
+
+    name: str
+    material: str
+    density: float
+    wall: float
+    """Thinnest wall."""
+    play: float
+    """Between parts that move against each other, on each side."""
+    bore: float
+    """By which a bore for a rope or pin is wider than it, on the diameter."""
+    backlash: float
+    """Play of a gear pair along its pitch circle."""
+    overhang: float
+    """Steepest overhang without a support, deg from the vertical; 90 where none is needed."""
+
+
+PROCESSES: Mapping[str, Process] = {
+    one.name: one
+    for one in (
+        Process("fdm", "PLA", 1240.0, 0.8e-3, 0.25e-3, 0.2e-3, 0.15e-3, 45.0),
+        Process("sla", "resin", 1180.0, 0.5e-3, 0.12e-3, 0.1e-3, 0.08e-3, 60.0),
+        Process("milled", "brass", 8500.0, 0.15e-3, 0.04e-3, 0.04e-3, 0.03e-3, 90.0),
+    )
+}
+"""Processes by name."""
+
+
+def process(name: "str | Process") -> Process:
+    """Return a process by its name. Raises ValueError if there is none."""
+    if isinstance(name, Process):
+        return name
+    if name not in PROCESSES:
+        raise ArgumentError(key="process", value=name, allowed=f"one of {', '.join(PROCESSES)}")
+    return PROCESSES[name]
+
+
+class Sizes(NamedTuple):
+    """Sizes that all parts share, mm."""
+
+    process: Process
+    rope: float
+    """Diameter of a tendon."""
+
+    @property
+    def wall(self) -> float:
+        """Thinnest wall."""
+        return 1e3 * self.process.wall
+
+    @property
+    def play(self) -> float:
+        """Between parts that move, on each side."""
+        return 1e3 * self.process.play
+
+    @property
+    def bore(self) -> float:
+        """By which a bore is wider than what goes through it."""
+        return 1e3 * self.process.bore
+
+    @property
+    def tunnel(self) -> float:
+        """Diameter of a tendon's tunnel."""
+        return self.rope + self.bore
+
+    @property
+    def groove(self) -> float:
+        """Radius of a groove's round bottom: 5 % more than the rope's."""
+        return 0.525 * self.rope
+
+
+def refuse(key: str, value: Any, because: str, allowed: str, *, unit: str = " mm") -> NoReturn:
+    """Raise InstrumentError: one sentence with the dimension, its value, why it cannot be, and what would do."""
+    raise InstrumentError(
+        f"{key} is {value:.4g}{unit}: {because}; it must be {allowed}.", key=key, value=value, allowed=allowed
+    )
+
 
 View = Literal["front", "side", "top"]
 STEEL = 7800.0
@@ -63,7 +145,7 @@ class Part:
     made: bool = True
     """Whether it is to be made; otherwise bought to size, and drawn for assembly only."""
     density: float = 0.0
-    """kg/m³."""
+    """kg/m³; 0 of a part that is made, for which it is that of the process."""
     dimensions: tuple[Dimension, ...] = ()
     notes: tuple[str, ...] = ()
     away: Point = field(default=(0.0, 0.0, 0.0))
@@ -94,3 +176,144 @@ def pin(  # noqa: PLR0917
 ) -> Part:
     """Return a dowel pin of a diameter and a length, mm."""
     return bought(name, f"Dowel pin ISO 2338 {diameter:g} x {math.ceil(length):g}", solid, body, places, away)
+
+
+_STEEPEST = math.radians(20)
+"""Slant of a tendon between the handle's joint and the stem; its bends there do not change with the joint."""
+
+
+class End(NamedTuple):
+    """One end of the stem, mm: what its joint's parts have in common."""
+
+    tip: bool
+    key: str
+    """Key of the instrument file for the radius of its joint."""
+    carrier: str
+    far: str
+    stem_length: float
+    stem_radius: float
+    stem_bore: float
+    """Radius within the stem's tube."""
+    tendon_radius: float
+    """Distance of a tendon from the stem's axis within it."""
+    near_length: float
+    """From the joint's axis to the stem's tube."""
+    far_collar: float
+    """Length of the far body's collar."""
+    rod: float
+    """Diameter of what is fixed to the far body."""
+    seat: float
+    """Radius of a sheath's seat."""
+    shift: float = 0.0
+    """Distance of a tendon within the stem from the plane that the joint bends in."""
+
+
+def _spigot_length(end: End) -> float:
+    return 1.2 * end.stem_radius
+
+
+def spigot(end: End, sizes: Sizes, top: float) -> Solid:
+    """Return what goes into the stem's tube from a height downward; flat on two sides, where the tendons pass."""
+    radius, length = end.stem_bore - sizes.play / 2, _spigot_length(end)
+    flat = end.tendon_radius - sizes.tunnel / 2
+    body = k.rod((0, 0, top - length), (0, 0, top), radius)
+    for low, high in ((flat, radius + 1), (-radius - 1, -flat)):
+        body -= k.box((low, high), (-radius, radius), (top - length, top))
+    return body
+
+
+def tube_dimensions(end: End, sizes: Sizes) -> tuple[Dimension, ...]:
+    """Return the dimensions of the collar and spigot of a part on the stem."""
+    top, length, radius = -end.near_length, _spigot_length(end), end.stem_bore - sizes.play / 2
+    flat = end.tendon_radius - sizes.tunnel / 2
+    return (
+        Dimension("axis to tube", (0, 0, 0), (0, 0, top), "front", 1, along="y"),
+        Dimension("spigot's length", (0, 0, top), (0, 0, top - length), "front", 1, along="y"),
+        Dimension("spigot", (0, -radius, top), (0, radius, top), "side", -1, "Ø"),
+        Dimension("over the spigot's flats", (-flat, 0, top), (flat, 0, top), "front", -1),
+        Dimension("collar", (-end.stem_radius, 0, top), (end.stem_radius, 0, top), "top", -1, "Ø", "stem_diameter"),
+    )
+
+
+def far_dimensions(end: End, sizes: Sizes, bottom: float) -> tuple[Dimension, ...]:
+    """Return the dimensions of the collar of a far body."""
+    socket_radius = (end.rod + sizes.bore) / 2
+    return (
+        Dimension("axis to back", (0, 0, 0), (0, 0, bottom), "front", -1, along="y"),
+        Dimension("socket", (-socket_radius, 0, bottom), (socket_radius, 0, bottom), "front", -1, "Ø"),
+        Dimension(
+            "socket's depth", (0, 0, bottom), (0, 0, bottom + end.far_collar - sizes.wall), "front", 1, along="y"
+        ),
+    )
+
+
+def groove_dimensions(what: str, radius: float, bottom: float, y: float, key: str = "") -> tuple[Dimension, Dimension]:
+    """Return the dimensions of a groove at a height y, to the centre of what lies in it and to its bottom, mm."""
+    return (
+        Dimension(f"radius to the {what}'s centre", (0, y, 0), (radius, y, 0), "front", 1, "R", key),
+        Dimension("radius to the groove's bottom", (0, y, 0), (bottom, y, 0), "front", 1, "R", key),
+    )
+
+
+def transition_length(radius: float, tendon_radius: float) -> float:
+    """Return the length within which a tendon goes from a joint's radius to its place in the stem."""
+    return abs(radius - tendon_radius) / math.tan(_STEEPEST)
+
+
+def transition(  # noqa: PLR0917
+    end: End,
+    sizes: Sizes,
+    width: float,
+    middle: float,
+    top: float,
+    ways: Sequence[tuple[tuple[float, float], tuple[float, float]]],
+) -> tuple[Solid, list[Solid]]:
+    """Return the body between a joint's collar and the stem, and its tunnels: from (x, y) at the top to (x, y)."""
+    length = -end.near_length - top
+    straight = min(0.25 * -length, end.stem_radius)
+    low = -end.near_length + straight
+    # The walls beside the slanted tunnels are slanted as well.
+    wall = sizes.wall / math.cos(_STEEPEST) + 0.01
+    width = max(width, *(abs(x) + sizes.tunnel / 2 + wall for (x, _), _ in ways))
+    narrow = end.tendon_radius + sizes.tunnel / 2 + wall
+    deep = max(middle, 0.4 * end.stem_radius, *(abs(y) + sizes.tunnel / 2 + sizes.wall for way in ways for _, y in way))
+    body = k.bar([(-width, top), (-narrow, low), (narrow, low), (width, top)], -deep, deep)
+    body += k.rod((0, 0, -end.near_length), (0, 0, low), end.stem_radius)
+    tunnels = []
+    for (x, y), (x_low, y_low) in ways:
+        radius = sizes.tunnel / 2
+        slanted = k.rod((x, y, top), (x_low, y_low, low), radius)
+        for place in ((x, y, top), (x_low, y_low, low)):
+            slanted += k.kernel().Pos(*place) * k.kernel().Sphere(radius)
+        tunnels += [slanted, k.rod((x_low, y_low, -end.near_length), (x_low, y_low, low), radius)]
+    return body, tunnels
+
+
+def ferrule(sizes: Sizes) -> tuple[float, float]:
+    """Return radius and length of the bore that holds a crimped ferrule of 2.5 rope diameters."""
+    return 1.25 * sizes.rope + sizes.bore / 2, 4 * sizes.rope
+
+
+def ferrule_collar(radius: float, end: End, sizes: Sizes) -> float:
+    """Return the radius of the collar that holds the ferrules: the stem's, or more where their walls need it."""
+    return max(end.stem_radius, radius + ferrule(sizes)[0] + sizes.wall)
+
+
+def ferrule_pockets(radius: float, sizes: Sizes, bottom: float, collar: float) -> Solid:
+    """Return the pockets of the ferrules at the tendons' ends."""
+    wide, deep = ferrule(sizes)
+    deep = min(deep, collar - 2 * sizes.wall)
+    left, right = (k.rod((x, 0, bottom), (x, 0, bottom + deep), wide) for x in (-radius, radius))
+    return left + right
+
+
+def sheath_seats(radius: float, end: End, sizes: Sizes, bottom: float) -> Solid:
+    """Return the seats of the sheaths through which the tendons go on to the motors."""
+    deep = end.far_collar - 2 * sizes.wall
+    left, right = (k.rod((x, 0, bottom), (x, 0, bottom + deep), end.seat) for x in (-radius, radius))
+    return left + right
+
+
+def socket(end: End, sizes: Sizes, bottom: float) -> Solid:
+    """Return the socket for what is fixed to the far body."""
+    return k.rod((0, 0, bottom), (0, 0, bottom + end.far_collar - sizes.wall), (end.rod + sizes.bore) / 2)

@@ -5,18 +5,21 @@ from typing import NamedTuple
 
 from tenodesis.cad import kernel as k
 from tenodesis.cad.kernel import FLIP, Solid
-from tenodesis.cad.parts import Dimension, Part, pin
-from tenodesis.cad.shared import (
+from tenodesis.cad.parts import (
+    Dimension,
     End,
+    Part,
+    Sizes,
     far_dimensions,
     ferrule,
     groove_dimensions,
+    pin,
+    refuse,
     socket,
     spigot,
     transition,
     tube_dimensions,
 )
-from tenodesis.cad.sizes import Sizes, refuse
 
 _PINS = (0.8, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)  # mm, ISO 2338
 _MORE_WRAP = math.radians(10)
@@ -112,7 +115,7 @@ def pulley_joint(sizes: Sizes, key: str, radius: float, stop: float, seat: float
 
 def pulley_parts(joint: PulleyJoint, end: End, sizes: Sizes) -> list[Part]:
     """Return the parts of a pulley at the tip or at the handle."""
-    tip, density = end.tip, sizes.process.density
+    tip = end.tip
     near, far = ("tip_fork", "tip_pulley") if tip else ("handle_fork", "handle_pulley")
     dowel = k.rod((0, -joint.pin_length / 2, 0), (0, joint.pin_length / 2, 0), joint.pin / 2)
     out = 3 * joint.radius
@@ -127,7 +130,6 @@ def pulley_parts(joint: PulleyJoint, end: End, sizes: Sizes) -> list[Part]:
             _near(joint, end, sizes),
             "stem",
             (k.at() if tip else k.at(z=-end.stem_length, turn=FLIP),),
-            density=density,
             dimensions=_fork_dimensions(joint, end, sizes),
             notes=(f"Tunnels Ø{sizes.tunnel:.3g} for a rope of {sizes.rope:.3g} mm.",),
         ),
@@ -137,7 +139,6 @@ def pulley_parts(joint: PulleyJoint, end: End, sizes: Sizes) -> list[Part]:
             _far(joint, end, sizes),
             end.far,
             (k.at(turn=FLIP) if tip else k.at(),),
-            density=density,
             dimensions=_pulley_dimensions(joint, end, sizes),
             notes=notes,
             away=(0, 0, out if tip else -out),

@@ -1,27 +1,24 @@
 """The commands as typer runs them: each is a stub until it is called."""
 
-import inspect
 import sys
 from collections.abc import Callable
-from functools import wraps
 from importlib import import_module
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from tenodesis.cli.table import ALL, HELP_OPTIONS, VERSION_OPTION, Command, Group, print_overview
+from tenodesis.cli.table import ALL, HELP_OPTIONS, VERSION_OPTION, Entry, EntryGroup, print_overview
 from tenodesis.errors import CommandInterruptedError
 from tenodesis.version import __version__
 
 _DEFAULT = "list"
-_Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print results, warnings and errors only.")]
 
 
 class _Stub(TyperCommand):
     """A command whose module is imported when it is called."""
 
-    def __init__(self, name: str, command: Command, hidden: bool = False) -> None:
+    def __init__(self, name: str, command: Entry, hidden: bool = False) -> None:
         super().__init__(name, help=command.help, hidden=hidden)
         self._function = command.function
 
@@ -33,11 +30,11 @@ class _Stub(TyperCommand):
 class _Commands(TyperGroup):
     """A group of stubs; its help imports none of them."""
 
-    def __init__(self, *, group: Group = ALL, **settings: Any) -> None:
+    def __init__(self, *, group: EntryGroup = ALL, **settings: Any) -> None:
         super().__init__(**settings | {"help": group.help, "no_args_is_help": group.default is None})
         self._group = group
         for name, command in group.commands.items():
-            if isinstance(command, Group):
+            if isinstance(command, EntryGroup):
                 self.commands[name] = _Commands(name=name, group=command)
             else:
                 self.commands[name] = _Stub(name, command)
@@ -85,30 +82,8 @@ def load(function: str) -> Callable[..., None]:
 def built(name: str, function: Callable[..., None]) -> Any:
     """Return a function as a command."""
     alone = typer.Typer(add_completion=False)
-    alone.command(name)(_with_quiet(function))
+    alone.command(name)(function)
     return typer.main.get_command(alone)
-
-
-def _with_quiet(function: Callable[..., None]) -> Callable[..., None]:
-    """Return a command's function with the option that every command has."""
-    own = inspect.signature(function)
-    given = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=_Quiet)
-
-    @wraps(function)
-    def command(*arguments: Any, quiet: bool, **options: Any) -> None:
-        if quiet:
-            _be_quiet(quiet)
-        function(*arguments, **options)
-
-    command.__signature__ = own.replace(parameters=[*own.parameters.values(), given])  # type: ignore[attr-defined]
-    command.__annotations__ = function.__annotations__ | {"quiet": _Quiet}
-    return command
-
-
-def _be_quiet(quiet: bool) -> None:
-    from tenodesis.cli.common import Settings  # noqa: PLC0415 - the overview does without
-
-    Settings.quiet = quiet
 
 
 def _print_version(value: bool) -> None:
@@ -125,7 +100,9 @@ app = typer.Typer(
 @app.callback()
 def _root(
     version: Annotated[bool, typer.Option(VERSION_OPTION, callback=_print_version, is_eager=True)] = False,
-    quiet: _Quiet = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q")] = False,
 ) -> None:
     """Set what holds for every command."""
-    _be_quiet(quiet)
+    from tenodesis.cli.common import Settings  # noqa: PLC0415 - the overview does without
+
+    Settings.quiet = quiet

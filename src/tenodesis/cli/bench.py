@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.markup import escape
 from rich.table import Table
 
+from tenodesis.cli.command import command
 from tenodesis.cli.common import (
     InstrumentFile,
     ProgressBar,
@@ -18,7 +18,7 @@ from tenodesis.cli.common import (
     say_resolution,
     table,
 )
-from tenodesis.cli.outputs import Overwrite, writing, written_by_us
+from tenodesis.cli.outputs import Outputs, written_by_us
 from tenodesis.errors import CommandError, InstrumentError
 from tenodesis.paper.context import Context
 from tenodesis.paper.run import CHAPTERS, run, steps
@@ -31,11 +31,11 @@ _BRIEF = (
 """Names of the results that the summary shows; the report has all."""
 
 
-def bench(  # noqa: PLR0917
+@command("instrument_file", "scaled_up")
+def bench(
     instrument_file: InstrumentFile = "real-size",
     scaled_up: Annotated[
-        str | None,
-        typer.Option(help="Its scale model: file or name. Default: scaled-up, for real-size."),
+        str | None, typer.Option(help="Its scale model: file or name. Default: scaled-up, for real-size.")
     ] = None,
     axis: Annotated[
         str | None,
@@ -46,7 +46,8 @@ def bench(  # noqa: PLR0917
         typer.Option(metavar="CHAPTERS", help=f"These chapters alone, with commas between: {', '.join(CHAPTERS)}."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for report, figures, curves and results.")] = Path("out"),
-    overwrite: Overwrite = False,
+    *,
+    outputs: Outputs,
 ) -> None:
     """Compute a report on an instrument, every figure of the paper for its own, and write out/report.html."""
     chapters = [name.strip() for names in only or () for name in names.split(",")]
@@ -76,17 +77,10 @@ def bench(  # noqa: PLR0917
     if planar and (axis is not None or inst.overrides):
         inst = inst.axis(axis or inst.axes[0])
     done, total = 0, steps(inst, scaled, chapters)
-    outputs = [("--out", out / name) for name in ("report.html", "results.json")]
     # A report of some chapters must not take the place of one that has more.
-    replace = overwrite or written_by_us(out / "results.json", "results", chapters=chapters)
+    own = written_by_us(out / "results.json", "results", chapters=chapters)
     with (
-        writing(
-            outputs,
-            [instrument_file, scaled_up],
-            overwrite=replace,
-            folder=out,
-            subfolders=("figures", "curves", "recordings"),
-        ),
+        outputs.folder(out, ("report.html", "results.json"), ("figures", "curves", "recordings"), replace=own),
         ProgressBar("") as bar,
     ):
 
@@ -107,11 +101,9 @@ def bench(  # noqa: PLR0917
 
 def _summary(context: Context) -> Table:
     """Return the most important results, beside those that the paper prints."""
-    summary = table(f"{escape(context.given.name)}: summary, by name in results.json")
-    summary.add_column("result", overflow="fold")
     beside = any(result.published for result in context.results.values())
-    for heading in ("computed", "published", "residual") if beside else ("computed",):
-        summary.add_column(heading, justify="right", no_wrap=True)
+    columns = (">computed", ">published", ">residual") if beside else (">computed",)
+    summary = table(f"{context.given.name}: summary, by name in results.json", "result", *columns)
     for key, result in context.results.items():
         if not re.match(_BRIEF, key):
             continue

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Annotated
@@ -12,10 +12,12 @@ from markupsafe import Markup
 
 from tenodesis import cad
 from tenodesis.cad.assembly import Progress
+from tenodesis.cli.command import command
 from tenodesis.cli.common import InstrumentFile, ProgressBar, check_choice, load_instrument, quantity, say
-from tenodesis.cli.outputs import Overwrite, write_errors, writing
+from tenodesis.cli.outputs import Outputs
 from tenodesis.errors import CommandError, InstrumentError
 from tenodesis.extras import require
+from tenodesis.files import write_errors
 from tenodesis.instrument.tip_motion import tip_inertia
 from tenodesis.report import style
 from tenodesis.scaling import Design
@@ -25,22 +27,23 @@ from tenodesis.units import Length
 _ENDS = ("distal", "proximal")
 
 
-def write_cad(  # noqa: PLR0917
+@command("instrument_file")
+def write_cad(
     instrument_file: InstrumentFile,
     process: Annotated[
         str, typer.Option(help=f"How parts are made, which sets walls and plays: {', '.join(cad.PROCESSES)}.")
     ] = "sla",
-    axis: Annotated[str | None, typer.Option(help="Bending axis. Default: the first.", show_default=False)] = None,
+    axis: Annotated[str | None, typer.Option(help="Bending axis. Default: the first.")] = None,
     module: Annotated[
         list[str] | None,
         typer.Option(
             metavar="END=LENGTH",
             help="Module of the gears at an end, as in --module 'distal=0.25 mm'. Default: the coarsest that fits.",
-            show_default=False,
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for solids, drawings and pictures.")] = Path("cad"),
-    overwrite: Overwrite = False,
+    *,
+    outputs: Outputs,
 ) -> None:
     """Write an instrument on its bench as solids: STEP, STL, glTF, drawings, pictures; checked over its range."""
     inst = load_instrument(instrument_file, planar=True)
@@ -49,24 +52,23 @@ def write_cad(  # noqa: PLR0917
         check_choice("--axis", axis, inst.axes)
     modules = _modules(module or [])
     with (
-        writing_solids(out, [instrument_file], option="--out", overwrite=overwrite),
+        writing_solids(outputs, out, "--out"),
         ProgressBar("", None) as bar,
     ):
         report = in_step(bar)
         report(0, 1, "solids")
         model = cad.build(inst, process=process, axis=axis, modules=modules)
-        with write_errors(out):
+        with write_errors(out, CommandError):
             checks = cad.write(model, out, progress=report)
     print_checks(checks, model)
     say(f"{out / 'drawings.pdf'}, {out / 'assembly.step'}, {out / 'step'}, {out / 'stl'} and pictures are written.")
 
 
-def writing_solids(out: Path, inputs: Sequence[str], *, option: str, overwrite: bool) -> AbstractContextManager[None]:
+def writing_solids(outputs: Outputs, out: Path, option: str) -> AbstractContextManager[None]:
     """Return the context in which a pack is written: refused before the work if it must not be."""
     for name in ("build123d", "trimesh"):
         require(name, "cad")
-    outputs = [(option, out / file) for file in cad.FILES]
-    return writing(outputs, inputs, overwrite=overwrite, folder=out, subfolders=cad.FOLDERS)
+    return outputs.folder(out, cad.FILES, cad.FOLDERS, option=option)
 
 
 def in_step(bar: ProgressBar) -> Progress:
@@ -131,7 +133,7 @@ class DesignSolids:
         if self._folder is None or self._model is None:
             return
         try:
-            with write_errors(self._folder):
+            with write_errors(self._folder, CommandError):
                 self._checks = cad.write(self._model, self._folder, tolerances, report)
         except InstrumentError as problem:
             self._refused = problem

@@ -20,11 +20,11 @@ def main() -> None:
 
 def _run() -> None:
     # All imports are here, so that Ctrl-C ends them in a sentence as well.
-    from tenodesis.cli.table import ALL, COMMANDS, HELP_OPTIONS, VERSION_OPTION, Group, print_overview  # noqa: PLC0415
+    from tenodesis.cli.table import ALL, COMMANDS, HELP_OPTIONS, VERSION_OPTION, EntryGroup, print_overview  # noqa: PLC0415
 
     *words, last = sys.argv
     group = ALL if len(words) == 1 else COMMANDS.get(" ".join(words[1:]))
-    if last in HELP_OPTIONS and isinstance(group, Group):
+    if last in HELP_OPTIONS and isinstance(group, EntryGroup):
         print_overview(" ".join(["tenodesis", *words[1:], "[OPTIONS] COMMAND [ARGS]..."]), group)
         return
     if sys.argv[1:] == [VERSION_OPTION]:

@@ -1,8 +1,7 @@
 """What commands share: arguments, what they print, and a progress bar."""
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias, overload
 
@@ -129,14 +128,33 @@ def warn_resolution(inst: ShortForm) -> None:
         warn(sentence)
 
 
-def table(title: str | None = None, padding: tuple[int, int, int, int] = (0, 1, 0, 1)) -> Table:
-    """Return a table without columns, in the style of all commands."""
-    return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=padding)
+def table(title: str | None = None, *columns: str, rows: Iterable[Sequence[str]] = ()) -> Table:
+    """Return a table in the style of all commands.
+
+    Parameters
+    ----------
+    title
+        Above it.
+    columns
+        Their headings; ">" before one of numbers, which are to the right and never broken over lines.
+    rows
+        Their cells.
+    """
+    shown = Table(title=title and escape(title), title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for column in columns:
+        heading = escape(column.removeprefix(">"))
+        if column.startswith(">"):
+            shown.add_column(heading, justify="right", no_wrap=True)
+        else:
+            shown.add_column(heading, overflow="fold")
+    for row in rows:
+        shown.add_row(*map(escape, row))
+    return shown
 
 
 def matrix(rows: Sequence[str], columns: Sequence[str], values: NDArray[np.float64], corner: str = "") -> Table:
     """Return a table of numbers by row and column: NaN as a dash, zeros as dots."""
-    shown = table(padding=(0, 1, 0, 0))
+    shown = table()
     shown.add_column(escape(corner), no_wrap=True)
     for heading in columns:
         shown.add_column(escape(heading), justify="right", overflow="fold")
@@ -220,17 +238,6 @@ def check_choice(option: str, value: str, choices: Iterable[str]) -> None:
     """
     if value not in choices:
         raise CommandError(key=option, value=value, allowed=f"one of {', '.join(choices)}")
-
-
-@contextmanager
-def value_errors() -> Iterator[None]:
-    """Raise a function's error about its arguments as an error of the command."""
-    try:
-        yield
-    except Error:
-        raise
-    except ValueError as problem:
-        raise CommandError(str(problem)) from problem
 
 
 def file_size(path: Path) -> str:

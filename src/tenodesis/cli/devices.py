@@ -7,6 +7,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from tenodesis.cli.command import command
 from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_instrument, say, table
 from tenodesis.devices import registry
 from tenodesis.devices.communication_test import Findings, measure
@@ -14,16 +15,14 @@ from tenodesis.devices.communication_test import Findings, measure
 _STEP = 0.1  # s, between two updates of the progress bar
 
 
+@command()
 def list_devices() -> None:
     """List the devices and what each needs."""
-    devices = table()
-    for heading in ("device", "what it is", "what it needs"):
-        devices.add_column(heading, overflow="fold")
-    for name, kind in registry.KINDS.items():
-        devices.add_row(name, escape(kind.description), escape(kind.needs))
-    console.print(devices)
+    rows = ((name, kind.description, kind.needs) for name, kind in registry.KINDS.items())
+    console.print(table(None, "device", "what it is", "what it needs", rows=rows))
 
 
+@command()
 def test_device(
     instrument_file: InstrumentFile,
     name: Annotated[str, typer.Argument(metavar="DEVICE", help="The device: canopen, nidaq or serial.")],
@@ -54,10 +53,11 @@ def test_device(
 
 def _results(findings: Findings) -> Table:
     results = table(
-        escape(f"{findings.name}: {findings.measurements} measurements, controller at {1 / findings.period:.4g} Hz")
+        f"{findings.name}: {findings.measurements} measurements, controller at {1 / findings.period:.4g} Hz",
+        "",
+        ">measured",
+        ">limit",
     )
-    for heading in ("", "measured", "limit"):
-        results.add_column(heading, justify="left" if not heading else "right", overflow="fold")
     for share, described in ((0.5, "interval, p50"), (0.99, "interval, p99"), (1.0, "interval, worst")):
         results.add_row(described, f"{findings.quantile(share) * 1e3:.4g} ms", "")
     if findings.round_trips.size:

@@ -7,17 +7,21 @@ from typing import Annotated
 import typer
 
 from tenodesis import control, kinematics
-from tenodesis.cli.common import InstrumentFile, load_instrument, value_errors
-from tenodesis.cli.outputs import HEADER, MODELS, Overwrite, check_suffix, write_errors, write_text, writing
+from tenodesis.cli.command import command
+from tenodesis.cli.common import InstrumentFile, load_instrument
+from tenodesis.cli.outputs import HEADER, MJCF, URDF, Outputs, output, write_text
 from tenodesis.control.controller import ActuationName, LawName, ObserverName
+from tenodesis.errors import CommandError
+from tenodesis.files import write_errors
 from tenodesis.instrument import Instrument, expanded
 
-Out = Annotated[Path | None, typer.Option(help="The file. Default: by the instrument's name.", show_default=False)]
+_OUT = "The file. Default: by the instrument's name."
 
 
+@command("instrument_file")
 def export_controller(  # noqa: PLR0917
     instrument_file: InstrumentFile,
-    axis: Annotated[str | None, typer.Option(help="Axis to control alone. Default: all.", show_default=False)] = None,
+    axis: Annotated[str | None, typer.Option(help="Axis to control alone. Default: all.")] = None,
     observer: Annotated[ObserverName, typer.Option(help="Observer that estimates the tip angle.")] = "friction",
     law: Annotated[LawName, typer.Option(help="Compensation law.")] = "robust",
     actuation: Annotated[ActuationName, typer.Option(help="Motors that act.")] = "differential",
@@ -28,21 +32,18 @@ def export_controller(  # noqa: PLR0917
         ),
     ] = False,
     own_clock: Annotated[bool, typer.Option("--own-clock", help="Ticks count as one period each.")] = False,
-    name: Annotated[
-        str | None, typer.Option(help="Of the constant in C. Default: the instrument's.", show_default=False)
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="The file. Default: NAME.h.", show_default=False)] = None,
-    overwrite: Overwrite = False,
+    name: Annotated[str | None, typer.Option(help="Of the constant in C. Default: the instrument's.")] = None,
+    out: Annotated[Path | None, output(HEADER, "The file. Default: NAME.h.")] = None,
+    *,
+    outputs: Outputs,
 ) -> None:
     """Write a controller's parameters as a C header, for tenodesis_init."""
-    with value_errors():
-        inst = control.compensated(load_instrument(instrument_file))
+    inst = control.compensated(load_instrument(instrument_file))
     if axis is not None:
         inst = inst.axis(axis)
     name = control.identifier(inst.name) if name is None else name
     path = Path(f"{name}.h") if out is None else out
-    check_suffix("--out", path, HEADER)
-    with writing([("--out", path)], [instrument_file], overwrite=overwrite), value_errors(), write_errors(path):
+    with outputs.files(out=path), write_errors(path, CommandError):
         control.export_header(
             inst,
             path,
@@ -58,24 +59,29 @@ def export_controller(  # noqa: PLR0917
     typer.echo(f"{path}: {name}, the controller of {inst.name} ({axes}), for tenodesis_init.")
 
 
-def export_urdf(instrument_file: InstrumentFile, out: Out = None, overwrite: Overwrite = False) -> None:
+@command("instrument_file")
+def export_urdf(
+    instrument_file: InstrumentFile, out: Annotated[Path | None, output(URDF, _OUT)] = None, *, outputs: Outputs
+) -> None:
     """Write an instrument as a URDF robot: links, joints, mimics; no tendons. Says what is missing."""
-    _export(instrument_file, kinematics.urdf, ".urdf", out, overwrite)
+    _export(instrument_file, kinematics.urdf, ".urdf", out, outputs)
 
 
-def export_mjcf(instrument_file: InstrumentFile, out: Out = None, overwrite: Overwrite = False) -> None:
+@command("instrument_file")
+def export_mjcf(
+    instrument_file: InstrumentFile, out: Annotated[Path | None, output(MJCF, _OUT)] = None, *, outputs: Outputs
+) -> None:
     """Write an instrument as a MuJoCo model: bodies, tied joints, tendons. Says what is missing."""
-    _export(instrument_file, kinematics.mjcf, ".xml", out, overwrite)
+    _export(instrument_file, kinematics.mjcf, ".xml", out, outputs)
 
 
 def _export(
-    source: str, written: Callable[[Instrument], str], extension: str, out: Path | None, overwrite: bool
+    source: str, written: Callable[[Instrument], str], extension: str, out: Path | None, outputs: Outputs
 ) -> None:
     inst = load_instrument(source)
     path = Path(f"{inst.name.replace(' ', '-').replace('/', '-')}{extension}") if out is None else out
-    check_suffix("--out", path, MODELS[extension])
     text = written(inst)
-    with writing([("--out", path)], [source], overwrite=overwrite):
+    with outputs.files(out=path):
         write_text(path, text)
     joints = [joint.name for joint in expanded(inst).joints]
     typer.echo(f"{path}: {inst.name} ({', '.join(joints)}). Its first lines repeat what the format does not contain:")

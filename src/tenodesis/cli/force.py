@@ -9,17 +9,16 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from tenodesis.cli.command import command
 from tenodesis.cli.common import check_choice, console, say, table, warn
 from tenodesis.cli.identify import check_files, recordings_of
-from tenodesis.cli.outputs import Overwrite, writing
+from tenodesis.cli.outputs import Outputs
 from tenodesis.errors import CommandError
 from tenodesis.files import read_regular
 from tenodesis.identification.force import report
 from tenodesis.identification.force.fitting import fit_force
-from tenodesis.identification.force.model import ForceModel, from_json
-from tenodesis.identification.force.parameters import RECALIBRATED
-from tenodesis.identification.force.results import RunResult, Traces, assess, bounds_of, pooled, traces
-from tenodesis.identification.force.signals import SIGNALS
+from tenodesis.identification.force.model import RECALIBRATED, SIGNALS, ForceModel, from_json
+from tenodesis.identification.force.report import RunResult, Traces, assess, bounds_of, pooled, traces
 from tenodesis.identification.formats import load_all
 from tenodesis.identification.registry import FORMATS
 from tenodesis.identification.report import grouped
@@ -28,6 +27,7 @@ FORMATS_OF_FORCE = ("davinci-tool", "davinci-posture")
 _LARGEST = 10_000_000
 
 
+@command("logs", "test", "prior")
 def force(  # noqa: PLR0917
     logs: Annotated[
         list[Path], typer.Argument(metavar="LOG…", help="Recordings of both ends, or folders of text files.")
@@ -43,15 +43,15 @@ def force(  # noqa: PLR0917
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for model.json and force.svg.")] = Path("out/force"),
-    overwrite: Overwrite = False,
+    *,
+    outputs: Outputs,
 ) -> None:
     """Estimate torque and angle of a tool's jaw from its spindle's angle and torque, or motor current."""
     tests = test or []
     check_files(logs, tests)
     check_choice("--from", signal, SIGNALS)
     check_choice("--format", format_name, FORMATS_OF_FORCE)
-    outputs: list[tuple[str, Path | None]] = [("--out", out / name) for name in (report.MODEL, report.FIGURE)]
-    with writing(outputs, [*logs, *tests, prior], overwrite=overwrite, folder=out):
+    with outputs.folder(out, (report.MODEL, report.FIGURE)):
         before = None if prior is None else _read(prior)
         files = recordings_of(logs, tests, format_name)
         measured = load_all(FORMATS[format_name].load, [*files, *tests])
@@ -81,12 +81,7 @@ def _read(path: Path) -> ForceModel:
 
 
 def _print_parameters(model: ForceModel) -> None:
-    shown = table("parameters")
-    shown.add_column("parameter", no_wrap=True)
-    for heading in ("value", "±"):
-        shown.add_column(heading, justify="right", no_wrap=True)
-    for heading in ("unit", ""):
-        shown.add_column(heading, no_wrap=True)
+    shown = table("parameters", "parameter", ">value", ">±", "unit", "")
     weak = model.undetermined()
     for one in model.unknowns:
         use = "carried over" if one.name not in model.free else "not determined" if one.name in weak else ""
@@ -95,11 +90,8 @@ def _print_parameters(model: ForceModel) -> None:
 
 
 def _print_errors(by_use: dict[str, list[RunResult]]) -> None:
-    shown = table("rmse, measured minus estimated, and share of samples within the 95 % interval")
-    shown.add_column("run", overflow="fold")
-    shown.add_column("use")
-    for heading in ("torque [mN·m]", "covered", "angle [deg]", "covered"):
-        shown.add_column(escape(heading), justify="right")
+    title = "rmse, measured minus estimated, and share of samples within the 95 % interval"
+    shown = table(title, "run", "use", ">torque\n[mN·m]", ">covered", ">angle\n[deg]", ">covered")
     for use, rows in by_use.items():
         for one in [*rows, *([pooled(rows)] if len(rows) > 1 else [])]:
             shown.add_row(

@@ -10,26 +10,25 @@ import numpy as np
 import typer
 from rich.markup import escape
 
+from tenodesis.cli.command import Answer, command
 from tenodesis.cli.common import ProgressBar, check_choice, console, load_instrument, note, quantity, say, table, warn
-from tenodesis.cli.outputs import JSON, Overwrite, check_suffix, write_text, writing
+from tenodesis.cli.outputs import JSON, Outputs, check_suffix, write_text
 from tenodesis.errors import CommandError
 from tenodesis.identification import report
-from tenodesis.identification.arrangements import (
+from tenodesis.identification.comparison import (
     LEAST_EXCESS,
     ArrangementComparison,
     Fitted,
     compare_arrangements,
     excess,
 )
-from tenodesis.identification.figures import axis_label
 from tenodesis.identification.fit import LEAST_REPLICATES, STARTS, fit
 from tenodesis.identification.formats import MeasuredRun, load_all
-from tenodesis.identification.goodness import unexplained, worse_held_out
 from tenodesis.identification.problem import Problem
 from tenodesis.identification.registry import FORMATS, Format
-from tenodesis.identification.results import Fit, to_json
-from tenodesis.identification.split import LEAST_SHARE, FittedPart, split
-from tenodesis.identification.stretch import LEAST_LENGTH, LONGEST, shortened
+from tenodesis.identification.report import axis_label
+from tenodesis.identification.results import Fit, to_json, unexplained, worse_held_out
+from tenodesis.identification.split import LEAST_LENGTH, LEAST_SHARE, LONGEST, FittedPart, shortened, split
 from tenodesis.identification.uncertainty import LossName
 from tenodesis.instrument import ShortForm
 from tenodesis.units import Duration
@@ -41,13 +40,13 @@ _LONGEST = f"{LONGEST:g} s"
 ArrangementChoice: TypeAlias = Literal["auto", "compare", "file"]
 
 
+@command("logs", "test", "instrument_file", json="Print parameters, intervals and errors as JSON.")
 def identify(  # noqa: PLR0917
     logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help="Recordings to fit, or folders of text files.")],
     format_name: Annotated[str, typer.Option("--format", help=f"{', '.join(FORMATS)}.")] = "mcap",
     test: Annotated[list[Path] | None, typer.Option(metavar="FILE", help="Recording held out; repeatable.")] = None,
     train_until: Annotated[
-        float | None,
-        typer.Option(metavar="SHARE", help="Fit this share of each LOG's duration, hold out the rest."),
+        float | None, typer.Option(metavar="SHARE", help="Fit this share of each LOG's duration, hold out the rest.")
     ] = None,
     train_from: Annotated[
         float | None,
@@ -58,12 +57,10 @@ def identify(  # noqa: PLR0917
         typer.Option("--fit", metavar="NAMES", help="Parameters or groups: friction,stiffness. Default: all."),
     ] = None,
     instrument_file: Annotated[
-        str | None,
-        typer.Option("--instrument", metavar="INSTRUMENT", help="Initial values: file or shipped name."),
+        str | None, typer.Option("--instrument", metavar="INSTRUMENT", help="Initial values: file or shipped name.")
     ] = None,
     law: Annotated[
-        str | None,
-        typer.Option(help="Friction law; the choice depends on the format. Default: the format's.", show_default=False),
+        str | None, typer.Option(help="Friction law; the choice depends on the format. Default: the format's.")
     ] = None,
     arrangement: Annotated[
         ArrangementChoice,
@@ -72,8 +69,7 @@ def identify(  # noqa: PLR0917
         ),
     ] = "auto",
     json_file: Annotated[
-        Path | None,
-        typer.Option("--json-out", metavar="FILE", help="Write parameters, intervals and errors here as well."),
+        Path | None, typer.Option("--json-out", help="Write what --json prints here as well.", hidden=True)
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for report.html, result.json and instrument.toml.")] = Path(
         "out/identification"
@@ -88,7 +84,6 @@ def identify(  # noqa: PLR0917
             help=f"Starts of the search, the first from the file's or the model's values. Default: {STARTS}, or 1 "
             "where a LOG is too long to fit as a whole.",
             min=1,
-            show_default=False,
         ),
     ] = None,
     bootstrap: Annotated[
@@ -96,19 +91,15 @@ def identify(  # noqa: PLR0917
     ] = 0,
     seed: Annotated[int, typer.Option(help="Seed of starts and bootstrap.", min=0)] = 0,
     loss: Annotated[
-        LossName | None,
-        typer.Option(help="Loss; soft_l1 is robust to outliers. Default: the format's.", show_default=False),
+        LossName | None, typer.Option(help="Loss; soft_l1 is robust to outliers. Default: the format's.")
     ] = None,
-    overwrite: Overwrite = False,
-) -> None:
+    *,
+    outputs: Outputs,
+) -> Answer:
     """Identify a model from recordings: parameters with intervals, errors on held-out runs, and the instrument file."""
     tests = test or []
     check_files(logs, tests)
-    outputs: list[tuple[str, Path | None]] = [
-        *(("--out", out / name) for name in (report.PAGE, report.NUMBERS, report.INSTRUMENT)),
-        ("--json-out", json_file),
-    ]
-    with writing(outputs, [*logs, *tests, instrument_file], overwrite=overwrite, folder=out):
+    with outputs.folder(out, (report.PAGE, report.NUMBERS, report.INSTRUMENT), json_out=json_file):
         check_suffix("--json-out", json_file, JSON)
         check_choice("--format", format_name, FORMATS)
         if law is not None:
@@ -171,17 +162,21 @@ def identify(  # noqa: PLR0917
         written = report.write(
             problem, found, out, runs=runs, format=format_name, law=chosen, notes=notes, arrangements=rows
         )
+        numbers = to_json(found, format=format_name, law=chosen, notes=notes, arrangements=rows)
         if json_file is not None:
-            numbers = to_json(found, format=format_name, law=chosen, notes=notes, arrangements=rows)
             write_text(json_file, report.as_text(numbers))
-    if compared is not None:
-        _print_arrangements(compared)
-    elif arrangement == "compare":
-        warn("these recordings and this instrument leave one arrangement of contacts; none was compared.")
-    for word in (word.strip() for word in (parameters or "").split(",")):
-        if len(problem.groups.get(word, ())) > 1:
-            note(f"{word}: {', '.join(problem.groups[word])}.")
-    _print_fit(found, written if json_file is None else [*written, json_file], notes)
+            written = [*written, json_file]
+
+    words = [word.strip() for word in (parameters or "").split(",")]
+    groups = {word: problem.groups[word] for word in words if len(problem.groups.get(word, ())) > 1}
+
+    def show() -> None:
+        _print_arrangements(compared, asked=arrangement == "compare")
+        for word, names in groups.items():
+            note(f"{word}: {', '.join(names)}.")
+        _print_fit(found, written, notes)
+
+    return Answer(lambda: numbers, show)
 
 
 def _doubts(problem: Problem, found: Fit) -> tuple[str, ...]:
@@ -363,14 +358,17 @@ def _extrapolated(one: MeasuredRun, trained: Sequence[MeasuredRun]) -> tuple[str
     return (f"held out at a {_HELD[column]} of {angle:.4g} deg, fitted at {fitted} deg: extrapolation",)
 
 
-def _print_arrangements(compared: ArrangementComparison) -> None:
+def _print_arrangements(compared: ArrangementComparison | None, *, asked: bool) -> None:
+    if compared is None:
+        if asked:
+            warn("these recordings and this instrument leave one arrangement of contacts; none was compared.")
+        return
     rows = compared.to_json()
     held_out = [key for key in rows[0] if key.startswith("test_rmse")]
     shown = held_out or [key for key in rows[0] if key.startswith("train_rmse")]
-    listed = table(f"arrangements: residuals over noise, rmse {'held out' if held_out else 'fitted'}")
-    listed.add_column("arrangement", min_width=24)
-    for heading in ("fitted", "criterion", "over noise", *(key.rpartition("_")[2] for key in shown)):
-        listed.add_column(heading, justify="right")
+    title = f"arrangements: residuals over noise, rmse {'held out' if held_out else 'fitted'}"
+    signals = (f">{key.rpartition('_')[2]}" for key in shown)
+    listed = table(title, "arrangement", ">fitted", ">criterion", ">over\nnoise", *signals)
     for row in rows:
         mark = " (file)" if row["own"] else ""
         values = (f"{row['bic']:.4g}", f"{row['excess']:.3g}", *(f"{row[key]:.3g}" for key in shown))
@@ -383,11 +381,7 @@ def _print_fit(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, 
         say(f"{names}: {sentence}.")
     _print_parameters(found)
     keys = list(dict.fromkeys(key for one in found.files for key in one.rmse))
-    errors = table("rmse, measured minus model")
-    errors.add_column("run", overflow="fold")
-    errors.add_column("use")
-    for key in keys:
-        errors.add_column(escape(axis_label(key)), justify="right")
+    errors = table("rmse, measured minus model", "run", "use", *(f">{axis_label(key)}" for key in keys))
     for run in found.files:
         values = (f"{run.rmse[key]:.4g}" if key in run.rmse else "" for key in keys)
         errors.add_row(escape(run.name), "fitted" if run.split == "train" else "held out", *values)
@@ -411,13 +405,8 @@ def _check_arrangement(kind: Format, format_name: str, arrangement: str) -> None
 
 
 def _print_parameters(found: Fit) -> None:
-    parameters = table("parameters", padding=(0, 1, 0, 0))
-    # On 80 columns a name may take two lines, one for its table; an interval may not.
-    parameters.add_column("parameter", no_wrap=True)
-    parameters.add_column("value", justify="right", no_wrap=True)
-    parameters.add_column("unit", no_wrap=True)
-    parameters.add_column("95 % interval" + (", bootstrap" if found.bootstrap else ""), justify="right", no_wrap=True)
-    parameters.add_column("identifiable", overflow="fold", min_width=8)
+    heading = ">95 % interval" + (", bootstrap" if found.bootstrap else "")
+    parameters = table("parameters", "parameter", ">value", "unit", heading, "identifiable")
     for one in (one for one in found.parameters if one.name in found.free):
         row = report.shown(found, one)
         interval = row.bootstrap if found.bootstrap else row.interval

@@ -6,11 +6,13 @@ from typing import Annotated
 import typer
 
 from tenodesis import instrument
+from tenodesis.cli.command import command
 from tenodesis.cli.common import quantity, say
-from tenodesis.cli.outputs import INSTRUMENT, Overwrite, check_suffix, write_text, writing
+from tenodesis.cli.outputs import INSTRUMENT, Outputs, output, write_text
 from tenodesis.units import Length
 
 
+@command("file")
 def import_dvrk(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Tool file of the da Vinci Research Kit, JSON.")],
     pulley_radius: Annotated[
@@ -19,16 +21,16 @@ def import_dvrk(
     jaw_angle: Annotated[
         instrument.JawAngle, typer.Option(help="What the file's jaw angle is: between the jaws, or of each jaw.")
     ] = "between",
-    out: Annotated[Path | None, typer.Option(help="The file. Default: NAME.toml.", show_default=False)] = None,
-    overwrite: Overwrite = False,
+    out: Annotated[Path | None, output(INSTRUMENT, "The file. Default: NAME.toml.")] = None,
+    *,
+    outputs: Outputs,
 ) -> None:
     """Write an instrument from a tool file of the da Vinci Research Kit, with the file's coupling matrix."""
     radius = quantity("--pulley-radius", pulley_radius, Length)
     text = instrument.dvrk_text(file, pulley_radius=radius, jaw_angle=jaw_angle)
     inst = instrument.parse(text, str(file))
     path = Path(f"{inst.name}.toml") if out is None else out
-    check_suffix("--out", path, INSTRUMENT)
-    with writing([("--out", path)], [file], overwrite=overwrite):
+    with outputs.files(out=path):
         write_text(path, text)
     joints = ", ".join(joint.name for joint in inst.tip_joints)
     say(f"{path}: {inst.name}, {len(inst.tendons)} tendons, angles {joints}; [sources] lists what is assumed.")

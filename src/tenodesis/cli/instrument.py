@@ -1,11 +1,11 @@
 """The commands about instrument files: check a file, and print the schemas of all kinds of files."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 import typer
@@ -13,15 +13,16 @@ from rich.markup import escape
 from rich.table import Table
 
 from tenodesis import instrument, statics
+from tenodesis.cli.command import Answer, command
 from tenodesis.cli.common import InstrumentFile, console, load_instrument, note, say, table, warn
 from tenodesis.cli.joints import joints_as_json, print_joints
 from tenodesis.cli.loss import losses_of_joints
-from tenodesis.cli.outputs import FIGURE, Overwrite, check_suffix, write_errors, writing
+from tenodesis.cli.outputs import FIGURE, Outputs, output
 from tenodesis.control.derived import Derived, derive
 from tenodesis.control.plausibility import implausible
 from tenodesis.control.resolution import sentences, shares
-from tenodesis.errors import InstrumentError
-from tenodesis.files import atomic_file
+from tenodesis.errors import CommandError, InstrumentError
+from tenodesis.files import atomic_file, write_errors
 from tenodesis.instrument import FullForm, Instrument, RouteError
 from tenodesis.instrument.listing import Listed, listed
 
@@ -31,6 +32,7 @@ _WIDTH = 24
 Kind: TypeAlias = Literal["instrument", "protocol", "catalogue", "tolerances"]
 
 
+@command()
 def schema(
     kind: Annotated[
         Kind, typer.Argument(metavar="KIND", help="instrument, protocol, catalogue or tolerances.")
@@ -48,27 +50,21 @@ def schema(
     typer.echo(json.dumps(schemas[kind](), indent=2, ensure_ascii=False))
 
 
+@command("instrument_file", json="Print JSON: values in SI units, and as in the file.")
 def check(
     instrument_file: InstrumentFile,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print JSON: values in SI units, and as in the file.")
-    ] = False,
     picture: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Draw the tendons' routes over the joints here: .svg, .png or .pdf.",
-            show_default=False,
-        ),
+        output(FIGURE, "Draw the tendons' routes over the joints here: .svg, .png or .pdf.", metavar="FILE"),
     ] = None,
-    overwrite: Overwrite = False,
-) -> None:
+    *,
+    outputs: Outputs,
+) -> Answer:
     """Check an instrument file; print its values, what follows from them, and what is implausible about it.
 
     Of joints that share tendons: routes, moment arms, coupling, and what loads take. A picture marks a wrong route.
     """
-    check_suffix("--picture", picture, FIGURE)
-    with writing([("--picture", picture)], [instrument_file], overwrite=overwrite):
+    with outputs.files(picture=picture):
         try:
             inst = load_instrument(instrument_file)
         except InstrumentError:
@@ -77,35 +73,35 @@ def check(
                 _draw(picture, wrong.inst, wrong)
                 note(f"{picture} is written, with what is wrong in red.")
             raise
-        content, show = _values(instrument_file, inst)
-        found = implausible(inst)
-        if as_json:
-            about = {"name": inst.name, "description": inst.description}
-            warnings = {"warnings": [one._asdict() for one in found]}
-            typer.echo(json.dumps(about | content | warnings, indent=1, ensure_ascii=False))
-        else:
-            show()
-            for one in found:
-                warn(one.sentence)
+        values, found = _values(instrument_file, inst), implausible(inst)
         if picture:
             _draw(picture, inst.expanded)
-            if not as_json:
-                note(f"{picture} is written.")
+
+    def show() -> None:
+        values.show()
+        for one in found:
+            warn(one.sentence)
+        if picture:
+            note(f"{picture} is written.")
+
+    about = {"name": inst.name, "description": inst.description}
+    warnings = {"warnings": [one._asdict() for one in found]}
+    return Answer(lambda: about | values.content() | warnings, show)
 
 
 def _draw(path: Path, inst: FullForm, problem: RouteError | None = None) -> None:
     from tenodesis.report import routing  # noqa: PLC0415 - loads matplotlib
 
-    with write_errors(path), atomic_file(path) as new:
+    with write_errors(path, CommandError), atomic_file(path) as new:
         routing.write(new, inst, problem)
 
 
-def _values(instrument_file: str, inst: Instrument) -> tuple[dict[str, Any], Callable[[], None]]:
+def _values(instrument_file: str, inst: Instrument) -> Answer:
     """Return what JSON has of an instrument's values and what follows from them, and what prints it."""
     if (short := inst.short_form) is None:
         joints = inst.expanded
         found = losses_of_joints(joints, statics.usual_states(joints), np.eye(3, 6))
-        return joints_as_json(joints, found), partial(print_joints, joints, found)
+        return Answer(partial(joints_as_json, joints, found), partial(print_joints, joints, found))
     values, derived = listed(instrument_file, short), tuple(derive(short))
     resolution = [*sentences(short), *shares(short)]
 
@@ -128,15 +124,12 @@ def _values(instrument_file: str, inst: Instrument) -> tuple[dict[str, Any], Cal
         },
         "resolution": resolution,
     }
-    return content, show
+    return Answer(lambda: content, show)
 
 
 def _table(values: Sequence[Listed], derived: Sequence[Derived]) -> Table:
     """Return the values by table of the file, and what follows from them; a value is never broken over lines."""
-    shown = table(padding=(0, 2, 0, 0))
-    shown.add_column("key", no_wrap=True)
-    shown.add_column("value", justify="right", no_wrap=True)
-    shown.add_column("source", overflow="fold")
+    shown = table(None, "key", ">value", "source")
     heading = ""
     for one in values:
         name, _, key = one.key.rpartition(".")

@@ -85,9 +85,8 @@ def route(inst: FullForm, tendon: Tendon) -> str:
 
 
 def _joints(inst: FullForm) -> Table:
-    shown, bases = table(padding=(0, 1, 0, 0)), _bases(inst)
-    for heading in ("joint", "stands on", "mechanism", "axis", "radius [mm]", "range [°]"):
-        shown.add_column(escape(heading), justify="right" if "[" in heading else "left", overflow="fold")
+    bases = _bases(inst)
+    shown = table(None, "joint", "stands on", "mechanism", "axis", ">radius\n[mm]", ">range\n[°]")
     for joint in (*inst.handle_joints[::-1], *inst.tip_joints):
         axis = joint.axis if isinstance(joint.axis, str) else components(joint.axis_vector)
         radius, most = f"{1e3 * joint.radius:.4g}", f"±{degrees(joint.range):.4g}"
@@ -106,11 +105,7 @@ def _bases(inst: FullForm) -> dict[str, str]:
 
 
 def _tendons(inst: FullForm) -> Table:
-    shown = table(padding=(0, 1, 0, 0))
-    shown.add_column("tendon", no_wrap=True)
-    shown.add_column("route")
-    shown.add_column(escape("stiffness\n[N/mm]"), justify="right")
-    shown.add_column(escape("pretension\n[N]"), justify="right")
+    shown = table(None, "tendon", "route", ">stiffness\n[N/mm]", ">pretension\n[N]")
     for tendon, stiffness, tension in zip(inst.tendons, inst.stiffnesses, inst.pretensions, strict=True):
         cells = (tendon.name, route(inst, tendon), f"{1e-3 * stiffness:.4g}", f"{tension:.4g}")
         shown.add_row(*map(escape, cells))

@@ -9,7 +9,8 @@ from typing import Annotated
 
 import typer
 
-from tenodesis.cli.common import InstrumentFile, console, load_instrument, say, value_errors, warn
+from tenodesis.cli.command import command
+from tenodesis.cli.common import InstrumentFile, console, load_instrument, say, warn
 from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.errors import CommandError, LiveError
 from tenodesis.live import folder as folders
@@ -25,6 +26,7 @@ _DESKTOPS = ("DISPLAY", "WAYLAND_DISPLAY")
 """Variables of the environment, one of which is set where a browser has a screen."""
 
 
+@command()
 def live_console(  # noqa: PLR0917
     instrument_file: InstrumentFile = "scaled-up",
     device: Annotated[DeviceName, typer.Option(help="Device to control.")] = "twin",
@@ -55,14 +57,10 @@ def live_console(  # noqa: PLR0917
         typer.Option(
             metavar="FILE",
             help="Draw the parts of this file, the assembly.glb of tenodesis cad, instead of plain solids.",
-            show_default=False,
         ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the twin's sensor noise.", min=0)] = 0,
-    foxglove: Annotated[
-        int | None,
-        typer.Option(help="Also serve Foxglove on this port; 0: any free port.", show_default=False),
-    ] = None,
+    foxglove: Annotated[int | None, typer.Option(help="Also serve Foxglove on this port; 0: any free port.")] = None,
 ) -> None:
     """Open the live instrument in the browser: move its handle, push on its tip, switch the compensation on and off."""
     from tenodesis.console import link_page, load_parts, serve  # noqa: PLC0415 - foxglove does without the page
@@ -70,8 +68,7 @@ def live_console(  # noqa: PLR0917
     if not 0 < port < 65536:
         raise CommandError(key="--port", value=port, allowed="between 1 and 65535")
     inst = load_instrument(instrument_file)
-    with value_errors():
-        parts = None if solids is None else load_parts(solids)
+    parts = None if solids is None else load_parts(solids)
     if parts is not None and (other := parts.differs(inst)):
         raise CommandError(f"--solids {solids} are not those of {instrument_file}: {other}.", key="--solids")
     ending = threading.Event()
@@ -89,7 +86,9 @@ def live_console(  # noqa: PLR0917
                 _open(page.url, opener, browser=browser)
                 say(f"Runtime: process {live.pid}, folder {live.folder}; recordings go to {recordings.absolute()}.")
                 if foxglove is not None:
-                    with live_foxglove.Server(Reader(live.folder), "127.0.0.1", foxglove, folder=live.folder) as server:
+                    with live_foxglove.FoxgloveServer(
+                        Reader(live.folder), "127.0.0.1", foxglove, folder=live.folder
+                    ) as server:
                         say(f"Foxglove: ws://127.0.0.1:{server.port}")
                         live_foxglove.serve(server, ending)
                 ending.wait()
@@ -106,12 +105,10 @@ def _open(url: str, opener: Path, *, browser: bool) -> None:
         webbrowser.open(opener.as_uri())
 
 
+@command()
 def foxglove(
     folder: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="FOLDER", help="Folder of the runtime. Default: that of the only runtime.", show_default=False
-        ),
+        Path | None, typer.Argument(metavar="FOLDER", help="Folder of the runtime. Default: that of the only runtime.")
     ] = None,
     host: Annotated[
         str, typer.Option(help="Address to listen on; by default only this computer can connect.")
@@ -125,7 +122,7 @@ def foxglove(
     stop = threading.Event()
     with on_signal(stop.set):
         reader = Reader(folder)
-        with live_foxglove.Server(reader, host, port, rate=None if all_rows else rate, folder=folder) as server:
+        with live_foxglove.FoxgloveServer(reader, host, port, rate=None if all_rows else rate, folder=folder) as server:
             shared = live_foxglove.warning(host)
             if shared is not None:
                 warn(shared)
@@ -137,6 +134,7 @@ def foxglove(
             say(f"{server.lost} rows were not sent, for this was too slow.")
 
 
+@command()
 def link() -> None:
     """Print the link that opens the page of the console that runs here, its token included."""
     url = folders.read_link(_running().parent)

@@ -1,7 +1,6 @@
 """The command that answers what a load takes: ``tenodesis loss``."""
 
-import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import groupby
 from math import degrees, isfinite
 from typing import Annotated, Any, NamedTuple
@@ -13,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tenodesis import statics
+from tenodesis.cli.command import Answer, command
 from tenodesis.cli.common import (
     InstrumentFile,
     components,
@@ -84,14 +84,7 @@ class Asked(NamedTuple):
     axis: str | None
 
 
-class Answer(NamedTuple):
-    """What the command says."""
-
-    content: dict[str, Any]
-    """For JSON"""
-    show: Callable[[], None]
-
-
+@command(json="Print JSON, in SI units.")
 def loss(  # noqa: PLR0917
     instrument_file: InstrumentFile,
     load: Annotated[
@@ -115,24 +108,18 @@ def loss(  # noqa: PLR0917
         ),
     ] = None,
     grip: Annotated[
-        str | None,
-        typer.Option(help="Force by which an object presses the jaws apart, like '2 N'. Default: none."),
+        str | None, typer.Option(help="Force by which an object presses the jaws apart, like '2 N'. Default: none.")
     ] = None,
     axis: Annotated[
         str | None,
         typer.Option(help="Axis to compute, where yaw and pitch have values of their own. Default: the first."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, in SI units.")] = False,
-) -> None:
+) -> Answer:
     """Print the angle that loads take at the tip, what restores it, and the load at which a tendon goes slack."""
     inst = load_instrument(instrument_file)
     asked = Asked(load or (), angle or (), moment, grip, axis)
     short = inst.short_form
-    answer = _of_joints(inst.expanded, asked) if short is None else _of_axis(short, asked)
-    if as_json:
-        typer.echo(json.dumps(answer.content, indent=1))
-    else:
-        answer.show()
+    return _of_joints(inst.expanded, asked) if short is None else _of_axis(short, asked)
 
 
 def _of_axis(inst: ShortForm, asked: Asked) -> Answer:
@@ -160,7 +147,7 @@ def _of_axis(inst: ShortForm, asked: Asked) -> Answer:
             )
 
     rows = [_plain(one) for one in found]
-    return Answer({"instrument": inst.name, "axis": inst.axes[0], "units": _UNITS, "rows": rows}, show)
+    return Answer(lambda: {"instrument": inst.name, "axis": inst.axes[0], "units": _UNITS, "rows": rows}, show)
 
 
 def _of_joints(inst: FullForm, asked: Asked) -> Answer:
@@ -185,7 +172,7 @@ def _of_joints(inst: FullForm, asked: Asked) -> Answer:
             say(f"Beside each load: {', '.join(beside_each)}.")
         print_losses(inst, found, restored=True)
 
-    return Answer(losses_as_json(inst, found), show)
+    return Answer(lambda: losses_as_json(inst, found), show)
 
 
 def losses(inst: ShortForm, angles: Sequence[float], forces: Sequence[float]) -> list[AxisLoss]:
@@ -227,9 +214,8 @@ def print_losses(inst: FullForm, found: Sequence[Loss], *, restored: bool = Fals
     """Print a table for each state: what each load takes, and on demand what motors wind to restore it."""
     for _, state in groupby(found, key=lambda one: one.output_angles.tolist()):
         rows = list(state)
-        shown = table(padding=(0, 1, 0, 0))
-        for heading in ("load [N]", *(f"{joint.name}\n[°]" for joint in inst.tip_joints), "slack from", "tendon"):
-            shown.add_column(escape(heading), justify="right", overflow="fold")
+        angles = (f">{joint.name}\n[°]" for joint in inst.tip_joints)
+        shown = table(None, ">load [N]", *angles, ">slack from", ">tendon")
         for one in rows:
             lost = [_fixed(degrees(angle)) for angle in one.lost]
             factor = f"{one.slack_factor:.3g} times" if one.slack_factor else "no load"
@@ -286,19 +272,10 @@ def _numbers(option: str, text: str, kind: Any, count: int, example: str) -> Arr
 
 
 def _table(inst: ShortForm, found: Sequence[AxisLoss]) -> Table:
-    shown = table(f"{escape(inst.name)}, {inst.axes[0]}: what a load takes at the tip", padding=(0, 1, 0, 0))
-    for heading in (
-        "load\n[N]",
-        "tip at\n[°]",
-        "falls to\n[°]",
-        "lost\n[°]",
-        "handle\nby [°]",
-        "stroke\n[mm]",
-        "agonist\n[N]",
-        "antago-\nnist [N]",
-        "slack\nfrom [N]",
-    ):
-        shown.add_column(escape(heading), justify="right", no_wrap=True)
+    shown = table(
+        f"{inst.name}, {inst.axes[0]}: what a load takes at the tip", ">load\n[N]", ">tip at\n[°]", ">falls to\n[°]",
+        ">lost\n[°]", ">handle\nby [°]", ">stroke\n[mm]", ">agonist\n[N]", ">antago-\nnist [N]", ">slack\nfrom [N]",
+    )  # fmt: skip
     for n, one in enumerate(found):
         last = n + 1 == len(found) or found[n + 1].force != one.force
         cells = (

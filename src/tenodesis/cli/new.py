@@ -10,15 +10,16 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 import typer
 
 from tenodesis import instrument, plant, statics
+from tenodesis.cli.command import command
 from tenodesis.cli.common import check_choice, note, quantity, say, warn
-from tenodesis.cli.outputs import Overwrite, write_text, writing
+from tenodesis.cli.outputs import Outputs, write_text
 from tenodesis.control.plausibility import implausible, solid_tip_inertia
 from tenodesis.errors import CommandError, InstrumentError
 from tenodesis.instrument import JOINT_TYPES, ShortForm
 from tenodesis.instrument.template import ASSUMED, QUESTIONS, ROPES, Question, sketch, text
 from tenodesis.units import Force, Length, PositiveForce, annotation, quantity_of
 
-Answer: TypeAlias = str | None
+Given: TypeAlias = str | None
 
 _MECHANISMS = {name: name for name in JOINT_TYPES} | {"gear": "tendon-gear", "pulley": "tendon-pulley"}
 _LOADS = ("0.5 N", "1 N", "2 N")
@@ -35,36 +36,36 @@ _HANDLE_SHARE = 0.24  # of the overall length
 
 
 def _option(what: str) -> Any:
-    return typer.Option(help=what, show_default=False)
+    return typer.Option(help=what)
 
 
+@command()
 def new(  # noqa: PLR0917
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the instrument; the file is NAME.toml.")],
-    mechanism: Annotated[Answer, _option("tendon-gear, tendon-pulley or continuum.")] = None,
-    distal_radius: Annotated[
-        Answer, _option("Radius of the gears or the pulley at the tip; a tendon's offset.")
-    ] = None,
-    proximal_radius: Annotated[Answer, _option("Radius of the gears or the pulley at the handle.")] = None,
-    backbone_length: Annotated[Answer, _option("Length of a continuum's backbone.")] = None,
-    backbone_rigidity: Annotated[Answer, _option("Flexural rigidity E I of a continuum's backbone.")] = None,
-    end_effector_length: Annotated[Answer, _option("From the joint's moving part to the force at the tip.")] = None,
-    overall_length: Annotated[Answer, _option("Overall length, hand to tip; also the tendons' length.")] = None,
-    tendon_diameter: Annotated[Answer, _option("Diameter of the rope.")] = None,
-    pretension: Annotated[Answer, _option("Tension of either tendon at rest.")] = None,
+    mechanism: Annotated[Given, _option("tendon-gear, tendon-pulley or continuum.")] = None,
+    distal_radius: Annotated[Given, _option("Radius of the gears or the pulley at the tip; a tendon's offset.")] = None,
+    proximal_radius: Annotated[Given, _option("Radius of the gears or the pulley at the handle.")] = None,
+    backbone_length: Annotated[Given, _option("Length of a continuum's backbone.")] = None,
+    backbone_rigidity: Annotated[Given, _option("Flexural rigidity E I of a continuum's backbone.")] = None,
+    end_effector_length: Annotated[Given, _option("From the joint's moving part to the force at the tip.")] = None,
+    overall_length: Annotated[Given, _option("Overall length, hand to tip; also the tendons' length.")] = None,
+    tendon_diameter: Annotated[Given, _option("Diameter of the rope.")] = None,
+    pretension: Annotated[Given, _option("Tension of either tendon at rest.")] = None,
     rope: Annotated[str, typer.Option(help=f"Kind of rope: {', '.join(ROPES)}.")] = "steel",
     load: Annotated[
         list[str] | None, typer.Option(help="Load at the tip, repeatable. Default: 0.5 N, 1 N and 2 N.")
     ] = None,
-    stem_diameter: Annotated[Answer, _option("Outer diameter of the stem. Default: around the distal radius.")] = None,
+    stem_diameter: Annotated[Given, _option("Outer diameter of the stem. Default: around the distal radius.")] = None,
     handle_length: Annotated[
-        Answer, _option("From the joint's moving part to the hand. Default: 120 mm at most.")
+        Given, _option("From the joint's moving part to the hand. Default: 120 mm at most.")
     ] = None,
-    output_range: Annotated[Answer, _option("Working range of the tip to either side. Default: 80 deg.")] = None,
+    output_range: Annotated[Given, _option("Working range of the tip to either side. Default: 80 deg.")] = None,
     handle_range: Annotated[
-        Answer, _option("Largest handle angle to either side. Default: what the tip needs and a quarter more.")
+        Given, _option("Largest handle angle to either side. Default: what the tip needs and a quarter more.")
     ] = None,
     defaults: Annotated[bool, typer.Option("--defaults", help="Ask nothing: what is not given is assumed.")] = False,
-    overwrite: Overwrite = False,
+    *,
+    outputs: Outputs,
 ) -> None:
     """Write a commented instrument file from a mechanism and six numbers, asking for what no option gives."""
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
@@ -87,7 +88,7 @@ def new(  # noqa: PLR0917
         "output_range": output_range,
         "handle_range": handle_range,
     }
-    with writing([("NAME", path)], overwrite=overwrite):
+    with outputs.files(NAME=path):
         joint_type = _mechanism(mechanism, defaults)
         answers = _answers(joint_type, given, defaults)
         for key, value in more.items():
@@ -167,7 +168,7 @@ class _Draft(NamedTuple):
         return instrument.as_short_form(instrument.parse(self.text(), f"{self.name}.toml"))
 
 
-def _mechanism(given: Answer, defaults: bool) -> str:
+def _mechanism(given: Given, defaults: bool) -> str:
     allowed = f"one of {', '.join(JOINT_TYPES)}"
     while True:
         answer = given if given is not None else "tendon-pulley" if defaults else _asked("Mechanism", "tendon-pulley")
@@ -179,7 +180,7 @@ def _mechanism(given: Answer, defaults: bool) -> str:
         say(f"It must be {allowed}.", "yellow")
 
 
-def _answers(joint_type: str, given: Mapping[str, Answer], defaults: bool) -> dict[str, _Answer]:
+def _answers(joint_type: str, given: Mapping[str, Given], defaults: bool) -> dict[str, _Answer]:
     """Return the answer to each question of a mechanism by key, asking where no option gives it."""
     questions = QUESTIONS[joint_type]
     foreign = next(

@@ -4,23 +4,22 @@ import json
 import os
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import Any
 
 import typer
 
 from tenodesis.errors import CommandError, CommandInterruptedError
-from tenodesis.files import atomic_file, locked_file, locked_folder
-
-Overwrite: TypeAlias = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
+from tenodesis.files import atomic_file, locked_file, locked_folder, write_errors
 
 TABLES = {".csv": "a CSV table", ".parquet": "a Parquet table"}
 """Extensions of the tables that a recording is exported to."""
 RECORDING = {".mcap": "an MCAP recording"}
 FIGURE = {".png": "a figure", ".svg": "a figure", ".pdf": "a figure"}
 HEADER = {".h": "a C header"}
-MODELS = {".urdf": {".urdf": "a URDF file", ".xml": "a URDF file"}, ".xml": {".xml": "a MuJoCo model"}}
+URDF = {".urdf": "a URDF file", ".xml": "a URDF file"}
+MJCF = {".xml": "a MuJoCo model"}
 JSON = {".json": "a JSON file"}
 INSTRUMENT = {".toml": "an instrument file"}
 
@@ -28,72 +27,106 @@ WRITTEN: list[Path] = []
 """What this process has written, for the sentence that an interrupt ends in."""
 
 
-@contextmanager
-def writing(
-    outputs: Sequence[tuple[str, Path | None]],
-    inputs: Iterable[Path | str | None] = (),
-    *,
-    overwrite: bool,
-    folder: Path | None = None,
-    subfolders: Sequence[str] = (),
-) -> Iterator[None]:
-    """Do the work that makes a command's outputs: refused before it begins if they cannot, or must not, be written.
-
-    Nobody else who uses this can write them meanwhile. A KeyboardInterrupt ends in an error that states what is
-    written.
+class Outputs:
+    """Where a command may write.
 
     Parameters
     ----------
-    outputs
-        Each with its option; those without a path are left out.
     inputs
         Files and folders that are read, or names of what is shipped; none is ever written over.
     overwrite
         Whether outputs that exist may be replaced.
-    folder
-        Of all outputs, made if absent; without it, an output's folder must exist.
-    subfolders
-        Names of folders within it, all of whose files may be written.
-
-    Raises
-    ------
-    CommandError
-        An output is an input or inside one, another output, a folder or no regular file, exists and may not be
-        replaced, cannot be written, or is being written by somebody else; nothing was done.
-    CommandInterruptedError
-        The user interrupted the work.
     """
-    given = [(option, path) for option, path in outputs if path is not None]
-    sources = [Path(one) for one in inputs if one is not None and (isinstance(one, Path) or Path(one).is_file())]
-    _check_outputs(given, sources, folder, overwrite=overwrite)
-    for place in [] if folder is None or overwrite else [folder / name for name in subfolders]:
-        if place.is_dir() and any(place.iterdir()):
-            raise CommandError(f"{place} exists already; give another path, or --overwrite.", value=place)
-    before = {path: _version(path) for _, path in given}
-    alone = [path for path in before if folder is None or not path.is_relative_to(folder)]
-    with ExitStack() as locks:
-        for path in alone if folder is None else [folder, *alone]:
+
+    def __init__(self, inputs: Iterable[Path | str], overwrite: bool) -> None:
+        self._inputs = [Path(one) for one in inputs if isinstance(one, Path) or Path(one).is_file()]
+        self.overwrite = overwrite
+
+    def files(self, **paths: Path | None) -> AbstractContextManager[None]:
+        """Do the work that makes files, each given by its option: ``plot_out=path`` for --plot-out; None for none.
+
+        It is refused before it begins if they cannot, or must not, be written. Nobody else who uses this can write them
+        meanwhile. A KeyboardInterrupt ends in an error that states what is written.
+
+        Raises
+        ------
+        CommandError
+            An output is an input or inside one, another output, a folder or no regular file, exists and may not be
+            replaced, cannot be written, or is being written by somebody else; nothing was done.
+        CommandInterruptedError
+            The user interrupted the work.
+        """
+        return self._writing(_by_option(paths), None, (), self.overwrite)
+
+    def folder(
+        self,
+        folder: Path,
+        names: Iterable[str],
+        subfolders: Sequence[str] = (),
+        *,
+        option: str = "--out",
+        replace: bool = False,
+        **paths: Path | None,
+    ) -> AbstractContextManager[None]:
+        """Do the work that makes files in a folder, which is made if absent, and others beside it; as :meth:`files`.
+
+        Parameters
+        ----------
+        folder, names
+            The folder, and the files within it.
+        subfolders
+            Names of folders within it, all of whose files may be written.
+        option
+            The folder's option.
+        replace
+            Whether what exists may be replaced without being asked for.
+        paths
+            Others, each by its option.
+        """
+        outputs = [*((option, folder / name) for name in names), *_by_option(paths)]
+        return self._writing(outputs, folder, subfolders, self.overwrite or replace)
+
+    @contextmanager
+    def _writing(
+        self, given: Sequence[tuple[str, Path]], folder: Path | None, subfolders: Sequence[str], overwrite: bool
+    ) -> Iterator[None]:
+        _check_outputs(given, self._inputs, folder, overwrite=overwrite)
+        for place in [] if folder is None or overwrite else [folder / name for name in subfolders]:
+            if place.is_dir() and any(place.iterdir()):
+                raise CommandError(f"{place} exists already; give another path, or --overwrite.", value=place)
+        before = {path: _version(path) for _, path in given}
+        alone = [path for path in before if folder is None or not path.is_relative_to(folder)]
+        with ExitStack() as locks:
+            for path in alone if folder is None else [folder, *alone]:
+                with write_errors(path, CommandError):
+                    try:
+                        locks.enter_context(locked_folder(path) if path is folder else locked_file(path))
+                    except BlockingIOError:
+                        raise CommandError(
+                            f"{path} is being written by another command; wait for it, or give another path.",
+                            value=path,
+                        ) from None
             try:
-                locks.enter_context(locked_folder(path) if path is folder else locked_file(path))
-            except BlockingIOError:
-                raise CommandError(
-                    f"{path} is being written by another command; wait for it, or give another path.", value=path
-                ) from None
-            except OSError as problem:
-                raise CommandError(f"{path} cannot be written: {problem.strerror or problem}.", value=path) from None
-        try:
-            yield
-        except KeyboardInterrupt:
-            changed = [path for path in before if _version(path) != before[path]]
-            left = [path for path in before if path not in changed]
-            if not changed:
+                yield
+            except KeyboardInterrupt:
+                changed = [path for path in before if _version(path) != before[path]]
+                left = ", ".join(str(path) for path in before if path not in changed)
+                if not changed:
+                    raise CommandInterruptedError(f"interrupted; nothing is written to {folder or left}.") from None
+                missing = f"; not written: {left}" if left else ""
                 raise CommandInterruptedError(
-                    f"interrupted; nothing is written to {folder or ', '.join(map(str, left))}."
+                    f"interrupted; written: {', '.join(map(str, changed))}{missing}."
                 ) from None
-            missing = f"; not written: {', '.join(map(str, left))}" if left else ""
-            raise CommandInterruptedError(f"interrupted; written: {', '.join(map(str, changed))}{missing}.") from None
-        finally:
-            WRITTEN.extend(path for path in before if _version(path) != before[path])
+            finally:
+                WRITTEN.extend(path for path in before if _version(path) != before[path])
+
+
+def _by_option(paths: Mapping[str, Path | None]) -> list[tuple[str, Path]]:
+    return [
+        (name if name.isupper() else f"--{name.replace('_', '-')}", path)
+        for name, path in paths.items()
+        if path is not None
+    ]
 
 
 def written_by_us(numbers: Path, key: str, *, chapters: Sequence[str] = ()) -> bool:
@@ -134,16 +167,12 @@ def _check_outputs(
         within = folder is not None and path.is_relative_to(folder)
         if not within and not path.parent.exists():
             raise CommandError(f"{path} cannot be written: there is no folder {path.parent}.", key=option, value=path)
-        try:
-            # No file can be made in its folder, or the nearest one above that exists.
-            with tempfile.TemporaryFile(dir=next(one for one in place.parents if one.exists())):
-                pass
-        except OSError as problem:
-            raise CommandError(
-                f"{folder if within else path} cannot be written: {problem.strerror or problem}.",
-                key=option,
-                value=path,
-            ) from None
+        nearest = next(one for one in place.parents if one.exists())
+        with (
+            write_errors(folder if folder is not None and within else path, CommandError, option),
+            tempfile.TemporaryFile(dir=nearest),
+        ):
+            pass
         taken[place] = option
 
 
@@ -156,30 +185,35 @@ def _version(path: Path) -> tuple[int, int] | None:
     return found.st_ino, found.st_mtime_ns
 
 
-def check_suffix(option: str, path: Path | None, allowed: Mapping[str, str]) -> None:
-    """Refuse the path of an output by its extension.
+def output(kinds: Mapping[str, str], help_: str, *names: str, **settings: Any) -> Any:
+    """Return the option of a file that is written, which refuses a path by its extension.
 
     Parameters
     ----------
-    option, path
-        The option, and its path if it was given.
-    allowed
+    kinds
         What is written, by extension.
-
-    Raises
-    ------
-    CommandError
-        The extension is none of these.
+    help_, names, settings
+        Of the option.
     """
-    if path is None or path.suffix in allowed:
+
+    def check(parameter: typer.CallbackParam, path: Path | None) -> Path | None:
+        check_suffix(parameter.opts[0], path, kinds)
+        return path
+
+    return typer.Option(*names, help=help_, callback=check, **settings)
+
+
+def check_suffix(option: str, path: Path | None, kinds: Mapping[str, str]) -> None:
+    """Refuse the path of an output by its extension; raises CommandError."""
+    if path is None or path.suffix in kinds:
         return
-    kinds = " or ".join(dict.fromkeys(allowed.values()))
-    must = f"must end in {' or '.join(allowed)}"
+    must = f"must end in {' or '.join(kinds)}"
+    written = " or ".join(dict.fromkeys(kinds.values()))
     hint = ""
-    if ".mcap" in allowed and path.suffix in TABLES:
+    if ".mcap" in kinds and path.suffix in TABLES:
         hint = f"; for a table: tenodesis export recording {path.with_suffix('.mcap')} --out {path}"
     raise CommandError(
-        f"{path}: {option} writes {kinds}, whose name {must}{hint}.", key=option, value=path, allowed=must
+        f"{path}: {option} writes {written}, whose name {must}{hint}.", key=option, value=path, allowed=must
     )
 
 
@@ -200,14 +234,5 @@ def write_text(path: Path, text: str) -> None:
     CommandError
         It cannot be written.
     """
-    with write_errors(path), atomic_file(path) as new:
+    with write_errors(path, CommandError), atomic_file(path) as new:
         new.write_text(text, "utf-8")
-
-
-@contextmanager
-def write_errors(path: Path) -> Iterator[None]:
-    """Raise an error of the operating system on writing a path as an error of the command."""
-    try:
-        yield
-    except OSError as problem:
-        raise CommandError(f"{path} cannot be written: {problem.strerror or problem}.") from None

@@ -4,26 +4,22 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.markup import escape
 
+from tenodesis.cli.command import command
 from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_instrument, quantity, say, table
-from tenodesis.cli.outputs import Overwrite, writing
+from tenodesis.cli.outputs import Outputs
 from tenodesis.identification.experiment import DURATION, OPTIMISTIC, Plan, plan, report
-from tenodesis.identification.experiment.choice import CriterionName
+from tenodesis.identification.experiment.information import CriterionName
 from tenodesis.units import Duration, PositiveForce
 
 _NONE = "none"
 
 
+@command("instrument_file")
 def plan_identification(  # noqa: PLR0917
     instrument_file: InstrumentFile,
     want: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAMES",
-            help="Parameters or groups. Default: friction,stiffness,pretension.",
-            show_default=False,
-        ),
+        str | None, typer.Option(metavar="NAMES", help="Parameters or groups. Default: friction,stiffness,pretension.")
     ] = None,
     duration: Annotated[str, typer.Option(help="Longest duration of the protocol.")] = f"{DURATION:g} s",
     without_distal_encoder: Annotated[
@@ -32,29 +28,27 @@ def plan_identification(  # noqa: PLR0917
     forces: Annotated[
         str | None,
         typer.Option(
-            metavar="FORCES",
-            help='Known forces at the tip, "0.5 N,1 N", or none. Default: shares of the slack limit.',
-            show_default=False,
+            metavar="FORCES", help='Known forces at the tip, "0.5 N,1 N", or none. Default: shares of the slack limit.'
         ),
     ] = None,
-    law: Annotated[str | None, typer.Option(help="Friction law. Default: the file's.", show_default=False)] = None,
+    law: Annotated[str | None, typer.Option(help="Friction law. Default: the file's.")] = None,
     criterion: Annotated[CriterionName, typer.Option(help="D: confidence region; A: sum of variances.")] = "D",
-    axis: Annotated[str | None, typer.Option(help="Axis to plan for. Default: the first.", show_default=False)] = None,
+    axis: Annotated[str | None, typer.Option(help="Axis to plan for. Default: the first.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for protocol.toml, plan.html, plan.svg and plan.json.")] = Path(
         "out/plan-identification"
     ),
-    overwrite: Overwrite = False,
+    *,
+    outputs: Outputs,
 ) -> None:
     """Propose the bench protocol that makes parameters identifiable, and predict their precision."""
     inst = load_instrument(instrument_file, planar=True)
     if axis is not None:
         inst = inst.axis(axis)
     names = (report.PROTOCOL, report.PAGE, report.FIGURE, report.NUMBERS)
-    outputs = [("--out", out / name) for name in names]
     seconds = quantity("--duration", duration, Duration)
     loads = None if forces is None else _forces(forces)
     with (
-        writing(outputs, [instrument_file], overwrite=overwrite, folder=out),
+        outputs.folder(out, names),
         ProgressBar("protocols tried") as bar,
     ):
         found = plan(
@@ -85,21 +79,12 @@ def _forces(text: str) -> list[float]:
 
 
 def _print_plan(found: Plan) -> None:
-    title = f"{escape(found.inst.name)}: proposed protocol, {found.proposed.seconds:.4g} s"
-    blocks = table(title)
-    for heading in ("begins [s]", "lasts [s]"):
-        blocks.add_column(heading, justify="right")
-    blocks.add_column("block", overflow="fold")
-    for block in found.blocks:
-        blocks.add_row(f"{block.begins:.2f}", f"{block.seconds:.2f}", escape(block.candidate.name))
-    console.print(blocks)
-    intervals = table("predicted 95 % intervals, all parameters open; times as wide by the others")
-    intervals.add_column("wanted", no_wrap=True)
-    for heading in ("file", "half width"):
-        intervals.add_column(heading, justify="right", no_wrap=True)
-    for one in found.baselines:
-        intervals.add_column(one.name, justify="right", overflow="fold")
-    intervals.add_column("")
+    title = f"{found.inst.name}: proposed protocol, {found.proposed.seconds:.4g} s"
+    blocks = ((f"{one.begins:.2f}", f"{one.seconds:.2f}", one.candidate.name) for one in found.blocks)
+    console.print(table(title, ">begins [s]", ">lasts [s]", "block", rows=blocks))
+    title = "predicted 95 % intervals, all parameters open; times as wide by the others"
+    others = (">" + one.name.replace(" ", "\n") for one in found.baselines)
+    intervals = table(title, "wanted", ">file", ">half width", *others, "")
     for name in found.wanted:
         ratios = (report.ratio(found, one, name) for one in found.baselines)
         intervals.add_row(

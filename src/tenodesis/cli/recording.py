@@ -1,6 +1,5 @@
 """The commands about recordings: record, describe, repeat, export."""
 
-import json
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,6 +11,7 @@ from rich.markup import escape
 
 from tenodesis import control, simulate
 from tenodesis import twin as twins
+from tenodesis.cli.command import Answer, command
 from tenodesis.cli.common import (
     InstrumentFile,
     ProgressBar,
@@ -22,13 +22,13 @@ from tenodesis.cli.common import (
     quantity,
     say,
     table,
-    value_errors,
     warn_resolution,
 )
-from tenodesis.cli.outputs import FIGURE, RECORDING, TABLES, Overwrite, check_suffix, write_errors, writing
+from tenodesis.cli.outputs import FIGURE, RECORDING, TABLES, Outputs, output
 from tenodesis.control import Controller
 from tenodesis.control.controller import ActuationName, LawName, ObserverName
 from tenodesis.errors import CommandError, CommandInterruptedError, ProtocolError
+from tenodesis.files import write_errors
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.live import event_summary
 from tenodesis.recording import Recording, tables
@@ -40,69 +40,56 @@ from tenodesis.run import Run
 from tenodesis.units import Duration, in_unit
 
 
+@command("instrument_file", "protocol_file", "controller_instrument")
 def record(  # noqa: PLR0917
     instrument_file: InstrumentFile,
     protocol_file: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="PROTOCOL",
-            help="Protocol file, or the name of a shipped protocol.",
-            show_default=False,
-        ),
+        str | None, typer.Argument(metavar="PROTOCOL", help="Protocol file, or the name of a shipped protocol.")
     ] = None,
     out: Annotated[
-        Path | None,
-        typer.Option(help="The file. Default: recordings/PROTOCOL-INSTRUMENT[-LAW].mcap.", show_default=False),
+        Path | None, output(RECORDING, "The file. Default: recordings/PROTOCOL-INSTRUMENT[-LAW].mcap.")
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 0,
     time_step: Annotated[str, typer.Option(help="Time step, with its unit.")] = f"{twins.TIME_STEP * 1e3:g} ms",
     quasi_static: Annotated[bool, typer.Option("--quasi-static", help="Omit inertia and damping.")] = False,
-    overwrite: Overwrite = False,
-    axis: Annotated[str | None, typer.Option(help="Axis to run alone. Default: all.", show_default=False)] = None,
+    axis: Annotated[str | None, typer.Option(help="Axis to run alone. Default: all.")] = None,
     law: Annotated[
-        LawName | None,
-        typer.Option(help="Compensation law of a controller in the loop. Default: no controller.", show_default=False),
+        LawName | None, typer.Option(help="Compensation law of a controller in the loop. Default: no controller.")
     ] = None,
     observer: Annotated[
-        ObserverName | None,
-        typer.Option(help="Observer of the controller. Default: friction.", show_default=False),
+        ObserverName | None, typer.Option(help="Observer of the controller. Default: friction.")
     ] = None,
-    actuation: Annotated[
-        ActuationName | None, typer.Option(help="Motors that act. Default: differential.", show_default=False)
-    ] = None,
+    actuation: Annotated[ActuationName | None, typer.Option(help="Motors that act. Default: differential.")] = None,
     controller_instrument: Annotated[
         str | None,
         typer.Option(
-            metavar="INSTRUMENT",
-            help="Instrument that the controller assumes: file or name. Default: INSTRUMENT.",
-            show_default=False,
+            metavar="INSTRUMENT", help="Instrument that the controller assumes: file or name. Default: INSTRUMENT."
         ),
     ] = None,
+    *,
+    outputs: Outputs,
 ) -> None:
     """Run a protocol on the twin of an instrument and record it, with --law under a controller.
 
     A protocol that begins with a pretension phase finds slack tendons, which a controller homes. By default every joint
     moves, the tip is loaded, and jaws grip.
     """
-    check_suffix("--out", out, RECORDING)
     inst, protocol = _inputs(instrument_file, protocol_file)
     other = inst if controller_instrument is None else load_instrument(controller_instrument)
     if axis is not None:
         inst, other = inst.axis(axis), other.axis(axis)
     step = quantity("--time-step", time_step, Duration)
-    with value_errors():
-        protocol.plan(inst, step)
-        # Without a law an instrument need not have a joint that one could serve.
-        assumed = control.compensated(other) if law is not None or control.pairs(other) else None
-        period = max(step, 1 / inst.sensors.sampling_rate)
-        controller = _controller(
-            assumed, protocol, period, law=law, observer=observer, actuation=actuation, other=controller_instrument
-        )
-        if controller is not None:
-            controller.check_instrument(inst)
+    protocol.plan(inst, step)
+    # Without a law an instrument need not have a joint that one could serve.
+    assumed = control.compensated(other) if law is not None or control.pairs(other) else None
+    period = max(step, 1 / inst.sensors.sampling_rate)
+    controller = _controller(
+        assumed, protocol, period, law=law, observer=observer, actuation=actuation, other=controller_instrument
+    )
+    if controller is not None:
+        controller.check_instrument(inst)
     path = _default_path(protocol_file or protocol.name, instrument_file, law) if out is None else out
-    inputs = (instrument_file, protocol_file, controller_instrument)
-    with writing([("--out", path)], inputs, overwrite=overwrite), value_errors(), _progress(path) as progress:
+    with outputs.files(out=path), _progress(path) as progress:
         if assumed is not None:
             warn_resolution(assumed)
         run = record_run(
@@ -113,57 +100,54 @@ def record(  # noqa: PLR0917
             time_step=step,
             seed=seed,
             quasi_static=quasi_static,
-            overwrite=overwrite,
+            overwrite=outputs.overwrite,
             progress=progress,
         )
     say(f"{path}: {protocol.name} on {inst.name}, {run.time[-1]:.6g} s, {len(run)} rows, {file_size(path)}.")
     _print_outcome(run, inst)
 
 
-def info(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON: a list with one entry per recording.")] = False,
-) -> None:
+@command(json="Print JSON: a list with one entry per recording.")
+def info(files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings.")]) -> Answer:
     """Print the contents of recordings: origin, topics, ranges of the signals, and events."""
-    if as_json:
-        found = [{"file": str(file), **contents(Recording.open(file))} for file in files]
-        typer.echo(json.dumps(found, indent=1, ensure_ascii=False))
-        return
-    for file in files:
-        recording = Recording.open(file)
-        if files[1:]:
-            console.rule(escape(str(file)))
-        console.print(describe(recording))
-        events = event_summary.describe(recording)
-        if events is not None:
-            console.print(events)
+
+    def show() -> None:
+        for file in files:
+            recording = Recording.open(file)
+            if files[1:]:
+                console.rule(escape(str(file)))
+            console.print(describe(recording))
+            events = event_summary.describe(recording)
+            if events is not None:
+                console.print(events)
+
+    return Answer(lambda: [{"file": str(file), **contents(Recording.open(file))} for file in files], show)
 
 
+@command("file", "instrument_file")
 def replay(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording.")],
     instrument_file: Annotated[
         str | None,
         typer.Option("--instrument", metavar="INSTRUMENT", help="Instrument file or shipped name. Default: recorded."),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Recording to write the replay to.", show_default=False)] = None,
-    plot_out: Annotated[Path | None, typer.Option(help="Figure to draw: PNG, SVG or PDF.", show_default=False)] = None,
-    overwrite: Overwrite = False,
+    out: Annotated[Path | None, output(RECORDING, "Recording to write the replay to.")] = None,
+    plot_out: Annotated[Path | None, output(FIGURE, "Figure to draw: PNG, SVG or PDF.")] = None,
+    *,
+    outputs: Outputs,
 ) -> None:
     """Run a recording's commands again and print how the twin differs from the recording."""
-    check_suffix("--out", out, RECORDING)
-    check_suffix("--plot-out", plot_out, FIGURE)
-    with writing([("--out", out), ("--plot-out", plot_out)], [file, instrument_file], overwrite=overwrite):
+    with outputs.files(out=out, plot_out=plot_out):
         recording = Recording.open(file)
         inst = None if instrument_file is None else load_instrument(instrument_file)
-        with value_errors():
-            again = run_again(recording, inst)
+        again = run_again(recording, inst)
         if recording.damage is not None:
             say(recording.damage)
         _print_differences(again)
         if not again.exact:
             _print_outcome(again.run, again.inst)
         if out is not None:
-            again.write(out, overwrite=overwrite)
+            again.write(out, overwrite=outputs.overwrite)
             say(f"{out}: the replay, {again.run.time[-1]:.6g} s, {len(again.run)} rows, {file_size(out)}.")
         if plot_out is not None:
             from tenodesis.report.replay import plot as draw  # noqa: PLC0415
@@ -172,19 +156,19 @@ def replay(
             say(f"{plot_out}: recorded and replayed output angles and tensions.")
 
 
+@command("file")
 def export_recording(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording.")],
     out: Annotated[
-        Path | None,
-        typer.Option(help="Table to write: .csv or .parquet. Default: FILE's name with .csv.", show_default=False),
+        Path | None, output(TABLES, "Table to write: .csv or .parquet. Default: FILE's name with .csv.")
     ] = None,
-    overwrite: Overwrite = False,
+    *,
+    outputs: Outputs,
 ) -> None:
     """Write a recording's signals as a table, with a column for each signal of each axis or tendon, in SI units."""
     path = Path(file.with_suffix(".csv").name) if out is None else out
-    check_suffix("--out", path, TABLES)
     writer = {".csv": tables.to_csv, ".parquet": tables.to_parquet}[path.suffix]
-    with writing([("--out", path)], [file], overwrite=overwrite):
+    with outputs.files(out=path):
         recording = Recording.open(file)
         writer(recording.run, path)
         if recording.damage is not None:
@@ -249,7 +233,7 @@ def _print_outcome(run: Run, inst: Instrument) -> None:
 
 def _default_path(protocol_file: str, instrument_file: str, law: str | None) -> Path:
     folder = Path("recordings")
-    with write_errors(folder):
+    with write_errors(folder, CommandError):
         folder.mkdir(exist_ok=True)
     parts = (Path(protocol_file).stem, Path(instrument_file).stem, *(() if law is None else (law,)))
     return folder / f"{'-'.join(parts)}.mcap"
@@ -301,12 +285,8 @@ def _print_differences(again: Replay) -> None:
     if again.exact:
         say(f"{recording.path}: replayed bit by bit on {again.inst.name}, {again.run.time[-1]:.6g} s, {rows} rows.")
         return
-    differences = table(
-        f"{escape(str(recording.path))}: replay on {escape(again.inst.name)}, difference to the recording"
-    )
-    differences.add_column("signal")
-    for heading in ("rms", "largest", "unit"):
-        differences.add_column(heading, justify="left" if heading == "unit" else "right")
+    title = f"{recording.path}: replay on {again.inst.name}, difference to the recording"
+    differences = table(title, "signal", ">rms", ">largest", "unit")
     for name, difference in again.differences().items():
         unit = "deg" if difference.unit == "rad" else difference.unit
         factor = in_unit(unit, difference.unit)

@@ -13,6 +13,7 @@ from rich.markup import escape
 
 from tenodesis import cad, scaling, workshop
 from tenodesis.cli.cad import DesignSolids, in_step, writing_solids
+from tenodesis.cli.command import command
 from tenodesis.cli.common import (
     ProgressBar,
     check_choice,
@@ -21,12 +22,11 @@ from tenodesis.cli.common import (
     quantity,
     say,
     table,
-    value_errors,
 )
-from tenodesis.cli.outputs import Overwrite, write_errors, writing
+from tenodesis.cli.outputs import Outputs
 from tenodesis.errors import CommandError, NoSolutionError, ProtocolError, StudyError
 from tenodesis.extras import require
-from tenodesis.files import atomic_files
+from tenodesis.files import atomic_files, write_errors
 from tenodesis.instrument import ShortForm
 from tenodesis.instrument.text import to_file
 from tenodesis.report import style
@@ -43,39 +43,31 @@ _HEADING = """Scale model of {}, designed by tenodesis scale; plan.html lists wh
 The tip's inertia and damping, and the ropes' true modulus, are to be measured once it stands."""
 
 
+@command("instrument_file", "catalogue")
 def scale(  # noqa: PLR0917
     instrument_file: Annotated[
-        str,
-        typer.Argument(metavar="INSTRUMENT", help="The real-size instrument: file or shipped name."),
+        str, typer.Argument(metavar="INSTRUMENT", help="The real-size instrument: file or shipped name.")
     ] = "real-size",
     catalogue: Annotated[
         list[str] | None,
         typer.Option(
             help=f"Parts and constraints: file, or one of {', '.join(scaling.shipped())}; several are merged in order. "
-            "Default: standard.",
-            show_default=False,
+            "Default: standard."
         ),
     ] = None,
-    factor: Annotated[
-        float | None, typer.Option(help="Scaled-up over real-size distal radius. Default: free.", show_default=False)
-    ] = None,
+    factor: Annotated[float | None, typer.Option(help="Scaled-up over real-size distal radius. Default: free.")] = None,
     pin: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="KEY=VALUE",
-            help=f"Fix a choice, as in --pin 'overall_length=1 m': {', '.join(scaling.PINS)}.",
-            show_default=False,
+            metavar="KEY=VALUE", help=f"Fix a choice, as in --pin 'overall_length=1 m': {', '.join(scaling.PINS)}."
         ),
     ] = None,
     prefer: Annotated[Preference, typer.Option(help="Objective by which to choose from the front.")] = "similarity",
-    pick: Annotated[
-        int | None, typer.Option(help="Row of front.csv to choose instead, counted from 1.", show_default=False)
-    ] = None,
+    pick: Annotated[int | None, typer.Option(help="Row of front.csv to choose instead, counted from 1.")] = None,
     objective: Annotated[
         Objective | None,
         typer.Option(
-            help=f"Take the best of all designs judged, similar to {SIMILAR:g}°, by this instead of --prefer.",
-            show_default=False,
+            help=f"Take the best of all designs judged, similar to {SIMILAR:g}°, by this instead of --prefer."
         ),
     ] = None,
     as_built: Annotated[
@@ -92,12 +84,12 @@ def scale(  # noqa: PLR0917
         typer.Option(help="About how many scale models to judge, first over all parts, then over lengths of the best."),
     ] = scaling.COMBINATIONS,
     out: Annotated[Path, typer.Option(help="Folder for instrument file, plan and front.")] = Path("prototype"),
-    overwrite: Overwrite = False,
     solids: Annotated[
-        Path | None,
-        typer.Option("--cad", help="Folder for its solids, drawings and pictures as well.", show_default=False),
+        Path | None, typer.Option("--cad", help="Folder for its solids, drawings and pictures as well.")
     ] = None,
     process: Annotated[str, typer.Option("--cad-process", help="How its parts are made, as of tenodesis cad.")] = "sla",
+    *,
+    outputs: Outputs,
 ) -> None:
     """Design a scale model of an instrument from stock parts: instrument file, test plan, and how similar it is."""
     require("typst", "design")
@@ -107,17 +99,15 @@ def scale(  # noqa: PLR0917
     check_choice("--cad-process", process, cad.PROCESSES)
     if solids is not None and solids.resolve() == out.resolve():
         raise CommandError(f"--cad and --out are both {out}; give different folders.")
-    inputs = [instrument_file, *(catalogue or ())]
     files = ["scaled-up.toml", "plan.html", "plan.pdf", "front.csv", "front.svg", "front.png"]
     files += workshop.FILES if parts_too else ()
-    outputs = [("--out", out / file) for file in files]
     with ExitStack() as stack:
         if solids is not None:
-            stack.enter_context(writing_solids(solids, inputs, option="--cad", overwrite=overwrite))
+            stack.enter_context(writing_solids(outputs, solids, "--cad"))
         model = load_instrument(instrument_file, planar=True)
         parts = scaling.load(*(catalogue or ()))
         pins = _pins(factor, pin or [])
-        stack.enter_context(writing(outputs, inputs, overwrite=overwrite, folder=out))
+        stack.enter_context(outputs.folder(out, files))
         report = in_step(stack.enter_context(ProgressBar("", None)))
 
         def designing(doing: str, done: int, total: int) -> None:
@@ -160,8 +150,7 @@ def _pins(factor: float | None, pins: Sequence[str]) -> dict[str, Any]:
 
 
 def _front(model: ShortForm, parts: Catalogue, pins: dict[str, Any], combinations: int, report: Report) -> Front:
-    with value_errors():
-        return scaling.design(model, parts, pins=pins, combinations=combinations, progress=report)
+    return scaling.design(model, parts, pins=pins, combinations=combinations, progress=report)
 
 
 def _chosen(front: Front, prefer: Preference, pick: int | None) -> tuple[int, Design]:
@@ -200,11 +189,10 @@ def _pack(
     design: Design, practical: PracticalFront | None, target: float, backlash: float | None, report: Report
 ) -> tuple[workshop.Pack | None, str]:
     """Return what a workshop needs besides the plan; or a sentence on why a design has no such, and the plan alone."""
-    with value_errors():
-        try:
-            return workshop.prepare(design, practical, target=target, backlash=backlash, progress=report), ""
-        except (StudyError, ProtocolError, NoSolutionError) as problem:
-            return None, f"There are no tolerances, order list and first run for it: {problem}"
+    try:
+        return workshop.prepare(design, practical, target=target, backlash=backlash, progress=report), ""
+    except (StudyError, ProtocolError, NoSolutionError) as problem:
+        return None, f"There are no tolerances, order list and first run for it: {problem}"
 
 
 def _best(practical: PracticalFront | None, objective: Objective) -> tuple[int, Design]:
@@ -234,7 +222,7 @@ def _write(  # noqa: PLR0917
     pack: workshop.Pack | None,
 ) -> None:
     """Write all files to a temporary place, and move them when all are written."""
-    with write_errors(out), atomic_files(out) as new:
+    with write_errors(out, CommandError), atomic_files(out) as new:
         (new / files[0]).write_text(to_file(design.scaled_up, comment=_HEADING.format(design.real_size.name)), "utf-8")
         plan.write(design, new, supplement)
         if pack is not None:
@@ -261,16 +249,10 @@ def _draw_front(front: Front, chosen: Objectives, folder: Path) -> None:
 
 def _print_front(front: Front, chosen: int | None, design: Design, free: Front | None) -> None:
     title = (
-        f"{escape(front.real_size.name)}: {front.examined} scale models judged, "
+        f"{front.real_size.name}: {front.examined} scale models judged, "
         f"{front.feasible} meet every constraint, {len(front)} on the front"
     )
-    designs = table(title)
-    headings = ("row", "error", "resolution", "length", "margin", "made of")
-    for heading in headings:
-        if heading == "made of":
-            designs.add_column(heading, overflow="fold")
-        else:
-            designs.add_column(heading, justify="right", no_wrap=True, min_width=len(heading) + 1)
+    designs = table(title, ">row", ">error", ">resolution", ">length", ">margin", "made of")
     for index in _representatives(front, chosen):
         one = front.objectives[index]
         row = [
@@ -308,9 +290,8 @@ def _print_written(out: Path, pack: workshop.Pack | None, *, pins: bool) -> None
 
 
 def _print_objectives(practical: PracticalFront, taken: Objective | None) -> None:
-    found = table("similar to 0.3°, by what a workshop asks")
-    for heading in ("", "cost", "length", "weeks", "as built", "made of"):
-        found.add_column(heading, justify="left" if heading in ("", "made of") else "right", overflow="fold")
+    title = "similar to 0.3°, by what a workshop asks"
+    found = table(title, "", ">cost", ">length", ">weeks", ">as built", "made of")
     for objective in PRACTICAL_OBJECTIVES:
         index = practical.best(objective)
         one = practical.practical[index]

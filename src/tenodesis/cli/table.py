@@ -1,142 +1,88 @@
 """The table of commands, and the overview that is printed from it without importing a command."""
 
+import re
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import NamedTuple
 
 
-class Command(NamedTuple):
+class Entry(NamedTuple):
     """A command of the command line."""
 
-    help: str
-    """First line of its docstring, which a test holds."""
     function: str
     """MODULE.FUNCTION within this package"""
 
+    @property
+    def help(self) -> str:
+        """First line of its docstring, read without an import of its module."""
+        module, _, name = self.function.partition(".")
+        text = Path(__file__).with_name(f"{module}.py").read_text("utf-8")
+        found = re.search(rf'^def {name}\(.*?^    """([^\n"]+)', text, re.DOTALL | re.MULTILINE)
+        return "" if found is None else found[1]
 
-class Group(NamedTuple):
+
+class EntryGroup(NamedTuple):
     """A command that has commands of its own."""
 
     help: str
-    commands: "Mapping[str, Command | Group]"
-    default: Command | None = None
+    commands: "Mapping[str, Entry | EntryGroup]"
+    default: Entry | None = None
     """Runs where no command is named."""
 
 
-EXPORTS = {
-    "recording": Command(
-        "Write a recording's signals as a table, with a column for each signal of each axis or tendon, in SI units.",
-        "recording.export_recording",
-    ),
-    "controller": Command(
-        "Write a controller's parameters as a C header, for tenodesis_init.", "export.export_controller"
-    ),
-    "urdf": Command(
-        "Write an instrument as a URDF robot: links, joints, mimics; no tendons. Says what is missing.",
-        "export.export_urdf",
-    ),
-    "mjcf": Command(
-        "Write an instrument as a MuJoCo model: bodies, tied joints, tendons. Says what is missing.",
-        "export.export_mjcf",
-    ),
+PANELS: dict[str, dict[str, Entry | EntryGroup]] = {
+    "Describe": {
+        "new": Entry("new.new"),
+        "check": Entry("instrument.check"),
+        "schema": Entry("instrument.schema"),
+    },
+    "Analyse": {
+        "loss": Entry("loss.loss"),
+        "bench": Entry("bench.bench"),
+        "vertices": Entry("vertices.study_vertices"),
+    },
+    "Record and control": {
+        "record": Entry("recording.record"),
+        "info": Entry("recording.info"),
+        "replay": Entry("recording.replay"),
+        "console": Entry("live.live_console"),
+        "link": Entry("live.link"),
+        "foxglove": Entry("live.foxglove"),
+        "devices": EntryGroup(
+            "List devices, or test a device.",
+            {"test": Entry("devices.test_device")},
+            Entry("devices.list_devices"),
+        ),
+    },
+    "Identify": {
+        "plan-identification": Entry("plan_identification.plan_identification"),
+        "identify": Entry("identify.identify"),
+        "force": Entry("force.force"),
+    },
+    "Scale and build": {
+        "scale": Entry("scale.scale"),
+        "tolerance": Entry("tolerance.study_tolerances"),
+        "cad": Entry("cad.write_cad"),
+        "transfer": Entry("transfer.transfer"),
+    },
+    "Exchange": {
+        "import": EntryGroup("Read what other programs describe.", {"dvrk": Entry("import_tool.import_dvrk")}),
+        "export": EntryGroup(
+            "Write what other programs read.",
+            {
+                "recording": Entry("recording.export_recording"),
+                "controller": Entry("export.export_controller"),
+                "urdf": Entry("export.export_urdf"),
+                "mjcf": Entry("export.export_mjcf"),
+            },
+        ),
+    },
 }
-IMPORTS = {
-    "dvrk": Command(
-        "Write an instrument from a tool file of the da Vinci Research Kit, with the file's coupling matrix.",
-        "import_tool.import_dvrk",
-    ),
+"""The commands by what people do."""
+COMMANDS: dict[str, Entry | EntryGroup] = {
+    name: command for panel in PANELS.values() for name, command in panel.items()
 }
-DEVICES = {
-    "test": Command(
-        "Measure a device's rate, jitter and losses, with the motors at rest; exit code 1 if the controller needs "
-        "more.",
-        "devices.test_device",
-    ),
-}
-COMMANDS: dict[str, Command | Group] = {
-    "new": Command(
-        "Write a commented instrument file from a mechanism and six numbers, asking for what no option gives.",
-        "new.new",
-    ),
-    "loss": Command(
-        "Print the angle that loads take at the tip, what restores it, and the load at which a tendon goes slack.",
-        "loss.loss",
-    ),
-    "bench": Command(
-        "Compute a report on an instrument, every figure of the paper for its own, and write out/report.html.",
-        "bench.bench",
-    ),
-    "schema": Command(
-        "Print the JSON schema of a kind of file, for editors that complete and check TOML.", "instrument.schema"
-    ),
-    "check": Command(
-        "Check an instrument file; print its values, what follows from them, and what is implausible about it.",
-        "instrument.check",
-    ),
-    "record": Command(
-        "Run a protocol on the twin of an instrument and record it, with --law under a controller.",
-        "recording.record",
-    ),
-    "info": Command(
-        "Print the contents of recordings: origin, topics, ranges of the signals, and events.",
-        "recording.info",
-    ),
-    "replay": Command(
-        "Run a recording's commands again and print how the twin differs from the recording.", "recording.replay"
-    ),
-    "scale": Command(
-        "Design a scale model of an instrument from stock parts: instrument file, test plan, and how similar it is.",
-        "scale.scale",
-    ),
-    "cad": Command(
-        "Write an instrument on its bench as solids: STEP, STL, glTF, drawings, pictures; checked over its range.",
-        "cad.write_cad",
-    ),
-    "transfer": Command(
-        "Carry a recording of a scaled-up instrument to real-size units, and its friction to the real-size file.",
-        "transfer.transfer",
-    ),
-    "tolerance": Command(
-        "Study what tolerances do to a scale model's loss of angle and similarity, and which of them dominate.",
-        "tolerance.study_tolerances",
-    ),
-    "vertices": Command(
-        "Study rounder vertices: radius, coefficient and rope against loss, hysteresis and final errors.",
-        "vertices.study_vertices",
-    ),
-    "identify": Command(
-        "Identify a model from recordings: parameters with intervals, errors on held-out runs, and the instrument "
-        "file.",
-        "identify.identify",
-    ),
-    "force": Command(
-        "Estimate torque and angle of a tool's jaw from its spindle's angle and torque, or motor current.",
-        "force.force",
-    ),
-    "plan-identification": Command(
-        "Propose the bench protocol that makes parameters identifiable, and predict their precision.",
-        "plan_identification.plan_identification",
-    ),
-    "console": Command(
-        "Open the live instrument in the browser: move its handle, push on its tip, switch the compensation on and "
-        "off.",
-        "live.live_console",
-    ),
-    "link": Command(
-        "Print the link that opens the page of the console that runs here, its token included.", "live.link"
-    ),
-    "foxglove": Command(
-        "Show a live instrument to Foxglove: the recordings' topics over a WebSocket, read-only.",
-        "live.foxglove",
-    ),
-    "export": Group("Write what other programs read.", EXPORTS),
-    "import": Group("Read what other programs describe.", IMPORTS),
-    "devices": Group(
-        "List devices, or test a device.",
-        DEVICES,
-        Command("List the devices and what each needs.", "devices.list_devices"),
-    ),
-}
-ALL = Group(
+ALL = EntryGroup(
     "Model, scale, test and control tendon-driven hand-held surgical instruments. Research software, not a medical "
     "device.",
     COMMANDS,
@@ -154,7 +100,7 @@ OPTIONS = {
 """Options beside the commands."""
 
 
-def print_overview(usage: str, group: Group) -> None:
+def print_overview(usage: str, group: EntryGroup) -> None:
     """Print the help of a group of commands, as typer prints that of a command, without what that loads."""
     from rich.console import Console  # noqa: PLC0415
     from rich.padding import Padding  # noqa: PLC0415
@@ -175,5 +121,6 @@ def print_overview(usage: str, group: Group) -> None:
     console.print(Padding(Text(group.help), (0, 1, 1, 1)))
     options = OPTIONS if group is ALL else {}
     console.print(panel("Options", [*options.items(), (", ".join(HELP_OPTIONS), "Show this message and exit.")]))
-    console.print(panel("Commands", [(name, command.help) for name, command in group.commands.items()]))
+    for title, commands in (PANELS if group is ALL else {"Commands": group.commands}).items():
+        console.print(panel(title, [(name, command.help) for name, command in commands.items()]))
     console.print()

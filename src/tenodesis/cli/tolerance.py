@@ -9,8 +9,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from tenodesis import tolerance
+from tenodesis.cli.command import command
 from tenodesis.cli.common import ProgressBar, console, load_instrument, quantity, say, table
-from tenodesis.cli.outputs import Overwrite, writing, written_by_us
+from tenodesis.cli.outputs import Outputs, written_by_us
 from tenodesis.extras import require
 from tenodesis.report.content import fixed
 from tenodesis.tolerance.conduct import SAMPLES
@@ -22,30 +23,30 @@ _NAMED = 3
 """How many of the dominating parameters the table names."""
 
 
+@command("real_size", "scaled_up", "tolerances")
 def study_tolerances(  # noqa: PLR0917
     real_size: Annotated[str, typer.Argument(metavar="REAL", help="Real-size instrument: file or shipped name.")],
     scaled_up: Annotated[str, typer.Argument(metavar="SCALED", help="Scaled-up instrument: file or shipped name.")],
     tolerances: Annotated[
-        Path | None,
-        typer.Option(help="Tolerance file. Default: ISO 2768-1 and errors of identification.", show_default=False),
+        Path | None, typer.Option(help="Tolerance file. Default: ISO 2768-1 and errors of identification.")
     ] = None,
     samples: Annotated[
         int, typer.Option(help="Base samples N, rounded up to a power of two; N (parameters + 2) runs.")
     ] = SAMPLES,
     seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
     force: Annotated[
-        str | None,
-        typer.Option(help="Force on the real-size instrument. Default: the largest test force.", show_default=False),
+        str | None, typer.Option(help="Force on the real-size instrument. Default: the largest test force.")
     ] = None,
     out: Annotated[
         Path,
         typer.Option(help="Folder for page, figures, samples and results; those of an earlier study are replaced."),
     ] = Path("out/tolerance"),
-    overwrite: Overwrite = False,
     engine: Annotated[Literal["threads", "ray"], typer.Option(help="Engine that runs the samples.")] = "threads",
     address: Annotated[
-        str | None, typer.Option(help="Of the Ray cluster: host:port of its head, auto, or local.", show_default=False)
+        str | None, typer.Option(help="Of the Ray cluster: host:port of its head, auto, or local.")
     ] = None,
+    *,
+    outputs: Outputs,
 ) -> None:
     """Study what tolerances do to a scale model's loss of angle and similarity, and which of them dominate."""
     require("SALib", "design")
@@ -53,10 +54,9 @@ def study_tolerances(  # noqa: PLR0917
     given = None if tolerances is None else tolerance.load(tolerances)
     newton = None if force is None else quantity("--force", force, PositiveForce)
     begun = time.monotonic()
-    outputs = [("--out", out / name) for name in (PAGE, NUMBERS, SAMPLES_FILE)]
-    replace = overwrite or written_by_us(out / NUMBERS, "responses")
+    own = written_by_us(out / NUMBERS, "responses")
     with (
-        writing(outputs, (real_size, scaled_up, tolerances), overwrite=replace, folder=out, subfolders=("figures",)),
+        outputs.folder(out, (PAGE, NUMBERS, SAMPLES_FILE), ("figures",), replace=own),
         ProgressBar("samples") as bar,
     ):
         study = tolerance.study(
@@ -83,12 +83,9 @@ def study_tolerances(  # noqa: PLR0917
 
 
 def _distributions(study: tolerance.Study) -> Table:
-    names = f"{escape(study.scaled_up.name)} for {escape(study.real_size.name)}"
+    names = f"{study.scaled_up.name} for {study.real_size.name}"
     title = f"{names}, {study.force:.3g} N at real size: quantiles in deg"
-    quantiles = table(title)
-    quantiles.add_column("response", overflow="fold")
-    for heading in ("nominal", "mean", "std", *(f"{100 * share:g} %" for share in QUANTILES)):
-        quantiles.add_column(heading, justify="right", no_wrap=True)
+    quantiles = table(title, "response", ">nominal", ">mean", ">std", *(f">{100 * share:g} %" for share in QUANTILES))
     for one in study.responses.values():
         values = (one.nominal, one.mean, one.std, *(one.quantile(share) for share in QUANTILES))
         quantiles.add_row(one.description, *(fixed(value) for value in values))
@@ -96,9 +93,7 @@ def _distributions(study: tolerance.Study) -> Table:
 
 
 def _dominating(study: tolerance.Study) -> Table:
-    indices = table("what dominates: total Sobol index")
-    indices.add_column("response", overflow="fold")
-    indices.add_column("parameters", overflow="fold")
+    indices = table("what dominates: total Sobol index", "response", "parameters")
     for one in study.responses.values():
         named = [
             study.parameters[n].label + ("" if one.indices is None else f" {fixed(one.indices.total[n])}")

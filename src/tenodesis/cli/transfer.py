@@ -5,53 +5,44 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.markup import escape
 
-from tenodesis.cli.common import console, load_instrument, say, table, value_errors, warn
-from tenodesis.cli.outputs import INSTRUMENT, RECORDING, Overwrite, check_suffix, write_text, writing
+from tenodesis.cli.command import command
+from tenodesis.cli.common import console, load_instrument, say, table, warn
+from tenodesis.cli.outputs import INSTRUMENT, RECORDING, Outputs, output, write_text
 from tenodesis.errors import CommandError
 from tenodesis.instrument.text import to_file
 from tenodesis.recording import Recording
-from tenodesis.scaling.transfer import Carried, carry
-from tenodesis.scaling.transfer_factors import KEYS, QUANTITY
-from tenodesis.scaling.transfer_friction import carry_friction
+from tenodesis.scaling.transfer import KEYS, QUANTITY, Carried, carry, carry_friction
 
 
+@command("log", "real_size", "scaled_up")
 def transfer(  # noqa: PLR0917
     real_size: Annotated[str, typer.Argument(metavar="REAL", help="Real-size instrument: file or shipped name.")],
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Recording made on the scaled-up instrument.")],
-    out: Annotated[
-        Path | None, typer.Option(help="The file. Default: LOG-REAL.mcap, next to LOG.", show_default=False)
-    ] = None,
+    out: Annotated[Path | None, output(RECORDING, "The file. Default: LOG-REAL.mcap, next to LOG.")] = None,
     scaled_up: Annotated[
-        str | None,
-        typer.Option(metavar="INSTRUMENT", help="Recorded instrument: file or name. Default: that in LOG."),
+        str | None, typer.Option(metavar="INSTRUMENT", help="Recorded instrument: file or name. Default: that in LOG.")
     ] = None,
     instrument_out: Annotated[
         Path | None,
-        typer.Option(help="Real-size instrument file to write, with the friction of the scaled-up instrument."),
+        output(INSTRUMENT, "Real-size instrument file to write, with the friction of the scaled-up instrument."),
     ] = None,
-    time_factor: Annotated[
-        float | None, typer.Option(help="Time factor. Default: ratio of the tips' periods.", show_default=False)
-    ] = None,
-    overwrite: Overwrite = False,
+    time_factor: Annotated[float | None, typer.Option(help="Time factor. Default: ratio of the tips' periods.")] = None,
+    *,
+    outputs: Outputs,
 ) -> None:
     """Carry a recording of a scaled-up instrument to real-size units, and its friction to the real-size file."""
-    check_suffix("--out", out, RECORDING)
-    check_suffix("--instrument-out", instrument_out, INSTRUMENT)
     model = load_instrument(real_size, planar=True)
     given = None if scaled_up is None else load_instrument(scaled_up, planar=True)
     path = log.with_name(f"{log.stem}-{Path(real_size).stem}.mcap") if out is None else out
-    outputs = [("--out", path), ("--instrument-out", instrument_out)]
-    with writing(outputs, (log, real_size, scaled_up), overwrite=overwrite):
-        with value_errors():
-            carried = carry(Recording.open(log), model, scaled_up=given, time_factor=time_factor)
+    with outputs.files(out=path, instrument_out=instrument_out):
+        carried = carry(Recording.open(log), model, scaled_up=given, time_factor=time_factor)
         _check_order(carried)
         with_friction = None
         if instrument_out is not None:
             source = log.name if scaled_up is None else scaled_up
             with_friction = to_file(carry_friction(carried.scaled_up, model, source=source, time_factor=time_factor))
-        carried.write(path, overwrite=overwrite)
+        carried.write(path, overwrite=outputs.overwrite)
         if instrument_out is not None and with_friction is not None:
             write_text(instrument_out, with_friction)
     _print_factors(carried)
@@ -74,12 +65,8 @@ def _check_order(carried: Carried) -> None:
 
 def _print_factors(carried: Carried) -> None:
     """Print the factors and what they were used for, what came out, and the warnings."""
-    title = f"{escape(carried.scaled_up.name)} over {escape(carried.real_size.name)}"
-    factors = table(title)
-    factors.add_column("factor")
-    for axis in carried.factors:
-        factors.add_column(axis, justify="right")
-    factors.add_column("divides", overflow="fold")
+    title = f"{carried.scaled_up.name} over {carried.real_size.name}"
+    factors = table(title, "factor", *(f">{axis}" for axis in carried.factors), "divides")
     signals = carried.run.signals()
     for key in (*KEYS, "output_velocity"):
         used = ["time"] if key == "time" else [name for name in signals if QUANTITY.get(name) == key]

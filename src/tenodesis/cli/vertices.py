@@ -6,43 +6,38 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from tenodesis.cli.command import command
 from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_instrument, quantity, say, table
-from tenodesis.cli.outputs import Overwrite, writing, written_by_us
+from tenodesis.cli.outputs import Outputs, written_by_us
 from tenodesis.paper import rounder_vertices
 from tenodesis.paper.rounder_vertices_report import NUMBERS, PAGE, SWEEP, tables, write
 from tenodesis.units import PositiveForce
 
 
+@command("instrument_file")
 def study_vertices(
     instrument_file: InstrumentFile = "scaled-up",
     force: Annotated[
         str | None,
-        typer.Option(
-            help="Load at the tip. Default: that of the load rig, or the second of the conditions.", show_default=False
-        ),
+        typer.Option(help="Load at the tip. Default: that of the load rig, or the second of the conditions."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for page, figure, sweep and results.")] = Path("out/vertices"),
-    overwrite: Overwrite = False,
+    *,
+    outputs: Outputs,
 ) -> None:
     """Study rounder vertices: radius, coefficient and rope against loss, hysteresis and final errors."""
     inst = load_instrument(instrument_file, planar=True).planar[0]
     newton = None if force is None else quantity("--force", force, PositiveForce)
-    outputs = [("--out", out / name) for name in (PAGE, NUMBERS, SWEEP)]
-    replace = overwrite or written_by_us(out / NUMBERS, "designs")
+    own = written_by_us(out / NUMBERS, "designs")
     with (
-        writing(outputs, [instrument_file], overwrite=replace, folder=out, subfolders=("figures",)),
+        outputs.folder(out, (PAGE, NUMBERS, SWEEP), ("figures",), replace=own),
         ProgressBar("designs") as bar,
     ):
         found = rounder_vertices.study(inst, newton, progress=bar)
         write(found, out)
     for one in tables(found):
-        shown = table(escape(one.caption), padding=(0, 1, 0, 0))
-        for n, heading in enumerate(one.columns):
-            # On 80 columns text may take two lines, a number may not.
-            widest = max(len(word) for row in one.rows for word in row[n].split())
-            shown.add_column(heading, justify="right" if n else "left", overflow="fold", min_width=widest)
-        for row in one.rows:
-            shown.add_row(*row)
+        first, *others = one.columns
+        shown = table(one.caption, first, *(f">{heading}" for heading in others), rows=one.rows)
         console.print(shown)
     limits = found.limits
     say(f"The joint holds vertices of up to {1e3 * limits.largest:.2g} mm, for {limits.reason}.")

@@ -267,7 +267,7 @@ def repeated(recording: Recording) -> Protocol:
     )
 
 
-class Comparison(NamedTuple):
+class AngleComparison(NamedTuple):
     """The tip angles of two recordings at common times."""
 
     time: Array
@@ -281,7 +281,7 @@ class Comparison(NamedTuple):
     """Largest difference, rad"""
 
 
-def compare(first: tuple[Array, Array], second: tuple[Array, Array], rows: int = 4000) -> Comparison:
+def compare(first: tuple[Array, Array], second: tuple[Array, Array], rows: int = 4000) -> AngleComparison:
     """Compare two tip angles, rad, at times, s, counted from the start of each, over their common duration.
 
     Raises
@@ -299,6 +299,6 @@ def compare(first: tuple[Array, Array], second: tuple[Array, Array], rows: int =
     if not finite.any():
         raise RecordingError("a recording has no tip angle; it must have one.")
     difference = (first_angle - second_angle)[finite]
-    return Comparison(
+    return AngleComparison(
         common, first_angle, second_angle, sqrt(float(np.mean(difference**2))), float(np.abs(difference).max())
     )

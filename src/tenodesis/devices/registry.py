@@ -67,7 +67,7 @@ def _nidaq(inst: Instrument) -> Device:
 
 
 def _serial(inst: Instrument) -> Device:
-    from tenodesis.devices.serial_device import SerialDevice  # noqa: PLC0415 - as above
+    from tenodesis.devices.serial import SerialDevice  # noqa: PLC0415 - as above
 
     try:
         assumed = compensated(inst)

@@ -1,13 +1,12 @@
 """Identification from recordings: parameters, with their uncertainty, and which are not identifiable."""
 
-from tenodesis.identification.differences import jacobian_error
 from tenodesis.identification.fit import fit
 from tenodesis.identification.formats.instrument_run import measured
 from tenodesis.identification.identifiability import Combination, Identifiability
-from tenodesis.identification.problem import Parameter, Problem, Trace
+from tenodesis.identification.problem import Parameter, Problem, Trace, jacobian_error
 from tenodesis.identification.registry import FORMATS, Format
 from tenodesis.identification.results import Fit, RunErrors, to_json
-from tenodesis.identification.whiteness import Whiteness
+from tenodesis.identification.uncertainty import Whiteness
 
 __all__ = [
     "FORMATS",

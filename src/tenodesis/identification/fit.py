@@ -9,13 +9,19 @@ import numpy as np
 from scipy import special
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification import goodness, identifiability, uncertainty, whiteness
-from tenodesis.identification.differences import scales
-from tenodesis.identification.problem import Problem
-from tenodesis.identification.results import Fit, Interval
+from tenodesis.identification import identifiability, uncertainty
+from tenodesis.identification.problem import Problem, scales
+from tenodesis.identification.results import (
+    Fit,
+    Interval,
+    information_criteria,
+    pooled,
+    run_errors,
+    unexplained,
+    warnings,
+)
 from tenodesis.identification.search import MOST_STEPS, DerivativesName, Search, SearchEnd, replicates, starting_points
-from tenodesis.identification.uncertainty import Linearised, LossName
-from tenodesis.identification.whiteness import Whiteness
+from tenodesis.identification.uncertainty import Linearised, LossName, Whiteness
 from tenodesis.run import Array
 
 STARTS = 4
@@ -118,11 +124,9 @@ def fit(
         bootstrapped = {name: (float(low[n]), float(high[n])) for n, name in enumerate(names)}
 
     files = tuple(
-        goodness.run_errors(problem, values, run, split)
-        for split, runs in (("train", train), ("test", test))
-        for run in runs
+        run_errors(problem, values, run, split) for split, runs in (("train", train), ("test", test)) for run in runs
     )
-    aic, bic = goodness.information_criteria(base, len(indices))
+    aic, bic = information_criteria(base, len(indices))
     return Fit(
         parameters=problem.parameters,
         free=names,
@@ -136,8 +140,8 @@ def fit(
         aic=aic,
         bic=bic,
         files=files,
-        train_rmse=goodness.pooled([one for one in files if one.split == "train"]),
-        test_rmse=goodness.pooled([one for one in files if one.split == "test"]),
+        train_rmse=pooled([one for one in files if one.split == "train"]),
+        test_rmse=pooled([one for one in files if one.split == "test"]),
         identifiability=identifiable,
         whiteness=tuple(noises),
         starts=starts,
@@ -150,8 +154,8 @@ def fit(
         evaluations=search.evaluations,
         jacobians=search.jacobians,
         warnings=(
-            *goodness.warnings(found, noises, refined, same=same, starts=starts, parameters=len(indices)),
-            *goodness.unexplained(problem, values, [one for one in files if one.split == "train"]),
+            *warnings(found, noises, refined, same=same, starts=starts, parameters=len(indices)),
+            *unexplained(problem, values, [one for one in files if one.split == "train"]),
         ),
         seconds=time.monotonic() - begun,
     )
@@ -256,7 +260,7 @@ def _centred(one: Linearised) -> Array:
 
 def _noises(problem: Problem, run: int, one: Linearised) -> list[Whiteness]:
     return [
-        whiteness.examine(
+        uncertainty.whiteness(
             series, run=problem.runs[run], channel=channel, sensor=sensor, sample_time=problem.sample_time(run)
         )
         for channel, (series, sensor) in enumerate(

@@ -8,9 +8,8 @@ import numpy as np
 from scipy import special
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification import bootstrap
-from tenodesis.identification.differences import differenced, scales
-from tenodesis.identification.problem import Problem
+from tenodesis.identification import uncertainty
+from tenodesis.identification.problem import Problem, differenced, scales
 from tenodesis.identification.uncertainty import Linearised, LossName
 from tenodesis.run import Array
 
@@ -228,7 +227,7 @@ def replicates(
     """
     draw = np.random.default_rng([seed, 1])
     lengths = [
-        max(bootstrap.block_length(series) for series in one.residuals.reshape(one.channels, -1)) for one in runs
+        max(uncertainty.block_length(series) for series in one.residuals.reshape(one.channels, -1)) for one in runs
     ]
     centred = np.concatenate([one.residuals for one in runs])
     swell = math.sqrt(1 + at.size / freedom) * float(special.stdtrit(freedom, 0.975) / special.ndtri(0.975))
@@ -236,7 +235,7 @@ def replicates(
     for replicate in range(count):
         fresh = np.concatenate(
             [
-                bootstrap.resampled(one.residuals, one.channels, length, draw)
+                uncertainty.resampled(one.residuals, one.channels, length, draw)
                 for one, length in zip(runs, lengths, strict=True)
             ]
         )

@@ -1,4 +1,4 @@
-"""How well parameters are known: the covariance of a fit whose residuals are not independent."""
+"""Statistics of residuals that are not independent: whiteness, the covariance of a fit, a block bootstrap."""
 
 import math
 from collections.abc import Sequence
@@ -6,9 +6,138 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
-from scipy import linalg
+from scipy import linalg, special
 
 from tenodesis.run import Array
+
+_WINDOW = 5.0
+"""Correlation times after which the sum of correlations is cut (Sokal 1997)."""
+_TESTED_LAGS = 20
+_SIGNIFICANCE = 0.01
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """Autocorrelation of the residuals of one sensor of one run, with the test for white noise."""
+
+    run: str
+    channel: int
+    sensor: str
+    samples: int
+    sample_time: float
+    """s."""
+    correlation_time: float
+    """Integrated autocorrelation time, s; the sample time for white noise."""
+    effective_samples: float
+    """Independent samples whose mean would be known as well."""
+    statistic: float
+    """Of Ljung and Box (1978), over `lags` lags."""
+    lags: int
+    p_value: float
+    """How likely white noise would be at least as correlated."""
+    autocorrelation: Array
+    """By lag from 0."""
+
+    @property
+    def white(self) -> bool:
+        """Whether white noise is not ruled out at the 1 % level."""
+        return self.p_value >= _SIGNIFICANCE
+
+
+def autocorrelation(series: Array, lags: int | None = None) -> Array:
+    """Return the autocorrelation of a series, shape (lags + 1,), from lag 0; all lags by default."""
+    centred = series - series.mean()
+    most = series.size - 1 if lags is None else min(lags, series.size - 1)
+    from scipy import signal  # noqa: PLC0415 - slow to load
+
+    sums = signal.correlate(centred, centred, method="fft")[series.size - 1 : series.size + most]
+    if not sums[0] > 0:
+        return np.asarray(np.arange(most + 1) == 0, dtype=np.float64)
+    return np.asarray(sums / sums[0], dtype=np.float64)
+
+
+def correlation_samples(correlations: Array) -> float:
+    """Return the integrated autocorrelation time in samples, at least 1, cut by Sokal's window."""
+    times = 2 * np.cumsum(correlations) - 1
+    inside = np.arange(times.size) < _WINDOW * times
+    end = times.size - 1 if inside.all() else int(np.argmin(inside))
+    return max(1.0, float(times[end]))
+
+
+def whiteness(series: Array, *, run: str, channel: int, sample_time: float, sensor: str = "") -> Whiteness:
+    """Return autocorrelation and Ljung-Box test of the residuals of one sensor, shape (n,)."""
+    correlations = autocorrelation(series)
+    time = correlation_samples(correlations)
+    count = series.size
+    lags = max(1, min(_TESTED_LAGS, count // 5))
+    behind = np.arange(1, lags + 1)
+    statistic = float(count * (count + 2) * np.sum(correlations[1 : lags + 1] ** 2 / (count - behind)))
+    return Whiteness(
+        run=run,
+        channel=channel,
+        sensor=sensor,
+        samples=count,
+        sample_time=sample_time,
+        correlation_time=time * sample_time,
+        effective_samples=count / time,
+        statistic=statistic,
+        lags=lags,
+        p_value=float(special.chdtrc(lags, statistic)),
+        autocorrelation=correlations[: _shown(time, count) + 1],
+    )
+
+
+def _shown(time: float, count: int) -> int:
+    """Return how many lags to show: some correlation times, and enough to see that there are none."""
+    return int(min(count // 2, max(2 * _TESTED_LAGS, 6 * time)))
+
+
+LEAST_BLOCKS = 8
+"""Blocks that are drawn for a run at least."""
+_LONGER = 2
+"""Times the length of least mean square error, which for an interval cuts off too much correlation."""
+_QUIET = 2.0
+"""Standard errors above which a correlation counts (Politis and White 2004)."""
+
+
+def block_length(series: Array) -> int:
+    """Return the length of block for an interval of the mean of a sensor's residuals, shape (n,).
+
+    After Politis and White (2004), as corrected in 2009.
+    """
+    count = series.size
+    longest = max(1, count // LEAST_BLOCKS)
+    correlations = autocorrelation(series)
+    limit = _QUIET * math.sqrt(math.log10(count) / count)
+    patience = max(5, math.ceil(math.sqrt(math.log10(count))))
+    quiet = np.abs(correlations[1:]) < limit
+    held = np.convolve(quiet, np.ones(patience), mode="valid") == patience
+    reach = 2 * (int(np.argmax(held)) if held.any() else count // 2)
+    if reach == 0:
+        return 1
+    lags = np.arange(1, min(reach, count - 1) + 1)
+    window = np.minimum(1, 2 * (1 - lags / reach))
+    shape = 2 * np.sum(window * lags * correlations[lags])
+    size = 1 + 2 * np.sum(window * correlations[lags])
+    if size <= 0:
+        return longest
+    length = (1.5 * (shape / size) ** 2) ** (1 / 3) * count ** (1 / 3)
+    return int(np.clip(math.ceil(_LONGER * length), 1, longest))
+
+
+def resampled(residuals: Array, channels: int, length: int, draw: np.random.Generator) -> Array:
+    """Return residuals made of blocks of given residuals, about zero, shape (n,).
+
+    Residuals are one sensor after the other. Blocks of `length` samples wrap around the end, and all sensors of a run
+    are drawn together.
+    """
+    rows = residuals.reshape(channels, -1)
+    rows = rows - rows.mean(axis=1, keepdims=True)
+    count = rows.shape[1]
+    begins = draw.integers(count, size=math.ceil(count / length))
+    places = (begins[:, None] + np.arange(length)).ravel()[:count] % count
+    return np.asarray(rows[:, places].ravel(), dtype=np.float64)
+
 
 LossName: TypeAlias = Literal["linear", "soft_l1"]
 

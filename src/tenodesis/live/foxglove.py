@@ -35,7 +35,7 @@ _BACKLOG = 1 << 16
 """Messages that wait for a slow client: those of a block on all topics; beyond that it misses the oldest."""
 
 
-class Server:
+class FoxgloveServer:
     """A server that is listening; a context manager that stops it.
 
     It offers none of the protocol's ways to publish, call or set anything, so that no client can move a motor.
@@ -171,7 +171,7 @@ class Server:
         return channel
 
 
-def serve(server: Server, stop: threading.Event) -> None:
+def serve(server: FoxgloveServer, stop: threading.Event) -> None:
     """Send new messages until the runtime ends or `stop` is set."""
     while not stop.is_set() and server.publish():
         stop.wait(_PERIOD)

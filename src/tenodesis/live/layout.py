@@ -49,7 +49,7 @@ class CommandColumns:
         return {name: rows[..., columns] for name, columns in self.columns.items()}
 
 
-class Layout:
+class RowLayout:
     """The columns of a live instrument's rows.
 
     Parameters

@@ -48,7 +48,7 @@ _APART = 2e-9
 """Time put between rows whose own time does not increase, s; stamps are in integer nanoseconds."""
 
 
-class Outcome(NamedTuple):
+class RecordingOutcome(NamedTuple):
     """Result of a recording."""
 
     rows: int
@@ -77,7 +77,7 @@ class _Status:
         self._file = file
         self._identity = {"path": str(recording.absolute()), "pid": os.getpid()}
 
-    def write(self, outcome: Outcome | None, *, ended: bool = False, problem: str | None = None) -> None:
+    def write(self, outcome: RecordingOutcome | None, *, ended: bool = False, problem: str | None = None) -> None:
         """Write its progress, whether it has ended, and why it could not continue."""
         far = {} if outcome is None else outcome._asdict()
         text = json.dumps({**self._identity, **far, "ended": ended, "problem": problem})
@@ -100,8 +100,8 @@ class _Session:
             self._recorder.event(max(self._last, 0.0), {**happened.content, "since": _finite(happened.time)})
 
     @property
-    def outcome(self) -> Outcome:
-        return Outcome(
+    def outcome(self) -> RecordingOutcome:
+        return RecordingOutcome(
             self.rows, self._last - self._first if self._first is not None else 0.0, self.lost, self.corrected
         )
 
@@ -147,7 +147,7 @@ def record(
     device: str = "",
     stop: threading.Event | None = None,
     overwrite: bool = False,
-) -> Outcome:
+) -> RecordingOutcome:
     """Record a live instrument until its runtime ends, or `stop` is set.
 
     Parameters
@@ -167,7 +167,7 @@ def record(
 
     Returns
     -------
-    Outcome
+    RecordingOutcome
         What was recorded and what is missing.
 
     Raises
@@ -184,7 +184,7 @@ def record(
 
 def _record_all(
     source: Source, tail: Tail, folder: Path, path: Path, *, device: str, stop: threading.Event, overwrite: bool
-) -> Outcome:
+) -> RecordingOutcome:
     earlier = _earlier(tail)
     run, lost = _first(source, stop)
     began = start_time(run)
@@ -227,7 +227,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return supervise(lambda stop: _record(given.folder, given.file, stop, overwrite=given.overwrite))
 
 
-def supervise(work: Callable[[threading.Event], Outcome]) -> int:
+def supervise(work: Callable[[threading.Event], RecordingOutcome]) -> int:
     """Make a recording that SIGTERM and Ctrl-C end, report its problem, and return the exit code."""
     stop = threading.Event()
     try:
@@ -241,7 +241,7 @@ def supervise(work: Callable[[threading.Event], Outcome]) -> int:
     return 0
 
 
-def _record(folder: Path, path: Path, stop: threading.Event, *, overwrite: bool) -> Outcome:
+def _record(folder: Path, path: Path, stop: threading.Event, *, overwrite: bool) -> RecordingOutcome:
     reader = Reader(folder)
     return record(reader, folder, path, device=reader.about.device, stop=stop, overwrite=overwrite)
 

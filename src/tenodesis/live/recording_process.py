@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tenodesis.errors import LiveError
+from tenodesis.files import write_errors
 from tenodesis.live import folder as folders
 from tenodesis.live.recorder import STATUS
 
@@ -71,10 +72,8 @@ class RecordingProcess:
             raise LiveError(f"{self.path} is being recorded already; stop that first.")
         name = re.sub(r"[^\w.-]+", "-", called[:_LONGEST_NAME]).strip("-.") or "live"
         stamp = datetime.now().astimezone().strftime("%Y-%m-%d-%H%M%S")
-        try:
+        with write_errors(self._recordings, LiveError):
             self._recordings.mkdir(parents=True, exist_ok=True)
-        except OSError as problem:
-            raise LiveError(f"{self._recordings} cannot be written: {problem.strerror}.") from None
         path = _free(self._recordings / f"{stamp}-{name}.mcap")
         (self._folder / STATUS).unlink(missing_ok=True)
         lock = folders.hold(self._folder.parent)

@@ -12,6 +12,7 @@ import numpy as np
 from tenodesis.control import OperatingState
 from tenodesis.control.controller import fault_names, homing_failure
 from tenodesis.errors import LiveError
+from tenodesis.files import write_errors
 from tenodesis.live.journal import Journal
 from tenodesis.live.layout import TICK
 from tenodesis.live.lease import Lease
@@ -48,10 +49,8 @@ class Runtime:
     def __init__(self, loop: LiveLoop, recordings: Path) -> None:
         self.loop = loop
         self._reader = Reader(loop.folder)
-        try:
+        with write_errors(loop.folder, LiveError):
             self.journal = Journal(loop.folder, self._time)
-        except OSError as problem:
-            raise LiveError(f"{loop.folder} cannot be written: {problem.strerror or problem}.") from None
         self.recorder = RecordingProcess(loop.folder, recordings)
         self.lease = Lease(loop.core.lease)
         self.protocols = ProtocolRunner(loop, self.lease, self.recorder, self.journal, self._tick)

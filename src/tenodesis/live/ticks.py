@@ -10,7 +10,7 @@ from tenodesis import _core
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
 from tenodesis.live import folder as folders
-from tenodesis.live.layout import Layout
+from tenodesis.live.layout import RowLayout
 from tenodesis.run import Array, Names, Run
 
 _SILENT = 2.0
@@ -66,7 +66,7 @@ class Reader:
             self._ring = _core.RingReader(str(self.folder / folders.RING))
         except (OSError, ValueError, RuntimeError) as problem:
             raise LiveError(f"the ticks of {self.folder} cannot be read: {problem}.") from None
-        self.layout = Layout(self.about.inst, self.about.commands, self.about.signals)
+        self.layout = RowLayout(self.about.inst, self.about.commands, self.about.signals)
         if self._ring.columns != self.layout.width:
             raise LiveError(f"{self.folder} is of another version of tenodesis; start it again.")
         self._cursor = self._ring.written

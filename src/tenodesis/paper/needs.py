@@ -1,6 +1,7 @@
 """What chapters need of an instrument: each a function that says in a sentence what is missing, "" if nothing is."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TypeAlias
 
 from tenodesis import control
@@ -8,6 +9,9 @@ from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.paper.context import Context
 
 Need: TypeAlias = Callable[[Context], str]
+
+TESTS = Path(__file__).parents[3] / "tests"
+"""Where the tests are, in the repository; independent code is with them, and no part of the package."""
 
 
 def planar(context: Context) -> str:
@@ -53,3 +57,8 @@ def friction(context: Context) -> str:
 def gears(context: Context) -> str:
     """Whether the joints are rolling gears, for which there is independent code in one plane."""
     return "" if context.inst.joint_type == "tendon-gear" else "independent code is for gear joints."
+
+
+def peers(_: Context) -> str:
+    """Whether the independent code is there."""
+    return "" if (TESTS / "peers").is_dir() else "the independent code is with the tests, in the repository."

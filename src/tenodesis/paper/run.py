@@ -1,15 +1,29 @@
 """A run of the report: compute every section, then write all files or none."""
 
+import sys
 from collections.abc import Callable, Collection, Sequence
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any, NamedTuple
 
 from tenodesis.errors import ArgumentError, ReportError
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.paper import report
 from tenodesis.paper.context import SEEDS, Context
-from tenodesis.paper.needs import Need, friction, gears, law, listed, matrices, papers, planar, scale_model
+from tenodesis.paper.needs import (
+    TESTS,
+    Need,
+    friction,
+    gears,
+    law,
+    listed,
+    matrices,
+    papers,
+    peers,
+    planar,
+    scale_model,
+)
 from tenodesis.report import style
 from tenodesis.report.content import Section
 from tenodesis.report.page import about, json_number, json_text, write_columns, write_figure, written
@@ -22,7 +36,7 @@ class Chapter(NamedTuple):
     """A chapter of the report; its module is imported when it is computed."""
 
     module: str
-    """Module of this package that computes it"""
+    """Module of this package that computes it, or one of the tests' `peers`"""
     needs: tuple[Need, ...] = ()
     """What an instrument must have"""
     concerns: tuple[Need, ...] = ()
@@ -32,8 +46,16 @@ class Chapter(NamedTuple):
 
     def section(self, context: Context) -> Section:
         """Compute the chapter."""
-        computed: Section = import_module(f"tenodesis.paper.{self.module}").section(context)
+        computed: Section = self.imported().section(context)
         return computed
+
+    def imported(self) -> ModuleType:
+        """Return the module."""
+        if not self.module.startswith("peers."):
+            return import_module(f"tenodesis.paper.{self.module}")
+        if str(TESTS) not in sys.path:
+            sys.path.append(str(TESTS))
+        return import_module(self.module)
 
     def fitting(self, context: Context, *, is_named: bool) -> "tuple[Chapter | None, str]":
         """Return the chapter, or what takes its place; None, and in a sentence what is missing, if nothing fits."""
@@ -67,7 +89,7 @@ CHAPTERS = {
     "campaign": Chapter("campaign", (planar,)),
     "unlike-model": Chapter("unlike_model", (planar,), (friction,)),
     "tip-force": Chapter("tip_force", (planar,), (friction,)),
-    "checks": Chapter("checks", (planar,), (gears,), Chapter("any_instrument.checks", (listed,))),
+    "checks": Chapter("peers.checks", (peers, planar), (gears,), Chapter("peers.chain_checks", (peers, listed))),
 }
 """The chapters of the report in order, by name."""
 
@@ -105,14 +127,9 @@ def steps(inst: Instrument, scaled: ShortForm | None, only: Collection[str] = ()
     """Return how often a run reports progress."""
     context = Context.of(inst, scaled)
     chapters = chosen(context, only)
-    cases = _mujoco_cases(context.inst, scaled) if chapters.get("checks") is CHAPTERS["checks"] else 0
+    checks = CHAPTERS["checks"]
+    cases = checks.imported().mujoco_cases(context.inst, scaled) if chapters.get("checks") is checks else 0
     return len(chapters) + 1 + cases
-
-
-def _mujoco_cases(inst: ShortForm, scaled: ShortForm | None) -> int:
-    from tenodesis.paper import checks  # noqa: PLC0415 - SciPy takes long to import
-
-    return checks.mujoco_cases(inst, scaled)
 
 
 def run(

@@ -9,7 +9,7 @@ from tenodesis.paper.published import TIP_FORCE
 from tenodesis.report import style
 from tenodesis.report.content import Chart, Column, Plot, Section, Table, fixed, named, number
 from tenodesis.scaling import Design, Front, Objectives, figures
-from tenodesis.scaling.round_trip import RoundTrip, round_trip
+from tenodesis.scaling.transfer import RoundTrip, round_trip
 
 ROUND_TRIP_AMPLITUDE = np.radians(60.0)
 

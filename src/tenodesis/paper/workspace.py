@@ -6,28 +6,25 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
-from scipy.spatial.transform import Rotation
 
 from tenodesis import kinematics
-from tenodesis.errors import InstrumentError, MissingExtraError
+from tenodesis.errors import InstrumentError
 from tenodesis.instrument import ShortForm
-from tenodesis.kinematics import Posture, Workspace
+from tenodesis.kinematics import Workspace
 from tenodesis.paper.context import Context
 from tenodesis.report import style
-from tenodesis.report.content import Chart, Column, Plot, Section, named, number
-from tenodesis.verification import kinematics_peers
+from tenodesis.report.content import Chart, Column, Plot, Section, named
 
 WIDE = np.radians(90.0)
 """Span of directions from which a place counts as reachable from many sides."""
 
 _TITLE = "Workspace through the port"
-_POSTURES = 20
 _FORCES = 13
 _SHADES = 16
 
 
 def section(context: Context) -> Section:
-    """Compute the workspace through the port, without and with a load, and check the chain against MuJoCo."""
+    """Compute the workspace through the port, without and with a load."""
     inst = context.inst
     try:
         lengths = kinematics.dimensions(inst)
@@ -73,8 +70,6 @@ def section(context: Context) -> Section:
     ):
         area, wide_area = 1e4 * space.area, 1e4 * space.area_with(WIDE)
         table.row(shown, np.degrees(space.bend), area, wide_area, np.degrees(space.mean_span), name=name, load=load)
-    # what is checked is the tool, not the instrument
-    check = "" if context.is_own else f" {_check(context)}"
     chain = "a chain" if context.is_own else "the chain of Fig. 1"
     text = (
         f"<p>{named(inst)} as {chain}: spherical and prismatic joint at the port, then yaw, pitch and roll "
@@ -82,7 +77,7 @@ def section(context: Context) -> Section:
         "place; the bending joints set the directions from which the end-effector can work there. A load reduces the "
         "span of these directions, since the handle reaches the end of its range before the output angle does: "
         f"{force:.3g} N {_taken(free, loaded)}. Compensation by the motors restores this, as far as their stroke "
-        f"allows. Limits of pan and insertion are our choice where the file has none.{check}</p>"
+        f"allows. Limits of pan and insertion are our choice where the file has none.</p>"
     )
     return Section("workspace", _TITLE, text, [_plot(inst, force, free, loaded)], [table])
 
@@ -97,41 +92,6 @@ def _taken(free: Workspace, loaded: Workspace) -> str:
 
 def _share(percent: float) -> str:
     return f"{percent:.0f} %" if round(percent) else "hardly any"
-
-
-def _check(context: Context) -> str:
-    """Return a sentence on how far the bodies are from MuJoCo's."""
-    try:
-        distance = _off_mujoco(context.inst)
-    except MissingExtraError as missing:
-        return f"The check of the chain against MuJoCo is left out: {html.escape(str(missing))}"
-    about = "Largest distance, or difference of an entry of a rotation matrix, from MuJoCo's pose of a body"
-    context.add("workspace.mujoco", distance, "m", about)
-    return (
-        f"Positions of all bodies equal those of the exported model in MuJoCo to {number(distance, 1)} m, and the "
-        "entries of their rotation matrices as closely."
-    )
-
-
-def _off_mujoco(inst: ShortForm) -> float:
-    """Return how far the bodies are from MuJoCo's at random postures, m and as entries of rotation matrices."""
-    random = np.random.default_rng(0)
-    postures = []
-    for _ in range(_POSTURES):
-        drawn = {key: float(random.uniform(*ends)) for key, ends in kinematics.limits(inst)._asdict().items()}
-        handle = {f"handle_{axis}": float(random.uniform(-1, 1)) * inst.axis(axis).handle_range for axis in inst.axes}
-        postures.append(Posture(**drawn, **handle))
-    joints = [kinematics.joint_positions(inst, posture, format="mjcf") for posture in postures]
-    worst = 0.0
-    for posture, theirs in zip(postures, kinematics_peers.mujoco_poses(kinematics.mjcf(inst), joints), strict=True):
-        for name, frame in kinematics.frames(inst, posture).bodies.items():
-            if name not in theirs:  # the chord of a backbone, which is a row of vertebrae there
-                continue
-            position, rotation = theirs[name]
-            turned = Rotation.from_quat(frame.quaternion, scalar_first=True).as_matrix()
-            worst = max(worst, float(np.abs(frame.position - position).max()))
-            worst = max(worst, float(np.abs(turned - rotation).max()))
-    return worst
 
 
 def _plot(inst: ShortForm, force: float, free: Workspace, loaded: Workspace) -> Plot:

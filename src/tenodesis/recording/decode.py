@@ -96,7 +96,7 @@ def _decoded_singly(
     return Decoded(nanoseconds, joints, numbers)
 
 
-def _layout(kind: str, message: Any) -> cdr.Layout:
+def _layout(kind: str, message: Any) -> cdr.MessageLayout:
     if kind == JOINT_STATE:
         counts = {name: len(values) for name, values in _numbers(kind, message).items()}
         return cdr.joint_state(message.name, counts, message.header.frame_id)

@@ -1,4 +1,4 @@
-"""Decompression within bounds: a small file may say, and hold, gigabytes."""
+"""Decompression within bounds, which ``mcap`` does not have: a small file may say, and hold, gigabytes."""
 
 import lz4.frame
 import zstandard

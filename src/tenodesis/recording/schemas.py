@@ -279,7 +279,7 @@ class Messages(NamedTuple):
 
     topic: Topic
     signals: Mapping[str, str]
-    layout: cdr.Layout
+    layout: cdr.MessageLayout
 
     def encode(self, stamps: NDArray[np.int64], columns: Mapping[str, Array]) -> bytes:
         """Return the messages with these stamps (n,), in ns, of :func:`flat_columns`, joined."""
@@ -316,7 +316,7 @@ def event_message(time: float, content: Mapping[str, Any]) -> bytes:
     return cdr.text(json.dumps({**content, "time": time}))
 
 
-def _layout(topic: Topic, signals: Mapping[str, str]) -> cdr.Layout:
+def _layout(topic: Topic, signals: Mapping[str, str]) -> cdr.MessageLayout:
     if topic.type == JOINT_STATE:
         return cdr.joint_state(topic.joints, dict.fromkeys(signals, len(topic.joints)), topic.frame)
     return cdr.wrench(topic.frame) if topic.type == WRENCH else cdr.number()

@@ -2,8 +2,6 @@
 
 import csv
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +9,7 @@ import numpy as np
 
 from tenodesis.errors import RecordingError
 from tenodesis.extras import require
-from tenodesis.files import atomic_file
+from tenodesis.files import atomic_file, write_errors
 from tenodesis.recording.schemas import described
 from tenodesis.run import Array, Run
 
@@ -53,7 +51,11 @@ def to_csv(run: Run, path: str | Path) -> None:
         The file cannot be written; an existing file stays as it was.
     """
     table = {TIME: run.time, **columns(run)}
-    with _replacing(Path(path)) as new, new.open("w", newline="", encoding="utf-8") as file:
+    with (
+        write_errors(Path(path), RecordingError),
+        atomic_file(Path(path)) as new,
+        new.open("w", newline="", encoding="utf-8") as file,
+    ):
         writer = csv.writer(file)
         writer.writerow(table)
         for row in np.column_stack([*table.values()]).tolist():
@@ -71,15 +73,5 @@ def to_parquet(run: Run, path: str | Path) -> None:
         The file cannot be written; an existing file stays as it was.
     """
     require("pyarrow", "tables")
-    with _replacing(Path(path)) as new:
+    with write_errors(Path(path), RecordingError), atomic_file(Path(path)) as new:
         to_pandas(run).to_parquet(new)
-
-
-@contextmanager
-def _replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path to write to, and move the file to its path at the end."""
-    try:
-        with atomic_file(path) as new:
-            yield new
-    except OSError as problem:
-        raise RecordingError(f"{path} cannot be written: {problem.strerror or problem}.") from None

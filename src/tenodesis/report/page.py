@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from tenodesis.errors import Error
-from tenodesis.files import atomic_files
+from tenodesis.files import atomic_files, write_errors
 from tenodesis.report import style
 from tenodesis.report.content import Plot, fixed
 from tenodesis.version import __version__
@@ -81,11 +81,8 @@ def write_columns(columns: Mapping[str, ArrayLike], path: Path, *, digits: int =
 @contextmanager
 def written(out: Path, error: type[Error], *, last: str = "") -> Iterator[Path]:
     """Yield a temporary folder whose files go to a folder, all or none, or raise an error that names the folder."""
-    try:
-        with atomic_files(out, last=last) as new:
-            yield new
-    except OSError as problem:
-        raise error(f"{out} cannot be written: {problem.strerror or problem}.") from problem
+    with write_errors(out, error), atomic_files(out, last=last) as new:
+        yield new
 
 
 def json_text(numbers: Mapping[str, Any]) -> str:

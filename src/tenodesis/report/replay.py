@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tenodesis.errors import RecordingError
+from tenodesis.files import write_errors
 from tenodesis.recording.replay import Replay
 from tenodesis.report import style
 from tenodesis.run import Names
@@ -40,10 +41,8 @@ def plot(replay: Replay, path: str | Path) -> None:
         for column, axis in enumerate(axes):
             panels[0, column].set_title(axis if axes[1:] else replay.inst.name, loc="right")
             panels[-1, column].set_xlabel("Time [s]")
-        try:
+        with write_errors(path, RecordingError):
             fig.savefig(path, dpi=150)
-        except OSError as problem:
-            raise RecordingError(f"{path} cannot be written: {problem.strerror or problem}.") from None
 
 
 def _draw(panel: Axes, replay: Replay, name: str, columns: Sequence[str]) -> None:

@@ -2,11 +2,8 @@
 
 from tenodesis.errors import DesignError
 from tenodesis.scaling.candidates import COMBINATIONS, Wheel
-from tenodesis.scaling.catalogue import Catalogue, json_schema, load, shipped
-from tenodesis.scaling.catalogue_file import Constraints
+from tenodesis.scaling.catalogue import PINS, Catalogue, Constraints, json_schema, load, parse_pins, shipped
 from tenodesis.scaling.design import Front, design, rivals_text
-from tenodesis.scaling.pins import PINS
-from tenodesis.scaling.pins import parse as parse_pins
 from tenodesis.scaling.practical import Objective, Practical, PracticalFront, practical_front
 from tenodesis.scaling.scale_model import Choice, Design, Objectives, TestLoad, name_of
 from tenodesis.scaling.weights import WeightSelection, select_weights

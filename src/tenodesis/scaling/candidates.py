@@ -13,10 +13,8 @@ from tenodesis import statics
 from tenodesis.errors import DesignError
 from tenodesis.instrument import PARAMETERS, ShortForm
 from tenodesis.run import Array
-from tenodesis.scaling.catalogue import Catalogue
-from tenodesis.scaling.catalogue_file import Constraints
+from tenodesis.scaling.catalogue import Catalogue, Constraints, missing, same
 from tenodesis.scaling.parts import Rod, Rope
-from tenodesis.scaling.pins import missing, same
 from tenodesis.similarity.parameters import field_of, value_of
 
 COMBINATIONS = 1_000_000

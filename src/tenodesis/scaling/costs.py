@@ -1,7 +1,8 @@
-"""The costs of a scale model: similarity error, force resolution, length and tension margin over the working range."""
+"""Limits and costs of a scale model: what it must keep, and its error, resolution, length and margin."""
 
-from collections.abc import Mapping
-from functools import cached_property
+import math
+from collections.abc import Callable, Mapping
+from functools import cache, cached_property
 from math import log, sqrt
 from typing import Any, NamedTuple
 
@@ -9,16 +10,232 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis import _core, statics
+from tenodesis.errors import DesignError
 from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.scaling.candidates import Candidates, Wheel
 from tenodesis.scaling.catalogue import Catalogue
-from tenodesis.scaling.limits import finest_difference
-from tenodesis.scaling.parts import LoadCell, Spool
+from tenodesis.scaling.parts import LoadCell, Spool, Weight
+from tenodesis.scaling.weights import least_difference
 from tenodesis.similarity import GRID
 from tenodesis.similarity.parameters import value_of
 from tenodesis.threads import threads
 from tenodesis.units import STANDARD_GRAVITY
+
+Columns = Mapping[str, Array]
+"""Parameters and results of some scale models by name, with the rope's breaking load and the larger wheel's size."""
+
+
+class Limit(NamedTuple):
+    """A limit: its constraint, requirement, amount and unit, and amount and bound of every scale model."""
+
+    key: str
+    requires: str
+    amount_is: str
+    unit: str
+    compute: Callable[[Columns], tuple[Array, Array | float]]
+
+    def met(self, columns: Columns) -> NDArray[np.bool_]:
+        """Return which scale models meet it."""
+        amount, bound = self.compute(columns)
+        # A length pinned to its bound may differ by rounding.
+        return np.asarray(amount <= bound + 1e-12 * np.abs(bound))
+
+
+class Forces(NamedTuple):
+    """The largest force at which scale models are judged, and the test forces; N, real-size."""
+
+    largest: float
+    tests: tuple[float, ...]
+
+
+def forces_of(real_size: ShortForm, catalogue: Catalogue) -> Forces:
+    """Return the forces at which a scale model is judged and tested, N on the real-size instrument.
+
+    Raises DesignError if a test force exceeds the largest force.
+    """
+    constraints = catalogue.constraints
+    tests = constraints.test_forces or real_size.conditions.forces or (1.0,)
+    largest = constraints.largest_force or max(real_size.conditions.forces, default=max(tests))
+    if max(tests) > largest:
+        raise DesignError(
+            f"test_forces go up to {max(tests):g} N and largest_force is {largest:g} N, which contradict each other; "
+            "test forces must not exceed the largest force.",
+            key="test_forces",
+            value=tests,
+            allowed=f"forces up to {largest:g} N",
+        )
+    return Forces(largest, tuple(tests))
+
+
+def limits(catalogue: Catalogue, forces: Forces) -> tuple[Limit, ...]:
+    """Return the limits that a catalogue's constraints and parts set."""
+    constraints = catalogue.constraints
+    rho, largest = constraints.cable_pulley_radius, max(forces.tests)
+    masses = sum(weight.mass * weight.count for weight in catalogue.weights)
+    step = finest_difference(catalogue)
+    widest = max(cell.range for cell in catalogue.load_cells)
+    least_radius = min((encoder.least_distal_radius for encoder in catalogue.encoders), default=0.0)
+    # A constraint that is not given is met by any scale model.
+    bed = min(constraints.print_bed or (math.inf,))
+    torque, error = (
+        math.inf if bound is None else bound for bound in (constraints.spool_torque, constraints.similarity_error)
+    )
+    return (
+        Limit(
+            "handle_range",
+            "the tip bends as far as the handle requires",
+            "unloaded bend at the end of the handle's range, over the joint's limit",
+            "1",
+            lambda c: (c["unloaded_limit"], 1 - 1e-9),
+        ),
+        Limit(
+            "lengths",
+            "joints, end-effector and handle fit into the overall length",
+            "their length",
+            "m",
+            lambda c: (c["end_effector_length"] + c["handle_length"] + c["joints_span"], c["tendon_length"]),
+        ),
+        Limit(
+            "tension_margin",
+            f"no rope breaks: a breaking load of {constraints.tension_margin:g} times the largest tension",
+            "breaking load needed",
+            "N",
+            lambda c: (constraints.tension_margin * c["largest_tension"], c["breaking_load"]),
+        ),
+        Limit(
+            "load_cell_margin",
+            f"a load cell with a range of {constraints.load_cell_margin:g} times the largest tension",
+            "range needed",
+            "N",
+            lambda c: (constraints.load_cell_margin * c["largest_tension"], widest),
+        ),
+        Limit(
+            "weights",
+            f"weights for the largest test force, {largest:g} N on the real-size instrument",
+            "mass to hang",
+            "kg",
+            lambda c: (
+                max(forces.tests) * c["force_factor"] * c["rig_arm"] / rho / STANDARD_GRAVITY
+                + 2 * constraints.cable_mass,
+                masses,
+            ),
+        ),
+        Limit(
+            "force_tolerance",
+            f"weights fine enough for the smallest test force, {min(forces.tests):g} N on the real-size instrument, "
+            f"to {100 * constraints.force_tolerance:g} %",
+            "force of half the lightest weight",
+            "N",
+            lambda c: (
+                0.5 * step * STANDARD_GRAVITY * rho / c["rig_arm"],
+                constraints.force_tolerance * min(forces.tests) * c["force_factor"],
+            ),
+        ),
+        Limit(
+            "encoders",
+            "a distal encoder fits",
+            "distal radius needed",
+            "m",
+            lambda c: (np.full_like(c["distal_radius"], least_radius), c["distal_radius"]),
+        ),
+        Limit(
+            "print_bed",
+            f"the largest wheel fits on the print bed's {1e3 * bed:g} mm",
+            "its diameter",
+            "m",
+            lambda c: (2 * c["largest_wheel"], bed),
+        ),
+        Limit(
+            "spool_torque",
+            f"the drives hold the largest tension with {torque:g} N*m",
+            "torque needed",
+            "N*m",
+            lambda c: (c["largest_tension"] * c["spool_radius"], torque),
+        ),
+        Limit(
+            "similarity_error",
+            f"the output angles differ by at most {math.degrees(error):.3g} deg",
+            "largest difference",
+            "rad",
+            lambda c: (c["largest_error"], error),
+        ),
+    )
+
+
+def finest_difference(catalogue: Catalogue) -> float:
+    """Return the smallest possible difference in mass between the two cables, kg."""
+    return _finest(catalogue.weights, catalogue.constraints.cable_mass)
+
+
+@cache
+def _finest(weights: tuple[Weight, ...], cable_mass: float) -> float:
+    return least_difference(weights, cable_mass=cable_mass)
+
+
+class Tally:
+    """Counts how many scale models meet each limit and each pair of limits, to find contradictions."""
+
+    def __init__(self, limits: tuple[Limit, ...]) -> None:
+        self._limits = limits
+        self._both = np.zeros((len(limits), len(limits)), np.int64)
+        self._nearest: list[tuple[float, float, float]] = [(np.inf, np.nan, np.nan)] * len(limits)
+        self._examined = 0
+
+    def feasible(self, columns: Columns) -> NDArray[np.bool_]:
+        """Count some scale models and return which of them meet every limit."""
+        met = np.array([limit.met(columns) for limit in self._limits])
+        counted = met.astype(np.float64)  # exact up to 2**53, and a product that BLAS does
+        self._both += (counted @ counted.T).astype(np.int64)
+        self._examined += met.shape[1]
+        for n, limit in enumerate(self._limits):
+            if not met[n].any():
+                amount, bound = np.broadcast_arrays(*limit.compute(columns))
+                short = amount / np.maximum(np.abs(bound), np.finfo(float).tiny)
+                at = int(np.argmin(short))
+                self._nearest[n] = min(self._nearest[n], (float(short[at]), float(amount[at]), float(bound[at])))
+        return np.asarray(met.all(axis=0))
+
+    def unmeetable(self) -> Limit | None:
+        """Return the first limit that no scale model meets, whatever the others do."""
+        met = self._both.diagonal()
+        return next((limit for n, limit in enumerate(self._limits) if not met[n]), None)
+
+    def nearest(self, limit: Limit) -> str:
+        """Return a phrase on how close scale models come to a limit that none meets."""
+        _, amount, bound = self._nearest[self._limits.index(limit)]
+        return (
+            f"the nearest of {self._examined} scale models has {limit.amount_is} {_text(amount, limit.unit)}; the "
+            f"bound is {_text(bound, limit.unit)}"
+        )
+
+    def contradiction(self) -> DesignError:
+        """Return the error that names the limit, or the two limits, that cannot be met."""
+        alone = self.unmeetable()
+        if alone is not None:
+            return DesignError(f"{alone.key} cannot be met: {alone.requires}; {self.nearest(alone)}.")
+        met = self._both.diagonal()
+        for i, one in enumerate(self._limits):
+            for j, other in enumerate(self._limits[:i]):
+                if not self._both[i, j]:
+                    return DesignError(
+                        f"{other.key} and {one.key} contradict each other: of {self._examined} scale models {met[j]} "
+                        f"meet the one ({other.requires}), {met[i]} the other ({one.requires}), and none both."
+                    )
+        scarce = sorted(range(len(self._limits)), key=lambda n: met[n])[:3]
+        counts = ", ".join(f"{self._limits[n].key} ({met[n]})" for n in scarce)
+        return DesignError(
+            f"no scale model of {self._examined} meets all limits, though any two can be met; fewest meet {counts}."
+        )
+
+
+def _text(amount: float, unit: str) -> str:
+    if unit == "m":
+        return f"{1e3 * amount:.4g} mm"
+    if unit == "rad":
+        return f"{math.degrees(amount):.4g} deg"
+    return f"{amount:.4g}" if unit == "1" else f"{amount:.4g} {unit}"
+
 
 FINDINGS = tuple(_core.findings())
 """Results of the core for a scale model, in its order."""

@@ -14,9 +14,8 @@ from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.run import Array
 from tenodesis.scaling import catalogue as catalogues
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates
-from tenodesis.scaling.catalogue import Catalogue
-from tenodesis.scaling.limits import limits
-from tenodesis.scaling.pins import narrowed, parse
+from tenodesis.scaling.catalogue import Catalogue, narrowed, parse_pins
+from tenodesis.scaling.costs import limits
 from tenodesis.scaling.scale_model import OBJECTIVES, Design, Objectives, make, shown
 from tenodesis.scaling.sweep import ERROR_STEP, RELATIVE_STEP, Progress, Sweep, exact_costs, sweep
 
@@ -221,7 +220,7 @@ def design(
     real_size = as_short_form(real_size, "real_size")
     if isinstance(combinations, bool) or not isinstance(combinations, int) or not 1 <= combinations <= 10**9:
         raise ArgumentError(key="combinations", value=combinations, allowed="an integer from 1 to 10**9")
-    given = parse(pins or {})
+    given = parse_pins(pins or {})
     parts = narrowed(catalogues.load() if catalogue is None else catalogue, given)
     return Front(sweep(real_size.planar[0], parts, given, combinations=combinations, progress=progress))
 

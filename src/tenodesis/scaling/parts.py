@@ -1,8 +1,8 @@
 """Parts to build and test a scale model, as single parts or as series that differ in size only."""
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import Annotated, Any, Literal, Self, TypeAlias
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Any, Literal, Self, TypeAlias, TypeVar
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
@@ -187,11 +187,19 @@ class Weight(CataloguePart):
         return f"{self.mass * 1e3:.{_SAME}g} g"
 
 
+_Part = TypeVar("_Part", bound=CataloguePart)
+
+
 class _Series(FileTable):
     """Parts that differ in size only, written as a single table."""
 
     source: Source = Field(default="", description="Source of the values")
     known: Known = Field(default="to be checked", description="Whether values are looked up, quoted, or assumed")
+
+    def _parts(self, kind: type[_Part], same: Mapping[str, Any] = {}, **sizes: Sequence[Any]) -> tuple[_Part, ...]:
+        """Return parts of a kind that have the same values but for their sizes, by key."""
+        rows = (dict(zip(sizes, row, strict=True)) for row in zip(*sizes.values(), strict=True))
+        return tuple(kind(**row, **same, source=self.source, known=self.known) for row in rows)
 
 
 class RopeSeries(_Series):
@@ -208,17 +216,9 @@ class RopeSeries(_Series):
 
     def expand(self) -> tuple[Rope, ...]:
         """Return the ropes."""
-        return tuple(
-            Rope(
-                name=f"{self.name} {_size(diameter)}",
-                diameter=diameter,
-                modulus=self.modulus,
-                breaking_load=self.breaking_load_factor * diameter**2 * self.rope_grade,
-                source=self.source,
-                known=self.known,
-            )
-            for diameter in self.diameters
-        )
+        names = [f"{self.name} {_size(diameter)}" for diameter in self.diameters]
+        loads = [self.breaking_load_factor * diameter**2 * self.rope_grade for diameter in self.diameters]
+        return self._parts(Rope, {"modulus": self.modulus}, name=names, diameter=self.diameters, breaking_load=loads)
 
 
 class RodSeries(_Series):
@@ -230,16 +230,8 @@ class RodSeries(_Series):
 
     def expand(self) -> tuple[Rod, ...]:
         """Return the rods."""
-        return tuple(
-            Rod(
-                name=f"{self.name} {_size(diameter)}",
-                diameter=diameter,
-                modulus=self.modulus,
-                source=self.source,
-                known=self.known,
-            )
-            for diameter in self.diameters
-        )
+        names = [f"{self.name} {_size(diameter)}" for diameter in self.diameters]
+        return self._parts(Rod, {"modulus": self.modulus}, name=names, diameter=self.diameters)
 
 
 class _RoundSeries(_Series):
@@ -255,9 +247,7 @@ class PulleySeries(_RoundSeries):
 
     def expand(self) -> tuple[Pulley, ...]:
         """Return the pulleys."""
-        return tuple(
-            Pulley(radius=radius, to_size=self.to_size, source=self.source, known=self.known) for radius in self.radii
-        )
+        return self._parts(Pulley, {"to_size": self.to_size}, radius=self.radii)
 
 
 class SpoolSeries(_RoundSeries):
@@ -265,7 +255,7 @@ class SpoolSeries(_RoundSeries):
 
     def expand(self) -> tuple[Spool, ...]:
         """Return the spools."""
-        return tuple(Spool(radius=radius, source=self.source, known=self.known) for radius in self.radii)
+        return self._parts(Spool, radius=self.radii)
 
 
 class WeightSeries(_Series):
@@ -288,10 +278,7 @@ class WeightSeries(_Series):
     def expand(self) -> tuple[Weight, ...]:
         """Return the weights."""
         tolerances = self.tolerances or (0.0,) * len(self.masses)
-        return tuple(
-            Weight(mass=mass, count=count, tolerance=tolerance, source=self.source, known=self.known)
-            for mass, count, tolerance in zip(self.masses, self.counts, tolerances, strict=True)
-        )
+        return self._parts(Weight, mass=self.masses, count=self.counts, tolerance=tolerances)
 
 
 def _form(*plurals: str) -> Discriminator:

@@ -15,8 +15,8 @@ from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.scaling.candidates import CUT_TO_ORDER, Wheel
 from tenodesis.scaling.catalogue import Catalogue
+from tenodesis.scaling.costs import limits
 from tenodesis.scaling.design import Front, described
-from tenodesis.scaling.limits import limits
 from tenodesis.scaling.scale_model import Design, Objectives, make, name_of
 from tenodesis.scaling.sweep import Stage, exact_costs, nondominated
 

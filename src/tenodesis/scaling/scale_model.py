@@ -17,7 +17,7 @@ from tenodesis.scaling.catalogue import Catalogue
 from tenodesis.scaling.costs import tip_force
 from tenodesis.scaling.parts import Encoder, LoadCell, Rod, Rope, Spool
 from tenodesis.scaling.sweep import Sweep
-from tenodesis.scaling.transfer_friction import carry_friction
+from tenodesis.scaling.transfer import carry_friction
 from tenodesis.scaling.weights import WeightSelection, select_weights
 from tenodesis.similarity import Comparison, compare
 from tenodesis.similarity.parameters import field_of, value_of

@@ -12,8 +12,7 @@ from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates, candidates, finer
 from tenodesis.scaling.catalogue import Catalogue
-from tenodesis.scaling.costs import Judge, WorkingRange, working_range
-from tenodesis.scaling.limits import Forces, Limit, Tally, forces_of, limits
+from tenodesis.scaling.costs import Forces, Judge, Limit, Tally, WorkingRange, forces_of, limits, working_range
 from tenodesis.similarity.parameters import RADII
 
 _CHUNK = 65_536

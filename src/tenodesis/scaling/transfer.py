@@ -1,24 +1,197 @@
-"""Convert a run or recording of a scaled-up instrument to real-size units."""
+"""Convert runs, recordings and identified friction of a scaled-up instrument to real-size units."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import degrees
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import tomli_w
 
-from tenodesis.errors import RecordingError
+from tenodesis import plant
+from tenodesis.errors import ArgumentError, InstrumentError, RecordingError
 from tenodesis.instrument import ShortForm, as_short_form
 from tenodesis.instrument.text import to_toml
 from tenodesis.recording import Recorder, Recording
 from tenodesis.recording.schemas import TRANSFERRED
 from tenodesis.run import SIGNALS, TENDONS, Array, Run
-from tenodesis.scaling.transfer_factors import QUANTITY, comparison, factors
-from tenodesis.scaling.transfer_friction import carry_friction, left_behind, shared_axes
-from tenodesis.similarity import Comparison
+from tenodesis.similarity import Comparison, compare
+from tenodesis.simulate import Cycles, Protocol, execute
+from tenodesis.twin import TIME_STEP, Twin
+
+KEYS = (
+    "length",
+    "force",
+    "tension",
+    "torque",
+    "handle_torque",
+    "motor_stroke",
+    "spool_angle",
+    "spool_velocity",
+    "time",
+)
+"""The factors, scaled-up over real-size, as in :attr:`tenodesis.similarity.Comparison.factors`."""
+
+QUANTITY = {
+    "force": "force",
+    "contact_force": "force",
+    "contact_stiffness": "contact_stiffness",
+    "contact_damping": "contact_damping",
+    "estimated_force": "force",
+    "estimated_force_std": "force",
+    # A radial force bends the joint by its radius alone, as a tension does, and not by the end-effector's length.
+    "radial_force": "tension",
+    "measured_tension": "tension",
+    # Of the same motor on the same spool.
+    "measured_current": "tension",
+    "tension": "tension",
+    "distal_tension": "tension",
+    "handle_torque": "handle_torque",
+    "measured_spool_angle": "spool_angle",
+    "spool_angle": "spool_angle",
+    "commanded_spool_velocity": "spool_velocity",
+    "spool_velocity": "spool_velocity",
+    "output_velocity": "output_velocity",
+}
+"""Factor of each signal that scales; the others are the same on both instruments: angles, ratios and states."""
+
+
+def as_built(inst: ShortForm) -> ShortForm:
+    """Return a one-axis instrument with the true stiffness and pretension of its table mismatch."""
+    mismatch = inst.mismatch
+    if mismatch.stiffness_ratio == 1 and mismatch.pretension_ratio == 1:
+        return inst
+    return inst.replace(
+        **{
+            "tendon_stiffness": inst.tendon_stiffness * mismatch.stiffness_ratio,
+            "pretension": inst.pretension * mismatch.pretension_ratio,
+            "mismatch.stiffness_ratio": None,
+            "mismatch.pretension_ratio": None,
+            # The default inertia depends on the nominal stiffness.
+            "dynamics.tip_inertia": plant.parameters(inst)["tip_inertia"],
+        }
+    )
+
+
+def comparison(real_size: ShortForm, scaled_up: ShortForm) -> Comparison:
+    """Return the comparison of two one-axis instruments as built, with their tables mismatch."""
+    return compare(as_built(real_size), as_built(scaled_up))
+
+
+def factors(compared: Comparison, time_factor: float | None = None) -> Mapping[str, float]:
+    """Return the factors of two instruments, scaled-up over real-size, by :data:`KEYS`, and those that follow.
+
+    That is, of angular velocity, and of tissue that the tips bend into by the same angles.
+
+    Raises ValueError if the time factor is not a number above 0.
+    """
+    found = {key: float(compared.factors[key]) for key in KEYS}
+    if time_factor is not None:
+        if not 0 < time_factor < math.inf:
+            raise ArgumentError(key="time_factor", value=time_factor, allowed="a number above 0")
+        found["time"] = float(time_factor)
+        found["spool_velocity"] = found["spool_angle"] / found["time"]
+    # Force over the tip's way, whose factor is that of torque over force.
+    stiffness = found["force"] ** 2 / found["torque"]
+    return found | {
+        "output_velocity": 1 / found["time"],
+        "contact_stiffness": stiffness,
+        "contact_damping": stiffness * found["time"],
+    }
+
+
+_T = TypeVar("_T", bound=ShortForm)
+
+
+def carry_friction(scaled: ShortForm, real_size: _T, *, source: str = "", time_factor: float | None = None) -> _T:
+    """Return the real-size instrument with the friction of the scaled-up instrument.
+
+    Coefficients, bends and the arrangement of contacts stay the same, since capstan friction is dimensionless; constant
+    friction scales as a tension; viscous friction, the speed and memory of the Stribeck law, the references of a power
+    of the tension, vertex radius and bending stiffness scale by their dimensions. Only the table friction and its
+    source change; `source` is the file of the scaled-up instrument or recording, named in it. The factor of time is by
+    default that of the tips' periods.
+
+    Raises InstrumentError if the scaled-up instrument has no friction, no axis or another joint type in common, or the
+    carried friction is not allowed.
+    """
+    if scaled.friction.law == "none":
+        raise InstrumentError(
+            f"{scaled.name} has no friction to transfer; its friction.law must not be none.",
+            key="friction.law",
+            value=scaled.friction.law,
+            allowed="a law other than none",
+        )
+    axis = shared_axes(scaled, real_size)[0]
+    scale = factors(comparison(real_size.axis(axis), scaled.axis(axis)), time_factor)
+    sources = {key: text for key, text in real_size.sources.items() if key.partition(".")[0] != "friction"}
+    sources["friction"] = f"transferred from {scaled.name}" + (f" ({source})" if source else "")
+    return real_size.replace(friction=_scaled(scaled, scale), sources=sources)
+
+
+def shared_axes(scaled: ShortForm, real_size: ShortForm) -> tuple[str, ...]:
+    """Return the axes of the scaled-up instrument.
+
+    Raises InstrumentError if the real-size one lacks one of them, or has another joint type.
+    """
+    if scaled.joint_type != real_size.joint_type:
+        raise InstrumentError(
+            f"{scaled.name} has joint_type {scaled.joint_type}, {real_size.name} {real_size.joint_type}; "
+            "both must have the same.",
+            key="joint_type",
+            value=scaled.joint_type,
+            allowed=real_size.joint_type,
+        )
+    for axis in scaled.axes:
+        real_size.axis(axis)
+    return scaled.axes
+
+
+def left_behind(scaled: ShortForm) -> tuple[str, ...]:
+    """Return sentences on entries of the scaled-up instrument's table mismatch that are not transferred."""
+    mismatch = scaled.mismatch
+    sentences = []
+    if mismatch.stiffness_ratio != 1:
+        sentences.append(
+            f"{scaled.name} has mismatch.stiffness_ratio {mismatch.stiffness_ratio:g}: a property of its ropes, which "
+            "is not transferred; the factors are those of its true ropes."
+        )
+    errors = {
+        "handle_encoder_offset": f"{degrees(mismatch.handle_encoder_offset):.3g} deg",
+        "output_encoder_offset": f"{degrees(mismatch.output_encoder_offset):.3g} deg",
+        "load_cell_gain": f"{mismatch.load_cell_gain[0]:g} and {mismatch.load_cell_gain[1]:g}",
+        "load_cell_bias": f"{mismatch.load_cell_bias[0]:g} N and {mismatch.load_cell_bias[1]:g} N",
+    }
+    defaults = type(mismatch)()
+    found = [f"{key} {text}" for key, text in errors.items() if getattr(mismatch, key) != getattr(defaults, key)]
+    if found:
+        sentences.append(f"{scaled.name} has mismatch.{', '.join(found)}: measured signals are converted as measured.")
+    return tuple(sentences)
+
+
+def _scaled(scaled: ShortForm, scale: Mapping[str, float]) -> dict[str, object]:
+    """Return the table friction of the real-size file, without defaults and without keys that its law does not use."""
+    friction = scaled.friction
+    speed = scale["motor_stroke"] / scale["time"]
+    by_dimension = {
+        "constant": scale["tension"],
+        "reference_tension": scale["tension"],
+        "reference_radius": scale["length"],
+        "vertex_radius": scale["length"],
+        "tendon_bending_stiffness": scale["tension"] * scale["length"] ** 2,
+        "viscous": scale["tension"] / speed,
+        "stribeck_speed": speed,
+        "memory": scale["time"],
+    }
+    of_law = {"stribeck": {"stribeck_speed", "memory"}, "capstan-power": {"reference_tension", "reference_radius"}}
+    given = friction.model_dump(exclude_defaults=True).keys() - of_law["stribeck"]
+    given |= of_law.get(friction.law, set())
+    values = {key: getattr(friction, key) for key in type(friction).model_fields if key in given}
+    return {key: value / by_dimension[key] if key in by_dimension else value for key, value in values.items()}
+
 
 FACTORS = "transfer_factors"
 """Metadata key of the factors, by axis, as TOML."""
@@ -222,3 +395,49 @@ def _dissimilar(pair: Comparison, where: str) -> list[str]:
             f"{real_size.name} scale to: slack is not similar."
         )
     return sentences
+
+
+SPEED = float(np.radians(40))
+"""Speed of the scaled-up handle, rad/s."""
+
+
+class RoundTrip(NamedTuple):
+    """Output angles (rad) over the real-size handle angle (rad), each of shape (n,).
+
+    `predicted` is by the scaled-up distal encoder, converted; `direct` is that of the real-size twin.
+    """
+
+    handle_angle: Array
+    predicted: Array
+    direct: Array
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the difference, deg."""
+        return float(np.degrees(np.sqrt(np.mean((self.predicted - self.direct) ** 2))))
+
+    @property
+    def largest(self) -> float:
+        """Largest difference, deg."""
+        return float(np.degrees(np.abs(self.predicted - self.direct).max()))
+
+
+def round_trip(
+    real_size: ShortForm, scaled_up: ShortForm, force: float, *, amplitude: float, seed: int = 0
+) -> RoundTrip:
+    """Run two hysteresis cycles on the scaled-up twin, convert them, and run the real-size twin directly.
+
+    The second cycle is returned: the first one still depends on the initial state of friction. Both instruments have
+    one axis and their friction. The force acts on the scaled-up tip, N; the cycle ends at an unloaded output angle of
+    `amplitude` (rad) on either side. Raises NoSolutionError if a tip is loaded past what it can hold.
+    """
+    cycles = Cycles(output_amplitude=amplitude, symmetric=True, speed=SPEED, count=2, force=force)
+    run = execute(Twin(scaled_up, seed=seed), Protocol(name="cycles", phases=(cycles,)))
+    carried = carry(run, real_size, scaled_up=scaled_up).run
+    time = np.arange(1, int(carried.time[-1] / TIME_STEP)) * TIME_STEP
+    handle, load = (np.interp(time, carried.time, carried[name]) for name in ("commanded_handle_angle", "force"))
+    direct = Twin(real_size, seed=seed).run(handle, load)["output_angle"]
+    predicted = np.interp(time, carried.time, carried["measured_output_angle"])
+    turns = np.flatnonzero(handle <= handle.min() + np.radians(0.1))
+    kept = slice(int(turns[turns < 0.8 * time.size][-1]), None)
+    return RoundTrip(handle[kept], predicted[kept], direct[kept])

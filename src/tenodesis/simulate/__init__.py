@@ -7,6 +7,7 @@ name stays as it was, spool velocities included.
 
 from tenodesis.errors import ProtocolError
 from tenodesis.run import concatenate
+from tenodesis.simulate import campaign
 from tenodesis.simulate.chirp import Chirp
 from tenodesis.simulate.command import Plant
 from tenodesis.simulate.default import default_protocol
@@ -36,6 +37,7 @@ __all__ = [
     "StepLoad",
     "TissueContact",
     "Wrench",
+    "campaign",
     "concatenate",
     "default_protocol",
     "execute",

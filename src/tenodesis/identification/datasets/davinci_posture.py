@@ -20,14 +20,14 @@ import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.datasets import davinci_tool
 from tenodesis.identification.datasets.davinci_tool import DEFAULT_LAW, Series, Tool
-from tenodesis.identification.datasets.dual_numbers import Dual
-from tenodesis.identification.datasets.reference import refuse_instrument
+from tenodesis.identification.datasets.reference import Values, refuse_instrument
 from tenodesis.identification.formats.measured import MeasuredRun, Source
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.registry import Format
@@ -114,7 +114,7 @@ class Wrist(Tool):
         own = (_COUPLING, _BEND) if several else ()
         starts = self._lines(self.fitted[: len(train)], several=several)
         # Against the load the tendon pulls the jaw to -jaw * load; the pitch that draws it moves the jaw there too.
-        self._side = -self.signs.jaw * self.signs.load * math.copysign(1.0, starts["coupling"])
+        self._side = -self.jaw * self.load * math.copysign(1.0, starts["coupling"])
         parameters = [
             one
             if one.name not in starts
@@ -137,11 +137,10 @@ class Wrist(Tool):
         """Return the derivatives of the residuals, (n, parameters)."""
         return _without_mean(super().jacobian(values, run), OFFSET_SHARE)
 
-    def modelled(self, values: Array, series: Series, *, exact: bool) -> Dual:
+    def modelled(self, values: Values, series: Series) -> Values:
         """Return the jaw angle by the model without the recording's own offset, (1 + n,), rad."""
-        jaw = super().modelled(values, series, exact=exact)
-        given = self._given(values, series, exact=exact)
-        return jaw + given["coupling"] * series.pitch if "coupling" in given else jaw
+        coupling = self._given(values, series).get("coupling", 0.0)
+        return np.asarray(super().modelled(values, series) + coupling * series.pitch)
 
     def advice(self, names: Sequence[str]) -> str | None:
         """Return which recording would make these parameters identifiable."""
@@ -152,16 +151,16 @@ class Wrist(Tool):
     def _errors(self, values: Array, series: Series) -> Array:
         return _without_mean(super()._errors(values, series), 0.0)
 
-    def _given(self, values: Array, series: Series, *, exact: bool) -> dict[str, Dual]:
-        given = super()._given(values, series, exact=exact)
+    def _given(self, values: Values, series: Series) -> dict[str, Any]:
+        given = super()._given(values, series)
         if "bend_growth" in given:
-            growth = (given["bend_growth"] * max(0.0, self._side * series.pitch)).exp()
+            growth = np.exp(given["bend_growth"] * max(0.0, self._side * series.pitch))
             given |= {name: given[name] * growth for name in ("friction_exponent", "compliance")}
         return given
 
     def _lines(self, train: Sequence[Series], *, several: bool) -> dict[str, float]:
         """Return where the parameters that act without friction start: by a line for each run, side by side."""
-        sign, load = self.signs.jaw, self.signs.load
+        sign, load = self.jaw, self.load
         runs = [(one, np.column_stack([sign * one.spindle, sign * load * one.torque])[one.first :]) for one in train]
         ratio, compliance = np.linalg.lstsq(
             np.vstack([_without_mean(columns, 0.0) for _, columns in runs]),

@@ -21,22 +21,25 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.datasets.dual_numbers import Dual, Operand, number, unknowns
-from tenodesis.identification.datasets.friction_laws import band, held, hysteresis
 from tenodesis.identification.datasets.reference import (
+    Given,
     ReferenceProblem,
     ReferenceSeries,
+    Values,
+    band,
     check_recordings,
+    held,
+    hysteresis,
     refuse_instrument,
 )
-from tenodesis.identification.formats.measured import MeasuredRun, Source, checksum
-from tenodesis.identification.formats.raw import Raw, Unit
-from tenodesis.identification.formats.table import read_rows
+from tenodesis.identification.force.model import INTERVAL, causal_mean, settled, signs_of
+from tenodesis.identification.formats.csv import read_rows
+from tenodesis.identification.formats.measured import MeasuredRun, Raw, Source, Unit, checksum
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.registry import Format
 from tenodesis.instrument import ShortForm
@@ -155,10 +158,6 @@ _TORQUE = (
 DEFAULT_LAW = "capstan-constant"
 CONTACTS = 8
 """Contacts that the transmission is cut into."""
-SETTLING = 2.0
-"""Time from the start in which the bench settles, s: the model runs through it, and its errors are not counted."""
-INTERVAL = 0.01
-"""Mean over which torque is smoothed, and the interval of the samples that are fitted, s."""
 NOISE = 2 * math.pi / 4000 / math.sqrt(12)
 """Standard deviation of the jaw's encoder, rad: that of rounding to its 4000 counts."""
 
@@ -166,7 +165,6 @@ _LEVEL_SPAN = 0.2
 """Time from the start whose mean torque is assumed to have acted before it, s; the drive starts with a kick."""
 _SPEED_SPAN = 0.1
 """Time over which the spindle's speed is taken, s."""
-_LEAST = 200
 _OFFSET = math.radians(30)
 """Largest difference of the jaw's offset from that of a plane through the recordings, rad."""
 _RATIO, _COMPLIANCE = (0.1, 5.0), (0.1, 4.0)
@@ -227,15 +225,6 @@ class Series(ReferenceSeries):
     """Of the wrist, rad."""
 
 
-class Signs(NamedTuple):
-    """How the sensors' signs go together, by the training runs."""
-
-    load: float
-    """Sign of the spindle's mean torque."""
-    jaw: float
-    """Whether the jaw turns with the spindle's sensor (1) or against it (-1)."""
-
-
 class Tool(ReferenceProblem[Series]):
     """A tool with its recordings of spindle_angle, spindle_torque and jaw_angle, fitted every 10 ms.
 
@@ -259,12 +248,13 @@ class Tool(ReferenceProblem[Series]):
             raise IdentificationError(key="contacts", value=contacts, allowed="an integer of at least 1")
         check_recordings(train)
         self.law, self.contacts = law, contacts
-        self.signs = _signs(train)
+        # of the spindle's torque under load, and whether the jaw turns with the spindle
+        self.load, self.jaw = signs_of(train)
         recordings = [*train, *test]
         self.runs = tuple(one.name for one in recordings)
-        self.full = [_series(one, self.signs) for one in recordings]
+        self.full = [_series(one, self.load) for one in recordings]
         self.fitted = [_thinned(one) for one in self.full]
-        self.parameters = (*_kinematics(self.fitted[: len(train)], self.signs), *LAWS[law])
+        self.parameters = (*_kinematics(self.fitted[: len(train)], self.load, self.jaw), *LAWS[law])
         self._names = tuple(one.name for one in self.parameters)
         self.groups = {
             "friction": tuple(one.name for one in LAWS[law]),
@@ -287,44 +277,42 @@ class Tool(ReferenceProblem[Series]):
             return "Record the same motion at several loads at the jaw, over a larger angle."
         return None
 
-    def modelled(self, values: Array, series: Series, *, exact: bool) -> Dual:
+    def modelled(self, values: Values, series: Series) -> Values:
         """Return the jaw angle by the model, (1 + n,), rad."""
-        given = self._given(values, series, exact=exact)
-        turned = given["ratio"] * series.spindle + self.signs.load * given["compliance"] * self._mean(given, series)
-        return self.signs.jaw * turned + given["offset"]
+        given = self._given(values, series)
+        turned = given["ratio"] * series.spindle + self.load * given["compliance"] * self._mean(given, series)
+        return np.asarray(self.jaw * turned + given["offset"])
 
-    def _mean(self, given: Mapping[str, Dual], series: Series) -> Dual:
+    def _mean(self, given: Given, series: Series) -> Values:
         """Return the mean torque along the transmission, (n,)."""
-        torque = number(series.torque)
+        torque = series.torque
         if self.law == "none":
             return torque
         if self.law == "bouc-wen":
             full, width, beta, start = (given[one.name] for one in LAWS[self.law])
-            return torque - full * hysteresis(number(-self.signs.load * series.spindle), width, beta, start)
+            return np.asarray(torque - full * hysteresis(-self.load * series.spindle, width, beta, start))
         # a law without tension has no slack
         slack = "pretension" in given
-        pretension = given.get("pretension", number(0.0))
-        tension = torque + pretension
-        bearing: dict[str, Operand] = {"constant": given.get("spindle_friction", 0.0)}
+        pretension = given.get("pretension", 0.0)
+        bearing = {"constant": given.get("spindle_friction", 0.0)}
         # the tendon reaches from the bearing to the last contact: a half of its pieces' length at either end
-        passed = [_behind("coulomb", bearing, tension, given["start"], series.speed, slack=slack)]
+        passed = [_behind("coulomb", bearing, torque + pretension, given["start"], series.speed, slack=slack)]
         along = self._along(given)
         for _ in range(self.contacts):
             passed.append(_behind(self.law, along, passed[-1], given["start"], series.speed, slack=slack))
-        pieces = [0.5 / self.contacts * (one + other) for one, other in pairwise(passed)]
-        return sum(pieces[1:], pieces[0]) - pretension
+        return np.asarray(sum(one + other for one, other in pairwise(passed)) * (0.5 / self.contacts) - pretension)
 
-    def _along(self, given: Mapping[str, Dual]) -> dict[str, Operand]:
+    def _along(self, given: Given) -> dict[str, Any]:
         """Return the friction of a contact along the tendon, by the names of its law."""
-        friction: dict[str, Operand] = {name: given[name] for name in _SHAPES if name in given}
+        friction = {name: given[name] for name in _SHAPES if name in given}
         for name, ours in (("exponent", "friction_exponent"), ("constant", "sliding_friction")):
             if ours in given:
                 friction[name] = given[ours] * (1 / self.contacts)
         return friction
 
-    def _given(self, values: Array, series: Series, *, exact: bool) -> dict[str, Dual]:
+    def _given(self, values: Values, series: Series) -> dict[str, Any]:
         """Return the parameters by name as they are for a run."""
-        return unknowns(self._names, values, exact=exact)
+        return dict(zip(self._names, values, strict=True))
 
 
 def problem(
@@ -335,24 +323,20 @@ def problem(
     return Tool(train, test, law=law)
 
 
-def _behind(
-    law: str, friction: Mapping[str, Operand], tension: Dual, start: Dual, speed: Array, *, slack: bool
-) -> Dual:
+def _behind(law: str, friction: Given, tension: Values, start: Any, speed: Array, *, slack: bool) -> Values:
     """Return the tension behind a contact whose run begins somewhere in its band."""
     lower, upper = band(law, friction, tension, speed=speed, slack=slack)
-    return held(lower, upper, lower.first() + start * (upper - lower).first())
+    return held(lower, upper, lower[0] + start * (upper[0] - lower[0]))
 
 
-def _kinematics(train: Sequence[Series], signs: Signs) -> tuple[Parameter, ...]:
+def _kinematics(train: Sequence[Series], load: float, jaw: float) -> tuple[Parameter, ...]:
     """Return the parameters that act without friction, which start where a plane through the training runs has them."""
     columns = [
-        np.column_stack([np.ones(one.time.size), signs.jaw * one.spindle, signs.jaw * signs.load * one.torque])[
-            one.first :
-        ]
+        np.column_stack([np.ones(one.time.size), jaw * one.spindle, jaw * load * one.torque])[one.first :]
         for one in train
     ]
-    jaw = np.concatenate([one.reference[one.first :] for one in train])
-    offset, ratio, compliance = np.linalg.lstsq(np.vstack(columns), jaw)[0].tolist()
+    reference = np.concatenate([one.reference[one.first :] for one in train])
+    offset, ratio, compliance = np.linalg.lstsq(np.vstack(columns), reference)[0].tolist()
     ratio, compliance = float(np.clip(ratio, *_RATIO)), float(np.clip(compliance, *_COMPLIANCE))
     return (
         Parameter(
@@ -375,35 +359,21 @@ def _kinematics(train: Sequence[Series], signs: Signs) -> tuple[Parameter, ...]:
     )
 
 
-def _signs(train: Sequence[MeasuredRun]) -> Signs:
-    load = float(np.concatenate([one["spindle_torque"] for one in train]).mean())
-    turned = sum(
-        float(np.mean((one["spindle_angle"] - one["spindle_angle"].mean()) * (one["jaw_angle"]))) for one in train
-    )
-    return Signs(math.copysign(1.0, load), math.copysign(1.0, turned))
-
-
-def _series(one: MeasuredRun, signs: Signs) -> Series:
+def _series(one: MeasuredRun, load: float) -> Series:
     """Return a run at all samples, torque and speed smoothed by a causal filter."""
     window = max(1, round(INTERVAL / one.sample_time))
     span = max(1, round(_SPEED_SPAN / one.sample_time))
     spindle = one["spindle_angle"]
     before = np.maximum(np.arange(len(one)) - span, 0)
     passed = np.maximum(one.time - one.time[before], one.sample_time)
-    first = int(np.searchsorted(one.time, one.time[0] + SETTLING))
-    if len(one) - first < _LEAST:
-        raise IdentificationError(
-            f"{one.name} has {max(len(one) - first, 0)} samples after the first {SETTLING:g} s, in which the bench "
-            f"settles; at least {_LEAST} are needed."
-        )
-    torque = signs.load * one["spindle_torque"]
+    torque = load * one["spindle_torque"]
     level = float(torque[one.time < one.time[0] + _LEVEL_SPAN].mean())
     return Series(
         time=np.append(one.time[0] - one.sample_time, one.time),
         reference=np.append(one["jaw_angle"][0], one["jaw_angle"]),
-        first=1 + first,
+        first=1 + int(np.argmax(settled(one))),
         spindle=np.append(spindle[0], spindle),
-        torque=np.append(level, _causal_mean(torque, window)),
+        torque=np.append(level, causal_mean(torque, window)),
         speed=np.append(0.0, (spindle - spindle[before]) / passed),
         pitch=float(one.columns["wrist_pitch"][0]) if "wrist_pitch" in one.columns else 0.0,
     )
@@ -427,13 +397,6 @@ def _thinned(one: Series) -> Series:
         speed=np.append(one.speed[0], one.speed[step::step]),
         pitch=one.pitch,
     )
-
-
-def _causal_mean(values: Array, window: int) -> Array:
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    end = np.arange(1, values.size + 1)
-    begin = np.maximum(end - window, 0)
-    return np.asarray((total[end] - total[begin]) / (end - begin), dtype=np.float64)
 
 
 FORMAT = Format(load, problem, laws=tuple(LAWS), law=DEFAULT_LAW)

@@ -22,24 +22,26 @@ stays while no bound is met, and is pushed by them,
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.datasets.dual_numbers import Dual, Operand, number, unknowns
-from tenodesis.identification.datasets.friction_laws import LAWS, law_of, pass_on
 from tenodesis.identification.datasets.reference import (
+    LAWS,
+    Given,
     ReferenceProblem,
     ReferenceSeries,
+    Values,
     check_recordings,
+    law_of,
+    pass_on,
     refuse_instrument,
 )
-from tenodesis.identification.formats.measured import MeasuredRun, Source, checksum
-from tenodesis.identification.formats.raw import GRAM_FORCE, Raw, Unit, spread_of
-from tenodesis.identification.formats.table import read_rows
+from tenodesis.identification.formats.csv import read_rows
+from tenodesis.identification.formats.measured import GRAM_FORCE, MeasuredRun, Raw, Source, Unit, checksum, spread_of
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.registry import Format
 from tenodesis.instrument import ShortForm
@@ -276,28 +278,26 @@ class Pair(ReferenceProblem[Series]):
             return "Record reversals at several amplitudes, and at a second pretension."
         return "Record the same motion with the joint held fast, which leaves the tendons' stretch alone."
 
-    def modelled(self, values: Array, series: Series, *, exact: bool) -> Dual:
+    def modelled(self, values: Values, series: Series) -> Values:
         """Return the output angle by the model, (n,), rad."""
-        given = unknowns(self._names, values, exact=exact)
-        reach = 1 + given.get("reach_per_bend", number(0.0)) * series.bend
+        given = dict(zip(self._names, values, strict=True))
+        reach = 1 + given.get("reach_per_bend", 0.0) * series.bend
         antagonist = given["antagonist_gain"] * series.antagonist
         entering = given["ratio"] * series.command - given["compliance"] * (series.agonist - antagonist)
         if self.law == "none":
-            return reach * entering
+            return np.asarray(reach * entering)
         places = (np.arange(self.sections) + 0.5) / self.sections
-        along = [self._behind(given, series, antagonist, float(place)) for place in places]
-        stretch = sum(along[1:], along[0]) * (1 / self.sections)
+        stretch = sum(self._behind(given, series, antagonist, place) for place in places.tolist()) / self.sections
         bent = given["bending_compliance"] * self._behind(given, series, antagonist, 1.0)
-        return reach * entering - given["sheath_compliance"] * stretch + bent
+        return np.asarray(reach * entering - given["sheath_compliance"] * stretch + bent)
 
-    def _behind(self, given: Mapping[str, Dual], series: Series, antagonist: Dual, share: float) -> Dual:
+    def _behind(self, given: Given, series: Series, antagonist: Values, share: float) -> Values:
         """Return the tension difference a share along the way."""
-        friction: dict[str, Operand] = {
-            name: share * (given[name] + given.get(_per_bend(name), number(0.0)) * series.bend)
-            for name in self._magnitudes
+        friction = {
+            name: share * (given[name] + given.get(_per_bend(name), 0.0) * series.bend) for name in self._magnitudes
         }
         friction |= {name: given[name] for name in self._shapes}
-        return pass_on(self.law, friction, number(series.agonist), antagonist, speed=series.speed)
+        return pass_on(self.law, friction, series.agonist, antagonist, speed=series.speed)
 
 
 def problem(

@@ -14,17 +14,27 @@ from pathlib import Path
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.datasets.dual_numbers import Dual, unknowns
-from tenodesis.identification.datasets.friction_laws import LAWS, law_of, pass_on
 from tenodesis.identification.datasets.reference import (
+    LAWS,
     ReferenceProblem,
     ReferenceSeries,
+    Values,
     check_recordings,
+    law_of,
+    pass_on,
     refuse_instrument,
 )
-from tenodesis.identification.formats.measured import MeasuredRun, Source, checksum
-from tenodesis.identification.formats.raw import CLOCKS, GRAM_FORCE, Raw, Unit, spread_of
-from tenodesis.identification.formats.table import heading, read_table, scale_of
+from tenodesis.identification.formats.csv import heading, read_table, scale_of
+from tenodesis.identification.formats.measured import (
+    CLOCKS,
+    GRAM_FORCE,
+    MeasuredRun,
+    Raw,
+    Source,
+    Unit,
+    checksum,
+    spread_of,
+)
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.registry import Format
 from tenodesis.identification.uncertainty import LossName
@@ -173,11 +183,11 @@ class Sheath(ReferenceProblem[Series]):
             return "Pull and release far enough that the tendon slides both ways: the band's two edges show the gain."
         return "Record reversals at several tensions, the highest several times the lowest."
 
-    def modelled(self, values: Array, series: Series, *, exact: bool) -> Dual:
+    def modelled(self, values: Values, series: Series) -> Values:
         """Return what the distal load cell would show, (n,), N."""
-        given = unknowns(self._names, values, exact=exact)
+        given = dict(zip(self._names, values, strict=True))
         start = float(series.proximal[0])
-        return given["gain"] * pass_on(self.law, given, series.proximal, speed=series.rate, start=start)
+        return np.asarray(given["gain"] * pass_on(self.law, given, series.proximal, speed=series.rate, start=start))
 
 
 def problem(

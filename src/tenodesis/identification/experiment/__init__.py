@@ -1,7 +1,6 @@
 """Experiment design: the bench protocol after which the wanted parameters of an instrument are known best."""
 
-from tenodesis.identification.experiment.plan import OPTIMISTIC, Block, Plan, Prediction
-from tenodesis.identification.experiment.planning import DURATION, plan
+from tenodesis.identification.experiment.planning import DURATION, OPTIMISTIC, Block, Plan, Prediction, plan
 
 __all__ = ["DURATION", "OPTIMISTIC", "Block", "Plan", "Prediction", "plan"]
 

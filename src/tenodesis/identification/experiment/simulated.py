@@ -9,11 +9,10 @@ import numpy as np
 from tenodesis import plant, twin
 from tenodesis.control.parameters import tension_limit
 from tenodesis.errors import Error, NoSolutionError, ProtocolError
-from tenodesis.identification.differences import scales
 from tenodesis.identification.experiment.candidates import Phase
 from tenodesis.identification.experiment.information import Information, converters, information
 from tenodesis.identification.formats.measured import MeasuredRun
-from tenodesis.identification.problem import Parameter
+from tenodesis.identification.problem import Parameter, scales
 from tenodesis.identification.twin_model.problem import TwinProblem
 from tenodesis.identification.twin_model.tuning import LONGEST_STEP
 from tenodesis.instrument import ShortForm

@@ -8,19 +8,26 @@ from typing import NamedTuple
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.force.model import WIDTH, Band, Bands, ForceModel, predicted
-from tenodesis.identification.force.parameters import RECALIBRATED, Unknown, recalibrated, unknowns
-from tenodesis.identification.force.signals import (
+from tenodesis.identification.force.model import (
     FITTED_INTERVAL,
+    RECALIBRATED,
+    WIDTH,
+    Band,
+    Bands,
     Bench,
+    ForceModel,
     Series,
     Signal,
+    Unknown,
     bench_of,
     checked,
+    predicted,
+    recalibrated,
     series_of,
+    unknowns,
 )
 from tenodesis.identification.formats.measured import MeasuredRun
-from tenodesis.identification.whiteness import autocorrelation, correlation_samples
+from tenodesis.identification.uncertainty import autocorrelation, correlation_samples
 from tenodesis.run import Array
 
 OFFSET_SHARE = 0.03

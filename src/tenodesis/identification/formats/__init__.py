@@ -1,4 +1,4 @@
-"""Formats of recordings, one file each: all return a `MeasuredRun`, checked by common code (`raw`, `table`)."""
+"""Formats of recordings, one file each: all return a `MeasuredRun`, checked by common code (`measured`)."""
 
 from tenodesis.identification.formats.measured import MeasuredRun, Source, distinct_names, load_all
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.formats.measured import MeasuredRun
-from tenodesis.identification.formats.raw import CLOCKS, Raw, spread_of
+from tenodesis.identification.formats.measured import CLOCKS, MeasuredRun, Raw, spread_of
 from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.run import TENDONS, Array, Run
 

@@ -1,19 +1,23 @@
 """Recordings of an instrument: files of ROS 2 messages, as ``tenodesis record`` and a bench write them.
 
 A file is MCAP or SQLite; a bag of ROS 2 is a folder of such files, whose topics may each have a clock of their own.
+``rosbags`` reads a whole folder with its ``metadata.yaml``; a file of SQLite is read here alone, also damaged, within
+bounds.
 """
 
-from collections.abc import Mapping, Sequence
+import sqlite3
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from mcap.records import Channel, Schema
 from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from tenodesis.errors import IdentificationError, InstrumentError, RecordingError
 from tenodesis.files import read_regular
-from tenodesis.identification.formats import bag
 from tenodesis.identification.formats.instrument_run import (
     SECONDS,
     USED,
@@ -23,12 +27,109 @@ from tenodesis.identification.formats.instrument_run import (
     first_alone,
     first_axis,
 )
-from tenodesis.identification.formats.measured import checksum
-from tenodesis.identification.formats.raw import WIDE, Raw
+from tenodesis.identification.formats.measured import WIDE, Raw, checksum
 from tenodesis.instrument import ShortForm, as_short_form
 from tenodesis.recording import Recording, cdr, container, schemas
+from tenodesis.recording.container import Contents, Message
 from tenodesis.recording.decode import Decoded, LeftOut, Misfit, decode
 from tenodesis.run import SIGNALS, TENDONS, Array, Names
+
+SUFFIX = ".db3"
+
+_MAGIC = b"SQLite format 3\0"
+_ZSTANDARD = b"\x28\xb5\x2f\xfd"
+_LEAST_LENGTH = 100_000
+"""Length that a text of any bag may have, bytes."""
+_MOST_TOPICS = 10_000
+_STEPS_AT_ONCE = 10_000
+_FREE_STEPS, _STEPS_PER_BYTE = 10_000_000, 10
+"""Steps of its machine that reading any bag may take, and how many more by a byte of it."""
+_KNOWN = (schemas.JOINT_STATE, schemas.WRENCH, schemas.FLOAT64)
+
+
+def is_sqlite(path: Path) -> bool:
+    """Return whether a file begins as a SQLite file does."""
+    if not path.is_file():
+        return False
+    try:
+        with path.open("rb") as file:
+            return file.read(len(_MAGIC)) == _MAGIC
+    except OSError:
+        return False
+
+
+def scan(path: Path, wanted: Collection[str]) -> Contents:
+    """Return the wanted topics of a bag, in order of arrival, up to where the file is damaged.
+
+    Raises RecordingError if the file cannot be read, is no bag, or its messages are compressed.
+    """
+    # a bag on a medium that cannot be written opens as unchanging, which a log left beside it is not
+    left_behind = path.with_name(f"{path.name}-wal")
+    closed = not left_behind.exists() or not left_behind.stat().st_size
+    if not path.is_file():
+        raise RecordingError(f"{path} cannot be read: it is no regular file.")
+    size = path.stat().st_size + (0 if closed else left_behind.stat().st_size)
+    contents = Contents()
+    try:
+        bag = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro{'&immutable=1' if closed else ''}", uri=True)
+    except sqlite3.Error as problem:
+        raise RecordingError(f"{path} cannot be read: {problem}.") from None
+    with closing(bag):
+        _bound(bag, size)
+        try:
+            _read_topics(bag, contents)
+        except (sqlite3.Error, ValueError, OverflowError) as problem:
+            raise RecordingError(f"{path} cannot be read as a bag of ROS 2: {problem}.") from None
+        for number, channel in contents.channels.items():
+            if channel.topic in wanted:
+                size -= _read(bag, number, contents, size)
+    if any(message.data.startswith(_ZSTANDARD) for messages in contents.messages.values() for message in messages[:1]):
+        raise RecordingError(f"{path} holds compressed messages; they must be plain, as ros2 bag convert writes them.")
+    return contents
+
+
+def _bound(bag: sqlite3.Connection, size: int) -> None:
+    """Let a bag take no more work and memory than its size explains: what is called a table may be a computation."""
+    bag.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(size, _LEAST_LENGTH))
+    left = (_FREE_STEPS + _STEPS_PER_BYTE * size) // _STEPS_AT_ONCE
+
+    def go_on() -> bool:
+        nonlocal left
+        left -= 1
+        return left < 0
+
+    bag.set_progress_handler(go_on, _STEPS_AT_ONCE)
+
+
+def _read_topics(bag: sqlite3.Connection, contents: Contents) -> None:
+    rows = bag.execute("SELECT id, name, type, serialization_format FROM topics LIMIT ?", (_MOST_TOPICS,))
+    for number, *texts in rows:
+        if not isinstance(number, int) or not all(isinstance(text, str) for text in texts):
+            raise ValueError("a row of its topics has no number, name, type and format")
+        name, kind, encoding = texts
+        definition = schemas.definition(kind) if kind in _KNOWN else ""
+        contents.channels[number] = Channel(number, name, encoding, {}, number)
+        contents.schemas[number] = Schema(number, definition.encode(), "ros2msg", kind)
+
+
+def _read(bag: sqlite3.Connection, number: int, contents: Contents, most: int) -> int:
+    """Add the messages of a topic, up to where the file is damaged; return their size, bytes, at most `most`."""
+    taken = 0
+    try:
+        rows = bag.execute("SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY id", (number,))
+        for at, (stamp, data) in enumerate(rows):
+            if not isinstance(stamp, int) or not isinstance(data, bytes):
+                contents.damage = f"message {at + 1} of topic {number} has no stamp or no data"
+                break
+            taken += len(data) + 1
+            if taken > most:
+                contents.damage = "its messages are larger than the file"
+                break
+            contents.messages.setdefault(number, []).append(Message(at, stamp, data))
+    except (sqlite3.Error, ValueError, OverflowError) as problem:
+        contents.damage = str(problem)
+    return min(taken, most)
+
 
 __all__ = ["TENDONS", "InstrumentRun", "load"]
 
@@ -65,7 +166,7 @@ def load(path: Path) -> InstrumentRun:
     """
     files = _files(path)
     try:
-        read = _recorded(files[0]) if len(files) == 1 and not bag.is_sqlite(files[0]) else None
+        read = _recorded(files[0]) if len(files) == 1 and not is_sqlite(files[0]) else None
         read = _merged(path, files) if read is None else read
     except RecordingError as problem:
         raise IdentificationError(str(problem)) from None
@@ -80,7 +181,7 @@ def load(path: Path) -> InstrumentRun:
 def _files(path: Path) -> list[Path]:
     if not path.is_dir():
         return [path]
-    mcap, sqlite = (sorted(path.glob(f"*{suffix}")) for suffix in (".mcap", bag.SUFFIX))
+    mcap, sqlite = (sorted(path.glob(f"*{suffix}")) for suffix in (".mcap", SUFFIX))
     if mcap and sqlite:
         raise IdentificationError(
             f"{path} holds {mcap[0].name} and {sqlite[0].name}, which may be the same twice; it must be a bag of "
@@ -90,8 +191,7 @@ def _files(path: Path) -> list[Path]:
         packed = next(iter(sorted(path.glob("*.zstd"))), None)
         found = "" if packed is None else f" ({packed.name} is compressed: unpack it first)"
         raise IdentificationError(
-            f"{path} holds no MCAP file and no {bag.SUFFIX} file{found}; it must be a recording, or the folder of a "
-            "ROS 2 bag."
+            f"{path} holds no MCAP file and no {SUFFIX} file{found}; it must be a recording, or the folder of a ROS 2 "
         )
     return mcap or sqlite
 
@@ -174,8 +274,8 @@ def _decoded(files: Sequence[Path], notes: list[str]) -> dict[str, list[Decoded]
 
 
 def _contents(file: Path) -> container.Contents:
-    if bag.is_sqlite(file):
-        return bag.scan(file, schemas.TOPICS)
+    if is_sqlite(file):
+        return scan(file, schemas.TOPICS)
     try:
         data = read_regular(file)
     except OSError as problem:

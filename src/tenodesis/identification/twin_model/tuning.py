@@ -1,6 +1,6 @@
 """Constants of the twin's model that were chosen by trial, with their units and trade-offs."""
 
-# Smoothing of an encoder's noise (`inputs.smoothed`). The blur is the wavelength that the smoother halves.
+# Smoothing of an encoder's noise (`steps.smoothed`). The blur is the wavelength that the smoother halves.
 BLUR_SHORTEST = 4.0
 """Samples: with less there is nothing to smooth."""
 BLUR_LONGEST = 0.2
@@ -26,7 +26,7 @@ NODE_REACH = 2.0
 SAME_ERROR = 1e-6
 """Share of the largest variance below which combinations of errors are numerically the same."""
 
-# Undoing a converter's rounding (`inputs.unrounded`).
+# Undoing a converter's rounding (`steps.unrounded`).
 REST_LENGTH = 4
 """Times that a converter's step must outlast its neighbours for the signal to rest there."""
 STOPPING_TIME = 0.05
