@@ -9,6 +9,7 @@ from rich.table import Table
 
 from tenodesis.cli.command import command
 from tenodesis.cli.common import (
+    AxisToCompute,
     InstrumentFile,
     ProgressBar,
     check_choice,
@@ -32,22 +33,18 @@ _BRIEF = (
 
 
 @command("instrument_file", "scaled_up")
-def bench(
+def bench(  # noqa: PLR0917
+    outputs: Outputs,
     instrument_file: InstrumentFile = "real-size",
     scaled_up: Annotated[
         str | None, typer.Option(help="Its scale model: file or name. Default: scaled-up, for real-size.")
     ] = None,
-    axis: Annotated[
-        str | None,
-        typer.Option(help="Axis to compute, where yaw and pitch have values of their own. Default: the first."),
-    ] = None,
+    axis: AxisToCompute = None,
     only: Annotated[
         list[str] | None,
         typer.Option(metavar="CHAPTERS", help=f"These chapters alone, with commas between: {', '.join(CHAPTERS)}."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for report, figures, curves and results.")] = Path("out"),
-    *,
-    outputs: Outputs,
 ) -> None:
     """Compute a report on an instrument, every figure of the paper for its own, and write out/report.html."""
     chapters = [name.strip() for names in only or () for name in names.split(",")]

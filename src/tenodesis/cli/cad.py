@@ -28,7 +28,8 @@ _ENDS = ("distal", "proximal")
 
 
 @command("instrument_file")
-def write_cad(
+def write_cad(  # noqa: PLR0917
+    outputs: Outputs,
     instrument_file: InstrumentFile,
     process: Annotated[
         str, typer.Option(help=f"How parts are made, which sets walls and plays: {', '.join(cad.PROCESSES)}.")
@@ -42,8 +43,6 @@ def write_cad(
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for solids, drawings and pictures.")] = Path("cad"),
-    *,
-    outputs: Outputs,
 ) -> None:
     """Write an instrument on its bench as solids: STEP, STL, glTF, drawings, pictures; checked over its range."""
     inst = load_instrument(instrument_file, planar=True)

@@ -41,7 +41,8 @@ def command(*reads: str, json: str = "") -> Callable[[Callable[..., Answer | Non
 
     def decorate(function: Callable[..., Answer | None]) -> Callable[..., None]:
         own = inspect.signature(function)
-        writes = "outputs" in own.parameters
+        public = own.replace(parameters=[one for name, one in own.parameters.items() if name != "outputs"])
+        writes = public != own
         shared = {
             **({"json": Annotated[bool, typer.Option("--json", help=json)]} if json else {}),
             **({"overwrite": _Overwrite} if writes else {}),
@@ -53,7 +54,7 @@ def command(*reads: str, json: str = "") -> Callable[[Callable[..., Answer | Non
             *arguments: Any, quiet: bool = False, overwrite: bool = False, json: bool = False, **options: Any
         ) -> None:
             Settings.quiet = Settings.quiet or quiet or json
-            given = own.bind_partial(*arguments, **options).arguments
+            given = public.bind_partial(*arguments, **options).arguments
             if writes:
                 given["outputs"] = Outputs(_paths(given.get(name) for name in reads), overwrite)
             try:
@@ -67,12 +68,11 @@ def command(*reads: str, json: str = "") -> Callable[[Callable[..., Answer | Non
             elif answer is not None:
                 answer.show()
 
-        parameters = [one for name, one in own.parameters.items() if name != "outputs"]
-        parameters += [
+        added = [
             inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)
             for name, kind in shared.items()
         ]
-        run.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
+        run.__signature__ = public.replace(parameters=[*public.parameters.values(), *added])  # type: ignore[attr-defined]
         run.__annotations__ = {**function.__annotations__, **shared}
         return run
 

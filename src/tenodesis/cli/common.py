@@ -40,6 +40,13 @@ PATIENCE = 1.0
 InstrumentFile: TypeAlias = Annotated[
     str, typer.Argument(metavar="INSTRUMENT", help="Instrument file, or the name of a shipped instrument.")
 ]
+AxisToCompute: TypeAlias = Annotated[
+    str | None,
+    typer.Option(help="Axis to compute, where yaw and pitch have values of their own. Default: the first."),
+]
+SerialAddress: TypeAlias = Annotated[
+    str | None, typer.Option(help="Of a serial device: /dev/ttyACM0, or socket://127.0.0.1:5555.")
+]
 
 
 @overload

@@ -8,7 +8,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tenodesis.cli.command import command
-from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_instrument, say, table
+from tenodesis.cli.common import InstrumentFile, ProgressBar, SerialAddress, console, load_instrument, say, table
 from tenodesis.devices import registry
 from tenodesis.devices.communication_test import Findings, measure
 
@@ -27,9 +27,7 @@ def test_device(
     instrument_file: InstrumentFile,
     name: Annotated[str, typer.Argument(metavar="DEVICE", help="The device: canopen, nidaq or serial.")],
     seconds: Annotated[float, typer.Option(help="How long to measure, s.")] = 10.0,
-    address: Annotated[
-        str | None, typer.Option(help="Of a serial device: /dev/ttyACM0, or socket://127.0.0.1:5555.")
-    ] = None,
+    address: SerialAddress = None,
 ) -> None:
     """Measure a device's rate, jitter and losses, with the motors at rest; exit code 1 if the controller needs more."""
     inst = load_instrument(instrument_file)

@@ -20,6 +20,7 @@ _OUT = "The file. Default: by the instrument's name."
 
 @command("instrument_file")
 def export_controller(  # noqa: PLR0917
+    outputs: Outputs,
     instrument_file: InstrumentFile,
     axis: Annotated[str | None, typer.Option(help="Axis to control alone. Default: all.")] = None,
     observer: Annotated[ObserverName, typer.Option(help="Observer that estimates the tip angle.")] = "friction",
@@ -34,8 +35,6 @@ def export_controller(  # noqa: PLR0917
     own_clock: Annotated[bool, typer.Option("--own-clock", help="Ticks count as one period each.")] = False,
     name: Annotated[str | None, typer.Option(help="Of the constant in C. Default: the instrument's.")] = None,
     out: Annotated[Path | None, output(HEADER, "The file. Default: NAME.h.")] = None,
-    *,
-    outputs: Outputs,
 ) -> None:
     """Write a controller's parameters as a C header, for tenodesis_init."""
     inst = control.compensated(load_instrument(instrument_file))
@@ -61,7 +60,7 @@ def export_controller(  # noqa: PLR0917
 
 @command("instrument_file")
 def export_urdf(
-    instrument_file: InstrumentFile, out: Annotated[Path | None, output(URDF, _OUT)] = None, *, outputs: Outputs
+    outputs: Outputs, instrument_file: InstrumentFile, out: Annotated[Path | None, output(URDF, _OUT)] = None
 ) -> None:
     """Write an instrument as a URDF robot: links, joints, mimics; no tendons. Says what is missing."""
     _export(instrument_file, kinematics.urdf, ".urdf", out, outputs)
@@ -69,7 +68,7 @@ def export_urdf(
 
 @command("instrument_file")
 def export_mjcf(
-    instrument_file: InstrumentFile, out: Annotated[Path | None, output(MJCF, _OUT)] = None, *, outputs: Outputs
+    outputs: Outputs, instrument_file: InstrumentFile, out: Annotated[Path | None, output(MJCF, _OUT)] = None
 ) -> None:
     """Write an instrument as a MuJoCo model: bodies, tied joints, tendons. Says what is missing."""
     _export(instrument_file, kinematics.mjcf, ".xml", out, outputs)

@@ -29,6 +29,7 @@ _LARGEST = 10_000_000
 
 @command("logs", "test", "prior")
 def force(  # noqa: PLR0917
+    outputs: Outputs,
     logs: Annotated[
         list[Path], typer.Argument(metavar="LOG…", help="Recordings of both ends, or folders of text files.")
     ],
@@ -43,8 +44,6 @@ def force(  # noqa: PLR0917
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for model.json and force.svg.")] = Path("out/force"),
-    *,
-    outputs: Outputs,
 ) -> None:
     """Estimate torque and angle of a tool's jaw from its spindle's angle and torque, or motor current."""
     tests = test or []

@@ -42,6 +42,7 @@ ArrangementChoice: TypeAlias = Literal["auto", "compare", "file"]
 
 @command("logs", "test", "instrument_file", json="Print parameters, intervals and errors as JSON.")
 def identify(  # noqa: PLR0917
+    outputs: Outputs,
     logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help="Recordings to fit, or folders of text files.")],
     format_name: Annotated[str, typer.Option("--format", help=f"{', '.join(FORMATS)}.")] = "mcap",
     test: Annotated[list[Path] | None, typer.Option(metavar="FILE", help="Recording held out; repeatable.")] = None,
@@ -93,8 +94,6 @@ def identify(  # noqa: PLR0917
     loss: Annotated[
         LossName | None, typer.Option(help="Loss; soft_l1 is robust to outliers. Default: the format's.")
     ] = None,
-    *,
-    outputs: Outputs,
 ) -> Answer:
     """Identify a model from recordings: parameters with intervals, errors on held-out runs, and the instrument file."""
     tests = test or []

@@ -14,6 +14,7 @@ from tenodesis.units import Length
 
 @command("file")
 def import_dvrk(
+    outputs: Outputs,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Tool file of the da Vinci Research Kit, JSON.")],
     pulley_radius: Annotated[
         str, typer.Option(help="Radius of the largest pulley about the pitch axis; all scale with it.")
@@ -22,8 +23,6 @@ def import_dvrk(
         instrument.JawAngle, typer.Option(help="What the file's jaw angle is: between the jaws, or of each jaw.")
     ] = "between",
     out: Annotated[Path | None, output(INSTRUMENT, "The file. Default: NAME.toml.")] = None,
-    *,
-    outputs: Outputs,
 ) -> None:
     """Write an instrument from a tool file of the da Vinci Research Kit, with the file's coupling matrix."""
     radius = quantity("--pulley-radius", pulley_radius, Length)

@@ -52,13 +52,12 @@ def schema(
 
 @command("instrument_file", json="Print JSON: values in SI units, and as in the file.")
 def check(
+    outputs: Outputs,
     instrument_file: InstrumentFile,
     picture: Annotated[
         Path | None,
         output(FIGURE, "Draw the tendons' routes over the joints here: .svg, .png or .pdf.", metavar="FILE"),
     ] = None,
-    *,
-    outputs: Outputs,
 ) -> Answer:
     """Check an instrument file; print its values, what follows from them, and what is implausible about it.
 

@@ -5,12 +5,12 @@ import tempfile
 import threading
 import webbrowser
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeAlias
 
 import typer
 
 from tenodesis.cli.command import command
-from tenodesis.cli.common import InstrumentFile, console, load_instrument, say, warn
+from tenodesis.cli.common import InstrumentFile, SerialAddress, console, load_instrument, say, warn
 from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.errors import CommandError, LiveError
 from tenodesis.live import folder as folders
@@ -22,6 +22,9 @@ from tenodesis.live.ticks import Reader
 
 _PLACES = (Path("/dev/shm"), Path(tempfile.gettempdir()))
 """Where folders of runtimes are."""
+ListenOn: TypeAlias = Annotated[
+    str, typer.Option(help="Address to listen on; by default only this computer can connect.")
+]
 _DESKTOPS = ("DISPLAY", "WAYLAND_DISPLAY")
 """Variables of the environment, one of which is set where a browser has a screen."""
 
@@ -30,14 +33,10 @@ _DESKTOPS = ("DISPLAY", "WAYLAND_DISPLAY")
 def live_console(  # noqa: PLR0917
     instrument_file: InstrumentFile = "scaled-up",
     device: Annotated[DeviceName, typer.Option(help="Device to control.")] = "twin",
-    address: Annotated[
-        str | None, typer.Option(help="Of a serial device: /dev/ttyACM0, or socket://127.0.0.1:5555.")
-    ] = None,
+    address: SerialAddress = None,
     law: Annotated[LawName, typer.Option(help="Compensation law.")] = "robust",
     actuation: Annotated[ActuationName, typer.Option(help="Motors that act.")] = "differential",
-    host: Annotated[
-        str, typer.Option(help="Address to listen on; by default only this computer can connect.")
-    ] = "127.0.0.1",
+    host: ListenOn = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port; the next free port if it is taken.")] = 8080,
     token: Annotated[
         str | None,
@@ -110,9 +109,7 @@ def foxglove(
     folder: Annotated[
         Path | None, typer.Argument(metavar="FOLDER", help="Folder of the runtime. Default: that of the only runtime.")
     ] = None,
-    host: Annotated[
-        str, typer.Option(help="Address to listen on; by default only this computer can connect.")
-    ] = "127.0.0.1",
+    host: ListenOn = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port to listen on; 0: any free port.")] = 8765,
     rate: Annotated[float, typer.Option(help="Messages per second and topic, Hz.")] = 100.0,
     all_rows: Annotated[bool, typer.Option("--all", help="Send every row instead.")] = False,

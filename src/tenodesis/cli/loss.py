@@ -14,6 +14,7 @@ from rich.table import Table
 from tenodesis import statics
 from tenodesis.cli.command import Answer, command
 from tenodesis.cli.common import (
+    AxisToCompute,
     InstrumentFile,
     components,
     console,
@@ -110,10 +111,7 @@ def loss(  # noqa: PLR0917
     grip: Annotated[
         str | None, typer.Option(help="Force by which an object presses the jaws apart, like '2 N'. Default: none.")
     ] = None,
-    axis: Annotated[
-        str | None,
-        typer.Option(help="Axis to compute, where yaw and pitch have values of their own. Default: the first."),
-    ] = None,
+    axis: AxisToCompute = None,
 ) -> Answer:
     """Print the angle that loads take at the tip, what restores it, and the load at which a tendon goes slack."""
     inst = load_instrument(instrument_file)

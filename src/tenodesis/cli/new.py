@@ -41,6 +41,7 @@ def _option(what: str) -> Any:
 
 @command()
 def new(  # noqa: PLR0917
+    outputs: Outputs,
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the instrument; the file is NAME.toml.")],
     mechanism: Annotated[Given, _option("tendon-gear, tendon-pulley or continuum.")] = None,
     distal_radius: Annotated[Given, _option("Radius of the gears or the pulley at the tip; a tendon's offset.")] = None,
@@ -64,8 +65,6 @@ def new(  # noqa: PLR0917
         Given, _option("Largest handle angle to either side. Default: what the tip needs and a quarter more.")
     ] = None,
     defaults: Annotated[bool, typer.Option("--defaults", help="Ask nothing: what is not given is assumed.")] = False,
-    *,
-    outputs: Outputs,
 ) -> None:
     """Write a commented instrument file from a mechanism and six numbers, asking for what no option gives."""
     path = Path(name if name.endswith(".toml") else f"{name}.toml")

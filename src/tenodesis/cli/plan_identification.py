@@ -17,6 +17,7 @@ _NONE = "none"
 
 @command("instrument_file")
 def plan_identification(  # noqa: PLR0917
+    outputs: Outputs,
     instrument_file: InstrumentFile,
     want: Annotated[
         str | None, typer.Option(metavar="NAMES", help="Parameters or groups. Default: friction,stiffness,pretension.")
@@ -37,8 +38,6 @@ def plan_identification(  # noqa: PLR0917
     out: Annotated[Path, typer.Option(help="Folder for protocol.toml, plan.html, plan.svg and plan.json.")] = Path(
         "out/plan-identification"
     ),
-    *,
-    outputs: Outputs,
 ) -> None:
     """Propose the bench protocol that makes parameters identifiable, and predict their precision."""
     inst = load_instrument(instrument_file, planar=True)

@@ -42,6 +42,7 @@ from tenodesis.units import Duration, in_unit
 
 @command("instrument_file", "protocol_file", "controller_instrument")
 def record(  # noqa: PLR0917
+    outputs: Outputs,
     instrument_file: InstrumentFile,
     protocol_file: Annotated[
         str | None, typer.Argument(metavar="PROTOCOL", help="Protocol file, or the name of a shipped protocol.")
@@ -66,8 +67,6 @@ def record(  # noqa: PLR0917
             metavar="INSTRUMENT", help="Instrument that the controller assumes: file or name. Default: INSTRUMENT."
         ),
     ] = None,
-    *,
-    outputs: Outputs,
 ) -> None:
     """Run a protocol on the twin of an instrument and record it, with --law under a controller.
 
@@ -126,6 +125,7 @@ def info(files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Re
 
 @command("file", "instrument_file")
 def replay(
+    outputs: Outputs,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording.")],
     instrument_file: Annotated[
         str | None,
@@ -133,8 +133,6 @@ def replay(
     ] = None,
     out: Annotated[Path | None, output(RECORDING, "Recording to write the replay to.")] = None,
     plot_out: Annotated[Path | None, output(FIGURE, "Figure to draw: PNG, SVG or PDF.")] = None,
-    *,
-    outputs: Outputs,
 ) -> None:
     """Run a recording's commands again and print how the twin differs from the recording."""
     with outputs.files(out=out, plot_out=plot_out):
@@ -158,12 +156,11 @@ def replay(
 
 @command("file")
 def export_recording(
+    outputs: Outputs,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording.")],
     out: Annotated[
         Path | None, output(TABLES, "Table to write: .csv or .parquet. Default: FILE's name with .csv.")
     ] = None,
-    *,
-    outputs: Outputs,
 ) -> None:
     """Write a recording's signals as a table, with a column for each signal of each axis or tendon, in SI units."""
     path = Path(file.with_suffix(".csv").name) if out is None else out

@@ -45,6 +45,7 @@ The tip's inertia and damping, and the ropes' true modulus, are to be measured o
 
 @command("instrument_file", "catalogue")
 def scale(  # noqa: PLR0917
+    outputs: Outputs,
     instrument_file: Annotated[
         str, typer.Argument(metavar="INSTRUMENT", help="The real-size instrument: file or shipped name.")
     ] = "real-size",
@@ -88,8 +89,6 @@ def scale(  # noqa: PLR0917
         Path | None, typer.Option("--cad", help="Folder for its solids, drawings and pictures as well.")
     ] = None,
     process: Annotated[str, typer.Option("--cad-process", help="How its parts are made, as of tenodesis cad.")] = "sla",
-    *,
-    outputs: Outputs,
 ) -> None:
     """Design a scale model of an instrument from stock parts: instrument file, test plan, and how similar it is."""
     require("typst", "design")

@@ -25,6 +25,7 @@ _NAMED = 3
 
 @command("real_size", "scaled_up", "tolerances")
 def study_tolerances(  # noqa: PLR0917
+    outputs: Outputs,
     real_size: Annotated[str, typer.Argument(metavar="REAL", help="Real-size instrument: file or shipped name.")],
     scaled_up: Annotated[str, typer.Argument(metavar="SCALED", help="Scaled-up instrument: file or shipped name.")],
     tolerances: Annotated[
@@ -45,8 +46,6 @@ def study_tolerances(  # noqa: PLR0917
     address: Annotated[
         str | None, typer.Option(help="Of the Ray cluster: host:port of its head, auto, or local.")
     ] = None,
-    *,
-    outputs: Outputs,
 ) -> None:
     """Study what tolerances do to a scale model's loss of angle and similarity, and which of them dominate."""
     require("SALib", "design")

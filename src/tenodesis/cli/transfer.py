@@ -17,6 +17,7 @@ from tenodesis.scaling.transfer import KEYS, QUANTITY, Carried, carry, carry_fri
 
 @command("log", "real_size", "scaled_up")
 def transfer(  # noqa: PLR0917
+    outputs: Outputs,
     real_size: Annotated[str, typer.Argument(metavar="REAL", help="Real-size instrument: file or shipped name.")],
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Recording made on the scaled-up instrument.")],
     out: Annotated[Path | None, output(RECORDING, "The file. Default: LOG-REAL.mcap, next to LOG.")] = None,
@@ -28,8 +29,6 @@ def transfer(  # noqa: PLR0917
         output(INSTRUMENT, "Real-size instrument file to write, with the friction of the scaled-up instrument."),
     ] = None,
     time_factor: Annotated[float | None, typer.Option(help="Time factor. Default: ratio of the tips' periods.")] = None,
-    *,
-    outputs: Outputs,
 ) -> None:
     """Carry a recording of a scaled-up instrument to real-size units, and its friction to the real-size file."""
     model = load_instrument(real_size, planar=True)

@@ -16,14 +16,13 @@ from tenodesis.units import PositiveForce
 
 @command("instrument_file")
 def study_vertices(
+    outputs: Outputs,
     instrument_file: InstrumentFile = "scaled-up",
     force: Annotated[
         str | None,
         typer.Option(help="Load at the tip. Default: that of the load rig, or the second of the conditions."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for page, figure, sweep and results.")] = Path("out/vertices"),
-    *,
-    outputs: Outputs,
 ) -> None:
     """Study rounder vertices: radius, coefficient and rope against loss, hysteresis and final errors."""
     inst = load_instrument(instrument_file, planar=True).planar[0]
