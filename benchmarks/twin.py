@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from peers import chain_dynamics, mujoco_dynamics
 
 import tenodesis as tn
-from tenodesis import _core, plant
+from tenodesis import _core
 from tenodesis.instrument import Instrument
 from tenodesis.twin import TIME_STEP, Twin, run_many
-from tenodesis.twin.rows import COMMANDS
-from tenodesis.twin.rows import SIGNALS as SIGNAL_NAMES
+from tenodesis.twin.axes_core import axes_twin
+from tenodesis.twin.rows import columns_by_name
 
 Array = NDArray[np.float64]
 
@@ -101,26 +101,17 @@ def lanes(inst: Instrument) -> None:
     smooth = inst.replace(friction=None, mismatch=None)
     runs, steps = 64, 8000
     coefficients = np.linspace(0.02, 0.3, runs)
-    rows = np.array(
-        [
-            plant.parameter_row(inst.replace(**{"friction.vertex_coefficient": one.item()}), TIME_STEP)
-            for one in coefficients
-        ]
-    )
-    spec, seeds = plant.spec(inst, TIME_STEP, False), np.arange(runs, dtype=np.uint64)
-    out, ends = np.empty((runs, 1, steps // EVERY)), np.zeros((runs, 2), np.int64)
-    signal = [SIGNAL_NAMES.index("output_angle")]
+    own = [inst.replace(**{"friction.vertex_coefficient": one.item()}) for one in coefficients]
+    cores = [axes_twin(one, TIME_STEP, n, False) for n, one in enumerate(own)]
 
     def speed(commands: Array, most_lanes: int) -> float:
-        twins = _core.TwinBatch(spec, rows, seeds, most_lanes=most_lanes)
-        advance = partial(twins.advance, commands, signal, EVERY, out, ends, 1, [], 1, TIME_STEP)
-        return runs * steps / timeit(advance, number=1)
+        twins = _core.TwinBatch(cores, most_lanes=most_lanes)
+        return runs * steps / timeit(advancing(twins, cores, commands), number=1)
 
-    widest = _core.TwinBatch(spec, rows[:8], seeds[:8]).together
+    widest = _core.TwinBatch(cores[:8]).together
     print(f"{inst.name}, {runs} twins with all their friction on one core, {widest} side by side:")
     for name, (handle, force) in motions(inst).items():
-        commands = np.zeros((1, steps, len(COMMANDS)))
-        commands[0, :, 0], commands[0, :, 1] = handle[:steps], force[:steps]
+        commands = np.stack([handle[:steps], force[:steps]], axis=-1)[np.newaxis]
         rounds = np.array(
             [
                 (
@@ -156,15 +147,20 @@ def lanes(inst: Instrument) -> None:
 
 def stepping(inst: Instrument, most_lanes: int, steps: int) -> tuple[Callable[[], None], int]:
     """Return what steps as many twins as vectors hold at most, under a varying load, and how many are side by side."""
-    rows = np.array([plant.parameter_row(inst, TIME_STEP)] * WIDEST)
-    twins = _core.TwinBatch(
-        plant.spec(inst, TIME_STEP, False), rows, np.arange(WIDEST, dtype=np.uint64), most_lanes=most_lanes
+    cores = [axes_twin(inst, TIME_STEP, n, False) for n in range(WIDEST)]
+    twins = _core.TwinBatch(cores, most_lanes=most_lanes)
+    commands = np.stack([one[:steps] for one in motions(inst)["cycles under a varying load"]], axis=-1)[np.newaxis]
+    return advancing(twins, cores, commands), twins.together
+
+
+def advancing(twins: _core.TwinBatch, cores: list[_core.Twin], commands: Array) -> Callable[[], None]:
+    """Return what steps twins over common handle angles and forces, and keeps output angles."""
+    columns, signals = columns_by_name(cores[0].commands), columns_by_name(cores[0].signals)
+    given = [columns["handle_angle"].start, columns["force"].start]
+    out, ends = np.empty((len(cores), 1, commands.shape[1] // EVERY)), np.zeros((len(cores), 2), np.int64)
+    return partial(
+        twins.advance, commands, given, [signals["output_angle"].start], EVERY, out, ends, 1, [], [], 1, TIME_STEP
     )
-    commands = np.zeros((1, steps, len(COMMANDS)))
-    commands[0, :, :2] = np.transpose([one[:steps] for one in motions(inst)["cycles under a varying load"]])
-    out, ends = np.empty((WIDEST, 1, steps // EVERY)), np.zeros((WIDEST, 2), np.int64)
-    signal = [SIGNAL_NAMES.index("output_angle")]
-    return partial(twins.advance, commands, signal, EVERY, out, ends, 1, [], 1, TIME_STEP), twins.together
 
 
 def instructions(inst: Instrument) -> None:

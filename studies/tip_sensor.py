@@ -15,7 +15,7 @@ import numpy as np
 import tenodesis as tn
 from tenodesis.control import parameters
 from tenodesis.twin import TIME_STEP, Twin
-from tenodesis.twin.rows import COMMANDS, SIGNALS
+from tenodesis.twin.rows import columns_by_name
 
 TICK = 4  # steps
 LASTING = (0.0, 0.5, 1.0, 2.0)  # s
@@ -37,23 +37,22 @@ def run(work: harm.Work, target: harm.Array, lasting: float) -> harm.Array:
     own = parameters(work.plant).axes[0]
     per_angle = own["distal_radius"] / own["spool_radius"]
     fastest = own["tendon_speed"] / own["spool_radius"]
-    (twin,) = Twin(work.plant, seed=work.seed[1]).cores
+    twin = Twin(work.plant, seed=work.seed[1]).core
     count = work.handle.size
-    commands, signals = np.zeros((count, len(COMMANDS))), np.empty((count, len(SIGNALS)))
-    commands[:, COMMANDS.index("handle_angle")], commands[:, COMMANDS.index("force")] = work.handle, work.force
-    motors = [COMMANDS.index(f"{side}_spool_velocity") for side in ("agonist", "antagonist")]
-    spools = [SIGNALS.index(f"spool_angle.{side}") for side in ("agonist", "antagonist")]
-    tip = SIGNALS.index("output_angle")
+    given, found = columns_by_name(twin.commands), columns_by_name(twin.signals)
+    commands, signals = (np.zeros((count, sum(width for _, width in of))) for of in (twin.commands, twin.signals))
+    commands[:, given["handle_angle"].start], commands[:, given["force"].start] = work.handle, work.force
+    motors, spools, tip = given["spool_velocity"], found["spool_angle"], found["output_angle"].start
     lost = np.zeros(max(1, round(lasting / (TICK * TIME_STEP))))
     for n in range(count // TICK):
         now, following = slice(n * TICK, (n + 1) * TICK), slice((n + 1) * TICK, (n + 2) * TICK)
         twin.run(commands[now], signals[now])
         last = signals[now][-1]
-        given = (last[spools[0]] - last[spools[1]]) / (2 * per_angle)
-        lost[n % lost.size] = np.radians(target[now][-1]) - last[tip] + given
+        wound = -np.diff(last[spools])[0] / (2 * per_angle)
+        lost[n % lost.size] = np.radians(target[now][-1]) - last[tip] + wound
         lasted = max(lost.min(), 0.0) + min(lost.max(), 0.0)
-        speed = float(np.clip(own["gain"] * per_angle * (lasted - given), -fastest, fastest))
-        commands[following, motors[0]], commands[following, motors[1]] = speed, -speed
+        speed = float(np.clip(own["gain"] * per_angle * (lasted - wound), -fastest, fastest))
+        commands[following, motors] = speed, -speed
     return signals[:, tip]
 
 

@@ -630,8 +630,8 @@ struct WristStep {
         const S stop = twin.quasi_static ? S(0) : twin.stop_stiffness[i];
         at[i] = at[i] + load[i] - spring * angle[i] - twin.damping[i] * velocity - stop * beyond;
         for (int j = 0; j < N; ++j) slope.at[i][j] = slope.at[i][j] + load_rate[i][j];
-        slope.at[i][i] = slope.at[i][i] - spring - twin.damping[i] * speed_rate -
-                         where(Flag<S>(beyond == S(0)), S(0), stop);
+        slope.at[i][i] =
+            slope.at[i][i] - spring - twin.damping[i] * speed_rate - where(Flag<S>(beyond == S(0)), S(0), stop);
         // A joint that nothing holds stays where it is.
         if (twin.quasi_static)
           slope.at[i][i] = slope.at[i][i] - S(detail::slack_stiffness<ValueOf<S>>) * twin.stop_stiffness[i];

@@ -27,9 +27,9 @@ std::unique_ptr<AnyTwin> make_chain_twin(const WristSpec& spec, const In<3>& pas
                 std::cmp_less_equal(contacts[m], most),
             "a tendon has too many contacts");
     for (std::size_t j = 0; std::cmp_less(j, contacts[m]); ++j)
-      require(passages(m, j, passage_joint) >= -1 &&
-                  passages(m, j, passage_joint) < double(spec.joints() + spec.handles()),
-              "a tendon crosses a joint that is not there");
+      require(
+          passages(m, j, passage_joint) >= -1 && passages(m, j, passage_joint) < double(spec.joints() + spec.handles()),
+          "a tendon crosses a joint that is not there");
   }
   const WristTwinRows rows{passages.data(),
                            passages.shape(1),

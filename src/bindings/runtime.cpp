@@ -17,8 +17,8 @@ namespace tenodesis::bindings {
 namespace {
 
 using namespace engine;
-using runtime::TwinDevice, runtime::MailboxDevice, runtime::MotorSwitch, runtime::OrderKind,
-    runtime::Problem, runtime::RingReader, runtime::Runtime;
+using runtime::TwinDevice, runtime::MailboxDevice, runtime::MotorSwitch, runtime::OrderKind, runtime::Problem,
+    runtime::RingReader, runtime::Runtime;
 
 static_assert(runtime::most_joints >= most_wrist_joints && runtime::most_tendons >= most_wrist_tendons);
 

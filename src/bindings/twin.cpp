@@ -33,8 +33,8 @@ std::vector<CompensatedAxis> axes_of(const AxisPlaces& axes, const WristSizes& s
 
 Outcome run(AnyTwin& twin, const In<2>& commands, const Out<2>& out, const std::optional<Out<1>>& energy) {
   const std::size_t width = width_of(twin.commands());
-  require(commands.shape(1) == width && out.shape(1) == width_of(twin.signals()) &&
-              out.shape(0) == commands.shape(0) && (!energy || energy->shape(0) == energy_names.size()),
+  require(commands.shape(1) == width && out.shape(1) == width_of(twin.signals()) && out.shape(0) == commands.shape(0) &&
+              (!energy || energy->shape(0) == energy_names.size()),
           "commands, signals or energies do not fit the twin");
   const nb::gil_scoped_release release;
   double* const totals = energy ? energy->data() : nullptr;
@@ -306,8 +306,8 @@ void advance(TwinBatch& batch, const In<3>& commands, const std::vector<std::siz
           "no such column");
   for (const AnyController* controller : controllers)
     require(std::cmp_equal(axes.size(), controller->axes()), "an axis is missing, or one too many");
-  const std::vector<CompensatedAxis> compensated = controllers.empty() ? std::vector<CompensatedAxis>{}
-                                                                       : axes_of(axes, batch.sizes());
+  const std::vector<CompensatedAxis> compensated =
+      controllers.empty() ? std::vector<CompensatedAxis>{} : axes_of(axes, batch.sizes());
   const std::size_t known = batch.signals() + compensated.size() * control_signal_count;
   require(std::ranges::all_of(signals, [&](std::size_t signal) { return signal < known; }) &&
               std::ranges::is_sorted(signals, {}, [&](std::size_t signal) { return signal >= batch.signals(); }),
@@ -353,11 +353,12 @@ void bind_twin(nb::module_& m) {
 
   nb::class_<AnyTwin>(m, "Twin", "A digital twin, with its state.")
       .def("copy", &AnyTwin::copy)
-      .def("run", &run, "commands"_a, "out"_a, "energy"_a.none() = nb::none(),
-           nb::sig("def run(self, commands: NDArray[numpy.float64], out: NDArray[numpy.float64], energy: "
-                   "NDArray[numpy.float64] | None = None) -> tuple[int, Status]"),
-           "Step over rows of commands; a row of signals per step in out, totals in energy. Returns the steps taken and "
-           "the last status.")
+      .def(
+          "run", &run, "commands"_a, "out"_a, "energy"_a.none() = nb::none(),
+          nb::sig("def run(self, commands: NDArray[numpy.float64], out: NDArray[numpy.float64], energy: "
+                  "NDArray[numpy.float64] | None = None) -> tuple[int, Status]"),
+          "Step over rows of commands; a row of signals per step in out, totals in energy. Returns the steps taken and "
+          "the last status.")
       .def("run_controlled", &run_controlled, "controller"_a, "axes"_a, "commands"_a, "steps_per_tick"_a, "time_step"_a,
            "relay"_a, "started"_a, "requests"_a.none(), "values"_a.none(), "modes"_a.none(), "out"_a, "control"_a,
            nb::sig("def run_controlled(self, controller: Controller, axes: Sequence[Sequence[int]], commands: "
@@ -431,8 +432,7 @@ void bind_twin(nb::module_& m) {
         return columns;
       },
       "Names and widths of the columns of an axis's command.");
-  m.def(
-      "energies", [] { return list_of(energy_names); }, "Names of the totals of an energy balance, in their order.");
+  m.def("energies", [] { return list_of(energy_names); }, "Names of the totals of an energy balance, in their order.");
   m.def("most_sheath_contacts", [] { return most_sheath_contacts; }, "How many contacts a twin's sheath can have.");
   m.def(
       "rig_arm",

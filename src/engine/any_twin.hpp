@@ -15,8 +15,8 @@
 
 namespace tenodesis::engine {
 
-inline constexpr std::array energy_names{"stored_before", "stored_after",   "handle",         "spools",
-                                         "load",          "friction",       "damping",        "tissue",
+inline constexpr std::array energy_names{"stored_before",  "stored_after",   "handle",     "spools",
+                                         "load",           "friction",       "damping",    "tissue",
                                          "least_friction", "worst_residual", "most_sweeps"};
 
 /// A joint that a controller's axis compensates: its joint of the handle and its pair of tendons.

@@ -39,9 +39,9 @@ struct Job {
   std::size_t column_count;
   const std::size_t* signals;  ///< that are kept of every n-th step
   std::size_t signal_count, every;
-  double* const* out;                        ///< of each run
-  std::size_t samples;                       ///< of each signal in out
-  std::int64_t* outcomes;                    ///< of each run: steps taken and status
+  double* const* out;      ///< of each run
+  std::size_t samples;     ///< of each signal in out
+  std::int64_t* outcomes;  ///< of each run: steps taken and status
   /// Asked for the spool velocities that hold from a step on, given the readings before it, by axis; null without
   /// controllers.
   void (*tick)(void* loop, std::size_t run, std::size_t step, const double* readings, double* velocities);

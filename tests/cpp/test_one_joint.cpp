@@ -6,7 +6,6 @@
 #include <exception>
 
 #include "claim.hpp"
-#include "engine/twin_rows.hpp"
 #include "engine/twin_spec.hpp"
 #include "one_joint_golden.hpp"
 #include "tenodesis/wrist_energy.hpp"

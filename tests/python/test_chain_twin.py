@@ -74,14 +74,14 @@ def test_one_joint_moves_as_the_planar_twin(name: str, quasi_static: bool, frict
     assert np.abs(run["spool_angle"] - expected.spool_angle).max() < 1e-12
 
 
-def rows_of(core: _core.WristTwin, count: int, **columns: object) -> np.ndarray:
+def rows_of(core: _core.Twin, count: int, **columns: object) -> np.ndarray:
     """Rows of commands by the names of their columns."""
     blocks = [np.broadcast_to(columns.pop(name, 0.0), (count, width)) for name, width in core.commands]
     assert not columns
     return np.ascontiguousarray(np.concatenate(blocks, axis=1), dtype=float)
 
 
-def signals_of(core: _core.WristTwin, commands: np.ndarray) -> dict[str, np.ndarray]:
+def signals_of(core: _core.Twin, commands: np.ndarray) -> dict[str, np.ndarray]:
     out = np.empty((len(commands), sum(width for _, width in core.signals)))
     assert core.run(commands, out, None) == (len(commands), _core.Status.OK)
     ends = np.cumsum([width for _, width in core.signals])
@@ -100,7 +100,7 @@ def test_tissue_let_out_and_a_bend_of_the_sheath_are_those_of_the_planar_twin(qu
     expected = tn.twin.Twin(planar, quasi_static=quasi_static).run(
         handle[:, 0], sheath_bend=bend[:, 0], let_out=let_out, contact=tissue
     )
-    core = tn.twin.Twin(tn.instrument.expanded(planar), quasi_static=quasi_static).cores[0]
+    core = tn.twin.Twin(tn.instrument.expanded(planar), quasi_static=quasi_static).core
     commands = rows_of(core, count, handle_angle=handle, sheath_bend=bend, let_out=let_out, contact=tissue.row)
     found = signals_of(core, commands)
     assert expected.contact_force is not None and expected.contact_force.max() > 1
@@ -111,7 +111,7 @@ def test_tissue_let_out_and_a_bend_of_the_sheath_are_those_of_the_planar_twin(qu
 
 def test_a_state_is_bytes_from_which_a_twin_of_its_kind_goes_on() -> None:
     inst = shipped("needle-driver", friction={"law": "stribeck", "vertex_coefficient": 0.1, "static_ratio": 1.5})
-    core = tn.twin.Twin(inst).cores[0]
+    core = tn.twin.Twin(inst).core
     commands = rows_of(core, 100, spool_velocity=0.3)
     signals_of(core, commands)
     kept = core.state
@@ -120,7 +120,7 @@ def test_a_state_is_bytes_from_which_a_twin_of_its_kind_goes_on() -> None:
     again = signals_of(core, commands)
     assert all(np.array_equal(again[name], values) for name, values in expected.items())
     with pytest.raises(ValueError, match="another kind of twin"):
-        core.state = tn.twin.Twin(shipped("needle-driver")).cores[0].state
+        core.state = tn.twin.Twin(shipped("needle-driver")).core.state
 
 
 def test_a_loop_with_faults_and_a_relay_runs_as_on_the_planar_twin() -> None:
@@ -137,19 +137,13 @@ def test_a_loop_with_faults_and_a_relay_runs_as_on_the_planar_twin() -> None:
     for general in (False, True):
         twin = tn.twin.Twin(planar) if not general else tn.twin.Twin(tn.instrument.expanded(planar))
         loop = tn.control.Controller(planar, law="robust")
-        control = np.empty((1, count, len(_core.control_signals())))
+        control = np.empty((count, 1, len(_core.control_signals())))
         settings = (1, 5e-4, 0.02, 0, requests, faults, modes)
-        if general:
-            commands = rows_of(twin.cores[0], count, handle_angle=handle[:, np.newaxis], wrench=[-0.5, 0, 0, 0, 0, 0])
-            out = np.empty((count, sum(width for _, width in twin.cores[0].signals)))
-            turned = control.reshape(count, 1, -1)
-            assert twin.cores[0].run_controlled(loop.core, [(0, 0, 1)], commands, *settings, out, turned)[0] == count
-        else:
-            rows = np.zeros((1, count, len(_core.twin_commands())))
-            rows[0, :, 0], rows[0, :, 1] = handle, 0.5
-            out = np.empty((1, count, len(_core.twin_signals())))
-            assert _core.run_controlled(twin.cores, loop.core, rows, *settings, out, control)[0] == count
-        runs.append(control[0])
+        load = {"wrench": [-0.5, 0, 0, 0, 0, 0]} if general else {"force": 0.5}
+        commands = rows_of(twin.core, count, handle_angle=handle[:, np.newaxis], **load)
+        out = np.empty((count, sum(width for _, width in twin.core.signals)))
+        assert twin.core.run_controlled(loop.core, [(0, 0, 1)], commands, *settings, out, control)[0] == count
+        runs.append(control[:, 0])
     state = _core.control_signals().index("operating_state")
     assert (runs[0][-1] == runs[1][-1])[state]
     assert len(np.unique(runs[0][:, state])) > 1
@@ -158,32 +152,33 @@ def test_a_loop_with_faults_and_a_relay_runs_as_on_the_planar_twin() -> None:
 
 def test_many_twins_over_threads_run_as_one_by_one() -> None:
     insts = [shipped("needle-driver", pretension=pretension) for pretension in (8.0, 9.0, 10.0)]
-    commands = rows_of(tn.twin.Twin(insts[0]).cores[0], 200, spool_velocity=0.2)
-    cores = [tn.twin.Twin(inst).cores[0] for inst in insts]
+    commands = rows_of(tn.twin.Twin(insts[0]).core, 200, spool_velocity=0.2)
+    cores = [tn.twin.Twin(inst).core for inst in insts]
     width = sum(columns for _, columns in cores[0].signals)
-    out = np.empty((3, 20, width))
-    done = _core.run_wrist_twins(cores, commands[np.newaxis], 10, out, [], [], 1, 5e-4, None, 2)
-    assert done == [(200, _core.Status.OK)] * 3
+    out, ends = np.empty((3, width, 20)), np.zeros((3, 2), np.int64)
+    everything = list(range(commands.shape[1])), list(range(width))
+    _core.TwinBatch(cores).advance(commands[np.newaxis], *everything, 10, out, ends, 2, [], [], 1, 5e-4)
+    assert ends.tolist() == [[200, int(_core.Status.OK)]] * 3
     alone = np.empty((200, width))
     for inst, found in zip(insts, out, strict=True):
-        tn.twin.Twin(inst).cores[0].run(commands, alone, None)
-        assert np.array_equal(found, alone[9::10])
+        tn.twin.Twin(inst).core.run(commands, alone, None)
+        assert np.array_equal(found.T, alone[9::10])
 
 
 def test_tissue_at_a_joint_turns_that_joint_alone_and_loses_what_its_damping_takes() -> None:
-    core = tn.twin.Twin(shipped("hybrid-scaled-up", friction={})).cores[0]
+    core = tn.twin.Twin(shipped("hybrid-scaled-up", friction={})).core
     tissue = np.zeros(3 * dict(core.signals)["output_angle"])
     tissue[3:6] = 0.05, 500.0, 1.0
     count = 1500
     handle = np.zeros((count, dict(core.commands)["handle_angle"]))
     handle[:, 1] = 0.3 * np.minimum(np.arange(count) / 700, 1)
     commands = rows_of(core, count, handle_angle=handle, contact=tissue)
-    out, energy = np.empty((count, sum(width for _, width in core.signals))), np.zeros(len(_core.wrist_energies()))
+    out, energy = np.empty((count, sum(width for _, width in core.signals))), np.zeros(len(_core.energies()))
     free = signals_of(core.copy(), rows_of(core, count, handle_angle=handle))["output_angle"][-1]
     assert core.run(commands, out, energy)[0] == count
     angles = out[-1, : len(free)]
     assert 0.05 < angles[1] < free[1] - 0.01
-    named = dict(zip(_core.wrist_energies(), energy, strict=True))
+    named = dict(zip(_core.energies(), energy, strict=True))
     put_in = named["handle"] + named["load"] + named["spools"]
     lost = named["friction"] + named["damping"] + named["tissue"]
     assert named["tissue"] > 0

@@ -319,7 +319,7 @@ def test_one_motor_takes_back_what_kept_the_other_tendon_tight(real: Instrument)
 def test_expected_readings_have_derivatives_in_tissue(any_inst: Instrument) -> None:
     inst = with_friction(any_inst)
     motion = eased(handle(inst, 0.5), 0.3)
-    rows = np.zeros((motion.size, len(_core.twin_commands())))
+    rows = np.zeros((motion.size, sum(width for _, width in _core.axis_commands())))
     rows[:, 0] = motion
     rows[:, -3:] = Contact(0.2, 2e3, 5.0).row
     names = [*_core.twin_parameters(), *tn.instrument.PARAMETERS]

@@ -6,37 +6,40 @@ import numpy as np
 import pytest
 
 import tenodesis as tn
-from tenodesis import _core, control, plant
+from tenodesis import _core, control
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.twin import TIME_STEP, Contact, Twin, run_many
-from tenodesis.twin.rows import COMMANDS, SIGNALS
+from tenodesis.twin.axes_core import axes_twin
+from tenodesis.twin.rows import columns_by_name
 
 from .conftest import refused
 from .twin_motions import clock, slack_force, with_friction
 
 RUNS = 11
 OVERLOAD = 1.5
+COMMANDS = columns_by_name(_core.axis_commands())
+WIDTH = sum(width for _, width in _core.axis_commands())
+HANDLE, FORCE = COMMANDS["handle_angle"].start, COMMANDS["force"].start
 
 
 def commands(inst: Instrument, t: Array) -> Array:
     """Return motions that differ by run: some tips are loaded until a tendon is slack, some hardly at all."""
-    rows = np.zeros((RUNS, t.size, len(COMMANDS)))
+    rows = np.zeros((RUNS, t.size, WIDTH))
     share = np.linspace(0, 1, RUNS)[:, np.newaxis]
-    rows[:, :, COMMANDS.index("handle_angle")] = 0.25 * share * np.sin(17 * t)
-    rows[:, :, COMMANDS.index("force")] = OVERLOAD * slack_force(inst) * share[::-1] * np.sin(9 * t)
+    rows[:, :, HANDLE] = 0.25 * share * np.sin(17 * t)
+    rows[:, :, FORCE] = OVERLOAD * slack_force(inst) * share[::-1] * np.sin(9 * t)
     return rows
 
 
 def advanced(inst: Instrument, most_lanes: int, rows: Array, quasi_static: bool, **vary: Array) -> tuple[Array, Array]:
     insts = [inst.replace(**{key: values[n].item() for key, values in vary.items()}) for n in range(RUNS)]
-    parameters = np.array([plant.parameter_row(one, TIME_STEP) for one in insts])
-    twins = _core.TwinBatch(
-        plant.spec(inst, TIME_STEP, quasi_static), parameters, np.arange(RUNS, dtype=np.uint64), most_lanes=most_lanes
-    )
+    cores = [axes_twin(one, TIME_STEP, n, quasi_static) for n, one in enumerate(insts)]
+    twins = _core.TwinBatch(cores, most_lanes=most_lanes)
     assert min(2, most_lanes) <= twins.together <= most_lanes
-    out, ends = np.full((RUNS, len(SIGNALS), rows.shape[1]), np.nan), np.zeros((RUNS, 2), np.int64)
-    twins.advance(rows, list(range(len(SIGNALS))), 1, out, ends, 1, [], 1, TIME_STEP)
+    width = sum(columns for _, columns in cores[0].signals)
+    out, ends = np.full((RUNS, width, rows.shape[1]), np.nan), np.zeros((RUNS, 2), np.int64)
+    twins.advance(rows, list(range(WIDTH)), list(range(width)), 1, out, ends, 1, [], [], 1, TIME_STEP)
     return out, ends
 
 
@@ -55,7 +58,7 @@ def test_as_many_lanes_as_there_are_change_no_bit(
     coefficients = {"friction.vertex_coefficient": np.linspace(0, 0.5, RUNS)}
     alone, ends = advanced(inst, 1, rows, quasi_static, **coefficients)
     assert (ends[:, 1] == 0).all() or (quasi_static and (ends[:, 1] == 0).any())
-    tension = alone[:, SIGNALS.index("tension.antagonist")]
+    tension = alone[:, columns_by_name(axes_twin(inst, TIME_STEP, 0, quasi_static).signals)["tension"].start + 1]
     assert (tension.min(1) < 1e-9).any() and (tension.min(1) > 1.0).any()
     for lanes in (2, 4, 8):
         np.testing.assert_array_equal(advanced(inst, lanes, rows, quasi_static, **coefficients)[0], alone)
@@ -85,19 +88,18 @@ def test_a_lane_without_equilibrium_stands_still_until_it_is_restarted(scaled: I
         run = Twin(inst, seed=n).run(np.zeros(t.size), force[n])
         np.testing.assert_array_equal(batch["output_angle"][n], run.output_angle)
 
-    row = np.array([plant.parameter_row(inst, TIME_STEP)])
-    twins = _core.TwinBatch(plant.spec(inst, TIME_STEP, False), row.repeat(3, 0), np.arange(3, dtype=np.uint64))
-    rows = np.zeros((3, t.size, len(COMMANDS)))
-    rows[..., COMMANDS.index("force")] = force
+    cores = [axes_twin(inst, TIME_STEP, n, False) for n in range(3)]
+    twins = _core.TwinBatch(cores)
+    rows = force[:, :, np.newaxis].copy()
     out, ends = np.empty((3, 1, t.size)), np.zeros((3, 2), np.int64)
-    angle = [SIGNALS.index("output_angle")]
-    twins.advance(rows, angle, 1, out, ends, 1, [], 1, TIME_STEP)
+    kept = [FORCE], [columns_by_name(cores[0].signals)["output_angle"].start]
+    twins.advance(rows, *kept, 1, out, ends, 1, [], [], 1, TIME_STEP)
     assert list(ends[:, 1] != 0) == [False, True, False]
     rows[1] = rows[2]
-    twins.advance(rows, angle, 1, out, ends, 1, [], 1, TIME_STEP)
+    twins.advance(rows, *kept, 1, out, ends, 1, [], [], 1, TIME_STEP)
     assert list(ends[:, 0]) == [t.size, 0, t.size]
-    twins.restart(np.array([1]), row, np.array([2], np.uint64))
-    twins.advance(rows, angle, 1, out, ends, 1, [], 1, TIME_STEP)
+    twins.restart([1], [cores[2]])
+    twins.advance(rows, *kept, 1, out, ends, 1, [], [], 1, TIME_STEP)
     np.testing.assert_array_equal(out[1, 0], batch["output_angle"][2])
 
 
