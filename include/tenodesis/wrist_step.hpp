@@ -384,7 +384,9 @@ struct WristStep {
     S start[joints];
     if constexpr (alone)
       for (int g = 0; g < joints; ++g) start[g] = angle[g];
-    set_coordinates();
+    // What a lane that does not run has found stays to the last bit.
+    for (int u = 0; u < U; ++u)
+      coordinate[u] = where(runs, coordinate_at(twin.mechanism(u), angle[u]), coordinate[u]);
     Flag<S> open = runs;
     Flag<S> found = false;
     for (int sweep = 0; sweep < (alone ? hasty_sweeps : most_lane_passes) && any(open); ++sweep) {

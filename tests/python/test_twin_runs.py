@@ -266,8 +266,14 @@ def test_runs_of_unlike_twins_or_two_axes_are_refused(real: Instrument, scaled: 
     for insts in (real, [scaled, smooth(scaled)], []):
         with refused("inst"):
             run_many(insts, [0.0])
-    with pytest.raises(ArgumentError, match="real-size has two axes; it must have one"):
-        Twin(real).energy([0.0])
+
+
+def test_the_energies_of_two_axes_are_those_of_each_added(real: Instrument) -> None:
+    handle = np.linspace(0, 0.3, 200)[:, np.newaxis] * [1.0, -0.5]
+    both = Twin(real).energy(handle, 0.5)
+    each = [Twin(real.axis(name)).energy(handle[:, n], 0.5) for n, name in enumerate(real.axes)]
+    for name in ("stored_after", "handle", "load", "friction", "damping"):
+        assert getattr(both, name) == pytest.approx(sum(getattr(one, name) for one in each), rel=1e-9)
 
 
 def test_a_state_of_another_kind_of_twin_is_refused(real: Instrument, scaled: Instrument, pulley: Instrument) -> None:
