@@ -264,7 +264,7 @@ class Column:
     statistic: Callable[[Any], Any] = np.mean
     """Of the values of the column"""
     form: str = ".2f"
-    """As :func:`format` takes it; of numbers only"""
+    """As :func:`format` takes it, of numbers; empty for a column of text"""
 
     def cell(self, rows: Rows) -> str:
         """Return the statistic of rows as text."""
@@ -280,7 +280,7 @@ def table(groups: Mapping[Any, Rows], columns: Sequence[Column], heading: str | 
         shown = map(str, label) if isinstance(label, tuple) and parts > 1 else [str(label)]
         lines.append([*shown, *(one.cell(rows) for one in columns)])
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    aligned = [str.ljust] * parts + [str.rjust] * len(columns)
+    aligned = [str.ljust] * parts + [str.rjust if one.form else str.ljust for one in columns]
     return "\n".join(
         "  ".join(f(cell, n) for f, cell, n in zip(aligned, line, widths, strict=True)).rstrip() for line in lines
     )
