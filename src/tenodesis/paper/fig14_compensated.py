@@ -16,6 +16,7 @@ from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, Section, Table, fixed, named
 from tenodesis.report.curves import forces
 from tenodesis.run import Run
+from tenodesis.simulate import campaign
 from tenodesis.statics import Actuation
 from tenodesis.twin import TIME_STEP, Twin
 
@@ -113,10 +114,22 @@ def track(inst: ShortForm, motion: Array, force: float, compensation: Compensati
 
 
 def _rms(error: Array) -> float:
-    return float(np.degrees(np.sqrt(np.mean(error**2))))
+    return float(np.degrees(campaign.rms(error)))
 
 
 Found = dict[tuple[float, Compensation], Tracking]
+
+
+def _tracked(
+    inst: ShortForm, motion: Array, loads: Sequence[float], compensations: Sequence[Compensation], period: float
+) -> Found:
+    """Return the motion under each force, N, with each compensation, as far as the joint holds it."""
+
+    def trial(force: float, compensation: Compensation) -> dict[str, Tracking]:
+        return {"tracking": track(inst, motion, force, compensation, period)}
+
+    rows = campaign.run(trial, campaign.cases(force=loads, compensation=compensations), on="threads")
+    return {(row["force"], row["compensation"]): row["tracking"] for row in rows}
 
 
 def section(context: Context) -> Section:
@@ -125,8 +138,7 @@ def section(context: Context) -> Section:
     if not step_response.can_compensate(inst):
         return Section("compensated_cycles", TITLE, f"<p>Not run: {named(inst)} cannot be compensated.</p>")
     slow = cycles(inst)
-    cases = [(force, compensation) for force in forces(inst)[1:] for compensation in COMPENSATIONS]
-    found = step_response.in_parallel(lambda case: track(inst, slow, *case, _PERIOD), cases)
+    found = _tracked(inst, slow, forces(inst)[1:], COMPENSATIONS, _PERIOD)
     loads = [force for force in forces(inst)[1:] if all((force, each) in found for each in COMPENSATIONS)]
     if not loads:
         text = f"<p>Not run: {named(inst)} holds none of the forces while its handle moves.</p>"
@@ -243,10 +255,7 @@ def _fast_wrist(context: Context, loads: Sequence[float]) -> tuple[Table, str]:
         column("growth [N]", "mean_tension_growth", "N", "Growth of the mean tension"),
         "fault",
     )
-    found = step_response.in_parallel(
-        lambda case: track(context.tested, motion, *case, _WRIST_PERIOD),
-        [(force, compensation) for force in loads for compensation in (OFF, ROBUST)],
-    )
+    found = _tracked(context.tested, motion, loads, (OFF, ROBUST), _WRIST_PERIOD)
     for (force, compensation), done in found.items():
         table.row(
             f"{force:g} N, {compensation.name}",

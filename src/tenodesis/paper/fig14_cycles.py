@@ -4,8 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tenodesis import simulate, statics, twin
-from tenodesis.errors import NoSolutionError
+from tenodesis import simulate, statics
 from tenodesis.instrument import ShortForm
 from tenodesis.paper import published
 from tenodesis.paper.context import Context, RecordedRun, has_friction
@@ -60,10 +59,8 @@ def protocol(inst: ShortForm, force: float) -> simulate.Protocol:
 
 def cycle(inst: ShortForm, force: float) -> Cycles | None:
     """Run the cycles under a force (N) on the twin; None if the joint cannot hold it."""
-    done = protocol(inst, force)
-    try:
-        recorded = RecordedRun(inst, done, _SEED, simulate.execute(twin.Twin(inst, seed=_SEED), done))
-    except NoSolutionError:
+    recorded = RecordedRun.of(inst, protocol(inst, force), _SEED)
+    if recorded is None:
         return None
     run = recorded.run.rows(int(np.searchsorted(recorded.run.time, _LOADING + _RESTING, "right")))
     estimate = estimated_output_angle(inst, run)

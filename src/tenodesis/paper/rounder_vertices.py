@@ -15,6 +15,7 @@ from tenodesis.instrument import ShortForm, TendonGear
 from tenodesis.paper import published, step_response
 from tenodesis.report.content import Array
 from tenodesis.scaling import catalogue
+from tenodesis.simulate import campaign
 from tenodesis.twin import Twin
 
 LAWS: tuple[LawName, ...] = ("off", "paper", "robust")
@@ -381,15 +382,23 @@ def study(
         for radius in dict.fromkeys((reference, _held(found, limits)) if rope.bending_stiffness else (reference,))
     ]
     total = len(distinct) + len(scanned)
-    done = step_response.in_parallel(
-        lambda key: outcome(inst, distinct[key], states, load, reference),
-        distinct,
-        lambda count, _: progress(count, total),
+
+    def design_of(key: tuple[float, float, float]) -> dict[str, Outcome]:
+        return {"outcome": outcome(inst, distinct[key], states, load, reference)}
+
+    def largest_of(rope: Rope, radius: float) -> dict[str, float]:
+        return {"coefficient": _largest_coefficient(inst, states, load, reference, (rope, radius))}
+
+    done = campaign.run(
+        design_of,
+        campaign.cases(key=distinct),
+        on="threads",
+        progress=lambda count, _: progress(count, total),
     )
-    largest = step_response.in_parallel(
-        lambda case: _largest_coefficient(inst, states, load, reference, case),
-        scanned,
-        lambda count, _: progress(len(distinct) + count, total),
+    outcomes = {row["key"]: row["outcome"] for row in done}
+    scans = [{"rope": rope, "radius": radius} for rope, radius in scanned]
+    largest = campaign.run(
+        largest_of, scans, on="threads", progress=lambda count, _: progress(len(distinct) + count, total)
     )
     return Study(
         inst,
@@ -401,8 +410,8 @@ def study(
         coefficients,
         used,
         surfaces,
-        {design: done[seen(design)] for design in designs},
-        largest,
+        {design: outcomes[seen(design)] for design in designs},
+        {(row["rope"], row["radius"]): row["coefficient"] for row in largest},
     )
 
 

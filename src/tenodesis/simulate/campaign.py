@@ -96,6 +96,7 @@ def run(
     results: str | Path | None = None,
     on: Literal["processes", "threads"] | Cluster = "processes",
     progress: Callable[[int, int], None] | None = None,
+    size: int = 1,
 ) -> Rows:
     """Return a row for each case, in the cases' order; one that the joints cannot hold, or without metrics, has none.
 
@@ -116,6 +117,8 @@ def run(
         :func:`tenodesis.set_threads` says, or a Ray cluster.
     progress
         Called with how many cases are done, and of how many.
+    size
+        What a case adds to the share of the cluster's node that has run it.
 
     Raises
     ------
@@ -135,17 +138,19 @@ def run(
         bar = stack.enter_context(_bar(title))
         keys = map(_key, todo) if store.rows else ()
         found = {n: store.rows[key] for n, key in enumerate(keys) if key in store.rows}
-        for n, metrics in _outcomes(trial, {n: case for n, case in enumerate(todo) if n not in found}, on):
+        for n, metrics in _outcomes(trial, {n: case for n, case in enumerate(todo) if n not in found}, on, size):
             found[n] = store.keep(todo[n], metrics)
             for tell in filter(None, (bar, progress)):
                 tell(len(found), len(todo))
     return Rows({**todo[n], **metrics} for n, metrics in sorted(found.items()) if metrics is not None)
 
 
-def _outcomes(trial: Trial, todo: Mapping[int, Case], on: Any) -> Iterator[tuple[int, Mapping[str, Any] | None]]:
+def _outcomes(
+    trial: Trial, todo: Mapping[int, Case], on: Any, size: int
+) -> Iterator[tuple[int, Mapping[str, Any] | None]]:
     """Yield the metrics of cases by their numbers, as they are done."""
     if isinstance(on, Cluster):
-        found = on.map(_tried, trial, list(todo.values()), [1] * len(todo))
+        found = on.map(_tried, trial, list(todo.values()), [size] * len(todo))
         yield from zip(todo, found, strict=True)
         return
     count = min(threads(), max(len(todo), 1))

@@ -2,22 +2,19 @@
 
 import numpy as np
 
-from tenodesis import control, simulate
+from tenodesis import control
 from tenodesis.control import Controller
-from tenodesis.errors import NoSolutionError, ProtocolError
 from tenodesis.paper.any_instrument.compensated_step import LAWS
-from tenodesis.paper.any_instrument.cycles import SEED, protocol
-from tenodesis.paper.any_instrument.held import Load, most_taking
+from tenodesis.paper.any_instrument.cycles import LOADING, RESTING, SEED, protocol
+from tenodesis.paper.any_instrument.held import Load, most_taking, panels
 from tenodesis.paper.any_instrument.motions import Motion, motions
-from tenodesis.paper.context import Context
+from tenodesis.paper.context import Context, RecordedRun
 from tenodesis.report import style
-from tenodesis.report.content import Array, Chart, Column, Plot, Section, named
+from tenodesis.report.content import Array, Column, Plot, Section, named
 from tenodesis.statics import chain
-from tenodesis.twin import Twin
+from tenodesis.twin import TIME_STEP
 
 _EVERY = 20  # samples that are drawn
-_WIDE = 3.2
-"""Width of a panel, inches."""
 _TITLE = "There and back with compensation"
 
 
@@ -58,11 +55,10 @@ def _run(context: Context, motion: Motion, load: Load, law: str) -> tuple[Array,
     """Return handle angle and error of the joint that follows, (n,), deg; None if the joints cannot hold the load."""
     inst = context.whole
     controller = Controller(inst, law="robust", enabled=True) if law == "robust" else None
-    try:
-        run = simulate.execute(Twin(inst, seed=SEED), protocol(inst, motion, load), controller)
-    except (NoSolutionError, ProtocolError):
+    done = RecordedRun.of(inst, protocol(inst, motion, load), SEED, controller)
+    if done is None:
         return None
-    shown = run.rows(round(1.5 / 5e-4), None, _EVERY)
+    shown = done.run.rows(round((LOADING + RESTING) / TIME_STEP), None, _EVERY)
     aims = chain.output_angles(inst, shown.by_column("handle_angle"))
     error = np.degrees(shown.by_column("output_angle") - aims)[:, motion.follows]
     return np.degrees(shown.by_column("handle_angle")[:, int(np.argmax(np.abs(motion.handle)))]), error
@@ -70,14 +66,14 @@ def _run(context: Context, motion: Motion, load: Load, law: str) -> tuple[Array,
 
 def _plot(context: Context, found: dict[tuple[str, str], tuple[Load, Array, Array]]) -> Plot:
     names = list(dict.fromkeys(motion for motion, _ in found))
-    chart, axes = Chart.panels(len(names), width=max(7.0, _WIDE * len(names) + 0.4), height=3.6)
-    panels = dict(zip(names, axes, strict=True))
+    chart, axes = panels(len(names), 3.2)
+    panel_of = dict(zip(names, axes, strict=True))
     looks = {"off": (style.INK, "--"), "robust": (style.AGONIST, "-")}
     for (motion, law), (load, handle, error) in found.items():
         chart.keep(f"{motion}, {law} [deg]", handle)
         color, line = looks[law]
-        chart.curve(panels[motion], handle, f"error by {motion}, {law} [deg]", error, line, color=color, lw=1.2)
-        panels[motion].set(title=load.text(), xlabel=f"{motion} [deg]")
+        chart.curve(panel_of[motion], handle, f"error by {motion}, {law} [deg]", error, line, color=color, lw=1.2)
+        panel_of[motion].set(title=load.text(), xlabel=f"{motion} [deg]")
     axes[0].set_ylabel("off the unloaded angle [deg]")
     style.legend_outside(chart.figure, *((LAWS[law], *looks[law]) for law in LAWS))
     return chart.plot(

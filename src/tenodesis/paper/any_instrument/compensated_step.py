@@ -4,11 +4,11 @@ import numpy as np
 
 from tenodesis import control
 from tenodesis.control import Controller
-from tenodesis.paper.any_instrument.held import described, loads, states
+from tenodesis.paper.any_instrument.held import described, loads, panels, states
 from tenodesis.paper.any_instrument.step_load import Response, respond
 from tenodesis.paper.context import Context
 from tenodesis.report import style
-from tenodesis.report.content import Array, Chart, Column, Plot, Section, named
+from tenodesis.report.content import Array, Column, Plot, Section, named
 from tenodesis.statics import chain
 
 AFTER = 7.0
@@ -16,9 +16,6 @@ AFTER = 7.0
 JUDGED = 0.5
 """Time at the end over which errors are taken, s."""
 LAWS = {"off": "motors off", "robust": "robust law"}
-
-_WIDE = 2.8
-"""Width of a panel, inches."""
 
 
 def section(context: Context) -> Section:
@@ -81,8 +78,8 @@ def _error(context: Context, done: Response, joints: list[int]) -> Array:
 def _plot(context: Context, found: dict[tuple[str, str], Response], joints: list[int]) -> Plot:
     inst = context.whole
     names = list(dict.fromkeys(load for load, _ in found))
-    chart, axes = Chart.panels(len(names), width=max(7.0, _WIDE * len(names) + 0.4), height=3.6)
-    panels = dict(zip(names, axes, strict=True))
+    chart, axes = panels(len(names), 2.8)
+    panel_of = dict(zip(names, axes, strict=True))
     colors = style.colors(len(joints) + 1)[1:]
     for (load, law), done in found.items():
         time = chart.keep(f"time, {load}, {law} [s]", done.run.time - done.run.time[0])
@@ -90,8 +87,8 @@ def _plot(context: Context, found: dict[tuple[str, str], Response], joints: list
         for joint, color, error in zip(joints, colors, errors.T, strict=True):
             line = "-" if law == "robust" else "--"
             heading = f"error of {inst.tip_joints[joint].name}, {load}, {law} [deg]"
-            chart.curve(panels[load], time, heading, error, line, color=color, lw=1.3)
-        panels[load].set(title=done.load.text(), xlabel="time [s]", xlim=(time[0], time[-1]))
+            chart.curve(panel_of[load], time, heading, error, line, color=color, lw=1.3)
+        panel_of[load].set(title=done.load.text(), xlabel="time [s]", xlim=(time[0], time[-1]))
     axes[0].set_ylabel("off the unloaded angle [deg]")
     lines = [(inst.tip_joints[joint].name, color, "-") for joint, color in zip(joints, colors, strict=True)]
     style.legend_outside(chart.figure, *lines, ("robust law", style.MUTED, "-"), ("motors off", style.MUTED, "--"))
