@@ -177,7 +177,7 @@ def _row(context: Context, difference: Difference, found: Mapping[LawName, Rows]
         if law != "robust":
             cells.append(f"{fixed(values['rms'])} / {fixed(values['worst'])}")
             continue
-        time = found[law]["settling_time"].max()
+        time = float(found[law]["settling_time"].max())
         for value, target in zip((*values.values(), time), _TARGETS, strict=True):
             shown = fixed(value) if np.isfinite(value) else "never"
             cells.append(shown if context.is_own else f"{shown}, {'met' if value <= target else 'missed'}")

@@ -4,11 +4,13 @@ import numpy as np
 
 from tenodesis import control
 from tenodesis.control import Controller
-from tenodesis.paper.any_instrument.held import described, loads, panels, states
+from tenodesis.instrument import Instrument
+from tenodesis.paper.any_instrument.held import Load, described, loads, panels, states
 from tenodesis.paper.any_instrument.step_load import Response, respond
 from tenodesis.paper.context import Context
 from tenodesis.report import style
 from tenodesis.report.content import Array, Column, Plot, Section, named
+from tenodesis.simulate import campaign
 from tenodesis.statics import chain
 
 AFTER = 7.0
@@ -23,13 +25,14 @@ def section(context: Context) -> Section:
     inst = context.whole
     state = states(inst)[-1]
     made_for = control.compensated(inst)
-    found: dict[tuple[str, str], Response] = {}
-    for load in loads(inst):
-        for law in LAWS:
-            controller = Controller(made_for, law="robust", enabled=True) if law == "robust" else None
-            done = respond(inst, state, load, controller=controller, after=AFTER)
-            if done is not None and load.wrench.any():
-                found[load.name, law] = done
+
+    def trial(load: Load, law: str) -> dict[str, Response] | None:
+        done = respond(inst, state, load, controller=controller_of(made_for, law), after=AFTER)
+        return None if done is None else {"done": done}
+
+    across = [load for load in loads(inst) if load.wrench.any()]
+    rows = campaign.run(trial, campaign.cases(load=across, law=LAWS), on="threads")
+    found = {(row["load"].name, row["law"]): row["done"] for row in rows}
     title = "Compensation on the twin"
     if not found:
         return Section("compensated", title, f"<p>Not run: {named(inst)} holds none of the loads on the twin.</p>")
@@ -67,6 +70,11 @@ def section(context: Context) -> Section:
         + "</p>"
     )
     return Section("compensated", title, text, [_plot(context, found, joints)], [table])
+
+
+def controller_of(inst: Instrument, law: str) -> Controller | None:
+    """Return the controller of a law; None where the motors are off."""
+    return Controller(inst, law="robust", enabled=True) if law == "robust" else None
 
 
 def _error(context: Context, done: Response, joints: list[int]) -> Array:
