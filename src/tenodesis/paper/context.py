@@ -22,6 +22,10 @@ SEEDS = 20
 """Noise seeds of the robust law's campaign."""
 
 
+DRAWN = slice(None, None, 20)
+"""Samples of a run that are drawn."""
+WAYS = np.linspace(0.15, 0.9, 61)
+"""Shares of the way at which the halves of a cycle are compared, clear of the reversals."""
 COEFFICIENTS = ("vertex_coefficient", "sheath_coefficient", "constant")
 """What an instrument's friction is made of, and a controller may assume wrong."""
 

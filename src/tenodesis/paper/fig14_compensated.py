@@ -11,7 +11,7 @@ from tenodesis import statics
 from tenodesis.control import Controller, LawName
 from tenodesis.instrument import ShortForm
 from tenodesis.paper import step_response
-from tenodesis.paper.context import Context, has_friction
+from tenodesis.paper.context import DRAWN, Context, has_friction
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, Section, Table, fixed, named
 from tenodesis.report.curves import forces
@@ -29,7 +29,6 @@ _PERIOD = 1 / _FREQUENCY  # s
 _CYCLES = 5
 _LOADING, _RESTING = 1.0, 2.0  # s
 _SEED = 14
-_EVERY = slice(None, None, 20)  # samples that are drawn
 _AFTER_REVERSAL = 0.5  # s
 _WRIST = ((0.5, 6.0, 0.0), (1.0, 3.0, 1.0), (1.5, 2.0, 2.0), (2.0, 1.0, 3.0))  # Hz, shares, rad
 _WRIST_PERIODS, _WRIST_PERIOD = 20, 2.0  # s
@@ -293,8 +292,8 @@ def _plot(context: Context, loads: Sequence[float], found: Found) -> Plot:
     for axis, force in zip(axes, loads, strict=True):
         for each in COMPENSATIONS:
             done, at = found[force, each], f"{each.key} at {force:g} N [deg]"
-            handle = chart.keep(f"handle_angle {at}", np.degrees(done.run["handle_angle"][last][_EVERY]))
-            chart.curve(axis, handle, f"error {at}", np.degrees(done.error[last][_EVERY]), color=each.color, lw=1.2)
+            handle = chart.keep(f"handle_angle {at}", np.degrees(done.run["handle_angle"][last][DRAWN]))
+            chart.curve(axis, handle, f"error {at}", np.degrees(done.error[last][DRAWN]), color=each.color, lw=1.2)
         axis.axhline(0, color=style.INK, ls="--", lw=0.8)
         axis.set(title=f"{force:g} N", xlabel="handle angle $\\theta_h$ [deg]")
     axes[0].set_ylabel("off the unloaded angle [deg]")

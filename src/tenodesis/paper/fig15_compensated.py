@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from tenodesis.control import LawName
 from tenodesis.instrument import ShortForm
 from tenodesis.paper import step_response
-from tenodesis.paper.context import Context, has_friction
+from tenodesis.paper.context import DRAWN, Context, has_friction
 from tenodesis.paper.fig15_step_load import AFTER, BEFORE
 from tenodesis.paper.step_response import NEAR, Motion, Response
 from tenodesis.report import style
@@ -26,7 +26,6 @@ TITLE = "Compensation on the bench"
 FRICTION_ERRORS = (-0.3, 0.0, 0.3)
 """Errors of the friction that the controller assumes, as shares of the true friction."""
 
-_EVERY = slice(None, None, 20)  # samples that are drawn
 _FROM, _UNTIL = BEFORE - 1, BEFORE + 6  # s
 _LABELS: dict[LawName, str] = {
     "off": "no compensation",
@@ -66,7 +65,7 @@ def section(context: Context) -> Section:
 
     def measure(run: Callable[..., Run], motion: Motion, _: ShortForm) -> dict[str, Any]:
         done = run()
-        return {"response": step_response.response(done, motion), "run": done[_EVERY]}
+        return {"response": step_response.response(done, motion), "run": done[DRAWN]}
 
     rows = step_response.held(inst, states, laws, (BEFORE, AFTER), measure, load=force)
     cases = sum(map(len, laws.values()))

@@ -13,7 +13,7 @@ from tenodesis.paper import step_response
 from tenodesis.paper.context import Context
 from tenodesis.paper.fig15_compensated import FRICTION_ERRORS
 from tenodesis.paper.step_response import Motion
-from tenodesis.paper.unlike_model import Difference, differences
+from tenodesis.paper.unlike_model import Difference, differences, held
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, Section, named
 from tenodesis.run import Run
@@ -125,23 +125,14 @@ def _column(what: str, description: str, heading: str, unit: str = "N") -> Colum
 
 def _runs(inst: ShortForm, difference: Difference, law: LawName) -> Rows:
     """Return rows of runs, with their motions and the force by eq. 1."""
-    given = inst.replace(**difference.known)
 
     def measure(run: Callable[..., Run], motion: Motion, model: ShortForm) -> dict[str, Any]:
         done = run()
         plain = by_tensions(model, done["output_angle"], done["measured_tension"])
         return {"run": done, "motion": motion, "plain": plain}
 
-    return step_response.held(
-        given,
-        step_response.held_states(given),
-        {law: FRICTION_ERRORS},
-        (_BEFORE, _AFTER if law == "robust" else _LAST),
-        measure,
-        load=step_response.step_force(inst),
-        plant=given.replace(**difference.unknown),
-        seeds=(_SEED,),
-    )
+    times = _BEFORE, _AFTER if law == "robust" else _LAST
+    return held(inst, difference, {law: FRICTION_ERRORS}, times, measure, seeds=(_SEED,))
 
 
 def _judge(found: Rows, law: LawName) -> Judged:

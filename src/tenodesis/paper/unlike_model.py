@@ -74,35 +74,38 @@ def differences(inst: ShortForm) -> list[Difference]:
     return found
 
 
+def held(
+    inst: ShortForm,
+    difference: Difference,
+    laws: Mapping[LawName, Sequence[float]],
+    times: tuple[float, float],
+    measure: Callable[..., Mapping[str, Any]],
+    **how: Any,
+) -> Rows:
+    """Return :func:`tenodesis.paper.step_response.held` with a difference over the held states, under the step load."""
+    given = inst.replace(**difference.known)
+    states, load, plant = step_response.held_states(given), step_response.step_force(inst), difference.unknown
+    return step_response.held(given, states, laws, times, measure, load=load, plant=given.replace(**plant), **how)
+
+
 def outcomes(inst: ShortForm, difference: Difference) -> Rows:
     """Run the laws over the held states of an instrument, the robust one over the errors of its assumed friction.
 
     A row has the response of the tip, the mean square of the estimate's error over its variance (normalised), and why
     homing refused, in the words of :func:`tenodesis.control.homing_failure`; empty if it did not.
     """
-    given = inst.replace(**difference.known)
+    wait = _HOMING if difference.homes else 0.0
 
     def measure(run: Callable[..., Run], motion: step_response.Motion, _: ShortForm) -> dict[str, Any]:
-        done = run(homed=round(_HOMING / TIME_STEP) if difference.homes else None)
+        done = run(homed=round(wait / TIME_STEP) or None)
         last = done.rows(-round(_JUDGED / TIME_STEP))
         off = (last["estimated_output_angle"] - last["output_angle"]) / last["estimated_output_angle_std"]
         refused = homing_failure(int(np.nan_to_num(done["homing_failure"][-1])))
-        return step_response.response(done, motion)._asdict() | {
-            "normalised": float(np.mean(off**2)),
-            "refused": refused,
-        }
+        normalised = float(np.mean(off**2))
+        return step_response.response(done, motion)._asdict() | {"normalised": normalised, "refused": refused}
 
-    return step_response.held(
-        given,
-        step_response.held_states(given),
-        {law: FRICTION_ERRORS if law == "robust" else (0.0,) for law in _LAWS},
-        (_BEFORE, _AFTER),
-        measure,
-        load=step_response.step_force(inst),
-        plant=given.replace(**difference.unknown),
-        seeds=(_SEED,),
-        wait=_HOMING if difference.homes else 0.0,
-    )
+    laws = {law: FRICTION_ERRORS if law == "robust" else (0.0,) for law in _LAWS}
+    return held(inst, difference, laws, (_BEFORE, _AFTER), measure, seeds=(_SEED,), wait=wait)
 
 
 def section(context: Context) -> Section:

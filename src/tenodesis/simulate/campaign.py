@@ -123,7 +123,7 @@ def run(
     Raises
     ------
     StudyError
-        The file of results is that of another trial or version, cannot be read or is in use.
+        The file of results is that of another trial or version, cannot be read or written, or is in use.
     """
     todo = [dict(case) for case in given]
     path = None if results is None else Path(results)
@@ -133,7 +133,11 @@ def run(
                 stack.enter_context(locked_file(path))
             except BlockingIOError:
                 raise StudyError(f"{path} is being written by another campaign; give another file.") from None
+            except OSError as problem:
+                raise _unwritable(path, problem) from None
         store = _Store(path, f"{trial.__module__}.{getattr(trial, '__qualname__', trial)}")
+        # A file that cannot be written is reported before hours of work, not after them.
+        store.save()
         stack.callback(store.save)
         bar = stack.enter_context(_bar(title))
         keys = map(_key, todo) if store.rows else ()
@@ -222,9 +226,17 @@ class _Store:
         if self.path is None:
             return
         rows = [[json.loads(case), metrics] for case, metrics in self.rows.items()]
-        with atomic_file(self.path) as new:
-            new.write_text(json.dumps(self.head | {"rows": rows}), "utf-8")
+        try:
+            with atomic_file(self.path) as new:
+                new.write_text(json.dumps(self.head | {"rows": rows}), "utf-8")
+        except OSError as problem:
+            raise _unwritable(self.path, problem) from None
         self.saved = time.monotonic()
+
+
+def _unwritable(path: Path, problem: OSError) -> StudyError:
+    reason = problem.strerror or problem
+    return StudyError(f"{path} cannot be written: {reason}.", key="results", value=str(path))
 
 
 def _key(values: Any) -> str:

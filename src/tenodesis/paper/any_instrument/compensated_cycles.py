@@ -10,14 +10,13 @@ from tenodesis.paper.any_instrument.compensated_step import LAWS, controller_of
 from tenodesis.paper.any_instrument.cycles import LOADING, RESTING, SEED, protocol
 from tenodesis.paper.any_instrument.held import Load, most_taking, panels
 from tenodesis.paper.any_instrument.motions import Motion, motions
-from tenodesis.paper.context import Context, RecordedRun
+from tenodesis.paper.context import DRAWN, Context, RecordedRun
 from tenodesis.report import style
 from tenodesis.report.content import Array, Column, Plot, Section, named
 from tenodesis.simulate import campaign
 from tenodesis.statics import chain
 from tenodesis.twin import TIME_STEP
 
-_EVERY = 20  # samples that are drawn
 _TITLE = "There and back with compensation"
 
 
@@ -59,7 +58,7 @@ def _trial(inst: FullForm, motion: Motion, load: Load, law: str) -> dict[str, Ar
     done = RecordedRun.of(inst, protocol(inst, motion, load), SEED, controller_of(inst, law))
     if done is None:
         return None
-    shown = done.run.rows(round((LOADING + RESTING) / TIME_STEP), None, _EVERY)
+    shown = done.run.rows(round((LOADING + RESTING) / TIME_STEP), None, DRAWN.step)
     error = np.degrees(shown.by_column("output_angle") - chain.output_angles(inst, shown.by_column("handle_angle")))
     moved = int(np.argmax(np.abs(motion.handle)))
     return {"handle": np.degrees(shown.by_column("handle_angle")[:, moved]), "error": error[:, motion.follows]}

@@ -8,7 +8,7 @@ from tenodesis import simulate
 from tenodesis.instrument import FullForm
 from tenodesis.paper.any_instrument.held import Load, most_taking, panels
 from tenodesis.paper.any_instrument.motions import SPEED, Motion, motions
-from tenodesis.paper.context import Context, RecordedRun, has_friction
+from tenodesis.paper.context import DRAWN, WAYS, Context, RecordedRun, has_friction
 from tenodesis.report import style
 from tenodesis.report.content import Array, Column, Plot, ResultTable, Section, fixed, named
 from tenodesis.run import Run
@@ -19,10 +19,6 @@ COUNT = 2
 LOADING, RESTING = 1.0, 0.5
 """Time in which the load comes, and rest under it, s."""
 SEED = 14
-
-_EVERY = 20  # samples that are drawn
-_GRID = np.linspace(0.15, 0.9, 61)
-"""Shares of the way at which the halves are compared, clear of the reversals."""
 
 
 class Cycles(NamedTuple):
@@ -67,7 +63,7 @@ def cycle(inst: FullForm, motion: Motion, load: Load | None) -> Cycles | None:
     if recorded is None:
         return None
     run = recorded.run
-    shown = run.rows(int(np.searchsorted(run.time, LOADING + RESTING, "right")), None, _EVERY)
+    shown = run.rows(int(np.searchsorted(run.time, LOADING + RESTING, "right")), None, DRAWN.step)
     unloaded = target(inst, shown)
     wrench, grip = (np.zeros(6), 0.0) if load is None else (load.wrench, load.grip)
     theory = target(inst, shown, wrench, grip)
@@ -78,8 +74,8 @@ def cycle(inst: FullForm, motion: Motion, load: Load | None) -> Cycles | None:
     way = motion.angles[-1, follows] - motion.angles[0, follows]
     shares = (unloaded[:, follows] - motion.angles[0, follows]) / way
     sign = np.sign(way)
-    behind = float(-sign * np.interp(_GRID, shares[out], off[out, follows]).mean())
-    ahead = float(sign * np.interp(_GRID, shares[back][::-1], off[back, follows][::-1]).mean())
+    behind = float(-sign * np.interp(WAYS, shares[out], off[out, follows]).mean())
+    ahead = float(sign * np.interp(WAYS, shares[back][::-1], off[back, follows][::-1]).mean())
     others = np.delete(off[-2 * half :], follows, axis=1)
     return Cycles(
         motion,
