@@ -30,7 +30,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from tenodesis.cluster import Cluster
 from tenodesis.errors import FaultWarning, NoSolutionError, StudyError
-from tenodesis.files import atomic_file, locked_file, read_regular
+from tenodesis.files import atomic_file, locked_file, read_regular, write_errors
 from tenodesis.run import Array
 from tenodesis.threads import set_threads, threads
 from tenodesis.version import __version__
@@ -129,12 +129,11 @@ def run(
     path = None if results is None else Path(results)
     with ExitStack() as stack:
         if path is not None:
-            try:
-                stack.enter_context(locked_file(path))
-            except BlockingIOError:
-                raise StudyError(f"{path} is being written by another campaign; give another file.") from None
-            except OSError as problem:
-                raise _unwritable(path, problem) from None
+            with write_errors(path, StudyError, "results"):
+                try:
+                    stack.enter_context(locked_file(path))
+                except BlockingIOError:
+                    raise StudyError(f"{path} is being written by another campaign; give another file.") from None
         store = _Store(path, f"{trial.__module__}.{getattr(trial, '__qualname__', trial)}")
         # A file that cannot be written is reported before hours of work, not after them.
         store.save()
@@ -226,17 +225,9 @@ class _Store:
         if self.path is None:
             return
         rows = [[json.loads(case), metrics] for case, metrics in self.rows.items()]
-        try:
-            with atomic_file(self.path) as new:
-                new.write_text(json.dumps(self.head | {"rows": rows}), "utf-8")
-        except OSError as problem:
-            raise _unwritable(self.path, problem) from None
+        with write_errors(self.path, StudyError, "results"), atomic_file(self.path) as new:
+            new.write_text(json.dumps(self.head | {"rows": rows}), "utf-8")
         self.saved = time.monotonic()
-
-
-def _unwritable(path: Path, problem: OSError) -> StudyError:
-    reason = problem.strerror or problem
-    return StudyError(f"{path} cannot be written: {reason}.", key="results", value=str(path))
 
 
 def _key(values: Any) -> str:
