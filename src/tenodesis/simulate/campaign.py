@@ -12,6 +12,7 @@ are a row::
 """
 
 import json
+import signal
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -182,7 +183,8 @@ def _tried(trial: Trial, case: Case) -> Mapping[str, Any] | None:
 
 
 def _alone() -> None:
-    """Prepare a process that computes with a single thread."""
+    """Prepare a process that computes with a single thread, and that Ctrl-C stops by the one that began it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     set_threads(1)
     warnings.simplefilter("ignore", FaultWarning)
 
