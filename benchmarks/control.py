@@ -91,7 +91,7 @@ def accuracy(seeds: int) -> None:
         print(f"  {condition.key.replace('_', ' ')}: {len(trials)} runs, {spent:.1f} s")
         for metric in campaign.METRICS:
             value = metric.of(trials)
-            target = None if metric.target is None else metric.target(condition.inst)
+            target = metric.aim(condition.inst)
             verdict = "" if target is None else f"   target {target:g} {'reached' if value <= target else 'MISSED'}"
             print(f"    {metric.heading:<28} {value:8.3f}{verdict}")
 

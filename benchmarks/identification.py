@@ -11,10 +11,10 @@ os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from timeit import timeit
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -27,7 +27,8 @@ from tenodesis.identification.twin_model.problem import TwinProblem, problem
 from tenodesis.instrument import Instrument
 from tenodesis.recording.simulation import record
 from tenodesis.run import Array
-from tenodesis.simulate import Cycles, Pretension, Protocol
+from tenodesis.simulate import Cycles, Pretension, Protocol, campaign
+from tenodesis.simulate.campaign import Column, Rows
 
 STEP = 5e-4
 SEEDS = 100
@@ -112,33 +113,69 @@ def searched(one: TwinProblem, *, exact: bool) -> Array:
     return np.asarray(found.x)
 
 
-def coverage(
-    title: str, nominal: Instrument, run: Callable[[int], InstrumentRun], names: Sequence[str] | None, seeds: int
-) -> None:
-    """Print how often identifiable parameters are within their intervals; all parameters if none are named."""
-    first = posed(run(0), nominal).parameters
-    free = [one.name for one in first] if names is None else list(names)
-    # parameters without an entry in TRUTH are as in the file
-    truth = {one.name: TRUTH.get(one.name, one.start) for one in first}
-    hits: dict[str, list[bool]] = {name: [] for name in free}
-    errors: dict[str, list[float]] = {name: [] for name in free}
-    for seed in range(seeds):
-        found = fit(posed(run(seed), nominal), free, train=[0], starts=1)
-        for name, (low, high) in found.interval_95.items():
-            if found.identifiability.identifiable[name]:
-                hits[name].append(low <= truth[name] <= high)
-                errors[name].append((found.values[name] - truth[name]) / found.std[name])
-    print(f"{title}: {len(free)} parameters, {seeds} seeds")
-    for name, one in hits.items():
-        if not one:
-            print(f"  {name:<34} called identifiable in none")
-            continue
-        verdict = "reached" if np.mean(one) >= SHARE_TARGET else "MISSED"
-        print(
-            f"  {name:<34} identifiable in {len(one):3d}   within its 95 % interval in {100 * np.mean(one):5.1f} %   "
-            f"error over deviation {np.mean(errors[name]):+.2f} ± {np.std(errors[name]):.2f}   "
-            f"target {100 * SHARE_TARGET:g} % {verdict}"
-        )
+def instruments() -> tuple[Instrument, Instrument]:
+    """Return the instrument as its file has it, and the true one."""
+    nominal = tn.load("scaled-up").replace(mismatch=None, **{"friction.sheath_bend": 1.0})
+    ratios = {f"mismatch.{name}": TRUTH[name] for name in ("stiffness_ratio", "pretension_ratio")}
+    own = {name: value for name, value in TRUTH.items() if name.startswith(("friction", "mismatch"))}
+    return nominal, nominal.replace(**ratios, **own)
+
+
+class Recorded(NamedTuple):
+    """How a run is recorded, which parameters are fitted (all if none are named), and over how many seeds."""
+
+    run: Callable[[Instrument, int], InstrumentRun]
+    names: Sequence[str] | None
+    seeds: int
+
+
+NOISY = f"{SECONDS:g} s with noise and 12-bit encoders"
+CASES = {
+    NOISY: Recorded(lambda inst, seed: recorded(inst, SECONDS, seed), [*TRUTH], SEEDS),
+    f"{NOISY}, all open": Recorded(lambda inst, seed: recorded(inst, SECONDS, seed), None, FEWER_SEEDS),
+    f"{NOISY}, handle by its encoder alone, all open": Recorded(
+        lambda inst, seed: recorded(inst, SECONDS, seed, commanded=False), None, FEWER_SEEDS
+    ),
+    "tendons slack at first": Recorded(tightened, [*TRUTH], FEWER_SEEDS),
+}
+
+
+def trial(case: str, seed: int) -> dict[str, Any]:
+    """Return of each identifiable parameter whether its interval covers the truth, and its error over its deviation."""
+    (nominal, true), how = instruments(), CASES[case]
+    one = posed(how.run(true, seed), nominal)
+    # Parameters without an entry in TRUTH are as in the file.
+    truth = {parameter.name: TRUTH.get(parameter.name, parameter.start) for parameter in one.parameters}
+    found = fit(one, [*(how.names or truth)], train=[0], starts=1)
+    parameters = [
+        {"name": name, "covered": low <= truth[name] <= high, "error": off / found.std[name]}
+        for name, (low, high) in found.interval_95.items()
+        for off in (found.values[name] - truth[name],)
+        if found.identifiability.identifiable[name]
+    ]
+    return {"parameters": parameters, "open": [*(how.names or truth)]}
+
+
+COVERAGE = [
+    Column("identifiable in", len, form="d"),
+    Column("within its 95 % interval", "covered", form=".1%"),
+    Column("error over deviation", "error", form="+.2f"),
+    Column("±", "error", np.std),
+    Column(
+        f"target {100 * SHARE_TARGET:g} %",
+        lambda rows: "reached" if rows["covered"].mean() >= SHARE_TARGET else "MISSED",
+        form="",
+    ),
+]
+
+
+def coverage(case: str) -> None:
+    """Print how often identifiable parameters are within their intervals."""
+    fitted = campaign.run(trial, campaign.cases(case=[case], seed=range(CASES[case].seeds)), case)
+    parameters = Rows(one for row in fitted for one in row["parameters"])
+    never = {name for row in fitted for name in row["open"]} - {*parameters["name"]}
+    print(f"{case}: {len(fitted)} seeds; called identifiable in none: {', '.join(sorted(never)) or 'no parameter'}")
+    print(campaign.table(parameters.by("name"), COVERAGE, "parameter"))
 
 
 def speed(nominal: Instrument, true: Instrument) -> None:
@@ -170,19 +207,9 @@ def speed(nominal: Instrument, true: Instrument) -> None:
 
 
 def main() -> None:
-    nominal = tn.load("scaled-up").replace(mismatch=None, **{"friction.sheath_bend": 1.0})
-    true = nominal.replace(
-        **{f"mismatch.{name}": TRUTH[name] for name in ("stiffness_ratio", "pretension_ratio")},
-        **{name: value for name, value in TRUTH.items() if name.startswith(("friction", "mismatch"))},
-    )
-    speed(nominal, true)
-    seconds = f"{SECONDS:g} s with noise and 12-bit encoders"
-    six = list(TRUTH)
-    coverage(seconds, nominal, partial(recorded, true, SECONDS), six, SEEDS)
-    coverage(f"{seconds}, all open", nominal, partial(recorded, true, SECONDS), None, FEWER_SEEDS)
-    by_encoder = partial(recorded, true, SECONDS, commanded=False)
-    coverage(f"{seconds}, handle by its encoder alone, all open", nominal, by_encoder, None, FEWER_SEEDS)
-    coverage("tendons slack at first", nominal, partial(tightened, true), six, FEWER_SEEDS)
+    speed(*instruments())
+    for case in CASES:
+        coverage(case)
 
 
 if __name__ == "__main__":

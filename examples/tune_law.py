@@ -25,6 +25,7 @@ from tenodesis.control import Controller, LawName
 from tenodesis.instrument import Instrument
 from tenodesis.paper.step_response import controller_model, held_motion, step_force
 from tenodesis.paper.unlike_model import differences
+from tenodesis.simulate import campaign
 from tenodesis.twin import TIME_STEP, run_many
 
 Array = NDArray[np.float64]
@@ -126,9 +127,13 @@ class Campaign:
 
     def _errors(self, choices: Sequence[Choice]) -> list[Array]:
         self.runs += len(choices) * len(self.given)
-        if self.cluster is None:
-            return [errors(self.given, choice) for choice in choices]
-        return self.cluster.map(errors, self.given, choices, [len(self.given)] * len(choices))
+        given, candidates = self.given, [{"law": law, "control": control} for law, control in choices]
+
+        def trial(law: LawName, control: Mapping[str, float]) -> dict[str, Array]:
+            return {"errors": errors(given, (law, control))}
+
+        rows = campaign.run(trial, candidates, on=self.cluster or "threads", size=len(given))
+        return [row["errors"] for row in rows]
 
 
 def tune(campaign: Campaign, shipped: Sequence[float], options: argparse.Namespace) -> dict[str, float]:

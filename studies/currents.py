@@ -6,30 +6,22 @@ assumed as 0.7, 1 and 1.3 times what it is. The drives' friction is in the curre
 Peers: load cells, and motors that stand.
 """
 
-import argparse
-import warnings
-from collections.abc import Mapping, Sequence
-from itertools import product
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+import law
 import numpy as np
-from numpy.typing import NDArray
 
 import tenodesis as tn
-from tenodesis.control import Controller
-from tenodesis.errors import FaultWarning
+from tenodesis.control import Controller, LawName
 from tenodesis.instrument import Instrument
 from tenodesis.paper import step_response
 from tenodesis.run import Run
-from tenodesis.simulate import FaultInjection
+from tenodesis.simulate import FaultInjection, campaign
+from tenodesis.simulate.campaign import Column
 from tenodesis.twin import Twin
 
-Array = NDArray[np.float64]
-
-OUTPUTS = (0.0, 33.0, 67.0, 80.0)  # deg, Fig. 15
-ASSUMED = (0.7, 1.0, 1.3)
-BEFORE, AFTER, LAST = 4.0, 6.0, 1.0  # s
-COEFFICIENTS = ("vertex_coefficient", "sheath_coefficient")
+BEFORE, AFTER, LAST, FAILS = 4.0, 6.0, 1.0, 0.5  # s
 CURRENTS: dict[str, Any] = {
     "sensors.kind": "current",
     "sensors.current_range": 6.0,
@@ -69,103 +61,85 @@ ROWS = {
 }
 
 
-class Summary(NamedTuple):
-    """What a row came to over states and assumed friction, deg unless said."""
-
-    final_rms: float
-    final_worst: float
-    off_rms: float
-    estimate_rms: float
-    nees: float
-    force_rms: float
-    """Of the estimated tip force in the last second, N"""
-    faults: tuple[str, ...]
-
-
-def trial(
-    inst: Instrument, assumed: Instrument, output: float, law: str = "robust", **faults: Any
-) -> tuple[Run, float]:
-    """Return a run in a state (deg), and the output angle that the handle wants there without friction, rad."""
+def trial(inst: Instrument, assumed: Instrument, output: float, law: LawName = "robust", **faults: Any) -> Run:
+    """Return a run in a state (deg)."""
     force = step_response.step_force(inst)
     motion = step_response.held_motion(inst, float(np.radians(output)), force, BEFORE, AFTER)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FaultWarning)
-        controller = Controller(assumed, law=law)  # type: ignore[arg-type]
-        run = Twin(inst, seed=1).run(motion.handle_angle, motion.force, controller=controller, **faults)
-    return run, float(np.radians(output))
+    return Twin(inst, seed=1).run(motion.handle_angle, motion.force, controller=Controller(assumed, law=law), **faults)
 
 
 def known(inst: Instrument, share: float, stated: Mapping[str, Any]) -> Instrument:
     """Return what the controller knows: identified stiffness, friction times a share, and what the row states."""
     model = step_response.controller_model(inst)
-    coefficients = {f"friction.{key}": share * getattr(inst.friction, key) for key in COEFFICIENTS}
-    return model.replace(**coefficients, **{f"drives.{key}": value for key, value in stated.items()})
+    return model.replace(**law.friction(inst, share), **{f"drives.{key}": value for key, value in stated.items()})
 
 
-def judge(row: Row) -> Summary:
-    """Run a row's cases."""
-    inst = tn.load("scaled-up").replace(**row.changes)
-    if row.lost:
-        inst = inst.replace(**{"mismatch.load_cell_gain": (1 + row.lost / 2, 1 - row.lost / 2)})
-    final, off, estimate, nees, force, names = [], [], [], [], [], []
-    for output, share in product(OUTPUTS, ASSUMED):
-        assumed = known(inst, share, row.stated)
-        run, wanted = trial(inst, assumed, output)
-        last = run.time > run.time[-1] - LAST
-        final.append(float((run["output_angle"][last] - wanted).mean()))
-        missed = run["estimated_output_angle"] - run["output_angle"]
-        estimate.append(float(np.sqrt((missed[last] ** 2).mean())))
-        nees.append(float(((missed / run["estimated_output_angle_std"])[run.time > 2] ** 2).mean()))
-        force.append(float((run["estimated_force"] - run["force"])[last].mean()))
-        names += run.fault_times
-        standing, _ = trial(inst, assumed, output, law="off")
-        off.append(float((standing["output_angle"][last] - wanted).mean()))
-    angles = np.degrees([rms(final), float(np.abs(final).max()), rms(off), rms(estimate)]).tolist()
-    return Summary(*angles, float(np.mean(nees)), rms(force), tuple(dict.fromkeys(names)))
+def plant(row: str) -> Instrument:
+    inst, lost = tn.load("scaled-up").replace(**ROWS[row].changes), ROWS[row].lost
+    return inst.replace(**{"mismatch.load_cell_gain": (1 + lost / 2, 1 - lost / 2)}) if lost else inst
 
 
-def rms(values: Sequence[float]) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
-
-
-def failures(inst: Instrument, what: str) -> None:
-    """Print by how much further than with motors off the tip goes when the reading of a tension fails."""
-    sensor = inst.tension_sensor
-    print(f"{what} that fail 0.5 s before the load, 67°: how much further off than with motors off, at worst")
-    assumed = known(inst, 1.0, {})
-    standing, wanted = trial(inst, assumed, 67.0, law="off")
-    after = standing.time > BEFORE - 0.5
-    least = float(np.abs(standing["output_angle"] - wanted)[after].max())
-    failing = {
-        "stands still": {"mode": "hold"},
-        "at the end of its range": {"mode": "set", "value": sensor.range},
-        "zero": {"mode": "set", "value": 0.0},
-        "drifts by 10 N/s": {"mode": "add", "rate": 10.0},
+def held(row: str, output: float, share: float) -> dict[str, Any]:
+    """Hold a state (deg), friction assumed as a share: errors at the end, deg, of the force N, and NEES."""
+    inst = plant(row)
+    assumed = known(inst, share, ROWS[row].stated)
+    run, standing = (trial(inst, assumed, output, law) for law in ("robust", "off"))
+    last, wanted = run.time > run.time[-1] - LAST, np.radians(output)
+    missed = run["estimated_output_angle"] - run["output_angle"]
+    return {
+        "final": np.degrees((run["output_angle"][last] - wanted).mean()),
+        "off": np.degrees((standing["output_angle"][last] - wanted).mean()),
+        "estimate": np.degrees(campaign.rms(missed[last])),
+        "nees": ((missed / run["estimated_output_angle_std"])[run.time > 2] ** 2).mean(),
+        "force": (run["estimated_force"] - run["force"])[last].mean(),
+        "faults": law.faults(run),
     }
-    for words, how in failing.items():
-        for tendon in ("agonist", "antagonist"):
-            injected = FaultInjection(f"tension.{tendon}", start=BEFORE - 0.5, **how)  # type: ignore[arg-type]
-            run, _ = trial(inst, assumed, 67.0, fault_injection=[injected])
-            worst = float(np.abs(run["output_angle"] - wanted)[after].max())
-            named = ", ".join(f"{name} after {at - BEFORE + 0.5:.3f} s" for name, at in run.fault_times.items())
-            print(f"  {tendon:12s}{words:26s}{np.degrees(worst - least):7.2f}°   {named or 'no fault'}")
+
+
+FAILING: dict[str, dict[str, Any]] = {
+    "stands still": {"mode": "hold"},
+    "at the end of its range": {"mode": "set"},
+    "zero": {"mode": "set", "value": 0.0},
+    "drifts by 10 N/s": {"mode": "add", "value": 0.0, "rate": 10.0},
+}
+
+
+def failure(row: str, tendon: str, words: str) -> dict[str, Any]:
+    """Return by how much further than with motors off the tip goes, deg, when the reading of a tension fails."""
+    inst, at = plant(row), BEFORE - FAILS
+    assumed, how = known(inst, 1.0, {}), {"value": plant(row).tension_sensor.range, **FAILING[words]}
+    injected = FaultInjection(f"tension.{tendon}", start=at, **how)  # type: ignore[arg-type]
+    runs = trial(inst, assumed, 67.0, fault_injection=[injected]), trial(inst, assumed, 67.0, "off")
+    off = [np.abs(run["output_angle"] - np.radians(67.0))[run.time > at].max() for run in runs]
+    named = ", ".join(f"{name} after {when - at:.3f} s" for name, when in runs[0].fault_times.items())
+    return {"more": np.degrees(off[0] - off[1]), "named": named or "no fault"}
+
+
+HELD = [
+    Column("RMS", "final", campaign.rms),
+    Column("worst", "final", campaign.farthest),
+    Column("off", "off", campaign.rms),
+    Column("estimate", "estimate", campaign.rms),
+    Column("NEES", "nees", form=".1f"),
+    Column("force, N", "force", campaign.rms),
+    Column("faults", "faults", campaign.names, ""),
+]
+FAILED = [Column("further off, deg", "more"), Column("", lambda rows: rows[0]["named"], form="")]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser = law.arguments(__doc__)
     parser.add_argument("--rows", nargs="+", choices=[*ROWS], default=[*ROWS], metavar="ROW")
     options = parser.parse_args()
-    print(
-        f"  {'final error, deg':48s}{'RMS':>7s}{'worst':>7s}{'off':>7s}{'estimate':>10s}{'NEES':>6s}{'force, N':>10s}"
-    )
-    for name in options.rows:
-        one = judge(ROWS[name])
-        print(
-            f"  {ROWS[name].words:48s}{one.final_rms:7.2f}{one.final_worst:7.2f}{one.off_rms:7.2f}"
-            f"{one.estimate_rms:10.2f}{one.nees:6.1f}{one.force_rms:10.2f}  {', '.join(one.faults)}"
-        )
-    failures(tn.load("scaled-up").replace(**GEARED), "currents of the drive with a gear of 0.9")
-    failures(tn.load("scaled-up"), "load cells")
+    cases = campaign.cases(row=options.rows, output=law.OUTPUTS, share=law.ASSUMED)
+    rows = campaign.run(held, cases, "currents", results=options.results)
+    print(campaign.table({ROWS[row].words: own for row, own in rows.by("row").items()}, HELD, "final error, deg"))
+    failing = {"geared": "currents of the drive with a gear of 0.9", "cells": "load cells"}
+    cases = campaign.cases(row=failing, words=FAILING, tendon=("agonist", "antagonist"))
+    failed = campaign.run(failure, cases, "failures")
+    for row, words in failing.items():
+        print(f"{words} that fail {FAILS:g} s before the load, 67°: how much further off than motors off, at worst")
+        print(campaign.table(failed.where(row=row).by("tendon", "words"), FAILED, ("", "")))
 
 
 if __name__ == "__main__":

@@ -4,25 +4,25 @@ Hand motions like a surgeon's, loads up to 90 % of the slack force, a sheath tha
 controllers with the right instrument and with wrong ones, under every law.
 """
 
-import argparse
 import os
 import time
-import warnings
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+import law
 import numpy as np
-from numpy.typing import NDArray
 
 import tenodesis as tn
 from tenodesis.control import FAULTS, Controller, OperatingState, parameters
 from tenodesis.instrument import Instrument
 from tenodesis.run import Run
+from tenodesis.simulate import campaign
+from tenodesis.simulate.campaign import Column, Rows
+from tenodesis.simulate.command import SMOOTH
 from tenodesis.twin import TIME_STEP, Contact, Side, Twin
 
-Array = NDArray[np.float64]
+Array = law.Array
 
 HOURS = 10.0
 CHUNK = 60.0  # s of work between two readings of the clock
@@ -64,19 +64,6 @@ SETTINGS = (
     Setting(actuation="agonist"),
     Setting(friction=0.7, stiffness=1 / 0.85),
 )
-
-
-def assumed(inst: Instrument, friction: float = 1.0, stiffness: float = 1.0) -> Instrument:
-    """Return the instrument that a controller assumes: true stiffness and friction times factors."""
-    true = inst.mismatch.stiffness_ratio
-    return inst.replace(
-        tendon_stiffness=inst.tendon_stiffness * true * stiffness,
-        mismatch=inst.mismatch.model_dump() | {"stiffness_ratio": 1.0},
-        **{
-            "friction.vertex_coefficient": inst.friction.vertex_coefficient * friction,
-            "friction.sheath_coefficient": inst.friction.sheath_coefficient * friction,
-        },
-    )
 
 
 def work(inst: Instrument, random: np.random.Generator, seconds: float) -> Work:
@@ -147,8 +134,7 @@ def _bend(random: np.random.Generator, t: Array, before: float, most: float) -> 
 
 
 def _moved(t: Array, start: float, end: float, span: float) -> Array:
-    u = np.clip(t / span, 0, 1)
-    return start + (end - start) * u**3 * (10 - 15 * u + 6 * u * u)
+    return start + (end - start) * SMOOTH.way(np.clip(t / span, 0, 1))
 
 
 class Outcome(NamedTuple):
@@ -164,8 +150,8 @@ class Outcome(NamedTuple):
 
 def watched(inst: Instrument, setting: Setting, seed: int, seconds: float) -> Iterator[Outcome]:
     """Yield the outcome of each chunk of work; after a fault controller and twin start again."""
-    known = assumed(inst, setting.friction, setting.stiffness)
-    choices: Mapping[str, Any] = {key: getattr(setting, key) for key in ("observer", "law", "actuation")}
+    known = law.differing(inst, setting.friction, setting.stiffness)
+    choices: dict[str, Any] = {key: getattr(setting, key) for key in ("observer", "law", "actuation")}
     random = np.random.default_rng(seed)
     twin, controller = Twin(inst, seed=seed), Controller(known, **choices)
     start, tip = np.zeros(3), 0.0
@@ -205,50 +191,55 @@ def confirmed(inst: Instrument, run: Run, fault: str, row: int) -> bool:
     return bool(lasting.all(0).any())
 
 
+def trial(instrument: str, number: int, seed: int, seconds: float) -> dict[str, Any]:
+    """Watch normal work for a time, s: simulated seconds, faults, and the computing time over the simulated one."""
+    parts = list(watched(law.instrument(instrument), SETTINGS[number], seed, seconds))
+    simulated = sum(part.ticks for part in parts) * TIME_STEP
+    false, true = ([name for part in parts for name in getattr(part, f"{which}_faults")] for which in ("false", "true"))
+    return {
+        "simulated": simulated,
+        "false": false,
+        "true": true,
+        "computing": sum(part.computing for part in parts),
+        "slowest": max(part.computing / (part.ticks * TIME_STEP) for part in parts),
+    }
+
+
+def counted(rows: Rows, which: str) -> Counter[str]:
+    return Counter(name for row in rows for name in row[which])
+
+
+WATCHED = [
+    Column("hours", "simulated", lambda seconds: sum(seconds) / 3600, ".3f"),
+    Column("false", lambda rows: counted(rows, "false").total(), form="d"),
+    Column("", lambda rows: str(dict(counted(rows, "false")) or ""), form=""),
+    Column("a tendon slack, or beyond its limit", lambda rows: str(dict(counted(rows, "true")) or ""), form=""),
+]
+
+
 def main() -> None:
-    # Faults are results here.
-    warnings.simplefilter("ignore", tn.errors.FaultWarning)
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = law.arguments(__doc__)
     hours = float(os.environ.get("HOURS", HOURS))
     parser.add_argument("--hours", type=float, default=hours, help="simulated, over all instruments and controllers")
-    arguments = parser.parse_args()
-    insts = (tn.load("scaled-up"), tn.load("real-size").axis("yaw"))
-    cases = [(inst, setting) for inst in insts for setting in SETTINGS]
-    each = 3600 * arguments.hours / len(cases)
-    tn.set_threads(1)
-    total, computing, worst = 0, 0.0, 0.0
-    sums = {"true": Counter[str](), "false": Counter[str]()}
+    options = parser.parse_args()
+    pairs = [(inst, n) for inst in law.RATED for n in range(len(SETTINGS))]
+    each = 3600 * options.hours / len(pairs)
+    cases = [{"instrument": inst, "number": n, "seed": at, "seconds": each} for at, (inst, n) in enumerate(pairs)]
+    rows = campaign.run(trial, cases, "normal work", results=options.results)
+    labels = ("instrument", "law", "actuation", "friction assumed x", "stiffness x")
 
-    def run(case: tuple[int, tuple[Instrument, Setting]]) -> list[Outcome]:
-        return list(watched(*case[1], seed=case[0], seconds=each))
+    def label(row: dict[str, Any]) -> tuple[str, ...]:
+        one = SETTINGS[row["number"]]
+        return row["instrument"], one.law, one.actuation, f"{one.friction:g}", f"{one.stiffness:.3g}"
 
-    started = time.perf_counter()
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for (inst, setting), parts in zip(cases, pool.map(run, enumerate(cases)), strict=True):
-            names = {
-                "true": Counter(name for part in parts for name in part.true_faults),
-                "false": Counter(name for part in parts for name in part.false_faults),
-            }
-            ticks = sum(part.ticks for part in parts)
-            slowest = max(part.computing / (part.ticks * TIME_STEP) for part in parts)
-            total += ticks
-            computing += sum(part.computing for part in parts)
-            worst = max(worst, slowest)
-            for kind, counted in names.items():
-                sums[kind] += counted
-            print(
-                f"  {inst.name:<10} {setting.law:<14} {setting.actuation:<12} friction assumed x{setting.friction:<4g} "
-                f"stiffness x{setting.stiffness:<5.3g} {ticks * TIME_STEP / 3600:6.3f} h   "
-                f"{names['false'].total()} false {dict(names['false']) or ''}   {dict(names['true']) or ''}",
-                flush=True,
-            )
-    simulated = total * TIME_STEP
+    groups: dict[Any, Rows] = {label(row): Rows([row]) for row in rows}
+    print(campaign.table(groups | {("all", "", "", "", ""): rows}, WATCHED, labels))
+    simulated, false = rows["simulated"].sum(), counted(rows, "false").total()
     print(
-        f"{simulated / 3600:.2f} simulated hours, {total / 1e6:.1f} M ticks, {sums['false'].total()} false faults "
-        f"({sums['false'].total() / simulated * 3600:.3g} per hour; target 0); the "
-        f"laws made tendons slack or exceeded their limit {sums['true'].total()} times: {dict(sums['true'])}\n"
-        f"  twin and controller over real time: mean {simulated / computing:.0f}x   worst "
-        f"{1 / worst:.0f}x   ({time.perf_counter() - started:.0f} s in all on {os.cpu_count()} cores)"
+        f"{simulated / 3600:.2f} simulated hours, {simulated / TIME_STEP / 1e6:.1f} M ticks, {false} false faults "
+        f"({false / simulated * 3600:.3g} per hour; target 0)\n"
+        f"  twin and controller over real time: mean {simulated / rows['computing'].sum():.0f}x   worst "
+        f"{1 / rows['slowest'].max():.0f}x"
     )
 
 

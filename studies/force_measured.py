@@ -15,15 +15,16 @@ import os
 # One core, whatever library multiplies matrices.
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
 
-import argparse
+import functools
 import json
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
+import law
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -35,26 +36,15 @@ from tenodesis.identification.force.report import RunResult, Traces, assess, bou
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.report import page, style
 from tenodesis.run import Array
+from tenodesis.simulate import campaign
+from tenodesis.simulate.campaign import Column, Rows
 
 PUBLISHED = "0.37° and 4.42 mN·m, neural networks, samples of all runs at random (O'Neill et al. 2018)"
 BLOCK = 0.01  # s, between the samples of the peer
 SPEED_TIME = 0.1  # s
 SHARE = 0.2  # held out at random
 SEED = 0
-
-
-class Row(NamedTuple):
-    """Errors of ours and of the peer on held-out samples, mN m and deg, and the coverage of our intervals."""
-
-    split: str
-    signal: Signal
-    held_out: str
-    torque: float
-    angle: float
-    torque_covered: float
-    angle_covered: float
-    peer_torque: float
-    peer_angle: float
+RANDOM = "samples at random"
 
 
 def features(series: Series, signal: Signal) -> Array:
@@ -94,19 +84,36 @@ def errors(series: Series, torque: Array, angle: Array, used: Array) -> tuple[fl
     return float(np.mean((1e3 * (series.far_torque - torque)[used]) ** 2)), float(np.mean(off**2))
 
 
-def held_out(split: str, train: list[MeasuredRun], test: list[MeasuredRun], signal: Signal) -> Row:
-    """Return the errors on runs that were held out."""
+def judged(results: Iterable[RunResult], before: str = "") -> dict[str, float]:
+    """Return RMS errors, mN m and deg, and how often our intervals cover."""
+    found = pooled(list(results))
+    return {
+        f"{before}torque": 1e3 * found.torque_rmse,
+        f"{before}angle": math.degrees(found.angle_rmse),
+        f"{before}torque_covered": found.torque_covered,
+        f"{before}angle_covered": found.angle_covered,
+    }
+
+
+def beside_peer(
+    test: Sequence[MeasuredRun], ours: Iterable[RunResult], squares: Sequence[tuple[float, float]]
+) -> dict[str, Any]:
+    torque, angle = np.sqrt(np.mean(squares, axis=0)).tolist()
+    names = " ".join(Path(one.name).stem for one in test)
+    return {"held_out": names, **judged(ours), "peer_torque": torque, "peer_angle": angle}
+
+
+def held_out(train: list[MeasuredRun], test: list[MeasuredRun], signal: Signal) -> dict[str, Any]:
+    """Return the errors of ours and of the peer on runs that were held out."""
     model = fit_force(train, signal)
-    results = [assess(traces(model, one)) for one in test]
     fitted = [series_of(checked(one, signal), model.bench, interval=BLOCK) for one in train]
     boosted = peer(fitted, signal, [one.fitted for one in fitted])
-    squares = []
-    for one in (series_of(checked(one, signal), model.bench, interval=BLOCK) for one in test):
-        squares.append(errors(one, *boosted(one), one.counted))
-    return _row(split, signal, test, pooled(results), squares)
+    series = [series_of(checked(one, signal), model.bench, interval=BLOCK) for one in test]
+    squares = [errors(one, *boosted(one), one.counted) for one in series]
+    return beside_peer(test, [assess(traces(model, one)) for one in test], squares)
 
 
-def at_random(runs: list[MeasuredRun], signal: Signal) -> Row:
+def at_random(runs: list[MeasuredRun], signal: Signal) -> dict[str, Any]:
     """Return the errors on a fifth of the samples of all runs, drawn at random; the rest were fitted."""
     usable = [checked(one, signal) for one in runs]
     bench = bench_of(usable)
@@ -116,49 +123,16 @@ def at_random(runs: list[MeasuredRun], signal: Signal) -> Row:
     keep = [one.fitted & ~left for one, left in zip(series, out, strict=True)]
     model = fit_series([replace(one, fitted=used) for one, used in zip(series, keep, strict=True)], bench, signal)
     boosted = peer(series, signal, keep)
-    ours, theirs = [], []
-    for one, left in zip(series, out, strict=True):
-        ours.append(assess(Traces(replace(one, counted=left, fitted=one.fitted & left), model.estimate_series(one))))
-        theirs.append(errors(one, *boosted(one), left))
-    return _row("samples at random", signal, runs, pooled(ours), theirs)
+    pairs = list(zip(series, out, strict=True))
+    ours = [
+        assess(Traces(replace(one, counted=left, fitted=one.fitted & left), model.estimate_series(one)))
+        for one, left in pairs
+    ]
+    return beside_peer(runs, ours, [errors(one, *boosted(one), left) for one, left in pairs])
 
 
-def _row(
-    split: str, signal: Signal, test: Sequence[MeasuredRun], ours: RunResult, theirs: Sequence[tuple[float, float]]
-) -> Row:
-    torque, angle = np.sqrt(np.mean(theirs, axis=0)).tolist()
-    return Row(
-        split,
-        signal,
-        " ".join(Path(one.name).stem for one in test),
-        1e3 * ours.torque_rmse,
-        math.degrees(ours.angle_rmse),
-        ours.torque_covered,
-        ours.angle_covered,
-        torque,
-        angle,
-    )
-
-
-class Calibrated(NamedTuple):
-    """Errors at a posture after one recording of it, over each in turn, and of other models, mN m and deg."""
-
-    posture: str
-    signal: Signal
-    carried_torque: float
-    carried_angle: float
-    torque: float
-    angle: float
-    torque_covered: float
-    angle_covered: float
-    full_torque: float
-    full_angle: float
-    undetermined: tuple[str, ...]
-    """After the first recording."""
-
-
-def calibrated(tool: ForceModel, full: ForceModel, posture: str, runs: list[MeasuredRun]) -> Calibrated:
-    """Return the errors on a posture's other recordings, after one of them recalibrated another session's model.
+def calibrated(tool: ForceModel, full: ForceModel, runs: list[MeasuredRun]) -> dict[str, Any]:
+    """Return the errors on a posture's other recordings, after one of them, each in turn, recalibrated another model.
 
     `full` was fitted to all recordings of all postures; the model that is only carried over has the offsets of the
     one recording, without which its sensors' zeros are unknown.
@@ -173,27 +147,17 @@ def calibrated(tool: ForceModel, full: ForceModel, posture: str, runs: list[Meas
         own += [assess(traces(model, one)) for one in others]
         bare = fit_force([first], tool.signal, prior=tool, groups=("offset",))
         carried += [assess(traces(bare, one)) for one in others]
-    found, before, fitted = (pooled(rows) for rows in (own, carried, [assess(traces(full, one)) for one in runs]))
-    return Calibrated(
-        posture,
-        tool.signal,
-        1e3 * before.torque_rmse,
-        math.degrees(before.angle_rmse),
-        1e3 * found.torque_rmse,
-        math.degrees(found.angle_rmse),
-        found.torque_covered,
-        found.angle_covered,
-        1e3 * fitted.torque_rmse,
-        math.degrees(fitted.angle_rmse),
-        weak[0],
-    )
+    found = judged(carried, "carried_") | judged(own) | judged((assess(traces(full, one)) for one in runs), "full_")
+    return found | {"undetermined": list(weak[0])}
 
 
+@functools.cache
 def tool_runs(folder: Path) -> dict[str, MeasuredRun]:
     """Return the recordings of a tool by name, XY: X is 0 at 0.1 Hz, Y the load level."""
     return {path.stem: davinci_tool.load(path) for path in sorted(folder.glob("*.TXT"))}
 
 
+@functools.cache
 def posture_runs(folder: Path) -> dict[str, list[MeasuredRun]]:
     """Return the recordings of each pitch."""
     found: dict[str, list[MeasuredRun]] = {}
@@ -202,46 +166,63 @@ def posture_runs(folder: Path) -> dict[str, list[MeasuredRun]]:
     return found
 
 
-def splits(
-    tool: dict[str, MeasuredRun], postures: dict[str, list[MeasuredRun]], other: dict[str, MeasuredRun]
-) -> list[tuple[str, list[MeasuredRun], list[MeasuredRun]]]:
-    """Return the splits: name, fitted and held-out runs."""
+def splits(data: Path, other: Path | None) -> dict[str, tuple[list[MeasuredRun], list[MeasuredRun]]]:
+    """Return the fitted and the held-out runs of the splits."""
+    tool, postures = tool_runs(data / "davinci-tool"), posture_runs(data / "davinci-posture")
     slow = {name: one for name, one in tool.items() if name.startswith("0")}
-    even = [one for name, one in slow.items() if name[-1] in "02468"]
-    odd = [one for name, one in slow.items() if name[-1] not in "02468"]
+    even, odd = ([one for name, one in slow.items() if int(name[-1]) % 2 == rest] for rest in (0, 1))
     fast = [one for name, one in tool.items() if not name.startswith("0")]
-    found = [("loads", even, odd), ("frequencies", list(slow.values()), fast), ("loads, frequencies", even, fast)]
+    found = {"loads": (even, odd), "frequencies": ([*slow.values()], fast), "loads, frequencies": (even, fast)}
     every = [one for runs in postures.values() for one in runs]
     if every:
         low = [one for runs in postures.values() for one in runs[::2]]
-        found.append(("loads, three postures", low, [one for one in every if one not in low]))
+        found["loads, three postures"] = low, [one for one in every if one not in low]
     for posture, runs in postures.items():
-        found.append((posture, [one for one in every if one not in runs], runs))
+        found[posture] = [one for one in every if one not in runs], runs
     if other:
-        found.append(("another tool", list(slow.values()), list(other.values())))
-    return [(name, train, test) for name, train, test in found if train and test]
+        found["another tool"] = [*slow.values()], [*tool_runs(other).values()]
+    return {name: (train, test) for name, (train, test) in found.items() if train and test}
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("data", type=Path, help="folder with davinci-tool and davinci-posture")
-    parser.add_argument("--other", type=Path, help="folder of another tool's recordings")
-    parser.add_argument("--out", type=Path, default=Path("out/force-comparison"))
-    parser.add_argument("--from", dest="signals", nargs="+", choices=SIGNALS, default=SIGNALS)
-    parser.add_argument("--only", choices=("splits", "calibration", "bounds"), help="one part")
-    given = parser.parse_args()
-    tool, postures = tool_runs(given.data / "davinci-tool"), posture_runs(given.data / "davinci-posture")
-    other = tool_runs(given.other) if given.other else {}
-    given.out.mkdir(parents=True, exist_ok=True)
-    if given.only in (None, "bounds"):
-        print_bounds([*tool.values(), *(one for runs in postures.values() for one in runs)])
-    if given.only in (None, "splits"):
-        compare(tool, postures, other, given.signals, given.out)
-    if given.only in (None, "calibration"):
-        calibrate(tool, postures, given.signals, given.out)
+def compare(data: str, other: str | None, signal: Signal, split: str) -> dict[str, Any]:
+    if split == RANDOM:
+        return at_random([*tool_runs(Path(data) / "davinci-tool").values()], signal)
+    return held_out(*splits(Path(data), Path(other) if other else None)[split], signal)
 
 
-def print_bounds(runs: list[MeasuredRun]) -> None:
+@functools.cache
+def models(data: Path, signal: Signal) -> tuple[ForceModel, ForceModel]:
+    """Return the model of the tool, and that of all postures."""
+    every = [one for runs in posture_runs(data / "davinci-posture").values() for one in runs]
+    return fit_force([*tool_runs(data / "davinci-tool").values()], signal), fit_force(every, signal)
+
+
+def calibrate(data: str, signal: Signal, posture: str) -> dict[str, Any]:
+    return calibrated(*models(Path(data), signal), posture_runs(Path(data) / "davinci-posture")[posture])
+
+
+def beside(heading: str, before: str = "") -> list[Column]:
+    """Return the columns of errors."""
+    return [
+        Column(f"{heading}torque", f"{before}torque", form=".1f"),
+        Column("angle", f"{before}angle"),
+    ]
+
+
+COVERED = [Column(f"{what} covered", f"{what}_covered", form=".0%") for what in ("torque", "angle")]
+COMPARED = [*beside(""), *COVERED, *beside("boosting: ", "peer_")]
+CALIBRATED = [
+    *beside("offsets only: ", "carried_"),
+    *beside("one recording: "),
+    *COVERED,
+    *beside("full fit: ", "full_"),
+    Column("not determined", "undetermined", lambda values: campaign.names(values) or "none", ""),
+]
+
+
+def print_bounds(data: Path) -> None:
+    runs = [*tool_runs(data / "davinci-tool").values()]
+    runs += [one for few in posture_runs(data / "davinci-posture").values() for one in few]
     print("run: noise of torque sensors near, far; cycle to cycle near torque, far torque (mN m), far angle (deg)")
     for one in runs:
         found = bounds_of(series_of(one, bench_of([one])))
@@ -253,75 +234,51 @@ def print_bounds(runs: list[MeasuredRun]) -> None:
         )
 
 
-def compare(
-    tool: dict[str, MeasuredRun],
-    postures: dict[str, list[MeasuredRun]],
-    other: dict[str, MeasuredRun],
-    signals: Sequence[Signal],
-    out: Path,
-) -> None:
-    rows = []
-    print(f"Published: {PUBLISHED}.")
-    print("| split | from | torque | angle | covered | boosting: torque | angle |\n|---|---|---|---|---|---|---|")
-    for signal in signals:
-        for split, train, test in splits(tool, postures, other):
-            rows.append(held_out(split, train, test, signal))
-            print(_line(rows[-1]), flush=True)
-        rows.append(at_random(list(tool.values()), signal))
-        print(_line(rows[-1]), flush=True)
-    (out / "comparison.json").write_text(json.dumps([one._asdict() for one in rows], indent=1), "utf-8")
-    draw(rows, out / "comparison.svg")
-
-
-def _line(row: Row) -> str:
-    return (
-        f"| {row.split} | {row.signal} | {row.torque:.1f} | {row.angle:.2f} | {100 * row.torque_covered:.0f}, "
-        f"{100 * row.angle_covered:.0f} % | {row.peer_torque:.1f} | {row.peer_angle:.2f} |"
-    )
-
-
-def draw(rows: list[Row], path: Path) -> None:
-    signals = list(dict.fromkeys(row.signal for row in rows))
+def draw(rows: Rows, path: Path) -> None:
+    by_signal = rows.by("signal")
     with style.applied():
-        figure = Figure(figsize=(4.6 * len(signals), 5.6), layout="constrained")
-        axes = figure.subplots(2, len(signals), squeeze=False, sharex="col")
-        for column, signal in enumerate(signals):
-            shown = [row for row in rows if row.signal == signal]
+        figure = Figure(figsize=(4.6 * len(by_signal), 5.6), layout="constrained")
+        axes = figure.subplots(2, len(by_signal), squeeze=False, sharex="col")
+        for column, (signal, shown) in enumerate(by_signal.items()):
             place = np.arange(len(shown))
-            for axis, ours, theirs, published in (
-                (axes[0, column], [r.torque for r in shown], [r.peer_torque for r in shown], 4.42),
-                (axes[1, column], [r.angle for r in shown], [r.peer_angle for r in shown], 0.37),
-            ):
-                axis.bar(place - 0.2, ours, 0.4, color=style.ACCENT, label="tendon model")
-                axis.bar(place + 0.2, theirs, 0.4, color=style.REFERENCE, label="gradient boosting")
+            for axis, what, published in ((axes[0, column], "torque", 4.42), (axes[1, column], "angle", 0.37)):
+                axis.bar(place - 0.2, shown[what], 0.4, color=style.ACCENT, label="tendon model")
+                axis.bar(place + 0.2, shown[f"peer_{what}"], 0.4, color=style.REFERENCE, label="gradient boosting")
                 axis.axhline(published, color=style.INK, ls=":", label="published, samples at random")
             axes[0, column].set_title(f"from {signal}")
-            axes[1, column].set_xticks(place, [row.split for row in shown], rotation=40, ha="right")
+            axes[1, column].set_xticks(place, shown["split"], rotation=40, ha="right")
         axes[0, 0].set_ylabel("jaw torque, RMSE [mN·m]")
         axes[1, 0].set_ylabel("jaw angle, RMSE [deg]")
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
         path.write_text(page.svg_text(figure), "utf-8")
 
 
-def calibrate(
-    tool: dict[str, MeasuredRun], postures: dict[str, list[MeasuredRun]], signals: Sequence[Signal], out: Path
-) -> None:
-    every = [one for runs in postures.values() for one in runs]
-    rows = []
-    print("| posture | from | offsets only | one recording | covered | full fit | not determined |")
-    print("|---|---|---|---|---|---|---|")
-    for signal in signals:
-        before, full = fit_force(list(tool.values()), signal), fit_force(every, signal)
-        for posture, runs in postures.items():
-            row = calibrated(before, full, posture, runs)
-            rows.append(row)
-            print(
-                f"| {posture} | {signal} | {row.carried_torque:.1f}, {row.carried_angle:.2f} | {row.torque:.1f}, "
-                f"{row.angle:.2f} | {100 * row.torque_covered:.0f}, {100 * row.angle_covered:.0f} % | "
-                f"{row.full_torque:.1f}, {row.full_angle:.2f} | {', '.join(row.undetermined) or 'none'} |",
-                flush=True,
-            )
-    (out / "calibration.json").write_text(json.dumps([one._asdict() for one in rows], indent=1), "utf-8")
+def main() -> None:
+    parser = law.arguments(__doc__)
+    parser.add_argument("data", type=Path, help="folder with davinci-tool and davinci-posture")
+    parser.add_argument("--other", type=Path, help="folder of another tool's recordings")
+    parser.add_argument("--out", type=Path, default=Path("out/force-comparison"))
+    parser.add_argument("--from", dest="signals", nargs="+", choices=SIGNALS, default=SIGNALS)
+    parser.add_argument("--only", choices=("splits", "calibration", "bounds"), help="one part")
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    data, other = str(given.data), given.other and str(given.other)
+    if given.only in (None, "bounds"):
+        print_bounds(given.data)
+    if given.only in (None, "splits"):
+        named = [*splits(given.data, given.other), RANDOM]
+        cases = campaign.cases(data=[data], other=[other], signal=given.signals, split=named)
+        rows = campaign.run(compare, cases, "splits", results=given.results)
+        print(f"Published: {PUBLISHED}. Torque in mN m, angle in deg.")
+        print(campaign.table(rows.by("split", "signal"), COMPARED, ("split", "from")))
+        (given.out / "comparison.json").write_text(json.dumps(list(rows), indent=1), "utf-8")
+        draw(rows, given.out / "comparison.svg")
+    if given.only in (None, "calibration"):
+        postures = posture_runs(given.data / "davinci-posture")
+        cases = campaign.cases(data=[data], signal=given.signals, posture=postures)
+        rows = campaign.run(calibrate, cases, "calibration")
+        print(campaign.table(rows.by("posture", "signal"), CALIBRATED, ("posture", "from")))
+        (given.out / "calibration.json").write_text(json.dumps(list(rows), indent=1), "utf-8")
 
 
 if __name__ == "__main__":

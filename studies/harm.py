@@ -5,39 +5,34 @@ of the tip from where the handle puts it without a load and without friction. Fo
 target, of the run without the fault, and of one whose motors stop when the fault is named, shows what it did itself.
 """
 
-import argparse
-import os
-import time
-import warnings
-from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections import Counter
+from collections.abc import Callable, Iterable
 from itertools import pairwise
 from typing import Any, NamedTuple
 
+import law
 import numpy as np
-from numpy.typing import NDArray
+from law import RATED, differing, eased
 
 import tenodesis as tn
 from tenodesis.control import Controller, OperatingState, Request, parameters
 from tenodesis.control.controller import fault_names
 from tenodesis.instrument import Instrument
 from tenodesis.run import Run
-from tenodesis.simulate import FaultInjection
+from tenodesis.simulate import FaultInjection, campaign
+from tenodesis.simulate.campaign import Column, Rows
 from tenodesis.twin import TIME_STEP, Twin
 
-Array = NDArray[np.float64]
+Array = law.Array
 Random = np.random.Generator
 Faults = tuple[FaultInjection, ...]
+Metrics = dict[str, Any]
 
-RATED = {"scaled-up": 1.485, "real-size": 0.52}  # N; 0.15 N m on the large one, and the same on the small one
 EASED, LOADED, FAULT, JUDGED = 1.2, 1.5, 1.8, 2.5  # s
 SECONDS, NAMED_WITHIN = 8.0, 3.0  # s
 MORE_RMS, MORE_PEAK, MORE_IN_FAULT, MORE_THAN_BOUND = 0.1, 1.0, 2.0, 1.2  # deg, deg, deg, ratio
 RELAY = 0.01  # s, that one takes to open
 RUN_ON = 1.0  # s, for which a motor that runs away is judged
-# Of 800 runs such as those of part 1, before the law had an envelope.
-BEFORE = "before the envelope: 133 of 800 runs worse, worst peak +27.8°, tips of 1800 °/s"
 
 
 class Work(NamedTuple):
@@ -53,91 +48,10 @@ class Work(NamedTuple):
     words: str
 
 
-class Comparison(NamedTuple):
-    """A run with the motors against one without, deg."""
-
-    work: Work
-    rms: float
-    rms_off: float
-    peak: float
-    peak_off: float
-    speed: float
-    """Largest of the tip, deg/s"""
-    speed_off: float
-    restrained: float
-    """Share of the time"""
-    faults: tuple[str, ...]
-
-    @property
-    def more_rms(self) -> float:
-        return self.rms - self.rms_off
-
-    @property
-    def more_peak(self) -> float:
-        return self.peak - self.peak_off
-
-    @property
-    def worse(self) -> bool:
-        return self.more_rms > MORE_RMS or self.more_peak > MORE_PEAK
-
-
-class Excess(NamedTuple):
-    """How much further off target the tip is than with standing motors, and how far outside the hull, deg."""
-
-    off: float
-    hull: float
-
-
-class Outcome(NamedTuple):
-    """What a fault did."""
-
-    work: Work
-    kind: str
-    fault: FaultInjection
-    names: tuple[str, ...]
-    seconds: float
-    """From the fault until it was named; NaN if it was not within :data:`NAMED_WITHIN`"""
-    before: Excess
-    """Until it was named, or else for :data:`NAMED_WITHIN`"""
-    after: Excess
-    """From then on"""
-    bound: float = np.nan
-    """Of a motor that runs away, deg"""
-
-    @property
-    def over_bound(self) -> float:
-        # What any fault may do is no target of its own.
-        return max(self.before.hull, self.after.hull) / max(self.bound, MORE_IN_FAULT / MORE_THAN_BOUND)
-
-    @property
-    def words(self) -> str:
-        fault, named = self.fault, f"named after {self.seconds:.3f} s" if self.names else "not named"
-        size = f"{fault.value:+.3g}" + (f" {fault.rate:+.3g}/s" if fault.rate else "")
-        bound = f", bound {self.bound:.2f}°" if self.bound > 0 else ""
-        return f"{self.kind}, {fault.point} {fault.mode} {size}, {named}{bound}\n      {self.work.words}"
-
-
-def eased(time: Array, span: float) -> Array:
-    u = np.clip(time / span, 0, 1)
-    return np.asarray(u**3 * (10 - 15 * u + 6 * u * u))
-
-
-def differing(inst: Instrument, friction: float, stiffness: float = 1.0) -> Instrument:
-    """Return the instrument with other friction, and with the true stiffness times a factor."""
-    true = inst.tendon_stiffness * inst.mismatch.stiffness_ratio
-    mismatch = inst.mismatch.model_dump() | {"stiffness_ratio": 1 / stiffness}
-    coefficients = {
-        f"friction.{name}": getattr(inst.friction, name) * friction
-        for name in ("vertex_coefficient", "sheath_coefficient")
-    }
-    return inst.replace(tendon_stiffness=true * stiffness, mismatch=mismatch, **coefficients)
-
-
 def make_work(inst: Instrument, seed: int, number: int, trial: bool = False) -> Work:
     """Return random work; trial: of a fault, under the rated load, by a hand without tremor."""
     random = np.random.default_rng([seed, number, trial])
-    count = round(SECONDS / TIME_STEP)
-    time = np.arange(1, count + 1, dtype=np.float64) * TIME_STEP
+    time = law.clock(SECONDS)
     friction, assumed_friction, assumed_stiffness = random.uniform([0.5, 0.7, 0.7], [1.5, 1.3, 1.3])
     plant = differing(inst, friction)
     known = differing(plant, assumed_friction, assumed_stiffness)
@@ -170,8 +84,7 @@ def make_work(inst: Instrument, seed: int, number: int, trial: bool = False) -> 
 def run_off(work: Work) -> tuple[Run, Array]:
     """Return the run with standing motors, and the target, deg."""
     off = Twin(work.plant, seed=work.seed[1]).run(work.handle, work.force)
-    target, stop = tn.statics.output_angle(work.plant, off["handle_angle"], 0.0), work.plant.output_stop
-    return off, np.degrees(np.clip(target, -stop, stop))
+    return off, np.degrees(law.target(work.plant, off["handle_angle"]))
 
 
 def run_on(work: Work, faults: Faults = (), pause: float | None = None, relay: float = np.inf) -> Run:
@@ -190,26 +103,31 @@ def run_on(work: Work, faults: Faults = (), pause: float | None = None, relay: f
     )
 
 
-def faults_in(run: Run) -> tuple[str, ...]:
-    return fault_names(int(np.bitwise_or.reduce(run["faults"].astype(int))))
-
-
-def errors(tip: Array, off: Run, target: Array) -> tuple[float, float, float, float]:
-    """Return the RMS error (deg) of a tip (rad) and that of the run with standing motors, then both peaks."""
+def errors(tip: Array, off: Run, target: Array) -> Metrics:
+    """Return the error of a tip (rad) and that of the run with standing motors, RMS and peak, deg."""
     judged = off.time > JUDGED
     both = np.degrees([tip, off["output_angle"]])[:, judged] - target[judged]
     (rms, rms_off), (peak, peak_off) = np.sqrt((both**2).mean(1)).tolist(), np.abs(both).max(1).tolist()
-    return rms, rms_off, peak, peak_off
+    more = {"more_rms": rms - rms_off, "more_peak": peak - peak_off}
+    worse = more["more_rms"] > MORE_RMS or more["more_peak"] > MORE_PEAK
+    return {"rms": rms, "rms_off": rms_off, "peak": peak, "peak_off": peak_off, **more, "worse": worse}
 
 
-def compare(work: Work) -> Comparison:
-    """Compare a run with the motors with one without."""
+def compare(work: Work) -> Metrics:
+    """Compare a run with the motors with one without: errors, deg, speeds of the tip, deg/s."""
     off, target = run_off(work)
     on = run_on(work)
     judged = on.time > JUDGED
     speed, speed_off = (float(np.degrees(np.abs(run["output_velocity"][judged]).max())) for run in (on, off))
-    restrained = float(np.mean(on["phase"][judged] == 4))
-    return Comparison(work, *errors(on["output_angle"], off, target), speed, speed_off, restrained, faults_in(on))
+    return errors(on["output_angle"], off, target) | {
+        "hand": work.hand,
+        "load": work.load,
+        "words": work.words,
+        "speed": speed,
+        "speed_off": speed_off,
+        "restrained": float(np.mean(on["phase"][judged] == 4)),
+        "faults": law.faults(on),
+    }
 
 
 def either(random: Random, low: float, high: float) -> float:
@@ -262,15 +180,21 @@ KINDS: dict[str, Callable[[Random], FaultInjection]] = {
 RUN_AWAY = injector("spool_velocity.", "set", lambda r: either(r, 0.3, 20))
 
 
-def judge(work: Work, kind: str, fault: FaultInjection, faulty: Run, lasting: float) -> Outcome:
+def judge(
+    work: Work, kind: str, fault: FaultInjection, faulty: Run, lasting: float, *, bound: float = np.nan
+) -> Metrics:
     """Compare a run with a fault with a run without, and with standing motors.
+
+    Metrics are the names that it is given and after how long, s, NaN if not within :data:`NAMED_WITHIN`; and how much
+    further off target the tip is than with standing motors (off), and how far outside the hull, deg: before it is named
+    (or for that time), and after. A motor that runs away may go as far as its bound, deg.
 
     lasting: time judged after the fault is named, s.
     """
     off, target = run_off(work)
     healthy = run_on(work)
     found = np.flatnonzero((faulty["operating_state"] == OperatingState.FAULT) & (faulty.time > FAULT))
-    named = faulty.time[found[0]] - FAULT if found.size else np.inf
+    named = float(faulty.time[found[0]] - FAULT) if found.size else np.inf
     names = fault_names(int(faulty["faults"][found[0]])) if named <= NAMED_WITHIN else ()
     until = FAULT + min(named, NAMED_WITHIN)
     peers = [off, healthy]
@@ -280,26 +204,30 @@ def judge(work: Work, kind: str, fault: FaultInjection, faulty: Run, lasting: fl
     tip, others = np.degrees(faulty["output_angle"]), np.degrees([one["output_angle"] for one in peers])
     hull = np.vstack([target, others])
     outside = np.maximum(tip - hull.max(0), hull.min(0) - tip)
-
-    def excess(during: NDArray[np.bool_]) -> Excess:
+    size = f"{fault.value:+.3g}" + (f" {fault.rate:+.3g}/s" if fault.rate else "")
+    said = f"named after {named:.3f} s" if names else "not named"
+    words = f"{kind}, {fault.point} {fault.mode} {size}, {said}{f', bound {bound:.2f}°' if bound > 0 else ''}"
+    row: Metrics = {"kind": kind, "speed": abs(fault.value), "names": list(names), "named": bool(names), "bound": bound}
+    row |= {"seconds": named if names else np.nan, "words": f"{words}\n      {work.words}"}
+    for when, start, end in (("before", FAULT, until), ("after", until, until + lasting)):
+        during = (faulty.time > start) & (faulty.time <= end)
         error, peer = np.abs(tip - target)[during].max(), np.abs(others[0] - target)[during].max()
-        return Excess(float(error - peer), float(max(outside[during].max(), 0)))
+        row |= {f"{when}_off": float(error - peer), f"{when}_hull": float(max(outside[during].max(), 0))}
+    # What any fault may do is no target of its own.
+    over_bound = max(row["before_hull"], row["after_hull"]) / max(bound, MORE_IN_FAULT / MORE_THAN_BOUND)
+    return row | {"over_bound": over_bound}
 
-    before = (faulty.time > FAULT) & (faulty.time <= until)
-    after = (faulty.time > until) & (faulty.time <= until + lasting)
-    return Outcome(work, kind, fault, names, float(named) if names else np.nan, excess(before), excess(after))
 
-
-def try_fault(work: Work, kind: str) -> Outcome:
+def try_fault(work: Work, kind: str) -> Metrics:
     fault = KINDS[kind](np.random.default_rng([*work.seed, 2]))
     return judge(work, kind, fault, run_on(work, (fault,), relay=RELAY), np.inf)
 
 
-def try_run_away(work: Work, relay: bool) -> Outcome:
+def try_run_away(work: Work, relay: bool) -> Metrics:
     fault = RUN_AWAY(np.random.default_rng([*work.seed, 3]))
     faulty = run_on(work, (fault,), relay=RELAY if relay else np.inf)
-    outcome = judge(work, f"with{'' if relay else 'out'} a relay", fault, faulty, RUN_ON)
-    return outcome._replace(bound=bound_of(work, fault, faulty if relay else None))
+    bound = bound_of(work, fault, faulty if relay else None)
+    return judge(work, f"with{'' if relay else 'out'} a relay", fault, faulty, RUN_ON, bound=bound)
 
 
 def bound_of(work: Work, fault: FaultInjection, cut: Run | None) -> float:
@@ -356,123 +284,119 @@ def bound_of(work: Work, fault: FaultInjection, cut: Run | None) -> float:
     return float(np.degrees(min(moved, stop)))
 
 
-def report(target: str, done: Sequence[Any], harm: Callable[[Any], float], most: float) -> None:
-    """Print whether a target is reached, and the worst runs."""
-    beyond = sum(harm(one) > most for one in done)
-    print(f"  {target}: {beyond} of {len(done)}   target 0   {'MISSED' if beyond else 'reached'}")
-    for one in sorted(done, key=harm, reverse=True)[: min(beyond, 3)]:
-        print(f"    {harm(one):+.2f}: {one.words if isinstance(one, Outcome) else one.work.words}")
+def trial(  # noqa: PLR0917
+    instrument: str,
+    seed: int,
+    number: int,
+    exact: bool,
+    assistance: float | None,
+    kind: str | None = None,
+    relay: bool | None = None,
+) -> Metrics:
+    """Compare random work; with a kind of fault try that, with or without a relay a motor that runs away."""
+    work = make_work(law.instrument(instrument), seed, number, trial=kind is not None or relay is not None)
+    known = work.plant if exact else work.known
+    if assistance is not None:
+        known = known.replace(**{"control.assistance": assistance})
+    work = work._replace(known=known)
+    return try_fault(work, kind) if kind else compare(work) if relay is None else try_run_away(work, relay)
 
 
-def grouped(done: Iterable[Any], labels: Callable[[Any], Iterable[str]]) -> dict[str, list[Any]]:
-    groups: dict[str, list[Any]] = defaultdict(list)
-    for one in done:
-        for label in labels(one):
-            groups[label].append(one)
-    return groups
+WORKED = [
+    Column("runs", len, form="d"),
+    Column("worse", "worse", np.sum, "d"),
+    *(
+        Column(f"{words} {of or 'on'}", f"rms{of and '_' + of}", over)
+        for words, over in (("mean RMS", np.mean), ("median", np.median))
+        for of in ("", "off")
+    ),
+    Column("worst more than off: RMS", "more_rms", np.max, "+.2f"),
+    Column("peak", "more_peak", np.max, "+.2f"),
+    Column("restrained", "restrained", form=".1%"),
+    Column("tip, °/s: on", "speed", np.max, ".0f"),
+    Column("off", "speed_off", np.max, ".0f"),
+]
+FAULTY = [
+    Column("runs", len, form="d"),
+    Column("named", "named", np.sum, "d"),
+    Column("median s", lambda rows: np.median(seconds(rows)), form=".3f"),
+    Column("longest", lambda rows: np.max(seconds(rows)), form=".3f"),
+    *(
+        Column(f"{words} {of}", f"{when}_{of}", np.max, form)
+        for when, words in (("before", "until named:"), ("after", "then:"))
+        for of, form in (("off", "+.2f"), ("hull", ".2f"))
+    ),
+]
+NAMES = Column("names", lambda rows: ", ".join(f"{name} {n}" for name, n in named_in(rows).items()), form="")
+BOUNDED = [
+    Column("hull over bound: median", "over_bound", np.median),
+    Column("worst", "over_bound", np.max),
+]
+SPEEDS = (0.3, 1, 3, 10, 21)  # rad/s
 
 
-def report_work(done: list[Comparison]) -> None:
-    print(
-        "no faults, error of the tip in deg:     mean RMS       median     worst more than off  restrained    tip, °/s"
-    )
-    print(
-        "  hand     load        runs   worse     on    off     on    off      RMS    peak                     on   off"
-    )
-    in_order = sorted(done, key=lambda one: (one.work.hand, one.work.load))
-    groups = grouped(in_order, lambda one: [f"{one.work.hand:9s}{one.work.load}"])
-    for label, own in (groups | grouped(done, lambda one: [one.work.plant.name]) | {"all": done}).items():
-        values = np.array([one[1:8] for one in own])
-        (rms, off), (mid, mid_off) = values[:, :2].mean(0), np.median(values[:, :2], 0)
-        more_rms, more_peak = max(one.more_rms for one in own), max(one.more_peak for one in own)
-        print(
-            f"  {label:18s}{len(own):6d}{sum(one.worse for one in own):8d}{rms:7.2f}{off:7.2f}{mid:7.2f}{mid_off:7.2f}"
-            f"{more_rms:+9.2f}{more_peak:+8.2f}{100 * values[:, 6].mean():9.1f} %{values[:, 4].max():10.0f}"
-            f"{values[:, 5].max():6.0f}"
-        )
-    print(f"  {BEFORE}")
-    report(f"RMS beyond off by more than {MORE_RMS:g}°", done, lambda one: one.more_rms, MORE_RMS)
-    report(f"peak beyond off by more than {MORE_PEAK:g}°", done, lambda one: one.more_peak, MORE_PEAK)
-    report("faults raised", done, lambda one: len(one.faults), 0)
+def seconds(rows: Rows) -> Any:
+    return [row["seconds"] for row in rows if row["named"]] or [np.nan]
 
 
-COLUMNS = "runs  named  median s  longest  until named: off   hull   then: off   hull"
+def named_in(rows: Rows) -> Counter[str]:
+    return Counter(",".join(row["names"]) for row in rows if row["named"])
 
 
-def columns(own: list[Outcome]) -> str:
-    seconds = [one.seconds for one in own if one.names] or [np.nan]
-    worst = np.max([(*one.before, *one.after) for one in own], axis=0)
-    return (
-        f"{len(own):4d}{sum(bool(one.names) for one in own):7d}{np.median(seconds):10.3f}{max(seconds):9.3f}"
-        f"{worst[0]:+18.2f}{worst[1]:7.2f}{worst[2]:+12.2f}{worst[3]:7.2f}"
-    )
+def report_work(rows: Rows) -> None:
+    print("no faults, error of the tip in deg")
+    in_order = Rows(sorted(rows, key=lambda row: (row["hand"], row["load"])))
+    print(campaign.table(in_order.by("hand", "load"), WORKED, ("hand", "load")))
+    print(campaign.table(rows.by("instrument") | {"all": rows}, WORKED))
+    print(campaign.verdict(f"RMS beyond off by more than {MORE_RMS:g}°", rows, "more_rms", MORE_RMS))
+    print(campaign.verdict(f"peak beyond off by more than {MORE_PEAK:g}°", rows, "more_peak", MORE_PEAK))
+    print(campaign.verdict("faults raised", rows, lambda row: len(row["faults"])))
 
 
-def report_faults(done: list[Outcome]) -> None:
+def report_faults(rows: Rows) -> None:
     print(f"one fault each at {FAULT:g} s: the tip in deg beyond motors off, and outside the hull")
-    print(f"  {'fault':23s}{COLUMNS}  names")
-    for kind, own in grouped(done, lambda one: [one.kind]).items():
-        names = Counter(",".join(one.names) for one in own if one.names)
-        print(f"  {kind:23s}{columns(own)}  {', '.join(f'{name} {count}' for name, count in names.items())}")
+    print(campaign.table(rows.by("kind"), [*FAULTY, NAMES], "fault"))
     beyond = f"beyond motors off by more than {MORE_IN_FAULT:g}°"
-    report(f"{beyond} until it is named", done, lambda one: one.before.off, MORE_IN_FAULT)
-    report(f"{beyond} from then on", done, lambda one: one.after.off, MORE_IN_FAULT)
+    print(campaign.verdict(f"{beyond} until it is named", rows, "before_off", MORE_IN_FAULT))
+    print(campaign.verdict(f"{beyond} from then on", rows, "after_off", MORE_IN_FAULT))
 
 
-def report_run_aways(done: list[Outcome]) -> None:
+def report_run_aways(rows: Rows) -> None:
     print(f"a motor that runs away at {FAULT:g} s, and the next second")
-    print(f"  {'rad/s':26s}{COLUMNS}  hull over bound: median, worst")
-    for kind, own in grouped(done, lambda one: [one.kind]).items():
-        for low, high in pairwise((0.3, 1, 3, 10, 21)):
-            band = [one for one in own if low <= abs(one.fault.value) < high]
-            if band:
-                ratios = [one.over_bound for one in band]
-                label = f"{low:g} to {min(high, 20):g} {kind}"
-                print(f"  {label:26s}{columns(band)}{np.median(ratios):8.2f}{max(ratios):8.2f}")
-        report(f"{kind} beyond {MORE_THAN_BOUND:g} of the bound", own, lambda one: one.over_bound, MORE_THAN_BOUND)
-
-
-def instruments(names: Iterable[str]) -> list[Instrument]:
-    return [tn.load(name).axis("yaw") for name in names]
+    for kind, own in rows.by("kind").items():
+        bands = {
+            f"{low:g} to {min(high, 20):g} {kind}": Rows(row for row in own if low <= row["speed"] < high)
+            for low, high in pairwise(SPEEDS)
+        }
+        print(campaign.table({label: band for label, band in bands.items() if band}, [*FAULTY, *BOUNDED], "rad/s"))
+        print(campaign.verdict(f"{kind} beyond {MORE_THAN_BOUND:g} of the bound", own, "over_bound", MORE_THAN_BOUND))
 
 
 def main() -> None:
-    # Faults are results here.
-    warnings.simplefilter("ignore", tn.errors.FaultWarning)
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser = law.arguments(__doc__, RATED)
     parser.add_argument("--runs", type=int, default=200, help="without faults")
     parser.add_argument("--faults", type=int, default=120, help="runs with one each")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--instrument", choices=[*RATED], action="append", help="by default all")
     parser.add_argument("--exact", action="store_true", help="the law knows friction and stiffness as they are")
     parser.add_argument("--assistance", type=float, help="share of the lost angle that the law gives back")
     options = parser.parse_args()
-    insts = instruments(options.instrument or RATED)
-    tn.set_threads(1)
-    begun = time.perf_counter()
+    names = options.instrument or [*RATED]
+    fixed = {"seed": options.seed, "exact": options.exact, "assistance": options.assistance}
 
-    def work(n: int, trial: bool) -> Work:
-        drawn = make_work(insts[n % len(insts)], options.seed, n, trial)
-        known = drawn.plant if options.exact else drawn.known
-        if options.assistance is not None:
-            known = known.replace(**{"control.assistance": options.assistance})
-        return drawn._replace(known=known)
+    def cases(count: int, **also: Any) -> list[Metrics]:
+        return [{"instrument": names[n % len(names)], "number": n, **fixed, **also} for n in range(count)]
 
+    def rows(title: str, given: Iterable[Metrics]) -> Rows:
+        return campaign.run(trial, given, title, results=options.results)
+
+    if options.runs:
+        report_work(rows("without faults", cases(options.runs)))
+    # In pairs, so that each kind comes to each instrument.
     kinds = list(KINDS)
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        if options.runs:
-            report_work(list(pool.map(lambda n: compare(work(n, False)), range(options.runs))))
-        # In pairs, so that each kind comes to each instrument.
-        pairs = [(n, kinds[n // len(insts) % len(kinds)]) for n in range(options.faults)]
-        report_faults(
-            sorted(
-                pool.map(lambda pair: try_fault(work(pair[0], True), pair[1]), pairs),
-                key=lambda one: kinds.index(one.kind),
-            )
-        )
-        cases = [(n, relay) for relay in (False, True) for n in range(options.faults // 2)]
-        report_run_aways(list(pool.map(lambda case: try_run_away(work(case[0], True), case[1]), cases)))
-    print(f"{time.perf_counter() - begun:.0f} s on {os.cpu_count()} cores")
+    faults = [case | {"kind": kinds[n // len(names) % len(kinds)]} for n, case in enumerate(cases(options.faults))]
+    report_faults(rows("faults", sorted(faults, key=lambda case: kinds.index(case["kind"]))))
+    away = [case for relay in (False, True) for case in cases(options.faults // 2, relay=relay)]
+    report_run_aways(rows("run-aways", away))
 
 
 if __name__ == "__main__":

@@ -6,31 +6,26 @@ jammed tendon; the tip should stay within 3 degrees of the peer's, and the reaso
 friction and stiffness other than the controller assumes, should all end at the pretension.
 """
 
-import argparse
-import os
-import time
-import warnings
-from collections import defaultdict
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+import functools
+from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import law
 import numpy as np
 from currents import GEARED
-from numpy.typing import NDArray
 
 import tenodesis as tn
 from tenodesis.control import FAULTS, Controller, OperatingState, Request, homing_failure
 from tenodesis.instrument import Instrument
 from tenodesis.run import Run, concatenate
-from tenodesis.simulate import FaultInjection
+from tenodesis.simulate import FaultInjection, campaign
+from tenodesis.simulate.campaign import Column, Rows
 from tenodesis.twin import TIME_STEP, Twin
 
-Array = NDArray[np.float64]
 Random = np.random.Generator
 
-RATED = {"scaled-up": 1.485, "real-size": 0.52, "pulley wrist": 0.52, "continuum tip": 0.52}  # N
+RATED = law.RATED | {"pulley wrist": 0.52, "continuum tip": 0.52}  # N
 LONGEST, PART = 40.0, 0.5  # s
 ALLOWED, REPEATABLE = 3.0, 0.02  # deg, share of the pretension
 
@@ -52,23 +47,6 @@ class Start(NamedTuple):
     label: str = ""
     right: tuple[str, ...] = ()
     """The answers that name the fault."""
-
-
-class End(NamedTuple):
-    """How homing ended."""
-
-    start: Start
-    answer: str
-    """Reason, or else the faults; empty if it ended well."""
-    moved: float
-    """Largest distance of the tip from where it was and would have gone with standing motors, deg."""
-    pretension: float
-    """Error of the mean tension, share of the pretension."""
-    apart: float
-    """Half the difference of the tensions, share of the pretension."""
-    off: float
-    """Distance of the tip from where the handle wants it, deg."""
-    seconds: float
 
 
 def inject(*faults: tuple[str, str, float]) -> tuple[FaultInjection, ...]:
@@ -108,26 +86,11 @@ def wiring(side: str) -> dict[str, tuple[tuple[FaultInjection, ...], tuple[str, 
     }
 
 
-def with_friction(inst: Instrument, factor: float) -> Instrument:
-    return inst.replace(
-        **{
-            f"friction.{name}": getattr(inst.friction, name) * factor
-            for name in ("vertex_coefficient", "sheath_coefficient")
-        }
-    )
-
-
-def assumed(inst: Instrument, factor: float) -> Instrument:
-    """Return the instrument with a stiffness that is wrong by a factor."""
-    true = inst.tendon_stiffness * inst.mismatch.stiffness_ratio
-    return inst.replace(tendon_stiffness=true * factor, mismatch=inst.mismatch.model_dump() | {"stiffness_ratio": 1.0})
-
-
 def healthy(inst: Instrument, random: Random) -> Start:
     slack = 0.0 if random.random() < 0.3 else float(np.exp(random.uniform(np.log(0.2e-3), np.log(10e-3))))
-    plant = with_friction(inst, float(np.exp(random.uniform(np.log(0.5), np.log(2)))))
+    plant = inst.replace(**law.friction(inst, float(np.exp(random.uniform(np.log(0.5), np.log(2))))))
     bend = float(random.uniform(0, np.pi / 2))
-    known = assumed(inst, float(random.uniform(0.7, 1.3)))
+    known = law.differing(inst, stiffness=float(random.uniform(0.7, 1.3)))
     return Start(plant, known, slack, bend, int(random.integers(1 << 30)))
 
 
@@ -174,18 +137,22 @@ WRONG: tuple[Callable[[Start, Random], Start], ...] = (
 )
 
 
-def starts(inst: Instrument, count: int, wrong: bool) -> Iterator[Start]:
-    for n in range(count):
-        random = np.random.default_rng([n, wrong, len(inst.name)])
-        start = healthy(inst, random)
-        if wrong:
-            yield WRONG[n % len(WRONG)](start, random)
-        else:
-            yield start._replace(handle=0.0 if n % 3 else float(random.uniform(-0.6, 0.6)))
+def draw(inst: Instrument, number: int, wrong: bool) -> Start:
+    """Return a start, one of a number of random ones, healthy or with one thing wrong."""
+    random = np.random.default_rng([number, wrong, len(inst.name)])
+    start = healthy(inst, random)
+    if wrong:
+        return WRONG[number % len(WRONG)](start, random)
+    return start._replace(handle=0.0 if number % 3 else float(random.uniform(-0.6, 0.6)))
 
 
-def home(start: Start) -> End:
-    """Home from a start, and do the same with the motors standing."""
+def home(start: Start) -> dict[str, Any]:
+    """Home from a start, and do the same with the motors standing.
+
+    Metrics are the answer (reason, or else the faults; empty if it ended well); the largest distance of the tip from
+    where it was and would have gone with standing motors (moved), and of where the handle wants it at the end (off),
+    deg; the error of the mean tension and half the difference of the tensions (apart), as shares of the pretension.
+    """
     twin = Twin(start.plant, seed=start.seed)
     if start.slack:
         twin.loosen(start.slack)
@@ -236,49 +203,65 @@ def home(start: Start) -> End:
     ended = np.flatnonzero(state[200:] != OperatingState.ENABLED)
     seconds = float(ended[0] + 100) * TIME_STEP if ended.size else np.nan
     target = tn.statics.output_angle(start.plant, start.handle, 0.0)
-    return End(
-        start, answer, float(moved), float(error), float(apart), float(np.degrees(abs(tip[-1] - target))), seconds
-    )
+    answered = any(answer.startswith(name) for name in start.right)
+    return {
+        "label": start.label,
+        "answer": answer,
+        "refused": bool(answer),
+        "right": bool(answer) and answered,
+        "other": answer if answer and not answered else "",
+        "moved": moved,
+        "pretension": error,
+        "apart": apart,
+        "either": error + apart,
+        "off": np.degrees(abs(tip[-1] - target)),
+        "seconds": seconds,
+        "straight": start.handle == 0,
+        "size": abs(start.force) or (abs(start.faults[0].value) if start.faults else 0.0),
+    }
 
 
-def report_wrong(ends: list[End]) -> None:
-    by_label = defaultdict(list)
-    for end in ends:
-        by_label[end.start.label].append(end)
-    print("  what is wrong                       starts  refused  rightly named  tip moved  longest  other answers")
-    for label, own in by_label.items():
-        refused = [end for end in own if end.answer]
-        named = [end for end in refused if any(end.answer.startswith(name) for name in end.start.right)]
-        others = sorted({end.answer for end in refused if end not in named})
-        print(
-            f"  {label:36s}{len(own):5d}{len(refused):9d}{len(named):15d}{max(end.moved for end in own):10.2f}°"
-            f"{max(end.seconds for end in own):7.1f} s  {', '.join(others)}"
-        )
-    refused = [end for end in ends if end.answer]
-    right = sum(any(end.answer.startswith(name) for name in end.start.right) for end in refused)
-    worst = max(end.moved for end in ends)
-    print(f"  all: {len(ends)} starts, {len(refused)} refused, {right} with the right reason; tip moved {worst:.2f}°")
-    print(f"  beyond {ALLOWED:g}°: {sum(end.moved > ALLOWED for end in ends)}   target 0")
+@functools.cache
+def instrument(name: str, currents: bool) -> Instrument:
+    return law.instrument(name).replace(**GEARED if currents else {})
+
+
+def trial(name: str, number: int, wrong: bool, currents: bool) -> dict[str, Any]:
+    return home(draw(instrument(name, currents), number, wrong))
+
+
+ENDED = [
+    Column("starts", len, form="d"),
+    Column("refused", "refused", np.sum, "d"),
+    Column("rightly named", "right", np.sum, "d"),
+    Column("tip moved, deg", "moved", np.max),
+    Column("longest, s", "seconds", np.max, ".1f"),
+    Column("other answers", "other", lambda values: ", ".join(sorted({*values} - {""})), ""),
+]
+
+
+def report_wrong(rows: Rows) -> None:
+    print(campaign.table(rows.by("label") | {"all": rows}, ENDED, "what is wrong"))
+    print(campaign.verdict(f"tip moved beyond {ALLOWED:g}°", rows, "moved", ALLOWED))
     for label in ("load on the tip", "cell not tared"):
-        taken = [end for end in by_label[label] if not end.answer]
-        force = [abs(end.start.force) or abs(end.start.faults[0].value) for end in taken]
-        tips = [end.off for end in taken]
+        taken = rows.where(label=label, refused=False)
         if taken:
-            print(f"  {label}, but homed: {len(taken)}, with {max(force):.3f} N at most, tip {max(tips):.2f}° off")
+            most, off = taken["size"].max(), taken["off"].max()
+            print(f"  {label}, but homed: {len(taken)}, with {most:.3f} N at most, tip {off:.2f}° off")
 
 
-def report_healthy(ends: list[End]) -> None:
-    homed = [end for end in ends if not end.answer]
-    refused = sorted(end.answer for end in ends if end.answer)
-    print(f"  healthy: {len(ends)} starts, {len(refused)} refused {refused or ''}   target 0")
-    straight = [end for end in homed if end.start.handle == 0]
-    error, either = max(end.pretension for end in homed), max(end.pretension + end.apart for end in straight)
-    print(f"  mean tension within {100 * error:.2f} %   target {100 * REPEATABLE:g} %")
-    print(f"  with a straight handle either tension within {100 * either:.2f} %   target {100 * REPEATABLE:g} %")
-    print(f"  and the tip moved {max(end.moved for end in straight):.2f}° at most")
-    seconds = [end.seconds for end in homed]
-    print(f"  the tip ends {max(end.off for end in homed):.2f}° off target at most")
-    print(f"  {np.median(seconds):.1f} s in the median, {max(seconds):.1f} s at most")
+def report_healthy(rows: Rows) -> None:
+    homed, refused = rows.where(refused=False), sorted(rows.where(refused=True).by("answer"))
+    print(f"  healthy: {len(rows)} starts, {len(rows) - len(homed)} refused {refused or ''}   target 0")
+    straight = homed.where(straight=True)
+    for words, error in (
+        ("mean tension", homed["pretension"].max()),
+        ("with a straight handle either tension", straight["either"].max()),
+    ):
+        print(f"  {words} within {100 * error:.2f} %   target {100 * REPEATABLE:g} %")
+    print(f"  and the tip moved {straight['moved'].max():.2f}° at most")
+    print(f"  the tip ends {homed['off'].max():.2f}° off target at most")
+    print(f"  {np.median(homed['seconds']):.1f} s in the median, {homed['seconds'].max():.1f} s at most")
 
 
 def report_known(inst: Instrument) -> None:
@@ -293,27 +276,24 @@ def report_known(inst: Instrument) -> None:
         cases.append((f"{name}, from slack", start._replace(slack=2e-3, faults=wiring("agonist")[name][0])))
     for label, case in cases:
         end = home(case)
-        print(f"  {label:48s} tip moved {end.moved:5.2f}°, {end.answer or 'homed'} after {end.seconds:.2f} s")
+        answer = end["answer"] or "homed"
+        print(f"  {label:48s} tip moved {end['moved']:5.2f}°, {answer} after {end['seconds']:.2f} s")
 
 
 def main() -> None:
-    # Faults are results here.
-    warnings.simplefilter("ignore", tn.errors.FaultWarning)
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser = law.arguments(__doc__)
     parser.add_argument("--starts", type=int, default=500, help="of each kind and instrument")
     parser.add_argument("--currents", action="store_true", help="motor currents, gear of 0.9, in place of load cells")
     parser.add_argument("instruments", nargs="*", default=["real-size", "scaled-up"], help="names or files")
     options = parser.parse_args()
     for name in options.instruments:
-        inst = tn.load(name)
-        inst = inst.axis(inst.axes[0]).replace(**GEARED if options.currents else {})
-        begun = time.perf_counter()
-        print(f"{inst.name}:")
-        report_known(inst)
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            report_wrong(list(pool.map(home, starts(inst, options.starts, True))))
-            report_healthy(list(pool.map(home, starts(inst, options.starts, False))))
-        print(f"  {time.perf_counter() - begun:.0f} s")
+        numbers = range(options.starts)
+        cases = campaign.cases(name=[name], wrong=(True, False), number=numbers, currents=[options.currents])
+        print(f"{instrument(name, options.currents).name}:")
+        report_known(instrument(name, options.currents))
+        rows = campaign.run(trial, cases, name, results=options.results)
+        report_wrong(rows.where(wrong=True))
+        report_healthy(rows.where(wrong=False))
 
 
 if __name__ == "__main__":

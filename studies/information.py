@@ -8,23 +8,23 @@ to do without both, so that it can only be worse. Equations that err by a little
 noise. Errors are those of the tip off its target, as `plants.py` has them.
 """
 
-import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+import law
 import numpy as np
-from numpy.typing import NDArray
 
 import tenodesis as tn
 from tenodesis.control import Controller
 from tenodesis.instrument import Instrument
+from tenodesis.simulate import campaign
+from tenodesis.simulate.campaign import Column
 from tenodesis.twin import TIME_STEP, Twin
 
-Array = NDArray[np.float64]
+Array = law.Array
 
-STATES = (0.0, 33.0, 67.0, 80.0)  # deg
 EASED, LOADED, SECONDS, EARLY = 1.2, 1.5, 8.0, 0.3  # s
-FORCE = 1.485  # N
+FORCE = law.RATED["scaled-up"]  # N
 # Standard deviations of what is unknown.
 COEFFICIENTS = {"friction.vertex_coefficient": 0.3, "friction.sheath_coefficient": 0.3}
 """Relative"""
@@ -79,9 +79,7 @@ class Work(NamedTuple):
 
 
 def motion(inst: Instrument, state: float) -> Array:
-    time = np.arange(1, round(SECONDS / TIME_STEP) + 1) * TIME_STEP
-    u = np.clip(time / EASED, 0, 1)
-    return np.asarray(float(tn.statics.handle_angle(inst, np.radians(state))) * u**3 * (10 - 15 * u + 6 * u * u))
+    return float(tn.statics.handle_angle(inst, np.radians(state))) * law.eased(law.clock(SECONDS), EASED)
 
 
 def load(size: float, count: int) -> Array:
@@ -121,12 +119,13 @@ def sensitivity(inst: Instrument, work: Work, key: str, deviation: float) -> tup
     return (high[0] - low[0]) / span, (high[1] - low[1]) / span
 
 
-def bounds(row: Row, state: float) -> tuple[float, float, float]:
-    """Return the least standard deviation (deg) of the tip's error: by sensors soon after the load and at the end.
+def bounds(number: int, state: float) -> dict[str, float]:
+    """Return the least standard deviation (deg) of the tip's error in a state (deg) of a row.
 
-    The third is the one at the end with the error of the equations.
+    By sensors soon after the load (early) and at the end (late), and there with the error of the equations (modelled).
     """
-    inst = tn.load("scaled-up").axis("yaw").replace(mismatch=None, **row.changes)
+    row = ROWS[number]
+    inst = law.instrument("scaled-up").replace(mismatch=None, **row.changes)
     handle = motion(inst, state)
     run = Twin(inst).run(handle, load(FORCE, handle.size), controller=Controller(inst))
     work = Work(handle, run["commanded_spool_velocity"])
@@ -146,22 +145,27 @@ def bounds(row: Row, state: float) -> tuple[float, float, float]:
         weight = np.eye(len(unknown)) + seen.T @ seen
         return float(np.degrees(np.sqrt(errors[count - 1] @ np.linalg.solve(weight, errors[count - 1]))))
 
-    return bound(LOADED + EARLY, by_sensors), bound(SECONDS, by_sensors), bound(SECONDS, by_model)
+    return {
+        "early": bound(LOADED + EARLY, by_sensors),
+        "late": bound(SECONDS, by_sensors),
+        "modelled": bound(SECONDS, by_model),
+    }
 
 
-def report(rows: Sequence[Row]) -> None:
-    print(f"least error of any estimator, deg RMS over {', '.join(f'{state:g}' for state in STATES)}°, scaled-up")
-    print(f"  {'':36s}{'noise of the sensors alone':>30s}{f'{MODEL_ERROR:g} N for {MODEL_TIME:g} s':>20s}")
-    print(f"  {'unknown':36s}{f'{EARLY:g} s after the load':>20s}{'at the end':>12s}{'at the end':>12s}{'worst':>8s}")
-    for row in rows:
-        found = np.array([bounds(row, state) for state in STATES])
-        early, late, modelled = np.sqrt((found**2).mean(0))
-        print(f"  {row.words:36s}{early:18.4f}{late:12.4f}{modelled:12.3f}{found[:, 2].max():8.3f}")
+BOUNDS = [
+    Column(f"sensors alone: {EARLY:g} s after the load", "early", campaign.rms, ".4f"),
+    Column("at the end", "late", campaign.rms, ".4f"),
+    Column(f"{MODEL_ERROR:g} N for {MODEL_TIME:g} s: at the end", "modelled", campaign.rms, ".3f"),
+    Column("worst", "modelled", np.max, ".3f"),
+]
 
 
 def main() -> None:
-    argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None).parse_args()
-    report(ROWS)
+    options = law.arguments(__doc__).parse_args()
+    cases = campaign.cases(number=range(len(ROWS)), state=law.OUTPUTS)
+    rows = campaign.run(bounds, cases, "information", results=options.results)
+    print(f"least error of any estimator, deg RMS over {', '.join(f'{one:g}' for one in law.OUTPUTS)}°, scaled-up")
+    print(campaign.table({ROWS[n].words: own for n, own in rows.by("number").items()}, BOUNDS, "unknown"))
 
 
 if __name__ == "__main__":

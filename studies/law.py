@@ -2,6 +2,7 @@
 
 import argparse
 import functools
+import warnings
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tenodesis as tn
+from tenodesis.errors import FaultWarning
 from tenodesis.instrument import Instrument
 from tenodesis.run import Run
 from tenodesis.simulate.command import SMOOTH
@@ -64,6 +66,8 @@ def faults(run: Run) -> list[str]:
 
 def arguments(doc: str | None, instruments: Iterable[str] = ()) -> argparse.ArgumentParser:
     """Return the arguments that every study takes; with instruments, which of them."""
+    # Faults are results here.
+    warnings.simplefilter("ignore", FaultWarning)
     parser = argparse.ArgumentParser(description=(doc or "").splitlines()[0])
     parser.add_argument("--results", type=Path, help="JSON file of all runs, from which a stopped study goes on")
     if instruments:

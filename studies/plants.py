@@ -6,16 +6,15 @@ Peer: the same plants with motors that stand. Errors are distances of the tip fr
 and friction.
 """
 
-import argparse
-import os
-import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import law
 import numpy as np
+from law import ASSUMED, OUTPUTS
 from numpy.typing import NDArray
 from peers.plant import PERIOD, Plant, Plants, plant_of
 
@@ -24,14 +23,15 @@ from tenodesis import _core
 from tenodesis.control import FAULTS, Controller
 from tenodesis.control.controller import LawName
 from tenodesis.instrument import Instrument
+from tenodesis.simulate import campaign
+from tenodesis.simulate.campaign import Column, rms
 
-Array = NDArray[np.float64]
+Array = law.Array
+Signal = NDArray[np.float32]
 
 EASED, ONSET, LOADED, SECONDS, JUDGED = 1.2, 0.2, 1.5, 8.0, 2.0  # s; the estimate is judged from JUDGED on
 LATER, LAST, AVERAGED = 3.0, 1.0, 0.1  # s
-STATES = (0.0, 33.0, 67.0, 80.0)  # deg, Fig. 15
-ASSUMED = (0.7, 1.0, 1.3)
-RATED = {"scaled-up": 1.485, "real-size": 0.52, "pulley wrist": 1.0}  # N
+RATED = law.RATED | {"pulley wrist": 1.0}  # N
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
@@ -55,11 +55,10 @@ class Case(NamedTuple):
 
     def handle(self, at: Array) -> Array:
         """Return the handle's angle over time, rad."""
-        u = np.clip(at / EASED, 0, 1)
         # The phase differs between seeds by the golden angle.
         trembling = self.tremor * np.sin(2 * np.pi * self.rate * at + 2.4 * self.seed)
         trembling *= np.clip((at - EASED) / ONSET, 0, 1)
-        return self.plant.handle_angle(self.output) * u**3 * (10 - 15 * u + 6 * u * u) + trembling
+        return self.plant.handle_angle(self.output) * law.eased(at, EASED) + trembling
 
     @property
     def kind(self) -> tuple[bool, int, int]:
@@ -71,22 +70,22 @@ class Trace(NamedTuple):
     """What a case did, by tick; single precision, since only the memory counts."""
 
     time: Array
-    tip: NDArray[np.float32]
-    error: NDArray[np.float32]
+    tip: Signal
+    error: Signal
     """Of the tip, rad"""
-    estimate: NDArray[np.float32]
-    std: NDArray[np.float32]
-    force: NDArray[np.float32]
+    estimate: Signal
+    std: Signal
+    force: Signal
     """At the tip by the observer, N, and its standard deviation"""
-    force_std: NDArray[np.float32]
-    read: NDArray[np.float32]
-    """Tensions beside the spools as read, N, shape (2, tick)"""
-    touch: NDArray[np.float32]
+    force_std: Signal
+    friction_scale: Signal
+    touch: Signal
     """Force on the tissue, N"""
-    tension: NDArray[np.float32]
+    tension: Signal
     """Higher of the two beside the spools, N"""
-    friction_scale: NDArray[np.float32]
-    faults: tuple[str, ...]
+    read: Signal
+    """Tensions beside the spools as read, N, shape (2, tick)"""
+    faults: list[str]
 
 
 def run(cases: Sequence[Case], seconds: float = SECONDS) -> list[Trace]:
@@ -122,25 +121,8 @@ def _run_together(cases: Sequence[Case], seconds: float) -> list[Trace]:
             faults[n] |= mask
         kept[0, k], kept[1, k] = plants.tip, plants.tip - plants.target
         kept[7, k], kept[8, k], kept[9:, k] = plants.touch, plants.tension[0].max(0), readings[:, 1:3].T
-    tip, error, estimate, std, force, force_std, scale, touch, tension, *read = np.moveaxis(kept, 2, 1)
-    names = [tuple(name for bit, name in enumerate(FAULTS) if mask >> bit & 1) for mask in faults]
-    return [
-        Trace(
-            at,
-            tip[n],
-            error[n],
-            estimate[n],
-            std[n],
-            force[n],
-            force_std[n],
-            np.stack([one[n] for one in read]),
-            touch[n],
-            tension[n],
-            scale[n],
-            names[n],
-        )
-        for n in range(len(cases))
-    ]
+    names = [[name for bit, name in enumerate(FAULTS) if mask >> bit & 1] for mask in faults]
+    return [Trace(at, *kept[:9, :, n], kept[9:, :, n], names[n]) for n in range(len(cases))]
 
 
 class Row(NamedTuple):
@@ -152,7 +134,7 @@ class Row(NamedTuple):
     stated: Mapping[str, float]
     """Values of the instrument's file, which the controller knows"""
     instrument: str = "scaled-up"
-    states: tuple[float, ...] = STATES
+    states: tuple[float, ...] = OUTPUTS
     """deg"""
     load: float = 1.0
     """Of the rated one"""
@@ -176,7 +158,6 @@ BENT: dict[str, float] = {"friction.sheath_bend": np.radians(60)}
 GAINS = (1.02, 0.98)
 TISSUE = 1e4  # N/m
 WRIST_STIFFNESS = 84e3  # N/m, at which 1 N takes 0.4 deg
-COEFFICIENTS = ("vertex_coefficient", "sheath_coefficient")
 TWO: dict[str, Any] = {"vertices": 2}
 FRONT: dict[str, Any] = {"before_handle": 0.55}
 BASE: dict[str, Any] = {"base": 0.03}
@@ -241,9 +222,9 @@ def instrument(name: str) -> Instrument:
             distal_pulley_radius=3.2e-3,
             end_effector_length=12e-3,
             tendon_stiffness=WRIST_STIFFNESS,
-            friction={"law": "capstan", "sheath_bend": np.radians(10), **dict.fromkeys(COEFFICIENTS, 0.1)},
+            friction={"law": "capstan", "sheath_bend": np.radians(10), **dict.fromkeys(law.COEFFICIENTS, 0.1)},
         )
-    inst = tn.load(name).axis("yaw")
+    inst = law.instrument(name)
     return inst.replace(tendon_stiffness=inst.tendon_stiffness * inst.mismatch.stiffness_ratio, mismatch=None)
 
 
@@ -254,8 +235,7 @@ def cases_of(row: Row, seeds: int = 1, drawn: bool = False) -> list[Case]:
     """
     inst = instrument(row.instrument).replace(**row.stated)
     plant, load = plant_of(inst, **row.changes), RATED[row.instrument] * row.load
-    coefficients = {f"friction.{key}": getattr(inst.friction, key) for key in COEFFICIENTS}
-    known = [inst.replace(**{key: assumed * value for key, value in coefficients.items()}) for assumed in ASSUMED]
+    known = [inst.replace(**law.friction(inst, assumed)) for assumed in ASSUMED]
     found: list[Case] = []
     for _, state, tremor, depth in product(range(seeds), row.states, row.tremors, row.depths):
         lane = with_tissue(plant, np.radians(state - depth)) if depth else plant
@@ -285,40 +265,15 @@ def with_calibration(plant: Plant, inst: Instrument, seed: int) -> Plant:
     )
 
 
-class Summary(NamedTuple):
-    """What a row's cases came to, deg unless said; of those with motors, `off` of those without."""
+def summary(cases: Sequence[Case], traces: Sequence[Trace]) -> dict[str, Any]:
+    """Summarise cases, the second half of which are with motors that stand (off).
 
-    final_rms: float
-    """Of the mean error in the last second, over the cases"""
-    final_worst: float
-    off_rms: float
-    off_worst: float
-    later_worst: float
-    """Error :data:`LATER` s after the load"""
-    estimate_rms: float
-    """Error of the estimate in the last second"""
-    nees: float
-    """Squared error of the estimate over its variance, mean over time and cases"""
-    nees_worst: float
-    """Of the case with the largest"""
-    swing: float
-    """Of the tip, peak to peak in the last second, largest"""
-    swing_off: float
-    swing_since: float
-    """From :data:`LATER` s after the load on"""
-    touch: float
-    """Force on the tissue in the last second, mean, largest, N"""
-    touch_off: float
-    highest_tension: float
-    """N"""
-    least_scale: float
-    """Of the friction scale at the end, over the truth"""
-    most_scale: float
-    faults: tuple[str, ...]
-
-
-def summary(cases: Sequence[Case], traces: Sequence[Trace]) -> Summary:
-    """Summarise cases, the second half of which are with motors that stand."""
+    Final errors, deg, are means over the last second, the estimate's (estimate_rms) RMS over it, later_worst is the
+    error :data:`LATER` s after the load; nees is the estimate's squared error over its variance, mean over time and
+    cases, nees_worst that of the case with the largest; swings are of the tip, deg peak to peak in the last second, and
+    from :data:`LATER` s after the load on (swing_since); touch is the force on the tissue in the last second, N;
+    scales are the friction's at the end, over the truth.
+    """
     half = len(cases) // 2
     on, off = traces[:half], traces[half:]
     at = on[0].time
@@ -328,77 +283,76 @@ def summary(cases: Sequence[Case], traces: Sequence[Trace]) -> Summary:
     def over(of: Iterable[Trace], value: Callable[[Trace], Any]) -> Array:
         return np.array([value(one) for one in of], float)
 
-    final = np.degrees(over(on, lambda one: one.error[last].mean()))
-    standing = np.degrees(over(off, lambda one: one.error[last].mean()))
+    final, standing = (np.degrees(over(of, lambda one: one.error[last].mean())) for of in (on, off))
     nees = over(on, lambda one: (((one.estimate - one.tip) / one.std)[judged].astype(float) ** 2).mean())
-    missed = np.degrees(over(on, lambda one: np.sqrt(((one.estimate - one.tip)[last].astype(float) ** 2).mean())))
-    swing, swing_off = [np.degrees(over(of, lambda one: np.ptp(one.tip[last]))).max() for of in (on, off)]
+    missed = np.degrees(over(on, lambda one: rms((one.estimate - one.tip)[last].astype(float))))
+    swing, swing_off = (np.degrees(over(of, lambda one: np.ptp(one.tip[last]))).max() for of in (on, off))
+    touch, touch_off = (over(of, lambda one: one.touch[last].mean()).max() for of in (on, off))
     assumed = np.array([ASSUMED[n % len(ASSUMED)] for n in range(half)])
     scale = over(on, lambda one: one.friction_scale[-1]) * assumed
-    return Summary(
-        rms(final),
-        np.abs(final).max(),
-        rms(standing),
-        np.abs(standing).max(),
-        np.abs(np.degrees(over(on, lambda one: one.error[later].mean()))).max(),
-        rms(missed),
-        nees.mean(),
-        nees.max(),
-        swing,
-        swing_off,
-        np.degrees(over(on, lambda one: np.ptp(one.tip[at > LOADED + LATER]))).max(),
-        over(on, lambda one: one.touch[last].mean()).max(),
-        over(off, lambda one: one.touch[last].mean()).max(),
-        over(on, lambda one: one.tension.max()).max(),
-        scale.min(),
-        scale.max(),
-        tuple(dict.fromkeys(name for one in on for name in one.faults)),
-    )
+    return {
+        "final_rms": rms(final),
+        "final_worst": np.abs(final).max(),
+        "off_rms": rms(standing),
+        "off_worst": np.abs(standing).max(),
+        "later_worst": np.abs(np.degrees(over(on, lambda one: one.error[later].mean()))).max(),
+        "estimate_rms": rms(missed),
+        "nees": nees.mean(),
+        "nees_worst": nees.max(),
+        "swing": swing,
+        "swing_off": swing_off,
+        "swing_since": np.degrees(over(on, lambda one: np.ptp(one.tip[at > LOADED + LATER]))).max(),
+        "touch": touch,
+        "touch_off": touch_off,
+        "highest_tension": over(on, lambda one: one.tension.max()).max(),
+        "least_scale": scale.min(),
+        "most_scale": scale.max(),
+        "faults": list(dict.fromkeys(name for one in on for name in one.faults)),
+    }
 
 
-def rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
+def judge(row: str, seeds: int = 1, drawn: bool = False, seconds: float = SECONDS) -> dict[str, Any]:
+    """Run a row, all of its cases together, and summarise it."""
+    cases = cases_of(ROWS[row], seeds, drawn)
+    return summary(cases, run(cases, seconds))
 
 
-def judge(rows: Mapping[str, Row], seconds: float = SECONDS, seeds: int = 1, drawn: bool = False) -> dict[str, Summary]:
-    """Run rows, all of their cases together, and summarise each."""
-    cases = {name: cases_of(one, seeds, drawn) for name, one in rows.items()}
-    traces = iter(run([case for own in cases.values() for case in own], seconds))
-    return {name: summary(own, [next(traces) for _ in own]) for name, own in cases.items()}
-
-
-HEADING = (
-    f"  {'deg':64s}{'final error':>13s}{'motors off':>14s}{'3 s on':>8s}{'estimate':>10s}{'NEES':>8s}{'swing':>16s}"
-    f"{'scale':>14s}\n"
-    f"  {'what differs':64s}{'RMS':>6s}{'worst':>7s}{'RMS':>7s}{'worst':>7s}{'worst':>8s}{'RMS':>10s}{'mean':>7s}"
-    f"{'worst':>7s}{'end':>7s}{'off':>6s}{'longer':>7s}{'least':>7s}{'most':>6s}  highest tension, faults"
-)
-
-
-def line(words: str, one: Summary) -> str:
-    touch = f", presses {one.touch:.2f} N (off {one.touch_off:.2f})" if one.touch or one.touch_off else ""
-    return (
-        f"  {words:64s}{one.final_rms:6.2f}{one.final_worst:7.2f}{one.off_rms:7.2f}{one.off_worst:7.2f}"
-        f"{one.later_worst:8.2f}{one.estimate_rms:10.3f}{one.nees:7.1f}{one.nees_worst:7.1f}{one.swing:7.2f}"
-        f"{one.swing_off:6.2f}{one.swing_since:7.2f}{one.least_scale:7.2f}{one.most_scale:6.2f}  "
-        f"{', '.join([f'{one.highest_tension:.0f} N{touch}', *one.faults])}"
-    )
+JUDGED_BY = [
+    Column("final error: RMS", "final_rms"),
+    Column("worst", "final_worst"),
+    Column("off: RMS", "off_rms"),
+    Column("worst", "off_worst"),
+    Column("3 s on: worst", "later_worst"),
+    Column("estimate: RMS", "estimate_rms", form=".3f"),
+    Column("NEES: mean", "nees", form=".1f"),
+    Column("worst", "nees_worst", form=".1f"),
+    Column("swing: end", "swing"),
+    Column("off", "swing_off"),
+    Column("longer", "swing_since"),
+    Column("scale: least", "least_scale"),
+    Column("most", "most_scale"),
+    Column("highest tension, N", "highest_tension", form=".0f"),
+    Column("presses, N", "touch"),
+    Column("off", "touch_off"),
+    Column("faults", "faults", campaign.names, ""),
+]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser = law.arguments(__doc__)
     parser.add_argument("--rows", nargs="+", choices=[*ROWS], metavar="ROW", help=f"of {', '.join(ROWS)}")
     parser.add_argument("--quick", action="store_true", help="the first three rows only")
     parser.add_argument("--seeds", type=int, default=1, help="of noise and the tremor's phase")
     parser.add_argument("--drawn", action="store_true", help="errors of calibration as the instrument's file states")
     options = parser.parse_args()
     names = options.rows or list(ROWS)[: 3 if options.quick else None]
-    begun = time.perf_counter()
-    done = judge({name: ROWS[name] for name in names}, seeds=options.seeds, drawn=options.drawn)
-    print(HEADING)
-    for name, one in done.items():
-        print(line(ROWS[name].words, one))
-    print(f"{time.perf_counter() - begun:.0f} s, one core of {os.cpu_count()}")
+    cases = campaign.cases(row=names, seeds=[options.seeds], drawn=[options.drawn])
+    rows = campaign.run(judge, cases, "plants", results=options.results)
+    print(
+        campaign.table(
+            {ROWS[name].words: own for name, own in rows.by("row").items()}, JUDGED_BY, "deg, by what differs"
+        )
+    )
 
 
 if __name__ == "__main__":

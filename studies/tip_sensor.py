@@ -3,17 +3,13 @@
 The motors give back what is lost, or of this only what has lasted for some time; the gain is the robust law's.
 """
 
-import argparse
-import os
-import time
-from concurrent.futures import ProcessPoolExecutor
-from functools import partial
-
 import harm
+import law
 import numpy as np
 
-import tenodesis as tn
 from tenodesis.control import parameters
+from tenodesis.simulate import campaign
+from tenodesis.simulate.campaign import Column
 from tenodesis.twin import TIME_STEP, Twin
 from tenodesis.twin.rows import columns_by_name
 
@@ -21,15 +17,11 @@ TICK = 4  # steps
 LASTING = (0.0, 0.5, 1.0, 2.0)  # s
 
 
-def compare(number: int, seed: int) -> list[harm.Comparison]:
-    """Compare motors that give back what has been lost for each of :data:`LASTING` with motors that stand."""
-    (inst,) = harm.instruments([list(harm.RATED)[number % len(harm.RATED)]])
-    work = harm.make_work(inst, seed, number)
+def trial(number: int, seed: int, lasting: float) -> harm.Metrics:
+    """Compare motors that give back what has been lost for a time (s) with motors that stand."""
+    work = harm.make_work(law.instrument(list(law.RATED)[number % len(law.RATED)]), seed, number)
     off, target = harm.run_off(work)
-    return [
-        harm.Comparison(work, *harm.errors(run(work, target, lasting), off, target), 0.0, 0.0, 0.0, ())
-        for lasting in LASTING
-    ]
+    return harm.errors(run(work, target, lasting), off, target)
 
 
 def run(work: harm.Work, target: harm.Array, lasting: float) -> harm.Array:
@@ -56,27 +48,26 @@ def run(work: harm.Work, target: harm.Array, lasting: float) -> harm.Array:
     return signals[:, tip]
 
 
+FOUND = [
+    Column("worse", "worse", np.sum, "d"),
+    Column("by RMS", "more_rms", lambda values: sum(np.array(values) > harm.MORE_RMS), "d"),
+    Column("by peak", "more_peak", lambda values: sum(np.array(values) > harm.MORE_PEAK), "d"),
+    Column("mean RMS", "rms"),
+    Column("off", "rms_off"),
+]
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser = law.arguments(__doc__)
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     if options.runs < 1:
         parser.error("--runs must be at least 1")
-    tn.set_threads(1)
-    begun = time.perf_counter()
+    cases = campaign.cases(number=range(options.runs), seed=[options.seed], lasting=LASTING)
+    rows = campaign.run(trial, cases, "tip sensor", results=options.results)
     print(f"{options.runs} runs, tip measured without error, error in deg")
-    print("  given back: what has lasted    worse   by RMS  by peak   mean RMS     off")
-    with ProcessPoolExecutor(os.cpu_count()) as pool:
-        found = pool.map(partial(compare, seed=options.seed), range(options.runs), chunksize=10)
-        columns = list(zip(*found, strict=True))
-    for lasting, done in zip(LASTING, columns, strict=True):
-        worse = sum(one.worse for one in done)
-        rms = sum(one.more_rms > harm.MORE_RMS for one in done)
-        peak = sum(one.more_peak > harm.MORE_PEAK for one in done)
-        mean, mean_off = np.mean([(one.rms, one.rms_off) for one in done], axis=0)
-        print(f"{lasting:23.1f} s{worse:13d}{rms:9d}{peak:9d}{mean:11.2f}{mean_off:8.2f}")
-    print(f"{time.perf_counter() - begun:.0f} s on {os.cpu_count()} cores")
+    print(campaign.table(rows.by("lasting"), FOUND, "given back: what has lasted, s"))
 
 
 if __name__ == "__main__":

@@ -126,7 +126,7 @@ def main() -> None:
     ]
     columns += [
         Column("push", "push", np.max),
-        Column("faults", "faults", lambda values: campaign.names(values) or "none"),
+        Column("faults", "faults", lambda values: campaign.names(values) or "none", ""),
     ]
     for name in options.name or FORCES:
         print(f"{name}, {FORCES[name]:g} N in {len(DIRECTIONS)} directions, friction 0.7, 1, 1.3 of what is assumed")

@@ -71,6 +71,9 @@ def test_results_of_another_trial_or_that_are_none_are_refused(tmp_path: Path) -
     campaign.run(trial, CASES, results=path, on="threads")
     with pytest.raises(StudyError, match=r"results with trial .*trial, this campaign .*lambda"):
         campaign.run(lambda **_: {}, CASES, results=path, on="threads")
+    for place in (tmp_path, tmp_path / "absent/results.json"):
+        with pytest.raises(StudyError, match=r"cannot be (read|written)"):
+            campaign.run(trial, CASES, results=place, on="threads")
     path.write_text("[]")
     with pytest.raises(StudyError, match="cannot be read as results of a campaign"):
         campaign.run(trial, CASES, results=path, on="threads")

@@ -110,7 +110,7 @@ def let_out(inst: Instrument, length: tuple[float, float, float] | None, start: 
         grown = np.clip((time - start) / span, 0, 1) if span else (time > start).astype(float)
         grown = grown if side < 2 else grown[:, np.newaxis]
         out[:, slice(None) if side == 2 else int(side)] = (
-            stretches * inst.pretension / normal.assumed(inst).tendon_stiffness * grown
+            stretches * inst.pretension / normal.law.differing(inst).tendon_stiffness * grown
         )
     return out
 
@@ -148,7 +148,7 @@ def work(
 
 
 def controller(inst: Instrument, choice: tuple[str, str, str] = CONTROLLERS[0]) -> Controller:
-    return Controller(normal.assumed(inst), *choice)  # type: ignore[arg-type]
+    return Controller(normal.law.differing(inst), *choice)  # type: ignore[arg-type]
 
 
 def names(mask: float) -> set[str]:

@@ -108,7 +108,7 @@ def test_the_bending_stiffness_of_a_rope_is_that_of_its_wires() -> None:
 
 def test_the_study_is_finite_and_more_friction_widens_the_loop(small: Study) -> None:
     for one in small.outcomes.values():
-        assert np.isfinite([one.hysteresis, one.delay, *one.lost, *one.final("paper"), *one.final("robust")]).all()
+        assert np.isfinite([one.hysteresis, one.delay, *one.lost, *one.final["paper"], *one.final["robust"]]).all()
     for rope in small.ropes:
         for radius in small.radii:
             less, more = (small.outcomes[Design(radius, mu, rope, METAL)] for mu in small.coefficients)

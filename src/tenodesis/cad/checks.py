@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -130,6 +130,7 @@ def _wound(part: Part, wrap: float, rope: float, side: int, *, tip: bool) -> _Wa
 ANGLES = 50
 _SAMPLES = 400
 _PARALLEL = 0.95
+_OFF = 1e-4  # mm, by which a ray begins below the face that it leaves from
 _CHORD, _TURN = 0.02, 0.2  # mm and rad: how closely a mesh follows its solid
 
 
@@ -223,7 +224,7 @@ def printable(model: Model, part: Part, path: str) -> Printable:
         closed,
         len(mesh.faces),
         float(mesh.volume / part.solid.volume - 1),
-        _least_wall(np.asarray(mesh.triangles), np.asarray(normals), np.asarray(areas)) * 1e-3,
+        _least_wall(mesh) * 1e-3,
         float(areas[steep].sum()) * 1e-6,
     )
 
@@ -233,27 +234,13 @@ def write_mesh(model: Model, part: Part, path: str) -> None:
     k.kernel().export_stl(laid(model, part), path, tolerance=_CHORD, angular_tolerance=_TURN)
 
 
-def _least_wall(triangles: Array, normals: Array, areas: Array) -> float:
-    """Return the least distance, mm, through the mesh from points on it, straight in, to a nearly parallel face."""
+def _least_wall(mesh: Any) -> float:
+    """Return the least distance, mm, through a mesh from points on it, straight in, to a nearly parallel face."""
     rng = np.random.default_rng(0)
-    chosen = rng.choice(len(triangles), _SAMPLES, p=areas / areas.sum())
-    weights = rng.dirichlet((1.0, 1.0, 1.0), _SAMPLES)
-    points = np.einsum("ij,ijk->ik", weights, triangles[chosen])
-    first, along, across = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-    least = np.inf
-    for point, way in zip(points, -normals[chosen], strict=True):
-        turned = np.cross(way, across)
-        determinant = np.einsum("ij,ij->i", along, turned)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            offset = point - first
-            second = np.einsum("ij,ij->i", offset, turned) / determinant
-            crossed = np.cross(offset, along)
-            third = crossed @ way / determinant
-            distance = np.einsum("ij,ij->i", across, crossed) / determinant
-            hit = (second >= 0) & (third >= 0) & (second + third <= 1) & (distance > 1e-4)
-        if not hit.any():
-            continue
-        nearest = np.flatnonzero(hit)[distance[hit].argmin()]
-        if normals[nearest] @ way > _PARALLEL:
-            least = min(least, float(distance[nearest]))
-    return least
+    normals, areas = np.asarray(mesh.face_normals), np.asarray(mesh.area_faces)
+    chosen = rng.choice(len(areas), _SAMPLES, p=areas / areas.sum())
+    points = np.einsum("ij,ijk->ik", rng.dirichlet((1.0, 1.0, 1.0), _SAMPLES), np.asarray(mesh.triangles)[chosen])
+    ways = -normals[chosen]
+    hits, rays, faces = mesh.ray.intersects_location(points + _OFF * ways, ways, multiple_hits=False)
+    parallel = np.einsum("ij,ij->i", normals[faces], ways[rays]) > _PARALLEL
+    return float(np.linalg.norm(hits - points[rays], axis=1)[parallel].min(initial=np.inf))

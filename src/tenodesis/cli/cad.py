@@ -65,7 +65,7 @@ def write_cad(  # noqa: PLR0917
 
 def writing_solids(outputs: Outputs, out: Path, option: str) -> AbstractContextManager[None]:
     """Return the context in which a pack is written: refused before the work if it must not be."""
-    for name in ("build123d", "trimesh"):
+    for name in ("build123d", "rtree", "trimesh"):
         require(name, "cad")
     return outputs.folder(out, cad.FILES, cad.FOLDERS, option=option)
 

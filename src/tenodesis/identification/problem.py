@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +21,8 @@ class Parameter(NamedTuple):
     lower: float
     upper: float
     meaning: str
+    group: str = ""
+    """Name that it goes by together with others: friction, stiffness."""
 
 
 class Trace(NamedTuple):
@@ -41,8 +43,12 @@ class Problem(ABC):
     """The unknowns."""
     runs: tuple[str, ...]
     """Names of the recordings."""
-    groups: Mapping[str, tuple[str, ...]] = MappingProxyType({})
-    """Names of parameters that also go by the name of a group: friction, stiffness."""
+
+    @cached_property
+    def groups(self) -> Mapping[str, tuple[str, ...]]:
+        """Names of parameters by the name of their group."""
+        named = dict.fromkeys(one.group for one in self.parameters if one.group)
+        return {group: tuple(one.name for one in self.parameters if one.group == group) for group in named}
 
     @abstractmethod
     def residuals(self, values: Array, run: int) -> Array:

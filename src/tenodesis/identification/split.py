@@ -7,7 +7,7 @@ is taken there.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
-from typing import Literal, NamedTuple, TypeAlias, overload
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,88 +161,63 @@ def split(
     return Windowed(build(train, [*test, *tests]), windows)
 
 
+def _within(name: str) -> Any:
+    """Return the method of a problem by its name, of whose rows it takes those within the window."""
+
+    def method(self: "Windowed", values: Array, run: int, *more: Any) -> Any:
+        return self.counted(getattr(self.problem, name)(values, run, *more), run)
+
+    method.__doc__ = f"{getattr(Problem, name).__doc__} Within the window."
+    return method
+
+
+def _same(name: str) -> Any:
+    """Return the method of a problem by its name, as it is."""
+
+    def method(self: "Windowed", *given: Any) -> Any:
+        return getattr(self.problem, name)(*given)
+
+    method.__doc__ = getattr(Problem, name).__doc__
+    return method
+
+
 class Windowed(Problem):
     """A problem with some runs of which only a window counts, by index of the run."""
 
+    residuals, jacobian, derivatives, systematic_errors, plain_residuals = map(
+        _within, ("residuals", "jacobian", "derivatives", "systematic_errors", "plain_residuals")
+    )
+    sample_time, channels, sensors, refine, sensor_noise, advice, instrument = map(
+        _same, ("sample_time", "channels", "sensors", "refine", "sensor_noise", "advice", "instrument")
+    )
+
     def __init__(self, problem: Problem, windows: Mapping[int, Window]) -> None:
-        self._problem, self._windows = problem, windows
+        self.problem, self._windows = problem, windows
         self.parameters, self.runs, self.groups = problem.parameters, problem.runs, problem.groups
-
-    def residuals(self, values: Array, run: int) -> Array:
-        """Return measured minus model within the window, (n,), in units of the sensor's standard deviation."""
-        return self._counted(self._problem.residuals(values, run), run)
-
-    def jacobian(self, values: Array, run: int) -> Array | None:
-        """Return the exact derivatives of the residuals, (n, parameters), or None to have them differenced."""
-        return self._counted(self._problem.jacobian(values, run), run)
-
-    def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array | None:
-        """Return the columns of the Jacobian for some parameters, by index, (n, columns), or None."""
-        return self._counted(self._problem.derivatives(values, run, which), run)
-
-    def systematic_errors(self, values: Array, run: int) -> Array | None:
-        """Return the effects of systematic errors on the residuals, one standard deviation each, (n, errors)."""
-        return self._counted(self._problem.systematic_errors(values, run), run)
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus model within the window by name, each with its unit last."""
-        errors = self._problem.errors(values, run)
+        errors = self.problem.errors(values, run)
         if run not in self._windows:
             return errors
-        traces = self._problem.traces(values, run)
+        traces = self.problem.traces(values, run)
         times = {key: traces[key].time if key in traces else self._times(one.size, run) for key, one in errors.items()}
         return {key: one[self._inside(times[key], run)] for key, one in errors.items()}
 
     def traces(self, values: Array, run: int) -> dict[str, Trace]:
         """Return measured and modelled signals within the window by name with the unit last."""
-        traces = self._problem.traces(values, run)
+        traces = self.problem.traces(values, run)
         if run not in self._windows:
             return traces
         return {key: Trace(*(signal[self._inside(one.time, run)] for signal in one)) for key, one in traces.items()}
 
-    def sample_time(self, run: int) -> float:
-        """Return the time between samples, s."""
-        return self._problem.sample_time(run)
-
-    def channels(self, run: int) -> int:
-        """Return how many sensors the residuals of a run hold."""
-        return self._problem.channels(run)
-
-    def sensors(self, run: int) -> tuple[str, ...]:
-        """Return what these sensors are called."""
-        return self._problem.sensors(run)
-
-    def plain_residuals(self, values: Array, run: int) -> Array:
-        """Return the residuals within the window before any whitening, (n,)."""
-        return self._counted(self._problem.plain_residuals(values, run), run)
-
     def residuals_near(self, values: Array, run: int, other: Problem, there: Array) -> Array:
         """Return the residuals within the window, (n,), whitened as those of another model near its values."""
-        like = other._problem if isinstance(other, Windowed) else other
-        return self._counted(self._problem.residuals_near(values, run, like, there), run)
+        like = other.problem if isinstance(other, Windowed) else other
+        return np.asarray(self.counted(self.problem.residuals_near(values, run, like, there), run))
 
-    def refine(self, values: Array, runs: Sequence[int]) -> bool:
-        """Prepare the residuals of runs for a search near some values, and return whether they differ from before."""
-        return self._problem.refine(values, runs)
-
-    def sensor_noise(self, run: int) -> tuple[float, ...]:
-        """Return the standard deviation of the residuals of each sensor of a perfect model."""
-        return self._problem.sensor_noise(run)
-
-    def advice(self, names: Sequence[str]) -> str | None:
-        """Return which recording would make these parameters identifiable, if known."""
-        return self._problem.advice(names)
-
-    def instrument(self, values: Array) -> ShortForm | None:
-        """Return the instrument with these values in place, or None if there is no instrument to change."""
-        return self._problem.instrument(values)
-
-    @overload
-    def _counted(self, rows: Array, run: int) -> Array: ...
-    @overload
-    def _counted(self, rows: Array | None, run: int) -> Array | None: ...
-    def _counted(self, rows: Array | None, run: int) -> Array | None:
-        """Return the rows of samples within the window."""
+    def counted(self, rows: Any, run: int) -> Any:
+        """Return the rows of samples within the window; None if there are none."""
         if rows is None or run not in self._windows:
             return rows
         count = self.channels(run)

@@ -1,8 +1,7 @@
 """The campaign: statistics of the robust law over held states, friction errors and noise seeds, against its targets."""
 
 from collections.abc import Callable, Sequence
-from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +12,8 @@ from tenodesis.paper import step_response
 from tenodesis.paper.context import Context, has_friction
 from tenodesis.paper.fig15_compensated import friction_errors, friction_label
 from tenodesis.report.content import Section, Table, fixed, named
+from tenodesis.run import Run
+from tenodesis.simulate.campaign import Rows, farthest, rms
 from tenodesis.twin import TIME_STEP
 
 TITLE = "The robust law over states, friction errors and seeds"
@@ -46,92 +47,68 @@ class Condition(NamedTuple):
     """The reason if targets are missed."""
 
 
-class Trial(NamedTuple):
-    """A run of the campaign."""
-
-    state: float
-    error: float
-    """Of the friction that the controller assumes, as a share of the true friction."""
-    response: step_response.Response
-    excursion: float
-    """Largest error minus that with the motors stopped when the load comes, deg."""
-    scale_error: float
-    """Error of the friction found, as a share of the true scale; NaN without friction."""
-
-
 class Metric(NamedTuple):
-    """A statistic of the campaign: its names, its target and its computation from the trials."""
+    """A statistic of the trials: its names, the column that it is of, and its target."""
 
     key: str
     heading: str
     unit: str
     description: str
-    of: Callable[[Sequence[Trial]], float]
-    target: Callable[[ShortForm], float] | None
+    column: str
+    statistic: Callable[[Any], float]
+    target: float | Callable[[ShortForm], float] | None
     decimals: int = 2
 
+    def of(self, rows: Rows) -> float:
+        """Return the statistic of trials."""
+        return float(self.statistic(rows[self.column]))
 
-def _rms(values: Sequence[float]) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
+    def aim(self, inst: ShortForm) -> float | None:
+        """Return the target of an instrument."""
+        return self.target(inst) if callable(self.target) else self.target
 
 
 METRICS = (
     Metric(
-        "final_error_rms",
-        "final error, RMS [°]",
-        "deg",
-        "RMS of the final tip error against eq. 18",
-        lambda trials: _rms([trial.response.final for trial in trials]),
-        lambda _: 0.3,
+        "final_error_rms", "final error, RMS [°]", "deg", "RMS of the final tip error against eq. 18", "final", rms, 0.3
     ),
-    Metric(
-        "final_error_worst",
-        "worst [°]",
-        "deg",
-        "Largest final tip error against eq. 18",
-        lambda trials: max(abs(trial.response.final) for trial in trials),
-        lambda _: 0.7,
-    ),
+    Metric("final_error_worst", "worst [°]", "deg", "Largest final tip error against eq. 18", "final", farthest, 0.7),
     Metric(
         "time",
         "time to within 1° [s]",
         "s",
         "Longest time from the load until the tip stays within 1 deg, none if it does not stay",
-        lambda trials: max(trial.response.settling_time for trial in trials),
-        lambda _: 3.0,
+        "settling_time",
+        np.max,
+        3.0,
     ),
     Metric(
         "excursion",
         "excursion [°]",
         "deg",
         "How much larger the largest error is than with the motors stopped when the load comes, at most",
-        lambda trials: max(trial.excursion for trial in trials),
-        lambda _: 1.0,
+        "excursion",
+        np.max,
+        1.0,
     ),
-    Metric(
-        "tension",
-        "highest tension [N]",
-        "N",
-        "Highest tension",
-        lambda trials: max(trial.response.highest_tension for trial in trials),
-        tension_limit,
-        1,
-    ),
+    Metric("tension", "highest tension [N]", "N", "Highest tension", "highest_tension", np.max, tension_limit, 1),
     Metric(
         "observer_error_rms",
         "observer at rest, RMS [°]",
         "deg",
         "RMS error of the observer at rest",
-        lambda trials: _rms([trial.response.observer_error for trial in trials]),
-        lambda _: 0.3,
+        "observer_error",
+        rms,
+        0.3,
     ),
     Metric(
         "friction_error",
         "friction scale, worst [%]",
         "%",
         "Largest error of the friction scale found",
-        lambda trials: 100 * max(abs(trial.scale_error) for trial in trials),
-        lambda _: 10.0,
+        "scale_error",
+        lambda errors: 100 * farthest(errors),
+        10.0,
         1,
     ),
     Metric(
@@ -139,7 +116,8 @@ METRICS = (
         "motors at rest after [s]",
         "s",
         "Longest time from the load until the motors stand, none if they still move",
-        lambda trials: max(trial.response.rest_time for trial in trials),
+        "rest_time",
+        np.max,
         None,
     ),
 )
@@ -211,35 +189,36 @@ def conditions(context: Context) -> list[Condition]:
     return found
 
 
-def trials(condition: Condition, seeds: int) -> list[Trial]:
-    """Run a condition over its states, friction errors and a number of noise seeds."""
+def trials(condition: Condition, seeds: int) -> Rows:
+    """Run a condition over its states, friction errors and a number of noise seeds.
+
+    A row has the response of the tip, the excursion, its largest error minus that with the motors stopped when the load
+    comes, deg, and the error of the friction found, as a share of the true scale, NaN without friction.
+    """
     inst = condition.inst
-    errors = friction_errors(inst)
     start, end = condition.bend
     time = np.arange(1, round((_BEFORE + _AFTER) / TIME_STEP) + 1) * TIME_STEP
     bend = start + (end - start) * np.clip((time - _BEFORE) / _BENDING, 0, 1)
-    models = {error: step_response.controller_model(inst, 1 + error, condition.identified) for error in errors}
-    motions = {
-        state: step_response.held_motion(inst, state, condition.load(state), _BEFORE, _AFTER)
-        for state in step_response.held_states(inst)
-    }
 
-    def work(case: tuple[float, float, int]) -> Trial:
-        state, error, seed = case
-        motion, model = motions[state], models[error]
-        enabled, stopped = (
-            step_response.response(
-                step_response.simulate_motion(
-                    inst, model, motion, "robust", seed=seed, paused=paused, sheath_bend=bend
-                ),
-                motion,
-            )
-            for paused in (False, True)
-        )
-        found = enabled.friction_scale * (1 + error) - 1 if inst.friction.law != "none" else np.nan
-        return Trial(state, error, enabled, enabled.largest - stopped.largest, found)
+    def measure(run: Callable[..., Run], motion: step_response.Motion, _: ShortForm) -> dict[str, float]:
+        enabled, stopped = (step_response.response(run(paused=paused), motion) for paused in (False, True))
+        return enabled._asdict() | {"excursion": enabled.largest - stopped.largest}
 
-    return list(step_response.in_parallel(work, product(motions, errors, range(seeds))).values())
+    found = step_response.held(
+        inst,
+        step_response.held_states(inst),
+        {"robust": friction_errors(inst)},
+        (_BEFORE, _AFTER),
+        measure,
+        load=condition.load,
+        identified=condition.identified,
+        seeds=range(seeds),
+        sheath_bend=bend,
+    )
+    known = inst.friction.law != "none"
+    return Rows(
+        row | {"scale_error": row["friction_scale"] * (1 + row["error"]) - 1 if known else np.nan} for row in found
+    )
 
 
 def section(context: Context) -> Section:
@@ -250,7 +229,7 @@ def section(context: Context) -> Section:
         return Section("campaign", title(inst), f"<p>Not run: {why}.</p>")
     few = max(1, seeds // SEED_DIVISOR)
     rows, missed, lost = [], [], []
-    main: list[Trial] = []
+    main = Rows()
     for n, condition in enumerate(conditions(context)):
         found = trials(condition, few if n else seeds)
         if not found:
@@ -289,11 +268,11 @@ def _metrics(inst: ShortForm) -> tuple[Metric, ...]:
 
 def _heading(context: Context, metric: Metric) -> str:
     """Return the heading of a statistic, with its target where the instrument is the paper's."""
-    target = None if context.is_own or metric.target is None else metric.target(context.tested)
+    target = None if context.is_own else metric.aim(context.tested)
     return metric.heading if target is None else f"{metric.heading}, target {target:g}"
 
 
-def _row(context: Context, condition: Condition, found: Sequence[Trial]) -> tuple[list[str], list[str]]:
+def _row(context: Context, condition: Condition, found: Rows) -> tuple[list[str], list[str]]:
     """Return the cells of a condition, and the metrics that miss their targets."""
     cells, failed = [f"{condition.name} ({len(found)} runs)"], []
     for metric in _metrics(condition.inst):
@@ -305,8 +284,9 @@ def _row(context: Context, condition: Condition, found: Sequence[Trial]) -> tupl
         name = condition.name.replace("<sub>o</sub>", "o")
         key, about = f"campaign.{condition.key}.{metric.key}", f"{metric.description}, robust law, {name}"
         context.add(key, value, metric.unit, about)
-        judged = metric.target is not None and not context.is_own
-        met = metric.target is None or value <= metric.target(condition.inst)
+        target = metric.aim(condition.inst)
+        judged = target is not None and not context.is_own
+        met = target is None or value <= target
         cells.append(shown + ("" if not judged else " met" if met else " missed"))
         if judged and not met:
             failed.append(f"{metric.heading.partition(' [')[0]} {shown}")
@@ -317,15 +297,14 @@ def _shown(metric: Metric, value: float) -> str:
     return "never" if np.isinf(value) else fixed(value, metric.decimals)
 
 
-def _by_state(inst: ShortForm, main: Sequence[Trial]) -> Table:
+def _by_state(inst: ShortForm, main: Rows) -> Table:
     rows, metrics, rough = [], _metrics(inst), has_friction(inst)
-    for state, error in dict.fromkeys((trial.state, trial.error) for trial in main):
-        part = [trial for trial in main if (trial.state, trial.error) == (state, error)]
+    for (state, error), part in main.by("state", "error").items():
         rows.append(
             [
                 f"{np.degrees(state):.4g}°" + (f", {friction_label(error)}" if rough else ""),
                 *(_shown(metric, metric.of(part)) for metric in metrics),
-                fixed(max(abs(trial.response.before) for trial in part)),
+                fixed(farthest(part["before"])),
             ]
         )
     return Table(
@@ -339,7 +318,7 @@ def _by_state(inst: ShortForm, main: Sequence[Trial]) -> Table:
     )
 
 
-def _text(context: Context, main: Sequence[Trial], missed: Sequence[str], lost: Sequence[str]) -> str:
+def _text(context: Context, main: Rows, missed: Sequence[str], lost: Sequence[str]) -> str:
     limit = (
         f"; the controller’s limit is {tension_limit(context.tested):.3g} N"
         if context.is_own
@@ -352,7 +331,7 @@ def _text(context: Context, main: Sequence[Trial], missed: Sequence[str], lost: 
         "the second, negative if the first stays nearer to the unloaded angle. The time is the last moment at which "
         f"the tip is 1° off. The tension is the true tension at the spools{limit}.</p>"
     )
-    moving = sum(np.isinf(trial.response.rest_time) for trial in main)
+    moving = np.isinf(main["rest_time"]).sum()
     if moving:
         text += (
             f"<p>In {moving} of the {len(main)} runs of the first row the motors still move in the last second, or "

@@ -8,18 +8,24 @@ import numpy as np
 
 from tenodesis import instrument as instruments
 from tenodesis import statics
+from tenodesis.control import Controller
 from tenodesis.control.pairs import compensated
-from tenodesis.errors import ArgumentError, InstrumentError
+from tenodesis.errors import ArgumentError, InstrumentError, NoSolutionError, ProtocolError
 from tenodesis.instrument import FullForm, Instrument, ShortForm, as_short_form, expanded
 from tenodesis.report.content import Column, Published, Result, ResultTable
 from tenodesis.report.curves import forces
 from tenodesis.run import Run
-from tenodesis.simulate import Protocol
+from tenodesis.simulate import Protocol, execute
+from tenodesis.twin import Twin
 
 SEEDS = 20
 """Noise seeds of the robust law's campaign."""
 
 
+DRAWN = slice(None, None, 20)
+"""Samples of a run that are drawn."""
+WAYS = np.linspace(0.15, 0.9, 61)
+"""Shares of the way at which the halves of a cycle are compared, clear of the reversals."""
 COEFFICIENTS = ("vertex_coefficient", "sheath_coefficient", "constant")
 """What an instrument's friction is made of, and a controller may assume wrong."""
 
@@ -32,6 +38,16 @@ class RecordedRun:
     protocol: Protocol
     seed: int
     run: Run
+
+    @classmethod
+    def of(
+        cls, inst: ShortForm | FullForm, protocol: Protocol, seed: int, controller: Controller | None = None
+    ) -> "RecordedRun | None":
+        """Run a protocol; None if the joints cannot hold its loads, or the handle not do it."""
+        try:
+            return cls(inst, protocol, seed, execute(Twin(inst, seed=seed), protocol, controller))
+        except (NoSolutionError, ProtocolError):
+            return None
 
 
 def _ignore(_: str) -> None:

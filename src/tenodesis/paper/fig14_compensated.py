@@ -11,11 +11,12 @@ from tenodesis import statics
 from tenodesis.control import Controller, LawName
 from tenodesis.instrument import ShortForm
 from tenodesis.paper import step_response
-from tenodesis.paper.context import Context, has_friction
+from tenodesis.paper.context import DRAWN, Context, has_friction
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, Section, Table, fixed, named
 from tenodesis.report.curves import forces
 from tenodesis.run import Run
+from tenodesis.simulate import campaign
 from tenodesis.statics import Actuation
 from tenodesis.twin import TIME_STEP, Twin
 
@@ -28,7 +29,6 @@ _PERIOD = 1 / _FREQUENCY  # s
 _CYCLES = 5
 _LOADING, _RESTING = 1.0, 2.0  # s
 _SEED = 14
-_EVERY = slice(None, None, 20)  # samples that are drawn
 _AFTER_REVERSAL = 0.5  # s
 _WRIST = ((0.5, 6.0, 0.0), (1.0, 3.0, 1.0), (1.5, 2.0, 2.0), (2.0, 1.0, 3.0))  # Hz, shares, rad
 _WRIST_PERIODS, _WRIST_PERIOD = 20, 2.0  # s
@@ -113,10 +113,22 @@ def track(inst: ShortForm, motion: Array, force: float, compensation: Compensati
 
 
 def _rms(error: Array) -> float:
-    return float(np.degrees(np.sqrt(np.mean(error**2))))
+    return float(np.degrees(campaign.rms(error)))
 
 
 Found = dict[tuple[float, Compensation], Tracking]
+
+
+def _tracked(
+    inst: ShortForm, motion: Array, loads: Sequence[float], compensations: Sequence[Compensation], period: float
+) -> Found:
+    """Return the motion under each force, N, with each compensation, as far as the joint holds it."""
+
+    def trial(force: float, compensation: Compensation) -> dict[str, Tracking]:
+        return {"tracking": track(inst, motion, force, compensation, period)}
+
+    rows = campaign.run(trial, campaign.cases(force=loads, compensation=compensations), on="threads")
+    return {(row["force"], row["compensation"]): row["tracking"] for row in rows}
 
 
 def section(context: Context) -> Section:
@@ -125,8 +137,7 @@ def section(context: Context) -> Section:
     if not step_response.can_compensate(inst):
         return Section("compensated_cycles", TITLE, f"<p>Not run: {named(inst)} cannot be compensated.</p>")
     slow = cycles(inst)
-    cases = [(force, compensation) for force in forces(inst)[1:] for compensation in COMPENSATIONS]
-    found = step_response.in_parallel(lambda case: track(inst, slow, *case, _PERIOD), cases)
+    found = _tracked(inst, slow, forces(inst)[1:], COMPENSATIONS, _PERIOD)
     loads = [force for force in forces(inst)[1:] if all((force, each) in found for each in COMPENSATIONS)]
     if not loads:
         text = f"<p>Not run: {named(inst)} holds none of the forces while its handle moves.</p>"
@@ -243,10 +254,7 @@ def _fast_wrist(context: Context, loads: Sequence[float]) -> tuple[Table, str]:
         column("growth [N]", "mean_tension_growth", "N", "Growth of the mean tension"),
         "fault",
     )
-    found = step_response.in_parallel(
-        lambda case: track(context.tested, motion, *case, _WRIST_PERIOD),
-        [(force, compensation) for force in loads for compensation in (OFF, ROBUST)],
-    )
+    found = _tracked(context.tested, motion, loads, (OFF, ROBUST), _WRIST_PERIOD)
     for (force, compensation), done in found.items():
         table.row(
             f"{force:g} N, {compensation.name}",
@@ -284,8 +292,8 @@ def _plot(context: Context, loads: Sequence[float], found: Found) -> Plot:
     for axis, force in zip(axes, loads, strict=True):
         for each in COMPENSATIONS:
             done, at = found[force, each], f"{each.key} at {force:g} N [deg]"
-            handle = chart.keep(f"handle_angle {at}", np.degrees(done.run["handle_angle"][last][_EVERY]))
-            chart.curve(axis, handle, f"error {at}", np.degrees(done.error[last][_EVERY]), color=each.color, lw=1.2)
+            handle = chart.keep(f"handle_angle {at}", np.degrees(done.run["handle_angle"][last][DRAWN]))
+            chart.curve(axis, handle, f"error {at}", np.degrees(done.error[last][DRAWN]), color=each.color, lw=1.2)
         axis.axhline(0, color=style.INK, ls="--", lw=0.8)
         axis.set(title=f"{force:g} N", xlabel="handle angle $\\theta_h$ [deg]")
     axes[0].set_ylabel("off the unloaded angle [deg]")

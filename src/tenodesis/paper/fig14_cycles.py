@@ -4,11 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tenodesis import simulate, statics, twin
-from tenodesis.errors import NoSolutionError
+from tenodesis import simulate, statics
 from tenodesis.instrument import ShortForm
 from tenodesis.paper import published
-from tenodesis.paper.context import Context, RecordedRun, has_friction
+from tenodesis.paper.context import DRAWN, WAYS, Context, RecordedRun, has_friction
 from tenodesis.report import style
 from tenodesis.report.content import Array, Column, Plot, Section, Table, fixed, named, number, unit_text
 from tenodesis.report.curves import Loop, estimated_output_angle, forces, hysteresis, load_name, loop_panels
@@ -21,7 +20,6 @@ SPEED = float(np.radians(10))
 _LOADING, _RESTING = 1.0, 0.5  # s
 _SEED = 14
 _TITLE = "Flexion and extension"
-_EVERY = slice(None, None, 20)  # samples that are drawn
 
 
 class Cycles(NamedTuple):
@@ -60,10 +58,8 @@ def protocol(inst: ShortForm, force: float) -> simulate.Protocol:
 
 def cycle(inst: ShortForm, force: float) -> Cycles | None:
     """Run the cycles under a force (N) on the twin; None if the joint cannot hold it."""
-    done = protocol(inst, force)
-    try:
-        recorded = RecordedRun(inst, done, _SEED, simulate.execute(twin.Twin(inst, seed=_SEED), done))
-    except NoSolutionError:
+    recorded = RecordedRun.of(inst, protocol(inst, force), _SEED)
+    if recorded is None:
         return None
     run = recorded.run.rows(int(np.searchsorted(recorded.run.time, _LOADING + _RESTING, "right")))
     estimate = estimated_output_angle(inst, run)
@@ -83,7 +79,7 @@ def _widths(inst: ShortForm, force: float, run: Run, estimate: Array) -> tuple[f
     samples = len(run) // cycles
     last = slice((cycles - 1) * samples, cycles * samples)
     top = last.start + int(np.argmax(run["handle_angle"][last]))
-    grid = np.linspace(0.15, 0.9, 61) * statics.reach(inst)
+    grid = WAYS * statics.reach(inst)
 
     def halves(values: Array) -> tuple[Array, Array]:
         handle = run["handle_angle"]
@@ -207,7 +203,7 @@ def _text(context: Context, inst: ShortForm) -> str:
 
 
 def _loops(cycles: list[Cycles]) -> list[Loop]:
-    return [Loop(load_name(done.force), done.run[_EVERY], done.estimate[_EVERY]) for done in cycles]
+    return [Loop(load_name(done.force), done.run[DRAWN], done.estimate[DRAWN]) for done in cycles]
 
 
 def _angles(context: Context, inst: ShortForm, cycles: list[Cycles]) -> Plot:
@@ -225,7 +221,7 @@ def _tensions(context: Context, inst: ShortForm, cycles: list[Cycles]) -> Plot:
     grid = np.linspace(0, statics.reach(inst), 101)
     sides = (("agonist", style.AGONIST), ("antagonist", style.ANTAGONIST))
     for axis, done in zip(axes, cycles, strict=True):
-        run = done.run[_EVERY]
+        run = done.run[DRAWN]
         handle = chart.keep(f"handle_angle at {done.force:g} N [deg]", np.degrees(run["measured_handle_angle"]))
         axis.axhline(inst.pretension, color=style.MUTED, ls=":", lw=1.3)
         theory = statics.tensions(inst, grid, done.force)

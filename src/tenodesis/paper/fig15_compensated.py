@@ -4,8 +4,8 @@ For the paper's instruments also which reading of Fig. 12 agrees with Fig. 15: e
 motor or by two.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,21 +13,26 @@ from matplotlib.figure import Figure
 from tenodesis.control import LawName
 from tenodesis.instrument import ShortForm
 from tenodesis.paper import step_response
-from tenodesis.paper.context import Context, has_friction
+from tenodesis.paper.context import DRAWN, Context, has_friction
 from tenodesis.paper.fig15_step_load import AFTER, BEFORE
-from tenodesis.paper.step_response import NEAR, Response
+from tenodesis.paper.step_response import NEAR, Motion, Response
 from tenodesis.report import style
 from tenodesis.report.content import Chart, Column, Plot, Section, Table, fixed, named
 from tenodesis.run import Run
+from tenodesis.simulate.campaign import Rows
 from tenodesis.statics import Actuation
 
 TITLE = "Compensation on the bench"
 FRICTION_ERRORS = (-0.3, 0.0, 0.3)
 """Errors of the friction that the controller assumes, as shares of the true friction."""
 
-_EVERY = slice(None, None, 20)  # samples that are drawn
 _FROM, _UNTIL = BEFORE - 1, BEFORE + 6  # s
-_LAWS: tuple[LawName, ...] = ("off", "paper", "exact")
+_LABELS: dict[LawName, str] = {
+    "off": "no compensation",
+    "paper": "eq. 22, both motors",
+    "exact": "exact, both motors",
+    "robust": "robust, both motors",
+}
 _DRAWN: dict[LawName, tuple[str, str, str]] = {
     "off": ("no compensation", style.MUTED, ":"),
     "paper": ("law “paper” (eq. 22), both motors", style.ANTAGONIST, "-"),
@@ -37,18 +42,6 @@ _SLOW = 1e-4  # m/s
 _RELEASED = 1.0  # N
 _LATE = 1.0  # s
 _CULMINATES = 0.1  # deg
-
-
-class _Case(NamedTuple):
-    state: float
-    law: LawName
-    friction: float
-
-    @property
-    def label(self) -> str:
-        if self.law != "robust":
-            return {"off": "no compensation", "paper": "eq. 22, both motors", "exact": "exact, both motors"}[self.law]
-        return f"robust, friction {friction_label(self.friction)}"
 
 
 def friction_errors(inst: ShortForm) -> tuple[float, ...]:
@@ -68,28 +61,19 @@ def section(context: Context) -> Section:
         return Section("compensated", TITLE, f"<p>Not run: {named(inst)} cannot be compensated.</p>")
     force = step_response.step_force(inst)
     states = step_response.held_states(inst)
-    cases = [
-        _Case(state, law, error)
-        for state in states
-        for law, errors in (*((law, (0.0,)) for law in _LAWS), ("robust", friction_errors(inst)))
-        for error in errors
-    ]
+    laws = {law: friction_errors(inst) if law == "robust" else (0.0,) for law in _LABELS}
 
-    def work(case: _Case) -> tuple[Response, Run | None]:
-        motion = step_response.held_motion(inst, case.state, force, BEFORE, AFTER)
-        model = step_response.controller_model(inst, 1 + case.friction)
-        run = step_response.simulate_motion(inst, model, motion, case.law)
-        drawn = case.law in _DRAWN and not case.friction
-        return step_response.response(run, motion), run[_EVERY] if drawn else None
+    def measure(run: Callable[..., Run], motion: Motion, _: ShortForm) -> dict[str, Any]:
+        done = run()
+        return {"response": step_response.response(done, motion), "run": done[DRAWN]}
 
-    found = step_response.in_parallel(work, cases)
-    held = [state for state in states if all(case in found for case in cases if case.state == state)]
+    rows = step_response.held(inst, states, laws, (BEFORE, AFTER), measure, load=force)
+    cases = sum(map(len, laws.values()))
+    held = {state: own for state, own in rows.by("state").items() if len(own) == cases}
     if not held:
         text = f"<p>Not run: in none of the states does {named(inst)} hold the load of {force:.3g} N.</p>"
         return Section("compensated", TITLE, text)
-    tables: list[Table] = [
-        _table(context, held, {case: response for case, (response, _) in found.items() if case.state in held})
-    ]
+    tables: list[Table] = [_table(context, held)]
     text = (
         "<p>The handle is moved to the angle that without load and friction gives the desired output angle "
         "(eq. 18), with the controller enabled from the start, and held; the load comes at 10 s. Errors are against "
@@ -103,27 +87,26 @@ def section(context: Context) -> Section:
         )
     text += ". Without a slack tendon the exact law with both motors is the law “paper” (eq. 22).</p>"
     if context.is_paper:
-        more, table = readings(context, inst, held, force)
+        more, table = readings(context, inst, [*held], force)
         text += more
         tables.append(table)
-    runs = {(case.state, case.law): run for case, (_, run) in found.items() if run is not None}
-    return Section("compensated", TITLE, text, [_plot(context, held, force, runs)], tables)
+    return Section("compensated", TITLE, text, [_plot(context, held, force)], tables)
 
 
-def _table(context: Context, held: Sequence[float], responses: dict[_Case, Response]) -> Table:
+def _table(context: Context, held: dict[float, Rows]) -> Table:
     rows: dict[str, list[str]] = {}
     rough = has_friction(context.tested)
-    for case, response in responses.items():
-        label = case.label if rough or case.law != "robust" else "robust, both motors"
-        angle = f"{np.degrees(case.state):.4g}"
-        assumed = "" if not case.friction else f".friction_{100 * case.friction:+.0f}"
-        error = context.add(
-            f"compensated.{case.law}{assumed}.final_error_at_{angle}deg",
-            response.final,
+    for row in (row for own in held.values() for row in own):
+        label, angle, law, error = _LABELS[row["law"]], f"{np.degrees(row['state']):.4g}", row["law"], row["error"]
+        if rough and law == "robust":
+            label = f"robust, friction {friction_label(error)}"
+        final = context.add(
+            f"compensated.{law}{f'.friction_{100 * error:+.0f}' if error else ''}.final_error_at_{angle}deg",
+            row["response"].final,
             "deg",
             f"Tip error against eq. 18, 10 s after the step load, {label}, {angle} deg",
         )
-        rows.setdefault(label, []).append(fixed(error) + (" (fault)" if response.faulted else ""))
+        rows.setdefault(label, []).append(fixed(final) + (" (fault)" if row["response"].faulted else ""))
     return Table(
         "Tip error against the unloaded angle (eq. 18) after 10 s under the load [°], by state"
         + (", law and the friction that the controller assumes" if rough else " and law"),
@@ -132,16 +115,17 @@ def _table(context: Context, held: Sequence[float], responses: dict[_Case, Respo
     )
 
 
-def _plot(context: Context, held: Sequence[float], force: float, runs: dict[tuple[float, LawName], Run]) -> Plot:
+def _plot(context: Context, held: dict[float, Rows], force: float) -> Plot:
     inst = context.tested
     chart = Chart(Figure(figsize=(2.5 * len(held) + 0.8, 4.8), layout="constrained"))
     axes = chart.figure.subplots(2, len(held), squeeze=False, sharex=True, sharey="row")
-    for (tip, tension), state in zip(axes.T, held, strict=True):
+    for (tip, tension), (state, rows) in zip(axes.T, held.items(), strict=True):
         at = f"at {np.degrees(state):.4g} deg"
-        time = chart.keep(f"time {at} [s]", runs[state, "off"].time)
+        runs = {row["law"]: row["run"] for row in rows if not row["error"]}
+        time = chart.keep(f"time {at} [s]", runs["off"].time)
         shown = (time >= _FROM) & (time <= _UNTIL)
         for law, (_, color, line) in _DRAWN.items():
-            run = runs[state, law]
+            run = runs[law]
             output = chart.keep(f"output_angle {law} {at} [deg]", np.degrees(run["output_angle"]))
             agonist = chart.keep(f"agonist {law} {at} [N]", run["measured_tension"][:, 0])
             tip.plot(time[shown], output[shown] - np.degrees(state), line, color=color, lw=1.3)
@@ -216,27 +200,24 @@ def _observations(traces: Sequence[Trace]) -> dict[str, bool]:
     }
 
 
+def _trace(run: Callable[..., Run], motion: Motion, model: ShortForm) -> dict[str, Trace]:
+    enabled, paused = run(), run(paused=True)
+    agonist = enabled["tension"][motion.loaded :, 0]
+    late, wound = step_response.tip_delay(enabled, paused, motion, model.drives.spool_radius)
+    released = float(agonist.max() - agonist[-1])
+    return {"trace": Trace(step_response.response(enabled, motion), late, wound, released)}
+
+
 def readings(context: Context, inst: ShortForm, states: Sequence[float], force: float) -> tuple[str, Table]:
     """Compute the response of every reading in the four states; return the conclusions and the table."""
-
-    def work(case: tuple[Reading, float]) -> Trace:
-        reading, state = case
-        model = step_response.controller_model(inst)
-        if reading.slow:
-            model = model.replace(**{"control.tendon_speed": _SLOW})
-        motion = step_response.held_motion(inst, state, force, BEFORE, 2 * AFTER if reading.slow else AFTER)
-        run, paused = (
-            step_response.simulate_motion(inst, model, motion, reading.law, reading.actuation, paused=paused)
-            for paused in (False, True)
+    traces: dict[Reading, list[Trace]] = {}
+    for reading in _READINGS:
+        model = inst.replace(**{"control.tendon_speed": _SLOW}) if reading.slow else inst
+        times, laws = (BEFORE, 2 * AFTER if reading.slow else AFTER), {reading.law: (0.0,)}
+        rows = step_response.held(
+            model, states, laws, times, _trace, load=force, plant=inst, actuation=reading.actuation
         )
-        agonist = run["tension"][motion.loaded :, 0]
-        late, wound = step_response.tip_delay(run, paused, motion, inst.drives.spool_radius)
-        return Trace(step_response.response(run, motion), late, wound, float(agonist.max() - agonist[-1]))
-
-    found = step_response.in_parallel(work, [(reading, state) for reading in _READINGS for state in states])
-    traces = {
-        reading: [found[reading, state] for state in states if (reading, state) in found] for reading in _READINGS
-    }
+        traces[reading] = [row["trace"] for row in rows]
     observed = {reading: _observations(several) for reading, several in traces.items() if len(several) == 4}
     count = len(next(iter(observed.values()), ()))
     table = context.table(

@@ -8,7 +8,7 @@ from tenodesis import simulate, statics, twin
 from tenodesis.errors import NoSolutionError, ProtocolError
 from tenodesis.instrument import ShortForm
 from tenodesis.paper import published
-from tenodesis.paper.context import Context, RecordedRun, has_friction, held_angles, shown_force
+from tenodesis.paper.context import DRAWN, Context, RecordedRun, has_friction, held_angles, shown_force
 from tenodesis.report.content import Column, Plot, Section, fixed, named
 from tenodesis.report.curves import Step, step_response
 from tenodesis.run import Run
@@ -20,7 +20,6 @@ APPROACH = float(np.radians(20))
 """Highest speed at which the handle is brought to its angle, rad/s."""
 _SEED = 15
 _TITLE = "A sudden load on the held instrument"
-_EVERY = slice(None, None, 20)  # samples that are drawn
 _TOLERANCE = 1e-5  # rad
 
 
@@ -191,7 +190,7 @@ def section(context: Context) -> Section:
 def _plot(context: Context, states: list[State], rig: str) -> Plot:
     inst = context.tested
     chart = step_response(
-        [Step(f"{np.degrees(state.desired):.4g} deg", state.run[_EVERY], BEFORE, state.theory) for state in states]
+        [Step(f"{np.degrees(state.desired):.4g} deg", state.run[DRAWN], BEFORE, state.theory) for state in states]
     )
     return chart.plot(
         context.file_name("fig15", "step_load"),

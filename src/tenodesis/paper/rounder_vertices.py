@@ -13,8 +13,10 @@ from tenodesis.control import LawName
 from tenodesis.errors import InstrumentError, NoSolutionError, StudyError
 from tenodesis.instrument import ShortForm, TendonGear
 from tenodesis.paper import published, step_response
+from tenodesis.paper.context import WAYS
 from tenodesis.report.content import Array
 from tenodesis.scaling import catalogue
+from tenodesis.simulate import campaign
 from tenodesis.twin import Twin
 
 LAWS: tuple[LawName, ...] = ("off", "paper", "robust")
@@ -87,13 +89,6 @@ class Design(NamedTuple):
     surface: Surface
 
 
-class Held(NamedTuple):
-    """A held state under the load: the final error against eq. 18, deg, and whether the controller faulted."""
-
-    final: float
-    faulted: bool
-
-
 class Outcome(NamedTuple):
     """What a design costs: NaN where the joint does not hold the load."""
 
@@ -101,21 +96,17 @@ class Outcome(NamedTuple):
     """Mean width of the loop of output over handle angle under the load, deg."""
     delay: float
     """Way of the handle after its reversal in flexion until the tip has moved 0.1 deg, deg."""
-    held: dict[LawName, tuple[Held, ...]]
-    """By law and state."""
-
-    def final(self, law: LawName) -> Array:
-        """Return the final errors of a law by state, deg; NaN where it faulted."""
-        return np.array([np.nan if one.faulted else one.final for one in self.held[law]])
+    final: dict[LawName, Array]
+    """Final errors against eq. 18 by law and state, deg; NaN where the controller faulted."""
 
     def worst(self, law: LawName) -> float:
         """Return the largest final error of a law over the states, deg; infinite where it faulted in one."""
-        return float(np.nan_to_num(np.abs(self.final(law)), nan=np.inf).max())
+        return float(np.nan_to_num(np.abs(self.final[law]), nan=np.inf).max())
 
     @property
     def lost(self) -> Array:
         """Output angle lost with the motors off, by state, deg."""
-        return -self.final("off")
+        return -self.final["off"]
 
 
 @dataclass(frozen=True)
@@ -264,15 +255,18 @@ def _assumed(inst: ShortForm, changed: ShortForm) -> ShortForm:
     return step_response.controller_model(inst.replace(**{"friction.vertex_coefficient": effective}))
 
 
-def held(inst: ShortForm, changed: ShortForm, state: float, force: float, law: LawName) -> Held:
-    """Hold an output angle (rad) under a load (N) by a law; `inst` is the instrument as in its file."""
+def held(inst: ShortForm, changed: ShortForm, state: float, force: float, law: LawName) -> float:
+    """Return the final error, deg, of an output angle (rad) held under a load (N) by a law; NaN if it faults or falls.
+
+    `inst` is the instrument as in its file.
+    """
     motion = step_response.held_motion(inst, state, force, BEFORE, AFTER)
     try:
         run = step_response.simulate_motion(changed, _assumed(inst, changed), motion, law)
     except NoSolutionError:
-        return Held(math.nan, False)
+        return math.nan
     response = step_response.response(run, motion)
-    return Held(response.final, response.faulted)
+    return math.nan if response.faulted else response.final
 
 
 def loop(inst: ShortForm, force: float) -> tuple[float, float]:
@@ -291,7 +285,7 @@ def loop(inst: ShortForm, force: float) -> tuple[float, float]:
         return math.nan, math.nan
     down = output[-up.size :]
     rising = output[-2 * up.size + 1 : -up.size + 1]
-    grid = np.linspace(0.15, 0.9, 61) * reach
+    grid = WAYS * reach
     width = np.interp(grid, up, down[::-1]) - np.interp(grid, up, rising)
     moved = np.flatnonzero(np.abs(down - down[0]) > _MOVES)
     delay = reach - up[::-1][moved[0]] if moved.size else math.nan
@@ -301,7 +295,7 @@ def loop(inst: ShortForm, force: float) -> tuple[float, float]:
 def outcome(inst: ShortForm, design: Design, states: Sequence[float], force: float, reference_radius: float) -> Outcome:
     """Compute what a design costs in the held states (rad) under a load (N)."""
     changed = redesigned(inst, design, reference_radius)
-    by_law = {law: tuple(held(inst, changed, state, force, law) for state in states) for law in LAWS}
+    by_law = {law: np.array([held(inst, changed, state, force, law) for state in states]) for law in LAWS}
     return Outcome(*loop(changed, force), by_law)
 
 
@@ -381,15 +375,23 @@ def study(
         for radius in dict.fromkeys((reference, _held(found, limits)) if rope.bending_stiffness else (reference,))
     ]
     total = len(distinct) + len(scanned)
-    done = step_response.in_parallel(
-        lambda key: outcome(inst, distinct[key], states, load, reference),
-        distinct,
-        lambda count, _: progress(count, total),
+
+    def design_of(key: tuple[float, float, float]) -> dict[str, Outcome]:
+        return {"outcome": outcome(inst, distinct[key], states, load, reference)}
+
+    def largest_of(rope: Rope, radius: float) -> dict[str, float]:
+        return {"coefficient": _largest_coefficient(inst, states, load, reference, (rope, radius))}
+
+    done = campaign.run(
+        design_of,
+        campaign.cases(key=distinct),
+        on="threads",
+        progress=lambda count, _: progress(count, total),
     )
-    largest = step_response.in_parallel(
-        lambda case: _largest_coefficient(inst, states, load, reference, case),
-        scanned,
-        lambda count, _: progress(len(distinct) + count, total),
+    outcomes = {row["key"]: row["outcome"] for row in done}
+    scans = [{"rope": rope, "radius": radius} for rope, radius in scanned]
+    largest = campaign.run(
+        largest_of, scans, on="threads", progress=lambda count, _: progress(len(distinct) + count, total)
     )
     return Study(
         inst,
@@ -401,8 +403,8 @@ def study(
         coefficients,
         used,
         surfaces,
-        {design: done[seen(design)] for design in designs},
-        largest,
+        {design: outcomes[seen(design)] for design in designs},
+        {(row["rope"], row["radius"]): row["coefficient"] for row in largest},
     )
 
 
@@ -420,7 +422,7 @@ def _largest_coefficient(
     for coefficient in np.linspace(0.0, inst.friction.vertex_coefficient, _SCAN + 1):
         changed = redesigned(inst, Design(radius, float(coefficient), rope, METAL), reference)
         ends = (held(inst, changed, state, force, "paper") for state in states)
-        if any(end.faulted or not abs(end.final) <= GOOD for end in ends):
+        if any(not abs(end) <= GOOD for end in ends):
             break
         good = float(coefficient)
     return good

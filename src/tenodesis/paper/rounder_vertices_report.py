@@ -71,13 +71,13 @@ def _sweep(found: Study) -> dict[str, Array]:
     for law in LAWS:
         for n, state in enumerate(found.states):
             heading = f"final error {law} at {math.degrees(state):.4g} deg [deg]"
-            columns[heading] = np.array([one.final(law)[n] for one in outcomes])
+            columns[heading] = np.array([one.final[law][n] for one in outcomes])
     return columns
 
 
 def _results(found: Study) -> dict[str, Any]:
     def by_law(one: Outcome) -> dict[str, Any]:
-        return {law: [json_number(value) for value in one.final(law)] for law in LAWS}
+        return {law: [json_number(value) for value in one.final[law]] for law in LAWS}
 
     return {
         "schema": RESULTS_SCHEMA,
@@ -146,7 +146,7 @@ def _cells(one: Outcome) -> list[str]:
         fixed(one.lost[-1]),
         fixed(one.hysteresis),
         fixed(one.delay),
-        *(fixed(value) for value in one.final("paper")),
+        *(fixed(value) for value in one.final["paper"]),
         "fault" if math.isinf(worst) else fixed(worst),
     ]
 
@@ -174,7 +174,7 @@ def plot(found: Study) -> Plot:
     draw(first, "hysteresis", lambda one: one.hysteresis)
     first.set(ylabel="hysteresis [deg]", title="Loop of output over handle angle")
     first.set_ylim(bottom=0)
-    draw(second, "paper", lambda one: abs(one.final("paper")[-1]))
+    draw(second, "paper", lambda one: abs(one.final["paper"][-1]))
     second.set(ylabel="final error [deg]", title=f"Paper's law {last}")
     draw(third, "robust", lambda one: one.worst("robust"))
     third.set(ylabel="final error [deg]", title="Robust law, worst of the states")

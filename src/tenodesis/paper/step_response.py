@@ -1,27 +1,23 @@
 """The twin under a load that is applied suddenly, with the controller in the loop, and the response of the tip."""
 
-import warnings
-from collections.abc import Callable, Iterable
-from typing import NamedTuple, TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tenodesis import statics
 from tenodesis.control import Controller, LawName, Request
-from tenodesis.errors import FaultWarning, NoSolutionError
 from tenodesis.instrument import ShortForm
 from tenodesis.paper.context import COEFFICIENTS, held_angles, shown_force
 from tenodesis.paper.fig15_step_load import approach_time, rigged
 from tenodesis.report.content import Array
 from tenodesis.run import Run
+from tenodesis.simulate import campaign
 from tenodesis.simulate.command import SMOOTH
 from tenodesis.statics import Actuation
-from tenodesis.threads import thread_pool
 from tenodesis.twin import TIME_STEP, Twin
-
-T = TypeVar("T")
-R = TypeVar("R")
 
 NEAR = 1.0
 """Error within which the tip counts as back, deg."""
@@ -101,17 +97,20 @@ def held_states(inst: ShortForm) -> list[float]:
     return [output for output, angle in zip(angles, handle, strict=True) if abs(angle) <= inst.handle_range]
 
 
-def held_motion(inst: ShortForm, desired: float, force: float, before: float, after: float) -> Motion:
+def held_motion(
+    inst: ShortForm, desired: float, force: float, before: float, after: float, *, wait: float = 0.0
+) -> Motion:
     """Return the motion to the handle angle that without friction gives an output angle (rad), and the load (N) on it.
 
-    The load comes after `before` s and stays for `after` s.
+    The handle waits for a time, s; the load comes `before` s later and stays for `after` s.
     """
     handle = float(statics.handle_angle(inst, desired))
     steps = round((before + after) / TIME_STEP)
     time = np.arange(1, steps + 1) * TIME_STEP
     part = np.clip(time / max(approach_time(handle), TIME_STEP), 0, 1)
-    loaded = round(before / TIME_STEP)
-    return Motion(handle * SMOOTH.way(part), np.where(np.arange(steps) < loaded, 0, force), loaded, desired)
+    loaded, still = round(before / TIME_STEP), np.zeros(round(wait / TIME_STEP))
+    angles, loads = handle * SMOOTH.way(part), np.where(np.arange(steps) < loaded, 0, force)
+    return Motion(np.append(still, angles), np.append(still, loads), still.size + loaded, desired)
 
 
 def simulate_motion(
@@ -183,29 +182,60 @@ def tip_delay(run: Run, paused: Run, motion: Motion, spool_radius: float) -> tup
     return float(follows[0]) * TIME_STEP, spool_radius * float(wound[follows[0]] - wound[0])
 
 
-def in_parallel(
-    work: Callable[[T], R],
-    cases: Iterable[T],
-    progress: Callable[[float, float], None] = lambda _done, _total: None,
-) -> dict[T, R]:
-    """Return the results by case, in order, computed over threads; without those that the joint cannot hold.
+def held(
+    inst: ShortForm,
+    states: Sequence[float],
+    laws: Mapping[LawName, Sequence[float]],
+    times: tuple[float, float],
+    measure: Callable[[Callable[..., Run], Motion, ShortForm], Mapping[str, Any]],
+    *,
+    load: float | Callable[[float], float] | None = None,
+    plant: ShortForm | None = None,
+    identified: bool = True,
+    seeds: Sequence[int] = (15,),
+    wait: float = 0.0,
+    **how: Any,
+) -> campaign.Rows:
+    """Return a row for each held state, law, error of the friction that it assumes and noise seed.
 
-    Progress is called with how many are done, and of how many. Controllers that fault are not warned about: that is
-    among the results.
+    Parameters
+    ----------
+    inst
+        What the controller's model is made of.
+    states
+        Output angles, rad.
+    laws
+        By law the errors of the assumed friction, as shares of the true friction.
+    times
+        Before the load and under it, s.
+    measure
+        Returns metrics of a run, by what runs it (with further arguments of :func:`simulate_motion`), its motion, and
+        the controller's model.
+    load
+        N, or of each state; by default the step load.
+    plant
+        The instrument that is run; by default the model's.
+    identified, wait, how
+        As :func:`controller_model`, :func:`held_motion` and :func:`simulate_motion` take them.
     """
+    force = step_force(inst) if load is None else load
+    motions = {
+        state: held_motion(inst, state, force(state) if callable(force) else force, *times, wait=wait)
+        for state in states
+    }
+    models = {
+        error: controller_model(inst, 1 + error, identified) for error in {one for few in laws.values() for one in few}
+    }
 
-    def attempt(case: T) -> R | None:
-        try:
-            return work(case)
-        except NoSolutionError:
-            return None
+    def trial(state: float, law: LawName, error: float, seed: int) -> Mapping[str, Any]:
+        arguments = (plant or inst, models[error], motions[state], law)
+        return measure(partial(simulate_motion, *arguments, seed=seed, **how), motions[state], models[error])
 
-    cases = list(cases)
-    found: dict[T, R] = {}
-    with warnings.catch_warnings(), thread_pool() as pool:
-        warnings.simplefilter("ignore", FaultWarning)
-        for done, (case, result) in enumerate(zip(cases, pool.map(attempt, cases), strict=True), 1):
-            if result is not None:
-                found[case] = result
-            progress(done, len(cases))
-    return found
+    cases = [
+        {"state": state, "law": law, "error": error, "seed": seed}
+        for state in states
+        for law, errors in laws.items()
+        for error in errors
+        for seed in seeds
+    ]
+    return campaign.run(trial, cases, on="threads")

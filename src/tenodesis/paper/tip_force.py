@@ -1,6 +1,6 @@
 """The observer's force at the tip on instruments unlike the controller's model: its error, and its interval."""
 
-from itertools import product
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,10 +13,11 @@ from tenodesis.paper import step_response
 from tenodesis.paper.context import Context
 from tenodesis.paper.fig15_compensated import FRICTION_ERRORS
 from tenodesis.paper.step_response import Motion
-from tenodesis.paper.unlike_model import Difference, differences
+from tenodesis.paper.unlike_model import Difference, differences, held
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, Section, named
 from tenodesis.run import Run
+from tenodesis.simulate.campaign import Rows, farthest, rms
 from tenodesis.twin import TIME_STEP
 
 TITLE = "Force at the tip"
@@ -47,9 +48,8 @@ class Judged(NamedTuple):
 def judge(off: ArrayLike, deviation: ArrayLike, plain: ArrayLike) -> Judged:
     """Judge an estimate by its errors and its standard deviations, beside the errors of eq. 1, all N."""
     error, std = np.asarray(off, float), np.asarray(deviation, float)
-    return Judged(
-        _rms(error), float(np.abs(error).max()), _rms(std), float((np.abs(error) <= WITHIN * std).mean()), _rms(plain)
-    )
+    covered = float((np.abs(error) <= WITHIN * std).mean())
+    return Judged(rms(error), farthest(error), rms(std), covered, rms(plain))
 
 
 def by_tensions(inst: ShortForm, output_angle: ArrayLike, tensions: ArrayLike) -> Array:
@@ -76,14 +76,6 @@ def drawing(time: Array, load: Array, estimate: Array, deviation: Array, plain: 
     axis.set(xlabel="time [s]", ylabel="force at the tip [N]", xlim=(time[0], time[-1]))
     style.legend_above(axis, 4)
     return chart
-
-
-class _Held(NamedTuple):
-    """A run under a load that came while the tip was held."""
-
-    run: Run
-    motion: Motion
-    plain: Array
 
 
 def section(context: Context) -> Section:
@@ -114,7 +106,7 @@ def section(context: Context) -> Section:
             key = words.split()[0]
             table.row(difference.name, words, *cells, difference=difference, work=key, words=words)
             if difference.key == "two_vertices" and law == "robust":
-                plots = [_plot(inst, min(found, key=lambda held: abs(held.motion.desired - _SHOWN)))]
+                plots = [_plot(inst, min(found, key=lambda held: abs(held["state"] - _SHOWN)))]
     text = (
         "<p>The observer estimates the load from what is measured at the handle’s end, and states an interval. Each "
         "row is over the held states, and over friction assumed 30 % too low, right and 30 % too high. <em>Before a "
@@ -131,50 +123,36 @@ def _column(what: str, description: str, heading: str, unit: str = "N") -> Colum
     return Column(heading, key, unit, f"{description}, {{words}}; differs from the model: {{difference.name}}")
 
 
-def _runs(inst: ShortForm, difference: Difference, law: LawName) -> list[_Held]:
-    given = inst.replace(**difference.known)
-    plant = given.replace(**difference.unknown)
-    force = step_response.step_force(inst)
-    after = _AFTER if law == "robust" else _LAST
-    motions = {
-        state: step_response.held_motion(given, state, force, _BEFORE, after)
-        for state in step_response.held_states(given)
-    }
-    models = {error: step_response.controller_model(given, 1 + error) for error in FRICTION_ERRORS}
+def _runs(inst: ShortForm, difference: Difference, law: LawName) -> Rows:
+    """Return rows of runs, with their motions and the force by eq. 1."""
 
-    def work(case: tuple[float, float]) -> _Held:
-        state, error = case
-        run = step_response.simulate_motion(plant, models[error], motions[state], law, seed=_SEED)
-        return _Held(run, motions[state], by_tensions(models[error], run["output_angle"], run["measured_tension"]))
+    def measure(run: Callable[..., Run], motion: Motion, model: ShortForm) -> dict[str, Any]:
+        done = run()
+        plain = by_tensions(model, done["output_angle"], done["measured_tension"])
+        return {"run": done, "motion": motion, "plain": plain}
 
-    return list(step_response.in_parallel(work, product(motions, FRICTION_ERRORS)).values())
+    times = _BEFORE, _AFTER if law == "robust" else _LAST
+    return held(inst, difference, {law: FRICTION_ERRORS}, times, measure, seeds=(_SEED,))
 
 
-def _judge(found: list[_Held], law: LawName) -> Judged:
-    loaded = found[0].motion.loaded
-    begin = len(found[0].run) - round(_LAST / TIME_STEP) if law == "robust" else loaded + round(_SETTLED / TIME_STEP)
-    load = found[0].motion.force[-1]
-    rows: Any = [(held.run["estimated_force"], held.run["estimated_force_std"], held.plain) for held in found]
-    estimate, deviation, plain = np.array(rows)[:, :, begin:].swapaxes(0, 1)
-    return judge(estimate - load, deviation, plain - load)
-
-
-def _plot(inst: ShortForm, held: _Held) -> Plot:
-    run, every = held.run.rows(round(_BEFORE / TIME_STEP) // 2), slice(None, None, 20)
-    skipped = len(held.run) - len(run)
-    chart = drawing(
-        run.time[every],
-        held.motion.force[skipped:][every],
-        run["estimated_force"][every],
-        run["estimated_force_std"][every],
-        held.plain[skipped:][every],
+def _judge(found: Rows, law: LawName) -> Judged:
+    motion = found[0]["motion"]
+    last, settled = -round(_LAST / TIME_STEP), motion.loaded + round(_SETTLED / TIME_STEP)
+    shown = slice(last if law == "robust" else settled, None)
+    load = motion.force[-1]
+    estimate, deviation = (
+        np.array([row["run"][name][shown] for row in found]) for name in ("estimated_force", "estimated_force_std")
     )
+    return judge(estimate - load, deviation, np.array([row["plain"][shown] for row in found]) - load)
+
+
+def _plot(inst: ShortForm, row: dict[str, Any]) -> Plot:
+    shown = slice(round(_BEFORE / TIME_STEP) // 2, None, 20)
+    run, motion = row["run"], row["motion"]
+    signals = [run[name] for name in ("estimated_force", "estimated_force_std")]
+    chart = drawing(*(values[shown] for values in (run.time, motion.force, *signals, row["plain"])))
     return chart.plot(
         "tip_force_over_time",
-        f"Force at the tip over time, {named(inst)} with two vertices a joint, at "
-        f"{np.degrees(held.motion.desired):.0f}° under the robust law, with the interval of 95 % and by eq. 1.",
+        f"Force at the tip over time, {named(inst)} with two vertices a joint, at {np.degrees(row['state']):.0f}° "
+        "under the robust law, with the interval of 95 % and by eq. 1.",
     )
-
-
-def _rms(values: ArrayLike) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))

@@ -1,7 +1,6 @@
 """The laws on instruments that differ from the controller's model: contacts, compliance, friction, calibration."""
 
-from collections.abc import Mapping, Sequence
-from itertools import product
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +12,8 @@ from tenodesis.paper.context import Context
 from tenodesis.paper.fig15_compensated import FRICTION_ERRORS
 from tenodesis.report import style
 from tenodesis.report.content import Chart, Plot, Section, Table, fixed, named
+from tenodesis.run import Run
+from tenodesis.simulate.campaign import Rows, farthest, rms
 from tenodesis.twin import TIME_STEP
 
 TITLE = "Instruments unlike the controller’s model"
@@ -38,16 +39,6 @@ class Difference(NamedTuple):
     """What both have."""
     homes: bool = False
     """Whether the controller homes first, which finds errors of the load cells."""
-
-
-class Outcome(NamedTuple):
-    """A run: its final error (deg), when the tip is within 1 deg (s), the estimate's normalised error squared."""
-
-    final: float
-    time: float
-    normalised: float
-    refused: str
-    """Why homing refused, in the words of :func:`tenodesis.control.homing_failure`; empty if it did not"""
 
 
 def differences(inst: ShortForm) -> list[Difference]:
@@ -83,37 +74,38 @@ def differences(inst: ShortForm) -> list[Difference]:
     return found
 
 
-def outcomes(inst: ShortForm, difference: Difference, law: LawName) -> list[Outcome]:
-    """Run a law over the held states of an instrument and, if it is robust, the errors of its assumed friction."""
+def held(
+    inst: ShortForm,
+    difference: Difference,
+    laws: Mapping[LawName, Sequence[float]],
+    times: tuple[float, float],
+    measure: Callable[..., Mapping[str, Any]],
+    **how: Any,
+) -> Rows:
+    """Return :func:`tenodesis.paper.step_response.held` with a difference over the held states, under the step load."""
     given = inst.replace(**difference.known)
-    plant = given.replace(**difference.unknown)
-    force = step_response.step_force(inst)
-    homed = round(_HOMING / TIME_STEP) if difference.homes else None
-    motions = {}
-    for state in step_response.held_states(given):
-        motion = step_response.held_motion(given, state, force, _BEFORE, _AFTER)
-        if homed is not None:
-            still = np.zeros(homed)
-            motion = motion._replace(
-                handle_angle=np.append(still, motion.handle_angle),
-                force=np.append(still, motion.force),
-                loaded=homed + motion.loaded,
-            )
-        motions[state] = motion
-    errors = FRICTION_ERRORS if law == "robust" else (0.0,)
-    models = {error: step_response.controller_model(given, 1 + error) for error in errors}
+    states, load, plant = step_response.held_states(given), step_response.step_force(inst), difference.unknown
+    return step_response.held(given, states, laws, times, measure, load=load, plant=given.replace(**plant), **how)
 
-    def work(case: tuple[float, float]) -> Outcome:
-        state, error = case
-        motion = motions[state]
-        run = step_response.simulate_motion(plant, models[error], motion, law, seed=_SEED, homed=homed)
-        found = step_response.response(run, motion)
-        last = run.rows(-round(_JUDGED / TIME_STEP))
+
+def outcomes(inst: ShortForm, difference: Difference) -> Rows:
+    """Run the laws over the held states of an instrument, the robust one over the errors of its assumed friction.
+
+    A row has the response of the tip, the mean square of the estimate's error over its variance (normalised), and why
+    homing refused, in the words of :func:`tenodesis.control.homing_failure`; empty if it did not.
+    """
+    wait = _HOMING if difference.homes else 0.0
+
+    def measure(run: Callable[..., Run], motion: step_response.Motion, _: ShortForm) -> dict[str, Any]:
+        done = run(homed=round(wait / TIME_STEP) or None)
+        last = done.rows(-round(_JUDGED / TIME_STEP))
         off = (last["estimated_output_angle"] - last["output_angle"]) / last["estimated_output_angle_std"]
-        refused = homing_failure(int(np.nan_to_num(run["homing_failure"][-1])))
-        return Outcome(found.final, found.settling_time, float(np.mean(off**2)), refused)
+        refused = homing_failure(int(np.nan_to_num(done["homing_failure"][-1])))
+        normalised = float(np.mean(off**2))
+        return step_response.response(done, motion)._asdict() | {"normalised": normalised, "refused": refused}
 
-    return list(step_response.in_parallel(work, product(motions, errors)).values())
+    laws = {law: FRICTION_ERRORS if law == "robust" else (0.0,) for law in _LAWS}
+    return held(inst, difference, laws, (_BEFORE, _AFTER), measure, seeds=(_SEED,), wait=wait)
 
 
 def section(context: Context) -> Section:
@@ -130,16 +122,17 @@ def section(context: Context) -> Section:
         return Section("unlike_model", TITLE, f"<p>Not run: {why}.</p>")
     rows, bars = [], []
     for difference in differences(inst):
-        found = {law: outcomes(inst, difference, law) for law in _LAWS}
-        if not all(found.values()):
+        rows_of = outcomes(inst, difference)
+        found = rows_of.by("law")
+        if len(found) < len(_LAWS):
             continue
-        refused = sorted({outcome.refused for runs in found.values() for outcome in runs if outcome.refused})
+        refused = sorted({*rows_of["refused"]} - {""})
         if refused:
             why = f"homing refuses: {', '.join(refused)}"
             rows.append([difference.name, *("–" for _ in range(len(_LAWS) - 1)), why, *("–" for _ in _TARGETS)])
             continue
         rows.append(_row(context, difference, found))
-        bars.append((difference.name, [_rms(outcome.final for outcome in found[law]) for law in _LAWS]))
+        bars.append((difference.name, [rms(found[law]["final"]) for law in _LAWS]))
     if not rows:
         return Section("unlike_model", TITLE, f"<p>Not run: {named(inst)} does not hold the load in any state.</p>")
     table = Table(
@@ -170,16 +163,12 @@ def section(context: Context) -> Section:
     return Section("unlike_model", TITLE, text, [_plot(inst, bars)], [table])
 
 
-def _rms(values: Any) -> float:
-    return float(np.sqrt(np.mean(np.square(list(values)))))
-
-
-def _row(context: Context, difference: Difference, found: Mapping[LawName, Sequence[Outcome]]) -> list[str]:
+def _row(context: Context, difference: Difference, found: Mapping[LawName, Rows]) -> list[str]:
     """Return the cells of a difference, and record its results."""
     cells = [difference.name]
     for law, name in _LAWS.items():
-        finals = [outcome.final for outcome in found[law]]
-        values = {"rms": _rms(finals), "worst": max(map(abs, finals))}
+        finals = found[law]["final"]
+        values = {"rms": rms(finals), "worst": farthest(finals)}
         for key, value in values.items():
             context.add(
                 f"unlike_model.{difference.key}.{law}.final_error_{key}",
@@ -191,11 +180,11 @@ def _row(context: Context, difference: Difference, found: Mapping[LawName, Seque
         if law != "robust":
             cells.append(f"{fixed(values['rms'])} / {fixed(values['worst'])}")
             continue
-        time = max(outcome.time for outcome in found[law])
+        time = float(found[law]["settling_time"].max())
         for value, target in zip((*values.values(), time), _TARGETS, strict=True):
             shown = fixed(value) if np.isfinite(value) else "never"
             cells.append(shown if context.is_own else f"{shown}, {'met' if value <= target else 'missed'}")
-        cells.append(fixed(float(np.mean([outcome.normalised for outcome in found[law]]))))
+        cells.append(fixed(float(np.mean(found[law]["normalised"]))))
     return cells
 
 

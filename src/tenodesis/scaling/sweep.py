@@ -17,7 +17,6 @@ from tenodesis.similarity.parameters import RADII
 
 _CHUNK = 65_536
 _REFINED_AT_ONCE = 4096
-_BLOCK = 64
 RANGES = ("factor", "overall_length", "end_effector_length", "handle_length")
 """Constraints that are a range."""
 
@@ -244,9 +243,7 @@ def nondominated(costs: Array) -> NDArray[np.int64]:
     # A row stands behind every row that dominates it.
     left = np.lexsort(costs.T[::-1])
     while left.size:
-        columns = np.ascontiguousarray(costs[left].T)
-        head, rest = columns[:, :_BLOCK], columns[:, _BLOCK:]
-        new = ~np.triu((head[:, :, None] <= head[:, None]).all(axis=0), 1).any(axis=0)
-        front.append(left[:_BLOCK][new])
-        left = left[_BLOCK:][(rest[:, None] < head[:, new, None]).any(axis=0).all(axis=0)]
-    return np.sort(np.concatenate([*front, left]))
+        first, left = left[0], left[1:]
+        front.append(first)
+        left = left[(costs[left] < costs[first]).any(axis=1)]
+    return np.sort(np.array(front, np.int64))

@@ -12,6 +12,7 @@ are a row::
 """
 
 import json
+import signal
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -30,7 +31,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from tenodesis.cluster import Cluster
 from tenodesis.errors import FaultWarning, NoSolutionError, StudyError
-from tenodesis.files import atomic_file, locked_file, read_regular
+from tenodesis.files import atomic_file, locked_file, read_regular, write_errors
 from tenodesis.run import Array
 from tenodesis.threads import set_threads, threads
 from tenodesis.version import __version__
@@ -96,6 +97,7 @@ def run(
     results: str | Path | None = None,
     on: Literal["processes", "threads"] | Cluster = "processes",
     progress: Callable[[int, int], None] | None = None,
+    size: int = 1,
 ) -> Rows:
     """Return a row for each case, in the cases' order; one that the joints cannot hold, or without metrics, has none.
 
@@ -116,36 +118,43 @@ def run(
         :func:`tenodesis.set_threads` says, or a Ray cluster.
     progress
         Called with how many cases are done, and of how many.
+    size
+        What a case adds to the share of the cluster's node that has run it.
 
     Raises
     ------
     StudyError
-        The file of results is that of another trial or version, cannot be read or is in use.
+        The file of results is that of another trial or version, cannot be read or written, or is in use.
     """
     todo = [dict(case) for case in given]
     path = None if results is None else Path(results)
     with ExitStack() as stack:
         if path is not None:
-            try:
-                stack.enter_context(locked_file(path))
-            except BlockingIOError:
-                raise StudyError(f"{path} is being written by another campaign; give another file.") from None
+            with write_errors(path, StudyError, "results"):
+                try:
+                    stack.enter_context(locked_file(path))
+                except BlockingIOError:
+                    raise StudyError(f"{path} is being written by another campaign; give another file.") from None
         store = _Store(path, f"{trial.__module__}.{getattr(trial, '__qualname__', trial)}")
+        # A file that cannot be written is reported before hours of work, not after them.
+        store.save()
         stack.callback(store.save)
         bar = stack.enter_context(_bar(title))
         keys = map(_key, todo) if store.rows else ()
         found = {n: store.rows[key] for n, key in enumerate(keys) if key in store.rows}
-        for n, metrics in _outcomes(trial, {n: case for n, case in enumerate(todo) if n not in found}, on):
+        for n, metrics in _outcomes(trial, {n: case for n, case in enumerate(todo) if n not in found}, on, size):
             found[n] = store.keep(todo[n], metrics)
             for tell in filter(None, (bar, progress)):
                 tell(len(found), len(todo))
     return Rows({**todo[n], **metrics} for n, metrics in sorted(found.items()) if metrics is not None)
 
 
-def _outcomes(trial: Trial, todo: Mapping[int, Case], on: Any) -> Iterator[tuple[int, Mapping[str, Any] | None]]:
+def _outcomes(
+    trial: Trial, todo: Mapping[int, Case], on: Any, size: int
+) -> Iterator[tuple[int, Mapping[str, Any] | None]]:
     """Yield the metrics of cases by their numbers, as they are done."""
     if isinstance(on, Cluster):
-        found = on.map(_tried, trial, list(todo.values()), [1] * len(todo))
+        found = on.map(_tried, trial, list(todo.values()), [size] * len(todo))
         yield from zip(todo, found, strict=True)
         return
     count = min(threads(), max(len(todo), 1))
@@ -174,7 +183,8 @@ def _tried(trial: Trial, case: Case) -> Mapping[str, Any] | None:
 
 
 def _alone() -> None:
-    """Prepare a process that computes with a single thread."""
+    """Prepare a process that computes with a single thread, and that Ctrl-C stops by the one that began it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     set_threads(1)
     warnings.simplefilter("ignore", FaultWarning)
 
@@ -217,7 +227,7 @@ class _Store:
         if self.path is None:
             return
         rows = [[json.loads(case), metrics] for case, metrics in self.rows.items()]
-        with atomic_file(self.path) as new:
+        with write_errors(self.path, StudyError, "results"), atomic_file(self.path) as new:
             new.write_text(json.dumps(self.head | {"rows": rows}), "utf-8")
         self.saved = time.monotonic()
 
@@ -264,7 +274,7 @@ class Column:
     statistic: Callable[[Any], Any] = np.mean
     """Of the values of the column"""
     form: str = ".2f"
-    """As :func:`format` takes it; of numbers only"""
+    """As :func:`format` takes it, of numbers; empty for a column of text"""
 
     def cell(self, rows: Rows) -> str:
         """Return the statistic of rows as text."""
@@ -280,7 +290,7 @@ def table(groups: Mapping[Any, Rows], columns: Sequence[Column], heading: str | 
         shown = map(str, label) if isinstance(label, tuple) and parts > 1 else [str(label)]
         lines.append([*shown, *(one.cell(rows) for one in columns)])
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    aligned = [str.ljust] * parts + [str.rjust] * len(columns)
+    aligned = [str.ljust] * parts + [str.rjust if one.form else str.ljust for one in columns]
     return "\n".join(
         "  ".join(f(cell, n) for f, cell, n in zip(aligned, line, widths, strict=True)).rstrip() for line in lines
     )

@@ -10,7 +10,7 @@ from tenodesis.control.parameters import force_limit, tension_limit
 from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.report.content import fixed
 from tenodesis.scaling import Design, Wheel
-from tenodesis.scaling.parts import Hardware, Known, Motor
+from tenodesis.scaling.parts import CataloguePart, Hardware, Known, Motor
 from tenodesis.scaling.plan import angle, masses, plain, quantity
 from tenodesis.scaling.practical import is_stock
 from tenodesis.workshop.budget import BACKLASHES, NAMES, Budget, tolerance
@@ -113,10 +113,8 @@ def _wheels(design: Design) -> Iterator[Item]:
             )  # fmt: skip
     if choice.rod is not None:
         length = quantity(getattr(inst, "backbone_length", 0.0), "mm", 5, "m")
-        yield Item(
-            str(axes), "backbone", f"{choice.rod.name}, ⌀ {quantity(choice.rod.diameter, 'mm', 4, 'm')}",
-            f"{length} free, and both clamps", "bought", "days", choice.rod.known, choice.rod.source,
-        )  # fmt: skip
+        take = f"{choice.rod.name}, ⌀ {quantity(choice.rod.diameter, 'mm', 4, 'm')}"
+        yield _bought(str(axes), "backbone", choice.rod, f"{length} free, and both clamps")._replace(designation=take)
 
 
 def _ropes(design: Design) -> Iterator[Item]:
@@ -128,12 +126,13 @@ def _ropes(design: Design) -> Iterator[Item]:
         f"{quantity(value, 'mm', 4, 'm')} {name}"
         for name, value in zip(("path", "to wind", "spare turns", "terminations"), cut, strict=True)
     )
-    yield Item(
-        f"{count} + 1 spare", "rope for tendons", rope.name,
+    must = (
         f"{fixed(each, 1)} m each ({parts}), {fixed((count + 1) * each, 1)} m in all; breaks at "
-        f"{quantity(rope.breaking_load, 'N', 4)} or more", "bought",
-        "days" if rope.diameter >= 1e-3 else "weeks", rope.known, rope.source,
-    )  # fmt: skip
+        f"{quantity(rope.breaking_load, 'N', 4)} or more"
+    )
+    yield _bought(
+        f"{count} + 1 spare", "rope for tendons", rope, must, lead="days" if rope.diameter >= 1e-3 else "weeks"
+    )
     yield Item(
         str(count), "sheaths", "coil sheath with a lining, from handle to motor",
         f"inner ⌀ {quantity(rope.diameter + _PLAY, 'mm', 3, 'm')} or more; as long as the way to the motors, and "
@@ -141,26 +140,17 @@ def _ropes(design: Design) -> Iterator[Item]:
         "rope more", "bought", "weeks", "to be checked", "paper, Fig. 2: flexible tendon-sheath transmission",
     )  # fmt: skip
     for ferrule in _kind(design, "ferrule")[:1]:
-        yield Item(
-            f"{2 * (count + 1)}", "ferrules", ferrule.name,
-            f"for a rope of ⌀ {quantity(rope.diameter, 'mm', 3, 'm')}; holds its breaking load, tested on a spare",
-            "bought", "days", ferrule.known, ferrule.source,
-        )  # fmt: skip
+        must = f"for a rope of ⌀ {quantity(rope.diameter, 'mm', 3, 'm')}; holds its breaking load, tested on a spare"
+        yield _bought(f"{2 * (count + 1)}", "ferrules", ferrule, must)
 
 
 def _sensors(design: Design) -> Iterator[Item]:
     axes, cell, encoder = len(design.scaled_up.axes), design.choice.load_cell, design.choice.encoder
-    yield Item(
-        str(2 * axes), "load cell", cell.name,
-        f"range {quantity(cell.range, 'N', 4)}, resolves {quantity(cell.resolution, 'N', 2)}; with its amplifier",
-        "bought", "weeks", cell.known, cell.source,
-    )  # fmt: skip
+    must = f"range {quantity(cell.range, 'N', 4)}, resolves {quantity(cell.resolution, 'N', 2)}; with its amplifier"
+    yield _bought(str(2 * axes), "load cell", cell, must, lead="weeks")
     if encoder is not None:
-        yield Item(
-            str(2 * axes), "joint encoder", encoder.name,
-            f"{encoder.bits} bit; one at the tip, one at the handle, each with its magnet", "bought", "days",
-            encoder.known, encoder.source,
-        )  # fmt: skip
+        must = f"{encoder.bits} bit; one at the tip, one at the handle, each with its magnet"
+        yield _bought(str(2 * axes), "joint encoder", encoder, must)
 
 
 def _joints(design: Design) -> Iterator[Item]:
@@ -191,7 +181,7 @@ def _joints(design: Design) -> Iterator[Item]:
             (f"{end} shafts", count, shaft, f"⌀ {quantity(least, 'mm', 3, 'm')} or more: bent by {pull}"),
             (f"{end} bearings", 2 * count, bearing, seated),
         ):  # fmt: skip
-            yield _of_catalogue(str(number), part, found, what)
+            yield _bought(str(number), part, found, what)
     lengths = kinematics.dimensions(inst)
     yield Item(
         "1", "tube for the stem", f"⌀ {quantity(lengths.stem_diameter, 'mm', 4, 'm')}",
@@ -199,10 +189,7 @@ def _joints(design: Design) -> Iterator[Item]:
         "geometry of the instrument file",
     )  # fmt: skip
     for screw, number in zip(_kind(design, "screw"), (24, 8), strict=False):
-        yield Item(
-            str(number * len(inst.axes)), "screws", screw.name, "number and length as the drawings decide", "bought",
-            "days", screw.known, screw.source,
-        )  # fmt: skip
+        yield _bought(str(number * len(inst.axes)), "screws", screw, "number and length as the drawings decide")
 
 
 def _drives(design: Design, demand: Demand) -> Iterator[Item]:
@@ -235,16 +222,14 @@ def _drives(design: Design, demand: Demand) -> Iterator[Item]:
                 (motor.torque, "N*m", 3), (motor.speed, "rad/s", 3), (motor.inertia, "kg*m^2", 2),
             )
         )  # fmt: skip
-        yield Item(str(count), part, motor.name, f"{what}; has {own}", "bought", "weeks", motor.known, motor.source)
+        yield _bought(str(count), part, motor, f"{what}; has {own}", lead="weeks")
     for n, kind in enumerate(("drive", "acquisition"), 1):
         for found in _kind(design, kind)[:1]:
             many = str(count) if kind == "drive" else "1"
             rating = (
                 "one per motor, speed set point" if kind == "drive" else "instead of these drives, as the paper had it"
             )
-            yield Item(
-                many, f"amplifiers, alternative {n}", found.name, rating, "bought", "weeks", found.known, found.source
-            )
+            yield _bought(many, f"amplifiers, alternative {n}", found, rating, lead="weeks")
 
 
 def _motors(design: Design, demand: Demand) -> list[tuple[str, Motor | None]]:
@@ -271,10 +256,10 @@ def _rig(design: Design) -> Iterator[Item]:
     for test in design.tests:
         needed |= Counter((*test.weights.loading, *test.weights.counter))
     (piece, *_) = design.catalogue.weights
-    yield Item(
-        str(needed.total()), "weights", masses(needed.elements()), "enough for each test load in turn", "bought",
-        "days", piece.known, piece.source,
-    )  # fmt: skip
+    count = str(needed.total())
+    yield _bought(count, "weights", piece, "enough for each test load in turn")._replace(
+        designation=masses(needed.elements())
+    )
     radius = design.catalogue.constraints.cable_pulley_radius
     groove = quantity(radius - design.choice.rope.diameter / 2, "mm", 5, "m")
     yield Item(
@@ -282,13 +267,9 @@ def _rig(design: Design) -> Iterator[Item]:
         f"radius {quantity(radius, 'mm', 5, 'm')} to the cable's centre, {groove} to the groove's bottom", "made",
         "workshop", "ours", "paper, Fig. 13",
     )  # fmt: skip
-    rope = design.choice.rope
-    yield Item(
-        "2", "cables of the load rig", rope.name, "1 m each, with a hook for the weights", "bought", "days", rope.known,
-        rope.source,
-    )  # fmt: skip
+    yield _bought("2", "cables of the load rig", design.choice.rope, "1 m each, with a hook for the weights")
     for bearing in sorted(_kind(design, "bearing"), key=lambda one: one.size or 0.0)[:1]:
-        yield _of_catalogue("2", "bearings of the load rig", bearing, "the bar turns about the tip's axis")
+        yield _bought("2", "bearings of the load rig", bearing, "the bar turns about the tip's axis")
 
 
 def _shaft(force: float, wheel: Wheel) -> float:
@@ -297,10 +278,13 @@ def _shaft(force: float, wheel: Wheel) -> float:
     return float((32 * moment / (math.pi * _SHAFT_STRESS)) ** (1 / 3))
 
 
-def _of_catalogue(count: str, part: str, found: Hardware | None, what: str) -> Item:
+def _bought(
+    count: str, part: str, found: CataloguePart | None, what: str, lead: Literal["days", "weeks"] = "days"
+) -> Item:
+    """Return the line of a part of the catalogue, or of one that it lacks."""
     if found is None:
-        return Item(count, part, "none of the catalogue is large enough", what, "bought", "days", "to be checked", "")
-    return Item(count, part, found.name, what, "bought", "days", found.known, found.source)
+        return Item(count, part, "none of the catalogue is large enough", what, "bought", lead, "to be checked", "")
+    return Item(count, part, getattr(found, "name", ""), what, "bought", lead, found.known, found.source)
 
 
 def _kind(design: Design, kind: str) -> list[Hardware]:

@@ -64,10 +64,9 @@ OFFSET_SHARE = 0.03
 """Share of a recording's mean error that counts: what the model leaves of a mean, over the spread of own offsets."""
 
 _PITCH = re.compile(r"pitch[\s_=]*([+-]?\d+(?:\.\d+)?)", re.IGNORECASE)
-_COUPLING = Parameter("coupling", "1", 0.0, -2.0, 2.0, "Jaw angle by pitch, the spindle held")
-_BEND = Parameter(
-    "bend_growth", "1/rad", 0.3, 0.0, 3.0, "Growth of friction exponent and compliance with the loaded tendon's bend"
-)
+_COUPLING = Parameter("coupling", "1", 0.0, -2.0, 2.0, "Jaw angle by pitch, the spindle held", "kinematics")
+_GROWTH = "Growth of friction exponent and compliance with the loaded tendon's bend"
+_BEND = Parameter("bend_growth", "1/rad", 0.3, 0.0, 3.0, _GROWTH, "friction")
 
 
 def load(path: Path) -> MeasuredRun:
@@ -115,19 +114,10 @@ class Wrist(Tool):
         starts = self._lines(self.fitted[: len(train)], several=several)
         # Against the load the tendon pulls the jaw to -jaw * load; the pitch that draws it moves the jaw there too.
         self._side = -self.jaw * self.load * math.copysign(1.0, starts["coupling"])
-        parameters = [
-            one
-            if one.name not in starts
-            else one._replace(start=float(np.clip(starts[one.name], one.lower, one.upper)))
+        self.parameters = tuple(
+            one._replace(start=float(np.clip(starts.get(one.name, one.start), one.lower, one.upper)))
             for one in (*_wide(self.parameters), *own)
-        ]
-        self.parameters = tuple(parameters)
-        self._names = tuple(one.name for one in parameters)
-        self.groups = {
-            "friction": (*self.groups["friction"], *(one.name for one in own[1:])),
-            "stiffness": self.groups["stiffness"],
-            "kinematics": (*self.groups["kinematics"], *(one.name for one in own[:1])),
-        }
+        )
 
     def residuals(self, values: Array, run: int) -> Array:
         """Return measured minus modelled jaw angle, (n,), with a share of its mean, in deviations of its encoder."""
@@ -139,7 +129,7 @@ class Wrist(Tool):
 
     def modelled(self, values: Values, series: Series) -> Values:
         """Return the jaw angle by the model without the recording's own offset, (1 + n,), rad."""
-        coupling = self._given(values, series).get("coupling", 0.0)
+        coupling = self.given(values, series).get("coupling", 0.0)
         return np.asarray(super().modelled(values, series) + coupling * series.pitch)
 
     def advice(self, names: Sequence[str]) -> str | None:
@@ -151,8 +141,9 @@ class Wrist(Tool):
     def _errors(self, values: Array, series: Series) -> Array:
         return _without_mean(super()._errors(values, series), 0.0)
 
-    def _given(self, values: Values, series: Series) -> dict[str, Any]:
-        given = super()._given(values, series)
+    def given(self, values: Values, series: Series) -> dict[str, Any]:
+        """Return the parameters by name, friction exponent and compliance grown with the bend at a run's pitch."""
+        given = super().given(values, series)
         if "bend_growth" in given:
             growth = np.exp(given["bend_growth"] * max(0.0, self._side * series.pitch))
             given |= {name: given[name] * growth for name in ("friction_exponent", "compliance")}

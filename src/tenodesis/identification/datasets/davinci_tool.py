@@ -19,6 +19,7 @@ radius (Euler, Eytelwein):
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -171,24 +172,25 @@ _RATIO, _COMPLIANCE = (0.1, 5.0), (0.1, 4.0)
 """What such a plane is believed: 1 and rad/(N*m)."""
 
 
-_START = Parameter(
+_friction = partial(Parameter, group="friction")
+_START = _friction(
     "start", "1", 0.2, 0.0, 1.0, "Friction at the start of a run, within its band: 0 lower, 1 upper bound"
 )
-_BEARING = Parameter("spindle_friction", "N*m", 0.01, 0.0, 0.05, "Load-independent friction at the spindle")
+_BEARING = _friction("spindle_friction", "N*m", 0.01, 0.0, 0.05, "Load-independent friction at the spindle")
 _CAPSTAN = (
-    Parameter("friction_exponent", "1", 0.5, 0.0, 2.0, "Friction coefficient times wrap angle all along the tendon"),
-    Parameter("pretension", "N*m", 0.05, 0.0, 0.15, "Pretension of the tendon times the spindle's radius"),
+    _friction("friction_exponent", "1", 0.5, 0.0, 2.0, "Friction coefficient times wrap angle all along the tendon"),
+    _friction("pretension", "N*m", 0.05, 0.0, 0.15, "Pretension of the tendon times the spindle's radius"),
 )
 _STRIBECK = (
-    Parameter("static_excess", "1", 0.1, 0.0, 3.0, "By how much friction at rest exceeds friction in motion"),
-    Parameter("stribeck_speed", "rad/s", 0.1, 0.005, 3.0, "Spindle speed at which that excess has fallen to 1/e"),
+    _friction("static_excess", "1", 0.1, 0.0, 3.0, "By how much friction at rest exceeds friction in motion"),
+    _friction("stribeck_speed", "rad/s", 0.1, 0.005, 3.0, "Spindle speed at which that excess has fallen to 1/e"),
 )
 LAWS: Mapping[str, tuple[Parameter, ...]] = {
     "none": (),
     "coulomb": (
         _START,
         _BEARING,
-        Parameter("sliding_friction", "N*m", 0.05, 0.0, 0.5, "Load-independent friction all along the tendon"),
+        _friction("sliding_friction", "N*m", 0.05, 0.0, 0.5, "Load-independent friction all along the tendon"),
     ),
     "capstan": (_START, *_CAPSTAN),
     "capstan-constant": (_START, _BEARING, *_CAPSTAN),
@@ -196,14 +198,14 @@ LAWS: Mapping[str, tuple[Parameter, ...]] = {
         _START,
         _BEARING,
         *_CAPSTAN,
-        Parameter("load_index", "1", 0.9, 0.3, 1.0, "Power of the tension that friction grows with; 1 is capstan"),
+        _friction("load_index", "1", 0.9, 0.3, 1.0, "Power of the tension that friction grows with; 1 is capstan"),
     ),
     "stribeck": (_START, _BEARING, *_CAPSTAN, *_STRIBECK),
     "bouc-wen": (
-        Parameter("hysteresis_torque", "N*m", 0.05, 0.0, 0.5, "Friction torque far from a reversal"),
-        Parameter("hysteresis_angle", "rad", 0.05, 0.001, 3.0, "Spindle angle over which friction reverses"),
-        Parameter("hysteresis_shape", "1", 0.5, 0.0, 1.0, "Share of friction that a reversal meets at once (beta)"),
-        Parameter("hysteresis_start", "1", 0.0, -1.0, 1.0, "Friction torque at the start of a run, over full friction"),
+        _friction("hysteresis_torque", "N*m", 0.05, 0.0, 0.5, "Friction torque far from a reversal"),
+        _friction("hysteresis_angle", "rad", 0.05, 0.001, 3.0, "Spindle angle over which friction reverses"),
+        _friction("hysteresis_shape", "1", 0.5, 0.0, 1.0, "Share of friction that a reversal meets at once (beta)"),
+        _friction("hysteresis_start", "1", 0.0, -1.0, 1.0, "Friction torque at the start of a run, over full friction"),
     ),
 }
 """Parameters of each friction law, after those that all have."""
@@ -255,12 +257,6 @@ class Tool(ReferenceProblem[Series]):
         self.full = [_series(one, self.load) for one in recordings]
         self.fitted = [_thinned(one) for one in self.full]
         self.parameters = (*_kinematics(self.fitted[: len(train)], self.load, self.jaw), *LAWS[law])
-        self._names = tuple(one.name for one in self.parameters)
-        self.groups = {
-            "friction": tuple(one.name for one in LAWS[law]),
-            "stiffness": ("compliance",),
-            "kinematics": tuple(name for name in self._names if name in ("offset", "ratio")),
-        }
 
     def predict(self, values: Array, run: int) -> Array:
         """Return the modelled jaw angle at all samples, (n,), rad, without the one before the run."""
@@ -279,7 +275,7 @@ class Tool(ReferenceProblem[Series]):
 
     def modelled(self, values: Values, series: Series) -> Values:
         """Return the jaw angle by the model, (1 + n,), rad."""
-        given = self._given(values, series)
+        given = self.given(values, series)
         turned = given["ratio"] * series.spindle + self.load * given["compliance"] * self._mean(given, series)
         return np.asarray(self.jaw * turned + given["offset"])
 
@@ -310,10 +306,6 @@ class Tool(ReferenceProblem[Series]):
                 friction[name] = given[ours] * (1 / self.contacts)
         return friction
 
-    def _given(self, values: Values, series: Series) -> dict[str, Any]:
-        """Return the parameters by name as they are for a run."""
-        return dict(zip(self._names, values, strict=True))
-
 
 def problem(
     train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: ShortForm | None
@@ -338,24 +330,12 @@ def _kinematics(train: Sequence[Series], load: float, jaw: float) -> tuple[Param
     reference = np.concatenate([one.reference[one.first :] for one in train])
     offset, ratio, compliance = np.linalg.lstsq(np.vstack(columns), reference)[0].tolist()
     ratio, compliance = float(np.clip(ratio, *_RATIO)), float(np.clip(compliance, *_COMPLIANCE))
+    at_zero = "Jaw angle at spindle angle zero without torque, common to all runs"
+    along, lost = "Jaw angle per spindle angle without torque", "Jaw angle lost per torque all along the transmission"
     return (
-        Parameter(
-            "offset",
-            "rad",
-            offset,
-            offset - _OFFSET,
-            offset + _OFFSET,
-            "Jaw angle at spindle angle zero without torque, common to all runs",
-        ),
-        Parameter("ratio", "1", ratio, ratio / 2, 2 * ratio, "Jaw angle per spindle angle without torque"),
-        Parameter(
-            "compliance",
-            "rad/(N*m)",
-            compliance,
-            0.0,
-            5 * compliance,
-            "Jaw angle lost per torque all along the transmission",
-        ),
+        Parameter("offset", "rad", offset, offset - _OFFSET, offset + _OFFSET, at_zero, "kinematics"),
+        Parameter("ratio", "1", ratio, ratio / 2, 2 * ratio, along, "kinematics"),
+        Parameter("compliance", "rad/(N*m)", compliance, 0.0, 5 * compliance, lost, "stiffness"),
     )
 
 

@@ -24,6 +24,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -195,19 +196,21 @@ SECTIONS = 6
 NOISE = math.radians(0.1)
 """Standard deviation of the output angle's sensor, rad."""
 
+_kinematic = partial(Parameter, group="kinematics")
+_elastic = partial(Parameter, group="stiffness")
 _KINEMATICS = (
-    Parameter("ratio", "1", 1.0, 0.3, 3.0, "Output angle per commanded angle, with the weight of the elongation"),
-    Parameter(
+    _kinematic("ratio", "1", 1.0, 0.3, 3.0, "Output angle per commanded angle, with the weight of the elongation"),
+    _kinematic(
         "reach_per_bend", "1/rad", 0.0, -0.18, 0.18, "Growth with the bend of the share of the command that arrives"
     ),
-    Parameter(
+    _kinematic(
         "antagonist_gain", "1", 1.0, 2 / 3, 1.5, "Gain and moment arm of the antagonist's side over the agonist's"
     ),
 )
 _STIFFNESS = (
-    Parameter("compliance", "rad/N", 0.05, 0.0, 1.0, "Angle lost per tension difference before the sheath"),
-    Parameter("sheath_compliance", "rad/N", 0.05, 0.0, 1.0, "Angle lost per tension difference along the sheath"),
-    Parameter("bending_compliance", "rad/N", 0.1, 0.0, 1.0, "Angle that the distal tension difference bends the joint"),
+    _elastic("compliance", "rad/N", 0.05, 0.0, 1.0, "Angle lost per tension difference before the sheath"),
+    _elastic("sheath_compliance", "rad/N", 0.05, 0.0, 1.0, "Angle lost per tension difference along the sheath"),
+    _elastic("bending_compliance", "rad/N", 0.1, 0.0, 1.0, "Angle that the distal tension difference bends the joint"),
 )
 _PER_BEND = "_per_bend"
 _START_EXPONENT, _START_PER_BEND = 0.5, 0.1
@@ -263,12 +266,6 @@ class Pair(ReferenceProblem[Series]):
         # without friction the tension is the same everywhere, and only the sum of the three compliances is identifiable
         stiffness = _STIFFNESS if law != "none" else _STIFFNESS[:1]
         self.parameters = (*kinematics, *stiffness, *friction)
-        self._names = tuple(one.name for one in self.parameters)
-        self.groups = {
-            "friction": tuple(one.name for one in friction),
-            "stiffness": tuple(one.name for one in stiffness),
-            "kinematics": tuple(one.name for one in kinematics),
-        }
 
     def advice(self, names: Sequence[str]) -> str | None:
         """Return which recording would make these parameters identifiable."""
@@ -280,7 +277,7 @@ class Pair(ReferenceProblem[Series]):
 
     def modelled(self, values: Values, series: Series) -> Values:
         """Return the output angle by the model, (n,), rad."""
-        given = dict(zip(self._names, values, strict=True))
+        given = self.given(values, series)
         reach = 1 + given.get("reach_per_bend", 0.0) * series.bend
         antagonist = given["antagonist_gain"] * series.antagonist
         entering = given["ratio"] * series.command - given["compliance"] * (series.agonist - antagonist)
@@ -328,6 +325,7 @@ def _with_bend(one: Parameter, *, several: bool) -> tuple[Parameter, ...]:
         0.0,
         _MOST_PER_BEND if capstan else one.upper / 4,
         f"Growth of {one.name} with the sheath's bend",
+        one.group,
     )
     return (own, growth) if several else (own,)
 

@@ -21,6 +21,7 @@ choose, it goes by the real part.
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar, Generic, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
@@ -48,8 +49,9 @@ class Law(NamedTuple):
     """How friction depends on motion, the same all along. Speed is in the model's own unit, `{speed}`."""
 
 
-_EXPONENT = Parameter("exponent", "1", 0.5, 0.0, 4.0, "Friction coefficient times wrap angle")
-_CONSTANT = Parameter("constant", "N", 1.0, 0.0, 20.0, "Friction that does not depend on the tension")
+_friction = partial(Parameter, group="friction")
+_EXPONENT = _friction("exponent", "1", 0.5, 0.0, 4.0, "Friction coefficient times wrap angle")
+_CONSTANT = _friction("constant", "N", 1.0, 0.0, 20.0, "Friction that does not depend on the tension")
 
 LAWS: Mapping[str, Law] = {
     "none": Law((), ()),
@@ -58,20 +60,20 @@ LAWS: Mapping[str, Law] = {
     "capstan-constant": Law((_EXPONENT, _CONSTANT), ()),
     "capstan-power": Law(
         (_EXPONENT._replace(meaning="Friction coefficient times wrap angle at a tension of 1 N"),),
-        (Parameter("load_index", "1", 0.9, 0.3, 1.0, "Power of the tension that friction grows with; 1 is capstan"),),
+        (_friction("load_index", "1", 0.9, 0.3, 1.0, "Power of the tension that friction grows with; 1 is capstan"),),
     ),
     "stribeck": Law(
         (_EXPONENT,),
         (
-            Parameter("static_excess", "1", 0.1, 0.0, 3.0, "By how much friction at rest exceeds friction in motion"),
-            Parameter("stribeck_speed", "{speed}", 0.2, 0.01, 10.0, "Speed at which that excess has fallen to 1/e"),
+            _friction("static_excess", "1", 0.1, 0.0, 3.0, "By how much friction at rest exceeds friction in motion"),
+            _friction("stribeck_speed", "{speed}", 0.2, 0.01, 10.0, "Speed at which that excess has fallen to 1/e"),
         ),
     ),
     "bouc-wen": Law(
-        (Parameter("hysteresis_force", "N", 1.0, 0.0, 20.0, "Friction far from a reversal"),),
+        (_friction("hysteresis_force", "N", 1.0, 0.0, 20.0, "Friction far from a reversal"),),
         (
-            Parameter("hysteresis_width", "N", 2.0, 0.05, 50.0, "Change of tension over which friction reverses"),
-            Parameter("hysteresis_shape", "1", 0.5, 0.0, 1.0, "Share of friction that a reversal meets at once (beta)"),
+            _friction("hysteresis_width", "N", 2.0, 0.05, 50.0, "Change of tension over which friction reverses"),
+            _friction("hysteresis_shape", "1", 0.5, 0.0, 1.0, "Share of friction that a reversal meets at once (beta)"),
         ),
     ),
 }
@@ -228,6 +230,10 @@ class ReferenceProblem(Problem, Generic[_Series]):
     """Standard deviation of the reference sensor, SI."""
     fitted: Sequence[_Series]
     full: Sequence[_Series]
+
+    def given(self, values: Values, series: _Series) -> dict[str, Any]:
+        """Return the parameters by name as they are for a run."""
+        return dict(zip((one.name for one in self.parameters), values, strict=True))
 
     @abstractmethod
     def modelled(self, values: Values, series: _Series) -> Values:

@@ -147,7 +147,7 @@ DEFAULT_LOSS: LossName = "soft_l1"
 NOISE = 0.02
 """Standard deviation of the distal load cell, N."""
 
-_GAIN = Parameter("gain", "1", 1.0, 0.3, 2.0, "Gain of the distal load cell over the proximal one")
+_GAIN = Parameter("gain", "1", 1.0, 0.3, 2.0, "Gain of the distal load cell over the proximal one", "kinematics")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,8 +174,6 @@ class Sheath(ReferenceProblem[Series]):
         self.full = self.fitted = [_series(one) for one in recordings]
         friction = [*found.magnitudes, *(_in_unit(one, self.fitted[0].rate) for one in found.shapes)]
         self.parameters = (_GAIN, *friction)
-        self._names = tuple(one.name for one in self.parameters)
-        self.groups = {"friction": tuple(one.name for one in friction), "stiffness": (), "kinematics": ("gain",)}
 
     def advice(self, names: Sequence[str]) -> str | None:
         """Return which recording would make these parameters identifiable."""
@@ -185,7 +183,7 @@ class Sheath(ReferenceProblem[Series]):
 
     def modelled(self, values: Values, series: Series) -> Values:
         """Return what the distal load cell would show, (n,), N."""
-        given = dict(zip(self._names, values, strict=True))
+        given = self.given(values, series)
         start = float(series.proximal[0])
         return np.asarray(given["gain"] * pass_on(self.law, given, series.proximal, speed=series.rate, start=start))
 

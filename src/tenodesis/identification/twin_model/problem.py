@@ -172,8 +172,6 @@ class TwinProblem(Problem):
         self._step(finest, [self._nominal[name] for name in _ROW])
         self.parameters = self._parameters()
         self.runs = tuple(run.name for run in self._runs)
-        groups = dict.fromkeys(UNKNOWNS[name].group for name in self._names)
-        self.groups = {group: tuple(name for name in self._names if UNKNOWNS[name].group == group) for group in groups}
 
     def _step(self, finest: list[SteppedRun], numbers: list[float]) -> None:
         """Put the recordings into steps that suit a twin."""
@@ -250,7 +248,9 @@ class TwinProblem(Problem):
                 upper = tuning.MOST_DAMPING * max(critical, self._nominal["tip_damping"])
             if name == "dynamics.tip_inertia":
                 lower, upper = start / tuning.INERTIA_RATIO, start * tuning.INERTIA_RATIO
-            out.append(Parameter(name, one.unit, float(np.clip(start, lower, upper)), lower, upper, one.meaning))
+            out.append(
+                Parameter(name, one.unit, float(np.clip(start, lower, upper)), lower, upper, one.meaning, one.group)
+            )
         return tuple(out)
 
     def channels(self, run: int) -> int:

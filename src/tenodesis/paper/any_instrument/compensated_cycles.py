@@ -1,23 +1,22 @@
 """Motions of the handle under load with the robust law: how well the joints follow that a controller compensates."""
 
+from functools import partial
+
 import numpy as np
 
-from tenodesis import control, simulate
-from tenodesis.control import Controller
-from tenodesis.errors import NoSolutionError, ProtocolError
-from tenodesis.paper.any_instrument.compensated_step import LAWS
-from tenodesis.paper.any_instrument.cycles import SEED, protocol
-from tenodesis.paper.any_instrument.held import Load, most_taking
+from tenodesis import control
+from tenodesis.instrument import FullForm
+from tenodesis.paper.any_instrument.compensated_step import LAWS, controller_of
+from tenodesis.paper.any_instrument.cycles import LOADING, RESTING, SEED, protocol
+from tenodesis.paper.any_instrument.held import Load, most_taking, panels
 from tenodesis.paper.any_instrument.motions import Motion, motions
-from tenodesis.paper.context import Context
+from tenodesis.paper.context import DRAWN, Context, RecordedRun
 from tenodesis.report import style
-from tenodesis.report.content import Array, Chart, Column, Plot, Section, named
+from tenodesis.report.content import Array, Column, Plot, Section, named
+from tenodesis.simulate import campaign
 from tenodesis.statics import chain
-from tenodesis.twin import Twin
+from tenodesis.twin import TIME_STEP
 
-_EVERY = 20  # samples that are drawn
-_WIDE = 3.2
-"""Width of a panel, inches."""
 _TITLE = "There and back with compensation"
 
 
@@ -25,14 +24,13 @@ def section(context: Context) -> Section:
     """Compute the cycles of the compensated joints with the motors off and with the robust law."""
     inst = context.whole
     joints = [pair.joint for pair in control.pairs(inst).values()]
-    found: dict[tuple[str, str], tuple[Load, Array, Array]] = {}
-    for motion in motions(inst):
-        if motion.follows in joints:
-            load = most_taking(inst, motion.follows)
-            for law in LAWS:
-                curve = _run(context, motion, load, law)
-                if curve is not None:
-                    found[motion.name, law] = (load, *curve)
+    cases = [
+        {"motion": motion, "load": most_taking(inst, motion.follows), "law": law}
+        for motion in motions(inst)
+        if motion.follows in joints
+        for law in LAWS
+    ]
+    found = campaign.run(partial(_trial, inst), cases, on="threads")
     if not found:
         return Section("compensated_cycles", _TITLE, f"<p>Not run: {named(inst)} holds no load while it moves.</p>")
     table = context.table(
@@ -43,10 +41,11 @@ def section(context: Context) -> Section:
         Column("rms [°]", "compensated_cycles.{law}.rms.{motion}", "deg", "RMS error, {motion}, {words}, {law}"),
         Column("worst [°]", "compensated_cycles.{law}.worst.{motion}", "deg", "Worst error, {motion}, {words}, {law}"),
     )
-    for (motion_name, law), (load, _, error) in found.items():
-        last = error[len(error) // 2 :]
-        rms, worst = float(np.sqrt(np.mean(last**2))), float(np.abs(last).max())
-        table.row(motion_name, load.text(), LAWS[law], rms, worst, motion=motion_name, law=law, words=load.text())
+    for row in found:
+        last, words = row["error"][len(row["error"]) // 2 :], row["load"].text()
+        labels = {"motion": row["motion"].name, "law": row["law"], "words": words}
+        errors = campaign.rms(last), campaign.farthest(last)
+        table.row(row["motion"].name, words, LAWS[row["law"]], *errors, **labels)
     text = (
         "<p>The cycles above under load, with the controller enabled. The error is that of the joint that follows "
         "against where it would be without load and friction.</p>"
@@ -54,30 +53,29 @@ def section(context: Context) -> Section:
     return Section("compensated_cycles", _TITLE, text, [_plot(context, found)], [table])
 
 
-def _run(context: Context, motion: Motion, load: Load, law: str) -> tuple[Array, Array] | None:
+def _trial(inst: FullForm, motion: Motion, load: Load, law: str) -> dict[str, Array] | None:
     """Return handle angle and error of the joint that follows, (n,), deg; None if the joints cannot hold the load."""
-    inst = context.whole
-    controller = Controller(inst, law="robust", enabled=True) if law == "robust" else None
-    try:
-        run = simulate.execute(Twin(inst, seed=SEED), protocol(inst, motion, load), controller)
-    except (NoSolutionError, ProtocolError):
+    done = RecordedRun.of(inst, protocol(inst, motion, load), SEED, controller_of(inst, law))
+    if done is None:
         return None
-    shown = run.rows(round(1.5 / 5e-4), None, _EVERY)
-    aims = chain.output_angles(inst, shown.by_column("handle_angle"))
-    error = np.degrees(shown.by_column("output_angle") - aims)[:, motion.follows]
-    return np.degrees(shown.by_column("handle_angle")[:, int(np.argmax(np.abs(motion.handle)))]), error
+    shown = done.run.rows(round((LOADING + RESTING) / TIME_STEP), None, DRAWN.step)
+    error = np.degrees(shown.by_column("output_angle") - chain.output_angles(inst, shown.by_column("handle_angle")))
+    moved = int(np.argmax(np.abs(motion.handle)))
+    return {"handle": np.degrees(shown.by_column("handle_angle")[:, moved]), "error": error[:, motion.follows]}
 
 
-def _plot(context: Context, found: dict[tuple[str, str], tuple[Load, Array, Array]]) -> Plot:
-    names = list(dict.fromkeys(motion for motion, _ in found))
-    chart, axes = Chart.panels(len(names), width=max(7.0, _WIDE * len(names) + 0.4), height=3.6)
-    panels = dict(zip(names, axes, strict=True))
+def _plot(context: Context, found: campaign.Rows) -> Plot:
+    names = list(dict.fromkeys(row["motion"].name for row in found))
+    chart, axes = panels(len(names), 3.2)
+    panel_of = dict(zip(names, axes, strict=True))
     looks = {"off": (style.INK, "--"), "robust": (style.AGONIST, "-")}
-    for (motion, law), (load, handle, error) in found.items():
-        chart.keep(f"{motion}, {law} [deg]", handle)
+    for row in found:
+        motion, law = row["motion"].name, row["law"]
+        handle = chart.keep(f"{motion}, {law} [deg]", row["handle"])
         color, line = looks[law]
-        chart.curve(panels[motion], handle, f"error by {motion}, {law} [deg]", error, line, color=color, lw=1.2)
-        panels[motion].set(title=load.text(), xlabel=f"{motion} [deg]")
+        heading = f"error by {motion}, {law} [deg]"
+        chart.curve(panel_of[motion], handle, heading, row["error"], line, color=color, lw=1.2)
+        panel_of[motion].set(title=row["load"].text(), xlabel=f"{motion} [deg]")
     axes[0].set_ylabel("off the unloaded angle [deg]")
     style.legend_outside(chart.figure, *((LAWS[law], *looks[law]) for law in LAWS))
     return chart.plot(

@@ -4,11 +4,13 @@ import numpy as np
 
 from tenodesis import control
 from tenodesis.control import Controller
-from tenodesis.paper.any_instrument.held import described, loads, states
+from tenodesis.instrument import Instrument
+from tenodesis.paper.any_instrument.held import Load, described, loads, panels, states
 from tenodesis.paper.any_instrument.step_load import Response, respond
 from tenodesis.paper.context import Context
 from tenodesis.report import style
-from tenodesis.report.content import Array, Chart, Column, Plot, Section, named
+from tenodesis.report.content import Array, Column, Plot, Section, named
+from tenodesis.simulate import campaign
 from tenodesis.statics import chain
 
 AFTER = 7.0
@@ -17,22 +19,20 @@ JUDGED = 0.5
 """Time at the end over which errors are taken, s."""
 LAWS = {"off": "motors off", "robust": "robust law"}
 
-_WIDE = 2.8
-"""Width of a panel, inches."""
-
 
 def section(context: Context) -> Section:
     """Compute the step loads with the motors off and with the robust law."""
     inst = context.whole
     state = states(inst)[-1]
     made_for = control.compensated(inst)
-    found: dict[tuple[str, str], Response] = {}
-    for load in loads(inst):
-        for law in LAWS:
-            controller = Controller(made_for, law="robust", enabled=True) if law == "robust" else None
-            done = respond(inst, state, load, controller=controller, after=AFTER)
-            if done is not None and load.wrench.any():
-                found[load.name, law] = done
+
+    def trial(load: Load, law: str) -> dict[str, Response] | None:
+        done = respond(inst, state, load, controller=controller_of(made_for, law), after=AFTER)
+        return None if done is None else {"done": done}
+
+    across = [load for load in loads(inst) if load.wrench.any()]
+    rows = campaign.run(trial, campaign.cases(load=across, law=LAWS), on="threads")
+    found = {(row["load"].name, row["law"]): row["done"] for row in rows}
     title = "Compensation on the twin"
     if not found:
         return Section("compensated", title, f"<p>Not run: {named(inst)} holds none of the loads on the twin.</p>")
@@ -72,6 +72,11 @@ def section(context: Context) -> Section:
     return Section("compensated", title, text, [_plot(context, found, joints)], [table])
 
 
+def controller_of(inst: Instrument, law: str) -> Controller | None:
+    """Return the controller of a law; None where the motors are off."""
+    return Controller(inst, law="robust", enabled=True) if law == "robust" else None
+
+
 def _error(context: Context, done: Response, joints: list[int]) -> Array:
     """Return how far joints are from where they would be without load and friction, (n, joints), deg."""
     aims = chain.output_angles(context.whole, done.run.by_column("handle_angle"))
@@ -81,8 +86,8 @@ def _error(context: Context, done: Response, joints: list[int]) -> Array:
 def _plot(context: Context, found: dict[tuple[str, str], Response], joints: list[int]) -> Plot:
     inst = context.whole
     names = list(dict.fromkeys(load for load, _ in found))
-    chart, axes = Chart.panels(len(names), width=max(7.0, _WIDE * len(names) + 0.4), height=3.6)
-    panels = dict(zip(names, axes, strict=True))
+    chart, axes = panels(len(names), 2.8)
+    panel_of = dict(zip(names, axes, strict=True))
     colors = style.colors(len(joints) + 1)[1:]
     for (load, law), done in found.items():
         time = chart.keep(f"time, {load}, {law} [s]", done.run.time - done.run.time[0])
@@ -90,8 +95,8 @@ def _plot(context: Context, found: dict[tuple[str, str], Response], joints: list
         for joint, color, error in zip(joints, colors, errors.T, strict=True):
             line = "-" if law == "robust" else "--"
             heading = f"error of {inst.tip_joints[joint].name}, {load}, {law} [deg]"
-            chart.curve(panels[load], time, heading, error, line, color=color, lw=1.3)
-        panels[load].set(title=done.load.text(), xlabel="time [s]", xlim=(time[0], time[-1]))
+            chart.curve(panel_of[load], time, heading, error, line, color=color, lw=1.3)
+        panel_of[load].set(title=done.load.text(), xlabel="time [s]", xlim=(time[0], time[-1]))
     axes[0].set_ylabel("off the unloaded angle [deg]")
     lines = [(inst.tip_joints[joint].name, color, "-") for joint, color in zip(joints, colors, strict=True)]
     style.legend_outside(chart.figure, *lines, ("robust law", style.MUTED, "-"), ("motors off", style.MUTED, "--"))

@@ -5,28 +5,20 @@ from typing import NamedTuple
 import numpy as np
 
 from tenodesis import simulate
-from tenodesis.errors import NoSolutionError, ProtocolError
 from tenodesis.instrument import FullForm
-from tenodesis.paper.any_instrument.held import Load, most_taking
+from tenodesis.paper.any_instrument.held import Load, most_taking, panels
 from tenodesis.paper.any_instrument.motions import SPEED, Motion, motions
-from tenodesis.paper.context import Context, RecordedRun, has_friction
+from tenodesis.paper.context import DRAWN, WAYS, Context, RecordedRun, has_friction
 from tenodesis.report import style
-from tenodesis.report.content import Array, Chart, Column, Plot, ResultTable, Section, fixed, named
+from tenodesis.report.content import Array, Column, Plot, ResultTable, Section, fixed, named
 from tenodesis.run import Run
 from tenodesis.statics import chain
-from tenodesis.twin import Twin
 
 COUNT = 2
 """Cycles of a motion; the last one is judged."""
 LOADING, RESTING = 1.0, 0.5
 """Time in which the load comes, and rest under it, s."""
 SEED = 14
-
-_EVERY = 20  # samples that are drawn
-_WIDE = 3.2
-"""Width of a panel, inches."""
-_GRID = np.linspace(0.15, 0.9, 61)
-"""Shares of the way at which the halves are compared, clear of the reversals."""
 
 
 class Cycles(NamedTuple):
@@ -67,12 +59,11 @@ def loading(load: Load | None) -> list[simulate.AnyPhase]:
 
 def cycle(inst: FullForm, motion: Motion, load: Load | None) -> Cycles | None:
     """Run cycles of a motion under a load, or none, on the twin; None if the joints cannot hold it."""
-    done = protocol(inst, motion, load)
-    try:
-        run = simulate.execute(Twin(inst, seed=SEED), done)
-    except (NoSolutionError, ProtocolError):
+    recorded = RecordedRun.of(inst, protocol(inst, motion, load), SEED)
+    if recorded is None:
         return None
-    shown = run.rows(int(np.searchsorted(run.time, LOADING + RESTING, "right")), None, _EVERY)
+    run = recorded.run
+    shown = run.rows(int(np.searchsorted(run.time, LOADING + RESTING, "right")), None, DRAWN.step)
     unloaded = target(inst, shown)
     wrench, grip = (np.zeros(6), 0.0) if load is None else (load.wrench, load.grip)
     theory = target(inst, shown, wrench, grip)
@@ -83,13 +74,13 @@ def cycle(inst: FullForm, motion: Motion, load: Load | None) -> Cycles | None:
     way = motion.angles[-1, follows] - motion.angles[0, follows]
     shares = (unloaded[:, follows] - motion.angles[0, follows]) / way
     sign = np.sign(way)
-    behind = float(-sign * np.interp(_GRID, shares[out], off[out, follows]).mean())
-    ahead = float(sign * np.interp(_GRID, shares[back][::-1], off[back, follows][::-1]).mean())
+    behind = float(-sign * np.interp(WAYS, shares[out], off[out, follows]).mean())
+    ahead = float(sign * np.interp(WAYS, shares[back][::-1], off[back, follows][::-1]).mean())
     others = np.delete(off[-2 * half :], follows, axis=1)
     return Cycles(
         motion,
         load,
-        RecordedRun(inst, done, SEED, run),
+        recorded,
         unloaded[:, follows],
         theory[:, follows],
         shown.by_column("output_angle")[:, follows],
@@ -175,10 +166,10 @@ def _table(context: Context, found: list[Cycles]) -> ResultTable:
 def _plot(context: Context, found: list[Cycles]) -> Plot:
     inst = context.whole
     names = list(dict.fromkeys(done.motion.name for done in found))
-    chart, axes = Chart.panels(len(names), width=max(7.0, _WIDE * len(names) + 0.4), height=3.7)
-    panels = dict(zip(names, axes, strict=True))
+    chart, axes = panels(len(names), 3.2, 3.7)
+    panel_of = dict(zip(names, axes, strict=True))
     for done in found:
-        axis, joint = panels[done.motion.name], inst.tip_joints[done.motion.follows].name
+        axis, joint = panel_of[done.motion.name], inst.tip_joints[done.motion.follows].name
         color = style.INK if done.load is None else style.AGONIST
         at = f"{done.motion.name}, {'no load' if done.load is None else done.load.text()} [deg]"
         unloaded = chart.keep(f"unloaded angle, {at}", np.degrees(done.unloaded))

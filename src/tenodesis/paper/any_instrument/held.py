@@ -1,13 +1,15 @@
 """Where an instrument is held in the chapters, and the loads that take most from its joints there."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from tenodesis import statics
 from tenodesis.instrument import FullForm
 from tenodesis.report import style
-from tenodesis.report.content import Array
+from tenodesis.report.content import Array, Chart
 from tenodesis.simulate import Wrench
 from tenodesis.statics import chain
 
@@ -122,6 +124,11 @@ def looks(inst: FullForm) -> dict[str, dict[str, Any]]:
 def legend(inst: FullForm) -> list[tuple[str, str, str]]:
     """Return the entries of a legend for the joints of the tip."""
     return [(name, look["color"], "-") for name, look in looks(inst).items()]
+
+
+def panels(count: int, wide: float = 2.6, height: float = 3.6) -> tuple[Chart, Sequence[Axes]]:
+    """Return a chart of panels of a width, inches, side by side."""
+    return Chart.panels(count, width=max(7.0, wide * count + 0.4), height=height)
 
 
 def described(inst: FullForm, state: State) -> str:

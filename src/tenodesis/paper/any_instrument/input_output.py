@@ -2,16 +2,14 @@
 
 import numpy as np
 
-from tenodesis.paper.any_instrument.held import Load, legend, looks, most_taking
+from tenodesis.paper.any_instrument.held import Load, legend, looks, most_taking, panels
 from tenodesis.paper.any_instrument.motions import Motion, motions
 from tenodesis.paper.context import Context
 from tenodesis.report import style
-from tenodesis.report.content import Array, Chart, Column, Plot, Section, named
+from tenodesis.report.content import Array, Column, Plot, Section, named
 from tenodesis.statics import chain
 
 _TITLE = "Input and output"
-_WIDE = 3.2
-"""Width of a panel, inches."""
 
 
 def section(context: Context) -> Section:
@@ -64,7 +62,7 @@ def driven(motion: Motion) -> tuple[Array, str]:
 
 def _plot(context: Context, found: list[Motion]) -> Plot:
     inst = context.whole
-    chart, axes = Chart.panels(len(found), width=max(7.0, _WIDE * len(found) + 0.4), height=3.6)
+    chart, axes = panels(len(found), 3.2)
     for axis, motion in zip(axes, found, strict=True):
         load = most_taking(inst, motion.follows)
         moved, label = driven(motion)

@@ -3,15 +3,13 @@
 import numpy as np
 
 from tenodesis import statics
-from tenodesis.paper.any_instrument.held import Load, State, described, legend, loads, looks, states
+from tenodesis.paper.any_instrument.held import Load, State, described, legend, loads, looks, panels, states
 from tenodesis.paper.context import Context
 from tenodesis.report import style
-from tenodesis.report.content import Chart, Column, Plot, Section, Table, fixed, named
+from tenodesis.report.content import Column, Plot, Section, Table, fixed, named
 from tenodesis.statics import Loss, chain
 
 _POINTS = 41
-_WIDE = 2.6
-"""Width of a panel, inches."""
 
 
 def section(context: Context) -> Section:
@@ -82,7 +80,7 @@ def _loss(context: Context, state: State, load: Load, multiple: float) -> Loss:
 
 def _plot(context: Context, held: list[State], applied: list[Load]) -> Plot:
     inst = context.whole
-    chart, axes = Chart.panels(len(applied), width=max(7.0, _WIDE * len(applied) + 0.4), height=3.6)
+    chart, axes = panels(len(applied))
     for axis, load in zip(axes, applied, strict=True):
         multiples = np.linspace(0.0, load.multiples[-1], _POINTS)
         forces = chart.keep(f"force {load.direction} [N]", multiples * load.size)

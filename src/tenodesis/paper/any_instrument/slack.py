@@ -3,16 +3,14 @@
 import numpy as np
 
 from tenodesis import statics
-from tenodesis.paper.any_instrument.held import Load, State, described, loads, states
+from tenodesis.paper.any_instrument.held import Load, State, described, loads, panels, states
 from tenodesis.paper.context import Context
 from tenodesis.report import style
-from tenodesis.report.content import Chart, Column, Plot, Section, named
+from tenodesis.report.content import Column, Plot, Section, named
 from tenodesis.report.routing import tendon_colours
 from tenodesis.statics import chain
 
 _POINTS = 61
-_WIDE = 2.6
-"""Width of a panel, inches."""
 _FARTHEST = 20.0
 """How far curves go, over the shown load."""
 
@@ -58,7 +56,7 @@ def section(context: Context) -> Section:
 def _plot(context: Context, state: State, applied: list[Load], slack: list[float]) -> Plot:
     inst = context.whole
     colors = tendon_colours(len(inst.tendons))
-    chart, axes = Chart.panels(len(applied), width=max(7.0, _WIDE * len(applied) + 0.4), height=3.8)
+    chart, axes = panels(len(applied), 2.6, 3.8)
     for axis, load, factor in zip(axes, applied, slack, strict=True):
         last = load.multiples[-1]
         end = np.clip(1.25 * factor, last, max(last, _FARTHEST)) if np.isfinite(factor) else last

@@ -6,16 +6,14 @@ import numpy as np
 
 from tenodesis import simulate
 from tenodesis.control import Controller
-from tenodesis.errors import NoSolutionError, ProtocolError
 from tenodesis.instrument import FullForm
 from tenodesis.paper.any_instrument.cycles import target
-from tenodesis.paper.any_instrument.held import Load, State, described, legend, loads, looks, states
+from tenodesis.paper.any_instrument.held import Load, State, described, legend, loads, looks, panels, states
 from tenodesis.paper.any_instrument.motions import moved
 from tenodesis.paper.context import Context, RecordedRun, has_friction
 from tenodesis.report import style
-from tenodesis.report.content import Array, Chart, Column, Plot, Section, named
+from tenodesis.report.content import Array, Column, Plot, Section, named
 from tenodesis.run import Run
-from tenodesis.twin import Twin
 
 APPROACH, BEFORE, AFTER = 3.0, 1.0, 3.0
 """Time in which the state is reached, rest before the load, and time under it, s."""
@@ -26,8 +24,6 @@ SEED = 15
 _EVERY = 10  # samples that are drawn
 _BEFORE_STEP = 0.5
 """Time that is shown before the load, s."""
-_WIDE = 2.6
-"""Width of a panel, inches."""
 _AVERAGED = 0.2  # s
 
 
@@ -62,18 +58,17 @@ def respond(
     inst: FullForm, state: State, load: Load, *, controller: Controller | None = None, after: float = AFTER
 ) -> Response | None:
     """Run a step load on the twin; None if the joints cannot hold it."""
-    done = protocol(inst, state, load, after)
-    try:
-        run = simulate.execute(Twin(inst, seed=SEED), done, controller)
-    except (NoSolutionError, ProtocolError):
+    recorded = RecordedRun.of(inst, protocol(inst, state, load, after), SEED, controller)
+    if recorded is None:
         return None
+    run = recorded.run
     came = int(np.argmax((run["wrench"] != 0).any(axis=1) | (run["applied_grip_force"] != 0)))
     held = run.rows(came - 1, came)
     before, after_load = held.by_column("output_angle")[0], run.rows(-1).by_column("output_angle")[0]
     free, loaded = target(inst, held)[0], target(inst, held, load.wrench, load.grip)[0]
     first = int(np.searchsorted(run.time, run.time[came] - _BEFORE_STEP))
     shown = run.rows(first, None, _EVERY)
-    return Response(load, RecordedRun(inst, done, SEED, run), shown, before, before - after_load, free - loaded)
+    return Response(load, recorded, shown, before, before - after_load, free - loaded)
 
 
 def section(context: Context) -> Section:
@@ -119,7 +114,7 @@ def section(context: Context) -> Section:
 
 def _plot(context: Context, found: list[Response]) -> Plot:
     inst = context.whole
-    chart, axes = Chart.panels(len(found), width=max(7.0, _WIDE * len(found) + 0.4), height=3.5)
+    chart, axes = panels(len(found), 2.6, 3.5)
     for axis, done in zip(axes, found, strict=True):
         time = chart.keep(f"time, {done.load.name} [s]", done.run.time - done.run.time[0] - _BEFORE_STEP)
         after = time >= 0
