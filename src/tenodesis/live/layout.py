@@ -64,7 +64,11 @@ class RowLayout:
         self.inst, self.names = inst, live_names(inst)
         self.commands = CommandColumns(commands)
         self._grips = inst.expanded.grip is not None
-        self._signals = columns_by_name(signals)
+        # The twins of planar axes have no jaws.
+        unseen = () if inst.short_form is None else ("grip_force",)
+        self._signals = {
+            name: columns for name, columns in columns_by_name(signals).items() if name in SIGNALS and name not in unseen
+        }
         widths = (len(TICK), self.commands.width, sum(width for _, width in signals))
         self._parts = np.cumsum(widths).tolist()
         self.width = self._parts[-1] + len(self.names.compensated) * len(CONTROL)
@@ -76,7 +80,7 @@ class RowLayout:
         commanded = self.commands.named(commands)
         grip = self._grips and "held" in commanded
         found = signals_of_commands(commanded, tissue="contact" in commanded, grip=grip)
-        found |= {name: signals[:, columns] for name, columns in self._signals.items() if name in SIGNALS}
+        found |= {name: signals[:, columns] for name, columns in self._signals.items()}
         axes = len(self.names.compensated)
         if axes:
             by_axis = control.reshape(len(rows), axes, len(CONTROL))
