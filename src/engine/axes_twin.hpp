@@ -130,13 +130,20 @@ class AxesTwin final : public AnyTwin {
     return out + parts_.size() * own.size();
   }
 
-  // The row of a part.
+  // The row of a part; of a single one all places are constants.
   const double* row_of(std::size_t n, const double* command) {
-    for (const AxisColumn& column : axis_columns) {
-      const double* from = command + n * column.width;
+    return parts_.size() == 1 ? filled(std::integral_constant<std::size_t, 1>{}, 0, command)
+                              : filled(parts_.size(), n, command);
+  }
+  template <class Count>
+  const double* filled(const Count count, std::size_t n, const double* command) {
+    std::size_t before = 0;
+    each<int(axis_columns.size())>([&](auto c) {
+      constexpr AxisColumn column = axis_columns[std::size_t(c)];
+      const double* from = command + count * before + n * column.width;
       for (std::size_t k = 0; k < column.width; ++k) row_[column.place + k] = from[k] * column.factor;
-      command += parts_.size() * column.width;
-    }
+      before += column.width;
+    });
     return row_.data();
   }
 

@@ -190,7 +190,7 @@ class ChainTwin final : public AnyTwin {
   double stored() const override { return wrist_stored_energy(twin_, state_); }
 
   double* store(double* out) const override {
-    chain_signals(twin_, state_, sizes_, [&](double value) { *out++ = value; });
+    chain_signals(twin_, state_, shape(), [&](double value) { *out++ = value; });
     return out;
   }
 
@@ -239,7 +239,15 @@ class ChainTwin final : public AnyTwin {
 
  private:
   Command command_of(const double* from) const {
-    return chain_command<Command>(sizes_, [&] { return *from++; }, [](double column) { return column != 0; });
+    return chain_command<Command>(shape(), [&] { return *from++; }, [](double column) { return column != 0; });
+  }
+
+  // Its sizes, as constants where the layout is known.
+  WristSizes shape() const {
+    if constexpr (T::known)
+      return {T::N, T::N, T::M};
+    else
+      return sizes_;
   }
 
   WristSizes sizes_;
