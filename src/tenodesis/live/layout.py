@@ -65,10 +65,8 @@ class RowLayout:
         self.commands = CommandColumns(commands)
         self._grips = inst.expanded.grip is not None
         # The twins of planar axes have no jaws.
-        unseen = () if inst.short_form is None else ("grip_force",)
-        self._signals = {
-            name: columns for name, columns in columns_by_name(signals).items() if name in SIGNALS and name not in unseen
-        }
+        seen = SIGNALS.keys() - ({"grip_force"} if inst.short_form is not None else set())
+        self._signals = {name: columns for name, columns in columns_by_name(signals).items() if name in seen}
         widths = (len(TICK), self.commands.width, sum(width for _, width in signals))
         self._parts = np.cumsum(widths).tolist()
         self.width = self._parts[-1] + len(self.names.compensated) * len(CONTROL)
