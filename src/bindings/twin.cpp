@@ -73,7 +73,7 @@ Outcome run_controlled(AnyTwin& twin, AnyController& controller, const AxisPlace
   if (values && modes) injected = {values->data(), modes->data(), nullptr};
   if (requests) injected.request = requests->data();
   const nb::gil_scoped_release release;
-  CompensatedTwin plant(twin, compensated, {commands.data(), width});
+  CompensatedTwin plant(twin, compensated, {commands.data(), width, {}});
   ClosedLoop loop(plant, controller, steps_per_tick, time_step, relay);
   double* to = out.data();
   double* said = control.data();
@@ -110,9 +110,9 @@ class TwinBatch {
     for (const AnyTwin* twin : twins)
       require(width_of(twin->commands()) == commands_ && width_of(twin->signals()) == signals_,
               "the twins differ in joints or tendons");
-    if (lanes_ != nullptr)
+    if (const auto first = twins[0]->in_lanes(); first && lanes_ != nullptr)
       for (std::size_t i = 0; i < count_; i += stride())
-        groups_.emplace_back(lanes_->make(twins[0]->in_lanes()->kind), lanes_->release);
+        groups_.emplace_back(lanes_->make(first->kind), lanes_->release);
     for (std::size_t i = 0; i < count_; ++i) start(i, *twins[i]);
   }
 
@@ -134,7 +134,7 @@ class TwinBatch {
       return;
     }
     const auto bytes = twin.in_lanes();
-    require(bytes.has_value(), "the twin does not step in lanes");
+    if (!bytes) throw nb::value_error("the twin does not step in lanes");
     void* group = groups_[i / stride()].get();
     lanes_->start(group, int(i % stride()), bytes->twin, bytes->state);
     // What fills a group up repeats its first.
@@ -321,6 +321,7 @@ void advance(TwinBatch& batch, const In<3>& commands, const std::vector<std::siz
 std::unique_ptr<AnyTwin> make_axes_twin(const std::vector<TwinSpec>& specs, const std::vector<std::uint64_t>& seeds) {
   require(!specs.empty() && specs.size() == seeds.size(), "specs and seeds do not fit");
   std::vector<std::unique_ptr<AnyTwin>> parts;
+  parts.reserve(specs.size());
   for (std::size_t n = 0; n < specs.size(); ++n) parts.push_back(make_twin(specs[n], seeds[n]));
   return std::make_unique<AxesTwin>(std::move(parts));
 }
@@ -428,6 +429,7 @@ void bind_twin(nb::module_& m) {
       "axis_commands",
       [] {
         std::vector<Column> columns;
+        columns.reserve(axis_columns.size());
         for (const AxisColumn& column : axis_columns) columns.emplace_back(column.name, column.width);
         return columns;
       },

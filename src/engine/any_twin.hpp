@@ -82,7 +82,7 @@ class AnyTwin {
 struct GivenRows {
   const double* data;
   std::size_t width;
-  std::span<const std::size_t> given{};
+  std::span<const std::size_t> given;
 
   /// Writes the columns of a step's row that are given; others stay as they are.
   void read(std::size_t i, double* row) const {

@@ -34,6 +34,7 @@ class AxesTwin final : public AnyTwin {
 
   std::vector<Column> commands() const override {
     std::vector<Column> all;
+    all.reserve(axis_columns.size());
     for (const AxisColumn& column : axis_columns) all.emplace_back(column.name, column.width * parts_.size());
     return all;
   }
@@ -120,8 +121,7 @@ class AxesTwin final : public AnyTwin {
       parts_[n]->store(own.data());
       const double* from = own.data();
       double* to = out;
-      for (std::size_t k = 0; k < each.size(); ++k) {
-        const std::size_t width = each[k].second;
+      for (const auto& [name, width] : each) {
         std::copy_n(from, width, to + n * width);
         from += width;
         to += parts_.size() * width;

@@ -216,7 +216,7 @@ class ChainTwin final : public AnyTwin {
 
   void set_state(std::string_view bytes) override {
     if (bytes.size() != sizeof(State)) throw std::invalid_argument("the state belongs to another kind of twin");
-    std::memcpy(&state_, bytes.data(), sizeof(State));
+    std::memcpy(&state_, &bytes.front(), sizeof(State));
   }
 
   std::optional<LaneTwinBytes> in_lanes() const override {

@@ -251,14 +251,14 @@ class LaneTwins {
   // What is aligned most comes first.
   Mask<double, K> runs_ = false;
   L velocity_[2 * axes]{};
-  L* column_[2][most_columns]{};
   Many many_{};
   Many::State state_[2]{};
+  L* column_[2][most_columns]{};
   std::array<One, K> one_{};
-  bool resting_;
   int current_{};
   int steps_per_sample_{1};
   int until_sample_{1};
+  bool resting_;
 };
 
 }  // namespace tenodesis::engine
