@@ -7,15 +7,15 @@
 // angle each, and the length that its bending draws is that of the span between them.
 
 #include "tenodesis/axis.hpp"
-#include "tenodesis/wrist_twin.hpp"
+#include "tenodesis/twin.hpp"
 
 namespace tenodesis {
 
 /// The joints and tendons of an axis A, with one contact in the sheath and at each joint.
 template <class A>
-using AxisWrist = Wrist<typename A::Scalar, 1, 2, planar_layout<1>(A::tip_mechanism)>;
+using AxisChain = TendonChain<typename A::Scalar, 1, 2, planar_layout<1>(A::tip_mechanism)>;
 template <class A, class Law = CapstanWithConstant<typename A::Scalar>>
-using AxisTwin = WristTwin<AxisWrist<A>, AxisWrist<A>::layout.most_contacts, Law>;
+using AxisTwin = Twin<AxisChain<A>, AxisChain<A>::layout.most_contacts, Law>;
 
 /// Friction along a tendon's route: sheath, handle joint, tip joint.
 template <class S>
@@ -61,15 +61,15 @@ struct Reading {
 /// Sets joints, tendons and routes; stiffness of the tendons' segments is set apart.
 template <class T, class A, class S = T::S>
 void set_axis(T& twin, const A& axis, const RouteFriction<S>& friction, const RouteContacts& route = {}) {
-  auto& wrist = twin.wrist;
-  wrist.joint[0] = {.mechanism = A::tip_mechanism,
+  auto& chain = twin.chain;
+  chain.joint[0] = {.mechanism = A::tip_mechanism,
                     .axis = {S(0), S(1), S(0)},
                     .chord = axis.distal.chord(S(0)),
                     .length = axis.distal.length,
                     .stiffness = axis.distal.passive_stiffness(),
                     .share = S(1)};
-  wrist.handles = 1;
-  wrist.handle[0] = A::handle_mechanism;
+  chain.handles = 1;
+  chain.handle[0] = A::handle_mechanism;
   twin.reach[0] = axis.distal.length;
   twin.handle_range[0] = axis.handle_range;
   twin.viscous = friction.viscous;
@@ -79,11 +79,11 @@ void set_axis(T& twin, const A& axis, const RouteFriction<S>& friction, const Ro
   const S wrap = friction.base_wrap * per_vertex;
   for (int m = 0; m < 2; ++m) {
     const S side(m == agonist ? 1 : -1);
-    wrist.arm[m][0] = side * axis.distal.excursion_slope();
-    wrist.handle_arm[m][0] = side * axis.proximal.excursion_slope();
-    wrist.stiffness[m] = axis.stiffness;
-    wrist.pretension[m] = axis.pretension;
-    wrist.motor[m] = true;
+    chain.arm[m][0] = side * axis.distal.excursion_slope();
+    chain.handle_arm[m][0] = side * axis.proximal.excursion_slope();
+    chain.stiffness[m] = axis.stiffness;
+    chain.pretension[m] = axis.pretension;
+    chain.motor[m] = true;
     auto& tendon = twin.tendon[m];
     tendon.rest_tension = axis.pretension;
     if constexpr (!T::known) tendon.stiffness.length = route.count() + 1;
@@ -91,9 +91,9 @@ void set_axis(T& twin, const A& axis, const RouteFriction<S>& friction, const Ro
     for (int k = 0; k < route.sheath; ++k)
       *at++ = {-1, friction.sheath, friction.sheath_bend * in_sheath, in_sheath, S(0)};
     for (int k = 0; k < route.vertices; ++k)
-      *at++ = {1, friction.vertex, wrap, per_vertex, k == route.vertices - 1 ? wrist.handle_arm[m][0] : S(0)};
+      *at++ = {1, friction.vertex, wrap, per_vertex, k == route.vertices - 1 ? chain.handle_arm[m][0] : S(0)};
     for (int k = 0; k < route.vertices; ++k)
-      *at++ = {0, friction.vertex, wrap, per_vertex, k == 0 ? -wrist.arm[m][0] : S(0)};
+      *at++ = {0, friction.vertex, wrap, per_vertex, k == 0 ? -chain.arm[m][0] : S(0)};
   }
 }
 

@@ -21,7 +21,7 @@
 //   values()                      the same joint in real numbers
 // All arms follow from virtual work on the joint's exact kinematics.
 //
-// A chain of joints (wrist.hpp) has the mechanism of each as a value, and asks the functions at the end.
+// A chain of joints (tendon_chain.hpp) has the mechanism of each as a value, and asks the functions at the end.
 
 #include "tenodesis/rotation.hpp"
 

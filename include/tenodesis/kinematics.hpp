@@ -7,7 +7,7 @@
 // as pan and tilt do with the stem. A joint turns by half its angle, moves along its chord, and turns by the other
 // half: a rolling gear pair about the centre of the fixed gear and then about that of the moving gear.
 
-#include "tenodesis/wrist.hpp"
+#include "tenodesis/tendon_chain.hpp"
 
 namespace tenodesis {
 
@@ -54,8 +54,8 @@ struct Chain {
   using S = Scalar;
 
   int joints{1}, handles{};
-  WristJoint<S> tip[N]{};     ///< each after the one that it stands on
-  WristJoint<S> handle[N]{};  ///< one after another, from the stem outward
+  ChainJoint<S> tip[N]{};     ///< each after the one that it stands on
+  ChainJoint<S> handle[N]{};  ///< one after another, from the stem outward
   S stem_length{};            ///< between the joints' ends nearest to it
 };
 
@@ -75,13 +75,13 @@ Vector<S> bend_side(const Vector<S>& axis) {
 
 /// A joint of a chain bent by an angle (rad).
 template <class C, class S>
-constexpr Bend<S> bend_at(const WristJoint<C>& joint, const S& angle) {
+constexpr Bend<S> bend_at(const ChainJoint<C>& joint, const S& angle) {
   return {joint, coordinate_at(joint.mechanism, angle)};
 }
 
 /// A joint that begins at a frame, bent by an angle (rad); side is -1 where it points to the handle.
 template <class C, class S>
-Bent<S> bent(const Frame<S>& near, const WristJoint<C>& joint, const S& angle, int side) {
+Bent<S> bent(const Frame<S>& near, const ChainJoint<C>& joint, const S& angle, int side) {
   const Rotation<S> half = about(joint.axis, angle * S(0.5));
   const Frame<S> carrier = near.turned(half);
   return {carrier, carrier.moved(S(side) * bend_at(joint, angle).chord).turned(half)};
@@ -94,7 +94,7 @@ Bodies<S, N> bodies(const Chain<C, N>& chain, const Posture<S, N>& at) {
   found.stem = Frame<S>{{}, stem_rotation(at.pan, at.tilt, at.spin)}.moved(at.insertion);
   const Rotation<S> rolled = about_z(at.roll);
   for (int i = 0; i < chain.joints; ++i) {
-    const WristJoint<C>& joint = chain.tip[i];
+    const ChainJoint<C>& joint = chain.tip[i];
     const Frame<S>& on = joint.parent < 0 ? found.stem : found.tip[joint.parent].far;
     found.tip[i] = bent(on.moved(S(joint.offset)), joint, at.bend[i], 1);
     found.end_effector[i] = found.tip[i].far.turned(rolled);
@@ -102,7 +102,7 @@ Bodies<S, N> bodies(const Chain<C, N>& chain, const Posture<S, N>& at) {
   }
   Frame<S> on = found.stem.moved(S(-chain.stem_length));
   for (int i = 0; i < chain.handles; ++i) {
-    const WristJoint<C>& joint = chain.handle[i];
+    const ChainJoint<C>& joint = chain.handle[i];
     found.handle[i] = bent(on.moved(S(-joint.offset)), joint, at.handle[i], -1);
     on = found.handle[i].far;
     found.grip[i] = on.moved(S(-joint.length));
@@ -191,7 +191,7 @@ template <class S, int N>
 bool solvable(const Chain<S, N>& chain) {
   const S fine = S(64) * std::numeric_limits<S>::epsilon();
   const auto across = [&](const S& cosine) { return abs(cosine) <= fine; };
-  const WristJoint<S>&first = chain.tip[0], &last = chain.tip[chain.joints - 1];
+  const ChainJoint<S>&first = chain.tip[0], &last = chain.tip[chain.joints - 1];
   return chain.joints <= 2 && across(first.axis.z) && across(last.axis.z) &&
          (chain.joints == 1 || (last.parent == 0 && across(dot(first.axis, last.axis))));
 }
@@ -202,7 +202,7 @@ Vector<S> reach_of(const Chain<C, N>& chain, const Vector<S>& pointing) {
   Vector<S> from{S(0), S(0), S(1)};
   Vector<S> sum{};
   for (int i = 0; i < chain.joints; ++i) {
-    const WristJoint<C>& joint = chain.tip[i];
+    const ChainJoint<C>& joint = chain.tip[i];
     Vector<S> to = pointing;
     if (i + 1 < chain.joints) {
       // The link between two joints stays in the plane of the first.

@@ -100,7 +100,7 @@ struct Tendon {
   /// line each slip by the next.
   ///
   /// spool: how segment 0 reacts to the first contact's slip; pull: lengthening of each other segment, m; from: slips
-  /// at the step's beginning. A is a number, or a linear function of what draws the tendon on its way (wrist_step.hpp);
+  /// at the step's beginning. A is a number, or a linear function of what draws the tendon on its way (twin_step.hpp);
   /// so are its slips then.
   template <class A>
   Reaction<A, S> eliminate(int n, const Bands& band, const Reaction<A, S>& spool,

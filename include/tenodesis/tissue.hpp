@@ -16,12 +16,6 @@ struct Contact {
   friend bool operator==(const Contact&, const Contact&) = default;
 };
 
-/// What acts on the tip.
-template <class S>
-struct TipLoad : Load<S> {
-  Contact<S> contact{};
-};
-
 /// An output angle, and the joint's coordinate there.
 template <class S>
 struct Tip {
@@ -96,21 +90,6 @@ template <class J, class S>
 Resistance<S> resistance_at_rest(const J& joint, const Contact<S>& contact, const Tip<S>& tip) {
   const S force = contact.stiffness * larger(depth(joint, contact, tip), S(0));
   return {force, -force * joint.tangential_arm(tip.x), S(0)};
-}
-
-/// The demand on the tendons at rest, with the force of tissue, which grows along the tip's path.
-template <class J, class S>
-[[gnu::noinline, gnu::cold]] Demand<S> demand_in_tissue(const J& joint, const S& x, const TipLoad<S>& load) {
-  const S deep = larger(depth(joint, load.contact, Tip<S>{joint.angle(x), x}), S(0));
-  const Flag<S> inside = deep > S(0);
-  if (!any(inside)) return joint.demand(x, load);
-  const Load<S> all{load.force + load.contact.stiffness * deep, load.radial_force};
-  Demand<S> demand = joint.demand(x, all);
-  const S by_force = joint.demand(x, Load<S>{S(1), S(0)}).value - joint.demand(x, Load<S>{}).value;
-  const S turn = joint.excursion_slope() / joint.moment_arm(x);
-  const S stiffer = demand.slope + by_force * abs(load.contact.stiffness) * joint.tangential_arm(x) * turn;
-  demand.slope = where(inside, stiffer, demand.slope);
-  return demand;
 }
 
 }  // namespace tenodesis

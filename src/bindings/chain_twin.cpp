@@ -2,14 +2,14 @@
 
 #include "engine/chain_twin.hpp"
 
-#include "wrist_spec.hpp"
+#include "chain_spec.hpp"
 
 namespace tenodesis::bindings {
 namespace {
 
 using namespace engine;
 
-std::unique_ptr<AnyTwin> make_chain_twin(const WristSpec& spec, const In<3>& passages, const std::vector<int>& contacts,
+std::unique_ptr<AnyTwin> make_chain_twin(const ChainSpec& spec, const In<3>& passages, const std::vector<int>& contacts,
                                          const In<2>& segments, const In<2>& links, const In<2>& load_cells,
                                          const std::array<double, wrench_components>& rig,
                                          const std::vector<double>& parameters, int law, int steps_per_sample,
@@ -18,9 +18,9 @@ std::unique_ptr<AnyTwin> make_chain_twin(const WristSpec& spec, const In<3>& pas
   require(passages.shape(0) == tendons && passages.shape(2) == passage_numbers && contacts.size() == tendons &&
               tendons > 0 && segments.shape(0) == tendons && segments.shape(1) == passages.shape(1) + 1 &&
               links.shape(0) == spec.joints() && links.shape(1) == link_numbers && load_cells.shape(0) == tendons &&
-              load_cells.shape(1) == load_cell_numbers && parameters.size() == wrist_twin_names.size() && law >= 0 &&
-              law <= int(WristLaw::capstan_power),
-          "the twin's rows do not fit the wrist");
+              load_cells.shape(1) == load_cell_numbers && parameters.size() == chain_twin_names.size() && law >= 0 &&
+              law <= int(ChainLaw::capstan_power),
+          "the twin's rows do not fit the chain");
   const auto most = std::size_t(2 * most_vertices) * spec.joints() + std::size_t(most_long_sheath_contacts);
   for (std::size_t m = 0; m < tendons; ++m) {
     require(contacts[m] >= 1 && std::cmp_less_equal(contacts[m], passages.shape(1)) &&
@@ -31,35 +31,35 @@ std::unique_ptr<AnyTwin> make_chain_twin(const WristSpec& spec, const In<3>& pas
           passages(m, j, passage_joint) >= -1 && passages(m, j, passage_joint) < double(spec.joints() + spec.handles()),
           "a tendon crosses a joint that is not there");
   }
-  const WristTwinRows rows{passages.data(),
-                           passages.shape(1),
-                           contacts,
-                           segments.data(),
-                           links.data(),
-                           load_cells.data(),
-                           rig.data(),
-                           parameters.data(),
-                           WristLaw(law),
-                           steps_per_sample,
-                           quasi_static,
-                           currents,
-                           seed};
-  const WristSizes sizes{spec.joints(), spec.handles(), tendons};
-  return std::visit([&](const auto& wrist) { return make_twin<int(most_wrist_tendons)>(wrist, rows, sizes); },
+  const TwinRows rows{passages.data(),
+                      passages.shape(1),
+                      contacts,
+                      segments.data(),
+                      links.data(),
+                      load_cells.data(),
+                      rig.data(),
+                      parameters.data(),
+                      ChainLaw(law),
+                      steps_per_sample,
+                      quasi_static,
+                      currents,
+                      seed};
+  const ChainSizes sizes{spec.joints(), spec.handles(), tendons};
+  return std::visit([&](const auto& chain) { return make_twin<int(most_chain_tendons)>(chain, rows, sizes); },
                     spec.any());
 }
 
 /// Mass matrix and moments of constant rates of every point.
-void wrist_inertia(const WristSpec& spec, const In<2>& links, const In<2>& angles, const In<2>& speeds,
+void chain_inertia(const ChainSpec& spec, const In<2>& links, const In<2>& angles, const In<2>& speeds,
                    const Out<3>& matrix, const Out<2>& bias) {
   const std::size_t n = spec.joints();
   const std::size_t count = angles.shape(0);
   require(links.shape(0) == n && links.shape(1) == link_numbers && angles.shape(1) == n && speeds.shape(0) == count &&
               speeds.shape(1) == n && matrix.shape(0) == count && matrix.shape(1) == n && matrix.shape(2) == n &&
               bias.shape(0) == count && bias.shape(1) == n,
-          "the arrays do not fit the wrist");
+          "the arrays do not fit the chain");
   std::visit(
-      [&]<class W>(const W& wrist) {
+      [&]<class W>(const W& chain) {
         constexpr int N = W::joints;
         Link<double> link[N]{};
         for (int i = 0; i < N; ++i) {
@@ -69,8 +69,8 @@ void wrist_inertia(const WristSpec& spec, const In<2>& links, const In<2>& angle
         for (std::size_t p = 0; p < count; ++p) {
           double x[N], mass[N][N];
           for (int i = 0; i < N; ++i)
-            x[i] = coordinate_at(wrist.joint[i].mechanism, angles.data()[p * n + std::size_t(i)]);
-          inertia(wrist, link, x, speeds.data() + p * n, mass, bias.data() + p * n);
+            x[i] = coordinate_at(chain.joint[i].mechanism, angles.data()[p * n + std::size_t(i)]);
+          inertia(chain, link, x, speeds.data() + p * n, mass, bias.data() + p * n);
           for (int i = 0; i < N; ++i) std::copy_n(mass[i], n, matrix.data() + (p * n + std::size_t(i)) * n);
         }
       },
@@ -80,15 +80,15 @@ void wrist_inertia(const WristSpec& spec, const In<2>& links, const In<2>& angle
 }  // namespace
 
 void bind_chain_twin(nb::module_& m) {
-  m.def("chain_twin", &make_chain_twin, "wrist"_a, "passages"_a, "contacts"_a, "segments"_a, "links"_a, "load_cells"_a,
+  m.def("chain_twin", &make_chain_twin, "chain"_a, "passages"_a, "contacts"_a, "segments"_a, "links"_a, "load_cells"_a,
         "rig"_a, "parameters"_a, "law"_a, "steps_per_sample"_a, "quasi_static"_a, "currents"_a, "seed"_a,
-        "The twin of a wrist, at rest. passages: by tendon and contact the joint (-1: the sheath; the handle's count "
+        "The twin of a chain, at rest. passages: by tendon and contact the joint (-1: the sheath; the handle's count "
         "on), friction coefficient, wrap in rad of the straight joint or in the sheath, share, arm in m; links: by "
         "joint mass, its centre, inertia about x, y, z, damping, stop, its stiffness, reach of the tip; load_cells: "
         "gain, bias, noise, range and resolution by tendon; rig: wrench on the tip by a newton of weight; law: 0 "
         "capstan with a constant part, 1 Stribeck, 2 power.");
-  m.def("wrist_inertia", &wrist_inertia, "wrist"_a, "links"_a, "angles"_a, "speeds"_a, "matrix"_a, "bias"_a);
-  m.def("wrist_twin_parameters", [] { return list_of(wrist_twin_names); });
+  m.def("chain_inertia", &chain_inertia, "chain"_a, "links"_a, "angles"_a, "speeds"_a, "matrix"_a, "bias"_a);
+  m.def("chain_twin_parameters", [] { return list_of(chain_twin_names); });
 }
 
 }  // namespace tenodesis::bindings

@@ -171,7 +171,7 @@ NB_MODULE(_core, m) {
 
   bind_joint(m);
   bind_tendon(m);
-  bind_wrist(m);
+  bind_tendon_chain(m);
   bind_chain_twin(m);
   bind_twin(m);
   bind_twin_gradient(m);

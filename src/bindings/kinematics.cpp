@@ -34,7 +34,7 @@ using Passage = std::tuple<bool, int, double, double, double>;
 using Joints = std::tuple<std::vector<int>, std::vector<int>, std::vector<std::array<double, 6>>>;
 using Described = std::tuple<Joints, Joints, double, std::vector<std::vector<Passage>>>;
 
-int read_joints(const Joints& joints, WristJoint<double>* out) {
+int read_joints(const Joints& joints, ChainJoint<double>* out) {
   const auto& [mechanisms, parents, numbers] = joints;
   const std::size_t count = mechanisms.size();
   require(count <= std::size_t(most_joints) && parents.size() == count && numbers.size() == count,
@@ -176,14 +176,14 @@ void inverses(const BoundChain& bound, const In<2>& goals, const In<2>& start, c
 
 /// A joint as a line runs over it, from its end on the stem's side; side is -1 where it points to the handle.
 struct Passed {
-  const WristJoint<double>& joint;
+  const ChainJoint<double>& joint;
   Frame<double> near;
   double angle{};
   int side{};
 };
 
 /// Points along a tendon at one joint: both ends of a gear pair's, or enough of an arc to look like one.
-std::size_t points_over(const WristJoint<double>& joint) { return joint.mechanism == Mechanism::gear ? 2 : 9; }
+std::size_t points_over(const ChainJoint<double>& joint) { return joint.mechanism == Mechanism::gear ? 2 : 9; }
 
 /// Places the points of a line over a joint at an offset from its middle, outward.
 template <class Place>
@@ -215,7 +215,7 @@ std::vector<std::size_t> line_lengths(const BoundChain& bound) {
       points += points_over(at_tip ? chain.tip[joint] : chain.handle[joint]);
     lengths.push_back(points);
   }
-  const auto backbones = [&](const WristJoint<double>* joints, int count) {
+  const auto backbones = [&](const ChainJoint<double>* joints, int count) {
     for (int i = 0; i < count; ++i)
       if (joints[i].mechanism == Mechanism::continuum) lengths.push_back(points_over(joints[i]));
   };
@@ -236,11 +236,11 @@ void write_lines(const BoundChain& bound, const At& at, double* out) {
   };
   const auto passed = [&](bool at_tip, int i) {
     if (at_tip) {
-      const WristJoint<double>& joint = chain.tip[i];
+      const ChainJoint<double>& joint = chain.tip[i];
       const Frame<double>& on = joint.parent < 0 ? found.stem : found.tip[joint.parent].far;
       return Passed{joint, on.moved(joint.offset), at.bend[i], 1};
     }
-    const WristJoint<double>& joint = chain.handle[i];
+    const ChainJoint<double>& joint = chain.handle[i];
     return Passed{joint, (i == 0 ? bottom : found.handle[i - 1].far).moved(-joint.offset), at.handle[i], -1};
   };
   for (const auto& route : bound.routes()) {

@@ -56,6 +56,6 @@ void bind_runtime(nb::module_& m);
 void bind_serial(nb::module_& m);
 void bind_similarity(nb::module_& m);
 void bind_tendon(nb::module_& m);
-void bind_wrist(nb::module_& m);
+void bind_tendon_chain(nb::module_& m);
 
 }  // namespace tenodesis::bindings

@@ -7,11 +7,11 @@
 #include <numbers>
 #include <utility>
 
+#include "chain_spec.hpp"
 #include "module.hpp"
 #include "runtime/mailbox_device.hpp"
 #include "runtime/motor_switch.hpp"
 #include "runtime/twin_device.hpp"
-#include "wrist_spec.hpp"
 
 namespace tenodesis::bindings {
 namespace {
@@ -20,7 +20,7 @@ using namespace engine;
 using runtime::TwinDevice, runtime::MailboxDevice, runtime::MotorSwitch, runtime::OrderKind, runtime::Problem,
     runtime::RingReader, runtime::Runtime;
 
-static_assert(runtime::most_joints >= most_wrist_joints && runtime::most_tendons >= most_wrist_tendons);
+static_assert(runtime::most_joints >= most_chain_joints && runtime::most_tendons >= most_chain_tendons);
 
 constexpr double nanoseconds = 1e9;
 

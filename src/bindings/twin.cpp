@@ -21,7 +21,7 @@ using namespace engine;
 using Outcome = std::tuple<std::size_t, Status>;
 using AxisPlaces = std::vector<std::array<std::size_t, 3>>;
 
-std::vector<CompensatedAxis> axes_of(const AxisPlaces& axes, const WristSizes& sizes) {
+std::vector<CompensatedAxis> axes_of(const AxisPlaces& axes, const ChainSizes& sizes) {
   std::vector<CompensatedAxis> compensated;
   for (const auto& [handle, agonist_at, antagonist_at] : axes) {
     require(handle < sizes.handles && agonist_at < sizes.tendons && antagonist_at < sizes.tendons,
@@ -121,7 +121,7 @@ class TwinBatch {
   ~TwinBatch() = default;
 
   std::size_t count() const { return count_; }
-  const WristSizes& sizes() const { return sizes_; }
+  const ChainSizes& sizes() const { return sizes_; }
   std::size_t commands() const { return commands_; }
   std::size_t signals() const { return signals_; }
   /// Twins that are stepped together.
@@ -273,7 +273,7 @@ class TwinBatch {
   }
 
   std::size_t count_;
-  WristSizes sizes_;
+  ChainSizes sizes_;
   std::size_t commands_, signals_;  // columns
   std::vector<tenodesis_lanes::Column> columns_;
   const tenodesis_lanes::Lanes* lanes_;

@@ -42,7 +42,7 @@ class AnyTwin {
  public:
   virtual ~AnyTwin() = default;
   virtual std::unique_ptr<AnyTwin> copy() const = 0;
-  virtual const WristSizes& sizes() const = 0;
+  virtual const ChainSizes& sizes() const = 0;
   /// Columns of a row of commands; the spools' velocities follow the handle's angles.
   virtual std::vector<Column> commands() const = 0;
   /// Signals that a step writes, in order.

@@ -12,7 +12,7 @@ namespace tenodesis::engine {
 /// The twin of an axis, as a chain of one joint.
 inline std::unique_ptr<AnyTwin> make_twin(const TwinSpec& spec, std::uint64_t seed) {
   return with_twin(spec, [&]<class T>(const T& twin) -> std::unique_ptr<AnyTwin> {
-    return std::make_unique<ChainTwin<T>>(twin, WristSizes{1, 1, 2}, seed);
+    return std::make_unique<ChainTwin<T>>(twin, ChainSizes{1, 1, 2}, seed);
   });
 }
 
@@ -30,7 +30,7 @@ class AxesTwin final : public AnyTwin {
   ~AxesTwin() override = default;
 
   std::unique_ptr<AnyTwin> copy() const override { return std::make_unique<AxesTwin>(*this); }
-  const WristSizes& sizes() const override { return sizes_; }
+  const ChainSizes& sizes() const override { return sizes_; }
 
   std::vector<Column> commands() const override {
     std::vector<Column> all;
@@ -148,7 +148,7 @@ class AxesTwin final : public AnyTwin {
   }
 
   std::vector<std::unique_ptr<AnyTwin>> parts_;
-  WristSizes sizes_;
+  ChainSizes sizes_;
   std::vector<double> row_;
 };
 

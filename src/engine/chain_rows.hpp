@@ -17,8 +17,8 @@ struct Progress {
 
 inline constexpr std::size_t wrench_components = 6;
 
-/// Sizes of a wrist.
-struct WristSizes {
+/// Sizes of a chain.
+struct ChainSizes {
   std::size_t joints{}, handles{}, tendons{};
 };
 
@@ -27,7 +27,7 @@ using Column = std::pair<const char*, std::size_t>;
 
 /// Columns of a row of commands; contact: angle, stiffness and damping of each joint; held: opening, stiffness,
 /// damping.
-inline std::vector<Column> wrist_commands(const WristSizes& of) {
+inline std::vector<Column> chain_commands(const ChainSizes& of) {
   return {{"handle_angle", of.handles},
           {"spool_velocity", of.tendons},
           {"wrench", wrench_components},
@@ -41,7 +41,7 @@ inline std::vector<Column> wrist_commands(const WristSizes& of) {
 }
 
 /// Signals that a step writes, in order.
-inline std::vector<Column> wrist_signals(const WristSizes& of) {
+inline std::vector<Column> chain_signals(const ChainSizes& of) {
   return {{"output_angle", of.joints},
           {"output_velocity", of.joints},
           {"handle_angle", of.handles},
@@ -67,7 +67,7 @@ inline std::size_t width_of(const std::vector<Column>& columns) {
 
 /// The command of a row, whose columns take() gives one after another; holds(column): whether it is not zero.
 template <class Command, class Take, class Holds>
-[[gnu::always_inline]] inline Command chain_command(const WristSizes& sizes, const Take& take, const Holds& holds) {
+[[gnu::always_inline]] inline Command chain_command(const ChainSizes& sizes, const Take& take, const Holds& holds) {
   Command command{};
   for (std::size_t h = 0; h < sizes.handles; ++h) command.handle_angle[h] = take();
   for (std::size_t m = 0; m < sizes.tendons; ++m) command.spool_velocity[m] = take();
@@ -88,7 +88,7 @@ template <class Command, class Take, class Holds>
 
 /// Gives put() the signals of a state, in their order.
 template <class T, class Put>
-[[gnu::always_inline]] inline void chain_signals(const T& twin, const typename T::State& s, const WristSizes& sizes,
+[[gnu::always_inline]] inline void store_signals(const T& twin, const typename T::State& s, const ChainSizes& sizes,
                                                  const Put& put) {
   constexpr int N = T::N;
   const auto each = [&](std::size_t count, const auto& value) {

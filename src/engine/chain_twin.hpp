@@ -12,7 +12,7 @@
 
 #include "any_twin.hpp"
 #include "tenodesis/axis.hpp"
-#include "tenodesis/wrist_energy.hpp"
+#include "tenodesis/twin_energy.hpp"
 
 namespace tenodesis::engine {
 
@@ -40,7 +40,7 @@ enum LoadCellNumber {
   load_cell_numbers
 };
 
-/// Parameters of a wrist's twin, in SI units and the order of a row.
+/// Parameters of a chain's twin, in SI units and the order of a row.
 #define TENODESIS_WRIST_TWIN_PARAMETERS(ROW)                                                                          \
   ROW(constant), ROW(viscous), ROW(static_ratio), ROW(stribeck_speed), ROW(memory), ROW(load_index),                  \
       ROW(reference_tension), ROW(bending_loss), ROW(sheath_bend_rate), ROW(stiffness_ratio), ROW(pretension_ratio),  \
@@ -51,17 +51,17 @@ enum LoadCellNumber {
       ROW(thermal_time), ROW(time_step)
 
 #define TENODESIS_ROW(name) name
-enum class WristParameter : std::size_t { TENODESIS_WRIST_TWIN_PARAMETERS(TENODESIS_ROW) };
+enum class ChainParameter : std::size_t { TENODESIS_WRIST_TWIN_PARAMETERS(TENODESIS_ROW) };
 #undef TENODESIS_ROW
 #define TENODESIS_ROW(name) #name
-inline constexpr std::array wrist_twin_names{TENODESIS_WRIST_TWIN_PARAMETERS(TENODESIS_ROW)};
+inline constexpr std::array chain_twin_names{TENODESIS_WRIST_TWIN_PARAMETERS(TENODESIS_ROW)};
 #undef TENODESIS_ROW
 
 /// Friction laws by number; capstan friction without a constant part, and none, are the first with zeros.
-using WristLaw = ChosenLaw<double>::Kind;
+using ChainLaw = ChosenLaw<double>::Kind;
 
 /// Constants of a twin in arrays.
-struct WristTwinRows {
+struct TwinRows {
   const double* passages;  ///< tendons x contacts x numbers
   std::size_t most_contacts;
   const std::vector<int>& contacts;  ///< of each tendon
@@ -70,25 +70,25 @@ struct WristTwinRows {
   const double* load_cells;
   const double* rig;  ///< wrench on the tip by a newton on the load rig
   const double* parameters;
-  WristLaw law{};
+  ChainLaw law{};
   int steps_per_sample{1};
   bool quasi_static{};
   bool currents{};
   std::uint64_t seed{};
 };
 
-/// Fills in the constants of a twin whose wrist is there.
+/// Fills in the constants of a twin whose chain is there.
 template <class T>
-void fill(T& twin, const WristTwinRows& rows, const WristSizes& sizes) {
-  const auto p = [&](WristParameter at) { return rows.parameters[std::size_t(at)]; };
-  using enum WristParameter;
+void fill(T& twin, const TwinRows& rows, const ChainSizes& sizes) {
+  const auto p = [&](ChainParameter at) { return rows.parameters[std::size_t(at)]; };
+  using enum ChainParameter;
   constexpr int N = T::N;
   for (std::size_t m = 0; m < sizes.tendons; ++m) {
     const int n = rows.contacts[m];
     auto& tendon = twin.tendon[m];
-    twin.wrist.stiffness[m] *= p(stiffness_ratio);
-    twin.wrist.pretension[m] *= p(pretension_ratio);
-    tendon.rest_tension = twin.wrist.pretension[m];
+    twin.chain.stiffness[m] *= p(stiffness_ratio);
+    twin.chain.pretension[m] *= p(pretension_ratio);
+    tendon.rest_tension = twin.chain.pretension[m];
     if constexpr (requires { tendon.stiffness.length; }) tendon.stiffness.length = n + 1;
     for (int i = 0; i <= n; ++i)
       tendon.stiffness[i] = p(stiffness_ratio) * rows.segments[m * (rows.most_contacts + 1) + std::size_t(i)];
@@ -137,7 +137,7 @@ void fill(T& twin, const WristTwinRows& rows, const WristSizes& sizes) {
                 {p(constant)},
                 {p(constant), p(static_ratio), p(stribeck_speed), p(memory)},
                 {p(constant), p(load_index), p(reference_tension), p(bending_loss),
-                 1e-3 * *std::ranges::max_element(twin.wrist.pretension)}};
+                 1e-3 * *std::ranges::max_element(twin.chain.pretension)}};
   else
     twin.law = {p(constant)};
   twin.prepare();
@@ -151,13 +151,13 @@ class ChainTwin final : public AnyTwin {
   using Command = T::Command;
   static_assert(std::is_trivially_copyable_v<State>);
 
-  ChainTwin(const T& twin, const WristSizes& sizes, std::uint64_t seed)
+  ChainTwin(const T& twin, const ChainSizes& sizes, std::uint64_t seed)
       : sizes_(sizes), twin_(twin), state_(twin.rest(seed)) {}
 
   std::unique_ptr<AnyTwin> copy() const override { return std::make_unique<ChainTwin>(*this); }
-  const WristSizes& sizes() const override { return sizes_; }
-  std::vector<Column> commands() const override { return wrist_commands(sizes_); }
-  std::vector<Column> signals() const override { return wrist_signals(sizes_); }
+  const ChainSizes& sizes() const override { return sizes_; }
+  std::vector<Column> commands() const override { return chain_commands(sizes_); }
+  std::vector<Column> signals() const override { return chain_signals(sizes_); }
   Status step(const double* command) override { return twin_.step(command_of(command), state_); }
 
   bool step_or_hold(const double* command) override {
@@ -173,7 +173,7 @@ class ChainTwin final : public AnyTwin {
     const State before = state_;
     const Status found = step(command);
     if (found != Status::ok) return found;
-    const auto of = wrist_energy(twin_, before, state_);
+    const auto of = twin_energy(twin_, before, state_);
     energy[1] = of.stored;
     energy[2] += of.handle;
     energy[3] += of.spools;
@@ -187,10 +187,10 @@ class ChainTwin final : public AnyTwin {
     return found;
   }
 
-  double stored() const override { return wrist_stored_energy(twin_, state_); }
+  double stored() const override { return stored_energy(twin_, state_); }
 
   double* store(double* out) const override {
-    chain_signals(twin_, state_, shape(), [&](double value) { *out++ = value; });
+    store_signals(twin_, state_, shape(), [&](double value) { *out++ = value; });
     return out;
   }
 
@@ -243,14 +243,14 @@ class ChainTwin final : public AnyTwin {
   }
 
   // Its sizes, as constants where the layout is known.
-  WristSizes shape() const {
+  ChainSizes shape() const {
     if constexpr (T::known)
       return {T::N, T::N, T::M};
     else
       return sizes_;
   }
 
-  WristSizes sizes_;
+  ChainSizes sizes_;
   T twin_{};
   State state_{};
 };
@@ -259,36 +259,36 @@ inline constexpr int most_short_sheath_contacts = 4;
 inline constexpr int most_long_sheath_contacts = 32;
 inline constexpr int most_vertices = 2;
 
-/// The same wrist as another type, with room for more tendons or a known layout.
+/// The same chain as another type, with room for more tendons or a known layout.
 template <class To, class W>
-To as(const W& wrist) {
+To as(const W& chain) {
   To to{};
-  std::ranges::copy(wrist.joint, to.joint);
+  std::ranges::copy(chain.joint, to.joint);
   for (int m = 0; m < W::tendons; ++m) {
-    std::ranges::copy(wrist.arm[m], to.arm[m]);
-    std::ranges::copy(wrist.handle_arm[m], to.handle_arm[m]);
-    to.stiffness[m] = wrist.stiffness[m];
-    to.pretension[m] = wrist.pretension[m];
-    to.motor[m] = wrist.motor[m];
+    std::ranges::copy(chain.arm[m], to.arm[m]);
+    std::ranges::copy(chain.handle_arm[m], to.handle_arm[m]);
+    to.stiffness[m] = chain.stiffness[m];
+    to.pretension[m] = chain.pretension[m];
+    to.motor[m] = chain.motor[m];
   }
-  to.handles = wrist.handles;
-  std::ranges::copy(wrist.handle, to.handle);
+  to.handles = chain.handles;
+  std::ranges::copy(chain.handle, to.handle);
   return to;
 }
 
-/// Whether a wrist and its routes are what a known layout says.
+/// Whether a chain and its routes are what a known layout says.
 template <class Known, class W>
-bool fits(const W& wrist, const WristTwinRows& rows) {
+bool fits(const W& chain, const TwinRows& rows) {
   constexpr auto& layout = Known::layout;
-  bool same = wrist.handles == W::joints;
+  bool same = chain.handles == W::joints;
   for (int i = 0; i < W::joints; ++i) {
-    const auto& joint = wrist.joint[i];
+    const auto& joint = chain.joint[i];
     const bool across = (layout.axis[i] == Along::x ? joint.axis.y : joint.axis.x) == 0 && joint.axis.z == 0;
     same = same && joint.parent == i - 1 && joint.mechanism == layout.mechanism[i] && across &&
-           wrist.handle[i] == layout.mechanism[W::joints + i];
+           chain.handle[i] == layout.mechanism[W::joints + i];
   }
   for (int m = 0; m < W::tendons; ++m) {
-    same = same && wrist.stiffness[m] > 0 && std::size_t(m) < rows.contacts.size() &&
+    same = same && chain.stiffness[m] > 0 && std::size_t(m) < rows.contacts.size() &&
            rows.contacts[std::size_t(m)] == layout.contacts[m];
     for (int j = 0; same && j < layout.contacts[m]; ++j) {
       const double* at = rows.passages + (std::size_t(m) * rows.most_contacts + std::size_t(j)) * passage_numbers;
@@ -299,52 +299,52 @@ bool fits(const W& wrist, const WristTwinRows& rows) {
 }
 
 template <int N, Mechanism tip>
-using PlanarWrist = Wrist<double, N, 2 * N, planar_layout<N>(tip)>;
+using PlanarChain = TendonChain<double, N, 2 * N, planar_layout<N>(tip)>;
 
-/// Calls work with the wrist as a type of a known layout, if that fits it; returns whether it does.
+/// Calls work with the chain as a type of a known layout, if that fits it; returns whether it does.
 template <class Known, class W, class Work>
-bool if_fits(const W& wrist, const WristTwinRows& rows, const Work& work) {
-  if (rows.law != WristLaw::capstan_with_constant || !fits<Known>(wrist, rows)) return false;
-  work(as<Known>(wrist));
+bool if_fits(const W& chain, const TwinRows& rows, const Work& work) {
+  if (rows.law != ChainLaw::capstan_with_constant || !fits<Known>(chain, rows)) return false;
+  work(as<Known>(chain));
   return true;
 }
 
 /// The same with the known layout that fits, if there is one.
 template <class W, class Work>
-bool with_layout(const W& wrist, const WristTwinRows& rows, const Work& work) {
+bool with_layout(const W& chain, const TwinRows& rows, const Work& work) {
   constexpr int N = W::joints;
   using enum Mechanism;
   if constexpr (N <= most_axes && W::tendons == 2 * N)
-    return if_fits<PlanarWrist<N, gear>>(wrist, rows, work) || if_fits<PlanarWrist<N, pulley>>(wrist, rows, work) ||
-           if_fits<PlanarWrist<N, continuum>>(wrist, rows, work);
+    return if_fits<PlanarChain<N, gear>>(chain, rows, work) || if_fits<PlanarChain<N, pulley>>(chain, rows, work) ||
+           if_fits<PlanarChain<N, continuum>>(chain, rows, work);
   return false;
 }
 
 template <class T>
-std::unique_ptr<AnyTwin> filled(const typename T::Wrist& wrist, const WristTwinRows& rows, const WristSizes& sizes) {
+std::unique_ptr<AnyTwin> filled(const typename T::TendonChain& chain, const TwinRows& rows, const ChainSizes& sizes) {
   T twin{};
-  twin.wrist = wrist;
+  twin.chain = chain;
   fill(twin, rows, sizes);
   return std::make_unique<ChainTwin<T>>(twin, sizes, rows.seed);
 }
 
-/// The twin of a wrist. Known layouts with the capstan's law are the fastest, then short routes with that law; others
+/// The twin of a chain. Known layouts with the capstan's law are the fastest, then short routes with that law; others
 /// make do with one size, that of most tendons M.
 template <int M, class W>
-std::unique_ptr<AnyTwin> make_twin(const W& wrist, const WristTwinRows& rows, const WristSizes& sizes) {
+std::unique_ptr<AnyTwin> make_twin(const W& chain, const TwinRows& rows, const ChainSizes& sizes) {
   using S = W::S;
   constexpr int N = W::joints;
   std::unique_ptr<AnyTwin> made;
-  if (with_layout(wrist, rows, [&]<class Known>(const Known& same) {
-        made = filled<WristTwin<Known, Known::layout.most_contacts>>(same, rows, sizes);
+  if (with_layout(chain, rows, [&]<class Known>(const Known& same) {
+        made = filled<Twin<Known, Known::layout.most_contacts>>(same, rows, sizes);
       }))
     return made;
   constexpr int few = 2 * N + most_short_sheath_contacts;
-  if (rows.law == WristLaw::capstan_with_constant && *std::ranges::max_element(rows.contacts) <= few)
-    return filled<WristTwin<W, few>>(wrist, rows, sizes);
-  using Roomy = Wrist<S, N, M>;
+  if (rows.law == ChainLaw::capstan_with_constant && *std::ranges::max_element(rows.contacts) <= few)
+    return filled<Twin<W, few>>(chain, rows, sizes);
+  using Roomy = TendonChain<S, N, M>;
   constexpr int many = 2 * most_vertices * N + most_long_sheath_contacts;
-  return filled<WristTwin<Roomy, many, ChosenLaw<S>>>(as<Roomy>(wrist), rows, sizes);
+  return filled<Twin<Roomy, many, ChosenLaw<S>>>(as<Roomy>(chain), rows, sizes);
 }
 
 }  // namespace tenodesis::engine

@@ -11,7 +11,7 @@
 namespace tenodesis_lanes {
 
 /// What the twins of a group have in common: the axes and the tip's mechanism of their planar layout
-/// (wrist_layout.hpp).
+/// (chain_layout.hpp).
 struct Kind {
   int axes;
   int mechanism;

@@ -10,12 +10,12 @@
 
 #include "chain_rows.hpp"
 #include "lane_job.hpp"
-#include "tenodesis/wrist_lanes.hpp"
+#include "tenodesis/twin_lanes.hpp"
 
 namespace tenodesis::engine {
 
 template <int axes, Mechanism tip, class S>
-using LaneTwin = WristTwin<Wrist<S, axes, 2 * axes, planar_layout<axes>(tip)>, 1 + 2 * axes>;
+using LaneTwin = Twin<TendonChain<S, axes, 2 * axes, planar_layout<axes>(tip)>, 1 + 2 * axes>;
 
 /// K twins of so many axes, of one tip's mechanism; their friction law is the capstan's.
 template <int axes, Mechanism tip, int K>
@@ -55,7 +55,7 @@ class LaneTwins {
   }
 
  private:
-  static constexpr WristSizes sizes{axes, axes, 2 * axes};
+  static constexpr ChainSizes sizes{axes, axes, 2 * axes};
   // Columns of a chain's commands; that which says in which axes the wrench is.
   static constexpr std::size_t most_columns = 14 + 8 * axes;
   static constexpr std::size_t stem_place = 7 + 3 * axes;
@@ -234,7 +234,7 @@ class LaneTwins {
   void keep(const Many& twin, const tenodesis_lanes::Job& job, std::size_t sample) {
     std::array<L, most_signals> row;
     std::size_t width = 0;
-    chain_signals(twin, state_[current_], sizes, [&](const L& value) { row[width++] = value; });
+    store_signals(twin, state_[current_], sizes, [&](const L& value) { row[width++] = value; });
     row[width] = -twin.load_of(state_[current_].command).wrench.force.x;
     for (std::size_t k = 0; k < job.runs; ++k) {
       if (!runs_[int(k)]) continue;

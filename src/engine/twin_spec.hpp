@@ -163,7 +163,7 @@ auto with_twin(const TwinSpec& spec, const std::array<S, parameter_count>& param
         if (!spec.speed_dependent && !spec.tension_dependent && spec.sheath_contacts == 1 &&
             spec.vertices_per_joint == 1)
           return filled(AxisTwin<A>{});
-        return filled(WristTwin<Wrist<S, 1, 2>, most_contacts, ChosenLaw<S>>{});
+        return filled(Twin<TendonChain<S, 1, 2>, most_contacts, ChosenLaw<S>>{});
       },
       any);
 }

@@ -12,7 +12,7 @@
 namespace tenodesis::runtime {
 
 using engine::Column, engine::CompensatedAxis;
-using Sizes = engine::WristSizes;
+using Sizes = engine::ChainSizes;
 
 inline constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 /// Room that the loop's queues and mailboxes have.

@@ -343,5 +343,5 @@ def mass_matrix(inst: FullForm, links: Array, angles: Array, speeds: Array | Non
     matrix, bias = np.empty((1, count, count)), np.empty((1, count))
     moving = np.zeros(count) if speeds is None else speeds
     at = np.ascontiguousarray(angles, float)[np.newaxis]
-    _core.wrist_inertia(inst.core, rows, at, np.ascontiguousarray(moving, float)[np.newaxis], matrix, bias)
+    _core.chain_inertia(inst.core, rows, at, np.ascontiguousarray(moving, float)[np.newaxis], matrix, bias)
     return matrix[0], bias[0]

@@ -30,15 +30,15 @@ constexpr tenodesis::ContinuumAxis<S> continuum() {
 enum class Toward : unsigned char { yaw, pitch };
 
 template <class S>
-constexpr tenodesis::WristJoint<S> joint_of(const tenodesis::TendonGear<S>& joint) {
+constexpr tenodesis::ChainJoint<S> joint_of(const tenodesis::TendonGear<S>& joint) {
   return {.mechanism = tenodesis::Mechanism::gear, .chord = S(2) * joint.radius, .length = joint.length};
 }
 template <class S>
-constexpr tenodesis::WristJoint<S> joint_of(const tenodesis::TendonPulley<S>& joint) {
+constexpr tenodesis::ChainJoint<S> joint_of(const tenodesis::TendonPulley<S>& joint) {
   return {.mechanism = tenodesis::Mechanism::pulley, .length = joint.length};
 }
 template <class S>
-constexpr tenodesis::WristJoint<S> joint_of(const tenodesis::TendonContinuum<S>& joint) {
+constexpr tenodesis::ChainJoint<S> joint_of(const tenodesis::TendonContinuum<S>& joint) {
   return {.mechanism = tenodesis::Mechanism::continuum, .chord = joint.backbone_length, .length = joint.length};
 }
 

@@ -92,7 +92,7 @@ void an_end_moves_as_its_jacobian_tells() {
   Chain<double, 4> chain{.joints = 4, .stem_length = 0.3};
   const int parents[] = {-1, 0, 1, 1};
   const Vector<double> axes[] = {{0, 1, 0}, {-0.6, 0.8, 0}, {0, 0.6, 0.8}, {1, 0, 0}};
-  const WristJoint<double> joints[] = {backbone, gear, pulley, backbone};
+  const ChainJoint<double> joints[] = {backbone, gear, pulley, backbone};
   for (int i = 0; i < 4; ++i) {
     chain.tip[i] = joints[i];
     chain.tip[i].parent = parents[i];

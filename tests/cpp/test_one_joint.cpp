@@ -8,7 +8,7 @@
 #include "claim.hpp"
 #include "engine/twin_spec.hpp"
 #include "one_joint_golden.hpp"
-#include "tenodesis/wrist_energy.hpp"
+#include "tenodesis/twin_energy.hpp"
 
 using namespace tenodesis;
 using namespace tenodesis::engine;
@@ -127,7 +127,7 @@ template <class T>
 void compare(const Case& of, const T& twin, const golden::Found* golden) {
   auto state = twin.rest(5);
   double residual = 0, friction = 0, balance = 0, moved = 0;
-  double stored = wrist_stored_energy(twin, state);
+  double stored = stored_energy(twin, state);
   int steps = 0;
   for (; steps < 1200; ++steps) {
     const auto before = state;
@@ -135,7 +135,7 @@ void compare(const Case& of, const T& twin, const golden::Found* golden) {
     CLAIM(found == Status::ok);
     if (found != Status::ok) return;
     residual = std::fmax(residual, twin.residual(before, state));
-    const auto energy = wrist_energy(twin, before, state);
+    const auto energy = twin_energy(twin, before, state);
     friction += energy.friction;
     const double lost = energy.friction + energy.damping + energy.tissue;
     balance += energy.stored - stored - (energy.handle + energy.spools + energy.load - lost);
@@ -167,7 +167,7 @@ void claim(const Case& of, const golden::Found* golden) {
   // Where the layout is known, it changes nothing but the time it takes.
   std::visit(
       [&](const auto& axis) {
-        WristTwin<Wrist<double, 1, 2>, most_contacts, ChosenLaw<double>> twin{};
+        Twin<TendonChain<double, 1, 2>, most_contacts, ChosenLaw<double>> twin{};
         fill(twin, axis, spec, spec.row, spec.axis.parameters[tendon_length]);
         compare(of, twin, golden);
       },

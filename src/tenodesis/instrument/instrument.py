@@ -153,7 +153,7 @@ class Instrument(FileTable, AnyForm):
         return tuple(tension_sensor(self.own_drives, self.sensors, float(tension)) for tension in self.pretensions)
 
     @cached_property
-    def core(self) -> _core.Wrist:
+    def core(self) -> _core.TendonChain:
         """The instrument in the core's form."""
         joints, bearing = self.tip_joints, self.bearing
         numbers = np.zeros((len(joints), 9))
@@ -162,7 +162,7 @@ class Instrument(FileTable, AnyForm):
             share = 1 / len(bearing) if i in bearing else 0.0
             arm = self.grip_arms[i]
             numbers[i] = (*joint.axis_vector, joint.offset, joint.chord, length, joint.own_stiffness, share, arm)
-        return _core.Wrist(
+        return _core.TendonChain(
             [MECHANISMS[joint.mechanism] for joint in joints],
             list(self.parents),
             numbers,

@@ -13,7 +13,7 @@ from tenodesis.instrument.hardware import Friction
 
 Array = NDArray[np.float64]
 
-_PARAMETERS = _core.wrist_twin_parameters()
+_PARAMETERS = _core.chain_twin_parameters()
 _HANDLE_SHARE = 0.1
 """Share of a tendon's compliance before the joints, where no length says it."""
 

@@ -1,13 +1,13 @@
 #pragma once
 // Several twins of one known layout in lockstep, one in each lane of vector registers.
 //
-// The step is the twin's own (wrist_step.hpp). What differs is the search: a pass over all tendons revises the guess of
+// The step is the twin's own (twin_step.hpp). What differs is the search: a pass over all tendons revises the guess of
 // each lane, and is repeated while one lane needs it; a lane that has settled is left as it is, so that what a lane
 // computes does not depend on its neighbours. Lanes that need many passes, or whose command is beyond what these steps
 // know, are left to the twin's own step.
 
 #include "tenodesis/lanes.hpp"
-#include "tenodesis/wrist_twin.hpp"
+#include "tenodesis/twin.hpp"
 
 #if defined(__GNUC__)
 
@@ -80,8 +80,8 @@ template <class Many, class One, class Visit>
     visit(a.low, b.low), visit(a.high, b.high), visit(a.resolution, b.resolution);
   };
   for (int i = 0; i < One::N; ++i) {
-    auto& a = many.wrist.joint[i];
-    auto& b = one.wrist.joint[i];
+    auto& a = many.chain.joint[i];
+    auto& b = one.chain.joint[i];
     pair_vectors(a.axis, b.axis);
     visit(a.offset, b.offset), visit(a.chord, b.chord), visit(a.length, b.length);
     visit(a.stiffness, b.stiffness), visit(a.share, b.share), visit(a.grip, b.grip);
@@ -90,8 +90,8 @@ template <class Many, class One, class Visit>
     pair_vectors(many.link[i].inertia, one.link[i].inertia);
   }
   for (int m = 0; m < One::M; ++m) {
-    pair(many.wrist.arm[m], one.wrist.arm[m]);
-    pair(many.wrist.handle_arm[m], one.wrist.handle_arm[m]);
+    pair(many.chain.arm[m], one.chain.arm[m]);
+    pair(many.chain.handle_arm[m], one.chain.handle_arm[m]);
     visit(many.tendon[m].rest_tension, one.tendon[m].rest_tension);
     pair(many.tendon[m].stiffness.at, one.tendon[m].stiffness.at);
     for (std::size_t j = 0; j < sizeof(one.passage[m]) / sizeof(one.passage[m][0]); ++j) {
@@ -101,8 +101,8 @@ template <class Many, class One, class Visit>
     }
     pair_sensors(many.load_cell[m], one.load_cell[m]);
   }
-  pair(many.wrist.stiffness, one.wrist.stiffness);
-  pair(many.wrist.pretension, one.wrist.pretension);
+  pair(many.chain.stiffness, one.chain.stiffness);
+  pair(many.chain.pretension, one.chain.pretension);
   visit(many.law.constant, one.law.constant);
   pair(many.reach, one.reach);
   pair(many.damping, one.damping);
@@ -146,8 +146,8 @@ template <class T>
     next.tendon[m].slack = before.tendon[m].slack;
   }
   Flag<S> moved = twin.prescribed()
-                      ? WristStep<T, N>(twin, command, twin.time_step, before, next).solve_all(runs)
-                      : WristStep<T, T::joints>(twin, command, twin.time_step, before, next).solve_all(runs);
+                      ? TwinStep<T, N>(twin, command, twin.time_step, before, next).solve_all(runs)
+                      : TwinStep<T, T::joints>(twin, command, twin.time_step, before, next).solve_all(runs);
   S sum = next.grip_force;
   for (int g = 0; g < T::joints; ++g) sum = sum + next.angle[g] + next.velocity[g] + next.moment[g];
   for (int m = 0; m < M; ++m) sum = sum + next.drive[m].angle;

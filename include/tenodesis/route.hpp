@@ -1,6 +1,6 @@
 #pragma once
-// Routes of a wrist's tendons: their contacts and what joints draw, and rows for chains whose length is known at run
-// time and whose values may be linear in unknown coordinates.
+// Routes of a chain's tendons: their contacts and what joints draw, and rows for tendons whose contacts are counted
+// at run time and whose values may be linear in unknown coordinates.
 
 #include "tenodesis/tendon.hpp"
 

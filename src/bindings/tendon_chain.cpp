@@ -1,44 +1,44 @@
-// Wrists of joints that share tendons: statics over arrays.
+// Chains of joints that share tendons: statics over arrays.
 
 #include <algorithm>
 #include <cstring>
 
+#include "chain_spec.hpp"
 #include "evaluate.hpp"
-#include "tenodesis/wrist_block.hpp"
-#include "wrist_spec.hpp"
+#include "tenodesis/chain_block.hpp"
 
 namespace tenodesis::bindings {
 
 template <int... n>
-void WristSpec::make(std::integer_sequence<int, n...>) {
+void ChainSpec::make(std::integer_sequence<int, n...>) {
   const bool paired = tendons_ <= 2 * joints_;
   const auto pick = [&]<int N>() {
     if (joints_ != std::size_t(N)) return;
     if (paired) {
       any_.template emplace<Paired<N>>();
-    } else if constexpr (2 * N < int(most_wrist_tendons)) {
+    } else if constexpr (2 * N < int(most_chain_tendons)) {
       any_.template emplace<Many<N>>();
     }
   };
   (pick.template operator()<n + 1>(), ...);
 }
 
-WristSpec::WristSpec(const std::vector<int>& mechanism, const std::vector<int>& parent, const In<2>& numbers,
+ChainSpec::ChainSpec(const std::vector<int>& mechanism, const std::vector<int>& parent, const In<2>& numbers,
                      const In<2>& arm, const In<2>& tendon, const std::vector<int>& motor,
                      const std::vector<int>& handle, const In<2>& handle_arm)
     : joints_(mechanism.size()), tendons_(arm.shape(0)), handles_(handle.size()) {
-  require(joints_ >= 1 && joints_ <= most_wrist_joints && tendons_ <= most_wrist_tendons && handles_ <= joints_ &&
+  require(joints_ >= 1 && joints_ <= most_chain_joints && tendons_ <= most_chain_tendons && handles_ <= joints_ &&
               parent.size() == joints_ && numbers.shape(0) == joints_ && numbers.shape(1) == joint_numbers &&
               arm.shape(1) == joints_ && tendon.shape(0) == tendons_ && tendon.shape(1) == 2 &&
               motor.size() == tendons_ && handle_arm.shape(0) == tendons_ && handle_arm.shape(1) == handles_,
           "joints, tendons and handle do not fit each other");
-  make(std::make_integer_sequence<int, int(most_wrist_joints)>{});
+  make(std::make_integer_sequence<int, int(most_chain_joints)>{});
   std::visit(
-      [&](auto& wrist) {
+      [&](auto& chain) {
         for (std::size_t i = 0; i < joints_; ++i) {
           const double* row = numbers.data() + i * joint_numbers;
           require(std::cmp_less(parent[i], i), "a joint stands on one that comes after it");
-          wrist.joint[i] = {Mechanism(mechanism[i]),
+          chain.joint[i] = {Mechanism(mechanism[i]),
                             parent[i],
                             {row[axis_x], row[axis_y], row[axis_z]},
                             row[offset],
@@ -49,24 +49,24 @@ WristSpec::WristSpec(const std::vector<int>& mechanism, const std::vector<int>& 
                             row[grip]};
         }
         for (std::size_t m = 0; m < tendons_; ++m) {
-          wrist.stiffness[m] = tendon.data()[2 * m];
-          wrist.pretension[m] = tendon.data()[2 * m + 1];
-          wrist.motor[m] = motor[m] != 0;
-          for (std::size_t i = 0; i < joints_; ++i) wrist.arm[m][i] = arm.data()[m * joints_ + i];
-          for (std::size_t h = 0; h < handles_; ++h) wrist.handle_arm[m][h] = handle_arm.data()[m * handles_ + h];
+          chain.stiffness[m] = tendon.data()[2 * m];
+          chain.pretension[m] = tendon.data()[2 * m + 1];
+          chain.motor[m] = motor[m] != 0;
+          for (std::size_t i = 0; i < joints_; ++i) chain.arm[m][i] = arm.data()[m * joints_ + i];
+          for (std::size_t h = 0; h < handles_; ++h) chain.handle_arm[m][h] = handle_arm.data()[m * handles_ + h];
         }
-        wrist.handles = int(handles_);
-        for (std::size_t h = 0; h < handles_; ++h) wrist.handle[h] = Mechanism(handle[h]);
+        chain.handles = int(handles_);
+        for (std::size_t h = 0; h < handles_; ++h) chain.handle[h] = Mechanism(handle[h]);
       },
       any_);
 }
 
 namespace {
 
-/// Statics of a wrist over arrays.
-class AnyWrist : public WristSpec {
+/// Statics of a chain over arrays.
+class AnyTendonChain : public ChainSpec {
  public:
-  using WristSpec::WristSpec;
+  using ChainSpec::ChainSpec;
 
   /// Angles, tensions and status of every point.
   void solve(const In<2>& handle, const In<2>& stroke, const In<2>& wrench, const In<2>& grip, bool in_stem_axes,
@@ -75,8 +75,8 @@ class AnyWrist : public WristSpec {
     check(rows, status);
     const nb::gil_scoped_release release;
     std::visit(
-        [&](const auto& wrist) {
-          using W = std::decay_t<decltype(wrist)>;
+        [&](const auto& chain) {
+          using W = std::decay_t<decltype(chain)>;
           const auto store = [&](std::size_t p, const Solved<W>& found, Status status_of) {
             const bool ok = status_of == Status::ok;
             for (std::size_t i = 0; i < joints(); ++i) angle.data()[p * joints() + i] = ok ? found.angle[i] : nan;
@@ -87,10 +87,10 @@ class AnyWrist : public WristSpec {
             Solved<W> found[block];
             for (std::size_t base = begin; base < end; base += block) {
               const std::size_t n = std::min(block, end - base);
-              const std::uint32_t decided = solve_block(wrist, rows, base, n, found);
+              const std::uint32_t decided = solve_block(chain, rows, base, n, found);
               for (std::size_t k = 0; k < n; ++k) {
                 const bool is_decided = (decided >> k & 1u) != 0;
-                store(base + k, found[k], is_decided ? Status::ok : solve_alone(wrist, rows, base + k, found[k]));
+                store(base + k, found[k], is_decided ? Status::ok : solve_alone(chain, rows, base + k, found[k]));
               }
             }
           });
@@ -102,13 +102,13 @@ class AnyWrist : public WristSpec {
   void answer(const In<2>& handle, const In<2>& stroke, const In<2>& wrench, const In<2>& grip, bool in_stem_axes,
               const Out<3>& out, const Statuses& status, int threads) const {
     const std::size_t width = joints() + load_components + tendons() + handles();
-    require(out.shape(1) == joints() && out.shape(2) == width, "rates do not fit the wrist");
+    require(out.shape(1) == joints() && out.shape(2) == width, "rates do not fit the chain");
     each({handle, stroke, wrench, grip, in_stem_axes}, status, threads, [&](const auto& at, std::size_t p) {
-      const auto found = tenodesis::solve(at.wrist, at.wound, at.load);
-      WristAnswer<std::decay_t<decltype(at.wrist)>> rates{};
+      const auto found = tenodesis::solve(at.chain, at.wound, at.load);
+      ChainAnswer<std::decay_t<decltype(at.chain)>> rates{};
       Status status_of = found.status;
       if (status_of == Status::ok)
-        status_of = tenodesis::answer(at.wrist, at.wound, at.load, at.handle, found.x, rates);
+        status_of = tenodesis::answer(at.chain, at.wound, at.load, at.handle, found.x, rates);
       for (std::size_t i = 0; i < joints(); ++i) {
         double* to = out.data() + (p * joints() + i) * width;
         if (status_of != Status::ok) {
@@ -129,8 +129,8 @@ class AnyWrist : public WristSpec {
                      const Out<2>& out, const Statuses& status, int threads) const {
     // The tip's angles stand in the place of the handle's.
     each({angle, stroke, wrench, grip, in_stem_axes}, status, threads, [&](const auto& at, std::size_t p) {
-      double handle[std::decay_t<decltype(at.wrist)>::joints]{};
-      const Status found = tenodesis::handle_angles(at.wrist, row(angle, p), at.load, at.stroke, handle);
+      double handle[std::decay_t<decltype(at.chain)>::joints]{};
+      const Status found = tenodesis::handle_angles(at.chain, row(angle, p), at.load, at.stroke, handle);
       store(out, p, handles(), handle, found);
       return found;
     });
@@ -139,8 +139,8 @@ class AnyWrist : public WristSpec {
   void compensation_strokes(const In<2>& handle, const In<2>& stroke, const In<2>& wrench, const In<2>& grip,
                             bool in_stem_axes, const Out<2>& out, const Statuses& status, int threads) const {
     each({handle, stroke, wrench, grip, in_stem_axes}, status, threads, [&](const auto& at, std::size_t p) {
-      double strokes[std::decay_t<decltype(at.wrist)>::tendons]{};
-      const Status found = tenodesis::compensation_strokes(at.wrist, at.wound, at.load, strokes);
+      double strokes[std::decay_t<decltype(at.chain)>::tendons]{};
+      const Status found = tenodesis::compensation_strokes(at.chain, at.wound, at.load, strokes);
       store(out, p, tendons(), strokes, found);
       return found;
     });
@@ -150,17 +150,17 @@ class AnyWrist : public WristSpec {
   void load_matrix(const In<2>& angle, const Out<3>& out) const {
     const std::size_t count = angle.shape(0);
     require(angle.shape(1) == joints() && out.shape(0) == count && out.shape(1) == joints() && out.shape(2) == 6,
-            "angles do not fit the wrist");
+            "angles do not fit the chain");
     std::visit(
-        [&]<class W>(const W& wrist) {
+        [&]<class W>(const W& chain) {
           for (std::size_t p = 0; p < count; ++p) {
             Bend<double> bend[W::joints];
             for (int i = 0; i < W::joints; ++i)
-              bend[i] = Bend<double>(wrist.joint[i], coordinate_at(wrist.joint[i].mechanism, row(angle, p)[i]));
+              bend[i] = Bend<double>(chain.joint[i], coordinate_at(chain.joint[i].mechanism, row(angle, p)[i]));
             for (int k = 0; k < 6; ++k) {
               double wrench[6]{}, moment[W::joints], rate[W::joints][W::joints];
               wrench[k] = 1;
-              wrist.load_moments(bend, load_of(wrench, 0.0, false), moment, rate);
+              chain.load_moments(bend, load_of(wrench, 0.0, false), moment, rate);
               for (int i = 0; i < W::joints; ++i)
                 out.data()[(p * joints() + std::size_t(i)) * 6 + std::size_t(k)] = moment[i];
             }
@@ -169,11 +169,11 @@ class AnyWrist : public WristSpec {
         any());
   }
 
-  /// The axis that a wrist of one joint between a matched pair of tendons is, whose equilibria have a closed form;
+  /// The axis that a chain of one joint between a matched pair of tendons is, whose equilibria have a closed form;
   /// none for any other.
   nb::object closed_form(double handle_length, double handle_range) const {
     engine::Spec spec{{}, {}, handle_range};
-    const bool is_axis = std::visit([&](const auto& wrist) { return describe(wrist, handle_length, spec); }, any());
+    const bool is_axis = std::visit([&](const auto& chain) { return describe(chain, handle_length, spec); }, any());
     return is_axis ? nb::cast(spec) : nb::none();
   }
 
@@ -190,23 +190,23 @@ class AnyWrist : public WristSpec {
   };
 
   template <class T>
-  static WristLoad<T> load_of(const T* w, const T& grip, bool in_stem_axes) {
+  static ChainLoad<T> load_of(const T* w, const T& grip, bool in_stem_axes) {
     return {{{w[0], w[1], w[2]}, {w[3], w[4], w[5]}}, grip, in_stem_axes};
   }
 
-  /// Inputs of a point, in the wrist's own sizes.
+  /// Inputs of a point, in the chain's own sizes.
   template <class W>
   struct Point {
-    const W& wrist;
+    const W& chain;
     double handle[W::joints]{};
     double stroke[W::tendons]{};
     double wound[W::tendons]{};
-    WristLoad<double> load{};
+    ChainLoad<double> load{};
 
-    Point(const W& of, const Rows& rows, std::size_t p, std::size_t handles, std::size_t tendons) : wrist(of) {
+    Point(const W& of, const Rows& rows, std::size_t p, std::size_t handles, std::size_t tendons) : chain(of) {
       std::copy_n(row(rows.held, p), handles, handle);
       std::copy_n(row(rows.stroke, p), tendons, stroke);
-      wrist.wind(handle, stroke, wound);
+      chain.wind(handle, stroke, wound);
       load = load_of(row(rows.wrench, p), *row(rows.grip, p), rows.in_stem_axes);
     }
   };
@@ -227,27 +227,27 @@ class AnyWrist : public WristSpec {
   };
 
   template <class W>
-  Status solve_alone(const W& wrist, const Rows& rows, std::size_t p, Solved<W>& out) const {
-    const Point<W> at(wrist, rows, p, handles(), tendons());
-    const auto found = tenodesis::solve(wrist, at.wound, at.load);
+  Status solve_alone(const W& chain, const Rows& rows, std::size_t p, Solved<W>& out) const {
+    const Point<W> at(chain, rows, p, handles(), tendons());
+    const auto found = tenodesis::solve(chain, at.wound, at.load);
     if (found.status != Status::ok) return found.status;
     double drawn[W::tendons];
-    wrist.excursions(found.x, drawn);
-    for (int i = 0; i < W::joints; ++i) out.angle[i] = angle_at(wrist.joint[i].mechanism, found.x[i]);
-    for (int m = 0; m < W::tendons; ++m) out.tension[m] = std::max(wrist.stretched(m, at.wound[m], drawn[m]), 0.0);
+    chain.excursions(found.x, drawn);
+    for (int i = 0; i < W::joints; ++i) out.angle[i] = angle_at(chain.joint[i].mechanism, found.x[i]);
+    for (int m = 0; m < W::tendons; ++m) out.tension[m] = std::max(chain.stretched(m, at.wound[m], drawn[m]), 0.0);
     return Status::ok;
   }
 
   // Solves n points from a place on. Bit k: whether the k-th is decided. Without wide vectors none is.
   template <class W>
-  std::uint32_t solve_block([[maybe_unused]] const W& wrist, [[maybe_unused]] const Rows& rows,
+  std::uint32_t solve_block([[maybe_unused]] const W& chain, [[maybe_unused]] const Rows& rows,
                             [[maybe_unused]] std::size_t base, [[maybe_unused]] std::size_t n,
                             [[maybe_unused]] Solved<W>* out) const {
     std::uint32_t decided = 0;
 #if defined(__GNUC__)
     // Other sizes would cost more time to compile than they save.
     if constexpr (W::joints == 2 && W::tendons == 4) {
-      const bool serial = wrist.is_serial() && !rows.in_stem_axes;
+      const bool serial = chain.is_serial() && !rows.in_stem_axes;
       engine::in_wide_lanes([&](auto width) {
         constexpr std::size_t lanes = decltype(width)::value;
         using L = Lanes<double, int(lanes)>;
@@ -267,11 +267,11 @@ class AnyWrist : public WristSpec {
           gather(stroke, rows.stroke, std::min<std::size_t>(tendons(), W::tendons));
           gather(wrench, rows.wrench, 6);
           gather(&grip, rows.grip, 1);
-          wrist.wind(handle, stroke, wound);
-          const WristLoad<L> all = load_of(wrench, grip, rows.in_stem_axes);
-          const auto found = serial ? solve_lanes<true>(wrist, wound, all) : solve_lanes(wrist, wound, all);
-          wrist.excursions(found.x, drawn);
-          for (int m = 0; m < W::tendons; ++m) drawn[m] = larger(wrist.stretched(m, wound[m], drawn[m]), L(0.0));
+          chain.wind(handle, stroke, wound);
+          const ChainLoad<L> all = load_of(wrench, grip, rows.in_stem_axes);
+          const auto found = serial ? solve_lanes<true>(chain, wound, all) : solve_lanes(chain, wound, all);
+          chain.excursions(found.x, drawn);
+          for (int m = 0; m < W::tendons; ++m) drawn[m] = larger(chain.stretched(m, wound[m], drawn[m]), L(0.0));
           for (std::size_t k = 0; k < count; ++k) {
             decided |= std::uint32_t(found.decided[int(k)] > 0) << (first + k);
             for (int i = 0; i < W::joints; ++i) out[first + k].angle[i] = found.angle[i][int(k)];
@@ -285,25 +285,25 @@ class AnyWrist : public WristSpec {
   }
 
   template <class W>
-  bool describe(const W& wrist, double handle_length, engine::Spec& spec) const {
-    const auto& joint = wrist.joint[0];
-    const Mechanism handle = wrist.handle[0];
+  bool describe(const W& chain, double handle_length, engine::Spec& spec) const {
+    const auto& joint = chain.joint[0];
+    const Mechanism handle = chain.handle[0];
     const bool bends = joint.mechanism == Mechanism::continuum;
     const auto opposite = [](double a, double b) { return a > 0 && a == -b; };
-    if (joints() != 1 || tendons() != 2 || handles() != 1 || !opposite(wrist.arm[0][0], wrist.arm[1][0]) ||
-        !opposite(wrist.handle_arm[0][0], wrist.handle_arm[1][0]) || wrist.stiffness[0] != wrist.stiffness[1] ||
-        wrist.pretension[0] != wrist.pretension[1] || joint.axis.z != 0 || joint.share != 1 || joint.grip != 0 ||
+    if (joints() != 1 || tendons() != 2 || handles() != 1 || !opposite(chain.arm[0][0], chain.arm[1][0]) ||
+        !opposite(chain.handle_arm[0][0], chain.handle_arm[1][0]) || chain.stiffness[0] != chain.stiffness[1] ||
+        chain.pretension[0] != chain.pretension[1] || joint.axis.z != 0 || joint.share != 1 || joint.grip != 0 ||
         handle != (bends ? Mechanism::pulley : joint.mechanism) || (joint.stiffness > 0) != bends)
       return false;
     auto& p = spec.parameters;
     p.fill(nan);
     spec.joint_type = engine::JointType(joint.mechanism);
-    p[engine::proximal_radius] = wrist.handle_arm[0][0] / excursion_slope(handle, 1.0);
-    p[engine::distal_radius] = wrist.arm[0][0] / excursion_slope(joint.mechanism, 1.0);
+    p[engine::proximal_radius] = chain.handle_arm[0][0] / excursion_slope(handle, 1.0);
+    p[engine::distal_radius] = chain.arm[0][0] / excursion_slope(joint.mechanism, 1.0);
     p[engine::handle_length] = handle_length;
     p[engine::end_effector_length] = joint.length;
-    p[engine::given_stiffness] = wrist.stiffness[0];
-    p[engine::pretension] = wrist.pretension[0];
+    p[engine::given_stiffness] = chain.stiffness[0];
+    p[engine::pretension] = chain.pretension[0];
     if (bends) {
       p[engine::backbone_length] = joint.chord;
       p[engine::backbone_rigidity] = joint.stiffness * joint.chord;
@@ -324,10 +324,10 @@ class AnyWrist : public WristSpec {
     check(rows, status);
     const nb::gil_scoped_release release;
     std::visit(
-        [&]<class W>(const W& wrist) {
+        [&]<class W>(const W& chain) {
           over_threads(status.shape(0), threads, 256, [&](std::size_t begin, std::size_t end) {
             for (std::size_t p = begin; p < end; ++p)
-              status.data()[p] = static_cast<unsigned char>(work(Point<W>(wrist, rows, p, handles(), tendons()), p));
+              status.data()[p] = static_cast<unsigned char>(work(Point<W>(chain, rows, p, handles(), tendons()), p));
           });
         },
         any());
@@ -336,22 +336,22 @@ class AnyWrist : public WristSpec {
 
 }  // namespace
 
-void bind_wrist(nb::module_& m) {
-  const nb::class_<WristSpec> base(m, "WristSpec");
-  nb::class_<AnyWrist, WristSpec>(m, "Wrist")
+void bind_tendon_chain(nb::module_& m) {
+  const nb::class_<ChainSpec> base(m, "ChainSpec");
+  nb::class_<AnyTendonChain, ChainSpec>(m, "TendonChain")
       .def(nb::init<const std::vector<int>&, const std::vector<int>&, const In<2>&, const In<2>&, const In<2>&,
                     const std::vector<int>&, const std::vector<int>&, const In<2>&>(),
            "mechanism"_a, "parent"_a, "numbers"_a, "arm"_a, "tendon"_a, "motor"_a, "handle"_a, "handle_arm"_a)
-      .def("solve", &AnyWrist::solve, "handle"_a, "stroke"_a, "wrench"_a, "grip"_a, "in_stem_axes"_a, "angle"_a,
+      .def("solve", &AnyTendonChain::solve, "handle"_a, "stroke"_a, "wrench"_a, "grip"_a, "in_stem_axes"_a, "angle"_a,
            "tension"_a, "status"_a, "threads"_a)
-      .def("answer", &AnyWrist::answer, "handle"_a, "stroke"_a, "wrench"_a, "grip"_a, "in_stem_axes"_a, "out"_a,
+      .def("answer", &AnyTendonChain::answer, "handle"_a, "stroke"_a, "wrench"_a, "grip"_a, "in_stem_axes"_a, "out"_a,
            "status"_a, "threads"_a)
-      .def("handle_angles", &AnyWrist::handle_angles, "angle"_a, "stroke"_a, "wrench"_a, "grip"_a, "in_stem_axes"_a,
-           "out"_a, "status"_a, "threads"_a)
-      .def("compensation_strokes", &AnyWrist::compensation_strokes, "handle"_a, "stroke"_a, "wrench"_a, "grip"_a,
+      .def("handle_angles", &AnyTendonChain::handle_angles, "angle"_a, "stroke"_a, "wrench"_a, "grip"_a,
            "in_stem_axes"_a, "out"_a, "status"_a, "threads"_a)
-      .def("load_matrix", &AnyWrist::load_matrix, "angle"_a, "out"_a)
-      .def("closed_form", &AnyWrist::closed_form, "handle_length"_a, "handle_range"_a,
+      .def("compensation_strokes", &AnyTendonChain::compensation_strokes, "handle"_a, "stroke"_a, "wrench"_a, "grip"_a,
+           "in_stem_axes"_a, "out"_a, "status"_a, "threads"_a)
+      .def("load_matrix", &AnyTendonChain::load_matrix, "angle"_a, "out"_a)
+      .def("closed_form", &AnyTendonChain::closed_form, "handle_length"_a, "handle_range"_a,
            nb::sig("def closed_form(self, handle_length: float, handle_range: float) -> Spec | None"));
 }
 

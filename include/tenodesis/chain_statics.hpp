@@ -1,12 +1,12 @@
 #pragma once
-// Statics of a wrist (wrist.hpp): all angles and tensions under a wrench at the tip and a grip force.
+// Statics of a chain (tendon_chain.hpp): all angles and tensions under a wrench at the tip and a grip force.
 //
 // Without a load the balance is that of springs, linear in the coordinates while the same tendons are taut. A load is
 // raised from zero and the angles follow by Newton's iteration, so that the solution lies on the branch that starts
 // unloaded; where the stiffness matrix loses its sign on the way, the branch has ended in a fold.
 
 #include "tenodesis/equilibrium.hpp"
-#include "tenodesis/wrist.hpp"
+#include "tenodesis/tendon_chain.hpp"
 
 namespace tenodesis {
 
@@ -52,9 +52,9 @@ int solve_linear(Square<S, N> matrix, S* right, ValueOf<S> none = ValueOf<S>(0))
   return sign;
 }
 
-/// Where a wrist comes to rest.
+/// Where a chain comes to rest.
 template <class S, int N>
-struct WristEquilibrium {
+struct ChainEquilibrium {
   S x[N]{};  ///< coordinates
   Status status{Status::ok};
   int iterations{};
@@ -62,7 +62,7 @@ struct WristEquilibrium {
 
 /// Balance at given coordinates, as work by each coordinate: what is left over, N m, and its slopes by the coordinates.
 template <class S, int N>
-struct WristBalance {
+struct ChainBalance {
   S residual[N]{};
   Square<S, N> slope{};
 };
@@ -84,30 +84,30 @@ inline constexpr S slack_stiffness = sizeof(S) == 4 ? S(1e-4) : S(1e-8);
 /// T is a number, or several in lanes. serial: as of load_moments. slack: share of their stiffness that slack tendons
 /// keep in the slopes.
 template <bool serial = false, class W, class T>
-[[gnu::always_inline]] constexpr WristBalance<T, W::joints> balance(const W& wrist, const T* wound,
-                                                                    const WristLoad<T>& load, const T* x,
+[[gnu::always_inline]] constexpr ChainBalance<T, W::joints> balance(const W& chain, const T* wound,
+                                                                    const ChainLoad<T>& load, const T* x,
                                                                     const typename W::S& slack) {
   constexpr int N = W::joints, M = W::tendons;
-  WristBalance<T, N> at{};
+  ChainBalance<T, N> at{};
   Bend<T> bend[N];
-  for (int i = 0; i < N; ++i) bend[i] = Bend<T>(wrist.joint[i], x[i]);
+  for (int i = 0; i < N; ++i) bend[i] = Bend<T>(chain.joint[i], x[i]);
   T moment[N], rate[N][N], drawn[M];
-  wrist.template load_moments<serial>(bend, load, moment, rate);
-  wrist.excursions(x, drawn);
+  chain.template load_moments<serial>(bend, load, moment, rate);
+  chain.excursions(x, drawn);
   for (int m = 0; m < M; ++m) {
-    const T tension = wrist.stretched(m, wound[m], drawn[m]);
+    const T tension = chain.stretched(m, wound[m], drawn[m]);
     const T pull = larger(tension, T(0));
-    const T stiffness = if_above(tension, T(wrist.stiffness[m]), T(wrist.stiffness[m] * slack));
+    const T stiffness = if_above(tension, T(chain.stiffness[m]), T(chain.stiffness[m] * slack));
     for (int i = 0; i < N; ++i) {
-      const T arm(wrist.arm[m][i]);
+      const T arm(chain.arm[m][i]);
       at.residual[i] = at.residual[i] + arm * pull;
       for (int j = 0; j <= i; ++j)
-        at.slope.at[i][j] = at.slope.at[i][j] - stiffness * T(wrist.arm[m][i] * wrist.arm[m][j]);
+        at.slope.at[i][j] = at.slope.at[i][j] - stiffness * T(chain.arm[m][i] * chain.arm[m][j]);
     }
   }
   for (int i = 0; i < N; ++i) {
     for (int j = 0; j < i; ++j) at.slope.at[j][i] = at.slope.at[i][j];
-    const auto& joint = wrist.joint[i];
+    const auto& joint = chain.joint[i];
     if (joint.stiffness > typename W::S(0)) {
       moment[i] = moment[i] - T(joint.stiffness) * angle_at(joint.mechanism, x[i]);
       rate[i][i] = rate[i][i] - T(joint.stiffness);
@@ -117,7 +117,7 @@ template <bool serial = false, class W, class T>
     const T& per = bend[i].per_turn;
     at.residual[i] = at.residual[i] + moment[i] * per;
     for (int j = 0; j < N; ++j) at.slope.at[i][j] = at.slope.at[i][j] + rate[i][j] * per * bend[j].per_turn;
-    at.slope.at[i][i] = at.slope.at[i][i] + moment[i] * per_turn_rate(wrist.joint[i].mechanism, bend[i]);
+    at.slope.at[i][i] = at.slope.at[i][i] + moment[i] * per_turn_rate(chain.joint[i].mechanism, bend[i]);
   }
   return at;
 }
@@ -126,42 +126,42 @@ namespace detail {
 
 /// Slopes of the balance without a load, all tendons taken as taut, the other way round.
 template <class W, class S = W::S>
-Square<S, W::joints> unloaded_stiffness(const W& wrist) {
+Square<S, W::joints> unloaded_stiffness(const W& chain) {
   constexpr int N = W::joints, M = W::tendons;
   Square<S, N> stiffness{};
   for (int i = 0; i < N; ++i) {
     for (int j = 0; j < N; ++j)
       for (int m = 0; m < M; ++m)
-        stiffness.at[i][j] = stiffness.at[i][j] + wrist.stiffness[m] * wrist.arm[m][i] * wrist.arm[m][j];
-    const S per_turn = Bend<S>(wrist.joint[i], S(0)).per_turn;
-    stiffness.at[i][i] = stiffness.at[i][i] + wrist.joint[i].stiffness * per_turn * per_turn;
+        stiffness.at[i][j] = stiffness.at[i][j] + chain.stiffness[m] * chain.arm[m][i] * chain.arm[m][j];
+    const S per_turn = Bend<S>(chain.joint[i], S(0)).per_turn;
+    stiffness.at[i][i] = stiffness.at[i][i] + chain.joint[i].stiffness * per_turn * per_turn;
   }
   return stiffness;
 }
 
 /// Coordinates at which all tendons, taken as taut, and springs balance without a load: the start of the search.
 template <class W, class S = W::S>
-int unloaded_start(const W& wrist, const S* wound, S* x) {
+int unloaded_start(const W& chain, const S* wound, S* x) {
   constexpr int N = W::joints, M = W::tendons;
   for (int i = 0; i < N; ++i) {
     x[i] = S(0);
-    for (int m = 0; m < M; ++m) x[i] = x[i] + wrist.arm[m][i] * (wrist.pretension[m] + wrist.stiffness[m] * wound[m]);
+    for (int m = 0; m < M; ++m) x[i] = x[i] + chain.arm[m][i] * (chain.pretension[m] + chain.stiffness[m] * wound[m]);
   }
-  return solve_linear(unloaded_stiffness(wrist), x);
+  return solve_linear(unloaded_stiffness(chain), x);
 }
 
 /// Newton's iteration from x; ok if it arrives at a stable equilibrium, unreachable if it leaves a joint's limits.
 ///
 /// Where joints are loose, the slopes leave out the load's own change, which would outweigh what little holds them.
 template <class W, class S = W::S>
-Status newton(const W& wrist, const S* wound, const WristLoad<S>& load, S* x, int& iterations, bool are_loose = false) {
+Status newton(const W& chain, const S* wound, const ChainLoad<S>& load, S* x, int& iterations, bool are_loose = false) {
   constexpr int N = W::joints;
   // Residuals fall with the coordinates: all signs of a stable slope are negative.
   constexpr int stable = N % 2 == 0 ? 1 : -1;
   for (int n = 0; n < most_iterations; ++n) {
     ++iterations;
-    WristBalance<S, N> at = balance(wrist, wound, load, x, slack_stiffness<S>);
-    if (are_loose) at.slope = balance(wrist, wound, WristLoad<S>{}, x, slack_stiffness<S>).slope;
+    ChainBalance<S, N> at = balance(chain, wound, load, x, slack_stiffness<S>);
+    if (are_loose) at.slope = balance(chain, wound, ChainLoad<S>{}, x, slack_stiffness<S>).slope;
     S step[N];
     for (int i = 0; i < N; ++i) step[i] = at.residual[i];
     if (solve_linear(at.slope, step) != stable) return Status::no_equilibrium;
@@ -172,7 +172,7 @@ Status newton(const W& wrist, const S* wound, const WristLoad<S>& load, S* x, in
     const S share = largest > longest ? longest / largest : S(1);
     for (int i = 0; i < N; ++i) {
       x[i] = x[i] - share * step[i];
-      const Mechanism mechanism = wrist.joint[i].mechanism;
+      const Mechanism mechanism = chain.joint[i].mechanism;
       if (!(abs(x[i]) < coordinate_limit<S>(mechanism)))
         return folds(mechanism) ? Status::no_equilibrium : Status::unreachable;
     }
@@ -182,7 +182,7 @@ Status newton(const W& wrist, const S* wound, const WristLoad<S>& load, S* x, in
 }
 
 template <class S>
-WristLoad<S> part_of(const WristLoad<S>& load, S share) {
+ChainLoad<S> part_of(const ChainLoad<S>& load, S share) {
   return {{share * load.wrench.force, share * load.wrench.moment}, share * load.grip, load.in_stem_axes};
 }
 
@@ -196,20 +196,20 @@ inline constexpr S no_stiffness = sizeof(S) == 4 ? S(1e-5) : S(1e-11);
 
 /// Whether joints can move without a change of the balance: tendons are slack, and no spring holds what they held.
 template <class W, class S = W::S>
-bool loose(const W& wrist, const S* wound, const WristLoad<S>& load, const S* x) {
+bool loose(const W& chain, const S* wound, const ChainLoad<S>& load, const S* x) {
   constexpr int N = W::joints, M = W::tendons;
   S drawn[M];
-  wrist.excursions(x, drawn);
+  chain.excursions(x, drawn);
   bool slack = false;
   S taut[N];
-  for (int i = 0; i < N; ++i) taut[i] = wrist.joint[i].stiffness;
+  for (int i = 0; i < N; ++i) taut[i] = chain.joint[i].stiffness;
   for (int m = 0; m < M; ++m) {
-    if (!(wrist.stiffness[m] > S(0))) continue;
-    slack = slack || !(wrist.stretched(m, wound[m], drawn[m]) > S(0));
-    for (int i = 0; i < N; ++i) taut[i] = taut[i] + wrist.stiffness[m] * wrist.arm[m][i] * wrist.arm[m][i];
+    if (!(chain.stiffness[m] > S(0))) continue;
+    slack = slack || !(chain.stretched(m, wound[m], drawn[m]) > S(0));
+    for (int i = 0; i < N; ++i) taut[i] = taut[i] + chain.stiffness[m] * chain.arm[m][i] * chain.arm[m][i];
   }
   if (!slack) return false;
-  Square<S, N> slope = balance(wrist, wound, load, x, S(0)).slope;
+  Square<S, N> slope = balance(chain, wound, load, x, S(0)).slope;
   S none[N]{};
   for (int i = 0; i < N; ++i)
     for (int j = 0; j < N; ++j) slope.at[i][j] = slope.at[i][j] / sqrt(taut[i] * taut[j]);
@@ -219,7 +219,7 @@ bool loose(const W& wrist, const S* wound, const WristLoad<S>& load, const S* x)
 }  // namespace detail
 
 template <class S>
-bool is_finite(const WristLoad<S>& load) {
+bool is_finite(const ChainLoad<S>& load) {
   const Vector<S>& force = load.wrench.force;
   const Vector<S>& moment = load.wrench.moment;
   return all_finite(force.x, force.y, force.z, moment.x, moment.y, moment.z, load.grip);
@@ -229,37 +229,37 @@ bool is_finite(const WristLoad<S>& load) {
 ///
 /// wound: length wound in by handle and motors on each tendon, m.
 template <class W, class S = W::S>
-WristEquilibrium<S, W::joints> solve(const W& wrist, const S* wound, const WristLoad<S>& load) {
+ChainEquilibrium<S, W::joints> solve(const W& chain, const S* wound, const ChainLoad<S>& load) {
   constexpr int N = W::joints, M = W::tendons;
-  WristEquilibrium<S, N> at{};
+  ChainEquilibrium<S, N> at{};
   bool finite = is_finite(load);
   for (int m = 0; m < M; ++m) finite = finite && is_finite(wound[m]);
   if (!finite) {
     at.status = Status::not_finite;
     return at;
   }
-  if (detail::unloaded_start(wrist, wound, at.x) == 0) {
+  if (detail::unloaded_start(chain, wound, at.x) == 0) {
     at.status = Status::both_slack;
     return at;
   }
   for (int i = 0; i < N; ++i)
-    if (!(abs(at.x[i]) < coordinate_limit<S>(wrist.joint[i].mechanism))) at.status = Status::unreachable;
+    if (!(abs(at.x[i]) < coordinate_limit<S>(chain.joint[i].mechanism))) at.status = Status::unreachable;
   if (at.status != Status::ok) return at;
-  at.status = detail::newton(wrist, wound, detail::part_of(load, S(0)), at.x, at.iterations);
+  at.status = detail::newton(chain, wound, detail::part_of(load, S(0)), at.x, at.iterations);
   if (at.status != Status::ok) return at;
   // What no tendon holds moves freely, until a little more of the load presses it against its tendons.
-  bool may_jump = detail::loose(wrist, wound, WristLoad<S>{}, at.x);
+  bool may_jump = detail::loose(chain, wound, ChainLoad<S>{}, at.x);
   S raised(0);
   S part = may_jump ? S(detail::first_part) : S(1);
   while (raised < S(1)) {
     const S next = smaller(S(1), raised + part);
-    const WristLoad<S> more = detail::part_of(load, next);
+    const ChainLoad<S> more = detail::part_of(load, next);
     S x[N];
     Status found = Status::no_equilibrium;
     for (int way = 0; way <= int(may_jump) && found != Status::ok; ++way) {
       for (int i = 0; i < N; ++i) x[i] = at.x[i];
-      found = way > 0 ? detail::newton(wrist, wound, more, x, at.iterations, true) : Status::ok;
-      if (found == Status::ok) found = detail::newton(wrist, wound, more, x, at.iterations);
+      found = way > 0 ? detail::newton(chain, wound, more, x, at.iterations, true) : Status::ok;
+      if (found == Status::ok) found = detail::newton(chain, wound, more, x, at.iterations);
     }
     for (int i = 0; i < N && found == Status::ok && !may_jump; ++i)
       if (!(abs(x[i] - at.x[i]) <= S(detail::longest_part))) found = Status::no_equilibrium;
@@ -267,7 +267,7 @@ WristEquilibrium<S, W::joints> solve(const W& wrist, const S* wound, const Wrist
       for (int i = 0; i < N; ++i) at.x[i] = x[i];
       raised = next;
       part = part + part;
-      may_jump = detail::loose(wrist, wound, WristLoad<S>{}, at.x);
+      may_jump = detail::loose(chain, wound, ChainLoad<S>{}, at.x);
     } else {
       part = part * S(0.5);
       if (part < S(1) / S(most_load_parts)) {
@@ -277,13 +277,13 @@ WristEquilibrium<S, W::joints> solve(const W& wrist, const S* wound, const Wrist
     }
   }
   // A joint that no tendon or spring holds rests anywhere.
-  if (detail::loose(wrist, wound, load, at.x)) at.status = Status::both_slack;
+  if (detail::loose(chain, wound, load, at.x)) at.status = Status::both_slack;
   return at;
 }
 
-/// How a wrist at rest answers: rates of its angles, and its stiffness.
+/// How a chain at rest answers: rates of its angles, and its stiffness.
 template <class W>
-struct WristAnswer {
+struct ChainAnswer {
   using S = W::S;
   static constexpr int N = W::joints, M = W::tendons;
 
@@ -296,12 +296,12 @@ struct WristAnswer {
 
 /// Rates at an equilibrium, exact by the implicit function theorem; not ok where the stiffness is singular.
 template <class W, class S = W::S>
-Status answer(const W& wrist, const S* wound, const WristLoad<S>& load, const S* handle_angle, const S* x,
-              WristAnswer<W>& out) {
+Status answer(const W& chain, const S* wound, const ChainLoad<S>& load, const S* handle_angle, const S* x,
+              ChainAnswer<W>& out) {
   constexpr int N = W::joints, M = W::tendons;
   Bend<S> bend[N];
-  for (int i = 0; i < N; ++i) bend[i] = Bend<S>(wrist.joint[i], x[i]);
-  const WristBalance<S, N> at = balance(wrist, wound, load, x, S(0));
+  for (int i = 0; i < N; ++i) bend[i] = Bend<S>(chain.joint[i], x[i]);
+  const ChainBalance<S, N> at = balance(chain, wound, load, x, S(0));
   Square<S, N> stiffness{};
   for (int i = 0; i < N; ++i)
     for (int j = 0; j < N; ++j)
@@ -315,51 +315,51 @@ Status answer(const W& wrist, const S* wound, const WristLoad<S>& load, const S*
   };
   S moment[N], rate[N][N];
   for (int k = 0; k < 6; ++k) {
-    WristLoad<S> unit{{}, S(0), load.in_stem_axes};
+    ChainLoad<S> unit{{}, S(0), load.in_stem_axes};
     Vector<S>& v = k < 3 ? unit.wrench.force : unit.wrench.moment;
     (k % 3 == 0 ? v.x : k % 3 == 1 ? v.y : v.z) = S(1);
-    wrist.load_moments(bend, unit, moment, rate);
+    chain.load_moments(bend, unit, moment, rate);
     rates(moment, [&](int i, const S& by) { out.by_wrench[i][k] = by; });
   }
-  wrist.load_moments(bend, WristLoad<S>{{}, S(1), load.in_stem_axes}, moment, rate);
+  chain.load_moments(bend, ChainLoad<S>{{}, S(1), load.in_stem_axes}, moment, rate);
   rates(moment, [&](int i, const S& by) { out.by_grip[i] = by; });
   S drawn[M];
-  wrist.excursions(x, drawn);
+  chain.excursions(x, drawn);
   for (int m = 0; m < M; ++m) {
-    const bool taut = wrist.stretched(m, wound[m], drawn[m]) > S(0);
-    for (int i = 0; i < N; ++i) moment[i] = taut ? wrist.stiffness[m] * wrist.arm[m][i] * bend[i].turn : S(0);
+    const bool taut = chain.stretched(m, wound[m], drawn[m]) > S(0);
+    for (int i = 0; i < N; ++i) moment[i] = taut ? chain.stiffness[m] * chain.arm[m][i] * bend[i].turn : S(0);
     rates(moment, [&](int i, const S& by) { out.by_stroke[i][m] = by; });
   }
-  for (int h = 0; h < wrist.handles; ++h) {
-    const S turn = Bend<S>(wrist.handle[h], S(0), coordinate_at(wrist.handle[h], handle_angle[h])).turn;
+  for (int h = 0; h < chain.handles; ++h) {
+    const S turn = Bend<S>(chain.handle[h], S(0), coordinate_at(chain.handle[h], handle_angle[h])).turn;
     for (int i = 0; i < N; ++i) {
       out.by_handle[i][h] = S(0);
       for (int m = 0; m < M; ++m)
-        out.by_handle[i][h] = out.by_handle[i][h] + out.by_stroke[i][m] * wrist.handle_arm[m][h] * turn;
+        out.by_handle[i][h] = out.by_handle[i][h] + out.by_stroke[i][m] * chain.handle_arm[m][h] * turn;
     }
   }
   return found;
 }
 
-/// Handle angles at which the wrist holds given angles under a load; as many of the handle's joints as of the tip's.
+/// Handle angles at which the chain holds given angles under a load; as many of the handle's joints as of the tip's.
 template <class W, class S = W::S>
-Status handle_angles(const W& wrist, const S* angle, const WristLoad<S>& load, const S* stroke, S* handle_angle) {
+Status handle_angles(const W& chain, const S* angle, const ChainLoad<S>& load, const S* stroke, S* handle_angle) {
   constexpr int N = W::joints, M = W::tendons;
-  if (wrist.handles != N) return Status::unreachable;
+  if (chain.handles != N) return Status::unreachable;
   if (!is_finite(load)) return Status::not_finite;
   S x[N], y[N];
   for (int i = 0; i < N; ++i) {
     if (!is_finite(angle[i])) return Status::not_finite;
     if (!(abs(angle[i]) < S(pi))) return Status::unreachable;
-    x[i] = coordinate_at(wrist.joint[i].mechanism, angle[i]);
+    x[i] = coordinate_at(chain.joint[i].mechanism, angle[i]);
     y[i] = S(0);
   }
   Bend<S> bend[N];
-  for (int i = 0; i < N; ++i) bend[i] = Bend<S>(wrist.joint[i], x[i]);
+  for (int i = 0; i < N; ++i) bend[i] = Bend<S>(chain.joint[i], x[i]);
   S moment[N], rate[N][N], drawn[M];
-  wrist.load_moments(bend, load, moment, rate);
-  wrist.excursions(x, drawn);
-  for (int i = 0; i < N; ++i) moment[i] = moment[i] - wrist.joint[i].stiffness * angle[i];
+  chain.load_moments(bend, load, moment, rate);
+  chain.excursions(x, drawn);
+  for (int i = 0; i < N; ++i) moment[i] = moment[i] - chain.joint[i].stiffness * angle[i];
   bool arrived = false;
   for (int n = 0; n < most_iterations && !arrived; ++n) {
     Square<S, N> slope{};
@@ -367,13 +367,13 @@ Status handle_angles(const W& wrist, const S* angle, const WristLoad<S>& load, c
     for (int i = 0; i < N; ++i) step[i] = moment[i] / bend[i].turn;
     for (int m = 0; m < M; ++m) {
       S wound = stroke[m];
-      for (int h = 0; h < N; ++h) wound = wound + wrist.handle_arm[m][h] * y[h];
-      const S tension = wrist.stretched(m, wound, drawn[m]);
+      for (int h = 0; h < N; ++h) wound = wound + chain.handle_arm[m][h] * y[h];
+      const S tension = chain.stretched(m, wound, drawn[m]);
       const S share = tension > S(0) ? S(1) : detail::slack_stiffness<S>;
       for (int i = 0; i < N; ++i) {
-        step[i] = step[i] + wrist.arm[m][i] * larger(tension, S(0));
+        step[i] = step[i] + chain.arm[m][i] * larger(tension, S(0));
         for (int h = 0; h < N; ++h)
-          slope.at[i][h] = slope.at[i][h] + share * wrist.stiffness[m] * wrist.arm[m][i] * wrist.handle_arm[m][h];
+          slope.at[i][h] = slope.at[i][h] + share * chain.stiffness[m] * chain.arm[m][i] * chain.handle_arm[m][h];
       }
     }
     if (solve_linear(slope, step) == 0) return Status::both_slack;
@@ -381,18 +381,18 @@ Status handle_angles(const W& wrist, const S* angle, const WristLoad<S>& load, c
     for (int h = 0; h < N; ++h) {
       y[h] = y[h] - clamp(step[h], S(-0.5), S(0.5));
       arrived = arrived && abs(step[h]) <= settled<S>;
-      if (!(abs(y[h]) < S(2) * coordinate_limit<S>(wrist.handle[h]))) return Status::unreachable;
+      if (!(abs(y[h]) < S(2) * coordinate_limit<S>(chain.handle[h]))) return Status::unreachable;
     }
   }
   if (!arrived) return Status::no_equilibrium;
   for (int h = 0; h < N; ++h) {
-    if (!(abs(y[h]) < coordinate_limit<S>(wrist.handle[h]))) return Status::unreachable;
-    handle_angle[h] = angle_at(wrist.handle[h], y[h]);
+    if (!(abs(y[h]) < coordinate_limit<S>(chain.handle[h]))) return Status::unreachable;
+    handle_angle[h] = angle_at(chain.handle[h], y[h]);
   }
   // The balance may have other branches: the handle's angles must lead back.
   S wound[M];
-  wrist.wind(handle_angle, stroke, wound);
-  const WristEquilibrium<S, N> back = solve(wrist, wound, load);
+  chain.wind(handle_angle, stroke, wound);
+  const ChainEquilibrium<S, N> back = solve(chain, wound, load);
   if (back.status != Status::ok) return back.status;
   constexpr S near = sizeof(S) == 4 ? S(1e-2) : S(1e-5);
   for (int i = 0; i < N; ++i)
@@ -400,27 +400,27 @@ Status handle_angles(const W& wrist, const S* angle, const WristLoad<S>& load, c
   return Status::ok;
 }
 
-/// Strokes of the motors with which the wrist under a load takes the angles that it has without one.
+/// Strokes of the motors with which the chain under a load takes the angles that it has without one.
 ///
 /// wound: length wound in by the handle, m. The change of the tensions that carries the load is the smallest in the sum
 /// of its squares, no tendon below zero; every motor winds what its own tendon is stretched by more.
 template <class W, class S = W::S>
-Status compensation_strokes(const W& wrist, const S* wound, const WristLoad<S>& load, S* stroke) {
+Status compensation_strokes(const W& chain, const S* wound, const ChainLoad<S>& load, S* stroke) {
   constexpr int N = W::joints, M = W::tendons;
   if (!is_finite(load)) return Status::not_finite;
-  const WristEquilibrium<S, N> at = solve(wrist, wound, WristLoad<S>{});
+  const ChainEquilibrium<S, N> at = solve(chain, wound, ChainLoad<S>{});
   if (at.status != Status::ok) return at.status;
   Bend<S> bend[N];
-  for (int i = 0; i < N; ++i) bend[i] = Bend<S>(wrist.joint[i], at.x[i]);
+  for (int i = 0; i < N; ++i) bend[i] = Bend<S>(chain.joint[i], at.x[i]);
   S moment[N], rate[N][N], drawn[M], before[M];
-  wrist.load_moments(bend, load, moment, rate);
-  wrist.excursions(at.x, drawn);
-  for (int m = 0; m < M; ++m) before[m] = wrist.stretched(m, wound[m], drawn[m]);
+  chain.load_moments(bend, load, moment, rate);
+  chain.excursions(at.x, drawn);
+  for (int m = 0; m < M; ++m) before[m] = chain.stretched(m, wound[m], drawn[m]);
   const auto held = [&](int m) { return larger(before[m], S(0)); };
   bool slack[M]{};
   S change[M]{};
   // A tendon without a motor keeps its tension, since the angles are kept.
-  const auto acts = [&](int m) { return wrist.motor[m] && !slack[m]; };
+  const auto acts = [&](int m) { return chain.motor[m] && !slack[m]; };
   for (int round = 0; round <= M; ++round) {
     // Least squares over the tendons that act: change = arm (arm^T arm)^-1 moment.
     Square<S, N> normal{};
@@ -428,8 +428,8 @@ Status compensation_strokes(const W& wrist, const S* wound, const WristLoad<S>& 
     for (int i = 0; i < N; ++i) {
       dual[i] = -moment[i] * bend[i].per_turn;
       for (int m = 0; m < M; ++m) {
-        if (slack[m]) dual[i] = dual[i] + wrist.arm[m][i] * held(m);
-        for (int j = 0; j < N && acts(m); ++j) normal.at[i][j] = normal.at[i][j] + wrist.arm[m][i] * wrist.arm[m][j];
+        if (slack[m]) dual[i] = dual[i] + chain.arm[m][i] * held(m);
+        for (int j = 0; j < N && acts(m); ++j) normal.at[i][j] = normal.at[i][j] + chain.arm[m][i] * chain.arm[m][j];
       }
     }
     ValueOf<S> size(0);
@@ -439,15 +439,15 @@ Status compensation_strokes(const W& wrist, const S* wound, const WristLoad<S>& 
     for (int m = 0; m < M; ++m) {
       change[m] = slack[m] ? -held(m) : S(0);
       if (!acts(m)) continue;
-      for (int i = 0; i < N; ++i) change[m] = change[m] + wrist.arm[m][i] * dual[i];
+      for (int i = 0; i < N; ++i) change[m] = change[m] + chain.arm[m][i] * dual[i];
       if (change[m] < -held(m)) slack[m] = again = true;
     }
     if (again) continue;
     for (int m = 0; m < M; ++m) {
       // A slack tendon is wound in only if it has to pull.
       const S wanted = held(m) + change[m];
-      const bool moves = wrist.stiffness[m] > S(0) && (wanted > S(0) || before[m] > S(0)) && change[m] != S(0);
-      stroke[m] = moves ? (wanted - before[m]) / wrist.stiffness[m] : S(0);
+      const bool moves = chain.stiffness[m] > S(0) && (wanted > S(0) || before[m] > S(0)) && change[m] != S(0);
+      stroke[m] = moves ? (wanted - before[m]) / chain.stiffness[m] : S(0);
     }
     return Status::ok;
   }

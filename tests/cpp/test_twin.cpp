@@ -1,45 +1,45 @@
-// The twin of a wrist of two gear joints, whose pitch tendons pass the yaw gears.
+// The twin of a chain of two gear joints, whose pitch tendons pass the yaw gears.
 
 #include <initializer_list>
 
 #include "claim.hpp"
-#include "tenodesis/wrist_energy.hpp"
+#include "tenodesis/twin_energy.hpp"
 
 using namespace tenodesis;
 
 namespace {
 
 template <class S>
-using W = Wrist<S, 2, 4>;
+using W = TendonChain<S, 2, 4>;
 template <class S>
-using T = WristTwin<W<S>, 8>;
+using T = Twin<W<S>, 8>;
 
 template <class S>
 T<S> twin(bool quasi_static, double hand = 0) {
   T<S> t{};
   for (int i = 0; i < 2; ++i) {
-    t.wrist.joint[i] = {.mechanism = Mechanism::gear,
+    t.chain.joint[i] = {.mechanism = Mechanism::gear,
                         .parent = i - 1,
                         .axis = i == 0 ? Vector<S>{S(0), S(1), S(0)} : Vector<S>{S(-1), S(0), S(0)},
                         .offset = S(i * 4e-3),
                         .chord = S(4e-3),
                         .length = S(i * 0.05),
                         .share = S(i)};
-    t.wrist.handle[i] = Mechanism::gear;
+    t.chain.handle[i] = Mechanism::gear;
     t.link[i] = {S(0.01), S(0.02), {S(8e-6), S(8e-6), S(1e-7)}};
     t.damping[i] = S(1e-4);
     t.stop[i] = S(1.8);
     t.stop_stiffness[i] = S(1);
   }
-  t.wrist.handles = 2;
+  t.chain.handles = 2;
   for (int m = 0; m < 4; ++m) {
     const double side = m % 2 == 0 ? 1 : -1;
     const int axis = m / 2;
-    t.wrist.arm[m][axis] = S(side * 4e-3);
-    t.wrist.handle_arm[m][axis] = S(side * 9e-3);
-    t.wrist.stiffness[m] = S(3e4);
-    t.wrist.pretension[m] = S(30);
-    t.wrist.motor[m] = true;
+    t.chain.arm[m][axis] = S(side * 4e-3);
+    t.chain.handle_arm[m][axis] = S(side * 9e-3);
+    t.chain.stiffness[m] = S(3e4);
+    t.chain.pretension[m] = S(30);
+    t.chain.motor[m] = true;
     t.tendon[m].rest_tension = S(30);
     int n = 0;
     const auto passes = [&](int joint, double arm) { t.passage[m][n++] = {joint, S(0.1), S(0.2), S(1), S(arm)}; };
@@ -66,10 +66,10 @@ T<S> twin(bool quasi_static, double hand = 0) {
 
 // A slow triangle of handle angles and a force across the tip.
 template <class S>
-WristCommand<W<S>> command(int step) {
+TwinCommand<W<S>> command(int step) {
   const double phase = step % 2000 / 2000.0;
   const double triangle = phase < 0.25 ? 4 * phase : phase < 0.75 ? 2 - 4 * phase : 4 * phase - 4;
-  WristCommand<W<S>> to{};
+  TwinCommand<W<S>> to{};
   to.handle_angle[0] = S(0.4 * triangle);
   to.handle_angle[1] = S(-0.3 * triangle);
   to.spool_velocity[0] = S(0.05 * triangle);
@@ -93,18 +93,18 @@ void energy_is_balanced_and_the_friction_law_kept() {
       const auto t = twin<double>(quasi_static, hand);
       auto state = t.rest(1);
       double put_in = 0, lost = 0, work = 0;
-      const double before_all = wrist_stored_energy(t, state);
+      const double before_all = stored_energy(t, state);
       for (int k = 0; k < 3000; ++k) {
         const auto before = state;
         CLAIM(t.step(command<double>(k), state) == Status::ok);
-        const auto energy = wrist_energy(t, before, state);
+        const auto energy = twin_energy(t, before, state);
         put_in += energy.handle + energy.spools + energy.load;
         work += abs(energy.handle) + abs(energy.spools) + abs(energy.load);
         lost += energy.friction + energy.damping;
         CLAIM(energy.friction_at_end > -1e-12);
         CLAIM(t.residual(before, state) < 1e-9);
       }
-      CLAIM(abs(wrist_stored_energy(t, state) - before_all - put_in + lost) < 1e-3 * work);
+      CLAIM(abs(stored_energy(t, state) - before_all - put_in + lost) < 1e-3 * work);
       CLAIM(lost > 0);
     }
   }
@@ -142,7 +142,7 @@ void a_refused_step_leaves_the_state() {
 
 void jaws_hold_what_is_between_them() {
   auto t = twin<double>(false);
-  t.wrist.joint[1].grip = 0.02;
+  t.chain.joint[1].grip = 0.02;
   auto state = t.rest(1);
   auto pressed = command<double>(0);
   pressed.held = {-1e-3, 1e4, 1.0};

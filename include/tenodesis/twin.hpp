@@ -1,8 +1,8 @@
 #pragma once
-// The digital twin: joints and tendons (wrist.hpp) on their bench, simulated in time steps: tendons with friction at
-// every contact of their routes, links with inertia, jaws that grip, motors, sensors and hand.
+// The digital twin: joints and tendons (tendon_chain.hpp) on their bench, simulated in time steps: tendons with
+// friction at every contact of their routes, links with inertia, jaws that grip, motors, sensors and hand.
 
-#include "tenodesis/wrist_step.hpp"
+#include "tenodesis/twin_step.hpp"
 
 namespace tenodesis {
 
@@ -17,21 +17,21 @@ struct Hand {
   S inertia{};    ///< of hand and handle, kg m^2
 };
 
-/// W: a wrist; most: contacts of a tendon, those of the wrist's layout if that is known; Law: one of friction.hpp's.
+/// W: a chain; most: contacts of a tendon, those of the chain's layout if that is known; Law: one of friction.hpp's.
 template <class W, int most, class LawOf = CapstanWithConstant<typename W::S>>
 // NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): in lanes, a part that is not a number is as wide
-struct WristTwin {
+struct Twin {
   using S = W::S;
-  using Wrist = W;
+  using TendonChain = W;
   using Law = LawOf;
   static constexpr int N = W::joints, M = W::tendons, joints = 2 * N;
   static constexpr bool known = W::known;
   using Rows = BoundedContacts<most, known>;
-  using State = WristState<W, most, Law>;
-  using Command = WristCommand<W>;
+  using State = TwinState<W, most, Law>;
+  using Command = TwinCommand<W>;
   using Rope = Tendon<S, Rows>;
 
-  W wrist{};
+  W chain{};
   Law law{};
   Rope tendon[M]{};
   Passage<S> passage[M][most]{};
@@ -65,13 +65,13 @@ struct WristTwin {
   /// Sets what follows from the rest: what joints draw, the nearest to the spool first, tension scales and inertia.
   void prepare() {
     if (N == 1 && link[0].mass == S(0)) {
-      const Vector<S>&axis = wrist.joint[0].axis, &about = link[0].inertia;
+      const Vector<S>&axis = chain.joint[0].axis, &about = link[0].inertia;
       lone_inertia = about.x * axis.x * axis.x + about.y * axis.y * axis.y + about.z * axis.z * axis.z;
     }
     for (int m = 0; m < M; ++m) {
       S largest(0);
-      for (int i = 0; i < N; ++i) largest = larger(largest, abs(wrist.arm[m][i]));
-      tension_scale[m] = tendon[m].rest_tension + wrist.stiffness[m] * largest * S(0.1);
+      for (int i = 0; i < N; ++i) largest = larger(largest, abs(chain.arm[m][i]));
+      tension_scale[m] = tendon[m].rest_tension + chain.stiffness[m] * largest * S(0.1);
       draw_count[m] = 0;
       for (int j = 0; j < contacts(m); ++j)
         if (draws(m, j)) draw[m][draw_count[m]++] = draw_at(m, j);
@@ -109,7 +109,7 @@ struct WristTwin {
     const State before = state;
     state.residual_in_parts = S(-1);
     for (int m = 0; m < M; ++m)
-      if (wrist.motor[m] && taut(m))
+      if (chain.motor[m] && taut(m))
         state.drive[m] =
             advance(drive, before.drive[m], command.spool_velocity[m], before.tendon[m].tension[0], time_step);
     Status found = move(command, time_step, before, state);
@@ -139,13 +139,13 @@ struct WristTwin {
   /// Opening of the jaws by the arms of the grip, m.
   S opening(const S* angle) const {
     S sum(0);
-    for (int i = 0; i < N; ++i) sum = sum + wrist.joint[i].grip * angle[i];
+    for (int i = 0; i < N; ++i) sum = sum + chain.joint[i].grip * angle[i];
     return sum;
   }
 
   /// The load of a command, with that of the rig.
-  WristLoad<S> load_of(const Command& command) const {
-    WristLoad<S> load = command.load;
+  ChainLoad<S> load_of(const Command& command) const {
+    ChainLoad<S> load = command.load;
     if (!any(command.weight != S(0))) return load;
     load.wrench.force = load.wrench.force + command.weight * rig.force;
     load.wrench.moment = load.wrench.moment + command.weight * rig.moment;
@@ -159,7 +159,7 @@ struct WristTwin {
     return hand.stiffness * (state.command.handle_angle[h] - state.angle[N + h]) - resistance;
   }
 
-  TipPath<S> path(int i) const { return {mechanism(i), wrist.joint[i].chord, reach[i]}; }
+  TipPath<S> path(int i) const { return {mechanism(i), chain.joint[i].chord, reach[i]}; }
 
   /// The segment whose tension turns a tendon's last joint.
   int tip_segment(int m) const {
@@ -169,15 +169,15 @@ struct WristTwin {
     return j + 1;
   }
 
-  Mechanism mechanism(int g) const { return wrist.mechanism(g); }
+  Mechanism mechanism(int g) const { return chain.mechanism(g); }
   /// Joints of the handle.
-  int handles() const { return known ? N : wrist.handles; }
+  int handles() const { return known ? N : chain.handles; }
   /// Whether a tendon is there.
   bool taut(int m) const {
     if constexpr (known)
       return true;
     else
-      return wrist.stiffness[m] > S(0);
+      return chain.stiffness[m] > S(0);
   }
   int contacts(int m) const {
     if constexpr (known)
@@ -260,7 +260,7 @@ struct WristTwin {
   void bands(int m, const S* angle, const S& more_bend, const S& rate, const State& before, Shared* shared,
              Rope::Bands& band) const {
     const S drag = viscous * rate;
-    const S least = S(least_drag<ValueOf<S>>) * wrist.stiffness[m];
+    const S least = S(least_drag<ValueOf<S>>) * chain.stiffness[m];
     S bent = more_bend;
     if (any(sheath_bend_rate > S(0)))
       each_draw(m, [&](const Draw<S>& by) {
@@ -316,7 +316,7 @@ struct WristTwin {
  private:
   // Whether all that friction is of is the same along two tendons.
   bool has_route_of(int m, int other) const {
-    bool same = contacts(m) == contacts(other) && wrist.stiffness[m] == wrist.stiffness[other];
+    bool same = contacts(m) == contacts(other) && chain.stiffness[m] == chain.stiffness[other];
     for (int j = 0; same && j < contacts(m); ++j) {
       const Passage<S>&a = passage[m][j], &b = passage[other][j];
       same = a.coefficient == b.coefficient && a.wrap == b.wrap && a.share == b.share &&
@@ -337,7 +337,7 @@ struct WristTwin {
     return worst;
   }
 
-  // Divides a large quasi-static step: a guess within it may have no equilibrium although the wrist has one.
+  // Divides a large quasi-static step: a guess within it may have no equilibrium although the chain has one.
   [[gnu::noinline, gnu::cold]] Status move_in_parts(const Command& command, const State& before, State& next) const {
     const State wound = next;
     const Command& from = before.command;
@@ -379,8 +379,8 @@ struct WristTwin {
   }
 
   Status move(const Command& command, const S& duration, const State& before, State& next) const {
-    const bool found = prescribed() ? WristStep<WristTwin, N>(*this, command, duration, before, next).solve(true)
-                                    : WristStep<WristTwin, joints>(*this, command, duration, before, next).solve(true);
+    const bool found = prescribed() ? TwinStep<Twin, N>(*this, command, duration, before, next).solve(true)
+                                    : TwinStep<Twin, joints>(*this, command, duration, before, next).solve(true);
     return found ? Status::ok : Status::no_equilibrium;
   }
 };

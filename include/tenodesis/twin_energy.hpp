@@ -3,7 +3,7 @@
 //
 // All work is integrated by the trapezoidal rule, which for linear springs is exact.
 
-#include "tenodesis/wrist_twin.hpp"
+#include "tenodesis/twin.hpp"
 
 namespace tenodesis {
 
@@ -24,22 +24,22 @@ struct Energy {
 
 /// Energy stored in a state, J.
 template <class T>
-T::S wrist_stored_energy(const T& twin, const typename T::State& state) {
+T::S stored_energy(const T& twin, const typename T::State& state) {
   using S = T::S;
   constexpr int N = T::N;
   S twice(0);
   for (int m = 0; m < T::M; ++m)
-    for (int i = 0; i <= twin.contacts(m) && twin.wrist.stiffness[m] > S(0); ++i)
+    for (int i = 0; i <= twin.contacts(m) && twin.chain.stiffness[m] > S(0); ++i)
       twice = twice + state.tendon[m].tension[i] * state.tendon[m].tension[i] / twin.tendon[m].stiffness[i];
   for (int i = 0; i < N; ++i) {
     const S beyond = state.angle[i] - clamp(state.angle[i], -twin.stop[i], twin.stop[i]);
-    twice = twice + twin.wrist.joint[i].stiffness * state.angle[i] * state.angle[i] +
+    twice = twice + twin.chain.joint[i].stiffness * state.angle[i] * state.angle[i] +
             twin.stop_stiffness[i] * beyond * beyond;
   }
   if (!twin.quasi_static) {
     S x[N], matrix[N][N], bias[N];
     for (int i = 0; i < N; ++i) x[i] = coordinate_at(twin.mechanism(i), state.angle[i]);
-    inertia(twin.wrist, twin.link, x, state.velocity, matrix, bias);
+    inertia(twin.chain, twin.link, x, state.velocity, matrix, bias);
     for (int i = 0; i < N; ++i)
       for (int j = 0; j < N; ++j) twice = twice + state.velocity[i] * matrix[i][j] * state.velocity[j];
   }
@@ -51,20 +51,20 @@ T::S wrist_stored_energy(const T& twin, const typename T::State& state) {
 
 /// The energies of a step between two states; tissue is what is lost in it and in what the jaws hold.
 template <class T>
-Energy<typename T::S> wrist_energy(const T& twin, const typename T::State& before, const typename T::State& after) {
+Energy<typename T::S> twin_energy(const T& twin, const typename T::State& before, const typename T::State& after) {
   using S = T::S;
   constexpr int N = T::N;
   const auto mean = [](const S& a, const S& b) { return (a + b) * S(0.5); };
   Energy<S> energy{};
-  energy.stored = wrist_stored_energy(twin, after);
+  energy.stored = stored_energy(twin, after);
   for (int h = 0; h < N; ++h)
     energy.handle = energy.handle +
                     mean(before.handle_moment[h], after.handle_moment[h]) * (after.angle[N + h] - before.angle[N + h]);
   S was[N], is[N], rate[N][N];
   const auto loads = [&](const T::State& state, S* moment) {
     Bend<S> bend[N];
-    for (int i = 0; i < N; ++i) bend[i] = twin.wrist.bend(i, coordinate_at(twin.mechanism(i), state.angle[i]));
-    twin.wrist.load_moments(bend, twin.load_of(state.command), moment, rate);
+    for (int i = 0; i < N; ++i) bend[i] = twin.chain.bend(i, coordinate_at(twin.mechanism(i), state.angle[i]));
+    twin.chain.load_moments(bend, twin.load_of(state.command), moment, rate);
   };
   loads(before, was);
   loads(after, is);
@@ -75,7 +75,7 @@ Energy<typename T::S> wrist_energy(const T& twin, const typename T::State& befor
       energy.damping = energy.damping + twin.damping[i] * mean(before.velocity[i], after.velocity[i]) * turned;
   }
   for (int m = 0; m < T::M; ++m) {
-    if (!(twin.wrist.stiffness[m] > S(0))) continue;
+    if (!(twin.chain.stiffness[m] > S(0))) continue;
     const auto& then = before.tendon[m];
     const auto& now = after.tendon[m];
     const S wound = twin.drive.spool_radius * (after.drive[m].spool - before.drive[m].spool);

@@ -1,6 +1,6 @@
-// Claims about wrists: one joint is the planar one, and lanes give what the scalar search gives.
+// Claims about chains: one joint is the planar one, and lanes give what the scalar search gives.
 
-#include "tenodesis/wrist_block.hpp"
+#include "tenodesis/chain_block.hpp"
 
 #include <random>
 
@@ -17,31 +17,31 @@ constexpr double end_effector = 0.05;
 
 /// Gears, each with a pair of tendons; yaw, then pitch.
 template <int N>
-Wrist<double, N, 2 * N> gears() {
-  Wrist<double, N, 2 * N> wrist{};
-  wrist.handles = N;
+TendonChain<double, N, 2 * N> gears() {
+  TendonChain<double, N, 2 * N> chain{};
+  chain.handles = N;
   for (int i = 0; i < N; ++i) {
-    wrist.joint[i].parent = i - 1;
-    wrist.joint[i].axis = i == 0 ? Vector<double>{0, 1, 0} : Vector<double>{-1, 0, 0};
-    wrist.joint[i].offset = i == 0 ? 0 : 2 * radius;
-    wrist.joint[i].chord = 2 * radius;
+    chain.joint[i].parent = i - 1;
+    chain.joint[i].axis = i == 0 ? Vector<double>{0, 1, 0} : Vector<double>{-1, 0, 0};
+    chain.joint[i].offset = i == 0 ? 0 : 2 * radius;
+    chain.joint[i].chord = 2 * radius;
     for (int side = 0; side < 2; ++side) {
       const int m = 2 * i + side;
       const double sign = side == 0 ? 1 : -1;
-      wrist.arm[m][i] = sign * 2 * radius;
-      wrist.handle_arm[m][i] = sign * 2 * handle_radius;
-      wrist.stiffness[m] = stiffness;
-      wrist.pretension[m] = pretension;
-      wrist.motor[m] = true;
+      chain.arm[m][i] = sign * 2 * radius;
+      chain.handle_arm[m][i] = sign * 2 * handle_radius;
+      chain.stiffness[m] = stiffness;
+      chain.pretension[m] = pretension;
+      chain.motor[m] = true;
     }
   }
-  wrist.joint[N - 1].length = end_effector;
-  wrist.joint[N - 1].share = 1;
-  return wrist;
+  chain.joint[N - 1].length = end_effector;
+  chain.joint[N - 1].share = 1;
+  return chain;
 }
 
 void one_joint_is_the_planar_one() {
-  const auto wrist = gears<1>();
+  const auto chain = gears<1>();
   const GearAxis<double> axis{{handle_radius, 0.12}, {radius, end_effector}, stiffness, pretension, 0.8};
   std::mt19937 random(1);  // NOLINT(cert-msc32-c,cert-msc51-cpp,bugprone-random-generator-seed): the same on every run
   std::uniform_real_distribution<double> share(-1, 1);
@@ -52,8 +52,8 @@ void one_joint_is_the_planar_one() {
     const Load<double> load{4 * share(random), 5 * share(random)};
     const double stroke[2] = {1e-3 * share(random), 1e-3 * share(random)};
     double wound[2];
-    wrist.wind(&handle, stroke, wound);
-    const auto ours = solve(wrist, wound, WristLoad<double>{{{-load.force, 0, load.radial_force}, {}}, 0, false});
+    chain.wind(&handle, stroke, wound);
+    const auto ours = solve(chain, wound, ChainLoad<double>{{{-load.force, 0, load.radial_force}, {}}, 0, false});
     const auto theirs = output_angle(axis, handle, load, Stroke<double>{stroke[0], stroke[1]});
     CLAIM(ours.status == theirs.status);
     if (theirs.status == Status::ok)
@@ -67,20 +67,20 @@ void one_joint_is_the_planar_one() {
 void lanes_give_what_the_scalar_search_gives() {
   constexpr int lanes = 8;
   using L = Lanes<double, lanes>;
-  const auto wrist = gears<2>();
+  const auto chain = gears<2>();
   std::mt19937 random(2);  // NOLINT(cert-msc32-c,cert-msc51-cpp,bugprone-random-generator-seed): the same on every run
   std::uniform_real_distribution<double> share(-1, 1);
   double worst = 0;
   int decided = 0;
   for (int block = 0; block < 200; ++block) {
     L wound[4];
-    WristLoad<L> load{};
+    ChainLoad<L> load{};
     double own[lanes][4];
-    WristLoad<double> one[lanes]{};
+    ChainLoad<double> one[lanes]{};
     for (int k = 0; k < lanes; ++k) {
       const double handle[2] = {0.5 * share(random), 0.5 * share(random)};
       const double stroke[4] = {};
-      wrist.wind(handle, stroke, own[k]);
+      chain.wind(handle, stroke, own[k]);
       // A fifth of the loads is so large that tendons slacken or joints snap through.
       const double size = k % 5 == 0 ? 5 : 1;
       one[k].wrench.force = {size * share(random), size * share(random), size * share(random)};
@@ -89,11 +89,11 @@ void lanes_give_what_the_scalar_search_gives() {
       load.wrench.force.y.v[k] = one[k].wrench.force.y;
       load.wrench.force.z.v[k] = one[k].wrench.force.z;
     }
-    const auto found = solve_lanes(wrist, wound, load);
+    const auto found = solve_lanes(chain, wound, load);
     for (int k = 0; k < lanes; ++k) {
       if (!(found.decided[k] > 0)) continue;
       ++decided;
-      const auto alone = solve(wrist, own[k], one[k]);
+      const auto alone = solve(chain, own[k], one[k]);
       CLAIM(alone.status == Status::ok);
       for (int i = 0; i < 2; ++i) worst = std::fmax(worst, std::fabs(found.x[i][k] - alone.x[i]));
     }
@@ -103,11 +103,11 @@ void lanes_give_what_the_scalar_search_gives() {
 }
 
 void an_infinite_load_has_no_equilibrium() {
-  const auto wrist = gears<2>();
+  const auto chain = gears<2>();
   const double wound[4] = {};
-  WristLoad<double> load{};
+  ChainLoad<double> load{};
   load.wrench.force.x = std::numeric_limits<double>::infinity();
-  CLAIM(solve(wrist, wound, load).status == Status::not_finite);
+  CLAIM(solve(chain, wound, load).status == Status::not_finite);
 }
 
 int main() {

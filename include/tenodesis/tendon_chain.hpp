@@ -1,5 +1,5 @@
 #pragma once
-// A wrist: joints one after another, or side by side as jaws are, held by tendons that may cross several of them.
+// A chain: joints one after another, or side by side as jaws are, held by tendons that may cross several of them.
 //
 // Every joint turns by half its angle, moves along its chord, and turns by the other half, as in kinematics.hpp. Its
 // coordinate x is the one of joint.hpp, in which the excursion of every tendon is linear: what a tendon is drawn by is
@@ -7,13 +7,13 @@
 
 #include <cstdint>
 
-#include "tenodesis/wrist_layout.hpp"
+#include "tenodesis/chain_layout.hpp"
 
 namespace tenodesis {
 
-/// A joint of a wrist, in the frame of the link before it: z along the straight joint toward the tip.
+/// A joint of a chain, in the frame of the link before it: z along the straight joint toward the tip.
 template <class S>
-struct WristJoint {
+struct ChainJoint {
   Mechanism mechanism{};
   int parent{-1};    ///< the joint that it stands on; -1: the stem
   Vector<S> axis{};  ///< unit vector; a positive angle turns about it
@@ -33,24 +33,24 @@ struct Wrench {
 };
 
 template <class S>
-struct WristLoad {
+struct ChainLoad {
   Wrench<S> wrench{};
   S grip{};             ///< force that presses the jaws apart, as an object between them does, N
   bool in_stem_axes{};  ///< whether the wrench keeps its direction while the tip turns
 };
 
-/// The constants of a wrist of N joints and at most M tendons; a tendon that is not there has no stiffness.
+/// The constants of a chain of N joints and at most M tendons; a tendon that is not there has no stiffness.
 ///
-/// of: its layout (wrist_layout.hpp), if that is known when this is compiled; the numbers below say the same then.
+/// of: its layout (chain_layout.hpp), if that is known when this is compiled; the numbers below say the same then.
 template <class Scalar, int N, int M, auto of = UnknownLayout{}>
-struct Wrist {
+struct TendonChain {
   using S = Scalar;
   static constexpr int joints = N;
   static constexpr int tendons = M;
   static constexpr auto layout = of;
   static constexpr bool known = of.known;
 
-  WristJoint<S> joint[N]{};  ///< each after the one that it stands on
+  ChainJoint<S> joint[N]{};  ///< each after the one that it stands on
   S arm[M][N]{};             ///< tendon drawn by a unit of each coordinate, m
   S stiffness[M]{};          ///< N/m
   S pretension[M]{};         ///< at rest, N
@@ -129,7 +129,7 @@ struct Wrist {
   /// serial: the joints stand one on another, and the wrench turns with the tip; all places are then known when this is
   /// compiled, and numbers stay in registers.
   template <bool serial = false, bool rates = true, class T>
-  [[gnu::always_inline]] constexpr void load_moments(const Bend<T>* bend, const WristLoad<T>& load, T* moment,
+  [[gnu::always_inline]] constexpr void load_moments(const Bend<T>* bend, const ChainLoad<T>& load, T* moment,
                                                      T (*rate)[N]) const {
     if constexpr (known && !serial)
       if (!load.in_stem_axes) return load_moments<true, rates>(bend, load, moment, rate);
@@ -222,7 +222,7 @@ struct Wrist {
     });
   }
 
-  // The axis of joint i as a bent joint asks for it: where it is unknown, in the wrist's own numbers.
+  // The axis of joint i as a bent joint asks for it: where it is unknown, in the chain's own numbers.
   template <class T, int i, class Axis>
   constexpr const auto& given_axis(const Axis& axis) const {
     if constexpr (known)

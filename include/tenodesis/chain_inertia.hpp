@@ -1,8 +1,8 @@
 #pragma once
-// Inertia of a wrist's links, by the twists that the rate of a joint gives itself and the links beyond it
+// Inertia of a chain's links, by the twists that the rate of a joint gives itself and the links beyond it
 // (Featherstone 2008), for joints that turn, move along a chord and turn again.
 
-#include "tenodesis/wrist.hpp"
+#include "tenodesis/tendon_chain.hpp"
 
 namespace tenodesis {
 
@@ -60,7 +60,7 @@ struct Twist {
 ///
 /// x: coordinates of the joints; speed: rates of their angles, rad/s.
 template <class W, class S = W::S>
-void inertia(const W& wrist, const Link<S>* link, const S* x, const S* speed, S (*matrix)[W::joints], S* bias) {
+void inertia(const W& chain, const Link<S>* link, const S* x, const S* speed, S (*matrix)[W::joints], S* bias) {
   constexpr int N = W::joints;
   detail::Twist<S> by[N][N];   // of every link, by the rates of its own joint and of those before it
   detail::Twist<S> faster[N];  // accelerations at constant rates
@@ -71,17 +71,17 @@ void inertia(const W& wrist, const Link<S>* link, const S* x, const S* speed, S 
   }
   each<N>([&](auto at_joint) {
     constexpr int k = decltype(at_joint)::value;
-    const auto axis = wrist.template axis<S, k>();
-    const detail::Motion<S, std::remove_const_t<decltype(axis)>> motion(axis, wrist.bend(k, x[k]),
-                                                                        wrist.joint[k].offset);
-    const int on = wrist.parent(k);
+    const auto axis = chain.template axis<S, k>();
+    const detail::Motion<S, std::remove_const_t<decltype(axis)>> motion(axis, chain.bend(k, x[k]),
+                                                                        chain.joint[k].offset);
+    const int on = chain.parent(k);
     const Vector<S> unit = vector_of(axis);
     const Vector<S> spin = speed[k] * unit;
     by[k][k] = {motion.rate, unit};
     faster[k].moved = speed[k] * speed[k] * motion.curve;
     turning[k] = spin;
     if (on >= 0) {
-      for (int i = on; i >= 0; i = wrist.parent(i)) {
+      for (int i = on; i >= 0; i = chain.parent(i)) {
         const detail::Twist<S>& before = by[on][i];
         by[k][i] = {motion.outward(before.moved + cross(before.turned, motion.place)), motion.outward(before.turned)};
       }
@@ -113,14 +113,14 @@ void inertia(const W& wrist, const Link<S>* link, const S* x, const S* speed, S 
     const auto work = [&](int i, const Wrench<S>& of) {
       return dot(by[k][i].moved, of.force) + dot(by[k][i].turned, of.moment);
     };
-    for (int i = k; i >= 0; i = wrist.parent(i)) {
+    for (int i = k; i >= 0; i = chain.parent(i)) {
       bias[i] = bias[i] + work(i, force);
       const Wrench<S> at = momentum(by[k][i]);
-      for (int j = i; j >= 0; j = wrist.parent(j)) matrix[i][j] = matrix[i][j] + work(j, at);
+      for (int j = i; j >= 0; j = chain.parent(j)) matrix[i][j] = matrix[i][j] + work(j, at);
     }
   });
   for (int i = 0; i < N; ++i)
-    for (int j = wrist.parent(i); j >= 0; j = wrist.parent(j)) matrix[j][i] = matrix[i][j];
+    for (int j = chain.parent(i); j >= 0; j = chain.parent(j)) matrix[j][i] = matrix[i][j];
 }
 
 }  // namespace tenodesis

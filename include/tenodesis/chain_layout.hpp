@@ -1,5 +1,5 @@
 #pragma once
-// What may be known of a wrist when a program is compiled: its mechanisms, its axes, and the joints that its tendons
+// What may be known of a chain when a program is compiled: its mechanisms, its axes, and the joints that its tendons
 // cross. The same code then runs without asking for them, in registers.
 
 #include <utility>

@@ -1,16 +1,16 @@
 #pragma once
-// One step of a wrist's twin: guess what slides and what is slack, solve the joints' equations, revise the guess.
+// One step of a chain's twin: guess what slides and what is slack, solve the joints' equations, revise the guess.
 //
-// Every tendon is the chain of tendon.hpp. Joints that it crosses draw it in segments of the chain, so that under a
-// guess its tensions are linear in the joints' coordinates; the joints' own equations follow with these, by Newton's
-// iteration, and the guess is revised until nothing contradicts it. A joint at the handle draws the segment before its
-// contact, one at the tip the segment beyond.
+// Every tendon is a row of contacts (tendon.hpp). Joints that it crosses draw it in segments between these, so that
+// under a guess its tensions are linear in the joints' coordinates; the joints' own equations follow with these, by
+// Newton's iteration, and the guess is revised until nothing contradicts it. A joint at the handle draws the segment
+// before its contact, one at the tip the segment beyond.
 
 #include <type_traits>
 
-#include "tenodesis/wrist_inertia.hpp"
-#include "tenodesis/wrist_state.hpp"
-#include "tenodesis/wrist_statics.hpp"
+#include "tenodesis/chain_inertia.hpp"
+#include "tenodesis/chain_statics.hpp"
+#include "tenodesis/twin_state.hpp"
 
 namespace tenodesis {
 
@@ -57,7 +57,7 @@ inline constexpr double near_angle = 1e-4;
 /// One step of a twin T, with U joints whose angles are unknown.
 template <class T, int U>
 // NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): as of the state
-struct WristStep {
+struct TwinStep {
   using S = T::S;
   using Rows = T::Rows;
   using Rope = T::Rope;
@@ -101,7 +101,7 @@ struct WristStep {
   S load_rate[N][N];
   bool is_loaded{};
 
-  WristStep(const T& of, const Command& with, const S& lasting, const State& from, State& to)
+  TwinStep(const T& of, const Command& with, const S& lasting, const State& from, State& to)
       : twin(of), command(with), before(from), next(to), duration(lasting), per_second(S(1) / lasting) {}
 
   /// Moves to the step's end, in the lanes that run; true where there is one.
@@ -178,11 +178,11 @@ struct WristStep {
 
   // Where tendons would let a tip without load and springs lie; x: its coordinates there, the nearest to its own.
   Flag<S> slack_about(S* x) {
-    const WristLoad<S> load = twin.load_of(command);
+    const ChainLoad<S> load = twin.load_of(command);
     S pushed_by = abs(load.grip) + command.held.stiffness;
     for (const Vector<S>& by : {load.wrench.force, load.wrench.moment})
       pushed_by = pushed_by + abs(by.x) + abs(by.y) + abs(by.z);
-    for (int i = 0; i < N; ++i) pushed_by = pushed_by + twin.wrist.joint[i].stiffness;
+    for (int i = 0; i < N; ++i) pushed_by = pushed_by + twin.chain.joint[i].stiffness;
     Flag<S> bare = pushed_by == S(0);
     if (!any(bare)) return bare;
     S stretched[M];
@@ -256,7 +256,7 @@ struct WristStep {
       speed[i] = before.velocity[i];
       x[i] = coordinate_at(twin.mechanism(i), before.angle[i] + speed[i] * duration * S(0.5));
     }
-    inertia(twin.wrist, twin.link, x, speed, matrix, bias);
+    inertia(twin.chain, twin.link, x, speed, matrix, bias);
     for (int i = 0; i < N; ++i)
       for (int j = 0; j < N; ++j) heavy.at[i][j] = twice * matrix[i][j];
   }
@@ -265,7 +265,7 @@ struct WristStep {
   void guess() {
     S turned[U];
     for (int u = 0; u < U; ++u) {
-      const S held = u < N ? twin.wrist.joint[u].grip * before.grip_force : S(0);
+      const S held = u < N ? twin.chain.joint[u].grip * before.grip_force : S(0);
       const S pushed_back = u < N ? before.contact_moment[u] : S(0);
       turned[u] = before.moment[u] + held + pushed_back - bias[u];
     }
@@ -385,8 +385,7 @@ struct WristStep {
     if constexpr (alone)
       for (int g = 0; g < joints; ++g) start[g] = angle[g];
     // What a lane that does not run has found stays to the last bit.
-    for (int u = 0; u < U; ++u)
-      coordinate[u] = where(runs, coordinate_at(twin.mechanism(u), angle[u]), coordinate[u]);
+    for (int u = 0; u < U; ++u) coordinate[u] = where(runs, coordinate_at(twin.mechanism(u), angle[u]), coordinate[u]);
     Flag<S> open = runs;
     Flag<S> found = false;
     for (int sweep = 0; sweep < (alone ? hasty_sweeps : most_lane_passes) && any(open); ++sweep) {
@@ -561,9 +560,9 @@ struct WristStep {
     gripped = where(holds, push, S(0));
     const S stiffness = where(holds, held.stiffness + drag, S(0));
     for (int i = 0; i < N; ++i) {
-      off[i] = off[i] + twin.wrist.joint[i].grip * gripped;
+      off[i] = off[i] + twin.chain.joint[i].grip * gripped;
       for (int j = 0; j < N; ++j)
-        slope.at[i][j] = slope.at[i][j] - stiffness * twin.wrist.joint[i].grip * twin.wrist.joint[j].grip;
+        slope.at[i][j] = slope.at[i][j] - stiffness * twin.chain.joint[i].grip * twin.chain.joint[j].grip;
     }
   }
 
@@ -591,14 +590,14 @@ struct WristStep {
     for (int i = 0; i < N && any(is_near); ++i) is_near = is_near && abs(angle[i] - load_angle[i]) < S(near_angle);
     if (any(!is_near)) {
       Bend<S> bend[N];
-      for (int i = 0; i < N; ++i) bend[i] = twin.wrist.bend(i, coordinate[i]);
+      for (int i = 0; i < N; ++i) bend[i] = twin.chain.bend(i, coordinate[i]);
       const auto all = twin.load_of(command);
       S at[N];
       // In motion the rates of the step's first guess do.
       if (is_loaded && !twin.quasi_static)
-        twin.wrist.template load_moments<false, false>(bend, all, at, load_rate);
+        twin.chain.template load_moments<false, false>(bend, all, at, load_rate);
       else
-        twin.wrist.load_moments(bend, all, at, load_rate);
+        twin.chain.load_moments(bend, all, at, load_rate);
       for (int i = 0; i < N; ++i) {
         load_moment[i] = is_loaded ? where(is_near, load_moment[i], at[i]) : at[i];
         load_angle[i] = is_loaded ? where(is_near, load_angle[i], angle[i]) : angle[i];
@@ -627,7 +626,7 @@ struct WristStep {
       if (u < N) {
         const int i = u < N ? u : 0;
         const S beyond = angle[i] - clamp(angle[i], -twin.stop[i], twin.stop[i]);
-        const S spring = twin.wrist.joint[i].stiffness;
+        const S spring = twin.chain.joint[i].stiffness;
         // At rest there are no stops, as in statics: a load that the tendons cannot hold is lost.
         const S stop = twin.quasi_static ? S(0) : twin.stop_stiffness[i];
         at[i] = at[i] + load[i] - spring * angle[i] - twin.damping[i] * velocity - stop * beyond;

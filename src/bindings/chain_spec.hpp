@@ -1,16 +1,16 @@
 #pragma once
-// A wrist of any size, as the module's classes share it.
+// A chain of any size, as the module's classes share it.
 
 #include <utility>
 #include <variant>
 
 #include "module.hpp"
-#include "tenodesis/wrist.hpp"
+#include "tenodesis/tendon_chain.hpp"
 
 namespace tenodesis::bindings {
 
-inline constexpr std::size_t most_wrist_joints = 6;
-inline constexpr std::size_t most_wrist_tendons = 12;
+inline constexpr std::size_t most_chain_joints = 6;
+inline constexpr std::size_t most_chain_tendons = 12;
 /// Components of a load: force, moment, grip.
 inline constexpr std::size_t load_components = 7;
 
@@ -18,16 +18,16 @@ inline constexpr std::size_t load_components = 7;
 enum JointNumber { axis_x, axis_y, axis_z, offset, chord, length, stiffness, share, grip, joint_numbers };
 
 template <int N>
-using Paired = Wrist<double, N, 2 * N>;
+using Paired = TendonChain<double, N, 2 * N>;
 template <int N>
-using Many = Wrist<double, N, int(most_wrist_tendons)>;
-// Most wrists have two tendons a joint or fewer; their loops are short.
+using Many = TendonChain<double, N, int(most_chain_tendons)>;
+// Most chains have two tendons a joint or fewer; their loops are short.
 using Any = std::variant<Paired<1>, Many<1>, Paired<2>, Many<2>, Paired<3>, Many<3>, Paired<4>, Many<4>, Paired<5>,
                          Many<5>, Paired<6>>;
 
-class WristSpec {
+class ChainSpec {
  public:
-  WristSpec(const std::vector<int>& mechanism, const std::vector<int>& parent, const In<2>& numbers, const In<2>& arm,
+  ChainSpec(const std::vector<int>& mechanism, const std::vector<int>& parent, const In<2>& numbers, const In<2>& arm,
             const In<2>& tendon, const std::vector<int>& motor, const std::vector<int>& handle,
             const In<2>& handle_arm);
 

@@ -1,12 +1,12 @@
 #pragma once
-// Commands and state of a wrist's twin.
+// Commands and state of a chain's twin.
 
 #include "tenodesis/current.hpp"
 #include "tenodesis/drive.hpp"
+#include "tenodesis/route.hpp"
 #include "tenodesis/sensor.hpp"
+#include "tenodesis/tendon_chain.hpp"
 #include "tenodesis/tissue.hpp"
-#include "tenodesis/wrist.hpp"
-#include "tenodesis/wrist_route.hpp"
 
 namespace tenodesis {
 
@@ -43,11 +43,11 @@ struct TipPath {
 };
 
 template <class W>
-struct WristCommand {
+struct TwinCommand {
   using S = W::S;
   S handle_angle[W::joints]{};     ///< of the handle's joints, or wanted by the hand, rad
   S spool_velocity[W::tendons]{};  ///< rad/s
-  WristLoad<S> load{};
+  ChainLoad<S> load{};
   Held<S> held{};
   S weight{};                       ///< on the load rig, N
   S sheath_bend{};                  ///< added to that of every tendon's sheath, rad
@@ -81,7 +81,7 @@ struct SlipSpeeds<Slips, M, true> {
 template <class W, int most_contacts, class Law>
 // What belongs together stands together, although lanes leave room between.
 // NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding)
-struct WristState {
+struct TwinState {
   using S = W::S;
   using Rows = BoundedContacts<most_contacts, W::known>;
   static constexpr int N = W::joints, M = W::tendons;
@@ -94,7 +94,7 @@ struct WristState {
   S grip_force{};         ///< on what is gripped, mean of the last step, N
   S contact_force[N]{};   ///< of tissue on the tip about each joint, mean of the last step, against its angle, N
   S contact_moment[N]{};  ///< its mean moment, N m
-  WristCommand<W> command{};
+  TwinCommand<W> command{};
   TendonState<S, Rows> tendon[M]{};
   SlipSpeeds<typename Rows::template PerContact<S>, M, Law::depends_on_speed> slip_speed{};
   DriveState<S> drive[M]{};
