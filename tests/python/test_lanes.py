@@ -103,6 +103,22 @@ def test_a_lane_without_equilibrium_stands_still_until_it_is_restarted(scaled: I
     np.testing.assert_array_equal(out[1, 0], batch["output_angle"][2])
 
 
+def test_loops_of_two_axes_that_share_a_chain_are_those_that_run_alone() -> None:
+    inst = tn.instrument.expanded(tn.load("real-size").replace(axes=("yaw", "pitch")))
+    runs, t = 3, clock(0.4)
+    handle = np.stack([0.3 * np.sin(9 * t), -0.2 * np.sin(5 * t)], axis=-1)
+    load = np.where(t > 0.2, 1.0, 0.0)[:, np.newaxis] * [-0.5, 0.3, 0, 0, 0, 0]
+    handle = np.linspace(0.5, 1, runs)[:, np.newaxis, np.newaxis] * handle
+    controllers = [control.Controller(inst) for _ in range(runs)]
+    names = ("output_angle", "commanded_spool_velocity", "estimated_output_angle", "tension.pitch_agonist")
+    batch = run_many(inst, handle, wrench=load, signals=names, controllers=controllers, every=2)
+    for n in range(runs):
+        run = Twin(inst, seed=n).run(handle[n], wrench=load, controller=control.Controller(inst))
+        assert run.commanded_spool_velocity.any()
+        for name in names:
+            np.testing.assert_array_equal(batch[name][n], run[name][1::2])
+
+
 def test_loops_through_controllers_are_those_that_run_alone(scaled: Instrument) -> None:
     runs, t = 5, clock(0.6)
     vary = {"friction.vertex_coefficient": np.linspace(0.05, 0.2, runs)}

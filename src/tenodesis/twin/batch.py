@@ -165,19 +165,18 @@ def _kept(signals: Sequence[str], core: TwinCore, *, controlled: bool) -> dict[s
         name: list(range(columns.start, columns.stop)) for name, columns in columns_by_name(core.core.signals).items()
     }
     width = sum(len(columns) for columns in known.values())
-    for place, column in enumerate(CONTROL if controlled else ()):
-        places = [width + axis * len(CONTROL) + place for axis in range(len(core.pairs))]
-        name = column.partition(".")[0]
-        known[name] = [*known.get(name, []), *places]
+    for place, column in enumerate(CONTROL * len(core.pairs) if controlled else ()):
+        known.setdefault(column.partition(".")[0], []).append(width + place)
     kept = {}
     for name in signals:
         signal, _, column = name.partition(".")
-        if signal not in known:
-            allowed = f"one of {', '.join(known)}"
+        try:
+            kept[name] = [known[signal][core.names.column(signal, column)]] if column else known[signal]
+        except KeyError:
+            allowed = f"one of {', '.join(known)}, or a column of one"
             raise ArgumentError(
                 f"signals has {name!r}; it must be {allowed}.", key="signals", value=name, allowed=allowed
-            )
-        kept[name] = [known[signal][core.names.column(signal, column)]] if column else known[signal]
+            ) from None
     return kept
 
 
