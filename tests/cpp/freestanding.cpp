@@ -93,7 +93,7 @@ S a_step(const A& axis, const FrictionLaw& law, const S* in) {
   const Command<S> command{in[21], in[22], in[23], in[24], {in[25], in[26]}, S(0), {}, {in[34], in[35], in[36]}};
   const Status status = twin.step(command_of<typename AxisTwin<A, FrictionLaw>::Command>(command), state);
   return status == Status::ok ? state.measured_angle[0] + twin.residual(before, state) + twin.handle_torque(state, 0) +
-                                    transmit(Band<S>{in[27]}, in[28], in[29])
+                                    transmit(Band<S>{in[27], S(0), S(0)}, in[28], in[29])
                               : S(0);
 }
 
