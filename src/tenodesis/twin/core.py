@@ -113,7 +113,8 @@ class TwinCore(ABC):
         self.check_axes(commands, constant.axes)
         rows = np.zeros((len(commands["handle_angle"]), sum(width for _, width in self.core.commands)))
         for name, values in commands.items():
-            if name in self.columns:
+            # A row that stands for all, of zeros, takes no time.
+            if name in self.columns and (any(values.strides) or values[:1].any()):
                 rows[:, self.columns[name]] = values
         tissue = [NO_TISSUE if contact is None else contact.row for contact in constant.contact]
         rows[:, self.columns["contact"]] = np.ravel(tissue)
