@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cached_property
@@ -185,10 +186,15 @@ def test_nodes_share_a_campaign_and_one_killed_at_work_loses_nothing(
         controllers = [Controller(scaled, law=law) for _ in insts]
         return twin.run_many(insts, np.full(2000, 0.1), 0.5, controllers=controllers)["output_angle"]
 
-    plants, laws = [scaled.replace(pretension=tension) for tension in (20, 25, 30)], ["off", "robust"] * 4
+    def lasting(insts: list[Instrument], law: Any) -> Any:
+        # So that the second node has started before the first has done all.
+        time.sleep(1.0)
+        return campaign(insts, law)
+
+    plants, laws = [scaled.replace(pretension=tension) for tension in (20, 25, 30)], ["off", "robust"] * 8
     arguments = (real, scaled, varied(*FEW))
     with cluster.Cluster(two_nodes.address) as nodes:
-        for law, angles in zip(laws, nodes.map(campaign, plants, laws, [len(plants)] * len(laws)), strict=True):
+        for law, angles in zip(laws, nodes.map(lasting, plants, laws, [len(plants)] * len(laws)), strict=True):
             np.testing.assert_array_equal(angles, campaign(plants, law))
         assert set(nodes.shares) == {HEAD, SECOND} and all(share.seconds > 0 for share in nodes.shares.values())
         assert sum(share.size for share in nodes.shares.values()) == len(plants) * len(laws)
