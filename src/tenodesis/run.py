@@ -24,6 +24,9 @@ TENDONS = ("agonist", "antagonist")
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 """Components of a wrench, in the order of arrays."""
 
+ACROSS = {"yaw": "fx", "pitch": "fy"}
+"""The component of a wrench at the tip that bends a joint, by the joint's axis."""
+
 Owner: TypeAlias = Literal["joints", "handle_joints", "tendons", "compensated", "components", "run"]
 """What a signal has a column for each of; "run": it has one alone."""
 

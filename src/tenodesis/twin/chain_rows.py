@@ -29,8 +29,6 @@ class TwinRows(NamedTuple):
     links: Array
     load_cells: Array
     """Gain, bias, noise, range and resolution of what measures the tension, by tendon."""
-    rig: list[float]
-    """Wrench on the tip by a newton on the load rig."""
     parameters: list[float]
     law: int
     steps_per_sample: int
@@ -74,7 +72,7 @@ def twin_rows(inst: FullForm, time_step: float, quasi_static: bool) -> TwinRows:
     contacts = [len(route.passages) for route in routes]
     cells = np.array([(one.gain, 0.0, one.noise, one.range, one.resolution) for one in inst.tension_sensors])
     law = {"stribeck": 1, "capstan-power": 2}.get(inst.friction.law, 2 if inst.friction.bends else 0)
-    return TwinRows(passages, contacts, segments, links, cells, [0.0] * 6, parameters, law, per_sample)
+    return TwinRows(passages, contacts, segments, links, cells, parameters, law, per_sample)
 
 
 def _friction(friction: Friction) -> dict[str, float]:
