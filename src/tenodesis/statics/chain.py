@@ -52,7 +52,7 @@ class Rates(NamedTuple):
         return np.asarray(np.linalg.pinv(self.by_handle).swapaxes(-1, -2), float)
 
 
-class Load(TypedDict, total=False):
+class ChainLoad(TypedDict, total=False):
     """What acts on an instrument beside the wrench at its tip."""
 
     grip_force: ArrayLike
@@ -64,7 +64,7 @@ class Load(TypedDict, total=False):
 
 
 def equilibrium(
-    inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[Load]
+    inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[ChainLoad]
 ) -> Equilibrium:
     """Return angles and tensions of an instrument under a load, on the branch that starts without one.
 
@@ -75,7 +75,7 @@ def equilibrium(
     wrench
         Force (N) and moment (N m) on the tip, (..., 6): x, y, z of either. Each end bears an equal share, jaws half.
     **load
-        What else acts, as of :class:`Load`.
+        What else acts, as of :class:`ChainLoad`.
 
     Raises
     ------
@@ -92,18 +92,20 @@ def equilibrium(
 
 
 def output_angles(
-    inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[Load]
+    inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[ChainLoad]
 ) -> Array:
     """Return the angles of the tip's joints, (..., joints), rad; arguments and errors as :func:`equilibrium`."""
     return np.asarray(equilibrium(inst, handle_angles, wrench, **load).output_angle)
 
 
-def tensions(inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[Load]) -> Array:
+def tensions(
+    inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[ChainLoad]
+) -> Array:
     """Return the tensions of the tendons, (..., tendons), N; arguments and errors as :func:`equilibrium`."""
     return np.asarray(equilibrium(inst, handle_angles, wrench, **load).tensions)
 
 
-def rates(inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[Load]) -> Rates:
+def rates(inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[ChainLoad]) -> Rates:
     """Return stiffness and compliance matrices at rest, exact; arguments and errors as :func:`equilibrium`.
 
     Loss of dexterity to first order is `by_wrench @ wrench`, eq. 17 in one plane; `by_handle` are the transmission
@@ -119,7 +121,7 @@ def rates(inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.
 
 
 def handle_angles(
-    inst: InstrumentLike, output_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[Load]
+    inst: InstrumentLike, output_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[ChainLoad]
 ) -> Array:
     """Return the handle angles that hold given output angles under a load, (..., handle joints), rad.
 
@@ -143,7 +145,7 @@ def handle_angles(
 
 
 def compensation_strokes(
-    inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[Load]
+    inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[ChainLoad]
 ) -> Array:
     """Return the lengths to wind so that all joints keep their unloaded angles under a load, (..., tendons), m.
 
