@@ -21,6 +21,7 @@ struct ChainJoint {
   S chord{};         ///< of the straight joint: between a gear pair's centres, or a backbone's length, m
   S length{};        ///< from its far end to where its wrench acts, m
   S stiffness{};     ///< of its own spring, N m/rad
+  S coupling{};      ///< moment of that spring by the angle of the joint before, and the other way round, N m/rad
   S share{};         ///< of the wrench that acts at its end
   S grip{};          ///< moment about its axis by a unit of grip force, m
 };
@@ -90,6 +91,24 @@ struct TendonChain {
     return {mechanism(i), joint[i].chord, x};
   }
 
+  /// Adds the moments of the joints' springs at angles (rad) to moments, N m.
+  template <class T>
+  constexpr void add_springs(const T* angle, T* moment) const {
+    for (int i = 0; i < N; ++i) {
+      moment[i] = moment[i] - T(joint[i].stiffness) * angle[i];
+      if (i == 0 || !is_coupled(i)) continue;
+      moment[i] = moment[i] - T(joint[i].coupling) * angle[i - 1];
+      moment[i - 1] = moment[i - 1] - T(joint[i].coupling) * angle[i];
+    }
+  }
+  /// Whether a joint's spring is coupled with that of the joint before it.
+  constexpr bool is_coupled(int i) const {
+    if constexpr (known)
+      return false;
+    else
+      return value_of(joint[i].coupling) > 0;
+  }
+
   /// Length by which handle angles (rad) and strokes of the motors (m) wind each tendon, m.
   template <class T>
   void wind(const T* handle_angle, const T* stroke, T* wound) const {
@@ -102,18 +121,18 @@ struct TendonChain {
 
   /// Length by which the tip draws each tendon at coordinates x, m.
   template <class T>
-  void excursions(const T* x, T* drawn) const {
+  void excursions(const T* x, T* excursion) const {
     for (int m = 0; m < M; ++m) {
-      drawn[m] = T(arm[m][0]) * x[0];
-      for (int i = 1; i < N; ++i) drawn[m] = drawn[m] + T(arm[m][i]) * x[i];
+      excursion[m] = T(arm[m][0]) * x[0];
+      for (int i = 1; i < N; ++i) excursion[m] = excursion[m] + T(arm[m][i]) * x[i];
     }
   }
 
   /// Tension of a tendon that the handle and its motor have drawn by wound, and the tip by drawn, m; negative where it
   /// would have to push.
   template <class T>
-  T stretched(int m, const T& wound, const T& drawn) const {
-    return T(pretension[m]) + T(stiffness[m]) * (wound - drawn);
+  T stretched(int m, const T& wound, const T& excursion) const {
+    return T(pretension[m]) + T(stiffness[m]) * (wound - excursion);
   }
 
   /// Whether every joint stands on the one before it.

@@ -35,6 +35,8 @@ T::S stored_energy(const T& twin, const typename T::State& state) {
     const S beyond = state.angle[i] - clamp(state.angle[i], -twin.stop[i], twin.stop[i]);
     twice = twice + twin.chain.joint[i].stiffness * state.angle[i] * state.angle[i] +
             twin.stop_stiffness[i] * beyond * beyond;
+    if (i > 0 && twin.chain.is_coupled(i))
+      twice = twice + S(2) * twin.chain.joint[i].coupling * state.angle[i] * state.angle[i - 1];
   }
   if (!twin.quasi_static) {
     S x[N], matrix[N][N], bias[N];

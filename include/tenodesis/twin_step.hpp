@@ -474,12 +474,14 @@ struct TwinStep {
 
   void settle_alone(int m) {
     const int n = twin.contacts(m);
-    typename Rope::Lengths drawn{};
-    for (int i = 1; i <= n; ++i) drawn[i] = i > first[m] && !ends_drawn(m) ? pull[m][i].at(coordinate) : known[m][i];
-    if (ends_drawn(m)) drawn[n] = twin.last_draw(m).arm * coordinate[twin.last_draw(m).joint];
+    typename Rope::Lengths excursion{};
+    for (int i = 1; i <= n; ++i)
+      excursion[i] = i > first[m] && !ends_drawn(m) ? pull[m][i].at(coordinate) : known[m][i];
+    if (ends_drawn(m)) excursion[n] = twin.last_draw(m).arm * coordinate[twin.last_draw(m).joint];
     typename Rope::Line own{};
     next.tendon[m].slip = before.tendon[m].slip;
-    next.sweeps += tenodesis::settle(twin.tendon[m], n, band[m], drawn, spool[m], tolerance(m), next.tendon[m], own);
+    next.sweeps +=
+        tenodesis::settle(twin.tendon[m], n, band[m], excursion, spool[m], tolerance(m), next.tendon[m], own);
   }
 
   // Whether angles and coordinates are possible.
@@ -641,6 +643,14 @@ struct TwinStep {
         at[u] = at[u] + twin.hand.stiffness * (command.handle_angle[u - N] - angle[u]) - rest * velocity;
         slope.at[u][u] = slope.at[u][u] - twin.hand.stiffness - rest * speed_rate;
       }
+    }
+    for (int i = 1; i < N; ++i) {
+      if (!twin.chain.is_coupled(i)) continue;
+      const S coupling = twin.chain.joint[i].coupling;
+      at[i] = at[i] - coupling * angle[i - 1];
+      at[i - 1] = at[i - 1] - coupling * angle[i];
+      slope.at[i][i - 1] = slope.at[i][i - 1] - coupling;
+      slope.at[i - 1][i] = slope.at[i - 1][i] - coupling;
     }
   }
 

@@ -28,7 +28,6 @@ RIPPLE_PERIODS = 12
 """Periods of a torque's ripple per turn of the motor."""
 STOP_STIFFNESS_RATIO = 20.0
 """Stiffness of a mechanical stop over that of its joint."""
-_FARTHEST_STOP = 3.0  # rad
 
 Array = NDArray[np.float64]
 
@@ -294,8 +293,7 @@ def link_rows(inst: FullForm) -> Array:
     for i, joint in enumerate(inst.tip_joints):
         critical = 2 * sqrt(stiffness[i] * inertia[i, i])
         damping = inst.dynamics.damping_ratio * critical if joint.damping is None else joint.damping
-        stop = min(4 / 3 * joint.range, _FARTHEST_STOP) if joint.stop is None else joint.stop
-        rows[i, 5:8] = damping, stop, STOP_STIFFNESS_RATIO * stiffness[i]
+        rows[i, 5:8] = damping, joint.outer_stop, STOP_STIFFNESS_RATIO * stiffness[i]
     return rows
 
 
@@ -318,18 +316,27 @@ def _links(inst: FullForm, density: float) -> Array:
 def stiffness_matrix(inst: FullForm) -> Array:
     """Return the stiffness of the straight, unloaded wrist with all tendons taut, (joints, joints), N m/rad."""
     arms = straight_arms(inst)
-    springs = np.diag([joint.own_stiffness for joint in inst.tip_joints])
-    return np.asarray(arms.T @ (inst.stiffnesses[:, np.newaxis] * arms) + springs)
+    return np.asarray(arms.T @ (inst.stiffnesses[:, np.newaxis] * arms) + inst.springs)
 
 
 def natural_frequencies(inst: FullForm) -> Array:
-    """Return the angular natural frequencies of the straight, unloaded, frictionless wrist, rising, rad/s."""
-    return _frequencies(inst, link_rows(inst)[:, :5])
+    """Return the angular natural frequencies of the straight, unloaded, frictionless wrist, rising, rad/s.
+
+    The arcs of a backbone bend alike: they are light, and how they swing against each other needs no small time steps,
+    since the twin's trapezoidal rule is stable for any.
+    """
+    alike = np.zeros((len(inst.tip_joints), len(inst.bends)))
+    for column, arcs in zip(alike.T, inst.bends.values(), strict=True):
+        column[arcs] = 1 / len(arcs)
+    return _frequencies(inst, link_rows(inst)[:, :5], alike)
 
 
-def _frequencies(inst: FullForm, links: Array) -> Array:
+def _frequencies(inst: FullForm, links: Array, motions: Array | None = None) -> Array:
     inertia, _ = mass_matrix(inst, links, np.zeros(len(inst.tip_joints)))
-    return np.asarray(np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(inertia, stiffness_matrix(inst))).real)))
+    stiffness = stiffness_matrix(inst)
+    if motions is not None:
+        inertia, stiffness = motions.T @ inertia @ motions, motions.T @ stiffness @ motions
+    return np.asarray(np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(inertia, stiffness)).real)))
 
 
 def mass_matrix(inst: FullForm, links: Array, angles: Array, speeds: Array | None = None) -> tuple[Array, Array]:

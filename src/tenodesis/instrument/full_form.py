@@ -9,6 +9,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from tenodesis import notebook
 from tenodesis.errors import InstrumentError
+from tenodesis.instrument.backbones import cut
 from tenodesis.instrument.hardware import Drives, Friction
 from tenodesis.instrument.instrument import Instrument
 from tenodesis.instrument.joints import Grip, Joint, LinkDynamics, Tendon
@@ -98,9 +99,13 @@ class FullForm(Instrument):
 
     @model_validator(mode="after")
     def _coherent(self, info: ValidationInfo) -> Self:
-        self._check_joints()
+        _check_distinct("joints", [joint.name for joint in self.joints])
         for tendon in self.tendons:
             _check_route(self, tendon)
+        # The model is frozen for everyone else.
+        self.__dict__["joints"], self.__dict__["tendons"] = cut(self.joints, self.tendons)
+        self._check_joints()
+        for tendon in self.tendons:
             self.stiffness_of(tendon)
         _check_distinct("tendons", [tendon.name for tendon in self.tendons])
         self._check_held()
@@ -112,7 +117,6 @@ class FullForm(Instrument):
         return self
 
     def _check_joints(self) -> None:
-        _check_distinct("joints", [joint.name for joint in self.joints])
         tips, handles = self.tip_joints, self.handle_joints
         if not 1 <= len(tips) <= MOST_JOINTS:
             raise ValueError(f"joints has {len(tips)} at the tip; there must be 1 to {MOST_JOINTS}")

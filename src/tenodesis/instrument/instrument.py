@@ -12,6 +12,7 @@ from pydantic import AfterValidator, BaseModel, Field
 
 from tenodesis import _core
 from tenodesis.errors import InstrumentError
+from tenodesis.instrument.backbones import springs
 from tenodesis.instrument.conditions import Conditions
 from tenodesis.instrument.devices import Devices
 from tenodesis.instrument.hardware import Control, Drives, Friction, Geometry, Sensors
@@ -84,6 +85,14 @@ class Instrument(FileTable, AnyForm):
         return tuple(joint for joint in self.joints if joint.place == "handle")
 
     @property
+    def bends(self) -> dict[str, list[int]]:
+        """Places among the tip's joints of what bends, by its name: a joint, or all arcs of a backbone."""
+        found: dict[str, list[int]] = {}
+        for i, joint in enumerate(self.tip_joints):
+            found.setdefault(joint.name.removesuffix(f"_{joint.arc}") if joint.arc else joint.name, []).append(i)
+        return found
+
+    @property
     def parents(self) -> tuple[int, ...]:
         """Place among the tip's joints of the one that each stands on; -1 for the stem."""
         names = [joint.name for joint in self.tip_joints]
@@ -131,6 +140,16 @@ class Instrument(FileTable, AnyForm):
                     row[index[crossing.joint]] += SIGNS[crossing.side] * arm
         return arms
 
+    @property
+    def springs(self) -> Array:
+        """Moments of the joints' own springs by the angles of the tip's joints, (joints, joints), N m/rad."""
+        matrix = np.zeros((len(self.tip_joints),) * 2)
+        for i, (own, shared) in enumerate(springs(self.tip_joints)):
+            matrix[i, i] = own
+            if shared:
+                matrix[i, i - 1] = matrix[i - 1, i] = shared
+        return matrix
+
     @cached_property
     def stiffnesses(self) -> Array:
         """Stiffness of every tendon, (tendons,), N/m, as given or E A / L."""
@@ -156,12 +175,12 @@ class Instrument(FileTable, AnyForm):
     def core(self) -> _core.TendonChain:
         """The instrument in the core's form."""
         joints, bearing = self.tip_joints, self.bearing
-        numbers = np.zeros((len(joints), 9))
+        numbers, coupled = np.zeros((len(joints), 10)), springs(joints)
         for i, joint in enumerate(joints):
             length = joint.end_effector_length or 0.0
             share = 1 / len(bearing) if i in bearing else 0.0
             arm = self.grip_arms[i]
-            numbers[i] = (*joint.axis_vector, joint.offset, joint.chord, length, joint.own_stiffness, share, arm)
+            numbers[i] = (*joint.axis_vector, joint.offset, joint.chord, length, *coupled[i], share, arm)
         return _core.TendonChain(
             [MECHANISMS[joint.mechanism] for joint in joints],
             list(self.parents),

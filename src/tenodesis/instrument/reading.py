@@ -71,6 +71,21 @@ def expanded(given: InstrumentLike, argument: str = "inst") -> FullForm:
     return as_instrument(given, argument).expanded
 
 
+def in_arcs(given: InstrumentLike, arcs: int = 4) -> FullForm:
+    """Return an instrument, given as such, by name or by path, as joints and tendons with its backbones in arcs.
+
+    Errors as :func:`expanded`, and InstrumentError for an odd number above 1.
+    """
+    inst = expanded(given)
+    joints = [
+        joint.model_dump(exclude_unset=True, exclude_none=True)
+        | ({"arcs": arcs} if joint.mechanism == "continuum" and joint.place == "tip" and not joint.arc else {})
+        for joint in inst.joints
+    ]
+    values = inst.with_values({"joints": joints})
+    return validated(FullForm, values, InstrumentError, inst.name, context={"expanded": True}, entries=ENTRIES)
+
+
 def source_text(name_or_path: str | Path) -> str:
     """Return the text of the file of an instrument that comes with the package, by name, or of another, by path.
 

@@ -81,7 +81,7 @@ def hold(inst: InstrumentLike, output_angles: ArrayLike) -> tuple[Array, Array]:
     at, turns = coordinates(inst.tip_joints, angles)
     arms = inst.tendon_arms("tip")
     motors = np.array([tendon.start == "spool" for tendon in inst.tendons])
-    springs = np.array([joint.own_stiffness for joint in inst.tip_joints]) * angles / turns
+    springs = inst.springs @ angles / turns
     drawn, rest = arms @ at, inst.pretensions
     fixed = rest[~motors] - inst.stiffnesses[~motors] * drawn[~motors]
     needed = springs - arms[~motors].T @ np.maximum(fixed, 0.0)

@@ -45,9 +45,8 @@ class Batch:
         signal, _, column = name.partition(".")
         if name in self.signals or not column or signal not in self.signals:
             return self.signals[name]
-        number = self.names.column(signal, column)
-        values = self.signals[signal]
-        return values[:, :, number] if values.ndim > 2 else values
+        values, of = self.signals[signal], self.names.arcs(signal, column)
+        return values[:, :, of].sum(axis=-1) if values.ndim > 2 else values
 
     def __repr__(self) -> str:
         early = int(np.count_nonzero(self.status))

@@ -1,0 +1,80 @@
+"""Backbones as chains of arcs: what a joint with `arcs` in a file is written out to.
+
+A backbone bends unevenly where forces act across it. Two arcs of equal length follow a curvature that is linear along
+them to the fourth order, in the place and the direction of their far end, if their springs are coupled: a curvature of
+κ₁ and κ₂ at the two Gauss points of a length h bends the arcs by h (κ₁ + κ₂) / 4 ± h (κ₁ - κ₂) / (2 √3), as in
+commutator-free Magnus integrators (Celledoni, Marthinsen, Owren, Future Generation Computer Systems 19, 2003), and
+takes the energy E I h (κ₁² + κ₂²) / 4. In the arcs' angles that is E I / (8 h) (7 β₁² + 7 β₂² + 2 β₁ β₂).
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+from tenodesis.instrument.joints import Crossing, Joint, Tendon
+
+OWN, SHARED = 7 / 8, 1 / 8
+"""Stiffness of an arc of a pair, and of the coupling of both, over that of an arc alone."""
+
+
+def cut(joints: Sequence[Joint], tendons: Sequence[Tendon]) -> tuple[tuple[Joint, ...], tuple[Tendon, ...]]:
+    """Return joints and tendons with every backbone as its arcs; others as they are."""
+    arcs = {joint.name: _arcs(joint) for joint in joints}
+    last = {name: parts[-1].name for name, parts in arcs.items()}
+    standing = [
+        part.model_copy(update={"on": last[part.on]}) if part.on in last else part
+        for joint in joints
+        for part in arcs[joint.name]
+    ]
+    routes = [
+        tendon.model_copy(update={"route": tuple(_crossed(tendon.route, arcs))})
+        if any(len(arcs.get(one.joint, ())) > 1 for one in tendon.route)
+        else tendon
+        for tendon in tendons
+    ]
+    return tuple(standing), tuple(routes)
+
+
+def springs(joints: Sequence[Joint]) -> list[tuple[float, float]]:
+    """Return the stiffness of the joints' springs, and how far each is coupled with the one before, N m/rad."""
+    found = []
+    for joint in joints:
+        alone = joint.backbone_stiffness
+        own = (OWN if joint.arc else 1.0) * alone + (joint.stiffness or 0.0)
+        found.append((own, SHARED * alone if joint.arc and joint.arc % 2 == 0 else 0.0))
+    return found
+
+
+def _arcs(joint: Joint) -> list[Joint]:
+    """Return the arcs of a backbone, from the stem outward; a joint that is not cut alone."""
+    count = joint.arcs
+    if count == 1 or joint.arc:
+        return [joint]
+    common: dict[str, Any] = {
+        "backbone_length": (joint.backbone_length or 0.0) / count,
+        "range": joint.range / count,
+        # Under a force across, an arc bends further than its share.
+        "stop": joint.outer_stop,
+    }
+    common |= {key: count * value for key in ("stiffness", "damping") if (value := getattr(joint, key)) is not None}
+    beyond = ("end_effector_length", "mass", "centre_of_mass", "inertia")
+    found = []
+    for arc in range(1, count + 1):
+        change = common | {"name": f"{joint.name}_{arc}", "arc": arc}
+        if arc > 1:
+            change |= {"offset": 0.0, "on": None}
+        if arc < count:
+            change |= dict.fromkeys(beyond)
+        found.append(joint.model_copy(update=change))
+    return found
+
+
+def _crossed(route: Sequence[Crossing], arcs: dict[str, list[Joint]]) -> list[Crossing]:
+    found = []
+    for crossing in route:
+        parts = arcs.get(crossing.joint, [])
+        if len(parts) < 2:
+            found.append(crossing)
+            continue
+        wrap = crossing.base_wrap / len(parts)
+        found += [crossing.model_copy(update={"joint": part.name, "base_wrap": wrap}) for part in parts]
+    return found
