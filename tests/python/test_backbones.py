@@ -1,6 +1,7 @@
 """Claims about backbones cut into arcs: where they end, what friction leaves, and what else knows of their arcs."""
 
 from math import degrees, log, sqrt
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,8 +9,11 @@ import pytest
 import tomli_w
 
 import tenodesis as tn
+from tenodesis.control.one_arc import one_arc
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import FullForm
+from tenodesis.recording.replay import replay
+from tenodesis.recording.simulation import record
 from tests.peers import elastica
 
 CASE = elastica.Backbone(40e-3, 1e-3, 2e-3, 100e3, 20.0, 10e-3)
@@ -138,6 +142,34 @@ def test_a_backbone_in_motion_keeps_its_energy_and_comes_to_rest_where_statics_s
     assert rest[0] > 0.05
     assert rest[1] < -0.05
     assert sqrt(abs(rest.sum())) < 0.3
+
+
+def test_segments_in_arcs_are_asked_for_recorded_and_compensated_by_the_names_of_their_file(tmp_path: Path) -> None:
+    inst = tn.instrument.in_arcs("two-segment-continuum", 4)
+    assert inst.bends == {"near": [0, 1, 2, 3], "far": [4, 5, 6, 7]}
+    np.testing.assert_allclose(inst.bend_ranges, np.radians(60))
+    run = record(inst, tn.simulate.default_protocol(inst), tmp_path / "run.mcap", time_step=2e-3, quasi_static=True)
+    for name in ("near", "far"):
+        assert np.abs(run[f"output_angle.{name}"]).max() > np.radians(8)
+    back = tn.recording.Recording.open(tmp_path / "run.mcap")
+    assert back.instrument() == inst
+    assert replay(back).exact
+    # Tendons bring the directions of the ends back, not the S.
+    wrench = np.array([0.3, 0.2, 0, 0, 0, 0])
+    strokes = tn.statics.chain.compensation_strokes(inst, np.zeros(0), wrench)
+    held = tn.statics.chain.output_angles(inst, np.zeros(0), wrench, strokes=strokes)
+    np.testing.assert_allclose([held[:4].sum(), held[4:].sum()], 0, atol=1e-8)
+    assert np.abs(held).max() > np.radians(0.2)
+
+
+def test_one_arc_is_said_to_leave_the_s_out_and_four_are_not() -> None:
+    of_single = [one for one in tn.control.implausible(single(1)) if one.key == "joints.arcs"]
+    assert len(of_single) == 1 and "give arcs = 4" in of_single[0].sentence
+    assert not [one for one in tn.control.implausible(single(4)) if one.key == "joints.arcs"]
+    left_out = one_arc(single(1))
+    assert left_out is not None
+    assert 1e3 * left_out.finer == pytest.approx(6.3, abs=0.05)
+    assert left_out.given < 0.3 * left_out.finer
 
 
 @pytest.mark.parametrize(

@@ -154,7 +154,7 @@ def _of_joints(inst: FullForm, asked: Asked) -> Answer:
     count = len(inst.bends)
     example = f"{' '.join(['30', *['0'] * (count - 1)])} deg"
     forces = np.array([_numbers("--load", text, SignedForce, 3, "0 0 -1 N") for text in asked.load] or np.eye(3))
-    states = [_spread(inst, _numbers("--angle", text, Angle, count, example)) for text in asked.angle]
+    states = [inst.bent(_numbers("--angle", text, Angle, count, example)) for text in asked.angle]
     _check_within_range(inst, states)
     beside = np.zeros(3) if asked.moment is None else _numbers("--moment", asked.moment, SignedMoment, 3, "0 0 5 N*mm")
     wrenches = np.hstack([forces, np.broadcast_to(beside, forces.shape)])
@@ -256,14 +256,6 @@ def _check_within_range(inst: FullForm, states: Iterable[Array]) -> None:
                     value=f"{degrees(angle):.6g} deg",
                     allowed=f"within its range of ±{degrees(joint.range):.4g} deg",
                 )
-
-
-def _spread(inst: FullForm, angles: Array) -> Array:
-    """Return the angles of the joints at those of what bends, (bends,): the arcs of a backbone bend alike."""
-    spread = np.zeros(len(inst.tip_joints))
-    for angle, arcs in zip(angles, inst.bends.values(), strict=True):
-        spread[arcs] = angle / len(arcs)
-    return spread
 
 
 def _numbers(option: str, text: str, kind: Any, count: int, example: str) -> Array:

@@ -16,7 +16,7 @@ from tenodesis.instrument.joints import Grip, Joint, LinkDynamics, Tendon
 from tenodesis.instrument.short_form import ShortForm
 from tenodesis.units import Length
 
-MOST_JOINTS = 6
+MOST_JOINTS = 8
 MOST_TENDONS = 12
 
 

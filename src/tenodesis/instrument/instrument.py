@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, BaseModel, Field
 
 from tenodesis import _core
@@ -91,6 +91,18 @@ class Instrument(FileTable, AnyForm):
         for i, joint in enumerate(self.tip_joints):
             found.setdefault(joint.name.removesuffix(f"_{joint.arc}") if joint.arc else joint.name, []).append(i)
         return found
+
+    def bent(self, angles: ArrayLike) -> Array:
+        """Return the angles of the tip's joints, (joints,), at those of what bends, (bends,), whose arcs bend alike."""
+        found = np.zeros(len(self.tip_joints))
+        for angle, arcs in zip(np.asarray(angles, float), self.bends.values(), strict=True):
+            found[arcs] = angle / len(arcs)
+        return found
+
+    @property
+    def bend_ranges(self) -> Array:
+        """Working ranges to either side of what bends, (bends,), rad."""
+        return np.array([sum(self.tip_joints[i].range for i in arcs) for arcs in self.bends.values()])
 
     @property
     def parents(self) -> tuple[int, ...]:

@@ -43,7 +43,8 @@ What this format does not contain:
 - contact: jaws pass through each other and grip no object;
 - limits by tendons and loads: joint ranges are mechanical stops, or working ranges where none are given.{more}"""
 _CONTINUUM = """
-- the arc of a backbone: it is a row of eight hinges tied to each other, which does not yield in other directions."""
+- the arc of a backbone: it is a row of hinges, eight tied to each other, or six in each of several arcs, not tied; it
+  does not yield in other directions."""
 
 
 class _Guide(NamedTuple):
