@@ -105,19 +105,19 @@ template <bool serial = false, class W, class T>
         at.slope.at[i][j] = at.slope.at[i][j] - stiffness * T(chain.arm[m][i] * chain.arm[m][j]);
     }
   }
+  T angle[N];
   for (int i = 0; i < N; ++i) {
     for (int j = 0; j < i; ++j) at.slope.at[j][i] = at.slope.at[i][j];
     const auto& joint = chain.joint[i];
-    if (joint.stiffness > typename W::S(0)) {
-      moment[i] = moment[i] - T(joint.stiffness) * angle_at(joint.mechanism, x[i]);
-      rate[i][i] = rate[i][i] - T(joint.stiffness);
-    }
-    if (i == 0 || !chain.is_coupled(i)) continue;
-    const T coupling(joint.coupling);
-    moment[i] = moment[i] - coupling * angle_at(chain.joint[i - 1].mechanism, x[i - 1]);
-    moment[i - 1] = moment[i - 1] - coupling * angle_at(joint.mechanism, x[i]);
-    rate[i][i - 1] = rate[i][i - 1] - coupling;
-    rate[i - 1][i] = rate[i - 1][i] - coupling;
+    const bool is_sprung = joint.stiffness > typename W::S(0);
+    if (is_sprung || chain.has_ties()) angle[i] = angle_at(joint.mechanism, x[i]);
+    if (!is_sprung) continue;
+    moment[i] = moment[i] - T(joint.stiffness) * angle[i];
+    rate[i][i] = rate[i][i] - T(joint.stiffness);
+  }
+  if (chain.has_ties()) {
+    chain.add_ties(angle, moment);
+    chain.add_tie_rates(T(1), rate);
   }
   for (int i = 0; i < N; ++i) {
     const T& per = bend[i].per_turn;
@@ -141,11 +141,9 @@ Square<S, W::joints> unloaded_stiffness(const W& chain) {
         stiffness.at[i][j] = stiffness.at[i][j] + chain.stiffness[m] * chain.arm[m][i] * chain.arm[m][j];
     const S per_turn = Bend<S>(chain.joint[i], S(0)).per_turn;
     stiffness.at[i][i] = stiffness.at[i][i] + chain.joint[i].stiffness * per_turn * per_turn;
-    if (i == 0 || !chain.is_coupled(i)) continue;
-    const S shared = chain.joint[i].coupling * per_turn * Bend<S>(chain.joint[i - 1], S(0)).per_turn;
-    stiffness.at[i][i - 1] = stiffness.at[i][i - 1] + shared;
-    stiffness.at[i - 1][i] = stiffness.at[i - 1][i] + shared;
   }
+  // As of coordinates that are angles; Newton's iteration corrects what gears make of them.
+  chain.add_tie_rates(S(-1), stiffness.at);
   return stiffness;
 }
 
@@ -213,6 +211,10 @@ bool loose(const W& chain, const S* wound, const ChainLoad<S>& load, const S* x)
   bool slack = false;
   S taut[N];
   for (int i = 0; i < N; ++i) taut[i] = chain.joint[i].stiffness;
+  chain.each_tie([&](int i, const Tie<S>& tie) {
+    taut[i] = taut[i] + tie.stiffness;
+    taut[tie.to] = taut[tie.to] + tie.ratio * tie.ratio * tie.stiffness;
+  });
   for (int m = 0; m < M; ++m) {
     if (!(chain.stiffness[m] > S(0))) continue;
     slack = slack || !(chain.stretched(m, wound[m], excursion[m]) > S(0));

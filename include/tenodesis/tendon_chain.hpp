@@ -11,6 +11,15 @@
 
 namespace tenodesis {
 
+/// A spring between two joints, relaxed where the angle of one is a ratio times that of the other.
+template <class S>
+struct Tie {
+  int to{-1};  ///< the other joint, which comes before; -1: there is no tie
+  S ratio{};
+  S stiffness{};    ///< moment by the difference of the angles, N m/rad
+  bool is_rigid{};  ///< whether it stands for parts that cannot yield
+};
+
 /// A joint of a chain, in the frame of the link before it: z along the straight joint toward the tip.
 template <class S>
 struct ChainJoint {
@@ -21,7 +30,7 @@ struct ChainJoint {
   S chord{};         ///< of the straight joint: between a gear pair's centres, or a backbone's length, m
   S length{};        ///< from its far end to where its wrench acts, m
   S stiffness{};     ///< of its own spring, N m/rad
-  S coupling{};      ///< moment of that spring by the angle of the joint before, and the other way round, N m/rad
+  Tie<S> tie{};      ///< to a joint before it
   S share{};         ///< of the wrench that acts at its end
   S grip{};          ///< moment about its axis by a unit of grip force, m
 };
@@ -91,22 +100,44 @@ struct TendonChain {
     return {mechanism(i), joint[i].chord, x};
   }
 
+  /// Whether any joints are tied.
+  constexpr bool has_ties() const {
+    bool any = false;
+    each_tie([&](int, const Tie<S>&) { any = true; });
+    return any;
+  }
+  /// Calls f with every joint that is tied and its tie.
+  template <class F>
+  constexpr void each_tie(const F& f) const {
+    if constexpr (!known)
+      for (int i = 0; i < N; ++i)
+        if (joint[i].tie.to >= 0) f(i, joint[i].tie);
+  }
   /// Adds the moments of the joints' springs at angles (rad) to moments, N m.
   template <class T>
   constexpr void add_springs(const T* angle, T* moment) const {
-    for (int i = 0; i < N; ++i) {
-      moment[i] = moment[i] - T(joint[i].stiffness) * angle[i];
-      if (i == 0 || !is_coupled(i)) continue;
-      moment[i] = moment[i] - T(joint[i].coupling) * angle[i - 1];
-      moment[i - 1] = moment[i - 1] - T(joint[i].coupling) * angle[i];
-    }
+    for (int i = 0; i < N; ++i) moment[i] = moment[i] - T(joint[i].stiffness) * angle[i];
+    add_ties(angle, moment);
   }
-  /// Whether a joint's spring is coupled with that of the joint before it.
-  constexpr bool is_coupled(int i) const {
-    if constexpr (known)
-      return false;
-    else
-      return value_of(joint[i].coupling) > 0;
+  /// The same of the ties alone.
+  template <class T>
+  constexpr void add_ties(const T* angle, T* moment) const {
+    each_tie([&](int i, const Tie<S>& tie) {
+      const T ratio(tie.ratio), pull = T(tie.stiffness) * (angle[i] - ratio * angle[tie.to]);
+      moment[i] = moment[i] - pull;
+      moment[tie.to] = moment[tie.to] + ratio * pull;
+    });
+  }
+  /// Adds a factor times the rates of the ties' moments by the angles to those of the joints.
+  template <class T, class Rates>
+  constexpr void add_tie_rates(const T& factor, Rates& rate) const {
+    each_tie([&](int i, const Tie<S>& tie) {
+      const T ratio(tie.ratio), by = factor * T(tie.stiffness);
+      rate[i][i] = rate[i][i] - by;
+      rate[i][tie.to] = rate[i][tie.to] + ratio * by;
+      rate[tie.to][i] = rate[tie.to][i] + ratio * by;
+      rate[tie.to][tie.to] = rate[tie.to][tie.to] - ratio * ratio * by;
+    });
   }
 
   /// Length by which handle angles (rad) and strokes of the motors (m) wind each tendon, m.

@@ -87,7 +87,7 @@ template <class Many, class One, class Visit>
     auto& b = one.chain.joint[i];
     detail::pair_vectors(a.axis, b.axis, visit);
     visit(a.offset, b.offset), visit(a.chord, b.chord), visit(a.length, b.length);
-    visit(a.stiffness, b.stiffness), visit(a.coupling, b.coupling), visit(a.share, b.share), visit(a.grip, b.grip);
+    visit(a.stiffness, b.stiffness), visit(a.share, b.share), visit(a.grip, b.grip);
     visit(many.link[i].mass, one.link[i].mass);
     visit(many.link[i].centre, one.link[i].centre);
     detail::pair_vectors(many.link[i].inertia, one.link[i].inertia, visit);

@@ -183,6 +183,7 @@ struct TwinStep {
     for (const Vector<S>& by : {load.wrench.force, load.wrench.moment})
       pushed_by = pushed_by + abs(by.x) + abs(by.y) + abs(by.z);
     for (int i = 0; i < N; ++i) pushed_by = pushed_by + twin.chain.joint[i].stiffness;
+    twin.chain.each_tie([&](int, const Tie<S>& tie) { pushed_by = pushed_by + tie.stiffness; });
     Flag<S> bare = pushed_by == S(0);
     if (!any(bare)) return bare;
     S stretched[M];
@@ -644,14 +645,19 @@ struct TwinStep {
         slope.at[u][u] = slope.at[u][u] - twin.hand.stiffness - rest * speed_rate;
       }
     }
-    for (int i = 1; i < N; ++i) {
-      if (!twin.chain.is_coupled(i)) continue;
-      const S coupling = twin.chain.joint[i].coupling;
-      at[i] = at[i] - coupling * angle[i - 1];
-      at[i - 1] = at[i - 1] - coupling * angle[i];
-      slope.at[i][i - 1] = slope.at[i][i - 1] - coupling;
-      slope.at[i - 1][i] = slope.at[i - 1][i] - coupling;
-    }
+    twin.chain.each_tie([&](int i, const Tie<S>& tie) {
+      // The trapezoidal rule would let what is stiff ring from step to step; friction of half a step's time ends it.
+      const S lag = twin.quasi_static || !tie.is_rigid ? S(0) : S(0.5) * duration;
+      const auto rate = [&](int j) { return speed_rate * (angle[j] - before.angle[j]) - before.velocity[j]; };
+      const S apart = angle[i] - tie.ratio * angle[tie.to] + lag * (rate(i) - tie.ratio * rate(tie.to));
+      const S pull = tie.stiffness * apart, by = tie.stiffness * (S(1) + lag * speed_rate);
+      at[i] = at[i] - pull;
+      at[tie.to] = at[tie.to] + tie.ratio * pull;
+      slope.at[i][i] = slope.at[i][i] - by;
+      slope.at[i][tie.to] = slope.at[i][tie.to] + tie.ratio * by;
+      slope.at[tie.to][i] = slope.at[tie.to][i] + tie.ratio * by;
+      slope.at[tie.to][tie.to] = slope.at[tie.to][tie.to] - tie.ratio * tie.ratio * by;
+    });
   }
 
   void finish() {

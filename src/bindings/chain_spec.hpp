@@ -15,7 +15,22 @@ inline constexpr std::size_t most_chain_tendons = 12;
 inline constexpr std::size_t load_components = 7;
 
 /// Numbers of a joint, in this order.
-enum JointNumber { axis_x, axis_y, axis_z, offset, chord, length, stiffness, coupling, share, grip, joint_numbers };
+enum JointNumber {
+  axis_x,
+  axis_y,
+  axis_z,
+  offset,
+  chord,
+  length,
+  stiffness,
+  tied_to,
+  tie_ratio,
+  tie_stiffness,
+  tie_is_rigid,
+  share,
+  grip,
+  joint_numbers
+};
 
 template <int N>
 using Paired = TendonChain<double, N, 2 * N>;

@@ -39,6 +39,7 @@ ChainSpec::ChainSpec(const std::vector<int>& mechanism, const std::vector<int>& 
         for (std::size_t i = 0; i < joints_; ++i) {
           const double* row = numbers.data() + i * joint_numbers;
           require(std::cmp_less(parent[i], i), "a joint stands on one that comes after it");
+          require(row[tied_to] >= -1 && row[tied_to] < double(i), "a joint is tied to one that comes after it");
           chain.joint[i] = {Mechanism(mechanism[i]),
                             parent[i],
                             {row[axis_x], row[axis_y], row[axis_z]},
@@ -46,7 +47,7 @@ ChainSpec::ChainSpec(const std::vector<int>& mechanism, const std::vector<int>& 
                             row[chord],
                             row[length],
                             row[stiffness],
-                            row[coupling],
+                            {int(row[tied_to]), row[tie_ratio], row[tie_stiffness], row[tie_is_rigid] != 0},
                             row[share],
                             row[grip]};
         }

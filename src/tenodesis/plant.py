@@ -275,7 +275,11 @@ def _check_compliance(inst: ShortForm) -> None:
 
 def link_rows(inst: FullForm) -> Array:
     """Return mass, its centre, inertia about x, y, z, damping, stop, its stiffness, reach by joint of the tip, SI."""
-    stiffness = np.diag(stiffness_matrix(inst))
+    stiffness = np.diag(stiffness_matrix(inst)).copy()
+    for i, tie in enumerate(inst.ties):
+        # What ties joints does not damp or stop them.
+        if tie.is_rigid:
+            stiffness[[i, tie.to]] -= tie.stiffness * np.array([1.0, tie.ratio**2])
     rods = _links(inst, 1.0)
     lowest = _frequencies(inst, rods)[0]
     density = (lowest / (2 * pi * inst.dynamics.natural_frequency)) ** 2
@@ -322,12 +326,10 @@ def stiffness_matrix(inst: FullForm) -> Array:
 def natural_frequencies(inst: FullForm) -> Array:
     """Return the angular natural frequencies of the straight, unloaded, frictionless wrist, rising, rad/s.
 
-    The arcs of a backbone bend alike: they are light, and how they swing against each other needs no small time steps,
-    since the twin's trapezoidal rule is stable for any.
+    The arcs of a backbone bend alike, and joints that are tied turn with the others: how these swing against each other
+    needs no small time steps, since the twin's trapezoidal rule is stable for any.
     """
-    alike = np.zeros((len(inst.tip_joints), len(inst.bends)))
-    for column, arcs in zip(alike.T, inst.bends.values(), strict=True):
-        column[arcs] = 1 / len(arcs)
+    alike = np.array([inst.bent(unit) for unit in np.eye(len(inst.bends))]).T
     return _frequencies(inst, link_rows(inst)[:, :5], alike)
 
 

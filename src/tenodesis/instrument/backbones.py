@@ -4,7 +4,8 @@ A backbone bends unevenly where forces act across it. Two arcs of equal length f
 them to the fourth order, in the place and the direction of their far end, if their springs are coupled: a curvature of
 κ₁ and κ₂ at the two Gauss points of a length h bends the arcs by h (κ₁ + κ₂) / 4 ± h (κ₁ - κ₂) / (2 √3), as in
 commutator-free Magnus integrators (Celledoni, Marthinsen, Owren, Future Generation Computer Systems 19, 2003), and
-takes the energy E I h (κ₁² + κ₂²) / 4. In the arcs' angles that is E I / (8 h) (7 β₁² + 7 β₂² + 2 β₁ β₂).
+takes the energy E I h (κ₁² + κ₂²) / 4. In the arcs' angles that is E I / (8 h) (6 β₁² + 6 β₂² + (β₁ + β₂)²): two
+springs, and one that ties the second arc to the opposite of the first.
 """
 
 from collections.abc import Sequence
@@ -12,8 +13,8 @@ from typing import Any
 
 from tenodesis.instrument.joints import Crossing, Joint, Tendon
 
-OWN, SHARED = 7 / 8, 1 / 8
-"""Stiffness of an arc of a pair, and of the coupling of both, over that of an arc alone."""
+OWN, SHARED = 6 / 8, 1 / 8
+"""Stiffness of an arc of a pair, and of the spring between both, over that of an arc alone."""
 
 
 def cut(joints: Sequence[Joint], tendons: Sequence[Tendon]) -> tuple[tuple[Joint, ...], tuple[Tendon, ...]]:
@@ -32,16 +33,6 @@ def cut(joints: Sequence[Joint], tendons: Sequence[Tendon]) -> tuple[tuple[Joint
         for tendon in tendons
     ]
     return tuple(standing), tuple(routes)
-
-
-def springs(joints: Sequence[Joint]) -> list[tuple[float, float]]:
-    """Return the stiffness of the joints' springs, and how far each is coupled with the one before, N m/rad."""
-    found = []
-    for joint in joints:
-        alone = joint.backbone_stiffness
-        own = (OWN if joint.arc else 1.0) * alone + (joint.stiffness or 0.0)
-        found.append((own, SHARED * alone if joint.arc and joint.arc % 2 == 0 else 0.0))
-    return found
 
 
 def _arcs(joint: Joint) -> list[Joint]:

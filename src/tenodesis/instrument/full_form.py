@@ -129,6 +129,8 @@ class FullForm(Instrument):
             if joint.on is not None and joint.on not in before:
                 raise ValueError(f"joint {joint.name}: on = {joint.on!r}; it must be one of {', '.join(before)}")
             before.append(joint.name)
+        for place, joint in enumerate(tips):
+            _check_tie(joint, [other.name for other in tips[:place] if not other.arc])
         held = self.grip.jaws if self.grip is not None and self.grip.length is not None and self.bearing else ()
         for i in self.ends:
             if tips[i].end_effector_length is None and tips[i].name not in held:
@@ -155,7 +157,7 @@ class FullForm(Instrument):
         sprung = np.array([joint.own_stiffness > 0 for joint in self.tip_joints])
         for joint, column, spring in zip(self.tip_joints, arms.T, sprung, strict=True):
             missing = [side for side, pulls in (("agonist", column > 0), ("antagonist", column < 0)) if not pulls.any()]
-            if missing and not spring:
+            if missing and not spring and joint.tied_to is None:
                 raise RouteError(
                     f"joint {joint.name} has no {' and no '.join(missing)}: no tendon crosses it on that side; give it "
                     "one, or a spring by its stiffness",
@@ -163,7 +165,12 @@ class FullForm(Instrument):
                     joints=[joint.name],
                 )
         scale = np.abs(arms).max(axis=0)
-        held = np.vstack([arms / np.where(scale > 0, scale, 1.0), np.diag(sprung.astype(float))])
+        tied = [
+            np.eye(len(self.tip_joints))[i] - tie.ratio * np.eye(len(self.tip_joints))[tie.to]
+            for i, tie in enumerate(self.ties)
+            if tie.is_rigid
+        ]
+        held = np.vstack([arms / np.where(scale > 0, scale, 1.0), np.diag(sprung.astype(float)), *tied])
         if np.linalg.matrix_rank(held) < len(self.tip_joints):
             names = [joint.name for joint in self.tip_joints]
             raise RouteError(
@@ -189,6 +196,17 @@ def _check_distinct(key: str, names: Sequence[str]) -> None:
     double = next((name for name in names if names.count(name) > 1), None)
     if double is not None:
         raise ValueError(f"{key} has {double} twice; names must differ")
+
+
+def _check_tie(joint: Joint, before: Sequence[str]) -> None:
+    if joint.tied_to is None:
+        return
+    if joint.tied_to not in before:
+        allowed = ", ".join(before) or "left out: no joint at the tip is listed before"
+        raise ValueError(f"joint {joint.name}: tied_to = {joint.tied_to!r}; it must be one before it: {allowed}")
+    if joint.arcs > 1 or not joint.tie_ratio:
+        problem = "has several arcs" if joint.arcs > 1 else "has a tie_ratio of 0"
+        raise ValueError(f"joint {joint.name} is tied to {joint.tied_to} and {problem}; give it without that")
 
 
 def _check_route(inst: FullForm, tendon: Tendon) -> None:

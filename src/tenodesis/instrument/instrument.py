@@ -12,12 +12,12 @@ from pydantic import AfterValidator, BaseModel, Field
 
 from tenodesis import _core
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument.backbones import springs
 from tenodesis.instrument.conditions import Conditions
 from tenodesis.instrument.devices import Devices
 from tenodesis.instrument.hardware import Control, Drives, Friction, Geometry, Sensors
 from tenodesis.instrument.joints import MECHANISMS, SIGNS, Joint, Tendon
 from tenodesis.instrument.tension import TensionSensor, tension_sensor
+from tenodesis.instrument.ties import Tie, own_stiffness, ties
 from tenodesis.toml import FileTable, validated
 from tenodesis.units import Force, Length, Modulus, PositiveForce, Quantity, Stiffness, quantity_of
 
@@ -86,17 +86,25 @@ class Instrument(FileTable, AnyForm):
 
     @property
     def bends(self) -> dict[str, list[int]]:
-        """Places among the tip's joints of what bends, by its name: a joint, or all arcs of a backbone."""
+        """Places among the tip's joints of what bends by itself, by name: joints not tied, arcs of a backbone."""
         found: dict[str, list[int]] = {}
         for i, joint in enumerate(self.tip_joints):
+            if joint.tied_to is not None:
+                continue
             found.setdefault(joint.name.removesuffix(f"_{joint.arc}") if joint.arc else joint.name, []).append(i)
         return found
 
     def bent(self, angles: ArrayLike) -> Array:
-        """Return the angles of the tip's joints, (joints,), at those of what bends, (bends,), whose arcs bend alike."""
+        """Return the angles of the tip's joints, (joints,), at those of what bends, (bends,).
+
+        Arcs of a backbone bend alike, and joints that are tied turn with the others.
+        """
         found = np.zeros(len(self.tip_joints))
         for angle, arcs in zip(np.asarray(angles, float), self.bends.values(), strict=True):
             found[arcs] = angle / len(arcs)
+        for i, tie in enumerate(self.ties):
+            if tie.is_rigid:
+                found[i] = tie.ratio * found[tie.to]
         return found
 
     @property
@@ -154,13 +162,21 @@ class Instrument(FileTable, AnyForm):
 
     @property
     def springs(self) -> Array:
-        """Moments of the joints' own springs by the angles of the tip's joints, (joints, joints), N m/rad."""
-        matrix = np.zeros((len(self.tip_joints),) * 2)
-        for i, (own, shared) in enumerate(springs(self.tip_joints)):
-            matrix[i, i] = own
-            if shared:
-                matrix[i, i - 1] = matrix[i - 1, i] = shared
+        """Moments of springs and ties by the angles of the tip's joints, (joints, joints), N m/rad."""
+        matrix = np.diag([own_stiffness(joint) for joint in self.tip_joints])
+        for i, tie in enumerate(self.ties):
+            if tie.to >= 0:
+                apart = np.zeros(len(matrix))
+                apart[[i, tie.to]] = 1.0, -tie.ratio
+                matrix += tie.stiffness * np.outer(apart, apart)
         return matrix
+
+    @cached_property
+    def ties(self) -> list[Tie]:
+        """What ties every joint of the tip to one before it."""
+        held = self.stiffnesses @ self.tendon_arms("tip") ** 2
+        held += [own_stiffness(joint) for joint in self.tip_joints]
+        return ties(self.tip_joints, held)
 
     @cached_property
     def stiffnesses(self) -> Array:
@@ -187,12 +203,13 @@ class Instrument(FileTable, AnyForm):
     def core(self) -> _core.TendonChain:
         """The instrument in the core's form."""
         joints, bearing = self.tip_joints, self.bearing
-        numbers, coupled = np.zeros((len(joints), 10)), springs(joints)
+        numbers = np.zeros((len(joints), 13))
         for i, joint in enumerate(joints):
             length = joint.end_effector_length or 0.0
             share = 1 / len(bearing) if i in bearing else 0.0
             arm = self.grip_arms[i]
-            numbers[i] = (*joint.axis_vector, joint.offset, joint.chord, length, *coupled[i], share, arm)
+            spring = (own_stiffness(joint), *self.ties[i])
+            numbers[i] = (*joint.axis_vector, joint.offset, joint.chord, length, *spring, share, arm)
         return _core.TendonChain(
             [MECHANISMS[joint.mechanism] for joint in joints],
             list(self.parents),

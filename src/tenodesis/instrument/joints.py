@@ -46,6 +46,8 @@ def _short(name: str) -> str:
     return name
 
 
+TieRatio = Annotated[float, Field(ge=-100, le=100, strict=True)]
+"""Angle of a joint over that of another."""
 ShortName = Annotated[str, Field(min_length=1), AfterValidator(_short)]
 """Name of a joint or a tendon, as recordings and exported models have it."""
 
@@ -72,6 +74,8 @@ class Joint(FileTable):
         description="Arcs that a backbone bends in, 1 or an even number; an S under a force across takes 2 or more",
     )
     arc: int = Field(default=0, ge=0, le=12, strict=True, description="Number of this arc, from the stem; 0: no part")
+    tied_to: str | None = Field(default=None, description="Joint before it at the tip that it turns with, by tie_ratio")
+    tie_ratio: TieRatio = Field(default=1.0, description="Its angle over that of the joint that it is tied to")
     stiffness: HandStiffness | None = Field(default=None, description="Of a spring in the joint")
     range: AngleRange = Field(default=math.radians(80), description="Working range of its angle to either side")
     end_effector_length: Length | None = Field(

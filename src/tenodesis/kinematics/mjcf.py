@@ -92,7 +92,8 @@ def mjcf(inst: InstrumentLike) -> str:
         bodies[part.name] = _body(bodies[part.parent], part, motion)
         for hinge in part.joints:
             if hinge.same_as is not None:
-                SubElement(ties, "joint", joint1=hinge.name, joint2=hinge.same_as)
+                ratio = {} if hinge.ratio == 1 else {"polycoef": f"0 {text(hinge.ratio)} 0 0 0"}
+                SubElement(ties, "joint", joint1=hinge.name, joint2=hinge.same_as, attrib=ratio)
     _hold(servos, of, stiffness)
     for tendon, own, pretension in zip(of.inst.tendons, of.inst.stiffnesses, of.inst.pretensions, strict=True):
         branches = _branches(of, tendon, tree)

@@ -34,7 +34,9 @@ class PartJoint(NamedTuple):
     least: float
     most: float
     same_as: str | None = None
-    """Joint that it moves with, by the same angle."""
+    """Joint that it moves with."""
+    ratio: float = 1.0
+    """Its angle over that joint's."""
 
 
 class RigidPart(NamedTuple):
@@ -66,6 +68,7 @@ def parts(inst: InstrumentLike, format: Format) -> list[RigidPart]:
     of = skeleton(inst)
     radii = [joint.radius for joint in of.inst.tip_joints]
     thick = (STEM_PER_RADIUS * max(radii) if of.inst.stem_diameter is None else of.inst.stem_diameter) / 2
+    tied = {joint.name: joint for joint in of.inst.tip_joints}
     found = [RigidPart("stem", None, 0.0, _in_port(of), (-of.stem_length, 0.0, thick))]
     for joint, on, beyond in _stacked(of):
         side = 1.0 if joint.place == "tip" else -1.0
@@ -79,7 +82,11 @@ def parts(inst: InstrumentLike, format: Format) -> list[RigidPart]:
             following = pieces[place + 1].offset if place + 1 < len(pieces) else beyond
             first = None if name == turning[0] or (joint.arc and format == "mjcf") else turning[0]
             slide = PartJoint(f"{joint.name}_chord", "slide", (0.0, 0.0, side), -joint.chord, 0.0)
-            hinge = PartJoint(name, "hinge", joint.axis_vector, -share, share, same_as=first)
+            ratio = 1.0
+            if name == turning[0] and joint.tied_to is not None:
+                others = moving(tied[joint.tied_to], format)
+                first, ratio = others[0], joint.tie_ratio * len(others) / len(turning)
+            hinge = PartJoint(name, "hinge", joint.axis_vector, -share, share, same_as=first, ratio=ratio)
             joints = ((slide,) if piece.slides else ()) + ((hinge,) if piece.hinges else ())
             is_far = piece.name == "far"
             back = -joint.radius / 2 if is_far and joint.mechanism != "continuum" else 0.0

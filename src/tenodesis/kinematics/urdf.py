@@ -82,7 +82,7 @@ def _joint(root: Element, joint: PartJoint, parent: str, child: str, offset: flo
     SubElement(element, "axis", xyz=" ".join(text(one) for one in joint.axis))
     SubElement(element, "limit", lower=text(joint.least), upper=text(joint.most), effort=_EFFORT, velocity=_VELOCITY)
     if joint.same_as is not None:
-        SubElement(element, "mimic", joint=joint.same_as, multiplier="1", offset="0")
+        SubElement(element, "mimic", joint=joint.same_as, multiplier=f"{joint.ratio:g}", offset="0")
 
 
 def _between(joint: Element, parent: str, child: str, offset: float) -> None:

@@ -161,7 +161,7 @@ def compensation_strokes(
     """
     point = _prepare(expanded(inst), handle_angles, wrench, **load)
     out = point.empty(len(point.inst.tendons))
-    if any(joint.arc for joint in point.inst.tip_joints):
+    if any(tie.to >= 0 for tie in point.inst.ties):
         found = _straightening(point)
         lost = np.where(np.isfinite(found).all(axis=-1), Status.OK, Status.NO_AUTHORITY).astype(np.uint8)
         _check(point, "compensation_strokes", lost)

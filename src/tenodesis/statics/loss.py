@@ -100,7 +100,7 @@ def usual_states(inst: InstrumentLike) -> list[Array]:
     for place in ("tip", "handle"):
         try:
             if place == "tip":
-                bent = np.array([_HALF * joint.range for joint in inst.tip_joints])
+                bent = inst.bent(_HALF * inst.bend_ranges)
             else:
                 bent = equilibrium(inst, [_HALF * joint.range for joint in inst.handle_joints]).output_angle
             hold(inst, bent)
