@@ -380,7 +380,10 @@ def _disturbing(inst: FullForm) -> Iterator[str]:
             (f"the tendons that end at joint {joint.name}", found.by_stroke[0] @ drawn)
             for joint, drawn in zip(inst.tip_joints, alone, strict=True)
         ]
-    for what, turned in moves:
+    # A joint that is tied turns with the other on purpose.
+    free = np.array([not tie.is_rigid for tie in inst.ties])
+    for what, angles in moves:
+        turned = np.where(free, angles, 0.0)
         if not np.isfinite(turned).all() or not turned.any():
             continue
         most = int(np.argmax(np.abs(turned)))

@@ -126,7 +126,7 @@ def dvrk_text(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS, jaw_ang
     values: dict[str, Any] = {
         "name": path.stem.lower().replace("_", "-"),
         "description": "Imported from a tool file of the da Vinci Research Kit",
-        "stem_diameter": "8 mm",
+        "stem_diameter": "5 mm" if is_snake else "8 mm",
         "spool_radius": _mm(spool),
         "pretension": "20 N",
         "tendon_stiffness": "100 N/mm",
@@ -149,7 +149,7 @@ def dvrk_text(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS, jaw_ang
     values["sources"] = {
         "joints": f"coupling, limits and DH parameters of {path.name}",
         **_OURS,
-        "stem_diameter": "ours: of the da Vinci S and Si tools",
+        "stem_diameter": "ours: of the da Vinci S and Si tools" + ", those with a snake" * is_snake,
     }
     kind = "roll, pitch, and two jaws on the yaw axis" if jaws else "roll, pitch, and yaw"
     if is_snake:
