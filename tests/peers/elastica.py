@@ -27,7 +27,7 @@ class Tip(NamedTuple):
     z: float
 
 
-def tip(backbone: Backbone, force: Sequence[float], moment: float, wound: Sequence[float], parts: int = 8) -> Tip:
+def tip(backbone: Backbone, force: Sequence[float], moment: float, wound: Sequence[float], parts: int = 4) -> Tip:
     """Return where a backbone ends.
 
     Parameters
@@ -44,7 +44,7 @@ def tip(backbone: Backbone, force: Sequence[float], moment: float, wound: Sequen
         In which the load is raised.
     """
     of = backbone
-    s = np.linspace(0.0, of.length, 41)
+    s = np.linspace(0.0, of.length, 21)
     couple = of.offset * of.stiffness * (wound[0] - wound[1])
     start = couple / (of.rigidity / of.length + 2 * of.stiffness * of.offset**2)
     y = np.array([start * s / of.length, np.full_like(s, start / of.length * of.rigidity), 0 * s, s])

@@ -16,6 +16,7 @@ from tenodesis.recording.replay import replay
 from tenodesis.recording.simulation import record
 from tests.peers import elastica
 
+ROOT = Path(__file__).parents[2]
 CASE = elastica.Backbone(40e-3, 1e-3, 2e-3, 100e3, 20.0, 10e-3)
 
 
@@ -160,6 +161,28 @@ def test_segments_in_arcs_are_asked_for_recorded_and_compensated_by_the_names_of
     held = tn.statics.chain.output_angles(inst, np.zeros(0), wrench, strokes=strokes)
     np.testing.assert_allclose([held[:4].sum(), held[4:].sum()], 0, atol=1e-8)
     assert np.abs(held).max() > np.radians(0.2)
+
+
+def test_a_law_that_knows_one_arc_brings_the_end_of_four_back() -> None:
+    inst = tn.instrument.in_arcs(ROOT / "examples" / "continuum.toml", 4).replace(
+        friction={"law": "capstan", "vertex_coefficient": 0.1, "sheath_coefficient": 0.08, "sheath_bend": 0.5}
+    )
+    assert tn.instrument.in_arcs(tn.instrument.in_arcs(inst, 1), 4) == inst
+    assert tn.control.pairs(inst)["yaw"][1:] == (0, 0, 1)
+    handle, wrench = np.full((12000, 1), np.radians(30)), np.zeros((12000, 6))
+    handle[:2000, 0] = np.linspace(0, np.radians(30), 2000)
+    wrench[4000:, 0] = -np.minimum(1, np.arange(8000) / 400)
+    target = degrees(tn.statics.targets(inst, handle[-1]).sum())
+    off, on = (
+        tn.twin.Twin(inst, seed=1).run(handle, wrench=wrench, controller=controller)
+        for controller in (None, tn.control.Controller(inst, law="robust"))
+    )
+    assert off.compensated == on.compensated == ("yaw",)
+    assert target - degrees(off["output_angle.yaw"][-1]) > 9
+    assert degrees(on["output_angle.yaw"][-1]) == pytest.approx(target, abs=0.8)
+    assert degrees(on["estimated_output_angle"].ravel()[-1]) == pytest.approx(
+        degrees(on["output_angle.yaw"][-1]), abs=0.8
+    )
 
 
 def test_one_arc_is_said_to_leave_the_s_out_and_four_are_not() -> None:

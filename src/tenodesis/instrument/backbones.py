@@ -11,8 +11,10 @@ springs, and one that ties the second arc to the opposite of the first.
 from collections.abc import Sequence
 from typing import Any
 
-from tenodesis.instrument.joints import Crossing, Joint, Tendon
+from tenodesis.instrument.joints import FARTHEST_STOP, Crossing, Joint, Tendon
 
+_ADDED = ("stiffness", "damping")
+"""What arcs one after another have as many times of as there are arcs."""
 OWN, SHARED = 6 / 8, 1 / 8
 """Stiffness of an arc of a pair, and of the spring between both, over that of an arc alone."""
 
@@ -35,6 +37,44 @@ def cut(joints: Sequence[Joint], tendons: Sequence[Tendon]) -> tuple[tuple[Joint
     return tuple(standing), tuple(routes)
 
 
+def join(joints: Sequence[Joint], tendons: Sequence[Tendon]) -> tuple[list[Joint], list[Tendon]]:
+    """Return joints and tendons with every backbone as one arc: what :func:`cut` was given, with one arc each."""
+    backbone = {joint.name: joint.name.removesuffix(f"_{joint.arc}") for joint in joints if joint.arc}
+    first: dict[str, Joint] = {}
+    found = []
+    for joint in joints:
+        standing = joint.model_copy(update={"on": backbone[joint.on]}) if joint.on in backbone else joint
+        if joint.arc == 1:
+            first[backbone[joint.name]] = standing
+        if not joint.arc:
+            found.append(standing)
+        elif joint.arc == joint.arcs:
+            start, count = first[backbone[joint.name]], joint.arcs
+            change: dict[str, Any] = {"name": backbone[joint.name], "arcs": 1, "arc": 0, "range": count * joint.range}
+            change |= {
+                "backbone_length": count * (joint.backbone_length or 0.0),
+                "offset": start.offset,
+                "on": start.on,
+            }
+            change |= {key: value / count for key in _ADDED if (value := getattr(joint, key)) is not None}
+            found.append(joint.model_copy(update=change))
+    counts = {start.name: start.arcs for start in first.values()}
+    routes = []
+    for tendon in tendons:
+        route = [
+            crossing.model_copy(
+                update={
+                    "joint": backbone.get(crossing.joint, crossing.joint),
+                    "base_wrap": counts.get(crossing.joint, 1) * crossing.base_wrap,
+                }
+            )
+            for crossing in tendon.route
+            if crossing.joint in counts or crossing.joint not in backbone
+        ]
+        routes.append(tendon.model_copy(update={"route": tuple(route)}))
+    return found, routes
+
+
 def _arcs(joint: Joint) -> list[Joint]:
     """Return the arcs of a backbone, from the stem outward; a joint that is not cut alone."""
     count = joint.arcs
@@ -43,10 +83,10 @@ def _arcs(joint: Joint) -> list[Joint]:
     common: dict[str, Any] = {
         "backbone_length": (joint.backbone_length or 0.0) / count,
         "range": joint.range / count,
-        # Under a force across, an arc bends further than its share.
-        "stop": joint.outer_stop,
+        # Under a force across, an arc bends further than its share; a file's stops are below the farthest.
+        "stop": min(joint.outer_stop, 0.99 * FARTHEST_STOP),
     }
-    common |= {key: count * value for key in ("stiffness", "damping") if (value := getattr(joint, key)) is not None}
+    common |= {key: count * value for key in _ADDED if (value := getattr(joint, key)) is not None}
     beyond = ("end_effector_length", "mass", "centre_of_mass", "inertia")
     found = []
     for arc in range(1, count + 1):

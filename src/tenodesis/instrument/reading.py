@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 from pydantic import TypeAdapter, ValidationError
 
 from tenodesis.errors import InstrumentError
+from tenodesis.instrument.backbones import join
 from tenodesis.instrument.full_form import FullForm, RouteError
 from tenodesis.instrument.instrument import ENTRIES, Instrument
 from tenodesis.instrument.mechanisms import JOINT_TYPES, SHORT_FORM
@@ -77,12 +78,15 @@ def in_arcs(given: InstrumentLike, arcs: int = 4) -> FullForm:
     Errors as :func:`expanded`, and InstrumentError for an odd number above 1.
     """
     inst = expanded(given)
-    joints = [
+    joints, tendons = join(inst.joints, inst.tendons)
+    if len(joints) == len(inst.joints) and (arcs == 1 or not any(joint.backbone_length for joint in inst.tip_joints)):
+        return inst
+    cut_up = [
         joint.model_dump(exclude_unset=True, exclude_none=True)
-        | ({"arcs": arcs} if joint.mechanism == "continuum" and joint.place == "tip" and not joint.arc else {})
-        for joint in inst.joints
+        | ({"arcs": arcs} if joint.mechanism == "continuum" and joint.place == "tip" else {})
+        for joint in joints
     ]
-    values = inst.with_values({"joints": joints})
+    values = inst.with_values({"joints": cut_up, "tendons": tendons})
     return validated(FullForm, values, InstrumentError, inst.name, context={"expanded": True}, entries=ENTRIES)
 
 
