@@ -100,7 +100,9 @@ class Pretension(Phase):
 
     def _check_tip(self, places: Places, turned: Array) -> None:
         """Check that the tip (rad, by joint) is not pulled aside, as happens endlessly if the load cells disagree."""
-        turns = enumerate(places.inst.tip_joints) if self.axis is None else [(places.axes[self.axis].tip, self.axis)]
+        turns = [(n, joint.name) for n, joint in enumerate(places.inst.tip_joints)]
+        if self.axis is not None:
+            turns = [(places.axes[self.axis].tip, self.axis)]
         for joint, name in turns:
             angle = turned[joint]
             if abs(angle) > _DRIFT:

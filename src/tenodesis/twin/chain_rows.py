@@ -118,8 +118,9 @@ class _Route:
                 spans += span
                 name = crossing.joint
                 arm = arms[name] if place == "handle" else -arms[name]
-                given = friction.vertex_coefficient if crossing.coefficient is None else crossing.coefficient
-                coefficient, before = given * (_bend_before(joint, before) if vertices == 1 else 1.0), joint
+                coefficient = friction.vertex_coefficient if crossing.coefficient is None else crossing.coefficient
+                coefficient *= _bend_before(joint, before) if vertices == 1 else 1.0
+                before = joint
                 one = (float(places[name]), coefficient * friction.vertex_factor, crossing.base_wrap / vertices, part)
                 # A joint's span is the segment that it draws: between two vertices, or before the only one at the
                 # handle and beyond it at the tip.
