@@ -110,3 +110,20 @@ def test_ties_to_itself_in_a_circle_or_to_nothing_are_refused(tie: dict[str, Any
     with pytest.raises(InstrumentError, match=problem) as refused:
         inst.replace(joints=joints)
     assert "\n" not in str(refused.value)
+
+
+def test_a_handle_joint_is_not_tied_and_arcs_take_no_name_that_is_there() -> None:
+    inst = tn.instrument.expanded("hybrid-real-size")
+    joints = [joint.model_dump(exclude_unset=True, exclude_none=True) for joint in inst.joints]
+    handle = next(joint for joint in joints if joint.get("place") == "handle")
+    handle["tied_to"] = inst.tip_joints[0].name
+    with pytest.raises(InstrumentError, match=r"tied_to = .*; it must be one before it: none is"):
+        inst.replace(joints=joints)
+    two = tn.instrument.expanded("two-segment-continuum")
+    near, far = (joint.model_dump(exclude_unset=True, exclude_none=True) for joint in two.joints)
+    tendons = [
+        {"name": n, "route": [{"joint": j, "side": s} for j in ("near", "near_1")]}
+        for n, j, s in (("a", "near", "agonist"), ("b", "near", "antagonist"))
+    ]
+    with pytest.raises(InstrumentError, match="near_1 twice"):
+        two.replace(joints=[near | {"arcs": 2}, far | {"name": "near_1"}], tendons=tendons)

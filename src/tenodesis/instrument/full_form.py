@@ -104,6 +104,7 @@ class FullForm(Instrument):
             _check_route(self, tendon)
         # The model is frozen for everyone else.
         self.__dict__["joints"], self.__dict__["tendons"] = cut(self.joints, self.tendons)
+        _check_distinct("joints", [joint.name for joint in self.joints])
         self._check_joints()
         for tendon in self.tendons:
             self.stiffness_of(tendon)
@@ -129,8 +130,8 @@ class FullForm(Instrument):
             if joint.on is not None and joint.on not in before:
                 raise ValueError(f"joint {joint.name}: on = {joint.on!r}; it must be one of {', '.join(before)}")
             before.append(joint.name)
-        for place, joint in enumerate(tips):
-            _check_tie(joint, [other.name for other in tips[:place] if not other.arc])
+        for place, joint in enumerate((*tips, *handles)):
+            _check_tie(joint, [other.name for other in tips[:place] if not other.arc] if place < len(tips) else [])
         held = self.grip.jaws if self.grip is not None and self.grip.length is not None and self.bearing else ()
         for i in self.ends:
             if tips[i].end_effector_length is None and tips[i].name not in held:
@@ -202,7 +203,7 @@ def _check_tie(joint: Joint, before: Sequence[str]) -> None:
     if joint.tied_to is None:
         return
     if joint.tied_to not in before:
-        allowed = ", ".join(before) or "left out: no joint at the tip is listed before"
+        allowed = ", ".join(before) or "none is, so it must be left out"
         raise ValueError(f"joint {joint.name}: tied_to = {joint.tied_to!r}; it must be one before it: {allowed}")
     if joint.arcs > 1 or not joint.tie_ratio:
         problem = "has several arcs" if joint.arcs > 1 else "has a tie_ratio of 0"
