@@ -6,7 +6,6 @@ import numpy as np
 from peers.chain_peer import ChainPeer
 
 from tenodesis.errors import MissingExtraError
-from tenodesis.paper.any_instrument.held import loads, states
 from tenodesis.paper.context import Context
 from tenodesis.report.content import Column, Section
 from tenodesis.statics import chain
@@ -28,13 +27,13 @@ def section(context: Context) -> Section:
         "load",
         Column("difference [°]", "verification.mujoco.{state}.{load}", "deg", about, digits=4, optional=True),
     )
-    for state in states(inst):
-        for load in loads(inst):
+    for state in context.subject.states:
+        for load in context.subject.loads:
             row = load.wrench[np.newaxis]
             ours = chain.output_angles(inst, state.handle, row, grip_force=load.grip, strokes=state.strokes)[0]
             theirs = peer.settle(state.handle, load.wrench, grip_force=load.grip, strokes=state.strokes)
             apart = float(np.degrees(np.abs(ours - theirs.angles).max()))
-            table.row(state.name, load.text(), apart, state=state.name, load=load.name, words=load.text())
+            table.row(state.name, load.text, apart, state=state.name, load=load.name, words=load.text)
     text = (
         "<p>MuJoCo has the instrument as bodies, hinges and strings that never push, without friction, and shares no "
         "code with the statics: its angles are wherever the mechanism comes to rest.</p>"

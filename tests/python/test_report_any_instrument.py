@@ -12,10 +12,10 @@ from tenodesis import instrument, statics
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument, expanded
 from tenodesis.paper import report, run
-from tenodesis.paper.any_instrument import held, motions
-from tenodesis.paper.any_instrument.cycles import cycle
 from tenodesis.paper.context import Context
+from tenodesis.paper.cycles import cycle
 from tenodesis.paper.run import CHAPTERS, chosen, left_out, steps
+from tenodesis.paper.subject import Subject
 from tenodesis.report import style
 from tenodesis.statics import chain
 
@@ -54,12 +54,11 @@ def test_every_chapter_applies_or_says_in_a_sentence_why_not(name: str) -> None:
             chosen(context, [chapter])
 
 
-def test_planar_instruments_keep_their_chapters() -> None:
+def test_only_planar_axes_that_stand_alone_have_their_stiffness_in_the_chapter_on_loss() -> None:
     own = Context.of(tn.load("scaled-up").axis("yaw").replace(name="own", pretension=20))
-    general = [name for name, chapter in chosen(own).items() if chapter.module.startswith("any_instrument")]
-    assert not general
+    assert not {"stiffness", "posture"} & chosen(own).keys()
     two = Context.of(tn.load("real-size").replace(name="own"))
-    assert [name for name, chapter in chosen(two).items() if chapter.module.startswith("any")] == ["stiffness"]
+    assert "stiffness" in chosen(two)
 
 
 def test_only_joints_with_a_pair_of_their_own_are_compensated() -> None:
@@ -84,7 +83,7 @@ def test_losses_and_slack_are_those_of_the_statics(name: str) -> None:
     inst = tn.load(name)
     context, _ = computed(inst, "loss", "slack")
     for state, angles in zip(("straight", "bent"), statics.usual_states(inst), strict=True):
-        for load in held.loads(context.whole):
+        for load in context.subject.loads:
             expected = statics.loss(inst, angles, load.wrench, load.grip)
             for joint, lost in zip(context.whole.tip_joints, expected.lost, strict=True):
                 shown = context.results[f"loss.{joint.name}.{state}.{load.name}.{load.size:.3g}N"]
@@ -100,7 +99,7 @@ def test_matrices_are_the_rates_at_rest(name: str) -> None:
     inst = tn.load(name)
     context, _ = computed(inst, "stiffness", "transmissibility")
     whole = context.whole
-    for state in held.states(whole):
+    for state in context.subject.states:
         rates = chain.rates(inst, state.handle, strokes=state.strokes)
         for i, joint in enumerate(whole.tip_joints):
             for j, other in enumerate(whole.tip_joints):
@@ -124,18 +123,18 @@ def test_the_matrix_of_moments_is_eq_13_for_one_joint(name: str) -> None:
 
 def test_loads_are_against_flexion_where_a_joint_feels_them() -> None:
     continuum = instrument.expanded("two-segment-continuum")
-    assert {load.name for load in held.loads(continuum)} == {"x", "z"}
+    assert {load.name for load in Subject(continuum).loads} == {"x", "z"}
     driver = instrument.expanded("needle-driver")
-    assert {load.name for load in held.loads(driver)} == {"x", "y", "grip"}
+    assert {load.name for load in Subject(driver).loads} == {"x", "y", "grip"}
     given = driver.replace(conditions={"forces": [1.0, 2.0, 4.0]})
-    force = next(load for load in held.loads(given) if load.name == "x")
+    force = next(load for load in Subject(given).loads if load.name == "x")
     assert (force.size, force.multiples) == (2.0, (0.5, 1.0, 2.0))
 
 
 @pytest.mark.parametrize("name", [*SHIPPED, *ANY])
 def test_motions_stay_within_all_ranges_and_turn_their_joint_most(name: str) -> None:
     inst = instrument.expanded(sample(name))
-    found = motions.motions(inst)
+    found = Subject(inst).motions
     assert found
     for motion in found:
         turned = np.abs(motion.angles[-1] - motion.angles[0])
@@ -149,7 +148,7 @@ def test_friction_opens_the_loops_of_a_motion_and_nothing_else_does() -> None:
     )
     widths = []
     for inst in (rough.replace(friction=None), rough):
-        done = cycle(inst, motions.motions(inst)[0], None)
+        done = cycle(Subject(inst), Subject(inst).motions[0], None)
         assert done is not None
         widths.append(np.degrees(done.behind + done.ahead))
     assert widths[0] < 0.3
@@ -182,14 +181,3 @@ def test_the_report_is_written_with_its_recordings_and_what_is_left_out(name: st
                 abs(context.results[f"compensated.{law}.final_error.{joint}.{load}"].value) for law in ("off", "robust")
             )
             assert robust < off / 4
-
-
-def test_every_general_chapter_is_in_the_report() -> None:
-    folder = Path(held.__file__).parent
-    written = {path.stem for path in folder.glob("*.py") if re.search(r"^def section\(", path.read_text("utf-8"), re.M)}
-    chapters = [one for chapter in CHAPTERS.values() for one in (chapter, chapter.otherwise) if one is not None]
-    listed = {
-        one.module.removeprefix("any_instrument.") for one in chapters if one.module.startswith("any_instrument.")
-    }
-    assert listed == written
-    assert all(hasattr(one.imported(), "section") for one in chapters)

@@ -9,8 +9,9 @@ from tenodesis import similarity, statics
 from tenodesis.control.parameters import tension_limit
 from tenodesis.instrument import ShortForm
 from tenodesis.paper import step_response
+from tenodesis.paper.compensated_step import friction_errors, friction_label
 from tenodesis.paper.context import Context, has_friction
-from tenodesis.paper.fig15_compensated import friction_errors, friction_label
+from tenodesis.paper.step_load import step_force
 from tenodesis.report.content import Section, Table, fixed, named
 from tenodesis.run import Run
 from tenodesis.simulate.campaign import Rows, farthest, rms
@@ -126,7 +127,7 @@ METRICS = (
 def conditions(context: Context) -> list[Condition]:
     """Return the conditions of the campaign, the step load of Fig. 15 first."""
     inst = context.tested
-    force = step_response.step_force(inst)
+    force = step_force(inst)
     loose = inst.replace(pretension=_LOW_PRETENSION * inst.pretension)
 
     def same(_: float) -> float:

@@ -12,6 +12,7 @@ from tenodesis.control import Controller
 from tenodesis.control.pairs import compensated
 from tenodesis.errors import ArgumentError, InstrumentError, NoSolutionError, ProtocolError
 from tenodesis.instrument import FullForm, Instrument, ShortForm, as_short_form, expanded
+from tenodesis.paper.subject import Subject
 from tenodesis.report.content import Column, Published, Result, ResultTable
 from tenodesis.report.curves import forces
 from tenodesis.run import Run
@@ -123,11 +124,20 @@ class Context:
         except (ArgumentError, InstrumentError):
             return None
 
+    @cached_property
+    def subject(self) -> Subject:
+        """What the chapters on statics study."""
+        return Subject.of(self.given)
+
+    @cached_property
+    def bench(self) -> Subject:
+        """What the experiments study: in the paper's report its scale model."""
+        return Subject.of(self.scaled if self.is_paper and self.scaled is not None else self.given)
+
     @property
     def tested(self) -> ShortForm:
-        """The one-axis instrument of the experiments: in the paper's report its scale model."""
-        inst = self.scaled if self.is_paper and self.scaled is not None else self.inst
-        return inst.planar[0]
+        """The planar instrument of the experiments."""
+        return as_short_form(self.bench.given)
 
     def figure_of(self, name: str, rest: str = "") -> str:
         """Return how a caption refers to a figure of the paper, in brackets; empty for an instrument of one's own."""

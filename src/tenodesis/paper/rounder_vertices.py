@@ -14,6 +14,7 @@ from tenodesis.errors import InstrumentError, NoSolutionError, StudyError
 from tenodesis.instrument import ShortForm, TendonGear
 from tenodesis.paper import published, step_response
 from tenodesis.paper.context import WAYS
+from tenodesis.paper.step_load import step_force
 from tenodesis.report.content import Array
 from tenodesis.scaling import catalogue
 from tenodesis.simulate import campaign
@@ -344,7 +345,7 @@ def study(
         raise InstrumentError(
             key="friction.vertex_coefficient", value=0, allowed="above 0: friction at the vertices is what is studied"
         )
-    load = step_response.step_force(inst) if force is None else force
+    load = step_force(inst) if force is None else force
     states = held_states(inst)
     if radii is None:
         most = limits.largest

@@ -66,26 +66,21 @@ class Chapter(NamedTuple):
         return (None, missing) if self.otherwise is None else self.otherwise.fitting(context, is_named=is_named)
 
 
-def _either(module: str, otherwise: str, *needs: Need) -> Chapter:
-    """Return a chapter of planar instruments, in whose place another serves all others."""
-    return Chapter(module, (planar,), otherwise=Chapter(f"any_instrument.{otherwise}", needs))
-
-
 CHAPTERS = {
-    "posture": Chapter("any_instrument.posture", (listed,)),
-    "input-output": _either("fig7_input_output", "input_output"),
-    "slack": _either("fig8_tension", "slack"),
-    "transmissibility": _either("fig9_transmissibility", "transmissibility"),
-    "loss": _either("fig11_loss", "loss"),
-    "stiffness": Chapter("any_instrument.stiffness", (matrices,)),
+    "posture": Chapter("posture", (listed,)),
+    "input-output": Chapter("input_output"),
+    "slack": Chapter("slack"),
+    "transmissibility": Chapter("transmissibility"),
+    "loss": Chapter("loss"),
+    "stiffness": Chapter("stiffness", (matrices,)),
     "compensation": Chapter("compensation_laws", (planar,)),
-    "workspace": _either("workspace", "reached"),
+    "workspace": Chapter("workspace"),
     "similarity": Chapter("tables_1_2_scale_model", (planar,), (scale_model,)),
     "design": Chapter("scale_model_design", (planar,), (papers,)),
-    "cycles": _either("fig14_cycles", "cycles"),
-    "step-load": _either("fig15_step_load", "step_load"),
-    "compensated-step-load": _either("fig15_compensated", "compensated_step", law),
-    "compensated-cycles": _either("fig14_compensated", "compensated_cycles", law),
+    "cycles": Chapter("cycles"),
+    "step-load": Chapter("step_load"),
+    "compensated-step-load": Chapter("compensated_step", (law,)),
+    "compensated-cycles": Chapter("compensated_cycles", (law,)),
     "campaign": Chapter("campaign", (planar,)),
     "unlike-model": Chapter("unlike_model", (planar,), (friction,)),
     "tip-force": Chapter("tip_force", (planar,), (friction,)),

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from tenodesis import statics
 from tenodesis.control import Controller, LawName, Request
 from tenodesis.instrument import ShortForm
-from tenodesis.paper.context import COEFFICIENTS, held_angles, shown_force
-from tenodesis.paper.fig15_step_load import approach_time, rigged
+from tenodesis.paper.context import COEFFICIENTS, held_angles
+from tenodesis.paper.step_load import approach_time, step_force
 from tenodesis.report.content import Array
 from tenodesis.run import Run
 from tenodesis.simulate import campaign
@@ -83,11 +83,6 @@ def can_compensate(inst: ShortForm) -> bool:
     except ValueError:
         return False
     return True
-
-
-def step_force(inst: ShortForm) -> float:
-    """Return the force that the step load makes at the tip, N."""
-    return rigged(inst) or shown_force(inst)
 
 
 def held_states(inst: ShortForm) -> list[float]:

@@ -10,8 +10,9 @@ from tenodesis import statics
 from tenodesis.control import LawName
 from tenodesis.instrument import ShortForm
 from tenodesis.paper import step_response
+from tenodesis.paper.compensated_step import FRICTION_ERRORS
 from tenodesis.paper.context import Context
-from tenodesis.paper.fig15_compensated import FRICTION_ERRORS
+from tenodesis.paper.step_load import step_force
 from tenodesis.paper.step_response import Motion
 from tenodesis.paper.unlike_model import Difference, differences, held
 from tenodesis.report import style
@@ -84,7 +85,7 @@ def section(context: Context) -> Section:
     if inst.friction.law == "none" or not context.seeds or not step_response.can_compensate(inst):
         return Section("tip_force", TITLE, f"<p>Not run: {named(inst)} has no friction, no law, or no noise.</p>")
     table = context.table(
-        f"Force at the tip under {step_response.step_force(inst):.3g} N, by what differs from the controller’s model",
+        f"Force at the tip under {step_force(inst):.3g} N, by what differs from the controller’s model",
         "what differs",
         "motors",
         _column("error", "RMS error of the observer’s force at the tip", "error, RMS [N]"),

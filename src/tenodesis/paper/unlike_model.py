@@ -8,8 +8,9 @@ import numpy as np
 from tenodesis.control import LawName, homing_failure
 from tenodesis.instrument import ShortForm
 from tenodesis.paper import step_response
+from tenodesis.paper.compensated_step import FRICTION_ERRORS
 from tenodesis.paper.context import Context
-from tenodesis.paper.fig15_compensated import FRICTION_ERRORS
+from tenodesis.paper.step_load import step_force
 from tenodesis.report import style
 from tenodesis.report.content import Chart, Plot, Section, Table, fixed, named
 from tenodesis.run import Run
@@ -84,7 +85,7 @@ def held(
 ) -> Rows:
     """Return :func:`tenodesis.paper.step_response.held` with a difference over the held states, under the step load."""
     given = inst.replace(**difference.known)
-    states, load, plant = step_response.held_states(given), step_response.step_force(inst), difference.unknown
+    states, load, plant = step_response.held_states(given), step_force(inst), difference.unknown
     return step_response.held(given, states, laws, times, measure, load=load, plant=given.replace(**plant), **how)
 
 
@@ -136,7 +137,7 @@ def section(context: Context) -> Section:
     if not rows:
         return Section("unlike_model", TITLE, f"<p>Not run: {named(inst)} does not hold the load in any state.</p>")
     table = Table(
-        f"Final error of the tip after a step load of {step_response.step_force(inst):.3g} N, by what differs from the "
+        f"Final error of the tip after a step load of {step_force(inst):.3g} N, by what differs from the "
         "controller’s model",
         [
             "what differs",

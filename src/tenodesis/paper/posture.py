@@ -3,8 +3,8 @@
 import numpy as np
 
 from tenodesis import kinematics, statics
-from tenodesis.paper.any_instrument.held import State, described, states
 from tenodesis.paper.context import Context
+from tenodesis.paper.subject import State
 from tenodesis.report import routing, space
 from tenodesis.report.content import Plot, Section, Table, named
 
@@ -21,7 +21,7 @@ def section(context: Context) -> Section:
         for joint, column in zip(inst.tip_joints, statics.straight_arms(inst).T, strict=True)
     }
     routes = Plot("routing", f"Routes of the tendons from handle to tip, {named(inst)}.", routing.draw(inst), arms)
-    plots = [routes, *(_posture(context, state) for state in states(inst)[-1:])]
+    plots = [routes, *(_posture(context, state) for state in context.subject.states[-1:])]
     return Section("posture", "Joints, tendons and posture", text, plots, [_joints(context), _tendons(context)])
 
 
@@ -34,7 +34,7 @@ def _posture(context: Context, state: State) -> Plot:
         for name, path in paths.items()
         for n, axis in enumerate("xyz")
     }
-    return Plot("posture", f"{named(inst)} at {described(inst, state)}.", figure, curves)
+    return Plot("posture", f"{named(inst)} at {context.subject.described(state)}.", figure, curves)
 
 
 def _joints(context: Context) -> Table:

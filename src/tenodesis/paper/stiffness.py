@@ -1,26 +1,61 @@
 """Stiffness of the joints as a matrix, and how far forces at the tip turn them."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from tenodesis.paper.any_instrument.held import described, looks, states
-from tenodesis.paper.any_instrument.matrix import matrix
 from tenodesis.paper.context import Context
+from tenodesis.paper.subject import Subject
 from tenodesis.report import style
-from tenodesis.report.content import Chart, Plot, Section, Table, named, number
+from tenodesis.report.content import Array, Chart, Column, Plot, Section, Table, named, number
 from tenodesis.statics import chain
 
 _FORCES = ("x", "y", "z")
+_NOTHING = 1e-9
+"""Share of the largest number that is shown as a dot."""
+
+
+def matrix(  # noqa: PLR0917
+    context: Context, caption: str, key: str, unit: str, about: str, by: Sequence[str], values: Array
+) -> Table:
+    """Return the table of a matrix, (joints, columns), whose numbers become results.
+
+    Parameters
+    ----------
+    caption, by
+        Of the table, and of its columns.
+    key, unit, about
+        Of the results: ``key.JOINT.COLUMN``; `about` names joint and column as {of} and {by}.
+    values
+        NaN where there is none.
+    """
+    nothing = _NOTHING * float(np.nanmax(np.abs(values), initial=0.0))
+    columns = [
+        Column(
+            column,
+            f"{key}.{{of}}.{column}",
+            unit,
+            about.replace("{by}", column),
+            form=lambda value: "·" if abs(value) <= nothing else number(value, 3),
+            optional=True,
+        )
+        for column in by
+    ]
+    table = context.table(caption, "", *columns)
+    for joint, row in zip(context.whole.tip_joints, values, strict=True):
+        table.row(joint.name, *map(float, row), of=joint.name)
+    return table
 
 
 def section(context: Context) -> Section:
     """Compute the matrices of stiffness and compliance, straight and bent, and how stiffness changes on the way."""
-    inst = context.whole
-    names = [joint.name for joint in inst.tip_joints]
+    subject = Subject(context.whole)
+    inst, names = subject.inst, subject.joints
     tables: list[Table] = []
     softest: list[float] = []
-    for state in states(inst):
+    for state in subject.states:
         rates = chain.rates(inst, state.handle, strokes=state.strokes)
-        where = described(inst, state)
+        where = subject.described(state)
         compliance = np.degrees(np.column_stack([rates.by_wrench[:, :3], rates.by_grip]))
         by = (*_FORCES, "grip") if inst.jaws else _FORCES
         tables += [
@@ -51,17 +86,17 @@ def section(context: Context) -> Section:
         "(eq. 16 in one plane). What stands beside the diagonal is the moment that a neighbour’s angle brings: tendons "
         f"that cross both joints. The softest motion of all joints together has {number(least, 3)} N·m/rad.</p>"
     )
-    return Section("stiffness", "Stiffness of the joints", text, [_plot(context)], tables)
+    return Section("stiffness", "Stiffness of the joints", text, [_plot(subject)], tables)
 
 
-def _plot(context: Context) -> Plot:
-    inst = context.whole
-    bent = states(inst)[-1]
-    shares, handle, strokes = bent.along(inst)
+def _plot(subject: Subject) -> Plot:
+    inst = subject.inst
+    bent = subject.states[-1]
+    shares, handle, strokes = subject.along(bent)
     rates = chain.rates(inst, handle, strokes=strokes)
     chart, (left, right) = Chart.panels(2, width=8.6, height=3.6)
     percent = chart.keep("share of the bent state [%]", 100 * shares)
-    for n, (name, look) in enumerate(looks(inst).items()):
+    for n, (name, look) in enumerate(subject.looks.items()):
         own = rates.stiffness[:, n, n]
         chart.curve(left, percent, f"stiffness of {name} [N*m/rad]", own, label=name, **look)
         turned = np.degrees(np.linalg.norm(rates.by_wrench[:, n, :3], axis=1))
@@ -73,6 +108,6 @@ def _plot(context: Context) -> Plot:
     style.legend_above(left, 3)
     return chart.plot(
         "stiffness",
-        f"Left: stiffness of every joint with the others held, from straight through {described(inst, bent)} (100 %), "
+        f"Left: stiffness of every joint with the others held, from straight through {subject.described(bent)} (100 %), "
         f"{named(inst)}. Right: angle by force at the tip, in the direction that turns the joint most.",
     )
