@@ -225,9 +225,8 @@ def trials(condition: Condition, seeds: int) -> Rows:
 def section(context: Context) -> Section:
     """Compute the campaign with the context's noise seeds, a quarter of them beyond the step load itself."""
     inst, seeds = context.tested, context.seeds
-    if not seeds or not step_response.can_compensate(inst):
-        why = f"{named(inst)} cannot be compensated" if seeds else "the number of noise seeds is 0"
-        return Section("campaign", title(inst), f"<p>Not run: {why}.</p>")
+    if why := step_response.missing(inst, seeds=seeds):
+        return Section.not_run("campaign", title(inst), why)
     few = max(1, seeds // SEED_DIVISOR)
     rows, missed, lost = [], [], []
     main = Rows()
@@ -243,8 +242,7 @@ def section(context: Context) -> Section:
             because = f": {condition.limit}" if condition.limit and context.is_paper else ""
             missed.append(f"<li>{condition.name} ({'; '.join(failed)}){because}.</li>")
     if not rows:
-        text = f"<p>Not run: in none of the states does {named(inst)} hold the load.</p>"
-        return Section("campaign", title(inst), text)
+        return Section.not_run("campaign", title(inst), f"in none of the states does {named(inst)} hold the load")
     varied = f"{len(step_response.held_states(inst))} states"
     if has_friction(inst):
         varied += ", errors of −30 %, 0 and +30 % in the friction that the controller assumes,"

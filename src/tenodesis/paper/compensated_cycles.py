@@ -174,16 +174,14 @@ def _followed(subject: Subject) -> Found:
 def section(context: Context) -> Section:
     """Compute the cycles under the loads of the instrument, and of a planar one fast wrist motion."""
     subject = context.bench
-    if (inst := subject.plane) is not None and not step_response.can_compensate(inst):
-        return Section("compensated_cycles", TITLE, f"<p>Not run: {named(inst)} cannot be compensated.</p>")
-    if inst is None:
-        used, found = (OFF, ROBUST), _followed(subject)
-    else:
-        used, found = COMPENSATIONS, _tracked(inst, cycles(inst), forces(inst)[1:], COMPENSATIONS, _PERIOD)
+    if (inst := subject.plane) is not None and (why := step_response.missing(inst)):
+        return Section.not_run("compensated_cycles", TITLE, why)
+    used = COMPENSATIONS if inst is not None else (OFF, ROBUST)
+    found = _followed(subject) if inst is None else _tracked(inst, cycles(inst), forces(inst)[1:], used, _PERIOD)
     cases = [case for case in dict.fromkeys(case for case, _ in found) if all((case, each) in found for each in used)]
     if not cases:
-        text = f"<p>Not run: {named(subject.given)} holds no load while its handle moves.</p>"
-        return Section("compensated_cycles", TITLE, text)
+        why = f"{named(subject.given)} holds no load while its handle moves"
+        return Section.not_run("compensated_cycles", TITLE, why)
     table, text = _cycles(context, cases, found, used)
     tables = [table]
     if inst is not None:

@@ -96,12 +96,11 @@ def served(subject: Subject) -> dict[str, int]:
 def section(context: Context) -> Section:
     """Compute the step loads without compensation, and by every law that serves the instrument."""
     subject = context.bench
-    if (inst := subject.plane) is not None and not step_response.can_compensate(inst):
-        return Section("compensated", TITLE, f"<p>Not run: {named(inst)} cannot be compensated.</p>")
+    if (inst := subject.plane) is not None and (why := step_response.missing(inst)):
+        return Section.not_run("compensated", TITLE, why)
     found = _over_loads(subject) if inst is None else _over_states(inst)
     if not found:
-        text = f"<p>Not run: {named(subject.given)} holds the load in none of the states.</p>"
-        return Section("compensated", TITLE, text)
+        return Section.not_run("compensated", TITLE, f"{named(subject.given)} holds the load in none of the states")
     tables: list[Table] = [_table(context, found)]
     if inst is None:
         robust = max(float(np.abs(trial.final).max()) for trial in found if trial.law == "robust")
@@ -109,14 +108,14 @@ def section(context: Context) -> Section:
         others = ", ".join(name for name in subject.joints if name not in served(subject))
         text = (
             f"<p>As above, {subject.described(subject.states[-1])}, with the controller enabled on the joints that "
-            f"have a pair of tendons of their own: {' and '.join(served(subject))}. It knows tensions, spool and handle "
-            f"angles, not the tip.{f' Not compensated: {others}.' if others else ''}</p>"
+            f"have a pair of tendons of their own: {' and '.join(served(subject))}. It knows tensions, spool and "
+            f"handle angles, not the tip.{f' Not compensated: {others}.' if others else ''}</p>"
         )
     else:
         text = (
             "<p>The handle is moved to the angle that without load and friction gives the desired output angle "
-            "(eq. 18), with the controller enabled from the start, and held; the load comes at 10 s. Errors are against "
-            "that output angle"
+            "(eq. 18), with the controller enabled from the start, and held; the load comes at 10 s. Errors are "
+            "against that output angle"
         )
         if has_friction(inst):
             text += (
@@ -239,9 +238,9 @@ def _plot(context: Context, found: list[Trial]) -> Plot:
     laws = [one if planar else (one[0], style.MUTED, one[2]) for one in _DRAWN.values() if planar or "22" not in one[0]]
     style.legend_outside(chart.figure, *lines, *laws)
     where = (
-        f"Output angle and agonist tension when {step_force(context.tested):.3g} N at the tip are applied suddenly while "
-        f"the handle is held, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N{context.figure_of('Fig. 15(a)–(d)')}. "
-        "The same twin and seed three times; dashed: no error."
+        f"Output angle and agonist tension when {step_force(context.tested):.3g} N at the tip are applied suddenly "
+        f"while the handle is held, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N"
+        f"{context.figure_of('Fig. 15(a)–(d)')}. The same twin and seed three times; dashed: no error."
         if planar
         else f"Error of the compensated joints when a load comes, {named(inst)}."
     )

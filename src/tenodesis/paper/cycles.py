@@ -1,10 +1,10 @@
-"""Hysteresis: every joint of the handle, or the motors, there and back on the twin, and the joint that follows (Fig. 14).
+"""Hysteresis: every joint of the handle, or the motors, there and back on the twin, and what follows (Fig. 14).
 
 Of a planar instrument also eq. 19's estimate from the tensions that are measured there.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,7 +38,7 @@ SEED = 14
 
 
 class Cycles(NamedTuple):
-    """The cycles of a motion under a load, or none: signals from the first way out on, and what the last cycle shows."""
+    """The cycles of a motion under a load, or none: signals from the first way out on, and what the last shows."""
 
     motion: Motion
     load: Load | None
@@ -138,8 +138,7 @@ def section(context: Context) -> Section:
     pairs = [(motion, load) for motion in subject.motions for load in subject.loads_of(motion)]
     found = [done for done in (cycle(subject, *pair) for pair in pairs) if done is not None]
     if not found:
-        text = f"<p>Not run: {named(subject.given)} holds no load while it moves.</p>"
-        return Section("hysteresis", title, text)
+        return Section.not_run("hysteresis", title, f"{named(subject.given)} holds no load while it moves")
     for done in found:
         name = "_".join(filter(None, ("cycles" * context.is_own, done.motion.name, done.load and done.load.short)))
         context.recordings[context.file_name("fig14", name)] = done.recorded
@@ -178,7 +177,11 @@ def _table(context: Context, subject: Subject, found: list[Cycles]) -> ResultTab
 
     motion = column("motion", lambda done: done.motion.name)
     follows = column("follows", lambda done: subject.joints[done.motion.follows])
-    behind = f"How far the {who} stays behind theory at flexion"
+    behind, ahead = (
+        f"How far the {who} {way}" for way in ("stays behind theory at flexion", "runs ahead at extension")
+    )
+    estimated, beside = "Width of the estimate's loop", "Largest deviation of another joint from theory"
+    agonist, antagonist = "Agonist tension, flexion minus extension", "Antagonist tension, extension minus flexion"
     width = () if planar else ("width", "Width of the joint's loop")
     table = context.table(
         "Means over the last cycle: how far what follows stays behind theory at flexion and is ahead of it at "
@@ -194,18 +197,18 @@ def _table(context: Context, subject: Subject, found: list[Cycles]) -> ResultTab
         *[column("rms error [°]", error, "estimation_error", "RMS error of eq. 19's estimate on the twin")] * planar,
         *[column("published [°]", lambda done: fixed(getattr(printed(done), "value", np.nan)))] * context.is_paper,
         column("behind at flexion [°]", degrees("behind"), "shift_at_flexion", behind),
-        column("ahead at extension [°]", degrees("ahead"), "shift_at_extension", f"How far the {who} runs ahead at extension"),
+        column("ahead at extension [°]", degrees("ahead"), "shift_at_extension", ahead),
         column("loop [°]", lambda done: float(np.degrees(done.behind + done.ahead)), *width),
         *(
             [
-                column("estimate's loop [°]", degrees("estimated_width"), "estimated_width", "Width of the estimate's loop"),
-                column("agonist higher at flexion [N]", higher(0, 1), "agonist_at_flexion", "Agonist tension, flexion minus extension", "N"),
-                column("antagonist higher at extension [N]", higher(1, -1), "antagonist_at_extension", "Antagonist tension, extension minus flexion", "N"),
+                column("estimate's loop [°]", degrees("estimated_width"), "estimated_width", estimated),
+                column("agonist higher at flexion [N]", higher(0, 1), "agonist_at_flexion", agonist, "N"),
+                column("antagonist higher at extension [N]", higher(1, -1), "antagonist_at_extension", antagonist, "N"),
             ]
             if planar
-            else [column("neighbours [°]", degrees("beside"), "neighbours", "Largest deviation of another joint from theory")]
+            else [column("neighbours [°]", degrees("beside"), "neighbours", beside)]
         ),
-    )  # fmt: skip
+    )
     for done in found:
         load = "unloaded" if done.load is None else done.load.name
         table.fill(done, motion=done.motion.name, load=load, words=done.words)
@@ -216,7 +219,7 @@ def _parameters(inst: Instrument) -> list[Table]:
     """Return the table of the file's friction, mismatch and dynamics, with sources; empty if the file has none."""
     rows = []
     for name in ("friction", "mismatch", "dynamics"):
-        table = inst.__dict__.get(name)
+        table: Any = inst.__dict__.get(name)
         for field_name, field in () if table is None else type(table).model_fields.items():
             if field_name not in table.model_fields_set:
                 continue
@@ -256,13 +259,12 @@ def _text(context: Context, subject: Subject) -> str:
     if context.is_paper and subject.plane is not None:
         offset = fixed(float(np.degrees(subject.plane.mismatch.output_encoder_offset)), 1)
         text += (
-            f"<p>The ratio of true to nominal tendon stiffness ({subject.plane.mismatch.stiffness_ratio:g}) and the distal "
-            f"encoder's offset ({offset}°) were fitted to the three "
-            f"published errors; the friction coefficient ({inst.friction.vertex_coefficient:g}) was chosen so that "
-            "the paper's other observations hold as well: more shift at flexion, a higher agonist tension there and a "
-            "higher antagonist tension at extension, an estimate whose loop is wider than the measured loop, and a tip "
-            "that gives way in all four states of Fig. 15. Other coefficients fit the three errors equally well; see "
-            "the instrument file.</p>"
+            f"<p>The ratio of true to nominal tendon stiffness ({subject.plane.mismatch.stiffness_ratio:g}) and the "
+            f"distal encoder's offset ({offset}°) were fitted to the three published errors; the friction coefficient "
+            f"({inst.friction.vertex_coefficient:g}) was chosen so that the paper's other observations hold as well: "
+            "more shift at flexion, a higher agonist tension there and a higher antagonist tension at extension, an "
+            "estimate whose loop is wider than the measured loop, and a tip that gives way in all four states of Fig. "
+            "15. Other coefficients fit the three errors equally well; see the instrument file.</p>"
         )
     return text
 

@@ -1,4 +1,4 @@
-"""What each joint of the handle, or each set of motors, turns at the tip: the joint meant, and its neighbours (Fig. 7)."""
+"""What each joint of the handle, or each set of motors, turns at the tip: what is meant, and neighbours (Fig. 7)."""
 
 import numpy as np
 

@@ -1,6 +1,6 @@
 """What loads take from every joint that is held, and what gives it back (eq. 17, Fig. 11)."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,8 +10,8 @@ from tenodesis.instrument import ShortForm
 from tenodesis.paper.context import Context, shown_force
 from tenodesis.paper.subject import Load, State, Subject, panels
 from tenodesis.report import style
-from tenodesis.report.content import Chart, Column, Plot, Section, Table, fixed, named
-from tenodesis.report.curves import draw_losses, forces, load_name
+from tenodesis.report.content import Array, Cell, Chart, Column, Plot, Section, fixed, named
+from tenodesis.report.curves import draw_losses, forces
 from tenodesis.statics import chain
 
 _TITLE = "Loss of output angle"
@@ -21,66 +21,100 @@ _SEEN = 0.05
 """Difference of two curves that can be seen, deg"""
 
 
+class Lost(NamedTuple):
+    """What a load takes in a state, and what gives it back: (joints,) or (handle joints,), rad, and (tendons,), m."""
+
+    lost: Array
+    first_order: Array
+    by_hand: Array
+    strokes: Array
+
+
+def lost(subject: Subject, state: State, load: Load) -> Lost:
+    """Return what a load takes from the joints in a state; NaN where the tip cannot be held, or not be brought back."""
+    if (inst := subject.plane) is not None:
+        angles = state.angles - statics.output_angle(inst, state.handle, load.size)
+        by_hand = statics.handle_angle(inst, state.angles, load.size) - state.handle
+        return Lost(angles, statics.loss_of_dexterity(inst, state.angles, load.size), by_hand, np.zeros(2))
+    found = statics.loss(subject.inst, state.angles, load.wrench, load.grip)
+    rates = chain.rates(subject.inst, state.handle, strokes=state.strokes)
+    first_order = -(rates.by_wrench @ load.wrench + rates.by_grip * load.grip)
+    return Lost(found.lost, first_order, found.handle_corrections, found.strokes)
+
+
 def section(context: Context) -> Section:
     """Compute the loss of every joint under loads, and the strokes or handle angles that restore it."""
-    subject = context.subject
+    subject, planar = context.subject, context.subject.plane is not None
+    table = context.table(
+        "The unloaded minus the loaded angle, "
+        + ("loss of dexterity Θ (eq. 17) and compensation angle θ_h* − θ_h (eq. 20)" if planar else "")
+        + "what the handle or the motors have to move to bring all joints back" * (not planar)
+        + "; a dash: the tip cannot be held, or not be brought back",
+        "held at",
+        "load",
+        *(
+            _column(f"{joint} lost [°]", "loss", label, f"Loss{' of ' * bool(label)}{label} at {{at}} under {{words}}")
+            for joint, label in zip(subject.joints, subject.labels, strict=True)
+        ),
+        *[_column("Θ [°]", "loss.theta", "", "Loss of dexterity (eq. 17) at {at} under {words}")] * planar,
+        *(
+            _column(
+                "θ_h* − θ_h [°]" if planar else f"by {joint} [°]",
+                "loss.compensation_angle",
+                joint,
+                f"{'Angle of ' + joint if joint else 'Handle angle'} to be added to hold {{at}} under {{words}}",
+            )
+            for joint in subject.handles
+        ),
+        *[_column("largest stroke [mm]", "loss.stroke", "", "Largest stroke to hold {at} under {words}", "mm")]
+        * (not planar),
+        *["strokes [mm]"] * (not planar),
+    )
+    apart = largest = 0.0
+    for state in subject.held:
+        for load in (sized for direction in subject.loads for sized in direction.all):
+            found = lost(subject, state, load)
+            angles = np.degrees(found.lost)
+            strokes: list[Cell] = []
+            if not planar:
+                wound = dict(zip((tendon.name for tendon in subject.inst.tendons), 1e3 * found.strokes, strict=True))
+                moved = ", ".join(f"{name} {fixed(stroke)}" for name, stroke in wound.items() if abs(stroke) > 1e-4)
+                strokes = [float(np.abs(found.strokes).max()) * 1e3, moved or "–"]
+            apart = max(apart, float(np.nanmax(np.abs(angles - np.degrees(found.first_order)), initial=0.0)))
+            if load.size in {one.size for one in subject.loads} and np.isfinite(angles).all():
+                largest = max(largest, float(np.abs(angles).max()))
+            table.row(
+                subject.described(state),
+                load.text,
+                *angles,
+                *np.degrees(found.first_order)[: int(planar)],
+                *np.degrees(found.by_hand)[: len(subject.handles)],
+                *strokes,
+                state=state.name,
+                at=f"{state.name.removeprefix('at_').replace('deg', ' deg')} of output"
+                if planar
+                else f"the {state.name} state",
+                load="" if planar else f".{load.name}",
+                size=f"{load.size:g}" if planar else f"{load.size:.3g}",
+                words=load.text,
+            )
     if subject.plane is not None:
-        return _of_plane(context, subject.plane)
-    inst, held, applied, names = subject.inst, subject.states, subject.loads, subject.joints
-    tables: list[Table] = []
-    largest = 0.0
-    for state in held:
-        key = f"{{joint}}.{state.name}.{{load}}.{{size:.3g}}N"
-        restored = "strokes that bring all joints back"
-        table = context.table(
-            f"Lost at {subject.described(state)}: the unloaded minus the loaded angle; {restored}, largest and by tendon",
-            "load",
-            *(
-                Column(
-                    f"{name} [°]",
-                    "loss." + key.replace("{joint}", name),
-                    "deg",
-                    f"Angle that {{size:.3g}} N {{direction}} take from {name}, {state.name}",
-                    optional=True,
-                )
-                for name in names
-            ),
-            Column(
-                "largest stroke [mm]",
-                "loss.stroke." + key.removeprefix("{joint}."),
-                "mm",
-                f"Largest stroke that brings all joints back under {{size:.3g}} N {{direction}}, {state.name}",
-                digits=3,
-                optional=True,
-            ),
-            "strokes [mm]",
+        return Section(
+            "loss", f"{_TITLE} and its compensation by hand", *_of_plane(context, subject.plane, apart), [table]
         )
-        for load in applied:
-            for sized in load.all:
-                lost = statics.loss(inst, state.angles, sized.wrench, sized.grip)
-                wound = 1e3 * lost.strokes
-                moved = [(t.name, s) for t, s in zip(inst.tendons, wound, strict=True) if abs(s) > 1e-4]
-                table.row(
-                    sized.text,
-                    *np.degrees(lost.lost),
-                    float(np.abs(wound).max()),
-                    ", ".join(f"{name} {fixed(stroke)}" for name, stroke in moved) or "–",
-                    load=load.name,
-                    size=sized.size,
-                    direction=load.direction,
-                )
-                if sized.size == load.size and np.isfinite(lost.lost).all():
-                    largest = max(largest, float(np.degrees(np.abs(lost.lost)).max()))
-        tables.append(table)
-    shown = " or ".join(load.text for load in applied)
+    shown = " or ".join(load.text for load in subject.loads)
     context.add("loss.largest", largest, "deg", f"Largest angle that a joint loses under {shown}")
     text = (
         "<p>Handle and motors are held, without friction. Forces act at the tip along its own axes: z along it, x "
         "where positive yaw bends, y where positive pitch does; each is taken against flexion. Grip presses the "
-        "jaws apart. Directions that take next to nothing from every joint are left out. A dash: "
-        "the tip cannot be held, or motors cannot restore it.</p>"
+        "jaws apart. Directions that take next to nothing from every joint are left out.</p>"
     )
-    return Section("loss", _TITLE, text, [_plot(subject, held, applied)], tables)
+    return Section("loss", _TITLE, text, [_plot(subject, subject.states, subject.loads)], [table])
+
+
+def _column(heading: str, name: str, label: str, about: str, unit: str = "deg") -> Column:
+    key = f"{name}{'.' * bool(label)}{label}.{{state}}{{load}}.{{size}}N"
+    return Column(heading, key, unit, about, optional=unit == "mm")
 
 
 def _plot(subject: Subject, held: list[State], applied: list[Load]) -> Plot:
@@ -109,35 +143,9 @@ def _plot(subject: Subject, held: list[State], applied: list[Load]) -> Plot:
     return chart.plot("loss", f"Loss of every joint over the load, {named(inst)} at {bent} (solid), and first order.")
 
 
-def _of_plane(context: Context, inst: ShortForm) -> Section:
+def _of_plane(context: Context, inst: ShortForm, apart: float) -> tuple[str, list[Plot]]:
+    """Return the text of a planar instrument and the figure, given how far the loss is from first order, deg."""
     force = shown_force(inst)
-    states = np.array([0.0, 0.5, 1.0]) * inst.output_range
-    handles = statics.handle_angle(inst, states)
-    table = context.table(
-        "Loss by the full model, loss of dexterity Θ (eq. 17) and compensation angle (eq. 20), by unloaded output "
-        "angle [°]; a dash: out of the handle's range",
-        "force",
-        *(
-            Column(f"{heading} {angle}°", f"{key}.at_{angle}deg.{{force:g}}N", "deg", about.format(angle=angle))
-            for heading, key, about in (
-                ("loss", "loss", "Loss at {angle} deg of output under {{force:g}} N"),
-                ("Θ", "loss.theta", "Loss of dexterity (eq. 17) at {angle} deg of output under {{force:g}} N"),
-                (
-                    "θ_h* − θ_h",
-                    "loss.compensation_angle",
-                    "Handle angle to be added to hold {angle} deg of output under {{force:g}} N",
-                ),
-            )
-            for angle in (f"{np.degrees(state):.4g}" for state in states)
-        ),
-    )
-    apart = 0.0
-    for load in forces(inst)[1:]:
-        lost = states - statics.output_angle(inst, handles, load)
-        first_order = statics.loss_of_dexterity(inst, states, load)
-        compensation = statics.handle_angle(inst, states, load) - handles
-        apart = max(apart, float(np.nanmax(np.abs(np.degrees(lost - first_order)), initial=0.0)))
-        table.row(load_name(load), *np.degrees([*lost, *first_order, *compensation]), force=load)
     stiffness = context.add(
         "loss.flexural_stiffness.straight",
         statics.flexural_stiffness(inst, 0.0),
@@ -165,7 +173,7 @@ def _of_plane(context: Context, inst: ShortForm) -> Section:
         + ("" if inst.joint_type == "tendon-pulley" else "the load's lever changes as the tip gives way, and where ")
         + "a slack tendon leaves the other to resist alone.</p>"
     )
-    return Section("loss", f"{_TITLE} and its compensation by hand", text, [plot], [table])
+    return text, [plot]
 
 
 def _construction(chart: Chart, axis: Axes, inst: ShortForm, force: float) -> None:

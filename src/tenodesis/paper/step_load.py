@@ -147,8 +147,8 @@ def section(context: Context) -> Section:
         cases = [(subject.states[-1], load) for load in subject.loads]
     found = [done for done in (respond(subject, *case) for case in cases) if done is not None]
     if not found:
-        text = f"<p>Not run: in none of the states does {named(subject.given)} reach its angle and hold the load.</p>"
-        return Section("step_load", _TITLE, text)
+        why = f"in none of the states does {named(subject.given)} reach its angle and hold the load"
+        return Section.not_run("step_load", _TITLE, why)
     for done in found:
         name = done.load.name if inst is None else done.state.name
         context.recordings[context.file_name("fig15", "step_load_" * context.is_own + name)] = done.recorded
@@ -192,6 +192,12 @@ def _table(context: Context, subject: Subject, found: list[Response], *, rough: 
     def degrees(of: Callable[[Response], float]) -> Callable[[Response], Cell]:
         return lambda done: float(np.degrees(of(done)))
 
+    def lost(joint: int) -> Callable[[Response], Cell]:
+        return degrees(lambda done: done.before[joint] - done.after[joint])
+
+    def expected(joint: int) -> Callable[[Response], Cell]:
+        return degrees(lambda done: done.expected[joint])
+
     def handle(done: Response) -> Cell:
         return float(np.degrees(done.state.handle[0])), published_handle(done)
 
@@ -213,7 +219,7 @@ def _table(context: Context, subject: Subject, found: list[Response], *, rough: 
             column("after [°]", degrees(lambda done: done.after[0])),
             column(
                 "lost [°]",
-                degrees(lambda done: done.before[0] - done.after[0]),
+                lost(0),
                 "lost_at_{state}",
                 f"Output angle that the step load of {load.size:.3g} N takes on the twin, held at {{words}}",
             ),
@@ -231,11 +237,11 @@ def _table(context: Context, subject: Subject, found: list[Response], *, rough: 
                 for each in (
                     column(
                         f"{joint} [°]",
-                        degrees(lambda done, n=n: done.before[n] - done.after[n]),
+                        lost(n),
                         f"lost.{joint}.{{load}}",
                         f"Angle that a step load of {{words}} takes from {joint} on the twin",
                     ),
-                    column(f"{joint}, statics [°]", degrees(lambda done, n=n: done.expected[n])),
+                    column(f"{joint}, statics [°]", expected(n)),
                 )
             ),
         )

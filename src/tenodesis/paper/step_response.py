@@ -12,7 +12,7 @@ from tenodesis.control import Controller, LawName, Request
 from tenodesis.instrument import ShortForm
 from tenodesis.paper.context import COEFFICIENTS, held_angles
 from tenodesis.paper.step_load import approach_time, step_force
-from tenodesis.report.content import Array
+from tenodesis.report.content import Array, named
 from tenodesis.run import Run
 from tenodesis.simulate import campaign
 from tenodesis.simulate.command import SMOOTH
@@ -76,13 +76,17 @@ def controller_model(inst: ShortForm, friction: float = 1.0, identified: bool = 
     return inst.replace(**changes) if changes else inst
 
 
-def can_compensate(inst: ShortForm) -> bool:
-    """Return whether a controller can compensate an instrument."""
+def missing(inst: ShortForm, *, seeds: int = 1, rough: bool = False) -> str:
+    """Return in words why a law cannot be studied on an instrument, with noise or on friction; empty if it can."""
+    if not seeds:
+        return "the number of noise seeds is 0"
+    if rough and inst.friction.law == "none":
+        return f"{named(inst)} has no friction"
     try:
         Controller(controller_model(inst))
     except ValueError:
-        return False
-    return True
+        return f"{named(inst)} cannot be compensated"
+    return ""
 
 
 def held_states(inst: ShortForm) -> list[float]:

@@ -108,6 +108,6 @@ def _plot(subject: Subject) -> Plot:
     style.legend_above(left, 3)
     return chart.plot(
         "stiffness",
-        f"Left: stiffness of every joint with the others held, from straight through {subject.described(bent)} (100 %), "
+        f"Left: stiffness of every joint, the others held, from straight through {subject.described(bent)} (100 %), "
         f"{named(inst)}. Right: angle by force at the tip, in the direction that turns the joint most.",
     )

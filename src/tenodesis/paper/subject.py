@@ -132,12 +132,12 @@ def key(*parts: str) -> str:
 class Subject:
     """An instrument of joints and tendons, or one axis of a planar one."""
 
-    given: Instrument
+    given: ShortForm | FullForm
 
     @classmethod
     def of(cls, inst: Instrument) -> "Subject":
         """Return what is studied of an instrument."""
-        return cls(inst if inst.short_form is None else inst.short_form.planar[0])
+        return cls(expanded(inst) if inst.short_form is None else inst.short_form.planar[0])
 
     @property
     def plane(self) -> ShortForm | None:
@@ -158,6 +158,14 @@ class Subject:
     def labels(self) -> list[str]:
         """Names of the joints among results."""
         return [""] if self.plane is not None else self.joints
+
+    @cached_property
+    def handles(self) -> list[str]:
+        """Names among results of the handle's joints, if those of the tip follow them one by one; else none."""
+        if self.plane is not None:
+            return [""]
+        names = [joint.name for joint in self.inst.handle_joints]
+        return names if len(names) == len(self.joints) else []
 
     @property
     def cycles(self) -> int:
@@ -197,6 +205,18 @@ class Subject:
         for name, angles in zip(("straight", "bent"), statics.usual_states(self.inst), strict=False):
             found.append(State(name, angles, *statics.hold(self.inst, angles)))
         return found
+
+    @cached_property
+    def held(self) -> list[State]:
+        """The states of the chapter on loss: of a planar instrument straight, in the middle and at the range's end."""
+        if self.plane is None:
+            return self.states
+        angles = np.array([0.0, 0.5, 1.0]) * self.plane.output_range
+        handles = np.asarray(statics.handle_angle(self.plane, angles))
+        return [
+            State(f"at_{np.degrees(angle):.4g}deg", np.array([angle]), np.array([handle]), np.zeros(2))
+            for angle, handle in zip(angles, handles, strict=True)
+        ]
 
     def along(self, state: State, points: int = 61) -> tuple[Array, Array, Array]:
         """Return shares (n,) of the way from straight through a state, and handle angles and strokes there."""

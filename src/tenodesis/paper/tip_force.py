@@ -82,8 +82,8 @@ def drawing(time: Array, load: Array, estimate: Array, deviation: Array, plain: 
 def section(context: Context) -> Section:
     """Compute error and coverage of the observer's force at the tip, by difference, before a stroke and after."""
     inst = context.tested
-    if inst.friction.law == "none" or not context.seeds or not step_response.can_compensate(inst):
-        return Section("tip_force", TITLE, f"<p>Not run: {named(inst)} has no friction, no law, or no noise.</p>")
+    if why := step_response.missing(inst, seeds=context.seeds, rough=True):
+        return Section.not_run("tip_force", TITLE, why)
     table = context.table(
         f"Force at the tip under {step_force(inst):.3g} N, by what differs from the controller’s model",
         "what differs",

@@ -22,52 +22,28 @@ def section(context: Context) -> Section:
     inst = subject.inst
     tables: list[Table] = []
     handles, tendons = [joint.name for joint in inst.handle_joints], [tendon.name for tendon in inst.tendons]
+
+    def add(  # noqa: PLR0917
+        caption: str, name: str, unit: str, about: str, by: list[str], values: Array, at: str
+    ) -> None:
+        if by:
+            tables.append(matrix(context, caption, f"{name}.{at}", unit, f"{about}, {at}", by, values))
+
     for state in subject.states:
-        rates = chain.rates(inst, state.handle, strokes=state.strokes)
-        where = subject.described(state)
-        if handles:
-            tables += [
-                matrix(
-                    context,
-                    f"Angles by angles of the handle, at {where} [°/°]",
-                    f"transmission.{state.name}",
-                    "1",
-                    f"Angle of {{of}} by the angle of {{by}}, {state.name}",
-                    handles,
-                    rates.by_handle,
-                ),
-                matrix(
-                    context,
-                    f"Torque transmissibility at {where}: moments at the tip by moments at the handle",
-                    f"transmissibility.{state.name}",
-                    "1",
-                    f"Moment about {{of}} by the moment about {{by}}, {state.name}",
-                    handles,
-                    np.where(np.abs(rates.by_handle).max(axis=0) > 0, rates.transmissibility, np.nan),
-                ),
-            ]
-        tables.append(
-            matrix(
-                context,
-                f"Angles by length wound, at {where} [°/mm]",
-                f"by_stroke.{state.name}",
-                "deg/mm",
-                f"Angle of {{of}} by the length wound on {{by}}, {state.name}",
-                tendons,
-                1e-3 * np.degrees(rates.by_stroke),
-            )
+        rates, where = chain.rates(inst, state.handle, strokes=state.strokes), subject.described(state)
+        moments = np.where(np.abs(rates.by_handle).max(axis=0, initial=0.0) > 0, rates.transmissibility, np.nan)
+
+        caption, about = f"Angles by angles of the handle, at {where} [°/°]", "Angle of {of} by the angle of {by}"
+        add(caption, "transmission", "1", about, handles, rates.by_handle, state.name)
+        caption = f"Torque transmissibility at {where}: moments at the tip by moments at the handle"
+        add(
+            caption, "transmissibility", "1", "Moment about {of} by the moment about {by}", handles, moments, state.name
         )
-    tables.append(
-        matrix(
-            context,
-            "Moments about the straight joints by tension [N·mm/N]",
-            "moment_by_tension",
-            "N·mm/N",
-            "Moment about {of} by the tension of {by}",
-            tendons,
-            1e3 * statics.straight_arms(inst).T,
-        )
-    )
+        caption, about = f"Angles by length wound, at {where} [°/mm]", "Angle of {of} by the length wound on {by}"
+        add(caption, "by_stroke", "deg/mm", about, tendons, 1e-3 * np.degrees(rates.by_stroke), state.name)
+    caption, about = "Moments about the straight joints by tension [N·mm/N]", "Moment about {of} by the tension of {by}"
+    arms = 1e3 * statics.straight_arms(inst).T
+    tables.append(matrix(context, caption, "moment_by_tension", "N·mm/N", about, tendons, arms))
     text = (
         "<p>All is exact at rest, without a load and without friction, tendons’ stretch and springs of the joints "
         "included. Rows are joints of the tip; what stands beside a joint’s own handle or motors is coupling. "

@@ -112,15 +112,8 @@ def outcomes(inst: ShortForm, difference: Difference) -> Rows:
 def section(context: Context) -> Section:
     """Compute the final errors without compensation, with the paper's law and with the robust law, by difference."""
     inst = context.tested
-    if inst.friction.law == "none" or not context.seeds or not step_response.can_compensate(inst):
-        why = (
-            "the number of noise seeds is 0"
-            if not context.seeds
-            else f"{named(inst)} has no friction"
-            if inst.friction.law == "none"
-            else f"{named(inst)} cannot be compensated"
-        )
-        return Section("unlike_model", TITLE, f"<p>Not run: {why}.</p>")
+    if why := step_response.missing(inst, seeds=context.seeds, rough=True):
+        return Section.not_run("unlike_model", TITLE, why)
     rows, bars = [], []
     for difference in differences(inst):
         rows_of = outcomes(inst, difference)
@@ -135,7 +128,7 @@ def section(context: Context) -> Section:
         rows.append(_row(context, difference, found))
         bars.append((difference.name, [rms(found[law]["final"]) for law in _LAWS]))
     if not rows:
-        return Section("unlike_model", TITLE, f"<p>Not run: {named(inst)} does not hold the load in any state.</p>")
+        return Section.not_run("unlike_model", TITLE, f"{named(inst)} does not hold the load in any state")
     table = Table(
         f"Final error of the tip after a step load of {step_force(inst):.3g} N, by what differs from the "
         "controller’s model",

@@ -192,3 +192,8 @@ class Section:
     plots: Sequence[Plot] = ()
     tables: Sequence[Table] = ()
     care: Sequence[CarePoint] = ()
+
+    @classmethod
+    def not_run(cls, key: str, title: str, why: str) -> "Section":
+        """Return the section of an experiment that was not made, with the reason in words."""
+        return cls(key, title, f"<p>Not run: {why}.</p>")
