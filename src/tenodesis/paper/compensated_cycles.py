@@ -328,9 +328,10 @@ def _plot(context: Context, cases: Sequence[Case], found: Found, used: Sequence[
     for axis, case in zip(axes, cases, strict=True):
         motion, load = case
         for each in used:
-            done, at = found[case, each], f"{', '.join(filter(None, (each.key, motion)))} at {load} [deg]"
-            handle = chart.keep(f"handle_angle {at}", done.handle)
-            chart.curve(axis, handle, f"error {at}", done.off, color=each.color, lw=1.2)
+            done = found[case, each]
+            at = f"{motion}, {each.key} [deg]" if motion else f"{each.key} at {load} [deg]"
+            handle = chart.keep(at if motion else f"handle_angle {at}", done.handle)
+            chart.curve(axis, handle, f"error {'by ' * bool(motion)}{at}", done.off, color=each.color, lw=1.2)
         axis.axhline(0, color=style.INK, ls="--", lw=0.8)
         axis.set(title=load, xlabel=f"{motion} [deg]" if motion else "handle angle $\\theta_h$ [deg]")
     axes[0].set_ylabel("off the unloaded angle [deg]")

@@ -62,8 +62,10 @@ class Trial(NamedTuple):
     """Of the friction that the controller assumes, as a share of the true friction"""
     time: Array
     """(n,), s"""
-    off: Array
-    """Angles less those without load and friction, (n, joints), deg"""
+    angle: Array
+    """(n, joints), deg: output angles of a planar instrument, errors of several joints"""
+    aim: float
+    """Where it is without load and friction, deg"""
     tension: Array
     """Agonist's, (n,), N; empty of several joints"""
     final: Array
@@ -125,7 +127,8 @@ def section(context: Context) -> Section:
             )
         text += ". Without a slack tendon the exact law with both motors is the law “paper” (eq. 22).</p>"
         if context.is_paper:
-            states = [state for state in step_response.held_states(inst) if any(_angle(state) in one for one in found)]
+            held = {trial.case for trial in found}
+            states = [state for state in step_response.held_states(inst) if _angle(state) in held]
             more, table = readings(context, inst, states, step_force(inst))
             text += more
             tables.append(table)
@@ -152,7 +155,8 @@ def _over_states(inst: ShortForm) -> list[Trial]:
             row["law"],
             row["error"],
             row["run"].time,
-            np.degrees(row["run"].by_column("output_angle") - state),
+            np.degrees(row["run"].by_column("output_angle")),
+            float(np.degrees(state)),
             row["run"]["measured_tension"][:, 0],
             np.array([row["response"].final]),
             "fault" if row["response"].faulted else "",
@@ -177,7 +181,7 @@ def _over_loads(subject: Subject) -> list[Trial]:
         final = off[-round(_JUDGED / np.diff(run.time[:2])[0]) :].mean(axis=0)
         faults = ", ".join(done.run.fault_times)
         time = run.time - run.time[0]
-        return {"trial": Trial(load.text, f".{load.name}", law, 0.0, time, off, np.empty(0), final, faults)}
+        return {"trial": Trial(load.text, f".{load.name}", law, 0.0, time, off, 0.0, np.empty(0), final, faults)}
 
     across = [load for load in subject.loads if load.wrench.any()]
     return [
@@ -220,14 +224,15 @@ def _plot(context: Context, found: list[Trial]) -> Plot:
     colors = style.colors(len(joints) + 1)[1:]
     for trial in shown:
         column, (_, law_color, line) = axes[:, cases.index(trial.case)], _DRAWN[trial.law]
-        at = f"{trial.law} at {trial.case.replace('°', ' deg')}"
-        time = chart.keep(f"time {at} [s]", trial.time)
+        at, where = trial.case.replace("°", " deg"), f"{trial.key.removeprefix('.')}, {trial.law}"
+        time = chart.keep(f"time at {at} [s]" if planar else f"time, {where} [s]", trial.time)
         within = (time >= _FROM) & (time <= _UNTIL) if planar else slice(None)
-        for joint, color, off in zip(joints, [law_color] if planar else colors, trial.off.T, strict=True):
-            kept = chart.keep(f"error {joint} {at} [deg]", off)
+        for joint, color, angle in zip(joints, [law_color] if planar else colors, trial.angle.T, strict=True):
+            heading = f"output_angle {trial.law} at {at} [deg]" if planar else f"error of {joint}, {where} [deg]"
+            kept = chart.keep(heading, angle) - trial.aim
             column[0].plot(time[within], kept[within], line, color=color, lw=1.3)
         if planar:
-            kept = chart.keep(f"agonist {at} [N]", trial.tension)
+            kept = chart.keep(f"agonist {trial.law} at {at} [N]", trial.tension)
             column[1].plot(time[within], kept[within], line, color=law_color, lw=1.1)
         column[0].axhline(0, color=style.INK, ls="--", lw=0.8)
         column[0].set(title=trial.case)
@@ -237,7 +242,7 @@ def _plot(context: Context, found: list[Trial]) -> Plot:
     lines = [(joint, color, "-") for joint, color in zip(joints, colors, strict=True) if joint]
     laws = [one if planar else (one[0], style.MUTED, one[2]) for one in _DRAWN.values() if planar or "22" not in one[0]]
     style.legend_outside(chart.figure, *lines, *laws)
-    where = (
+    about = (
         f"Output angle and agonist tension when {step_force(context.tested):.3g} N at the tip are applied suddenly "
         f"while the handle is held, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N"
         f"{context.figure_of('Fig. 15(a)–(d)')}. The same twin and seed three times; dashed: no error."
@@ -245,7 +250,7 @@ def _plot(context: Context, found: list[Trial]) -> Plot:
         else f"Error of the compensated joints when a load comes, {named(inst)}."
     )
     name = context.file_name("fig15", "compensated" + "_step_load" * context.is_own) if planar else "compensated"
-    return chart.plot(name, where)
+    return chart.plot(name, about)
 
 
 class Reading(NamedTuple):
