@@ -88,6 +88,9 @@ def test_losses_and_slack_are_those_of_the_statics(name: str) -> None:
             for joint, lost in zip(context.whole.tip_joints, expected.lost, strict=True):
                 shown = context.results[f"loss.{joint.name}.{state}.{load.name}.{load.size:.3g}N"]
                 assert shown.value == pytest.approx(np.degrees(lost), abs=1e-9)
+            for joint, more in zip(context.subject.handles, expected.handle_corrections, strict=False):
+                shown = context.results[f"loss.compensation_angle.{joint}.{state}.{load.name}.{load.size:.3g}N"]
+                assert shown.value == pytest.approx(np.degrees(more), abs=1e-9, nan_ok=True)
             slack_from = expected.slack_factor * load.size
             found = context.results.get(f"slack.{state}.{load.name}")
             assert (found is None) == (not np.isfinite(slack_from))
@@ -119,6 +122,17 @@ def test_the_matrix_of_moments_is_eq_13_for_one_joint(name: str) -> None:
     context, _ = computed(expanded(inst), "transmissibility")
     shown = context.results["transmissibility.straight.yaw.handle_yaw"].value
     assert shown == pytest.approx(tn.statics.torque_transmissibility(inst, 0.0), rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["real-size", "scaled-up"])
+def test_one_joint_in_either_form_moves_alike(name: str) -> None:
+    plane = tn.load(name).axis("yaw")
+    short, full = Subject.of(plane), Subject.of(expanded(plane))
+    (motion,), shares = short.motions, np.linspace(0.0, 1.0, 11)
+    (across,) = (load for load in full.loads if load.name == "x")
+    for load in short.loads[0].all:
+        same = across.times(load.size / across.size)
+        assert short.way(motion, shares, load) == pytest.approx(full.way(motion, shares, same), abs=1e-12)
 
 
 def test_loads_are_against_flexion_where_a_joint_feels_them() -> None:
