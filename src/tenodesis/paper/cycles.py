@@ -3,7 +3,6 @@
 Of a planar instrument also eq. 19's estimate from the tensions that are measured there.
 """
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,10 +15,8 @@ from tenodesis.paper.subject import HANDLE_SPEED, SPEED, Load, Motion, Subject, 
 from tenodesis.report import style
 from tenodesis.report.content import (
     Array,
-    Cell,
     Column,
     Plot,
-    Published,
     ResultTable,
     Section,
     Table,
@@ -154,64 +151,54 @@ def section(context: Context) -> Section:
 
 
 def _table(context: Context, subject: Subject, found: list[Cycles]) -> ResultTable:
-    planar = subject.plane is not None
+    planar, several, papers = subject.plane is not None, subject.plane is None, int(context.is_paper)
     who, where = ("tip", "{words}") if planar else ("joint", "{motion}, {words}")
 
-    def column(
-        heading: str, of: Callable[[Cycles], Cell], name: str = "", about: str = "", unit: str = "deg"
-    ) -> Column:
-        label = name and f"hysteresis.{'' if planar else '{motion}.'}{name}.{{load}}"
-        return Column(heading, label, unit, f"{about}, {where}", of=of)
+    def column(heading: str, name: str, about: str, unit: str = "deg") -> Column:
+        key = f"hysteresis.{'{motion}.' * several}{name}.{{load}}"
+        return Column(heading, key, unit, f"{about}, {where}")
 
-    def degrees(name: str) -> Callable[[Cycles], Cell]:
-        return lambda done: float(np.degrees(getattr(done, name)))
-
-    def printed(done: Cycles) -> Published | None:
-        return published.ESTIMATION_ERRORS.get(round(done.load.size, 6)) if context.is_paper and done.load else None
-
-    def error(done: Cycles) -> Cell:
-        return float(np.degrees(done.error)), printed(done)
-
-    def higher(tendon: int, sign: int) -> Callable[[Cycles], Cell]:
-        return lambda done: sign * float(done.tensions[tendon])
-
-    motion = column("motion", lambda done: done.motion.name)
-    follows = column("follows", lambda done: subject.joints[done.motion.follows])
-    behind, ahead = (
-        f"How far the {who} {way}" for way in ("stays behind theory at flexion", "runs ahead at extension")
-    )
-    estimated, beside = "Width of the estimate's loop", "Largest deviation of another joint from theory"
     agonist, antagonist = "Agonist tension, flexion minus extension", "Antagonist tension, extension minus flexion"
-    width = () if planar else ("width", "Width of the joint's loop")
+    of_tensions = [
+        column("estimate's loop [°]", "estimated_width", "Width of the estimate's loop"),
+        column("agonist higher at flexion [N]", "agonist_at_flexion", agonist, "N"),
+        column("antagonist higher at extension [N]", "antagonist_at_extension", antagonist, "N"),
+    ]
+    more = (
+        "error of the estimate from the tensions (eq. 19) against the distal encoder; difference of the tensions"
+        if planar
+        else "neighbours: largest deviation of another joint from theory"
+    )
     table = context.table(
         "Means over the last cycle: how far what follows stays behind theory at flexion and is ahead of it at "
-        "extension, and widths of loops"
-        + (
-            "; error of the estimate from the tensions (eq. 19) against the distal encoder; difference of the tensions"
-            if planar
-            else "; neighbours: largest deviation of another joint from theory"
-        ),
-        *[motion] * (not planar),
-        column("load", lambda done: done.words),
-        *[follows] * (not planar),
-        *[column("rms error [°]", error, "estimation_error", "RMS error of eq. 19's estimate on the twin")] * planar,
-        *[column("published [°]", lambda done: fixed(getattr(printed(done), "value", np.nan)))] * context.is_paper,
-        column("behind at flexion [°]", degrees("behind"), "shift_at_flexion", behind),
-        column("ahead at extension [°]", degrees("ahead"), "shift_at_extension", ahead),
-        column("loop [°]", lambda done: float(np.degrees(done.behind + done.ahead)), *width),
-        *(
-            [
-                column("estimate's loop [°]", degrees("estimated_width"), "estimated_width", estimated),
-                column("agonist higher at flexion [N]", higher(0, 1), "agonist_at_flexion", agonist, "N"),
-                column("antagonist higher at extension [N]", higher(1, -1), "antagonist_at_extension", antagonist, "N"),
-            ]
-            if planar
-            else [column("neighbours [°]", degrees("beside"), "neighbours", beside)]
-        ),
+        f"extension, and widths of loops; {more}",
+        *["motion"] * several,
+        "load",
+        *["follows"] * several,
+        *[column("rms error [°]", "estimation_error", "RMS error of eq. 19's estimate on the twin")] * planar,
+        *["published [°]"] * papers,
+        column("behind at flexion [°]", "shift_at_flexion", f"How far the {who} stays behind theory at flexion"),
+        column("ahead at extension [°]", "shift_at_extension", f"How far the {who} runs ahead at extension"),
+        "loop [°]" if planar else column("loop [°]", "width", "Width of the joint's loop"),
+        *of_tensions * planar,
+        *[column("neighbours [°]", "neighbours", "Largest deviation of another joint from theory")] * several,
     )
     for done in found:
-        load = "unloaded" if done.load is None else done.load.name
-        table.fill(done, motion=done.motion.name, load=load, words=done.words)
+        printed = published.ESTIMATION_ERRORS.get(round(done.load.size, 6)) if papers and done.load else None
+        behind, ahead, beside = np.degrees([done.behind, done.ahead, done.beside])
+        table.row(
+            *[done.motion.name] * several,
+            done.words,
+            *[subject.joints[done.motion.follows]] * several,
+            *[(float(np.degrees(done.error)), printed)] * planar,
+            *["–" if printed is None else fixed(printed.value)] * papers,
+            *(behind, ahead, behind + ahead),
+            *[float(np.degrees(done.estimated_width)), done.tensions[0], -done.tensions[-1]] * planar,
+            *[beside] * several,
+            motion=done.motion.name,
+            load="unloaded" if done.load is None else done.load.name,
+            words=done.words,
+        )
     return table
 
 

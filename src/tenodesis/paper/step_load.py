@@ -1,6 +1,5 @@
 """A load that comes suddenly on the held instrument, on the twin: what every joint loses (Fig. 15, dotted lines)."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +12,7 @@ from tenodesis.paper import published
 from tenodesis.paper.context import DRAWN, Context, RecordedRun, has_friction, held_angles, shown_force
 from tenodesis.paper.subject import Load, State, Subject, panels
 from tenodesis.report import style
-from tenodesis.report.content import Array, Cell, Column, Plot, Published, ResultTable, Section, fixed, named
+from tenodesis.report.content import Array, Column, Plot, ResultTable, Section, fixed, named
 from tenodesis.report.curves import SteppedRun, step_response
 from tenodesis.run import Run
 from tenodesis.simulate.command import SMOOTH
@@ -29,6 +28,7 @@ RISE = 0.05
 _SEED = 15
 _TITLE = "A sudden load on the held instrument"
 _TOLERANCE = 1e-5  # rad
+_SETTLED = 400  # samples
 _SHOWN = 0.5
 """Time that is shown before the load on several joints, s."""
 
@@ -181,79 +181,63 @@ def _rig(inst: ShortForm, load: Load) -> str:
 
 
 def _table(context: Context, subject: Subject, found: list[Response], *, rough: bool) -> ResultTable:
-    printed = {output.value: handle for handle, output in published.STATES} if context.is_paper else {}
-    settled = 400  # samples
-
-    def column(
-        heading: str, of: Callable[[Response], Cell], name: str = "", about: str = "", digits: int = 2
-    ) -> Column:
-        return Column(heading, name and f"step_load.{name}", "deg", about, digits, of=of)
-
-    def degrees(of: Callable[[Response], float]) -> Callable[[Response], Cell]:
-        return lambda done: float(np.degrees(of(done)))
-
-    def lost(joint: int) -> Callable[[Response], Cell]:
-        return degrees(lambda done: done.before[joint] - done.after[joint])
-
-    def expected(joint: int) -> Callable[[Response], Cell]:
-        return degrees(lambda done: done.expected[joint])
-
-    def handle(done: Response) -> Cell:
-        return float(np.degrees(done.state.handle[0])), published_handle(done)
-
-    def published_handle(done: Response) -> Published | None:
-        return printed.get(round(float(np.degrees(done.state.angles[0])), 6))
-
-    def agonist(part: Callable[[Response], slice]) -> Callable[[Response], Cell]:
-        return lambda done: float(done.run["measured_tension"][part(done), 0].mean())
-
-    if (inst := subject.plane) is not None:
-        load = found[0].load
-        table = context.table(
-            f"The held states under {_rig(inst, load)}",
-            column("state", lambda done: done.state.name.replace("deg", "°")),
-            column("handle [°]", handle, "handle_at_{state}", "Handle angle that brings the twin's tip to {words}", 1),
-            *[column("published handle [°]", lambda done: fixed(getattr(published_handle(done), "value", np.nan), 0))]
-            * context.is_paper,
-            column("output before [°]", degrees(lambda done: done.before[0])),
-            column("after [°]", degrees(lambda done: done.after[0])),
-            column(
-                "lost [°]",
-                lost(0),
-                "lost_at_{state}",
-                f"Output angle that the step load of {load.size:.3g} N takes on the twin, held at {{words}}",
-            ),
-            *[column("above theory [°]", degrees(lambda done: done.before[0] - done.theory[0]))] * rough,
-            column("agonist before [N]", agonist(lambda done: slice(done.came - settled, done.came)), digits=1),
-            column("after [N]", agonist(lambda _: slice(-settled, None)), digits=1),
-        )
-    else:
+    if (inst := subject.plane) is None:
+        about = "Angle that a step load of {words} takes from"
         table = context.table(
             "Angle that the load takes from each joint on the twin, and by statics without friction",
-            column("load", lambda done: done.load.text),
+            "load",
             *(
                 each
-                for n, joint in enumerate(subject.joints)
+                for name in subject.joints
                 for each in (
-                    column(
-                        f"{joint} [°]",
-                        lost(n),
-                        f"lost.{joint}.{{load}}",
-                        f"Angle that a step load of {{words}} takes from {joint} on the twin",
-                    ),
-                    column(f"{joint}, statics [°]", expected(n)),
+                    Column(f"{name} [°]", f"step_load.lost.{name}.{{load}}", "deg", f"{about} {name} on the twin"),
+                    f"{name}, statics [°]",
                 )
             ),
         )
+        for done in found:
+            angles = np.degrees(np.column_stack([done.before - done.after, done.expected])).ravel()
+            table.row(done.load.text, *map(float, angles), load=done.load.name, words=done.load.text)
+        return table
+    load, papers = found[0].load, int(context.is_paper)
+    about = f"Output angle that the step load of {load.size:.3g} N takes on the twin, held at {{words}}"
+    table = context.table(
+        f"The held states under {_rig(inst, load)}",
+        "state",
+        Column(
+            "handle [°]", "step_load.handle_at_{state}", "deg", "Handle angle that brings the twin's tip to {words}", 1
+        ),
+        *["published handle [°]"] * papers,
+        "output before [°]",
+        "after [°]",
+        Column("lost [°]", "step_load.lost_at_{state}", "deg", about),
+        *["above theory [°]"] * rough,
+        Column("agonist before [N]", digits=1),
+        Column("after [N]", digits=1),
+    )
+    printed = {output.value: handle for handle, output in published.STATES} if context.is_paper else {}
     for done in found:
-        words = done.load.text if inst is None else done.state.name.replace("deg", " deg")
-        table.fill(done, state=done.state.name, load=done.load.name, words=words)
+        handle = printed.get(round(float(np.degrees(done.state.angles[0])), 6))
+        before, after, theory = (float(np.degrees(each[0])) for each in (done.before, done.after, done.theory))
+        agonist = done.run["measured_tension"][:, 0]
+        table.row(
+            done.state.name.replace("deg", "°"),
+            (float(np.degrees(done.state.handle[0])), handle),
+            *["–" if handle is None else fixed(handle.value, 0)] * papers,
+            *(before, after, before - after),
+            *[before - theory] * rough,
+            float(agonist[done.came - _SETTLED : done.came].mean()),
+            float(agonist[-_SETTLED:].mean()),
+            state=done.state.name,
+            words=done.state.name.replace("deg", " deg"),
+        )
     return table
 
 
 def _traces(context: Context, inst: ShortForm, found: list[Response]) -> Plot:
     steps = [
-        SteppedRun(done.state.name.replace("deg", " deg"), done.run[DRAWN], BEFORE, float(done.theory[0])) for done in found
+        SteppedRun(done.state.name.replace("deg", " deg"), done.run[DRAWN], BEFORE, float(done.theory[0]))
+        for done in found
     ]
     return step_response(steps).plot(
         context.file_name("fig15", "step_load"),

@@ -134,8 +134,6 @@ class Column:
     """Converts a number to text, in place of the decimals."""
     optional: bool = False
     """Whether a number that is not finite is left out of the results."""
-    of: "Callable[[Any], Cell]" = str
-    """Takes a cell from what a row is about, where rows are filled by it."""
 
 
 Cell: TypeAlias = str | float | tuple[float, Published | None]
@@ -167,10 +165,6 @@ class ResultTable(Table):
                 self._record(column.key.format(**labels), value, column.unit, description, printed)
             texts.append(fixed(value, column.digits) if column.form is None else column.form(float(value)))
         self.rows.append(texts)
-
-    def fill(self, item: object, **labels: object) -> None:
-        """Add a row about an item, from which each column takes its own cell; labels are as of a row."""
-        self.row(*(column.of(item) for column in self._layout), **labels)
 
 
 @dataclass(frozen=True)
