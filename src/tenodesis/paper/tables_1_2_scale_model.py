@@ -99,52 +99,29 @@ def _factor(context: Context, key: str, value: float, description: str, publishe
 
 
 def _factors(context: Context, comparison: Comparison) -> Table:
-    shares = (0.0, 0.5, 1.0)
-    angles = {f"{np.degrees(angle):.4g}": angle for angle in (share * context.inst.output_range for share in shares)}
+    title = "Scale factors" if context.is_own else "Table II: scale factors"
+    table = Table(title, ["variable", "factor", *_beside(context)], [])
+    angles = {f"{np.degrees(angle):.4g}": angle for angle in np.array([0.0, 0.5, 1.0]) * context.inst.output_range}
     low, middle, high = angles
     force = float(comparison.force_factor(angles[middle]))
-    entries: list[tuple[str, str, float, str, str]] = [
-        (
-            f"force for equal Θ at {at}°",
-            f"force_factor.at_{at}deg",
-            float(comparison.force_factor(angle)),
-            f"Factor of force for equal loss of dexterity at {at} deg",
-            "force" if at == middle else "",
-        )
-        for at, angle in angles.items()
-    ]
-    entries.append(
-        ("tendon tension", "tension_factor", comparison.tension_factor, "Factor of tendon tension", "tension")
-    )
-    entries += [
-        (
-            f"flexural stiffness κ_θ at {at}°",
-            f"flexural_stiffness_factor.at_{at}deg",
-            float(comparison.flexural_stiffness_factor(angles[at])),
-            f"Factor of flexural stiffness at {at} deg",
-            "",
-        )
-        for at in (low, high)
-    ]
-    entries += [
-        (
-            f"loss of dexterity Θ at {at}°",
-            f"loss_factor.at_{at}deg",
-            float(
-                statics.loss_of_dexterity(comparison.scaled_up, angle, force)
-                / statics.loss_of_dexterity(comparison.real_size, angle, 1.0)
-            ),
-            f"Factor of Θ at {at} deg with the mid-range force factor",
-            "loss_of_dexterity",
-        )
-        for at, angle in angles.items()
-    ]
-    rows = [
-        [shown, *_factor(context, f"table2.{key}", value, about, published)]
-        for shown, key, value, about, published in entries
-    ]
-    title = "Scale factors" if context.is_own else "Table II: scale factors"
-    return Table(title, ["variable", "factor", *_beside(context)], rows)
+
+    def add(shown: str, key: str, value: Any, about: str, published: str = "") -> None:
+        table.rows.append([shown, *_factor(context, f"table2.{key}", float(value), about, published)])
+
+    for at, angle in angles.items():
+        about = f"Factor of force for equal loss of dexterity at {at} deg"
+        published = "force" if at == middle else ""
+        add(f"force for equal Θ at {at}°", f"force_factor.at_{at}deg", comparison.force_factor(angle), about, published)
+    add("tendon tension", "tension_factor", comparison.tension_factor, "Factor of tendon tension", "tension")
+    for at in (low, high):
+        stiffer, about = comparison.flexural_stiffness_factor(angles[at]), f"Factor of flexural stiffness at {at} deg"
+        add(f"flexural stiffness κ_θ at {at}°", f"flexural_stiffness_factor.at_{at}deg", stiffer, about)
+    for at, angle in angles.items():
+        large = statics.loss_of_dexterity(comparison.scaled_up, angle, force)
+        lost = large / statics.loss_of_dexterity(comparison.real_size, angle, 1.0)
+        about = f"Factor of Θ at {at} deg with the mid-range force factor"
+        add(f"loss of dexterity Θ at {at}°", f"loss_factor.at_{at}deg", lost, about, "loss_of_dexterity")
+    return table
 
 
 def _groups(context: Context, comparison: Comparison) -> Table:
