@@ -14,9 +14,9 @@ namespace tenodesis {
 /// A spring between two joints, relaxed where the angle of one is a ratio times that of the other.
 template <class S>
 struct Tie {
-  int to{-1};  ///< the other joint, which comes before; -1: there is no tie
   S ratio{};
   S stiffness{};    ///< moment by the difference of the angles, N m/rad
+  int to{-1};       ///< the other joint, which comes before; -1: there is no tie
   bool is_rigid{};  ///< whether it stands for parts that cannot yield
 };
 

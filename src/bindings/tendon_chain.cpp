@@ -47,7 +47,7 @@ ChainSpec::ChainSpec(const std::vector<int>& mechanism, const std::vector<int>& 
                             row[chord],
                             row[length],
                             row[stiffness],
-                            {int(row[tied_to]), row[tie_ratio], row[tie_stiffness], row[tie_is_rigid] != 0},
+                            {row[tie_ratio], row[tie_stiffness], int(row[tied_to]), row[tie_is_rigid] != 0},
                             row[share],
                             row[grip]};
         }

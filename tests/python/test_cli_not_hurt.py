@@ -21,6 +21,7 @@ Command: TypeAlias = Callable[..., tuple[int, str, str]]
 SHORT = 'name = "short"\n[[phases]]\nkind = "hold"\nduration = "0.05 s"\n'
 PROTOTYPE = ("scaled-up.toml", "plan.html", "plan.pdf", "front.csv", "front.svg", "front.png")
 TOLERANCE = ("tolerance.html", "tolerance.json", "samples.csv", "figures/tornado.svg")
+VERTICES = ("vertices.html", "results.json", "sweep.csv", "figures/vertices.svg")
 PLAN = ("protocol.toml", "plan.html", "plan.svg", "plan.json")
 FIT = ("report.html", "result.json", "instrument.toml")
 BENCH = ("report.html", "results.json", "figures/loss.svg", "curves/mine.csv", "recordings/mine.mcap")
@@ -39,7 +40,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def desk(tmp_path: Path, recording: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with a file of every kind; work of any length fails the test."""
-    from tenodesis.cli import bench, identify, plan_identification, scale, tolerance
+    from tenodesis.cli import bench, identify, plan_identification, scale, tolerance, vertices
     from tenodesis.cli import recording as recordings
 
     for module, name in (
@@ -48,6 +49,7 @@ def desk(tmp_path: Path, recording: Path, monkeypatch: pytest.MonkeyPatch) -> Pa
         (plan_identification, "plan"),
         (scale, "_front"),
         (tolerance, "write"),
+        (vertices, "write"),
         (recordings, "record_run"),
         (recordings, "run_again"),
     ):
@@ -95,6 +97,7 @@ EXISTING = [
     *(("bench pulley.toml --out there", f"there/{name}") for name in BENCH),
     *(("scale real-size --combinations 1000", f"prototype/{name}") for name in PROTOTYPE),
     *((f"{TWO} --out there", f"there/{name}") for name in TOLERANCE),
+    *(("vertices --out there", f"there/{name}") for name in VERTICES),
     *((f"{IDENTIFY} --out there", f"there/{name}") for name in FIT),
     (f"{IDENTIFY} --json-out there.json", "there.json"),
     *(("plan-identification scaled-up --out there", f"there/{name}") for name in PLAN),
@@ -122,11 +125,13 @@ def test_nothing_is_overwritten_unasked(tenodesis: Command, desk: Path, words: s
     refused(tenodesis, desk, words, "exists already; give another path, or --overwrite.")
 
 
-@pytest.mark.parametrize(("words", "key"), [("bench pulley.toml", "results"), (TWO, "responses")])
+@pytest.mark.parametrize(
+    ("words", "key"), [("bench pulley.toml", "results"), (TWO, "responses"), ("vertices", "designs")]
+)
 def test_a_report_may_be_replaced_by_the_command_that_wrote_it(
     tenodesis: Command, desk: Path, monkeypatch: pytest.MonkeyPatch, words: str, key: str
 ) -> None:
-    from tenodesis.cli import bench, tolerance
+    from tenodesis.cli import bench, tolerance, vertices
 
     asked: list[str] = []
 
@@ -135,6 +140,7 @@ def test_a_report_may_be_replaced_by_the_command_that_wrote_it(
         raise tn.Error("enough.")
 
     monkeypatch.setattr(bench, "run", work)
+    monkeypatch.setattr(vertices.rounder_vertices, "study", work)
     monkeypatch.setattr(tolerance.tolerance, "study", work)
     folder = desk / "there"
     folder.mkdir()
@@ -187,6 +193,7 @@ def test_an_input_is_not_written_over_even_if_asked(tenodesis: Command, desk: Pa
         ("bench pulley.toml --out /proc/tenodesis", "/proc/tenodesis cannot be written: "),
         ("scale real-size --out notes.txt/in", "notes.txt/in cannot be written: Not a directory."),
         (f"{TWO} --out notes.txt", "notes.txt cannot be written: "),
+        ("vertices --out /proc/tenodesis", "/proc/tenodesis cannot be written: "),
         (f"{IDENTIFY} --out notes.txt", "notes.txt cannot be written: "),
         (f"{IDENTIFY} --json-out nowhere/x.json", "nowhere/x.json cannot be written: there is no folder nowhere."),
         ("plan-identification scaled-up --out notes.txt", "notes.txt cannot be written: "),
@@ -250,6 +257,7 @@ def test_what_cannot_be_written_is_refused_at_once(tenodesis: Command, desk: Pat
         (f"{TWO} --tolerances parts.toml", "parts.toml describes a catalogue; it must describe tolerances."),
         ("tolerance scaled-up real-size", "the real-size instrument comes first, the scaled-up one second."),
         ("tolerance real-size cycles", "cycles is a protocol; it must be an instrument"),
+        ("vertices short.toml", "short.toml describes a protocol; it must describe an instrument."),
         ("plan-identification short.toml", "short.toml describes a protocol; it must describe an instrument."),
         ("identify own.toml", "own.toml is no MCAP file"),
         (f"{IDENTIFY} --format davinci-tool --arrangement compare", "auto or file with the format davinci-tool"),
@@ -281,7 +289,7 @@ def test_an_input_of_another_kind_is_named(tenodesis: Command, desk: Path, words
     refused(tenodesis, desk, words, sentence)
 
 
-@pytest.mark.parametrize("words", ["bench pulley.toml --out there", f"{TWO} --out there", f"{IDENTIFY} --out there"])
+@pytest.mark.parametrize("words", ["bench pulley.toml --out there", "vertices --out there", f"{IDENTIFY} --out there"])
 def test_the_second_of_two_runs_into_a_folder_is_refused(tenodesis: Command, desk: Path, words: str) -> None:
     with locked_folder(desk / "there"):
         refused(tenodesis, desk, words, "there is being written by another command; wait for it, or give another path.")
@@ -314,9 +322,9 @@ INTERRUPTED = (130, -signal.SIGINT)
 
 @pytest.mark.process
 def test_ctrl_c_during_the_work_says_what_is_written_and_leaves_nothing_else(tmp_path: Path) -> None:
-    first = start_command(tmp_path, "bench", "--out", "there")
+    first = start_command(tmp_path, "vertices", "--out", "there")
     until((tmp_path / "there").exists, first)
-    second = start_command(tmp_path, "bench", "--out", "there")
+    second = start_command(tmp_path, "vertices", "--out", "there")
     stderr = second.communicate(timeout=120)[1]
     assert second.returncode == 1
     assert stderr.startswith("tenodesis: there is being written by another command")

@@ -1,22 +1,22 @@
-"""Claims about rounder vertices: the radius that a joint holds, and what it does to friction."""
+"""Claims about rounder vertices: the radius that a joint holds, what it does to friction, and the study's command."""
 
+import json
 from math import cos, inf, radians, sin, tan
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 from tenodesis import instrument
-from tenodesis.errors import InstrumentError, StudyError
+from tenodesis.cli import vertices as command
+from tenodesis.errors import CommandError, InstrumentError, StudyError
 from tenodesis.instrument import Instrument
+from tenodesis.paper import rounder_vertices as rounder
+from tenodesis.paper.rounder_vertices import METAL, PLASTIC, SPRINGY, Design, Rope, Study
+from tenodesis.paper.rounder_vertices_report import write
 
-from .conftest import EXAMPLES, load_study
-
-rounder = load_study("vertices")
-METAL, PLASTIC, SPRINGY = rounder.METAL, rounder.PLASTIC, rounder.SPRINGY
-Design, Rope = rounder.Design, rounder.Rope
+from .conftest import EXAMPLES
 
 REFERENCE = 0.27e-3
 STIFF = Rope("stiff", 4e-6)
@@ -28,12 +28,12 @@ def scaled_up() -> Instrument:
 
 
 @pytest.fixture(scope="module")
-def small(scaled_up: Instrument) -> Any:
+def small(scaled_up: Instrument) -> Study:
     held = rounder.radius_limits(scaled_up).largest
     return rounder.study(scaled_up, radii=[held], shares=(0.5,), tendons=(SPRINGY, STIFF), surfaces=(METAL,))
 
 
-def _hysteresis(inst: Instrument, radius: float, rope: Any = SPRINGY, surface: Any = METAL) -> float:
+def _hysteresis(inst: Instrument, radius: float, rope: Rope = SPRINGY, surface: rounder.Surface = METAL) -> float:
     changed = rounder.redesigned(inst, Design(radius, 0.1, rope, surface), REFERENCE)
     return rounder.loop(changed, 1.5)[0]
 
@@ -106,7 +106,7 @@ def test_the_bending_stiffness_of_a_rope_is_that_of_its_wires() -> None:
         rounder.bending_stiffness("1x19", 1e-3, 1e11)
 
 
-def test_the_study_is_finite_and_more_friction_widens_the_loop(small: Any) -> None:
+def test_the_study_is_finite_and_more_friction_widens_the_loop(small: Study) -> None:
     for one in small.outcomes.values():
         assert np.isfinite([one.hysteresis, one.delay, *one.lost, *one.final["paper"], *one.final["robust"]]).all()
     for rope in small.ropes:
@@ -116,27 +116,34 @@ def test_the_study_is_finite_and_more_friction_widens_the_loop(small: Any) -> No
             assert less.delay < more.delay
 
 
-def test_no_radius_saves_the_papers_law_and_half_the_coefficient_does(small: Any) -> None:
+def test_no_radius_saves_the_papers_law_and_half_the_coefficient_does(small: Study) -> None:
     assert small.good_radii(SPRINGY, METAL) == []
     assert small.along_coefficient()[0].worst("paper") <= rounder.GOOD < small.along_coefficient()[1].worst("paper")
     assert "No radius up to the 6.9 mm that the joint holds brings" in rounder.answer(small)
     assert "a coefficient of at most 0.05 instead of 0.1 does" in rounder.answer(small)
 
 
-def test_the_study_writes_its_sweep_and_figure(small: Any, tmp_path: Path) -> None:
-    rounder.write(small, tmp_path)
+def test_the_study_writes_a_page_with_its_figure_and_results(small: Study, tmp_path: Path) -> None:
+    write(small, tmp_path)
+    page = (tmp_path / "vertices.html").read_text("utf-8")
+    assert "<svg" in page
+    assert "<script src" not in page
+    assert "<img" not in page
+    results = json.loads((tmp_path / "results.json").read_text("utf-8"))
+    assert results["answer"] == rounder.answer(small)
+    assert len(results["designs"]) == len(small.outcomes)
     assert (tmp_path / "sweep.csv").read_text("utf-8").count("\n") == len(small.outcomes) + 1
-    assert (tmp_path / "vertices.png").is_file()
-    by_radius, by_coefficient = rounder.tables(small)
-    assert len(by_coefficient.rows) == len(small.coefficients)
-    assert {row[1] for row in by_radius.rows} == {rope.name for rope in small.ropes}
+    assert (tmp_path / "figures/vertices.png").is_file()
 
 
-def test_wrong_inputs_are_one_sentence() -> None:
-    pulley = instrument.load(str(EXAMPLES / "pulley.toml")).planar[0]
+def test_wrong_inputs_are_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(InstrumentError, match=r"^absent: there is no such file"):
+        command.study_vertices("absent")
     with pytest.raises(
         InstrumentError, match=r"^joint_type is 'tendon-pulley'; it must be tendon-gear, whose vertices"
     ):
-        rounder.study(pulley)
+        command.study_vertices(str(EXAMPLES / "pulley.toml"), out=tmp_path)
+    with pytest.raises(CommandError, match=r"^--force = '-1 N'"):
+        command.study_vertices("scaled-up", force="-1 N", out=tmp_path)
     with pytest.raises(InstrumentError, match=r"^friction.vertex_coefficient is 0; it must be above 0"):
         rounder.study(instrument.load("scaled-up").planar[0].replace(friction=None))

@@ -39,6 +39,7 @@ PANELS: dict[str, dict[str, Entry | EntryGroup]] = {
     "Analyse": {
         "loss": Entry("loss.loss"),
         "bench": Entry("bench.bench"),
+        "vertices": Entry("vertices.study_vertices"),
     },
     "Record and control": {
         "record": Entry("recording.record"),

@@ -1,30 +1,20 @@
-"""Rounder vertices, the paper's first wish: what radius, coefficient and rope do to loss, hysteresis and both laws.
-
-Printed are the tables of docs/model.md and the answer; ``--out`` names a folder for the sweep and its figure.
-"""
+"""Rounder vertices, the paper's first wish: what radius, coefficient and rope do to loss, hysteresis and both laws."""
 
 import math
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import law
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from tenodesis import statics
 from tenodesis.control import LawName
 from tenodesis.errors import InstrumentError, NoSolutionError, StudyError
-from tenodesis.instrument import ShortForm, TendonGear, as_short_form
-from tenodesis.paper import published, step_response
+from tenodesis.instrument import ShortForm, TendonGear
+from tenodesis.paper import published, step_load, step_response
 from tenodesis.paper.context import WAYS
-from tenodesis.paper.step_load import step_force
-from tenodesis.report import style
-from tenodesis.report.content import Array, Chart, Plot, Table, fixed
-from tenodesis.report.page import write_columns, write_figure
+from tenodesis.report.content import Array
 from tenodesis.scaling import catalogue
 from tenodesis.simulate import campaign
 from tenodesis.twin import Twin
@@ -44,7 +34,6 @@ _SCAN = 20  # steps up to the coefficient of the file
 _STEP = math.radians(0.1)
 _MOVES = math.radians(0.1)
 _WIRES_ACROSS_STRAND = {7: 3, 19: 5}
-_LINES = ("-", "--", ":")
 
 
 class Surface(NamedTuple):
@@ -355,7 +344,7 @@ def study(
         raise InstrumentError(
             key="friction.vertex_coefficient", value=0, allowed="above 0: friction at the vertices is what is studied"
         )
-    load = step_force(inst) if force is None else force
+    load = step_load.step_force(inst) if force is None else force
     states = held_states(inst)
     if radii is None:
         most = limits.largest
@@ -482,154 +471,3 @@ def answer(found: Study) -> str:
 
 def _coefficient(value: float) -> str:
     return f"at most {value:.2g}" if value > 0 else "none above 0"
-
-
-def _states(found: Study) -> list[str]:
-    return [f"{math.degrees(state):.4g}°" for state in found.states]
-
-
-def _sweep(found: Study) -> dict[str, Array]:
-    """Return the sweep by columns: the design's numbers, then what it costs; NaN where a controller faulted."""
-    designs = list(found.outcomes)
-    outcomes = list(found.outcomes.values())
-    columns = {
-        "radius [m]": np.array([one.radius for one in designs]),
-        "coefficient [1]": np.array([one.coefficient for one in designs]),
-        "bending stiffness [N*m^2]": np.array([one.rope.bending_stiffness for one in designs]),
-        "load index [1]": np.array([one.surface.load_index for one in designs]),
-        "hysteresis [deg]": np.array([one.hysteresis for one in outcomes]),
-        "delay [deg]": np.array([one.delay for one in outcomes]),
-    }
-    for name in LAWS:
-        for n, state in enumerate(found.states):
-            heading = f"final error {name} at {math.degrees(state):.4g} deg [deg]"
-            columns[heading] = np.array([one.final[name][n] for one in outcomes])
-    return columns
-
-
-def tables(found: Study) -> list[Table]:
-    """Return the tables of the page: by radius and rope, and by coefficient."""
-    headings = ["lost", "loop", "delay", *(f"paper {state}" for state in _states(found)), "ours"]
-    by_radius, reference = [], found.reference_radius
-    for surface in found.surfaces:
-        for rope in found.ropes:
-            for radius, one in zip(found.radii, found.along_radius(rope, surface), strict=True):
-                if radius in {reference, found.held_radius}:
-                    by_radius.append([surface.name, rope.name, f"{1e3 * radius:.2g}", *_cells(one)])
-    by_coefficient = [
-        [f"{coefficient:.3g}", *_cells(one)]
-        for coefficient, one in zip(found.coefficients, found.along_coefficient(), strict=True)
-    ]
-    return [
-        Table(
-            f"Coefficient {found.coefficient:.3g}, present vertices and the largest that the joint holds: angle "
-            "lost in the last state with the motors off, loop, delay, final error of the paper’s law by state and the "
-            "worst of ours, deg",
-            ["surface", "rope", "ρ [mm]", *headings],
-            by_radius,
-        ),
-        Table(
-            f"On metal, radius {1e3 * reference:.2g} mm, tendons that spring back: the same by coefficient, deg",
-            ["μ", *headings],
-            by_coefficient,
-        ),
-    ]
-
-
-def _cells(one: Outcome) -> list[str]:
-    worst = one.worst("robust")
-    return [
-        fixed(one.lost[-1]),
-        fixed(one.hysteresis),
-        fixed(one.delay),
-        *(fixed(value) for value in one.final["paper"]),
-        "fault" if math.isinf(worst) else fixed(worst),
-    ]
-
-
-def plot(found: Study) -> Plot:
-    """Return the figure: hysteresis and final errors over radius, final errors over the coefficient."""
-    chart = Chart(Figure(figsize=(9.6, 7.4), layout="constrained"))
-    (first, second), (third, fourth) = chart.figure.subplots(2, 2)
-    radii = chart.keep("radius [mm]", 1e3 * np.array(found.radii))
-    colors = dict(zip(found.surfaces, style.LOADS, strict=False))
-    last = f"at {math.degrees(found.states[-1]):.4g}°"
-
-    def draw(axis: Axes, name: str, of: Any) -> None:
-        for surface in found.surfaces:
-            for rope, line in zip(found.ropes, _LINES, strict=False):
-                values = [of(one) for one in found.along_radius(rope, surface)]
-                heading = f"{name}, {surface.name}, {rope.name} [deg]"
-                chart.curve(axis, radii, heading, values, line, color=colors[surface], marker="o", ms=3.5, lw=1.5)
-        axis.axvline(1e3 * found.limits.largest, color=style.INK, lw=1.0)
-        axis.set(xscale="log", xlabel="vertex radius [mm]")
-        axis.set_xticks(radii, [f"{value:.2g}" for value in radii], minor=False)
-        axis.tick_params(axis="x", rotation=45)
-        axis.minorticks_off()
-
-    draw(first, "hysteresis", lambda one: one.hysteresis)
-    first.set(ylabel="hysteresis [deg]", title="Loop of output over handle angle")
-    first.set_ylim(bottom=0)
-    draw(second, "paper", lambda one: abs(one.final["paper"][-1]))
-    second.set(ylabel="final error [deg]", title=f"Paper's law {last}")
-    draw(third, "robust", lambda one: one.worst("robust"))
-    third.set(ylabel="final error [deg]", title="Robust law, worst of the states")
-    share = chart.keep("coefficient [1]", np.array(found.coefficients))
-    drawn: tuple[tuple[LawName, str, str], ...] = (
-        ("paper", "paper's law", style.ANTAGONIST),
-        ("robust", "robust law", style.AGONIST),
-    )
-    for which, name, color in drawn:
-        values = [one.worst(which) for one in found.along_coefficient()]
-        heading = f"{name} over coefficient [deg]"
-        chart.curve(fourth, share, heading, values, color=color, marker="o", ms=3.5, label=name)
-    fourth.axvline(found.coefficient, color=style.INK, ls=":", lw=1.0)
-    fourth.set(xlabel="vertex coefficient [1]", ylabel="final error [deg]", title="Worst of the states, by coefficient")
-    fourth.legend(loc="upper left")
-    for axis in (second, third, fourth):
-        axis.axhline(GOOD, color=style.REFERENCE, ls="--", lw=1.0)
-        axis.set_ylim(0, max(axis.get_ylim()[1], 1.2 * GOOD))
-    for surface in found.surfaces:
-        for rope, line in zip(found.ropes, _LINES, strict=False):
-            first.plot([], [], line, color=colors[surface], label=f"{surface.name}, {rope.name}")
-    first.plot([], [], color=style.INK, lw=1.0, label="largest radius that the joint holds")
-    handles, names = first.get_legend_handles_labels()
-    chart.figure.legend(handles, names, loc="outside upper left", ncols=len(found.surfaces) + 1)
-    return chart.plot(
-        "vertices",
-        f"{found.inst.name} under {found.force:.3g} N, coefficient {found.coefficient:.3g}. The joint holds "
-        f"{1e3 * found.limits.largest:.2g} mm; dotted: the coefficient of the file; "
-        f"dashed: {GOOD:g}°.",
-    )
-
-
-def write(found: Study, out: Path) -> None:
-    """Write the sweep and its figure into a folder."""
-    out.mkdir(parents=True, exist_ok=True)
-    with style.applied():
-        write_figure(plot(found), out)
-    write_columns(_sweep(found), out / "sweep.csv")
-
-
-def main() -> None:
-    parser = law.arguments(__doc__)
-    parser.add_argument("instrument", nargs="?", default="scaled-up", help="name or file of a planar instrument")
-    parser.add_argument("--force", type=float, help="load at the tip, N; by default that of the load rig or conditions")
-    parser.add_argument("--out", type=Path, help="folder for sweep.csv and the figure")
-    options = parser.parse_args()
-    found = study(as_short_form(options.instrument).planar[0], options.force)
-    for one in tables(found):
-        print(one.caption)
-        widths = [max(map(len, column)) for column in zip(one.columns, *one.rows, strict=True)]
-        for row in (one.columns, *one.rows):
-            print("  " + "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)))
-    limits, shift = found.limits, pretension_shift(found.inst, found.held_radius)
-    print(f"The joint holds vertices of up to {1e3 * limits.largest:.2g} mm, for {limits.reason}; arcs of", end=" ")
-    print(f"{1e3 * found.held_radius:.2g} mm change the pretension by up to {shift:.2g} N, which is left out.")
-    print(answer(found))
-    if options.out is not None:
-        write(found, options.out)
-
-
-if __name__ == "__main__":
-    main()
