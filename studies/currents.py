@@ -124,7 +124,7 @@ HELD = [
     Column("force, N", "force", campaign.rms),
     Column("faults", "faults", campaign.names, ""),
 ]
-FAILED = [Column("further off, deg", "more"), Column("", lambda rows: rows[0]["named"], form="")]
+FAILED = [Column("further off, deg", "more"), Column("named", lambda rows: rows[0]["named"], form="")]
 
 
 def main() -> None:
