@@ -61,7 +61,10 @@ def keep(name: str, table: Table, file: Path = FILE) -> None:
 def flat(tables: Mapping[str, Table]) -> dict[str, tuple[Any, Heading]]:
     """Return each figure by its name: its value, and its column."""
     return {
-        f"{name}.{slug(row)}" + ("" if column.name == "value" else f".{column.name}"): (value, column)
+        f"{name}.{slug(row) if ' ' in row else row}" + ("" if column.name == "value" else f".{column.name}"): (
+            value,
+            column,
+        )
         for name, table in tables.items()
         for row, values in table.rows.items()
         for column, value in zip(table.columns, values, strict=True)
@@ -70,7 +73,7 @@ def flat(tables: Mapping[str, Table]) -> dict[str, tuple[Any, Heading]]:
 
 def slug(text: str) -> str:
     """Return a text as a part of a name."""
-    return re.sub(r"[^\w.]+|(?<!\w)\.|\.(?!\w)", "_", text.lower()).strip("_") or "all"
+    return "_".join(re.sub(r"(?<!\w)\.|\.(?!\w)|[^\w.]", " ", text.lower()).split()) or "all"
 
 
 def _json(value: Any) -> str:
