@@ -60,7 +60,15 @@ def test_every_equation_and_care_point_is_implemented_and_tested(site: Callable[
 @pytest.mark.slow
 @pytest.mark.process
 @pytest.mark.parametrize(
-    "page", ["README.md", "docs/python.md", "docs/joints_and_tendons.md", "docs/twin.md", "docs/experiments.md", "docs/scaling.md"]
+    "page",
+    [
+        "README.md",
+        "docs/python.md",
+        "docs/joints_and_tendons.md",
+        "docs/twin.md",
+        "docs/experiments.md",
+        "docs/scaling.md",
+    ],
 )
 def test_the_python_examples_run_and_print_what_they_say(page: str, tmp_path: Path) -> None:
     code = "".join(re.findall(r"```python\n(.*?)```", (ROOT / page).read_text("utf-8"), re.S))
