@@ -83,7 +83,7 @@ format: build ## Format Python and C++
 	$(BIN)/ruff format .
 	$(BIN)/clang-format -i $(CPP_FILES)
 
-docs: build ## Regenerate what is generated: tables in docs/, the example's controller
+docs: build ## Regenerate what is generated: pictures, the report's figures in docs/results.json, the example's controller
 	$(BIN)/tenodesis export controller scaled-up --homed --own-clock --overwrite --out examples/scaled_up.h
 	$(BIN)/python docs/generate.py
 

@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE / "site_extension"))
+sys.path[:0] = [str(HERE / "site_extension"), str(HERE.parent / "studies")]
 
 import ziamath  # noqa: E402
 
@@ -22,7 +22,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
-    "command_reference",
+    "generated",
     "mathml",
     "repository",
     "shell_cells",

@@ -116,15 +116,15 @@ def failure(row: str, tendon: str, words: str) -> dict[str, Any]:
 
 
 HELD = [
-    Column("RMS", "final", campaign.rms),
+    Column("final error RMS", "final", campaign.rms),
     Column("worst", "final", campaign.farthest),
-    Column("off", "off", campaign.rms),
+    Column("motors off", "off", campaign.rms),
     Column("estimate", "estimate", campaign.rms),
-    Column("NEES", "nees", form=".1f"),
+    Column("NEES, ", "nees", form=".1f"),
     Column("force, N", "force", campaign.rms),
     Column("faults", "faults", campaign.names, ""),
 ]
-FAILED = [Column("further off, deg", "more"), Column("", lambda rows: rows[0]["named"], form="")]
+FAILED = [Column("further off, deg", "more"), Column("named", lambda rows: rows[0]["named"], form="")]
 
 
 def main() -> None:
@@ -133,13 +133,14 @@ def main() -> None:
     options = parser.parse_args()
     cases = campaign.cases(row=options.rows, output=law.OUTPUTS, share=law.ASSUMED)
     rows = campaign.run(held, cases, "currents", results=options.results)
-    print(campaign.table({ROWS[row].words: own for row, own in rows.by("row").items()}, HELD, "final error, deg"))
+    law.show(options, "currents", {ROWS[row].words: own for row, own in rows.by("row").items()}, HELD, "sensors")
     failing = {"geared": "currents of the drive with a gear of 0.9", "cells": "load cells"}
     cases = campaign.cases(row=failing, words=FAILING, tendon=("agonist", "antagonist"))
     failed = campaign.run(failure, cases, "failures")
     for row, words in failing.items():
         print(f"{words} that fail {FAILS:g} s before the load, 67°: how much further off than motors off, at worst")
-        print(campaign.table(failed.where(row=row).by("tendon", "words"), FAILED, ("", "")))
+        groups = failed.where(row=row).by("tendon", "words")
+        law.show(options, f"currents_fail_{row}", groups, FAILED, ("", ""))
 
 
 if __name__ == "__main__":

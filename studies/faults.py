@@ -210,10 +210,10 @@ def counted(rows: Rows, which: str) -> Counter[str]:
 
 
 WATCHED = [
-    Column("hours", "simulated", lambda seconds: sum(seconds) / 3600, ".3f"),
+    Column("simulated, h", "simulated", lambda seconds: sum(seconds) / 3600, ".3f"),
     Column("false", lambda rows: counted(rows, "false").total(), form="d"),
-    Column("", lambda rows: str(dict(counted(rows, "false")) or ""), form=""),
-    Column("a tendon slack, or beyond its limit", lambda rows: str(dict(counted(rows, "true")) or ""), form=""),
+    Column("which", lambda rows: str(dict(counted(rows, "false")) or ""), form=""),
+    Column("a tendon slack or beyond its limit", lambda rows: str(dict(counted(rows, "true")) or ""), form=""),
 ]
 
 
@@ -233,7 +233,7 @@ def main() -> None:
         return row["instrument"], one.law, one.actuation, f"{one.friction:g}", f"{one.stiffness:.3g}"
 
     groups: dict[Any, Rows] = {label(row): Rows([row]) for row in rows}
-    print(campaign.table(groups | {("all", "", "", "", ""): rows}, WATCHED, labels))
+    law.show(options, "faults", groups | {("all", "", "", "", ""): rows}, WATCHED, labels, unit="")
     simulated, false = rows["simulated"].sum(), counted(rows, "false").total()
     print(
         f"{simulated / 3600:.2f} simulated hours, {simulated / TIME_STEP / 1e6:.1f} M ticks, {false} false faults "

@@ -61,7 +61,7 @@ JUDGED = [
     Column("error", "error", form=".3f"),
     Column("worst", "worst", form=".3f"),
     Column("stated", "deviation", form=".3f"),
-    Column("covered", "covered", form=".1%"),
+    Column("covered, ", "covered", form=".1%"),
     Column("eq. 1", "plain", form=".3f"),
 ]
 
@@ -73,7 +73,7 @@ def main() -> None:
     options = parser.parse_args()
     rows = campaign.run(trial, campaign.cases(row=options.rows, work=WORKS), "force", results=options.results)
     groups = {(ROWS[row].words, work): own for (row, work), own in rows.by("row", "work").items()}
-    print(campaign.table(groups, JUDGED, ("what differs, N", "")))
+    law.show(options, "force", groups, JUDGED, ("what differs", ""), unit="N")
     if options.figure:
         case = next(case for case in cases_of(ROWS["two"]) if np.isclose(case.output, np.radians(67)))
         draw(options.figure, case)

@@ -5,11 +5,13 @@ of the tip from where the handle puts it without a load and without friction. Fo
 target, of the run without the fault, and of one whose motors stop when the fault is named, shows what it did itself.
 """
 
+from argparse import Namespace
 from collections import Counter
 from collections.abc import Callable, Iterable
 from itertools import pairwise
 from typing import Any, NamedTuple
 
+import figures
 import law
 import numpy as np
 from law import RATED, differing, eased
@@ -303,24 +305,24 @@ def trial(  # noqa: PLR0917
 
 
 WORKED = [
-    Column("runs", len, form="d"),
-    Column("worse", "worse", np.sum, "d"),
+    Column("runs, ", len, form="d"),
+    Column("worse, ", "worse", np.sum, "d"),
     *(
         Column(f"{words} {of or 'on'}", f"rms{of and '_' + of}", over)
         for words, over in (("mean RMS", np.mean), ("median", np.median))
         for of in ("", "off")
     ),
-    Column("worst more than off: RMS", "more_rms", np.max, "+.2f"),
-    Column("peak", "more_peak", np.max, "+.2f"),
-    Column("restrained", "restrained", form=".1%"),
-    Column("tip, °/s: on", "speed", np.max, ".0f"),
-    Column("off", "speed_off", np.max, ".0f"),
+    Column("worst excess over off: RMS", "more_rms", np.max, "+.2f"),
+    Column("its peak", "more_peak", np.max, "+.2f"),
+    Column("restrained, ", "restrained", form=".1%"),
+    Column("tip's speed on, °/s", "speed", np.max, ".0f"),
+    Column("its speed off, °/s", "speed_off", np.max, ".0f"),
 ]
 FAULTY = [
-    Column("runs", len, form="d"),
-    Column("named", "named", np.sum, "d"),
-    Column("median s", lambda rows: np.median(seconds(rows)), form=".3f"),
-    Column("longest", lambda rows: np.max(seconds(rows)), form=".3f"),
+    Column("runs, ", len, form="d"),
+    Column("named, ", "named", np.sum, "d"),
+    Column("median, s", lambda rows: np.median(seconds(rows)), form=".3f"),
+    Column("longest, s", lambda rows: np.max(seconds(rows)), form=".3f"),
     *(
         Column(f"{words} {of}", f"{when}_{of}", np.max, form)
         for when, words in (("before", "until named:"), ("after", "then:"))
@@ -329,8 +331,8 @@ FAULTY = [
 ]
 NAMES = Column("names", lambda rows: ", ".join(f"{name} {n}" for name, n in named_in(rows).items()), form="")
 BOUNDED = [
-    Column("hull over bound: median", "over_bound", np.median),
-    Column("worst", "over_bound", np.max),
+    Column("hull over bound: median, ", "over_bound", np.median),
+    Column("hull over bound: worst, ", "over_bound", np.max),
 ]
 SPEEDS = (0.3, 1, 3, 10, 21)  # rad/s
 
@@ -343,32 +345,33 @@ def named_in(rows: Rows) -> Counter[str]:
     return Counter(",".join(row["names"]) for row in rows if row["named"])
 
 
-def report_work(rows: Rows) -> None:
+def report_work(options: Namespace, rows: Rows) -> None:
     print("no faults, error of the tip in deg")
     in_order = Rows(sorted(rows, key=lambda row: (row["hand"], row["load"])))
     print(campaign.table(in_order.by("hand", "load"), WORKED, ("hand", "load")))
-    print(campaign.table(rows.by("instrument") | {"all": rows}, WORKED))
+    law.show(options, "harm", rows.by("instrument") | {"all": rows}, WORKED, "instrument")
     print(campaign.verdict(f"RMS beyond off by more than {MORE_RMS:g}°", rows, "more_rms", MORE_RMS))
     print(campaign.verdict(f"peak beyond off by more than {MORE_PEAK:g}°", rows, "more_peak", MORE_PEAK))
     print(campaign.verdict("faults raised", rows, lambda row: len(row["faults"])))
 
 
-def report_faults(rows: Rows) -> None:
+def report_faults(options: Namespace, rows: Rows) -> None:
     print(f"one fault each at {FAULT:g} s: the tip in deg beyond motors off, and outside the hull")
-    print(campaign.table(rows.by("kind"), [*FAULTY, NAMES], "fault"))
+    law.show(options, "harm_faults", rows.by("kind") | {"all": rows}, [*FAULTY, NAMES], "fault")
     beyond = f"beyond motors off by more than {MORE_IN_FAULT:g}°"
     print(campaign.verdict(f"{beyond} until it is named", rows, "before_off", MORE_IN_FAULT))
     print(campaign.verdict(f"{beyond} from then on", rows, "after_off", MORE_IN_FAULT))
 
 
-def report_run_aways(rows: Rows) -> None:
+def report_run_aways(options: Namespace, rows: Rows) -> None:
     print(f"a motor that runs away at {FAULT:g} s, and the next second")
     for kind, own in rows.by("kind").items():
-        bands = {
+        bands = {"all": own} | {
             f"{low:g} to {min(high, 20):g} {kind}": Rows(row for row in own if low <= row["speed"] < high)
             for low, high in pairwise(SPEEDS)
         }
-        print(campaign.table({label: band for label, band in bands.items() if band}, [*FAULTY, *BOUNDED], "rad/s"))
+        found = {label: band for label, band in bands.items() if band}
+        law.show(options, f"harm_{figures.slug(kind)}", found, [*FAULTY, *BOUNDED], "rad/s")
         print(campaign.verdict(f"{kind} beyond {MORE_THAN_BOUND:g} of the bound", own, "over_bound", MORE_THAN_BOUND))
 
 
@@ -390,13 +393,13 @@ def main() -> None:
         return campaign.run(trial, given, title, results=options.results)
 
     if options.runs:
-        report_work(rows("without faults", cases(options.runs)))
+        report_work(options, rows("without faults", cases(options.runs)))
     # In pairs, so that each kind comes to each instrument.
     kinds = list(KINDS)
     faults = [case | {"kind": kinds[n // len(names) % len(kinds)]} for n, case in enumerate(cases(options.faults))]
-    report_faults(rows("faults", sorted(faults, key=lambda case: kinds.index(case["kind"]))))
+    report_faults(options, rows("faults", sorted(faults, key=lambda case: kinds.index(case["kind"]))))
     away = [case for relay in (False, True) for case in cases(options.faults // 2, relay=relay)]
-    report_run_aways(rows("run-aways", away))
+    report_run_aways(options, rows("run-aways", away))
 
 
 if __name__ == "__main__":

@@ -7,10 +7,12 @@ friction and stiffness other than the controller assumes, should all end at the 
 """
 
 import functools
+from argparse import Namespace
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import figures
 import law
 import numpy as np
 from currents import GEARED
@@ -231,17 +233,18 @@ def trial(name: str, number: int, wrong: bool, currents: bool) -> dict[str, Any]
 
 
 ENDED = [
-    Column("starts", len, form="d"),
-    Column("refused", "refused", np.sum, "d"),
-    Column("rightly named", "right", np.sum, "d"),
+    Column("starts, ", len, form="d"),
+    Column("refused, ", "refused", np.sum, "d"),
+    Column("rightly named, ", "right", np.sum, "d"),
     Column("tip moved, deg", "moved", np.max),
     Column("longest, s", "seconds", np.max, ".1f"),
     Column("other answers", "other", lambda values: ", ".join(sorted({*values} - {""})), ""),
 ]
 
 
-def report_wrong(rows: Rows) -> None:
-    print(campaign.table(rows.by("label") | {"all": rows}, ENDED, "what is wrong"))
+def report_wrong(options: Namespace, name: str, rows: Rows) -> None:
+    name = f"homing_{figures.slug(name)}{'_currents' if options.currents else ''}"
+    law.show(options, name, rows.by("label") | {"all": rows}, ENDED, "what is wrong")
     print(campaign.verdict(f"tip moved beyond {ALLOWED:g}°", rows, "moved", ALLOWED))
     for label in ("load on the tip", "cell not tared"):
         taken = rows.where(label=label, refused=False)
@@ -292,7 +295,7 @@ def main() -> None:
         print(f"{instrument(name, options.currents).name}:")
         report_known(instrument(name, options.currents))
         rows = campaign.run(trial, cases, name, results=options.results)
-        report_wrong(rows.where(wrong=True))
+        report_wrong(options, name, rows.where(wrong=True))
         report_healthy(rows.where(wrong=False))
 
 

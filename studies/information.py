@@ -153,10 +153,10 @@ def bounds(number: int, state: float) -> dict[str, float]:
 
 
 BOUNDS = [
-    Column(f"sensors alone: {EARLY:g} s after the load", "early", campaign.rms, ".4f"),
-    Column("at the end", "late", campaign.rms, ".4f"),
-    Column(f"{MODEL_ERROR:g} N for {MODEL_TIME:g} s: at the end", "modelled", campaign.rms, ".3f"),
-    Column("worst", "modelled", np.max, ".3f"),
+    Column(f"sensors alone, {EARLY:g} s after the load, deg", "early", campaign.rms, ".4f"),
+    Column("sensors alone, at the end, deg", "late", campaign.rms, ".4f"),
+    Column(f"equations wrong by {MODEL_ERROR:g} N, deg", "modelled", campaign.rms, ".3f"),
+    Column("the same worst", "modelled", np.max, ".3f"),
 ]
 
 
@@ -165,7 +165,7 @@ def main() -> None:
     cases = campaign.cases(number=range(len(ROWS)), state=law.OUTPUTS)
     rows = campaign.run(bounds, cases, "information", results=options.results)
     print(f"least error of any estimator, deg RMS over {', '.join(f'{one:g}' for one in law.OUTPUTS)}°, scaled-up")
-    print(campaign.table({ROWS[n].words: own for n, own in rows.by("number").items()}, BOUNDS, "unknown"))
+    law.show(options, "information", {ROWS[n].words: own for n, own in rows.by("number").items()}, BOUNDS, "unknown")
 
 
 if __name__ == "__main__":

@@ -2,10 +2,14 @@
 
 import argparse
 import functools
+import sys
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import figures
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +17,8 @@ import tenodesis as tn
 from tenodesis.errors import FaultWarning
 from tenodesis.instrument import Instrument
 from tenodesis.run import Run
+from tenodesis.simulate import campaign
+from tenodesis.simulate.campaign import Column, Rows
 from tenodesis.simulate.command import SMOOTH
 from tenodesis.twin import TIME_STEP
 
@@ -70,6 +76,45 @@ def arguments(doc: str | None, instruments: Iterable[str] = ()) -> argparse.Argu
     warnings.simplefilter("ignore", FaultWarning)
     parser = argparse.ArgumentParser(description=(doc or "").splitlines()[0])
     parser.add_argument("--results", type=Path, help="JSON file of all runs, from which a stopped study goes on")
+    parser.add_argument("--figures", type=Path, help="JSON file into which the tables are written: docs/results.json")
     if instruments:
         parser.add_argument("--instrument", choices=[*instruments], action="append", help="by default all")
     return parser
+
+
+def show(
+    options: argparse.Namespace,
+    name: str,
+    groups: Mapping[Any, Rows],
+    columns: Sequence[Column],
+    heading: str | Sequence[str] = "",
+    *,
+    unit: str = "deg",
+) -> None:
+    """Print a table, and write it into the file of figures, if there is one.
+
+    What follows the last comma of a column's heading is its unit, others have that of the table.
+    """
+    printed = [replace(column, heading=column.heading.removesuffix(", ")) for column in columns]
+    print(campaign.table(groups, printed, heading))
+    if options.figures is None:
+        return
+    headings = []
+    for column in columns:
+        text, _, own = column.heading.rpartition(", ")
+        text, own = (text, own) if text else (own, unit if column.form else "")
+        headings.append(figures.Heading(figures.slug(text), text, own, column.form))
+    rows = {
+        " ".join(str(part) for part in label if part != "") if isinstance(label, tuple) else str(label): [
+            one.value(own) for one in columns
+        ]
+        for label, own in groups.items()
+    }
+    command = " ".join(["python", f"studies/{Path(sys.argv[0]).name}", *_without_files(sys.argv[1:])])
+    of = heading if isinstance(heading, str) else " ".join(filter(None, heading))
+    figures.keep(name, figures.Table(command, of, headings, rows), options.figures)
+
+
+def _without_files(words: Sequence[str]) -> list[str]:
+    pairs = zip(["", *words], words, strict=False)
+    return [word for last, word in pairs if not {last, word} & {"--figures", "--results"}]

@@ -318,22 +318,22 @@ def judge(row: str, seeds: int = 1, drawn: bool = False, seconds: float = SECOND
 
 
 JUDGED_BY = [
-    Column("final error: RMS", "final_rms"),
-    Column("worst", "final_worst"),
-    Column("off: RMS", "off_rms"),
-    Column("worst", "off_worst"),
-    Column("3 s on: worst", "later_worst"),
-    Column("estimate: RMS", "estimate_rms", form=".3f"),
-    Column("NEES: mean", "nees", form=".1f"),
-    Column("worst", "nees_worst", form=".1f"),
-    Column("swing: end", "swing"),
-    Column("off", "swing_off"),
-    Column("longer", "swing_since"),
-    Column("scale: least", "least_scale"),
-    Column("most", "most_scale"),
+    Column("final error RMS", "final_rms"),
+    Column("final error worst", "final_worst"),
+    Column("motors off RMS", "off_rms"),
+    Column("motors off worst", "off_worst"),
+    Column("3 s after the load worst", "later_worst"),
+    Column("estimate RMS", "estimate_rms", form=".3f"),
+    Column("NEES, ", "nees", form=".1f"),
+    Column("NEES worst, ", "nees_worst", form=".1f"),
+    Column("swing", "swing"),
+    Column("swing off", "swing_off"),
+    Column("swing since", "swing_since"),
+    Column("least friction scale, ", "least_scale"),
+    Column("most friction scale, ", "most_scale"),
     Column("highest tension, N", "highest_tension", form=".0f"),
     Column("presses, N", "touch"),
-    Column("off", "touch_off"),
+    Column("presses off, N", "touch_off"),
     Column("faults", "faults", campaign.names, ""),
 ]
 
@@ -348,11 +348,8 @@ def main() -> None:
     names = options.rows or list(ROWS)[: 3 if options.quick else None]
     cases = campaign.cases(row=names, seeds=[options.seeds], drawn=[options.drawn])
     rows = campaign.run(judge, cases, "plants", results=options.results)
-    print(
-        campaign.table(
-            {ROWS[name].words: own for name, own in rows.by("row").items()}, JUDGED_BY, "deg, by what differs"
-        )
-    )
+    groups = {ROWS[name].words: own for name, own in rows.by("row").items()}
+    law.show(options, "plants_drawn" if options.drawn else "plants", groups, JUDGED_BY, "what differs")
 
 
 if __name__ == "__main__":

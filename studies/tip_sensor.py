@@ -49,11 +49,11 @@ def run(work: harm.Work, target: harm.Array, lasting: float) -> harm.Array:
 
 
 FOUND = [
-    Column("worse", "worse", np.sum, "d"),
-    Column("by RMS", "more_rms", lambda values: sum(np.array(values) > harm.MORE_RMS), "d"),
-    Column("by peak", "more_peak", lambda values: sum(np.array(values) > harm.MORE_PEAK), "d"),
+    Column("worse, ", "worse", np.sum, "d"),
+    Column("by RMS, ", "more_rms", lambda values: sum(np.array(values) > harm.MORE_RMS), "d"),
+    Column("by peak, ", "more_peak", lambda values: sum(np.array(values) > harm.MORE_PEAK), "d"),
     Column("mean RMS", "rms"),
-    Column("off", "rms_off"),
+    Column("motors off", "rms_off"),
 ]
 
 
@@ -67,7 +67,7 @@ def main() -> None:
     cases = campaign.cases(number=range(options.runs), seed=[options.seed], lasting=LASTING)
     rows = campaign.run(trial, cases, "tip sensor", results=options.results)
     print(f"{options.runs} runs, tip measured without error, error in deg")
-    print(campaign.table(rows.by("lasting"), FOUND, "given back: what has lasted, s"))
+    law.show(options, "tip_sensor", rows.by("lasting"), FOUND, "given back: what has lasted, s")
 
 
 if __name__ == "__main__":

@@ -54,7 +54,7 @@ PRESSED = [
     if (what, which) != ("swing", "ratio")
 ]
 RATIOS = [
-    Column(f"{what} over off, {words}", f"{what}_ratio", over)
+    Column(f"{words} {what} over off, ", f"{what}_ratio", over)
     for what in ("peak", "final")
     for words, over in (("mean", np.nanmean), ("worst", np.nanmax))
 ]
@@ -72,7 +72,14 @@ def main() -> None:
     print(f"contact force, N; the tip in the last {END:g} s, deg peak to peak; a hand at and tissue from, deg, load")
     columns = [*PRESSED, Column("faults", "faults", campaign.names, "")]
     print(campaign.table(rows.by("instrument", "state", "stiffness"), columns, ("instrument", "state", "N/mm")))
-    print(campaign.table(rows.by("instrument"), [*RATIOS, Column("largest force, N", "peak_on", np.max)]))
+    law.show(
+        options,
+        "tissue",
+        rows.by("instrument"),
+        [*RATIOS, Column("largest force, N", "peak_on", np.max)],
+        "instrument",
+        unit="",
+    )
     for target in TARGETS:
         print(campaign.verdict(target[0], rows, *target[1:]))
 

@@ -9,8 +9,10 @@ Randall, J. Appl. Physiol. 23, 1967; Elble, Koller, Tremor, 1990) and is that of
 muscle force excites (Lakie et al., J. Physiol. 593, 2015).
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import figures
 import law
 import numpy as np
 from scipy import linalg, signal
@@ -190,18 +192,27 @@ SHAKEN = [
     Column("motors turn", "moving", np.max, ".0%"),
     Column("faults", "faults", campaign.names, ""),
 ]
-FOLLOWED = [Column(name.replace("_", ", "), name) for name in ("on", "on_still", "off", "off_still")]
+FOLLOWED = [Column(name.replace("_", " "), name) for name in ("on", "on_still", "off", "off_still")]
 
 
-def report_summary(name: str, rows: Rows) -> None:
-    print(campaign.verdict(f"{name}: beyond motors off + {MORE:g}°", rows, "more", MORE))
-    moves = rows["swing_off"] > MORE
-    moved, held = (rows["swing"] / rows["swing_off"])[moves], (rows["swing"] / rows["swing_free"])[~moves]
-    print(
-        f"    median of the swing {np.median(moved):.2f} of motors off in the {moved.size} cells where that moves the "
-        f"tip, {np.median(held):.2f} of no friction in the {held.size} where friction holds it; "
-        f"{sum(bool(row['faults']) for row in rows)} with faults"
-    )
+def ratios(over: str, *, moved: bool) -> Callable[[Rows], float]:
+    """Return the median of the swing over another, where motors off move the tip, or where friction holds it."""
+
+    def ratio(rows: Rows) -> float:
+        chosen = (rows["swing_off"] > MORE) == moved
+        return float(np.median((rows["swing"] / rows[over])[chosen]))
+
+    return ratio
+
+
+SUMMARY = [
+    Column("cells, ", len, form="d"),
+    Column("beyond motors off, ", lambda rows: (rows["more"] > MORE).sum(), form="d"),
+    Column("worst excess", "more", np.max),
+    Column("swing over motors off where the tip moves, ", ratios("swing_off", moved=True)),
+    Column("swing over no friction where it is held, ", ratios("swing_free", moved=False)),
+    Column("largest torque, N m", "torque", np.max),
+]
 
 
 def report_prediction(inst: Instrument, rows: Rows) -> None:
@@ -231,9 +242,11 @@ def main() -> None:
             f"{name}: {INTENT:g}° at {INTENT_RATE:g} Hz meant at the handle; RMS error of the tip in deg, with tremor"
         )
         print(f"  of {SMALL:g}° at {TREMOR:g} Hz and without, still")
-        print(campaign.table(swayed.where(instrument=name).by("angle", "load"), FOLLOWED, ("at, deg", "load")))
+        groups = swayed.where(instrument=name).by("angle", "load")
+        law.show(options, f"tremor_meant_{figures.slug(name)}", groups, FOLLOWED, ("at", "load"))
+    law.show(options, "tremor", shaken.by("instrument"), SUMMARY, f"swing beyond motors off by {MORE:g}°")
     for name in names:
-        report_summary(name, shaken.where(instrument=name))
+        print(campaign.verdict(f"{name}: beyond motors off + {MORE:g}°", shaken.where(instrument=name), "more", MORE))
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ are those of both angles over the last half second, against the unloaded instrum
 
 from typing import Any
 
+import figures
 import law
 import numpy as np
 from numpy.typing import NDArray
@@ -131,7 +132,8 @@ def main() -> None:
     for name in options.name or FORCES:
         print(f"{name}, {FORCES[name]:g} N in {len(DIRECTIONS)} directions, friction 0.7, 1, 1.3 of what is assumed")
         rows = study(name, results=options.results)
-        print(campaign.table(rows.by("state") | {("all", ""): rows}, columns, ("yaw,", "pitch")))
+        groups = rows.by("state") | {("all", ""): rows}
+        law.show(options, f"wrist_{figures.slug(name)}", groups, columns, ("yaw,", "pitch"))
         print("targets 0.3 RMS, 0.7 worst, 0.3 push")
         start, least, most = grip_kept(name)
         print(f"grip of {start:.2f} N while the wrist moves: {least:.3f} to {most:.3f} of it (target 0.95 to 1.05)\n")

@@ -1,26 +1,17 @@
-"""Write the reference of the commands from the commands themselves, where a page says {{commands}}."""
+"""The reference of the commands, from the commands themselves."""
 
 from collections.abc import Iterator, Mapping
 
 import typer
-from sphinx.application import Sphinx
 from typer.cli import get_docs_for_click
 
 from tenodesis.cli.app import built, load
 from tenodesis.cli.table import COMMANDS, Entry, EntryGroup
 
-_HERE = "{{commands}}"
 
-
-def setup(app: Sphinx) -> dict[str, bool]:
-    """Register the replacement."""
-    app.connect("source-read", _write)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
-
-
-def _write(app: Sphinx, page: str, source: list[str]) -> None:
-    if _HERE in source[0]:
-        source[0] = source[0].replace(_HERE, "\n".join(_texts("tenodesis", COMMANDS)))
+def text() -> str:
+    """Return the help of every command as Markdown."""
+    return "\n".join(_texts("tenodesis", COMMANDS))
 
 
 def _texts(prefix: str, commands: Mapping[str, Entry | EntryGroup]) -> Iterator[str]:

@@ -17,7 +17,7 @@ from tenodesis.instrument import InstrumentLike
 ObserverName: TypeAlias = Literal["paper", "exact", "friction"]
 """How the tip is estimated: by eq. 19 as printed, by the exact statics, or with friction."""
 LawName: TypeAlias = Literal["off", "paper", "paper-feedback", "exact", "robust"]
-"""How the motors are commanded; the laws are described in docs/controller.md."""
+"""How the motors are commanded; docs/controller.md says when to use which."""
 ActuationName: TypeAlias = Literal["agonist", "differential"]
 Precision: TypeAlias = Literal["double", "single"]
 

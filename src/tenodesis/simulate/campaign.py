@@ -276,9 +276,13 @@ class Column:
     form: str = ".2f"
     """As :func:`format` takes it, of numbers; empty for a column of text"""
 
+    def value(self, rows: Rows) -> Any:
+        """Return the statistic of rows."""
+        return self.of(rows) if callable(self.of) else self.statistic([row[self.of] for row in rows])
+
     def cell(self, rows: Rows) -> str:
         """Return the statistic of rows as text."""
-        value = self.of(rows) if callable(self.of) else self.statistic([row[self.of] for row in rows])
+        value = self.value(rows)
         return value if isinstance(value, str) else format(value, self.form)
 
 

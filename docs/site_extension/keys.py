@@ -1,6 +1,4 @@
-"""The table of every key of every file, from the models that read the files."""
-
-# ruff: noqa: E501 - rows of Markdown tables cannot be broken
+"""Tables of every key of every file, from the models that read the files."""
 
 import inspect
 import math
@@ -19,77 +17,14 @@ from tenodesis.simulate.protocol import Protocol
 from tenodesis.tolerance.files import Tolerances
 from tenodesis.units import READABLE, Quantity, in_unit, quantity_of
 
-_PROSE = {
-    "head": """# All keys of all files
-
-Made by `make docs` from the models that read the files; do not edit.
-
-Files are TOML. A quantity is text with its unit, such as `"2 mm"` or `"45 deg"`: any unit of the right kind does. A key without a default must be given, where the
-default says *required*; where it says –, the last column says what happens without it. `tenodesis schema` prints the same as a JSON schema, by which editors complete
-and check.
-
-| file | what it describes | example |
-|---|---|---|
-| [instrument](#instrument-file) | one instrument: its joints and tendons, and what else is known of it | short form: [pulley.toml](../examples/pulley.toml); joints and tendons: [needle-driver.toml](../instruments/needle-driver.toml) |
-| [protocol](#protocol-file) | an experiment on the bench, phase by phase | [protocol.toml](../examples/protocol.toml) |
-| [motion](#motion-file) | a recorded motion of the handle, CSV | |
-| [catalogue](#catalogue-file) | parts and constraints for scale models | |
-| [tolerances](#tolerance-file) | what varies in manufacture, and by how much | [tolerances.toml](../examples/tolerances.toml) |
-""",
-    "instrument": """## Instrument file
-
-![Dimensions of a straight instrument and of a bent joint](dimensions.svg)
-
-A file has one of two forms: with `joint_type`, the short form of joints in one plane or two, each with a pair of tendons of its own; or with `[[joints]]` and `[[tendons]]`, where
-a tendon may cross several joints ([explained](joints_and_tendons.md)). The short form is written out as joints and tendons when it is read.
-Tendons need a stiffness: `tendon_stiffness`, or `tendon_diameter`, `tendon_modulus` and a length. In the names of tables `AXIS` is `yaw` or `pitch`.
-""",
-    "protocol": "## Protocol file\n",
-    "motion": """## Motion file
-
-A CSV file with commas and a header of names; lines that begin with `#` are comments. A phase of kind `motion` names the columns.
-
-| column | unit | meaning | allowed |
-|---|---|---|---|
-| as `time_column` says, by default `time` | s | time of the sample | increases strictly; two samples or more |
-| as `angle_column` says, by default `angle` | as `angle_unit` says: `deg` or `rad` | recorded angle; the handle's is `scale` times it plus `offset` | a finite number; the handle angle must be \
-within the instrument's ranges, unless `limit = true` |
-
-Other columns are ignored.
-""",
-    "catalogue": """## Catalogue file
-
-Parts are single, or series that differ in size only; a table is a series where it has the plural key (`diameters`, `radii`, `masses`).
-""",
-    "tolerances": "## Tolerance file\n",
-}
 _HEADER = "| key | unit | default | allowed | meaning |\n|---|---|---|---|---|"
 _IN_FILES = READABLE | {"N*m*s": "N*m*s", "rad/s^2": "rad/s^2"}
 
 
-def page() -> str:
-    """Return the page."""
-    return "\n".join(
-        [
-            _PROSE["head"],
-            _PROSE["instrument"],
-            *_instrument(),
-            _PROSE["protocol"],
-            *_sections(Protocol, "the protocol"),
-            _PROSE["motion"],
-            _PROSE["catalogue"],
-            *_sections(CatalogueFile, "the catalogue"),
-            _PROSE["tolerances"],
-            *_sections(Tolerances, "the study"),
-        ]
-    )
-
-
-def models() -> list[type[BaseModel]]:
-    """Return every model whose keys a file may have."""
-    kinds = (*JOINT_TYPES.values(), FullForm, Protocol, CatalogueFile, Tolerances)
-    found = [model for kind in kinds for model in _below(kind)]
-    return list(dict.fromkeys(found))
+def tables(of: str) -> str:
+    """Return the tables of a kind of file: "instrument", "protocol", "catalogue" or "tolerances"."""
+    files = {"protocol": Protocol, "catalogue": CatalogueFile, "tolerances": Tolerances}
+    return "\n".join(_instrument() if of == "instrument" else _sections(files[of]))
 
 
 def key(name: str, field: FieldInfo) -> str:
@@ -118,8 +53,8 @@ def _own(kind: type[BaseModel], base: type[BaseModel]) -> dict[str, FieldInfo]:
     return {name: field for name, field in kind.model_fields.items() if name not in base.model_fields}
 
 
-def _sections(kind: type[BaseModel], name: str) -> Iterator[str]:
-    yield f"### Keys of {name}\n\n{_HEADER}"
+def _sections(kind: type[BaseModel]) -> Iterator[str]:
+    yield f"### Keys of the {kind.__name__.removesuffix('File').lower()}\n\n{_HEADER}"
     yield from (_row(name, field) for name, field in kind.model_fields.items())
     yield ""
     yield from _tables_of(kind)
