@@ -59,7 +59,9 @@ class CanBus:
         try:
             self._open = can.Bus(interface=settings.interface, channel=settings.channel, **options)
         except (*_ERRORS, ImportError, TypeError) as problem:
-            raise DeviceError(f"{self.name} cannot be opened: {cause(problem)}") from None
+            raise DeviceError(
+                f"{self.name} cannot be opened: {cause(problem)}", key="devices.canopen.channel", value=settings.channel
+            ) from None
 
     def close(self) -> None:
         """Close the bus, unless it was given."""
@@ -216,7 +218,10 @@ class CanOpenDevice(Bench):
             if message is not None and message.arbitration_id == self._beat_id:
                 raise DeviceError(
                     f"{self._can.name} is served by another program already: it carries heartbeats of node "
-                    f"{self._settings.master}, which is master; end that program first, or choose another master."
+                    f"{self._settings.master}, which is master; end that program first, or choose another master.",
+                    key="devices.canopen.master",
+                    value=self._settings.master,
+                    allowed="the only master",
                 )
 
     def _prepare(self) -> None:

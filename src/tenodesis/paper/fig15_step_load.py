@@ -93,7 +93,7 @@ def _hold(inst: ShortForm, desired: float, force: float) -> State:
             break
         handle = float(np.clip(handle + slope * missed, -inst.handle_range, inst.handle_range))
     if abs(missed) >= _TOLERANCE:
-        raise NoSolutionError(f"{inst.name} does not reach {np.degrees(desired):.4g} deg.")
+        raise NoSolutionError(f"{inst.name} does not reach {np.degrees(desired):.4g} deg.", key="angle", value=desired)
     done = protocol(inst, handle, force)
     run = simulate.execute(twin.Twin(inst, seed=_SEED), done)
     first = int(np.argmax(run["force"] > 0))

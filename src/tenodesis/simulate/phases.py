@@ -290,7 +290,11 @@ class Cycles(Loaded):
             far = unloaded_handle_angle(start.plane, "output_amplitude", self.output_amplitude or 0.0)
         near = -far if self.symmetric else start.reached("from", self.start)
         if near == far:
-            raise ProtocolError("the cycles start at their far end; give an amplitude that differs from the start")
+            raise ProtocolError(
+                "the cycles start at their far end; give an amplitude that differs from the start",
+                key="amplitude",
+                allowed="different from the start",
+            )
         return near, far
 
     def segments(self, start: Start) -> Iterator[Segment]:

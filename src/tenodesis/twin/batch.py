@@ -135,7 +135,7 @@ def run_many(
         many = _axes(_instruments(chosen, vary or {}), arguments, contact, seeds, steps)
     count = many.rows.shape[1]
     if not count:
-        raise ArgumentError("handle_angle is empty; it must have one step or more.", key="handle_angle")
+        raise ArgumentError(key="handle_angle", value=[], allowed="of one step or more")
     if not (isinstance(every, int | np.integer) and 1 <= every <= count):
         allowed = f"an integer from 1 to {count}, the number of steps"
         raise ArgumentError(key="every", value=every, allowed=allowed)
@@ -174,9 +174,7 @@ def _kept(signals: Sequence[str], core: TwinCore, *, controlled: bool) -> dict[s
             kept[name] = [known[signal][core.names.column(signal, column)]] if column else known[signal]
         except KeyError:
             allowed = f"one of {', '.join(known)}, or a column of one"
-            raise ArgumentError(
-                f"signals has {name!r}; it must be {allowed}.", key="signals", value=name, allowed=allowed
-            ) from None
+            raise ArgumentError(key="signals", value=name, allowed=allowed) from None
     return kept
 
 
@@ -214,7 +212,12 @@ def _axes(
     insts = insts * runs if len(insts) == 1 else insts
     for name, count in (("commands are", shape[0]), ("contact is", len(tissue))):
         if count not in (1, runs):
-            raise ArgumentError(f"{name} for {count} runs, instruments for {runs}; it must be the same.")
+            raise ArgumentError(
+                f"{name} for {count} runs, instruments for {runs}; it must be the same.",
+                key=name,
+                value=count,
+                allowed=f"of {runs} runs",
+            )
     prescribed = [one for one in insts if not one.dynamics.hand_stiffness]
     if prescribed:
         narrowest = min(prescribed, key=lambda one: one.handle_range)
@@ -255,7 +258,7 @@ def _axes(
 def _varied(insts: list[Any], vary: Mapping[str, ArrayLike]) -> list[Any]:
     """Return an instrument for each run, with its values."""
     if not insts:
-        raise ArgumentError("inst is empty; it must be one instrument or more.", key="inst")
+        raise ArgumentError(key="inst", value=[], allowed="one instrument or more")
     columns = {key: np.atleast_1d(np.asarray(values)) for key, values in vary.items()}
     for key, column in columns.items():
         if column.ndim != 1 or not column.size or column.dtype == object:

@@ -74,7 +74,12 @@ def load(path: Path) -> MeasuredRun:
     names = [one.name for one in headings]
     missing = [name for name in NEEDED if name not in names]
     if missing:
-        raise IdentificationError(f"{path.name} has no column {', '.join(missing)}; it must have {', '.join(NEEDED)}")
+        raise IdentificationError(
+            f"{path.name} has no column {', '.join(missing)}; it must have {', '.join(NEEDED)}",
+            key="columns",
+            value=missing,
+            allowed=", ".join(NEEDED),
+        )
     places = {ours: names.index(theirs) for theirs, ours in NEEDED.items()}
     units = {ours: headings[at].unit for ours, at in places.items()}
     raw = Raw(path.name, table.column(places["time"]), {name: table.column(places[name]) for name in TENSIONS})

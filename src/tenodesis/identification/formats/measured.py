@@ -67,7 +67,10 @@ class MeasuredRun:
             return self.columns[column]
         except KeyError:
             raise IdentificationError(
-                f"{self.name} has no column {column!r}; it has {', '.join(self.columns)}"
+                f"{self.name} has no column {column!r}; it has {', '.join(self.columns)}",
+                key="columns",
+                value=column,
+                allowed=f"among {', '.join(self.columns)}",
             ) from None
 
     def __len__(self) -> int:
