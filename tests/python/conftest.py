@@ -14,7 +14,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 import tenodesis as tn
-from tenodesis.errors import ArgumentError, Error
+from tenodesis.errors import ArgumentError, Error, IdentificationError, ProtocolError
 from tenodesis.instrument import Instrument
 
 if TYPE_CHECKING:
@@ -77,15 +77,22 @@ def any_inst(request: pytest.FixtureRequest) -> Instrument:
     return inst
 
 
+PARTS = (IdentificationError, ProtocolError)
+"""Errors whose sentences are often parts of longer ones."""
+
+
 @contextmanager
-def refused(key: str, value: Any = ..., kind: type[Error] = ArgumentError) -> Iterator[pytest.ExceptionInfo[Error]]:
-    """Expect an error about this key and value, whatever its wording."""
+def refused(
+    key: str, value: Any = ..., kind: type[Error] = ArgumentError, allowed: str = ""
+) -> Iterator[pytest.ExceptionInfo[Error]]:
+    """Expect an error about this key and value, and with this in what it allows, whatever its wording."""
     with pytest.raises(kind) as caught:
         yield caught
     assert caught.value.key == key
     if value is not ...:
         np.testing.assert_equal(caught.value.value, value)
-    assert str(caught.value).endswith(".")
+    assert allowed in caught.value.allowed
+    assert kind in PARTS or str(caught.value).endswith(".")
 
 
 @pytest.fixture

@@ -21,6 +21,8 @@ from tenodesis.errors import DeviceError, InstrumentError
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 
+from .conftest import refused
+
 PERIOD_NS = 500_000
 
 TABLES = """
@@ -254,7 +256,7 @@ def test_a_device_that_cannot_be_made_is_one_sentence(name: str, named: str) -> 
 
 
 def test_a_bad_duration_is_refused(inst: Instrument) -> None:
-    with pytest.raises(DeviceError, match=r"--seconds is -1; it must be a time"):
+    with refused("--seconds", -1, kind=DeviceError):
         measure(Scripted(inst, EVEN), inst, -1)
 
 

@@ -308,11 +308,11 @@ def test_an_axis_that_is_not_there_cannot_bend():
 
 def test_goals_that_cannot_be_reached_are_named_alone_and_nan_in_arrays():
     upright = [1.0, 0.0, 0.0, 0.0]
-    with pytest.raises(tn.NoSolutionError, match="no posture brings the tip there"):
+    with refused("goal", kind=tn.NoSolutionError):
         km.inverse(REAL, [0.0, 0.0, 0.03], upright)
     both = km.inverse(REAL, [[0.0, 0.0, 0.03], [0.0, 0.0, 0.2]], upright)
     assert np.isnan(both.pan).tolist() == [True, False]
-    with pytest.raises(tn.NoSolutionError, match=r"no posture brings the tip there; .* or in another orientation"):
+    with refused("goal", kind=tn.NoSolutionError):
         km.inverse(REAL, [0.0, 0.0, 0.2], [0.0, 1.0, 0.0, 0.0])  # it would have to look back at the port
     for far in (1e7, -1e200):
         with refused("position", far):

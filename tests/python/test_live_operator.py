@@ -25,6 +25,7 @@ from tenodesis.live.server import Server
 from tenodesis.live.ticks import Reader
 from tenodesis.recording import Recording
 
+from .conftest import refused
 from .test_live import looped, until
 from .test_live_server import operating
 
@@ -273,7 +274,7 @@ def test_a_folder_that_others_can_enter_is_refused(tmp_path):
     (tmp_path / "open").mkdir()
     (tmp_path / "open").chmod(0o755)
     given = SimpleNamespace(folder=tmp_path / "open", instrument="scaled-up")
-    with pytest.raises(LiveError, match=r"is open to others \(mode 055\)"):
+    with refused("folder", kind=LiveError, allowed="its owner's alone"):
         servers._made(given)
     assert list((tmp_path / "open").iterdir()) == []
 

@@ -24,6 +24,7 @@ from tenodesis.live.status import ProtocolState
 from tenodesis.live.ticks import Reader
 from tenodesis.recording import Recording
 
+from .conftest import refused
 from .test_live import INST, looped, until
 
 pytestmark = pytest.mark.process
@@ -180,7 +181,7 @@ def test_a_protocol_runs_at_a_request_and_is_recorded_whole(served):
         'name = "turn"\n[[phases]]\nkind = "ramp"\nhandle_angle = "20 deg"\nduration = "1 s"\n'
     )
     one.play(protocol)
-    with pytest.raises(LiveError, match="the protocol turn runs"):
+    with refused("protocol", "turn", kind=LiveError):
         one.hand([0.0])
     path = one.status().recording
     until(lambda: not one.status().protocol.runs)

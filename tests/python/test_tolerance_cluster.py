@@ -25,6 +25,7 @@ from tenodesis.errors import StudyError
 from tenodesis.instrument import Instrument
 from tenodesis.tolerance import conduct
 
+from .conftest import refused
 from .test_tolerance import FEW, assert_same, varied
 
 # Not imported here, since Ray reads how to authenticate when it is.
@@ -248,5 +249,5 @@ def test_what_listens_but_is_no_cluster_is_given_up_in_time(
 
 def test_without_ray_the_extra_is_named(real: Instrument, scaled: Instrument, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(StudyError, match=r"Ray is not installed; pip install 'tenodesis\[cluster\]'"):
+    with refused("module", "ray", kind=StudyError):
         tolerance.study(real, scaled, varied(*FEW), samples=8, engine="ray", address="127.0.0.2:6379")

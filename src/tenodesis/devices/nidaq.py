@@ -389,7 +389,7 @@ class NiDaqDevice(Bench):
             try:
                 self._tasks.close()
             except DeviceError as worse:
-                raise DeviceError(f"{problem} {worse}") from None
+                raise DeviceError(f"{problem} {worse}", key=worse.key, value=worse.value) from None
             raise
         self._opened = True
         self.capabilities = replace(self.capabilities, stops_alone=self._tasks.stops_alone)
@@ -476,7 +476,7 @@ class NiDaqDevice(Bench):
         try:
             self.close()
         except DeviceError as worse:
-            self._failed = DeviceError(f"{problem} {worse}")
+            self._failed = DeviceError(f"{problem} {worse}", key=problem.key, value=problem.value)
         raise self._failed
 
 

@@ -311,7 +311,7 @@ class SerialDevice(Device):
         Raises DeviceError if the link has failed.
         """
         if self._controller is None:
-            raise DeviceError("the board is not open; open it first.")
+            raise DeviceError("the board is not open; open it first.", key="state", value="closed")
         measured = self._answered(self._controller) if self._bench is None else self._heard(self._bench, timeout)
         if self._controller.problem is not None:
             raise DeviceError(

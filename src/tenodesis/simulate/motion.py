@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from tenodesis.errors import ProtocolError
+from tenodesis.errors import ArgumentError, ProtocolError
 from tenodesis.files import read_regular
 from tenodesis.run import Array
 from tenodesis.simulate.command import Segment
@@ -64,7 +64,9 @@ class Motion(Loaded):
     def _check_readable(self, info: ValidationInfo) -> Self:
         check_choice(self, "file", "data")
         if self.file is not None and (info.context or {}).get("folder", Path()) is None:
-            raise ValueError("file is given in a text that is no file itself; it must be data")
+            raise ArgumentError(
+                "file is given in a text that is no file itself; it must be data", key="file", allowed="data"
+            )
         _ = self.samples
         return self
 
