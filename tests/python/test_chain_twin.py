@@ -391,6 +391,6 @@ def test_rows_and_columns_are_found_by_name() -> None:
     assert run["tension." + inst.tendons[2].name].shape == (50,)
     assert "output_angle.pitch [rad]" in run.to_pandas().columns
     assert len(run.rows(10, 20)) == 10
-    with pytest.raises(KeyError, match="not among the columns"):
+    with pytest.raises(KeyError):
         run["output_angle.roll"]
     assert list(itertools.islice(run.signals(), 1)) == ["commanded_handle_angle"]

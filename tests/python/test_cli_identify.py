@@ -209,13 +209,13 @@ def test_what_is_no_regular_file_is_never_replaced(logs: list[Path], tmp_path: P
 
 def test_what_cannot_be_asked_is_one_sentence(logs: list[Path], tmp_path: Path) -> None:
     for arguments, reason in (
-        ((tmp_path / "none.txt",), "LOG is .*none.txt, which does not exist"),
-        ((logs[0], "--test", logs[0]), "is given as LOG and as --test; give it once"),
-        ((logs[0], logs[0]), "is given as LOG and as LOG"),
+        ((tmp_path / "none.txt",), "LOG is .*none.txt'; it must be the path of a recording"),
+        ((logs[0], "--test", logs[0]), "--test is .* given once, not as LOG too"),
+        ((logs[0], logs[0]), "LOG is .* given once, not as LOG too"),
         ((logs[0], "--law", "dahl"), "--law is 'dahl'; it must be one of none, coulomb, capstan"),
         ((logs[0], "--format", "xls"), "--format is 'xls'; it must be one of davinci-tool"),
         ((logs[0], "--bootstrap", 5), "--bootstrap is 5; it must be 0 for none, or at least 40"),
-        ((logs[0], "--train-until", 1), r"--train-until is 1; it must be between 0\.05 and 0\.95"),
+        ((logs[0], "--train-until", 1), r"--train-until is 1\.0; it must be between 0\.05 and 0\.95"),
         ((logs[0], "--train-from", -0.1), r"--train-from is -0\.1; it must be between 0\.05 and 0\.95"),
         ((logs[0], "--train-until", 0.5, "--train-from", 0.5), "are both given; give one of them"),
     ):

@@ -156,7 +156,7 @@ def test_what_is_missing_or_not_there_is_named() -> None:
         with pytest.raises(InstrumentError, match=rf"devices\.canopen\.{group}\.{name} is missing; hybrid"):
             wired_by(inst, CanOpen.model_validate(without(values, group, name)))
     more = {**values, "joints": {**values["joints"], "elbow": values["joints"]["jaw"] | {"sub": 99}}}
-    with pytest.raises(InstrumentError, match="joints names elbow; it must be among yaw, pitch, jaw"):
+    with pytest.raises(InstrumentError, match="joints is 'elbow'; it must be among yaw, pitch, jaw"):
         wired_by(inst, CanOpen.model_validate(more))
     assert not wired_by(inst, CanOpen.model_validate(without(values, "joints", "jaw"))).distal
     with pytest.raises(ValueError, match="nor tendons; give one table"):

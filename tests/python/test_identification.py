@@ -376,9 +376,9 @@ def test_too_few_samples_are_refused_by_number() -> None:
     ("changes", "reason"),
     [
         ({"train": []}, "train is empty"),
-        ({"train": [0, 0]}, "run 0 \\(run 0\\) is given twice"),
-        ({"test": [0]}, "is given twice among train and test"),
-        ({"test": [2]}, "test names run 2; runs must be 0 to 1"),
+        ({"train": [0, 0]}, "test is 0; it must be given once among train and test"),
+        ({"test": [0]}, "test is 0; it must be given once"),
+        ({"test": [2]}, "test is 2; it must be 0 to 1"),
         ({"free": ["gian"]}, "'gian', which is no parameter; it must name some of gain, offset"),
         ({"free": []}, "free is empty"),
         ({"starts": 0}, "starts is 0"),

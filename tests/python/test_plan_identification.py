@@ -249,8 +249,8 @@ def test_mean_of_rounded_samples_has_the_deviation_that_is_predicted() -> None:
         ({"want": ["colour"]}, r"want names 'colour'.*it must name some of stiffness, .*stiffness_ratio"),
         ({"want": []}, "want is empty"),
         ({"duration": 0.3}, r"duration is 0\.3 s, too short: .*takes 1\.26 s"),
-        ({"duration": -1.0}, r"duration is -1 s; it must be above 0 s and up to 600 s"),
-        ({"forces": [-1.0]}, r"forces names -1 N; forces must be above 0 N"),
+        ({"duration": -1.0}, r"duration is -1.0; it must be above 0 s and up to 600 s"),
+        ({"forces": [-1.0]}, r"forces is -1.0; it must be above 0 N"),
         ({"criterion": "E"}, r"criterion is 'E'; it must be D or A"),
         ({"want": ["mismatch.output_encoder_offset"], "distal_encoder": False}, "there is no distal encoder"),
         ({"law": "wet"}, "law is 'wet'; it must be"),
@@ -295,14 +295,14 @@ def test_command_writes_protocol_page_figure_and_numbers(app: typer.Typer, tmp_p
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("options", "key"),
     [
-        (["--duration", "30"], "--duration = '30': it has no unit"),
-        (["--forces", "1 N,2 mm"], "--forces = '2 mm'"),
+        (["--duration", "30"], "--duration"),
+        (["--forces", "1 N,2 mm"], "--forces"),
     ],
 )
-def test_command_refuses_what_it_does_not_understand(app: typer.Typer, options: list[str], message: str) -> None:
-    with pytest.raises(CommandError, match=message):
+def test_command_refuses_what_it_does_not_understand(app: typer.Typer, options: list[str], key: str) -> None:
+    with refused(key, kind=CommandError):
         run(app, "scaled-up", *options)
 
 

@@ -167,7 +167,7 @@ BEYOND: list[tuple[Callable[[], Any], str, str]] = [
         "output_amplitude",
         "cycles): output_amplitude is 90 deg; it must be within the output range of ±80 deg.",
     ),
-    (lambda: Cycles(amplitude=0, speed=1, count=1), "", "cycles): the cycles start at their far end"),
+    (lambda: Cycles(amplitude=0, speed=1, count=1), "amplitude", "cycles): the cycles start at their far end"),
     (lambda: StepLoad(handle_angle=1, force=1, duration=1), "handle_angle", "step-load): handle_angle is 57.2958 deg"),
     (
         lambda: StepLoad(output_angle=1.5, force=1, duration=1),
@@ -177,8 +177,8 @@ BEYOND: list[tuple[Callable[[], Any], str, str]] = [
     (lambda: Ramp(handle_angle=-1, duration=1), "handle_angle", "ramp): handle_angle is -57.2958 deg"),
     (lambda: Hold(axis="pitch", duration=1), "axis", "hold): axis is pitch; it must be yaw, which scaled-up has."),
     (lambda: Pretension(axis="pitch"), "axis", "pretension): axis is pitch"),
-    (lambda: Hold(duration="2 h"), "", "hold): the run lasts 2 h by its end; it must last at most 1 h in all"),
-    (lambda: Cycles(amplitude=0.1, period=1e5, count=1_000_000), "", "cycles): the run lasts "),
+    (lambda: Hold(duration="2 h"), "duration", "hold): the run lasts 2 h by its end; it must last at most 1 h in all"),
+    (lambda: Cycles(amplitude=0.1, period=1e5, count=1_000_000), "duration", "cycles): the run lasts "),
 ]
 
 

@@ -294,10 +294,10 @@ def test_weights_that_cannot_set_a_force_are_refused_with_the_nearest_set() -> N
 
 def test_an_incomplete_catalogue_is_refused_by_what_it_lacks() -> None:
     parts = scaling.load()
-    for key, message in (("ropes", "ropes"), ("load_cells", "load cells"), ("weights", "weights")):
-        with pytest.raises(DesignError, match=f"has no {message}"):
+    for key in ("ropes", "load_cells", "weights"):
+        with refused(key, kind=DesignError):
             scaling.design(tn.load("real-size"), parts.model_copy(update={key: ()}))
-    with pytest.raises(TypeError, match="real_size is 3; it must be an instrument"):
+    with pytest.raises(TypeError):
         scaling.design(3)  # type: ignore[arg-type]
     with refused("combinations", 0):
         scaling.design(tn.load("real-size"), combinations=0)
