@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import pytest
@@ -95,26 +95,47 @@ def refused(
     assert kind in PARTS or str(caught.value).endswith(".")
 
 
+Ended: TypeAlias = tuple[int, str, str, BaseException | None]
+
+
 @pytest.fixture
-def tenodesis(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., tuple[int, str, str]]:
-    """Run the command line in this process, in a folder of its own; returns exit code, output and errors."""
+def ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Ended]:
+    """Run the command line here, in a folder of its own; returns exit code, output, errors and the exception."""
     from tenodesis.cli import commands, common
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "140")
     monkeypatch.setattr(common.console, "width", 140)  # which has been read when the module was first imported
 
-    def run(*arguments: object) -> tuple[int, str, str]:
+    def run(*arguments: object) -> Ended:
         monkeypatch.setattr(sys, "argv", ["tenodesis", *map(str, arguments)])
-        code = 0
+        code, problem = 0, None
         try:
             commands.main()
         except SystemExit as end:
-            code = int(end.code or 0)
+            code, problem = int(end.code or 0), end.__context__
         said = capsys.readouterr()
-        return code, said.out, said.err
+        return code, said.out, said.err, problem
+
+    return run
+
+
+@pytest.fixture
+def tenodesis(ended: Callable[..., Ended]) -> Callable[..., tuple[int, str, str]]:
+    """Run the command line; returns exit code, output and errors."""
+    return lambda *arguments: ended(*arguments)[:3]
+
+
+@pytest.fixture
+def declined(ended: Callable[..., Ended]) -> Callable[..., Error]:
+    """Run a command that must end in one sentence and exit code 1; returns the error."""
+
+    def run(*arguments: object) -> Error:
+        code, _, wrong, problem = ended(*arguments)
+        assert (code, len(wrong.strip().splitlines())) == (1, 1), wrong
+        assert isinstance(problem, Error)
+        assert wrong == f"tenodesis: {problem}\n"
+        return problem
 
     return run
 

@@ -228,18 +228,6 @@ def test_what_cannot_be_asked_is_one_sentence(logs: list[Path], tmp_path: Path) 
     assert not (tmp_path / "out").exists()
 
 
-def test_outputs_that_cannot_be_written_are_refused_before_the_fit(
-    logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(identify, "fit", lambda *_, **__: pytest.fail("fitted before it asked"))
-    for place in (logs[1] / "numbers.json", Path("/dev/null/numbers.json")):
-        with refused("--json-out", kind=CommandError):
-            run(logs[0], "--out", tmp_path / "out", "--json-out", place)
-        with refused("--out", kind=CommandError):
-            run(logs[0], "--out", place)
-    assert not (tmp_path / "out").exists()
-
-
 def test_nothing_is_written_inside_an_input(logs: list[Path], tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     bag.mkdir()

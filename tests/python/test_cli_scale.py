@@ -13,9 +13,8 @@ import pytest
 import tenodesis as tn
 from tenodesis import cad
 from tenodesis.cli import cad as cli_cad
-from tenodesis.errors import InstrumentError
+from tenodesis.errors import Error, InstrumentError
 from tenodesis.instrument import Instrument
-from tenodesis.scaling import PINS
 from tenodesis.simulate.execution import check_controllable
 
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
@@ -173,49 +172,28 @@ def test_an_objective_takes_the_best_of_all_designs_by_it(tenodesis: Command, tm
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("arguments", "key"),
     [
-        (["--catalogue", "nowhere.toml"], "nowhere.toml: there is no such file and no catalogue of that name; "),
-        (["--pin", "overall_length"], "--pin is 'overall_length'; it must be KEY=VALUE"),
-        (["--pin", "overall_length=1"], "overall_length = '1' is pinned: it has no unit"),
-        (["--pin", "size=1 m"], f"size cannot be pinned; keys that can are {PINS[0]}"),
-        (["--pin", "rope=a", "--pin", "rope=b"], "--pin names rope twice"),
-        (["--pick", "0"], "--pick is 0; it must be a row of the front, from 1 to"),
+        (["--catalogue", "nowhere.toml"], "file"),
+        (["--pin", "overall_length"], "--pin"),
+        (["--pin", "overall_length=1"], "overall_length"),
+        (["--pin", "size=1 m"], "size"),
+        (["--pin", "rope=a", "--pin", "rope=b"], "--pin"),
+        (["--pick", "0"], "--pick"),
         (["--as-built", "0.3"], "--as-built"),
-        (["--objective", "cheapest", "--pick", "1"], "--objective is cheapest and --pick is 1; give one of them."),
-        (["--combinations", "0"], "combinations is 0; it must be an integer"),
-        (
-            ["--factor", "4", "--pin", "factor=3"],
-            "--factor is 4 and --pin names factor as well; give one of them.",
-        ),
-        (["--factor", "1"], "factor = 1 needs a distal radius of 2 mm, which no wheel"),
+        (["--objective", "cheapest", "--pick", "1"], "--pick"),
+        (["--combinations", "0"], "combinations"),
+        (["--factor", "4", "--pin", "factor=3"], "--pin"),
+        (["--factor", "1"], "distal_gear_radius"),
     ],
 )
-def test_mistakes_are_one_sentence(tenodesis: Command, tmp_path: Path, arguments: list[str], message: str) -> None:
+def test_a_mistake_is_refused_by_its_key(
+    declined: Callable[..., Error], tmp_path: Path, arguments: list[str], key: str
+) -> None:
     if "--combinations" not in arguments:
         arguments = [*arguments, "--combinations", "5000"]
-    code, _, wrong = tenodesis("scale", "real-size", *arguments)
-    assert code == 1
-    assert message in wrong
-    assert "Traceback" not in wrong
+    assert declined("scale", "real-size", *arguments).key == key
     assert not (tmp_path / "prototype").exists()
-
-
-def test_nothing_is_written_over_unless_asked(tenodesis: Command, tmp_path: Path) -> None:
-    (tmp_path / "prototype").mkdir()
-    (tmp_path / "prototype/plan.pdf").write_text("mine")
-    code, _, wrong = tenodesis("scale", "real-size", "--combinations", 5000)
-    assert code == 1
-    assert "prototype/plan.pdf exists already; give another path, or --overwrite." in wrong
-    assert [path.name for path in (tmp_path / "prototype").iterdir()] == ["plan.pdf"]
-    assert (tmp_path / "prototype/plan.pdf").read_text() == "mine"
-
-
-def test_a_folder_that_cannot_be_written_is_told(tenodesis: Command, tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    code, _, wrong = tenodesis("scale", "real-size", "--combinations", 5000, "--out", "file/inside")
-    assert code == 1
-    assert "file/inside cannot be written" in wrong
 
 
 def test_schemas_of_every_kind_of_file_are_printed(tenodesis: Command) -> None:

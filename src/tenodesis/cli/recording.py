@@ -249,7 +249,8 @@ def _progress(path: Path) -> Iterator["_Interruptible"]:
         except ValueError as problem:
             if not shown.called:
                 raise
-            raise CommandError(f"{str(problem).rstrip('.')}; {_recorded(path)}.") from problem
+            key = problem.key if isinstance(problem, Error) else ""
+            raise CommandError(f"{str(problem).rstrip('.')}; {_recorded(path)}.", key=key) from problem
         finally:
             signal.signal(signal.SIGINT, before)
 
