@@ -27,7 +27,7 @@ from tenodesis.cli.common import (
 from tenodesis.cli.outputs import FIGURE, RECORDING, TABLES, Outputs, output
 from tenodesis.control import Controller
 from tenodesis.control.controller import ActuationName, LawName, ObserverName
-from tenodesis.errors import CommandError, CommandInterruptedError, ProtocolError
+from tenodesis.errors import CommandError, CommandInterruptedError, Error, ProtocolError
 from tenodesis.files import write_errors
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.live import event_summary

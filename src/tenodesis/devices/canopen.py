@@ -521,9 +521,9 @@ class CanOpenDevice(Bench):
             self._note("missing", f"{self._named(frame.node)} has not answered a SYNC.")
             self.problem = known or self.problem
             if self._missed[can_id] * self._period > self._loss:
+                name = self._named(frame.node)
                 self._fail(
-                    f"{self._named(frame.node)} has measured nothing for {self._missed[can_id]} samples. {self.problem}",
-                    frame.node,
+                    f"{name} has measured nothing for {self._missed[can_id]} samples. {self.problem}", frame.node
                 )
 
     def _named(self, node: int) -> str:
