@@ -287,7 +287,7 @@ def test_messages_that_came_twice_or_out_of_order_are_left_out_and_said(plain: P
     assert len(loaded) == len(whole)
     assert loaded["handle_angle"] == pytest.approx(whole["handle_angle"], abs=1e-3)
     back = {HANDLE: lambda all_: [*all_[1000:], *all_[:1000]]}
-    with pytest.raises(IdentificationError, match=rf"b.db3: {HANDLE}: 1000 of \d+ rows are out of order"):
+    with refused("time", 1000, kind=IdentificationError):
         read(as_sqlite(plain, tmp_path / "b.db3", edit=back), "mcap")
 
 
@@ -319,9 +319,7 @@ def test_a_tendon_without_a_joint_of_its_own_is_said(plain: Path, tmp_path: Path
 
 def test_stamps_are_seconds_whatever_their_interval(plain: Path, tmp_path: Path) -> None:
     slow = {topic.name: lambda all_: all_[::1300] for topic in schemas.topics(Names.paired(["yaw"]))}
-    with pytest.raises(
-        IdentificationError, match=r"time rises by 0\.65 a row \(median\), which is no clock of 2 Hz to 50 kHz in s$"
-    ):
+    with refused("time", 0.65, kind=IdentificationError):
         read(as_sqlite(plain, tmp_path / "a.db3", edit=slow), "mcap")
 
 

@@ -163,5 +163,5 @@ def test_a_short_form_has_the_joints_and_tendons_that_it_stands_for(real: tn.Ins
 def test_a_joint_that_no_force_reaches_must_be_a_jaw_of_known_length() -> None:
     values = tomllib.loads(text("hybrid-real-size"))
     del values["grip"]["length"]
-    with pytest.raises(InstrumentError, match="joint jaw is the last; its end_effector_length must be given"):
+    with refused("end_effector_length", kind=InstrumentError):
         instrument.expanded("hybrid-real-size").replace(grip=values["grip"])

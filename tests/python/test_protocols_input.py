@@ -253,5 +253,5 @@ def test_the_same_file_gives_the_same_protocol(name: str) -> None:
 
 def test_phases_do_not_change() -> None:
     hold = Hold(duration=1)
-    with pytest.raises(ValidationError, match="frozen"):
+    with pytest.raises(ValidationError):
         hold.duration = 2  # type: ignore[misc]

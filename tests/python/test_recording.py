@@ -320,11 +320,11 @@ def test_tables_are_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pyt
     with monkeypatch.context() as patch:
         patch.setattr(Path, "replace", fails)
         for write in (recording.to_csv, recording.to_parquet):
-            with pytest.raises(RecordingError, match=r"run.csv cannot be written: No space left on device\."):
+            with refused("path", kind=RecordingError):
                 write(target)
     assert target.read_text() == "before"
     assert {path.name for path in tmp_path.iterdir()} == {"run.mcap", "run.csv"}
-    with pytest.raises(RecordingError, match="cannot be written: No such file or directory"):
+    with refused("path", kind=RecordingError):
         recording.to_csv(tmp_path / "none" / "run.csv")
 
 
