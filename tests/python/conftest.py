@@ -19,6 +19,7 @@ from tenodesis.instrument import Instrument
 
 if TYPE_CHECKING:
     from tenodesis.console import Page
+    from tenodesis.identification.formats.instrument_run import InstrumentRun
 
     from .console_stand_in import StandIn
     from .live_loop import LiveLoop
@@ -138,6 +139,26 @@ def declined(ended: Callable[..., Ended]) -> Callable[..., Error]:
         return problem
 
     return run
+
+
+@pytest.fixture(scope="session")
+def log(tmp_path_factory: pytest.TempPathFactory, scaled: Instrument) -> Path:
+    """A recording of the scaled-up instrument."""
+    from tenodesis.recording.simulation import record
+
+    from .recording_files import PROTOCOL
+
+    path = tmp_path_factory.mktemp("formats") / "run.mcap"
+    record(scaled, PROTOCOL, path, seed=2)
+    return path
+
+
+@pytest.fixture(scope="session")
+def recorded(log: Path) -> "InstrumentRun":
+    """That recording as it is read for identification."""
+    from .recording_files import read
+
+    return read(log)
 
 
 @pytest.fixture

@@ -18,7 +18,6 @@ from tenodesis.instrument.devices import CanOpen
 
 from .can_bench import (
     AGONIST,
-    ANTAGONIST,
     HEARTBEAT,
     RATE,
     SENSORS,
@@ -29,7 +28,6 @@ from .can_bench import (
     moves,
     reopened,
     served,
-    stops,
     table,
     tick,
 )
@@ -74,28 +72,6 @@ def test_an_emergency_that_is_over_stops_nobody(inst: Instrument) -> None:
         tick(device, clock)
         tick(device, clock)
         assert moves(bench)
-
-
-def test_an_emergency_is_named_and_stops_all_motors(inst: Instrument) -> None:
-    with served(inst) as (device, bench, clock):
-        tick(device, clock)
-        tick(device, clock)
-        assert moves(bench)
-        bench.drives[AGONIST].emergency(EMERGENCY_OVERVOLTAGE)
-        stops(
-            device,
-            bench,
-            r"agonist drive of yaw \(node 1\) reports an emergency: 0x3210 \(overvoltage of the supply\)",
-            lambda: [tick(device, clock) for _ in range(3)],
-        )
-
-
-def test_a_drive_that_leaves_operation_stops_the_other_too(inst: Instrument) -> None:
-    with served(inst) as (device, bench, clock):
-        tick(device, clock)
-        bench.mangle = lambda can_id, data: None if can_id == 0x80 + ANTAGONIST else data  # its emergency is lost
-        bench.drives[ANTAGONIST].fault(0x8611)
-        stops(device, bench, r"node 2\) is in state fault", lambda: [tick(device, clock) for _ in range(3)])
 
 
 def test_a_fault_at_the_start_is_reset_once(inst: Instrument) -> None:

@@ -5,26 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import tenodesis as tn
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.recording import Recording
-from tenodesis.recording.simulation import record
 
 from .conftest import refused
-from .recording_files import PROTOCOL, headed, read, same, table
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("formats") / "run.mcap"
-    record(tn.load("scaled-up"), PROTOCOL, path, seed=2)
-    return path
-
-
-@pytest.fixture(scope="module")
-def recorded(log: Path) -> InstrumentRun:
-    return read(log)
+from .recording_files import headed, read, same, table
 
 
 def test_an_export_is_the_recording(recorded: InstrumentRun, log: Path, tmp_path: Path) -> None:

@@ -13,23 +13,10 @@ from tenodesis.errors import IdentificationError
 from tenodesis.identification import measured
 from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.recording import Recording, container, schemas
-from tenodesis.recording.simulation import record
 from tenodesis.run import Names, Run
 
 from .conftest import refused
-from .recording_files import PROTOCOL, read, same
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("formats") / "run.mcap"
-    record(tn.load("scaled-up"), PROTOCOL, path, seed=2)
-    return path
-
-
-@pytest.fixture(scope="module")
-def recorded(log: Path) -> InstrumentRun:
-    return read(log)
+from .recording_files import read, same
 
 
 def test_a_recording_has_every_column_and_its_instrument(recorded: InstrumentRun, log: Path) -> None:
