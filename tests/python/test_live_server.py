@@ -60,16 +60,16 @@ def operating(folder):
 def test_one_operates_and_others_watch_until_they_take_over(served):
     folder, _ = served
     one, other = Client(folder, "one"), Client(folder, "other")
-    with pytest.raises(LiveError, match="one only watches; there is no operator"):
+    with refused("operator", None, kind=LiveError, allowed="one"):
         one.request("enable")
     assert one.acquire()
     assert not other.acquire()
     one.request("enable")
-    with pytest.raises(LiveError, match="other only watches; one operates"):
+    with refused("operator", "one", kind=LiveError, allowed="other"):
         other.hand([0.1])
     until(lambda: one.status().state == "ENABLED")
     assert other.acquire(force=True)
-    with pytest.raises(LiveError, match="one only watches; other operates"):
+    with refused("operator", "other", kind=LiveError, allowed="one"):
         one.hand([0.1])
     # Anyone may stop.
     one.stop()

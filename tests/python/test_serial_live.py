@@ -352,7 +352,7 @@ def test_a_board_that_measures_nothing_is_refused(tmp_path: Path, scaled: Instru
 
     with (
         sb.served(sb.FakeBoard(reply)) as address,
-        pytest.raises(DeviceError, match=r"measures nothing by itself; it must be a board .* sensors of its own"),
+        refused("port", kind=DeviceError, allowed="sensors of its own"),
     ):
         LiveLoop(with_board(scaled, "board"), tmp_path, Choices(device="serial", address=address))
 
