@@ -132,8 +132,9 @@ def declined(ended: Callable[..., Ended]) -> Callable[..., Error]:
     """Run a command that must end in one sentence and exit code 1; returns the error."""
 
     def run(*arguments: object) -> Error:
-        code, _, wrong, problem = ended(*arguments)
+        code, said, wrong, problem = ended(*arguments)
         assert (code, len(wrong.strip().splitlines())) == (1, 1), wrong
+        assert not said or "--json" not in arguments
         assert isinstance(problem, Error)
         assert wrong == f"tenodesis: {problem}\n"
         return problem
