@@ -95,8 +95,8 @@ class Outputs:
             if place.is_dir() and any(place.iterdir()):
                 raise CommandError(
                     f"{place} exists already; give another path, or --overwrite.",
+                    key=given[0][0],
                     value=place,
-                    key="--out",
                     allowed="a path that does not exist, or --overwrite",
                 )
         before = {path: _version(path) for _, path in given}
@@ -109,8 +109,8 @@ class Outputs:
                     except BlockingIOError:
                         raise CommandError(
                             f"{path} is being written by another command; wait for it, or give another path.",
+                            key={one: option for option, one in given}.get(path, given[0][0]),
                             value=path,
-                            key="--out",
                             allowed="written by nobody else",
                         ) from None
             try:
