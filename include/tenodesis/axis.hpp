@@ -36,7 +36,7 @@ struct Axis {
 
 /// Tendon length that the handle draws on the agonist and lets out on the antagonist, m.
 template <class A, class S>
-S drawn_length(const A& axis, const S& handle_angle) {
+S handle_excursion(const A& axis, const S& handle_angle) {
   return axis.proximal.excursion_slope() * axis.proximal.coordinate(handle_angle);
 }
 

@@ -51,10 +51,10 @@ template <bool serial = false, class W, class S, int K>
     for (int i = 0; i < N; ++i) at.x[i] = at.x[i] + L(column[i]) * pull[j];
   }
   const auto keep = [&](const auto& condition) { worst.v = condition ? worst.v : L(S(0)).v; };
-  L drawn[M];
-  chain.excursions(at.x, drawn);
+  L excursion[M];
+  chain.excursions(at.x, excursion);
   for (int m = 0; m < M; ++m)
-    if (chain.stiffness[m] > S(0)) keep(chain.stretched(m, wound[m], drawn[m]).v >= L(S(0)).v);
+    if (chain.stiffness[m] > S(0)) keep(chain.stretched(m, wound[m], excursion[m]).v >= L(S(0)).v);
   L start[N];
   for (int i = 0; i < N; ++i) start[i] = at.x[i];
   L last(S(0)), before(S(0));

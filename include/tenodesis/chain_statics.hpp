@@ -91,11 +91,11 @@ template <bool serial = false, class W, class T>
   ChainBalance<T, N> at{};
   Bend<T> bend[N];
   for (int i = 0; i < N; ++i) bend[i] = Bend<T>(chain.joint[i], x[i]);
-  T moment[N], rate[N][N], drawn[M];
+  T moment[N], rate[N][N], excursion[M];
   chain.template load_moments<serial>(bend, load, moment, rate);
-  chain.excursions(x, drawn);
+  chain.excursions(x, excursion);
   for (int m = 0; m < M; ++m) {
-    const T tension = chain.stretched(m, wound[m], drawn[m]);
+    const T tension = chain.stretched(m, wound[m], excursion[m]);
     const T pull = larger(tension, T(0));
     const T stiffness = if_above(tension, T(chain.stiffness[m]), T(chain.stiffness[m] * slack));
     for (int i = 0; i < N; ++i) {
@@ -105,13 +105,19 @@ template <bool serial = false, class W, class T>
         at.slope.at[i][j] = at.slope.at[i][j] - stiffness * T(chain.arm[m][i] * chain.arm[m][j]);
     }
   }
+  T angle[N];
   for (int i = 0; i < N; ++i) {
     for (int j = 0; j < i; ++j) at.slope.at[j][i] = at.slope.at[i][j];
     const auto& joint = chain.joint[i];
-    if (joint.stiffness > typename W::S(0)) {
-      moment[i] = moment[i] - T(joint.stiffness) * angle_at(joint.mechanism, x[i]);
-      rate[i][i] = rate[i][i] - T(joint.stiffness);
-    }
+    const bool is_sprung = joint.stiffness > typename W::S(0);
+    if (is_sprung || chain.has_ties()) angle[i] = angle_at(joint.mechanism, x[i]);
+    if (!is_sprung) continue;
+    moment[i] = moment[i] - T(joint.stiffness) * angle[i];
+    rate[i][i] = rate[i][i] - T(joint.stiffness);
+  }
+  if (chain.has_ties()) {
+    chain.add_ties(angle, moment);
+    chain.add_tie_rates(T(1), rate);
   }
   for (int i = 0; i < N; ++i) {
     const T& per = bend[i].per_turn;
@@ -136,6 +142,8 @@ Square<S, W::joints> unloaded_stiffness(const W& chain) {
     const S per_turn = Bend<S>(chain.joint[i], S(0)).per_turn;
     stiffness.at[i][i] = stiffness.at[i][i] + chain.joint[i].stiffness * per_turn * per_turn;
   }
+  // As of coordinates that are angles; Newton's iteration corrects what gears make of them.
+  chain.add_tie_rates(S(-1), stiffness.at);
   return stiffness;
 }
 
@@ -198,14 +206,18 @@ inline constexpr S no_stiffness = sizeof(S) == 4 ? S(1e-5) : S(1e-11);
 template <class W, class S = W::S>
 bool loose(const W& chain, const S* wound, const ChainLoad<S>& load, const S* x) {
   constexpr int N = W::joints, M = W::tendons;
-  S drawn[M];
-  chain.excursions(x, drawn);
+  S excursion[M];
+  chain.excursions(x, excursion);
   bool slack = false;
   S taut[N];
   for (int i = 0; i < N; ++i) taut[i] = chain.joint[i].stiffness;
+  chain.each_tie([&](int i, const Tie<S>& tie) {
+    taut[i] = taut[i] + tie.stiffness;
+    taut[tie.to] = taut[tie.to] + tie.ratio * tie.ratio * tie.stiffness;
+  });
   for (int m = 0; m < M; ++m) {
     if (!(chain.stiffness[m] > S(0))) continue;
-    slack = slack || !(chain.stretched(m, wound[m], drawn[m]) > S(0));
+    slack = slack || !(chain.stretched(m, wound[m], excursion[m]) > S(0));
     for (int i = 0; i < N; ++i) taut[i] = taut[i] + chain.stiffness[m] * chain.arm[m][i] * chain.arm[m][i];
   }
   if (!slack) return false;
@@ -323,10 +335,10 @@ Status answer(const W& chain, const S* wound, const ChainLoad<S>& load, const S*
   }
   chain.load_moments(bend, ChainLoad<S>{{}, S(1), load.in_stem_axes}, moment, rate);
   rates(moment, [&](int i, const S& by) { out.by_grip[i] = by; });
-  S drawn[M];
-  chain.excursions(x, drawn);
+  S excursion[M];
+  chain.excursions(x, excursion);
   for (int m = 0; m < M; ++m) {
-    const bool taut = chain.stretched(m, wound[m], drawn[m]) > S(0);
+    const bool taut = chain.stretched(m, wound[m], excursion[m]) > S(0);
     for (int i = 0; i < N; ++i) moment[i] = taut ? chain.stiffness[m] * chain.arm[m][i] * bend[i].turn : S(0);
     rates(moment, [&](int i, const S& by) { out.by_stroke[i][m] = by; });
   }
@@ -356,10 +368,10 @@ Status handle_angles(const W& chain, const S* angle, const ChainLoad<S>& load, c
   }
   Bend<S> bend[N];
   for (int i = 0; i < N; ++i) bend[i] = Bend<S>(chain.joint[i], x[i]);
-  S moment[N], rate[N][N], drawn[M];
+  S moment[N], rate[N][N], excursion[M];
   chain.load_moments(bend, load, moment, rate);
-  chain.excursions(x, drawn);
-  for (int i = 0; i < N; ++i) moment[i] = moment[i] - chain.joint[i].stiffness * angle[i];
+  chain.excursions(x, excursion);
+  chain.add_springs(angle, moment);
   bool arrived = false;
   for (int n = 0; n < most_iterations && !arrived; ++n) {
     Square<S, N> slope{};
@@ -368,7 +380,7 @@ Status handle_angles(const W& chain, const S* angle, const ChainLoad<S>& load, c
     for (int m = 0; m < M; ++m) {
       S wound = stroke[m];
       for (int h = 0; h < N; ++h) wound = wound + chain.handle_arm[m][h] * y[h];
-      const S tension = chain.stretched(m, wound, drawn[m]);
+      const S tension = chain.stretched(m, wound, excursion[m]);
       const S share = tension > S(0) ? S(1) : detail::slack_stiffness<S>;
       for (int i = 0; i < N; ++i) {
         step[i] = step[i] + chain.arm[m][i] * larger(tension, S(0));
@@ -412,10 +424,10 @@ Status compensation_strokes(const W& chain, const S* wound, const ChainLoad<S>& 
   if (at.status != Status::ok) return at.status;
   Bend<S> bend[N];
   for (int i = 0; i < N; ++i) bend[i] = Bend<S>(chain.joint[i], at.x[i]);
-  S moment[N], rate[N][N], drawn[M], before[M];
+  S moment[N], rate[N][N], excursion[M], before[M];
   chain.load_moments(bend, load, moment, rate);
-  chain.excursions(at.x, drawn);
-  for (int m = 0; m < M; ++m) before[m] = chain.stretched(m, wound[m], drawn[m]);
+  chain.excursions(at.x, excursion);
+  for (int m = 0; m < M; ++m) before[m] = chain.stretched(m, wound[m], excursion[m]);
   const auto held = [&](int m) { return larger(before[m], S(0)); };
   bool slack[M]{};
   S change[M]{};

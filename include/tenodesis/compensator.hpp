@@ -24,7 +24,7 @@ enum class ControlLaw : unsigned char {
 
 template <class S>
 struct CompensatorSettings {
-  S gain{};             ///< of the tip's lag, 1/s
+  S gain{};             ///< of the tracking error, 1/s
   S breakaway_time{};   ///< time in which friction is overcome after the hand reverses, s
   S breakaway_speed{};  ///< largest speed of the tip that breaks away, rad/s
   S position_gain{};    ///< of a spool's set point, 1/s
@@ -33,7 +33,7 @@ struct CompensatorSettings {
   S common_speed{};     ///< least speed of a common stroke, m/s
   S common_stroke{};    ///< largest common stroke to either side of the one that keeps the tendons tight, m
   S stroke_share{};     ///< growth of it per stroke that keeps them tight
-  S far{};              ///< lag that is corrected first without a common stroke, in dead bands
+  S far{};              ///< tracking error that is corrected first without a common stroke, in dead bands
   S patience{};         ///< time for which that is tried, s
   S settle_time{};      ///< time for which the tip must stay within the dead band before the motors rest, s
   S least_tension{};    ///< tension that either tendon is to keep in the stem, N
@@ -52,7 +52,7 @@ enum class Phase : unsigned char {
   pull,
   release,
   restrained,  ///< as shown: tracking, with less than the law wants (envelope.hpp)
-  yielding,    ///< as shown: the tip presses with the force limit, and lags behind
+  yielding,    ///< as shown: the tip presses with the force limit, and stays behind
 };
 
 template <class S>
@@ -134,10 +134,10 @@ struct Compensator {
                              State& state) const {
     const bool strokes = state.phase == Phase::pull || state.phase == Phase::release;
     const S swing = strokes ? envelope.settings.stroke_swing : envelope.settings.least_swing;
-    envelope.update(observer.lag(memory),
+    envelope.update(observer.tracking_error(memory),
                     swing * (settings.dead_band * memory.arm) + S(0.5) * observer.tremor_length(memory), observer,
                     memory, dt, state.envelope);
-    const S stroke = across(observer, memory);
+    const S stroke = differential_stroke(observer, memory);
     if (actuation == Actuation::agonist) {
       const Winding<S> wanted = one_motor(stroke, observer, memory, state);
       // The other motor winds only to keep its tendon tight, and lets that out again.
@@ -156,20 +156,20 @@ struct Compensator {
     const S against = observer.trembles(memory) ? settings.tremor_gain * observer.tremor_arm() *
                                                       memory.intent.speed_after(settings.tremor_delay)
                                                 : S(0);
-    const S across_now = limited(allowed - against);
-    return {along + across_now, along - across_now};
+    const S differential = limited(allowed - against);
+    return {along + differential, along - differential};
   }
 
   // The differential stroke without what takes the tremor away, m.
-  S across(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory) const {
+  S differential_stroke(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory) const {
     const S stroke = (wound(memory.smooth, agonist) - wound(memory.smooth, antagonist)) * S(0.5);
     if (actuation == Actuation::agonist) return stroke;
-    return stroke + smaller(settings.tremor_gain, S(1)) * observer.tremor_arm() * memory.intent.shaken;
+    return stroke + smaller(settings.tremor_gain, S(1)) * observer.tremor_arm() * memory.intent.tremor;
   }
 
-  // The stroke that is missing to the motors' share of the loss; lag: of the tip, m.
-  S missing(const S& lag, const S& stroke) const {
-    return settings.assistance * model.stroke_for(lag) - (S(1) - settings.assistance) * stroke;
+  // The stroke that is missing to the motors' share of the loss; error: of tracking, m.
+  S missing(const S& error, const S& stroke) const {
+    return settings.assistance * model.stroke_for(error) - (S(1) - settings.assistance) * stroke;
   }
 
   /// How far the stroke may go on either way, m.
@@ -228,51 +228,51 @@ struct Compensator {
   // One motor cannot make both tendons slip the same way: it corrects by the observer's estimate as it is.
   Winding<S> one_motor(const S& stroke, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
                        State& state) const {
-    const S missing = this->missing(observer.lag(memory), stroke);
-    const S lag = room(stroke, observer, memory).of(missing);
-    state.yielding = lag != missing;
+    const S missing = this->missing(observer.tracking_error(memory), stroke);
+    const S error = room(stroke, observer, memory).of(missing);
+    state.yielding = error != missing;
     // It takes no tremor away, and must not follow it.
     const S dead = dead_stroke(memory.arm) + S(0.5) * observer.tremor_length(memory);
     const bool resting = state.phase == Phase::rest;
-    state.phase = abs(lag) > (resting ? S(2) * dead : dead * S(0.5)) ? Phase::track : Phase::rest;
+    state.phase = abs(error) > (resting ? S(2) * dead : dead * S(0.5)) ? Phase::track : Phase::rest;
     if (state.phase == Phase::rest) return {};
-    return {limited(S(2) * settings.gain * lag), S(0)};
+    return {limited(S(2) * settings.gain * error), S(0)};
   }
 
   Winding<S> two_motors(const S& stroke, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
                         const S& dt, State& state) const {
-    const S missing = this->missing(observer.lag(memory), stroke);
+    const S missing = this->missing(observer.tracking_error(memory), stroke);
     const Room room = this->room(stroke, observer, memory);
-    const S lag = room.of(missing);
-    state.yielding = lag != missing;
+    const S error = room.of(missing);
+    state.yielding = error != missing;
     // Some of the tremor is left.
     const S tremor = observer.tremor_length(memory);
     const S dead = dead_stroke(memory.arm) * state.tolerance + S(0.15) * tremor;
     // A tip at rest is held by friction, which strokes would break: it must be further off to be worth them.
     const S waking = S(2) * dead + S(0.5) * tremor;
     // A tremor turns the contacts at the handle to and fro, whatever the strokes do.
-    const bool shaken = observer.trembles(memory);
-    const bool moving = detect_hand_motion(memory.intent.angle, shaken, dt, state);
+    const bool trembles = observer.trembles(memory);
+    const bool moving = detect_hand_motion(memory.intent.angle, trembles, dt, state);
     const S common = (wound(memory.smooth, agonist) + wound(memory.smooth, antagonist)) * S(0.5);
     const S wanted = wanted_common(memory);
     // A tick later than it was chosen, when there is less to compute.
     const bool begins = state.since <= S(0);
-    choose({lag, dead, waking, moving, shaken, stroke, wanted, common - wanted}, observer, memory, dt, state);
+    choose({error, dead, waking, moving, trembles, stroke, wanted, common - wanted}, observer, memory, dt, state);
     if (state.phase == Phase::rest) return {};
     const bool strokes = state.phase != Phase::track;
-    const S authority = state.envelope.authority;
-    S differential = settings.gain * authority * (strokes ? missing : observer.certain(missing, memory));
-    if (!strokes && !state.correcting && authority < S(1))
+    const S gain_factor = state.envelope.gain_factor;
+    S differential = settings.gain * gain_factor * (strokes ? missing : observer.certain(missing, memory));
+    if (!strokes && !state.correcting && gain_factor < S(1))
       differential =
-          differential + (S(1) - authority) * envelope.returning(stroke, settings.assistance, observer, memory);
-    if (moving && lag * state.hand > dead) {
-      // The hand has reversed and friction holds the tip: the friction is overcome before the tip lags behind, but not
+          differential + (S(1) - gain_factor) * envelope.returning(stroke, settings.assistance, observer, memory);
+    if (moving && error * state.hand > dead) {
+      // The hand has reversed and friction holds the tip: the friction is overcome before the tip stays behind, but not
       // so fast that the tip leaps.
       const S speed = observer.breakaway(memory, state.hand) / settings.breakaway_time;
-      differential = differential + state.hand * authority * smaller(speed, settings.breakaway_speed * memory.arm);
+      differential = differential + state.hand * gain_factor * smaller(speed, settings.breakaway_speed * memory.arm);
     }
-    if (state.correcting) differential = differential + authority / correction_time * (state.goal - stroke);
-    // Into what is left of the force as fast as the tip may break away, out of it as the lag is corrected.
+    if (state.correcting) differential = differential + gain_factor / correction_time * (state.goal - stroke);
+    // Into what is left of the force as fast as the tip may break away, out of it as the error is corrected.
     const S inward = S(1) / settings.breakaway_time;
     differential = clamp(differential, (room.least < S(0) ? inward : settings.gain) * room.least,
                          (room.most > S(0) ? inward : settings.gain) * room.most);
@@ -289,7 +289,7 @@ struct Compensator {
       const S tightening = wanted > S(0) ? clamp(settings.gain * (wanted - common), S(0), settings.common_speed) : S(0);
       return {tightening + limited(differential), tightening - limited(differential)};
     }
-    if (!shaken) {
+    if (!trembles) {
       // So that the stroke itself does not move the tip.
       const S way = state.phase == Phase::pull ? S(1) : S(-1);
       const S uneven = way * settings.common_speed * observer.uneven(memory, way);
@@ -340,16 +340,16 @@ struct Compensator {
     const auto& tendon = memory.tendon;
     const S half = abs(tendon[agonist].tension[2] - tendon[antagonist].tension[2]) * S(0.5);
     const S more = half + settings.least_tension - model.axis.pretension;
-    return larger(more, S(0)) * memory.unit;
+    return larger(more, S(0)) * memory.compliance;
   }
 
   /// What a choice depends on besides observer and state.
   struct Situation {
-    S lag{};     ///< of the tip, as the stroke that corrects it, m
+    S error{};   ///< of the tip, as the stroke that corrects it, m
     S dead{};    ///< band of it, m
     S waking{};  ///< above which a tip at rest is corrected, m
     bool moving{};
-    bool shaken{};
+    bool trembles{};
     S stroke{};  ///< differential, m
     S wanted{};  ///< common stroke that keeps the tendons tight, m
     S above{};   ///< common stroke above that one, m
@@ -357,10 +357,10 @@ struct Compensator {
 
   void choose(const Situation& now, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
               State& state) const {
-    const auto& [lag, dead, waking, moving, shaken, across_now, wanted, above] = now;
-    // What the law would give back of the tip's lag, as a stroke.
+    const auto& [error, dead, waking, moving, trembles, differential, wanted, above] = now;
+    // What the law would give back of the tracking error, as a stroke.
     const S share = model.stroke_for(settings.assistance);
-    const S unseen = share * larger(memory.freedom[0], memory.freedom[1]);
+    const S unseen = share * larger(memory.unobservable[0], memory.unobservable[1]);
     const S stroke = settings.common_stroke + settings.stroke_share * wanted;
     const bool loose =
         settings.least_tension > smaller(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]);
@@ -368,43 +368,45 @@ struct Compensator {
                        S(0.94) * settings.tension_limit;
     // Noise that crosses the band's edge for a tick must not begin the time anew.
     state.near =
-        abs(lag) < dead ? smaller(state.near + dt, settings.settle_time + dt) : larger(state.near - S(3) * dt, S(0));
+        abs(error) < dead ? smaller(state.near + dt, settings.settle_time + dt) : larger(state.near - S(3) * dt, S(0));
     const bool near = state.near > settings.settle_time;
     // What no stroke can show must not keep the motors awake.
-    const bool sure = near && (share * share * memory.doubt < S(9) * dead * dead || state.turns > most_turns);
-    const bool far = abs(lag) > settings.far * dead;
+    const bool sure =
+        near && (share * share * memory.position_variance < S(9) * dead * dead || state.turns > most_turns);
+    const bool far = abs(error) > settings.far * dead;
     const bool steady = Envelope<A>::steady(state.envelope);
     state.since = smaller(state.since + dt, S(10));
-    if (moving || (far && state.phase == Phase::rest && abs(lag) > waking)) return turn(Phase::track, state);
+    if (moving || (far && state.phase == Phase::rest && abs(error) > waking)) return turn(Phase::track, state);
     switch (state.phase) {
       case Phase::track:
         if (state.correcting) {
-          const S left = state.goal - across_now;
-          const bool there = lag * left < S(0) || abs(left) < S(0.5) * dead || state.near > S(0.01);
+          const S left = state.goal - differential;
+          const bool there = error * left < S(0) || abs(left) < S(0.5) * dead || state.near > S(0.01);
           if (state.since > (there ? S(0.002) : correction_time)) turn(Phase::pull, state);
           return;
         }
-        if (near && (shaken || (sure && unseen < S(4) * dead))) return turn(Phase::rest, state);
+        if (near && (trembles || (sure && unseen < S(4) * dead))) return turn(Phase::rest, state);
         if (loose && tight) return;
         if (steady && (!far || state.since > settings.patience))
           turn(above > S(0) && !loose ? Phase::release : Phase::pull, state);
         return;
       case Phase::rest:
-        if (steady && (abs(lag) > waking || (!shaken && unseen > S(4) * dead)))
+        if (steady && (abs(error) > waking || (!trembles && unseen > S(4) * dead)))
           turn(next_stroke(above, stroke, loose, state), state);
         return;
       case Phase::pull:
-        if (near && (shaken || (sure && observer.slip_together(memory, S(1))))) return turn(Phase::rest, state);
+        if (near && (trembles || (sure && observer.slip_together(memory, S(1))))) return turn(Phase::rest, state);
         // Between slack and the limit there is no room for strokes: only tracking is left.
         if (loose && tight) return turn(Phase::track, state);
         if (above > larger(stroke, state.short_of + stroke) || tight)
-          turn_back(Phase::release, S(0), abs(lag) < S(2) * dead, state);
+          turn_back(Phase::release, S(0), abs(error) < S(2) * dead, state);
         return;
       case Phase::release:
-        if (near && (shaken || (sure && observer.slip_together(memory, S(-1))))) return turn(Phase::rest, state);
+        if (near && (trembles || (sure && observer.slip_together(memory, S(-1))))) return turn(Phase::rest, state);
         if (!(above < -stroke || loose)) return;
-        turn_back(Phase::pull, larger(above + stroke, S(0)), abs(lag) < S(2) * dead, state);
-        if (state.turns > 1 && state.envelope.authority > S(0) && observer.slip_together(memory, S(-1))) correct(state);
+        turn_back(Phase::pull, larger(above + stroke, S(0)), abs(error) < S(2) * dead, state);
+        if (state.turns > 1 && state.envelope.gain_factor > S(0) && observer.slip_together(memory, S(-1)))
+          correct(state);
         return;
       case Phase::restrained:
       case Phase::yielding:
@@ -412,7 +414,7 @@ struct Compensator {
     }
   }
 
-  // A lag soon after a stroke is its remainder: continuing the same way spares the tip a reversal of its friction.
+  // An error soon after a stroke is its remainder: continuing the same way spares the tip a reversal of its friction.
   Phase next_stroke(const S& above, const S& stroke, bool loose, const State& state) const {
     if (loose) return Phase::pull;
     const bool soon = state.since < settings.patience;

@@ -25,9 +25,9 @@ void correct_shares(const ControlModel<A>& model, const FrictionSettings<S>& set
   if (abs(first) < S(2.5) * settings.slack_below) return;
   S* const share = memory.share;
   const S before = share[0] + share[1];
-  const S stretched = memory.unit * (share[0] * first + share[1] * (one.tension[1] - one.reversal.tension[1]));
+  const S stretched = memory.compliance * (share[0] * first + share[1] * (one.tension[1] - one.reversal.tension[1]));
   const S by = stretched / before;
-  const S unsure = memory.covariance[2][2] / (memory.compliance * memory.compliance) + error * error;
+  const S unsure = memory.covariance[2][2] / (memory.compliance_scale * memory.compliance_scale) + error * error;
   const S noise = settings.length_noise * settings.length_noise + stretched * stretched * unsure;
   const S spread = by * by * memory.share_variance + noise;
   if (moved * moved > S(9) * spread) return;
@@ -42,7 +42,7 @@ void correct_shares(const ControlModel<A>& model, const FrictionSettings<S>& set
   for (auto& each : memory.tendon) {
     S moves(0);
     for (int j = 0; j < 2; ++j) {
-      moves = moves + grown * share[j] * memory.unit * (each.tension[j] - model.axis.pretension);
+      moves = moves + grown * share[j] * memory.compliance * (each.tension[j] - model.axis.pretension);
       each.slip[j].dragged = each.slip[j].dragged - moves;
     }
   }

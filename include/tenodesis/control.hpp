@@ -68,9 +68,9 @@ struct ControlModel {
   S yielding{1};         ///< differential stroke per length that the unloaded tip follows it by: its spring stretches
 
   /// Tendon length that the handle draws on the agonist and lets out on the antagonist, m.
-  S drawn(const S& handle_angle) const { return drawn_length(axis, handle_angle); }
+  S excursion(const S& handle_angle) const { return handle_excursion(axis, handle_angle); }
   /// What of it the unloaded tip takes, m: what the laws aim at.
-  S aim(const S& handle_angle) const { return unloaded_length(axis, drawn(handle_angle)); }
+  S aim(const S& handle_angle) const { return unloaded_length(axis, excursion(handle_angle)); }
   /// Differential stroke by which the tip follows by a length, m.
   S stroke_for(const S& length) const { return springs() ? yielding * length : length; }
   /// Whether the joint has a spring of its own; known when compiling where its mechanism has none.

@@ -1,14 +1,14 @@
 #pragma once
-// The envelope: what the motors may do across the tendons, whatever the law wants.
+// The envelope: what the motors' differential stroke may be, whatever the law wants.
 //
 // Where the tip is on target, each tendon has been wound by as much as it is stretched. The tensions at the spools and
 // the strongest plausible friction bound this stretch, and with it the differential stroke that a load can explain. A
 // stroke beyond these bounds would push the tip further off than motors at rest leave it.
 //
 // A law that corrects a tip which friction holds may also hunt: it winds until the tip breaks away, and then back. So
-// the reversals of the lag that the hand has not made are counted. Where many follow each other the law loses its
-// authority, and the spools go to the least stroke that the tensions prove to be necessary, which is none if friction
-// explains their difference.
+// the reversals of the tracking error that the hand has not made are counted. Where many follow each other the law's
+// gain goes to zero, and the spools go to the least stroke that the tensions prove to be necessary, which is none if
+// friction explains their difference.
 
 #include "tenodesis/observer.hpp"
 
@@ -20,12 +20,12 @@ struct EnvelopeSettings {
   S friction{};      ///< largest plausible friction over the observer's
   S compliance{};    ///< largest plausible compliance over the observer's
   S smoothing{};     ///< time constant of the bounds, s
-  S least_swing{};   ///< lag by which a reversal stands out, in dead bands
+  S least_swing{};   ///< tracking error by which a reversal stands out, in dead bands
   S stroke_swing{};  ///< the same during a common stroke
   S swing_time{};    ///< least time between two reversals, s: the tip itself oscillates faster
   S forgetting{};    ///< rate at which reversals are forgotten, 1/s
   S hand_travel{};   ///< handle travel between two reversals above which the hand has made them, rad
-  S return_rate{};   ///< rate at which spools return while the law has no authority, 1/s
+  S return_rate{};   ///< rate at which spools return while the law's gain is zero, 1/s
 };
 
 /// What the law may do at present.
@@ -34,20 +34,20 @@ struct EnvelopeState {
   S low{};  ///< bounds of the differential stroke, m
   S high{};
   S excess{};        ///< of the stroke over them, m
-  S lag{};           ///< of the tip, moved only by what is certain, m
-  S extreme{};       ///< of the lag since its last reversal, m
-  S reversed{};      ///< lag at that reversal, m
-  S direction{1};    ///< of the lag since then
+  S error{};         ///< of the tip, moved only by what is certain, m
+  S extreme{};       ///< of the error since its last reversal, m
+  S reversed{};      ///< error at that reversal, m
+  S direction{1};    ///< of the error since then
   S since{};         ///< time since then, s
   S handle_angle{};  ///< at that reversal, rad
-  S swings{};        ///< recent reversals
-  S authority{1};    ///< of the law: 1 all, 0 none
+  S reversals{};     ///< recent reversals
+  S gain_factor{1};  ///< of the law's gain, from 1 to 0
   bool loose{};      ///< whether a tendon is slack
   bool bounded{};    ///< whether a bound has held the law back in this tick
   bool started{};
 
   /// Whether the law may not do what it wants.
-  constexpr bool restrained() const { return bounded || authority < S(1); }
+  constexpr bool restrained() const { return bounded || gain_factor < S(1); }
 };
 
 template <class A>
@@ -58,40 +58,41 @@ struct Envelope {
   ControlModel<A> model{};
   EnvelopeSettings<S> settings{};
 
-  /// Follows the bounds and the lag; threshold: of a reversal, m.
-  void update(const S& lag, const S& threshold, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
+  /// Follows the bounds and the error; threshold: of a reversal, m.
+  void update(const S& error, const S& threshold, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
               const S& dt, State& state) const {
     follow_bounds(observer, memory, dt, state);
-    // A lag that only becomes uncertain, as while a stroke reverses, has not moved.
-    state.lag = clamp(state.lag, lag - memory.freedom[0], lag + memory.freedom[1]);
-    count_swings(threshold, memory.intent.angle, dt, state);
+    // An error that only becomes uncertain, as while a stroke reverses, has not moved.
+    state.error = clamp(state.error, error - memory.unobservable[0], error + memory.unobservable[1]);
+    count_reversals(threshold, memory.intent.angle, dt, state);
   }
 
-  /// Whether the lag is steady enough for common strokes, which free what friction holds.
-  static bool steady(const State& state) { return state.swings <= few_swings; }
+  /// Whether the tracking error is steady enough for common strokes, which free what friction holds.
+  static bool steady(const State& state) { return state.reversals <= few_reversals; }
 
-  /// Differential speed that leads a law without authority back, m/s; across: the present differential stroke, m;
-  /// assistance: share of a loss that is given back.
-  S returning(const S& across, const S& assistance, const FrictionObserver<A>& observer,
+  /// Differential speed that leads a law back whose gain is zero, m/s; differential: the present differential stroke,
+  /// m; assistance: share of a loss that is given back.
+  S returning(const S& differential, const S& assistance, const FrictionObserver<A>& observer,
               const FrictionMemory<S>& memory) const {
     const S lost = observer.measured_loss(memory);
     const S hidden = observer.hidden_loss(memory, proven_friction);
     const S proven = lost > S(0) ? larger(lost - hidden, S(0)) : smaller(lost + hidden, S(0));
-    return settings.return_rate * (assistance * proven - across);
+    return settings.return_rate * (assistance * proven - differential);
   }
 
   /// A differential speed within the bounds, m/s.
-  S within(const S& speed, const S& across, State& state) const {
-    const S allowed = clamp(speed, approach_rate * (state.low - across), approach_rate * (state.high - across));
+  S within(const S& speed, const S& differential, State& state) const {
+    const S allowed =
+        clamp(speed, approach_rate * (state.low - differential), approach_rate * (state.high - differential));
     state.bounded = allowed != speed;
-    state.excess = state.loose ? S(0) : larger(larger(across - state.high, state.low - across), S(0));
+    state.excess = state.loose ? S(0) : larger(larger(differential - state.high, state.low - differential), S(0));
     return allowed;
   }
 
  private:
-  // Reversals after which the law begins to lose its authority, and after which it has none.
-  static constexpr S few_swings = S(3), many_swings = S(5);
-  // Over that of the observer: friction that a stroke without authority does not rely on.
+  // Reversals after which the law begins to lose its gain, and after which it has none.
+  static constexpr S few_reversals = S(3), many_reversals = S(5);
+  // Over that of the observer: friction that such a return does not rely on.
   static constexpr S proven_friction = S(1.5);
   // At which the differential stroke may approach its bounds, 1/s.
   static constexpr S approach_rate = S(30);
@@ -111,25 +112,26 @@ struct Envelope {
     state.low = state.low + (low - state.low) * share;
   }
 
-  void count_swings(const S& threshold, const S& handle_angle, const S& dt, State& state) const {
-    const S& lag = state.lag;
-    state.swings = state.swings - state.swings * dt * settings.forgetting;
+  void count_reversals(const S& threshold, const S& handle_angle, const S& dt, State& state) const {
+    const S& error = state.error;
+    state.reversals = state.reversals - state.reversals * dt * settings.forgetting;
     state.since = smaller(state.since + dt, S(100));
-    if ((lag - state.extreme) * state.direction > S(0)) {
-      state.extreme = lag;
-    } else if ((state.extreme - lag) * state.direction > threshold) {
-      // A tip that friction holds lags by what the hand has drawn, and by no more.
-      const S drawn = abs(model.drawn(handle_angle) - model.drawn(state.handle_angle));
+    if ((error - state.extreme) * state.direction > S(0)) {
+      state.extreme = error;
+    } else if ((state.extreme - error) * state.direction > threshold) {
+      // A tip that friction holds stays behind by what the hand has drawn, and by no more.
+      const S excursion = abs(model.excursion(handle_angle) - model.excursion(state.handle_angle));
       const bool by_hand = abs(handle_angle - state.handle_angle) >= settings.hand_travel &&
-                           abs(state.extreme - state.reversed) <= S(1.25) * drawn;
-      if (!by_hand && state.since >= settings.swing_time) state.swings = state.swings + S(1);
+                           abs(state.extreme - state.reversed) <= S(1.25) * excursion;
+      if (!by_hand && state.since >= settings.swing_time) state.reversals = state.reversals + S(1);
       state.since = S(0);
       state.direction = -state.direction;
       state.reversed = state.extreme;
-      state.extreme = lag;
+      state.extreme = error;
       state.handle_angle = handle_angle;
     }
-    state.authority = clamp((many_swings - state.swings) * (S(1) / (many_swings - few_swings)), S(0), S(1));
+    state.gain_factor =
+        clamp((many_reversals - state.reversals) * (S(1) / (many_reversals - few_reversals)), S(0), S(1));
   }
 };
 

@@ -46,12 +46,12 @@ struct TendonPair {
 
   template <class A>
   static TendonPair at_handle(const A& axis, const S& handle_angle, const Stroke<S>& wound) {
-    return drawn(axis, drawn_length(axis, handle_angle), wound);
+    return at_excursion(axis, handle_excursion(axis, handle_angle), wound);
   }
 
   /// The same where the handle draws a length, m.
   template <class A>
-  static TendonPair drawn(const A& axis, const S& length, const Stroke<S>& wound) {
+  static TendonPair at_excursion(const A& axis, const S& length, const Stroke<S>& wound) {
     return {axis.pretension + axis.stiffness * (length + wound.agonist),
             axis.pretension - axis.stiffness * (length - wound.antagonist),
             axis.stiffness * axis.distal.excursion_slope()};

@@ -73,8 +73,8 @@ struct HeldTorque {
       torque = (low + high) * S(0.5);
     } else {
       slip = follow(slip, position, play);
-      const S edge = slip.evidence > S(0) ? low : high;
-      torque = clamp(torque + (edge - torque) * abs(slip.evidence), low, high);
+      const S edge = slip.indicator > S(0) ? low : high;
+      torque = clamp(torque + (edge - torque) * abs(slip.indicator), low, high);
     }
     hidden = (high - low) * S(0.5) * (S(1) - smaller(abs(slip.run), S(1)));
   }

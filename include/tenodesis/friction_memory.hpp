@@ -41,16 +41,16 @@ struct FrictionMemory {
   S arm{};                       ///< moment arm of the tendons there, m
   S scale{1};                    ///< of friction
   S reference{};                 ///< excess of both tendons' lengths over their references, m
-  S compliance{1};               ///< of the tendons, relative to the parameters
-  S unit{};                      ///< stretch of a tendon per newton, m/N
+  S compliance_scale{1};         ///< of the tendons, relative to the parameters
+  S compliance{};                ///< stretch of a tendon per newton, m/N
   S share[4]{};                  ///< of the compliance by segment, as it has been found
   S gain_error{};                ///< of the agonist's load cell, the antagonist's being its opposite
   S covariance[4][4]{};          ///< of scale, reference, compliance, gain error; of each pair the first alone
   S share_variance{};            ///< of the share before the handle's joint
   Slip<S> tip_slip{};            ///< of the tendons at the tip's joint, as length of the agonist
   S tip_edge{};                  ///< friction at the tip's joint over its bound, of the agonist, for the force alone
-  S freedom[2]{};                ///< how far the tip may have moved unseen, toward flexion and extension, m
-  S doubt{};                     ///< variance of the tip's position as far as strokes can lower it, m^2
+  S unobservable[2]{};           ///< how far the tip may have moved unseen, toward flexion and extension, m
+  S position_variance{};         ///< of the tip, as far as strokes can lower it, m^2
   S deviation{};                 ///< standard deviation of the tip's position, m
   bool started{};
   bool homed{};  ///< whether compliance and gains are known from homing

@@ -180,7 +180,7 @@ struct Homing {
     const S fallen = state.before - now, out = state.before_at - common(state);
     state.before = state.before - fallen * quick;
     state.before_at = state.before_at - out * quick;
-    return fallen > sudden * model.axis.pretension + S(2) * settings.drive.doubt(model.axis.pretension) +
+    return fallen > sudden * model.axis.pretension + S(2) * settings.drive.uncertainty(model.axis.pretension) +
                         S(2) * larger(out, S(0)) * model.axis.stiffness / model.share[0];
   }
 
@@ -269,7 +269,7 @@ struct Homing {
     if (taut && !judge_answers(state)) return;
     if (of == tighten) return go(exceed, state);
     const int high = base[0] > base[1] ? 0 : 1, low = 1 - high;
-    const S still = flat() + settings.drive.doubt(S(0));
+    const S still = flat() + settings.drive.uncertainty(S(0));
     const auto moves = [&](int i) { return larger(abs(jogs.answer[i][i]), abs(jogs.at_once[i][i])) > still; };
     const bool answers[2]{moves(0), moves(1)};
     if (of == slacken) {
@@ -296,12 +296,12 @@ struct Homing {
         give_up(reason, tendon, state);
       return false;
     };
-    const S doubt = settings.drive.doubt(mean(state));
+    const S uncertainty = settings.drive.uncertainty(mean(state));
     for (int i = 0; i < 2; ++i)
-      if (answer_of[i][0] + answer_of[i][1] < -flat() - doubt) return refuse(spool_reversed, i);
-    if (state.jogs.own_answers() < -flat() - S(2) * doubt) return refuse(cells_swapped, no_tendon);
+      if (answer_of[i][0] + answer_of[i][1] < -flat() - uncertainty) return refuse(spool_reversed, i);
+    if (state.jogs.own_answers() < -flat() - S(2) * uncertainty) return refuse(cells_swapped, no_tendon);
     for (int i = 0; i < 2; ++i)
-      if (answer_of[i][i] < flat() - doubt) return refuse(cell_offset, i);
+      if (answer_of[i][i] < flat() - uncertainty) return refuse(cell_offset, i);
     state.proven = true;
     return true;
   }
@@ -399,10 +399,11 @@ struct Homing {
 
   // Stroke over which one tendon may draw the tip to where the handle is, m: a bent handle has drawn on that tendon.
   S reach(const State& state) const {
-    const S drawn = model.drawn(state.held);
+    const S excursion = model.excursion(state.held);
     const S stretch = S(1.5) * abs(difference_of_free_tip(state)) / model.axis.stiffness;
-    return abs(drawn) > settings.travel && state.tight[drawn > S(0) ? agonist : antagonist] ? abs(drawn) + stretch
-                                                                                            : S(0);
+    return abs(excursion) > settings.travel && state.tight[excursion > S(0) ? agonist : antagonist]
+               ? abs(excursion) + stretch
+               : S(0);
   }
 
   // One tendon is tight and pulls the tip.

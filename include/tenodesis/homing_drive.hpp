@@ -31,7 +31,7 @@ struct HomingDrive {
   bool has_friction() const { return efficiency < S(1) || friction > S(0); }
 
   /// What may be unknown of the friction, as a difference of tension between its edges, N.
-  S doubt(const S& tension) const {
+  S uncertainty(const S& tension) const {
     return S(unknown_drive_friction) * ((S(1) / efficiency - efficiency) * abs(tension) + S(2) * friction);
   }
 

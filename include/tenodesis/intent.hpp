@@ -29,7 +29,7 @@ struct IntentState {
   S direction{1};    ///< of the handle since then
   S since{};         ///< time since then, s
   S pulsation{50};   ///< of the tremor, rad/s
-  S shaken{};        ///< handle angle by tremor, smoothed, rad
+  S tremor{};        ///< handle angle by tremor, smoothed, rad
   S speed{};         ///< its rate, rad/s
   S smooth_speed{};  ///< the same, smoothed once more
   S acceleration{};  ///< rad/s^2
@@ -84,10 +84,10 @@ void follow(const IntentSettings<S>& settings, const S& handle_angle, const S& d
   }
   const S width = larger(state.amplitude, settings.play);
   state.angle = clamp(state.angle, handle_angle - width, handle_angle + width);
-  const S shaken = state.amplitude > settings.play ? handle_angle - state.angle : S(0);
+  const S tremor = state.amplitude > settings.play ? handle_angle - state.angle : S(0);
   const S rate = S(1) / (settings.smoothing + dt);
-  state.speed = (shaken - state.shaken) * rate;
-  state.shaken = state.shaken + state.speed * dt;
+  state.speed = (tremor - state.tremor) * rate;
+  state.tremor = state.tremor + state.speed * dt;
   state.acceleration = (state.speed - state.smooth_speed) * rate;
   state.smooth_speed = state.smooth_speed + state.acceleration * dt;
 }

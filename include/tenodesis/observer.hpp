@@ -18,7 +18,7 @@ template <class A, class S>
 S paper_output_angle(const ControlModel<A>& model, const Measurement<S>& measured) {
   const A& axis = model.axis;
   const S stretch = (measured.tension[agonist] - measured.tension[antagonist]) / (S(2) * axis.stiffness);
-  const S x = (model.drawn(measured.handle_angle) - stretch) / axis.distal.excursion_slope();
+  const S x = (model.excursion(measured.handle_angle) - stretch) / axis.distal.excursion_slope();
   const S most = axis.distal.limit() * S(0.999);
   return axis.distal.angle(clamp(x, -most, most));
 }
@@ -35,7 +35,7 @@ struct FrictionObserver {
   void update(const Measurement<S>& measured, const S& dt, Memory& memory) const {
     if (!memory.started) return start(measured, memory);
     smooth(measured, dt, memory);
-    const S drawn = model.drawn(memory.smooth.handle_angle);
+    const S excursion = model.excursion(memory.smooth.handle_angle);
     follow(settings.intent, memory.handle_angle, dt, memory.intent);
     memory.target = clamp(model.aim(memory.intent.angle), -model.stop, model.stop);
     set_exponents(memory);
@@ -44,7 +44,7 @@ struct FrictionObserver {
     memory.reversing = small_exp(S(2) * reversing_share * larger(memory.scale, least_reversing_scale) *
                                  (memory.nominal[0] + memory.nominal[1]));
     S position[2];
-    for (int i = 0; i < 2; ++i) position[i] = follow_to_stem(i, drawn, ratio, memory);
+    for (int i = 0; i < 2; ++i) position[i] = follow_to_stem(i, excursion, ratio, memory);
     const auto& [one, other] = memory.tendon;
     const bool together = one.slips && other.slips && one.reversal.direction == other.reversal.direction;
     memory.together = together ? one.reversal.direction : S(0);
@@ -57,43 +57,43 @@ struct FrictionObserver {
     }
     memory.tip_slip = follow(memory.tip_slip, at_joint(memory), tip_plays * settings.play);
     for (int i = 0; i < 2; ++i) follow_to_tip(i, position[i], ratio, memory);
-    doubt(memory);
+    update_variance(memory);
   }
 
-  /// Lag of the tip behind its target, as tendon length, m.
-  S lag(const Memory& memory) const { return memory.target - memory.tip; }
+  /// Tracking error: the tip's target less its position, as tendon length, m.
+  S tracking_error(const Memory& memory) const { return memory.target - memory.tip; }
 
   /// The part of a missing stroke that is certain: the tip may have moved unseen toward its target, m.
   S certain(const S& missing, const Memory& memory) const {
-    return missing > S(0) ? larger(missing - model.stroke_for(memory.freedom[0]), S(0))
-                          : smaller(missing + model.stroke_for(memory.freedom[1]), S(0));
+    return missing > S(0) ? larger(missing - model.stroke_for(memory.unobservable[0]), S(0))
+                          : smaller(missing + model.stroke_for(memory.unobservable[1]), S(0));
   }
 
   /// Stretch by which a force at the tip differs the two tendons, halved, per its size, m/N.
   S stretch_per_force(const Memory& memory) const {
-    return model.axis.distal.tangential_arm(memory.x) / memory.arm * memory.unit * S(0.5);
+    return model.axis.distal.tangential_arm(memory.x) / memory.arm * memory.compliance * S(0.5);
   }
 
   /// The same of the force that the tip exerts, positive toward flexion, m.
   S exerted(const Memory& memory) const {
     const S difference = memory.tendon[agonist].tension[3] - memory.tendon[antagonist].tension[3];
     const S passive = model.axis.distal.passive_stiffness() * memory.output_angle / memory.arm;
-    return (difference - passive) * memory.unit * S(0.5);
+    return (difference - passive) * memory.compliance * S(0.5);
   }
 
   /// How far friction at the tip's joint may hide it, m.
   S exerted_unseen(const Memory& memory) const {
     const S both = memory.tendon[agonist].tension[2] + memory.tendon[antagonist].tension[2];
-    return memory.scale * memory.nominal[2] * both * memory.unit * S(0.5);
+    return memory.scale * memory.nominal[2] * both * memory.compliance * S(0.5);
   }
 
   /// Half the difference of both tendons' stretches if their tensions were those at the spools, less what the joint's
   /// own spring takes, m: without friction, the differential stroke that restores the angle.
   S measured_loss(const Memory& memory) const {
-    const S stretch = (memory.smooth.tension[agonist] - memory.smooth.tension[antagonist]) * memory.unit * S(0.5);
+    const S stretch = (memory.smooth.tension[agonist] - memory.smooth.tension[antagonist]) * memory.compliance * S(0.5);
     if (!model.springs()) return stretch;
-    const S drawn = model.drawn(memory.intent.angle);
-    return stretch + memory.tip - drawn + model.stroke_for(unloaded_length(model.axis, drawn) - memory.tip);
+    const S excursion = model.excursion(memory.intent.angle);
+    return stretch + memory.tip - excursion + model.stroke_for(unloaded_length(model.axis, excursion) - memory.tip);
   }
 
   /// Tendon length that the handle draws by a small angle, per its size, m.
@@ -117,7 +117,8 @@ struct FrictionObserver {
     const S at_sheath = grown(times * nominal[0]);
     const S at_stem = grown(times * (nominal[0] + nominal[1]));
     const S both = larger(memory.smooth.tension[agonist], S(0)) + larger(memory.smooth.tension[antagonist], S(0));
-    return both * memory.unit * S(0.5) * (model.share[1] * at_sheath + (model.share[2] + model.share[3]) * at_stem);
+    return both * memory.compliance * S(0.5) *
+           (model.share[1] * at_sheath + (model.share[2] + model.share[3]) * at_stem);
   }
 
   /// Differential stroke needed before the tip breaks away toward flexion (direction 1) or extension (-1), m.
@@ -129,7 +130,7 @@ struct FrictionObserver {
     const S needed = pulled.tension[3] - held.tension[3];
     const S in_stem = needed - (pulled.tension[2] / at_tip - held.tension[2] * at_tip);
     const S at_spool = needed - (pulled.tension[0] / all - held.tension[0] * all);
-    return memory.unit * S(0.5) *
+    return memory.compliance * S(0.5) *
            (memory.share[2] * larger(in_stem, S(0)) + (memory.share[0] + memory.share[1]) * larger(at_spool, S(0)));
   }
 
@@ -168,7 +169,7 @@ struct FrictionObserver {
     const S difference = pulled - held - memory.tip_edge * band;
     estimate.tip_force = (difference * arm - axis.distal.passive_stiffness() * angle) / reach;
     // Where the tip may have moved unseen, that friction may have turned.
-    const S unseen = larger(memory.freedom[0], memory.freedom[1]);
+    const S unseen = larger(memory.unobservable[0], memory.unobservable[1]);
     const S turned = memory.tip_edge * smaller(unseen / (S(2) * settings.play), S(1));
     const S stretched = off * axis.stiffness;
     const S by_friction = band * band * (S(1.0 / 3) + turned * turned);
@@ -199,25 +200,25 @@ struct FrictionObserver {
   static constexpr S most_gain_error = S(0.1);
 
   // Standard deviation of the tip's position, as tendon length, and what of it strokes can lower.
-  void doubt(Memory& memory) const {
+  void update_variance(Memory& memory) const {
     const auto& tendon = memory.tendon;
     const S* const share = memory.share;
     S apart[4];
     for (int j = 0; j < 4; ++j) apart[j] = tendon[agonist].tension[j] - tendon[antagonist].tension[j];
-    const S half = S(0.5) * memory.unit;
+    const S half = S(0.5) * memory.compliance;
     const S near = share[0] * apart[0] + share[1] * apart[1];
     const S by_friction = half * share[2] * (apart[0] - apart[2]) / memory.scale;
-    const S by_compliance = half * (near + share[2] * apart[2] + share[3] * apart[3]) / memory.compliance;
+    const S by_compliance = half * (near + share[2] * apart[2] + share[3] * apart[3]) / memory.compliance_scale;
     const S by_share = half * (near / (share[0] + share[1]) - apart[2]);
-    const S unseen = larger(memory.freedom[0], memory.freedom[1]);
+    const S unseen = larger(memory.unobservable[0], memory.unobservable[1]);
     // A tremor moves what no stroke has proven.
-    const S shaken = S(0.5) * tremor_length(memory);
+    const S by_tremor = S(0.5) * tremor_length(memory);
     const S by_gain = half * (tendon[agonist].tension[0] + tendon[antagonist].tension[0]);
     const auto& p = memory.covariance;
-    memory.doubt = unseen * unseen * S(1.0 / 3) + by_friction * by_friction * p[0][0] + p[1][1] * S(0.25) +
-                   by_compliance * by_compliance * p[2][2] + by_share * by_share * memory.share_variance;
-    memory.deviation =
-        sqrt(settings.bias_std * settings.bias_std + by_gain * by_gain * p[3][3] + shaken * shaken + memory.doubt);
+    memory.position_variance = unseen * unseen * S(1.0 / 3) + by_friction * by_friction * p[0][0] + p[1][1] * S(0.25) +
+                               by_compliance * by_compliance * p[2][2] + by_share * by_share * memory.share_variance;
+    memory.deviation = sqrt(settings.bias_std * settings.bias_std + by_gain * by_gain * p[3][3] +
+                            by_tremor * by_tremor + memory.position_variance);
   }
 
   void set_exponents(Memory& memory) const {
@@ -231,21 +232,21 @@ struct FrictionObserver {
   S stretch(const TendonMemory<S>& one, const Memory& memory) const {
     S sum(0);
     for (int j = 0; j < 4; ++j) sum = sum + memory.share[j] * (one.tension[j] - model.axis.pretension);
-    return sum * memory.unit;
+    return sum * memory.compliance;
   }
 
   S stretch_of(int segment, const S& tension, const Memory& memory) const {
-    return memory.share[segment] * memory.unit * (tension - model.axis.pretension);
+    return memory.share[segment] * memory.compliance * (tension - model.axis.pretension);
   }
 
   void start(const Measurement<S>& measured, Memory& memory) const {
     const bool homed = memory.homed;
-    const S compliance = memory.compliance;
+    const S compliance_scale = memory.compliance_scale;
     const S unsure = memory.covariance[2][2];
     memory = Memory{};
     memory.started = true;
-    if (homed) memory.compliance = compliance;
-    memory.unit = memory.compliance / model.axis.stiffness;
+    if (homed) memory.compliance_scale = compliance_scale;
+    memory.compliance = memory.compliance_scale / model.axis.stiffness;
     for (int j = 0; j < 4; ++j) memory.share[j] = model.share[j];
     memory.smooth = measured;
     memory.handle_angle = measured.handle_angle;
@@ -257,7 +258,7 @@ struct FrictionObserver {
     const S gain_std = homed ? homed_gain_share * settings.gain_std : settings.gain_std;
     memory.covariance[3][3] = gain_std * gain_std;
     memory.share_variance = share_std<S> * share_std<S>;
-    const S drawn = model.drawn(measured.handle_angle);
+    const S excursion = model.excursion(measured.handle_angle);
     S tip(0);
     for (int i = 0; i < 2; ++i) {
       auto& one = memory.tendon[i];
@@ -266,14 +267,14 @@ struct FrictionObserver {
       const S side = i == agonist ? S(1) : S(-1);
       const S wound = model.spool_radius * measured.spool_angle[i];
       one.slip[0].dragged = wound - stretch_of(0, measured.tension[i], memory);
-      one.slip[1].dragged = one.slip[0].dragged + side * drawn - stretch_of(1, measured.tension[i], memory);
-      tip = tip + side * S(0.5) * (wound + side * drawn - stretch(one, memory));
+      one.slip[1].dragged = one.slip[0].dragged + side * excursion - stretch_of(1, measured.tension[i], memory);
+      tip = tip + side * S(0.5) * (wound + side * excursion - stretch(one, memory));
     }
     put_tip(tip, memory);
     set_exponents(memory);
     memory.target = clamp(model.aim(measured.handle_angle), -model.stop, model.stop);
     memory.tip_slip.dragged = at_joint(memory);
-    doubt(memory);
+    update_variance(memory);
   }
 
   void smooth(const Measurement<S>& measured, const S& dt, Memory& memory) const {
@@ -301,14 +302,15 @@ struct FrictionObserver {
   }
 
   // From the spool past the handle's joint; returns the tendon's position there.
-  S follow_to_stem(int i, const S& drawn, const S* ratio, Memory& memory) const {
+  S follow_to_stem(int i, const S& excursion, const S* ratio, Memory& memory) const {
     auto& one = memory.tendon[i];
     const S side = i == agonist ? S(1) : S(-1);
     one.tension[0] = larger(memory.smooth.tension[i] * (S(1) - side * memory.gain_error), S(0));
     const S at_sheath = model.spool_radius * memory.smooth.spool_angle[i] - stretch_of(0, one.tension[0], memory);
     one.slip[0] = follow(one.slip[0], at_sheath, settings.sheath_play);
-    one.tension[1] = beyond(ratio[0], one.tension[0], one.tension[1], one.slip[0].evidence);
-    const S at_handle = at_sheath + side * drawn - stretch_of(1, one.tension[1], memory) - memory.reference * S(0.5);
+    one.tension[1] = beyond(ratio[0], one.tension[0], one.tension[1], one.slip[0].indicator);
+    const S at_handle =
+        at_sheath + side * excursion - stretch_of(1, one.tension[1], memory) - memory.reference * S(0.5);
     one.slip[1] = follow(one.slip[1], at_handle, settings.play);
     one.slips = !slack(one) && slips(one, memory);
     follow(one.tension[0], settings.slack_below, memory.smooth.handle_angle, one.slips, one.reversal);
@@ -324,7 +326,7 @@ struct FrictionObserver {
   // Position of the tendons at the tip's joint, as length of the agonist: the tip's, less what is stretched beyond.
   S at_joint(const Memory& memory) const {
     const S beyond_joint = memory.tendon[agonist].tension[3] - memory.tendon[antagonist].tension[3];
-    return memory.tip + S(0.5) * memory.share[3] * memory.unit * beyond_joint;
+    return memory.tip + S(0.5) * memory.share[3] * memory.compliance * beyond_joint;
   }
 
   // Position of the tip by one tendon and its tension in the stem, as length of the agonist.
@@ -355,9 +357,9 @@ struct FrictionObserver {
       const S at_high = tip_by(i, position[i], one.tension[1] * ratio[1], memory);
       low = larger(low, smaller(at_low, at_high));
       high = smaller(high, larger(at_low, at_high));
-      const S evidence = one.slip[1].evidence;
-      pull = pull + abs(evidence) * ((evidence > S(0) ? at_low : at_high) - memory.tip);
-      weight = weight + abs(evidence);
+      const S indicator = one.slip[1].indicator;
+      pull = pull + abs(indicator) * ((indicator > S(0) ? at_low : at_high) - memory.tip);
+      weight = weight + abs(indicator);
     }
     S tip = memory.tip + pull / larger(weight, S(1));
     tip = low <= high ? clamp(tip, low, high) : (low + high) * S(0.5);
@@ -366,20 +368,20 @@ struct FrictionObserver {
 
   void follow_to_tip(int i, const S& position, const S* ratio, Memory& memory) const {
     auto& one = memory.tendon[i];
-    const S unit = memory.unit;
+    const S compliance = memory.compliance;
     const S side = i == agonist ? S(1) : S(-1);
-    const S stem = model.axis.pretension +
-                   (position - side * memory.tip - stretch_of(3, one.tension[3], memory)) / (memory.share[2] * unit);
+    const S stem = model.axis.pretension + (position - side * memory.tip - stretch_of(3, one.tension[3], memory)) /
+                                               (memory.share[2] * compliance);
     one.tension[2] = clamp(stem, one.tension[1] / ratio[1], one.tension[1] * ratio[1]);
-    one.tension[3] = beyond(ratio[2], one.tension[2], one.tension[3], side * memory.tip_slip.evidence);
+    one.tension[3] = beyond(ratio[2], one.tension[2], one.tension[3], side * memory.tip_slip.indicator);
     // Unobserved motion of the tip with a tendon lowers its tension to the lower edge, motion against it raises it.
     const S both = ratio[0] * ratio[1];
-    const S stretch = memory.share[2] * unit;
+    const S stretch = memory.share[2] * compliance;
     const S with = slack(one) ? std::numeric_limits<S>::max() : stretch * (one.tension[2] - one.tension[0] / both);
     const S against = slack(one) ? std::numeric_limits<S>::max() : stretch * (one.tension[0] * both - one.tension[2]);
     const S toward[2] = {i == agonist ? with : against, i == agonist ? against : with};
     for (int n = 0; n < 2; ++n)
-      memory.freedom[n] = larger(i == agonist ? toward[n] : smaller(memory.freedom[n], toward[n]), S(0));
+      memory.unobservable[n] = larger(i == agonist ? toward[n] : smaller(memory.unobservable[n], toward[n]), S(0));
   }
 
   // Variance of the compared lengths from that of the estimates; gain: covariance with each.
@@ -393,7 +395,7 @@ struct FrictionObserver {
     return larger(spread, S(0));
   }
 
-  void doubt_scale(Memory& memory) const {
+  void reset_scale_variance(Memory& memory) const {
     for (int n = 1; n < unknowns; ++n) memory.covariance[0][n] = S(0);
     memory.covariance[0][0] = settings.scale_std * settings.scale_std;
   }
@@ -411,12 +413,12 @@ struct FrictionObserver {
   // Both tendons slip the same way: their two positions of the tip differ by errors of friction, lengths, stiffness and
   // gains. Whether anything was learned.
   bool learn(const S* position, const S* ratio, Memory& memory) const {
-    const S first = memory.tendon[agonist].slip[1].evidence;
-    const S second = memory.tendon[antagonist].slip[1].evidence;
+    const S first = memory.tendon[agonist].slip[1].indicator;
+    const S second = memory.tendon[antagonist].slip[1].indicator;
     const S direction = first > S(0) ? S(1) : S(-1);
     const S weight = smaller(abs(first), abs(second));
     if (!(first * second > S(0)) || !slip_together(memory, direction)) return false;
-    const S unit = memory.unit;
+    const S compliance = memory.compliance;
     const S* const share = memory.share;
     const S at_joint = share[1] * memory.nominal[0], at_stem = share[2] * (memory.nominal[0] + memory.nominal[1]);
     const S to_stem = direction > S(0) ? S(1) / ratio[1] : ratio[1];
@@ -438,13 +440,13 @@ struct FrictionObserver {
     }
     const S pretensions = S(2) * model.axis.pretension;
     const S to_joint = share[0] + share[1];
-    const S residual = position[0] + position[1] - unit * (beyond_it - pretensions * (S(1) - to_joint));
-    const S by_share = unit * (stems - near / to_joint);
+    const S residual = position[0] + position[1] - compliance * (beyond_it - pretensions * (S(1) - to_joint));
+    const S by_share = compliance * (stems - near / to_joint);
     // Without friction in the parameters, its effect must not be taken for one of the gains.
-    const S by_gain = rubbing > S(0) ? -unit * apart : S(0);
-    const S by[unknowns] = {direction * unit * rubbing, S(-1), (pretensions - near - beyond_it) / model.axis.stiffness,
-                            by_gain};
-    const S by_stem = unit * share[2];
+    const S by_gain = rubbing > S(0) ? -compliance * apart : S(0);
+    const S by[unknowns] = {direction * compliance * rubbing, S(-1),
+                            (pretensions - near - beyond_it) / model.axis.stiffness, by_gain};
+    const S by_stem = compliance * share[2];
     const S noise = settings.length_noise * settings.length_noise +
                     share_plays * by_share * by_share * memory.share_variance +
                     sticking_plays * by_stem * by_stem * sticking;
@@ -455,7 +457,7 @@ struct FrictionObserver {
       // slips, later most likely the hand has bent the sheath.
       for (const auto& one : memory.tendon)
         if (abs(one.slip[0].run) < S(most_run) || abs(one.slip[1].run) < S(most_run)) return false;
-      doubt_scale(memory);
+      reset_scale_variance(memory);
       spread = spread_by(by, memory, gain);
     }
     spread = spread + noise / weight;
@@ -463,8 +465,8 @@ struct FrictionObserver {
     const S step = residual * trusted;
     memory.scale = clamp(memory.scale - gain[0] * step, least_scale<S>, most_scale<S>);
     memory.reference = memory.reference - gain[1] * step;
-    memory.compliance = clamp(memory.compliance - gain[2] * step, S(0.5), S(2));
-    memory.unit = memory.compliance / model.axis.stiffness;
+    memory.compliance_scale = clamp(memory.compliance_scale - gain[2] * step, S(0.5), S(2));
+    memory.compliance = memory.compliance_scale / model.axis.stiffness;
     memory.gain_error = clamp(memory.gain_error - gain[3] * step, -most_gain_error, most_gain_error);
     for (int n = 0; n < unknowns; ++n) {
       const S part = gain[n] * trusted;

@@ -8,9 +8,9 @@ namespace tenodesis {
 /// Position of a tendon at a contact, with play: it counts as slipping only once it has moved by more than noise.
 template <class S>
 struct Slip {
-  S dragged{};   ///< position that the play was last dragged to, m
-  S evidence{};  ///< share of the play by which it was dragged in this tick, negative toward the tip
-  S run{};       ///< number of plays by which it was dragged without reversing, up to most_run
+  S dragged{};    ///< position that the play was last dragged to, m
+  S indicator{};  ///< share of the play by which it was dragged in this tick, negative toward the tip
+  S run{};        ///< number of plays by which it was dragged without reversing, up to most_run
 };
 
 inline constexpr int most_run = 8;
@@ -21,19 +21,19 @@ template <class S>
 Slip<S> follow(const Slip<S>& before, const S& position, const S& play) {
   Slip<S> after{};
   after.dragged = clamp(before.dragged, position - play * S(0.5), position + play * S(0.5));
-  after.evidence = clamp((after.dragged - before.dragged) / play, S(-1), S(1));
-  const bool turned = after.evidence * before.run < S(0);
-  after.run = clamp(after.evidence + (turned ? S(0) : before.run), S(-most_run), S(most_run));
+  after.indicator = clamp((after.dragged - before.dragged) / play, S(-1), S(1));
+  const bool turned = after.indicator * before.run < S(0);
+  after.run = clamp(after.indicator + (turned ? S(0) : before.run), S(-most_run), S(most_run));
   return after;
 }
 
-/// Tension beyond a contact, N: on the edge that belongs to slip toward the spool (positive evidence) or the tip.
+/// Tension beyond a contact, N: on the edge that belongs to slip toward the spool (positive indicator) or the tip.
 template <class S>
-S beyond(const S& ratio, const S& near, const S& held, const S& evidence) {
+S beyond(const S& ratio, const S& near, const S& held, const S& indicator) {
   const S low = near / ratio;
   const S high = near * ratio;
-  const S edge = evidence > S(0) ? low : high;
-  return clamp(held + (edge - held) * abs(evidence), low, high);
+  const S edge = indicator > S(0) ? low : high;
+  return clamp(held + (edge - held) * abs(indicator), low, high);
 }
 
 /// e^x, for small x.

@@ -58,9 +58,10 @@ Result<S> output_angle(const A& axis, const S& handle_angle, const Load<S>& load
 ///
 /// All of it, where the joint has no spring of its own (eq. 18); a spring stretches the tendons.
 template <class A, class S>
-S unloaded_length(const A& axis, const S& drawn) {
-  if (!(axis.distal.passive_stiffness() > S(0))) return drawn;
-  return axis.distal.excursion_slope() * unloaded_coordinate(axis.distal, TendonPair<S>::drawn(axis, drawn, {}));
+S unloaded_length(const A& axis, const S& excursion) {
+  if (!(axis.distal.passive_stiffness() > S(0))) return excursion;
+  return axis.distal.excursion_slope() *
+         unloaded_coordinate(axis.distal, TendonPair<S>::at_excursion(axis, excursion, {}));
 }
 
 /// Output angle without load and friction, unwound, rad: what compensation restores (eq. 18, with the joint's spring).
@@ -68,7 +69,7 @@ template <class A, class S>
 Result<S> unloaded_angle(const A& axis, const S& handle_angle) {
   const Status handle = check_handle(axis, handle_angle);
   if (handle != Status::ok) return {{}, handle};
-  const S x = unloaded_length(axis, drawn_length(axis, handle_angle)) / axis.distal.excursion_slope();
+  const S x = unloaded_length(axis, handle_excursion(axis, handle_angle)) / axis.distal.excursion_slope();
   if (!(abs(x) < axis.distal.limit())) return {{}, Status::unreachable};
   return {axis.distal.angle(x), Status::ok};
 }
@@ -233,7 +234,7 @@ Result<S> estimate_output_angle(const A& axis, const S& handle_angle, const Tens
   const Result<S> stretch =
       detail::elongation(axis, tension, wound, tension.agonist > slack_below, tension.antagonist > slack_below);
   if (stretch.status != Status::ok) return stretch;
-  const S x = (drawn_length(axis, handle_angle) - stretch.value) / axis.distal.excursion_slope();
+  const S x = (handle_excursion(axis, handle_angle) - stretch.value) / axis.distal.excursion_slope();
   if (!(abs(x) < axis.distal.limit())) return {{}, Status::unreachable};
   return {axis.distal.angle(x), Status::ok};
 }
@@ -249,8 +250,8 @@ Result<S> compensation_stroke(const A& axis, const Tensions<S>& tension, const S
   if (!all_finite(value_of(tension.agonist), value_of(tension.antagonist), value_of(handle_angle)))
     return {{}, Status::not_finite};
   // What the joint's own spring stretches the agonist and slackens the antagonist by without a load stays.
-  const S drawn = drawn_length(axis, handle_angle);
-  const S stretch = drawn - unloaded_length(axis, drawn);
+  const S excursion = handle_excursion(axis, handle_angle);
+  const S stretch = excursion - unloaded_length(axis, excursion);
   const Tensions<S> free{larger(axis.pretension + axis.stiffness * stretch, S(0)),
                          larger(axis.pretension - axis.stiffness * stretch, S(0))};
   if (law == Law::paper) return {(difference - free.difference()) / (S(2) * axis.stiffness), Status::ok};

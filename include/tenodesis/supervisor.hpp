@@ -45,7 +45,7 @@ struct CommandState {
   S held_tension[2]{};       ///< tensions then, N
   S leaving[2]{};            ///< velocities sent then, rad/s
   S ahead[2]{};              ///< by how far a spool had turned more than was sent then, rad
-  S pressing{};              ///< by how far the motors are across while the tip presses with its limit, rad
+  S pressing{};              ///< by how far the motors are apart while the tip presses with its limit, rad
   S before[2]{};             ///< spool angles of the last tick, rad
   S speed[2]{};              ///< of the spools, smoothed, rad/s
   std::uint32_t withheld{};  ///< ticks in which a wanted velocity was not finite
@@ -255,10 +255,10 @@ struct Supervisor {
     if (moved < S(0) && measured.tension[i] < S(0.05) * before) return S(0);
     // Where the other tendon gets slack, this one alone holds the tip, which is where its own stretch says.
     const S tight = moved < S(0) ? clamp(measured.tension[other] / (S(0.3) * before), S(0), S(1)) : S(1);
-    const S drawn = own - (measured.tension[i] - axis.held_tension[i]) * stretch;
+    const S excursion = own - (measured.tension[i] - axis.held_tension[i]) * stretch;
     // The tip swings on a single tendon, which a fast loop would make grow.
     const S rate(40), rate_alone(10);  // 1/s
-    const S speed = tight * (axis.speed[other] + rate * behind) - (S(1) - tight) * rate_alone * drawn;
+    const S speed = tight * (axis.speed[other] + rate * behind) - (S(1) - tight) * rate_alone * excursion;
     return is_finite(speed) && !(speed > S(0) && axis.over_tension[i]) ? speed : S(0);
   }
 

@@ -11,6 +11,15 @@
 
 namespace tenodesis {
 
+/// A spring between two joints, relaxed where the angle of one is a ratio times that of the other.
+template <class S>
+struct Tie {
+  int to{-1};  ///< the other joint, which comes before; -1: there is no tie
+  S ratio{};
+  S stiffness{};    ///< moment by the difference of the angles, N m/rad
+  bool is_rigid{};  ///< whether it stands for parts that cannot yield
+};
+
 /// A joint of a chain, in the frame of the link before it: z along the straight joint toward the tip.
 template <class S>
 struct ChainJoint {
@@ -21,6 +30,7 @@ struct ChainJoint {
   S chord{};         ///< of the straight joint: between a gear pair's centres, or a backbone's length, m
   S length{};        ///< from its far end to where its wrench acts, m
   S stiffness{};     ///< of its own spring, N m/rad
+  Tie<S> tie{};      ///< to a joint before it
   S share{};         ///< of the wrench that acts at its end
   S grip{};          ///< moment about its axis by a unit of grip force, m
 };
@@ -90,6 +100,46 @@ struct TendonChain {
     return {mechanism(i), joint[i].chord, x};
   }
 
+  /// Whether any joints are tied.
+  constexpr bool has_ties() const {
+    bool any = false;
+    each_tie([&](int, const Tie<S>&) { any = true; });
+    return any;
+  }
+  /// Calls f with every joint that is tied and its tie.
+  template <class F>
+  constexpr void each_tie(const F& f) const {
+    if constexpr (!known)
+      for (int i = 0; i < N; ++i)
+        if (joint[i].tie.to >= 0) f(i, joint[i].tie);
+  }
+  /// Adds the moments of the joints' springs at angles (rad) to moments, N m.
+  template <class T>
+  constexpr void add_springs(const T* angle, T* moment) const {
+    for (int i = 0; i < N; ++i) moment[i] = moment[i] - T(joint[i].stiffness) * angle[i];
+    add_ties(angle, moment);
+  }
+  /// The same of the ties alone.
+  template <class T>
+  constexpr void add_ties(const T* angle, T* moment) const {
+    each_tie([&](int i, const Tie<S>& tie) {
+      const T ratio(tie.ratio), pull = T(tie.stiffness) * (angle[i] - ratio * angle[tie.to]);
+      moment[i] = moment[i] - pull;
+      moment[tie.to] = moment[tie.to] + ratio * pull;
+    });
+  }
+  /// Adds a factor times the rates of the ties' moments by the angles to those of the joints.
+  template <class T, class Rates>
+  constexpr void add_tie_rates(const T& factor, Rates& rate) const {
+    each_tie([&](int i, const Tie<S>& tie) {
+      const T ratio(tie.ratio), by = factor * T(tie.stiffness);
+      rate[i][i] = rate[i][i] - by;
+      rate[i][tie.to] = rate[i][tie.to] + ratio * by;
+      rate[tie.to][i] = rate[tie.to][i] + ratio * by;
+      rate[tie.to][tie.to] = rate[tie.to][tie.to] - ratio * ratio * by;
+    });
+  }
+
   /// Length by which handle angles (rad) and strokes of the motors (m) wind each tendon, m.
   template <class T>
   void wind(const T* handle_angle, const T* stroke, T* wound) const {
@@ -102,18 +152,18 @@ struct TendonChain {
 
   /// Length by which the tip draws each tendon at coordinates x, m.
   template <class T>
-  void excursions(const T* x, T* drawn) const {
+  void excursions(const T* x, T* excursion) const {
     for (int m = 0; m < M; ++m) {
-      drawn[m] = T(arm[m][0]) * x[0];
-      for (int i = 1; i < N; ++i) drawn[m] = drawn[m] + T(arm[m][i]) * x[i];
+      excursion[m] = T(arm[m][0]) * x[0];
+      for (int i = 1; i < N; ++i) excursion[m] = excursion[m] + T(arm[m][i]) * x[i];
     }
   }
 
   /// Tension of a tendon that the handle and its motor have drawn by wound, and the tip by drawn, m; negative where it
   /// would have to push.
   template <class T>
-  T stretched(int m, const T& wound, const T& drawn) const {
-    return T(pretension[m]) + T(stiffness[m]) * (wound - drawn);
+  T stretched(int m, const T& wound, const T& excursion) const {
+    return T(pretension[m]) + T(stiffness[m]) * (wound - excursion);
   }
 
   /// Whether every joint stands on the one before it.

@@ -36,6 +36,10 @@ T::S stored_energy(const T& twin, const typename T::State& state) {
     twice = twice + twin.chain.joint[i].stiffness * state.angle[i] * state.angle[i] +
             twin.stop_stiffness[i] * beyond * beyond;
   }
+  twin.chain.each_tie([&](int i, const Tie<S>& tie) {
+    const S apart = state.angle[i] - tie.ratio * state.angle[tie.to];
+    twice = twice + tie.stiffness * apart * apart;
+  });
   if (!twin.quasi_static) {
     S x[N], matrix[N][N], bias[N];
     for (int i = 0; i < N; ++i) x[i] = coordinate_at(twin.mechanism(i), state.angle[i]);

@@ -13,24 +13,34 @@
 
 namespace tenodesis {
 
+namespace detail {
+
+template <class Many, class One, class Visit>
+[[gnu::always_inline]] inline void pair_rows(Many& many, One& one, const Visit& visit) {
+  for (std::size_t i = 0; i < sizeof(many) / sizeof(many[0]); ++i) visit(many[i], one[i]);
+}
+
+template <class Many, class One, class Visit>
+[[gnu::always_inline]] inline void pair_vectors(Many& many, One& one, const Visit& visit) {
+  visit(many.x, one.x), visit(many.y, one.y), visit(many.z, one.z);
+}
+
+}  // namespace detail
+
 /// Calls visit(lanes, single) for every number of a command in lanes and of a single one.
 template <class Many, class One, class Visit>
 [[gnu::always_inline]] inline void pair_commands(Many& many, One& one, const Visit& visit) {
-  const auto pair = [&](auto& a, auto& b) {
-    for (std::size_t i = 0; i < sizeof(a) / sizeof(a[0]); ++i) visit(a[i], b[i]);
-  };
-  const auto pair_vectors = [&](auto& a, auto& b) { visit(a.x, b.x), visit(a.y, b.y), visit(a.z, b.z); };
-  pair(many.handle_angle, one.handle_angle);
-  pair(many.spool_velocity, one.spool_velocity);
-  pair_vectors(many.load.wrench.force, one.load.wrench.force);
-  pair_vectors(many.load.wrench.moment, one.load.wrench.moment);
+  detail::pair_rows(many.handle_angle, one.handle_angle, visit);
+  detail::pair_rows(many.spool_velocity, one.spool_velocity, visit);
+  detail::pair_vectors(many.load.wrench.force, one.load.wrench.force, visit);
+  detail::pair_vectors(many.load.wrench.moment, one.load.wrench.moment, visit);
   visit(many.load.grip, one.load.grip);
   visit(many.held.opening, one.held.opening);
   visit(many.held.stiffness, one.held.stiffness);
   visit(many.held.damping, one.held.damping);
   visit(many.weight, one.weight);
   visit(many.sheath_bend, one.sheath_bend);
-  pair(many.let_out, one.let_out);
+  detail::pair_rows(many.let_out, one.let_out, visit);
   for (std::size_t i = 0; i < sizeof(many.contact) / sizeof(many.contact[0]); ++i) {
     visit(many.contact[i].angle, one.contact[i].angle);
     visit(many.contact[i].stiffness, one.contact[i].stiffness);
@@ -41,40 +51,33 @@ template <class Many, class One, class Visit>
 /// The same for a state, noise apart, of twins without currents.
 template <class Many, class One, class Visit>
 [[gnu::always_inline]] inline void pair_states(Many& many, One& one, const Visit& visit) {
-  const auto pair = [&](auto& a, auto& b) {
-    for (std::size_t i = 0; i < sizeof(a) / sizeof(a[0]); ++i) visit(a[i], b[i]);
-  };
-  pair(many.angle, one.angle);
-  pair(many.velocity, one.velocity);
-  pair(many.moment, one.moment);
-  pair(many.band_angle, one.band_angle);
-  pair(many.handle_moment, one.handle_moment);
+  detail::pair_rows(many.angle, one.angle, visit);
+  detail::pair_rows(many.velocity, one.velocity, visit);
+  detail::pair_rows(many.moment, one.moment, visit);
+  detail::pair_rows(many.band_angle, one.band_angle, visit);
+  detail::pair_rows(many.handle_moment, one.handle_moment, visit);
   visit(many.grip_force, one.grip_force);
-  pair(many.contact_force, one.contact_force);
-  pair(many.contact_moment, one.contact_moment);
+  detail::pair_rows(many.contact_force, one.contact_force, visit);
+  detail::pair_rows(many.contact_moment, one.contact_moment, visit);
   pair_commands(many.command, one.command, visit);
   for (int m = 0; m < One::M; ++m) {
     visit(many.drive[m].speed, one.drive[m].speed);
     visit(many.drive[m].angle, one.drive[m].angle);
     visit(many.drive[m].spool, one.drive[m].spool);
-    pair(many.tendon[m].slip.at, one.tendon[m].slip.at);
-    pair(many.tendon[m].slide.at, one.tendon[m].slide.at);
-    pair(many.tendon[m].slack.at, one.tendon[m].slack.at);
-    pair(many.tendon[m].tension.at, one.tendon[m].tension.at);
+    detail::pair_rows(many.tendon[m].slip.at, one.tendon[m].slip.at, visit);
+    detail::pair_rows(many.tendon[m].slide.at, one.tendon[m].slide.at, visit);
+    detail::pair_rows(many.tendon[m].slack.at, one.tendon[m].slack.at, visit);
+    detail::pair_rows(many.tendon[m].tension.at, one.tendon[m].tension.at, visit);
   }
-  pair(many.measured_handle, one.measured_handle);
-  pair(many.measured_angle, one.measured_angle);
-  pair(many.measured_tension, one.measured_tension);
-  pair(many.measured_spool, one.measured_spool);
+  detail::pair_rows(many.measured_handle, one.measured_handle, visit);
+  detail::pair_rows(many.measured_angle, one.measured_angle, visit);
+  detail::pair_rows(many.measured_tension, one.measured_tension, visit);
+  detail::pair_rows(many.measured_spool, one.measured_spool, visit);
 }
 
 /// The same for the constants of twins, but for those that are no numbers.
 template <class Many, class One, class Visit>
 [[gnu::always_inline]] inline void pair_twins(Many& many, One& one, const Visit& visit) {
-  const auto pair = [&](auto& a, auto& b) {
-    for (std::size_t i = 0; i < sizeof(a) / sizeof(a[0]); ++i) visit(a[i], b[i]);
-  };
-  const auto pair_vectors = [&](auto& a, auto& b) { visit(a.x, b.x), visit(a.y, b.y), visit(a.z, b.z); };
   const auto pair_sensors = [&](auto& a, auto& b) {
     visit(a.gain, b.gain), visit(a.bias, b.bias), visit(a.noise, b.noise);
     visit(a.low, b.low), visit(a.high, b.high), visit(a.resolution, b.resolution);
@@ -82,18 +85,18 @@ template <class Many, class One, class Visit>
   for (int i = 0; i < One::N; ++i) {
     auto& a = many.chain.joint[i];
     auto& b = one.chain.joint[i];
-    pair_vectors(a.axis, b.axis);
+    detail::pair_vectors(a.axis, b.axis, visit);
     visit(a.offset, b.offset), visit(a.chord, b.chord), visit(a.length, b.length);
     visit(a.stiffness, b.stiffness), visit(a.share, b.share), visit(a.grip, b.grip);
     visit(many.link[i].mass, one.link[i].mass);
     visit(many.link[i].centre, one.link[i].centre);
-    pair_vectors(many.link[i].inertia, one.link[i].inertia);
+    detail::pair_vectors(many.link[i].inertia, one.link[i].inertia, visit);
   }
   for (int m = 0; m < One::M; ++m) {
-    pair(many.chain.arm[m], one.chain.arm[m]);
-    pair(many.chain.handle_arm[m], one.chain.handle_arm[m]);
+    detail::pair_rows(many.chain.arm[m], one.chain.arm[m], visit);
+    detail::pair_rows(many.chain.handle_arm[m], one.chain.handle_arm[m], visit);
     visit(many.tendon[m].rest_tension, one.tendon[m].rest_tension);
-    pair(many.tendon[m].stiffness.at, one.tendon[m].stiffness.at);
+    detail::pair_rows(many.tendon[m].stiffness.at, one.tendon[m].stiffness.at, visit);
     for (std::size_t j = 0; j < sizeof(one.passage[m]) / sizeof(one.passage[m][0]); ++j) {
       auto& a = many.passage[m][j];
       auto& b = one.passage[m][j];
@@ -101,16 +104,16 @@ template <class Many, class One, class Visit>
     }
     pair_sensors(many.load_cell[m], one.load_cell[m]);
   }
-  pair(many.chain.stiffness, one.chain.stiffness);
-  pair(many.chain.pretension, one.chain.pretension);
+  detail::pair_rows(many.chain.stiffness, one.chain.stiffness, visit);
+  detail::pair_rows(many.chain.pretension, one.chain.pretension, visit);
   visit(many.law.constant, one.law.constant);
-  pair(many.reach, one.reach);
-  pair(many.damping, one.damping);
-  pair(many.stop, one.stop);
-  pair(many.stop_stiffness, one.stop_stiffness);
+  detail::pair_rows(many.reach, one.reach, visit);
+  detail::pair_rows(many.damping, one.damping, visit);
+  detail::pair_rows(many.stop, one.stop, visit);
+  detail::pair_rows(many.stop_stiffness, one.stop_stiffness, visit);
   visit(many.viscous, one.viscous);
   visit(many.sheath_bend_rate, one.sheath_bend_rate);
-  pair(many.handle_range, one.handle_range);
+  detail::pair_rows(many.handle_range, one.handle_range, visit);
   visit(many.hand.stiffness, one.hand.stiffness);
   visit(many.hand.damping, one.hand.damping);
   visit(many.hand.inertia, one.hand.inertia);
@@ -119,13 +122,13 @@ template <class Many, class One, class Visit>
   visit(many.drive.acceleration_limit, one.drive.acceleration_limit);
   visit(many.drive.time_constant, one.drive.time_constant);
   visit(many.drive.backlash, one.drive.backlash);
-  pair_vectors(many.rig.force, one.rig.force);
-  pair_vectors(many.rig.moment, one.rig.moment);
+  detail::pair_vectors(many.rig.force, one.rig.force, visit);
+  detail::pair_vectors(many.rig.moment, one.rig.moment, visit);
   pair_sensors(many.handle_encoder, one.handle_encoder);
   pair_sensors(many.output_encoder, one.output_encoder);
   pair_sensors(many.motor_encoder, one.motor_encoder);
   visit(many.time_step, one.time_step);
-  pair(many.tension_scale, one.tension_scale);
+  detail::pair_rows(many.tension_scale, one.tension_scale, visit);
   visit(many.lone_inertia, one.lone_inertia);
 }
 

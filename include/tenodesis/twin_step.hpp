@@ -183,6 +183,7 @@ struct TwinStep {
     for (const Vector<S>& by : {load.wrench.force, load.wrench.moment})
       pushed_by = pushed_by + abs(by.x) + abs(by.y) + abs(by.z);
     for (int i = 0; i < N; ++i) pushed_by = pushed_by + twin.chain.joint[i].stiffness;
+    twin.chain.each_tie([&](int, const Tie<S>& tie) { pushed_by = pushed_by + tie.stiffness; });
     Flag<S> bare = pushed_by == S(0);
     if (!any(bare)) return bare;
     S stretched[M];
@@ -474,12 +475,14 @@ struct TwinStep {
 
   void settle_alone(int m) {
     const int n = twin.contacts(m);
-    typename Rope::Lengths drawn{};
-    for (int i = 1; i <= n; ++i) drawn[i] = i > first[m] && !ends_drawn(m) ? pull[m][i].at(coordinate) : known[m][i];
-    if (ends_drawn(m)) drawn[n] = twin.last_draw(m).arm * coordinate[twin.last_draw(m).joint];
+    typename Rope::Lengths excursion{};
+    for (int i = 1; i <= n; ++i)
+      excursion[i] = i > first[m] && !ends_drawn(m) ? pull[m][i].at(coordinate) : known[m][i];
+    if (ends_drawn(m)) excursion[n] = twin.last_draw(m).arm * coordinate[twin.last_draw(m).joint];
     typename Rope::Line own{};
     next.tendon[m].slip = before.tendon[m].slip;
-    next.sweeps += tenodesis::settle(twin.tendon[m], n, band[m], drawn, spool[m], tolerance(m), next.tendon[m], own);
+    next.sweeps +=
+        tenodesis::settle(twin.tendon[m], n, band[m], excursion, spool[m], tolerance(m), next.tendon[m], own);
   }
 
   // Whether angles and coordinates are possible.
@@ -642,6 +645,19 @@ struct TwinStep {
         slope.at[u][u] = slope.at[u][u] - twin.hand.stiffness - rest * speed_rate;
       }
     }
+    twin.chain.each_tie([&](int i, const Tie<S>& tie) {
+      // The trapezoidal rule would let what is stiff ring from step to step; friction of half a step's time ends it.
+      const S lag = twin.quasi_static || !tie.is_rigid ? S(0) : S(0.5) * duration;
+      const auto rate = [&](int j) { return speed_rate * (angle[j] - before.angle[j]) - before.velocity[j]; };
+      const S apart = angle[i] - tie.ratio * angle[tie.to] + lag * (rate(i) - tie.ratio * rate(tie.to));
+      const S pull = tie.stiffness * apart, by = tie.stiffness * (S(1) + lag * speed_rate);
+      at[i] = at[i] - pull;
+      at[tie.to] = at[tie.to] + tie.ratio * pull;
+      slope.at[i][i] = slope.at[i][i] - by;
+      slope.at[i][tie.to] = slope.at[i][tie.to] + tie.ratio * by;
+      slope.at[tie.to][i] = slope.at[tie.to][i] + tie.ratio * by;
+      slope.at[tie.to][tie.to] = slope.at[tie.to][tie.to] - tie.ratio * tie.ratio * by;
+    });
   }
 
   void finish() {

@@ -9,13 +9,28 @@
 
 namespace tenodesis::bindings {
 
-inline constexpr std::size_t most_chain_joints = 6;
+inline constexpr std::size_t most_chain_joints = 8;
 inline constexpr std::size_t most_chain_tendons = 12;
 /// Components of a load: force, moment, grip.
 inline constexpr std::size_t load_components = 7;
 
 /// Numbers of a joint, in this order.
-enum JointNumber { axis_x, axis_y, axis_z, offset, chord, length, stiffness, share, grip, joint_numbers };
+enum JointNumber {
+  axis_x,
+  axis_y,
+  axis_z,
+  offset,
+  chord,
+  length,
+  stiffness,
+  tied_to,
+  tie_ratio,
+  tie_stiffness,
+  tie_is_rigid,
+  share,
+  grip,
+  joint_numbers
+};
 
 template <int N>
 using Paired = TendonChain<double, N, 2 * N>;
@@ -23,7 +38,7 @@ template <int N>
 using Many = TendonChain<double, N, int(most_chain_tendons)>;
 // Most chains have two tendons a joint or fewer; their loops are short.
 using Any = std::variant<Paired<1>, Many<1>, Paired<2>, Many<2>, Paired<3>, Many<3>, Paired<4>, Many<4>, Paired<5>,
-                         Many<5>, Paired<6>>;
+                         Many<5>, Many<6>, Many<7>, Many<8>>;
 
 class ChainSpec {
  public:

@@ -10,6 +10,7 @@
 #include <variant>
 #include <vector>
 
+#include "chain_spec.hpp"
 #include "evaluate.hpp"
 #include "module.hpp"
 
@@ -18,7 +19,7 @@ namespace {
 
 using namespace engine;
 
-constexpr int most_joints = 6;
+constexpr int most_joints = most_chain_joints;
 using AnyChain = Chain<double, most_joints>;
 using At = Posture<double, most_joints>;
 

@@ -14,11 +14,12 @@ void ChainSpec::make(std::integer_sequence<int, n...>) {
   const bool paired = tendons_ <= 2 * joints_;
   const auto pick = [&]<int N>() {
     if (joints_ != std::size_t(N)) return;
-    if (paired) {
-      any_.template emplace<Paired<N>>();
-    } else if constexpr (2 * N < int(most_chain_tendons)) {
-      any_.template emplace<Many<N>>();
-    }
+    if constexpr (2 * N < int(most_chain_tendons))
+      if (paired) {
+        any_.template emplace<Paired<N>>();
+        return;
+      }
+    any_.template emplace<Many<N>>();
   };
   (pick.template operator()<n + 1>(), ...);
 }
@@ -38,6 +39,7 @@ ChainSpec::ChainSpec(const std::vector<int>& mechanism, const std::vector<int>& 
         for (std::size_t i = 0; i < joints_; ++i) {
           const double* row = numbers.data() + i * joint_numbers;
           require(std::cmp_less(parent[i], i), "a joint stands on one that comes after it");
+          require(row[tied_to] >= -1 && row[tied_to] < double(i), "a joint is tied to one that comes after it");
           chain.joint[i] = {Mechanism(mechanism[i]),
                             parent[i],
                             {row[axis_x], row[axis_y], row[axis_z]},
@@ -45,6 +47,7 @@ ChainSpec::ChainSpec(const std::vector<int>& mechanism, const std::vector<int>& 
                             row[chord],
                             row[length],
                             row[stiffness],
+                            {int(row[tied_to]), row[tie_ratio], row[tie_stiffness], row[tie_is_rigid] != 0},
                             row[share],
                             row[grip]};
         }
@@ -231,10 +234,10 @@ class AnyTendonChain : public ChainSpec {
     const Point<W> at(chain, rows, p, handles(), tendons());
     const auto found = tenodesis::solve(chain, at.wound, at.load);
     if (found.status != Status::ok) return found.status;
-    double drawn[W::tendons];
-    chain.excursions(found.x, drawn);
+    double excursion[W::tendons];
+    chain.excursions(found.x, excursion);
     for (int i = 0; i < W::joints; ++i) out.angle[i] = angle_at(chain.joint[i].mechanism, found.x[i]);
-    for (int m = 0; m < W::tendons; ++m) out.tension[m] = std::max(chain.stretched(m, at.wound[m], drawn[m]), 0.0);
+    for (int m = 0; m < W::tendons; ++m) out.tension[m] = std::max(chain.stretched(m, at.wound[m], excursion[m]), 0.0);
     return Status::ok;
   }
 
@@ -253,7 +256,7 @@ class AnyTendonChain : public ChainSpec {
         using L = Lanes<double, int(lanes)>;
         for (std::size_t first = 0; first < n; first += lanes) {
           const std::size_t count = std::min(lanes, n - first);
-          L handle[W::joints], stroke[W::tendons], wrench[6], grip, wound[W::tendons], drawn[W::tendons];
+          L handle[W::joints], stroke[W::tendons], wrench[6], grip, wound[W::tendons], excursion[W::tendons];
           // One number after another into a register would take longer than all that follows.
           const auto gather = [&](L* to, const In<2>& from, std::size_t columns) {
             for (std::size_t c = 0; c < columns; ++c) {
@@ -270,12 +273,13 @@ class AnyTendonChain : public ChainSpec {
           chain.wind(handle, stroke, wound);
           const ChainLoad<L> all = load_of(wrench, grip, rows.in_stem_axes);
           const auto found = serial ? solve_lanes<true>(chain, wound, all) : solve_lanes(chain, wound, all);
-          chain.excursions(found.x, drawn);
-          for (int m = 0; m < W::tendons; ++m) drawn[m] = larger(chain.stretched(m, wound[m], drawn[m]), L(0.0));
+          chain.excursions(found.x, excursion);
+          for (int m = 0; m < W::tendons; ++m)
+            excursion[m] = larger(chain.stretched(m, wound[m], excursion[m]), L(0.0));
           for (std::size_t k = 0; k < count; ++k) {
             decided |= std::uint32_t(found.decided[int(k)] > 0) << (first + k);
             for (int i = 0; i < W::joints; ++i) out[first + k].angle[i] = found.angle[i][int(k)];
-            for (int m = 0; m < W::tendons; ++m) out[first + k].tension[m] = drawn[m][int(k)];
+            for (int m = 0; m < W::tendons; ++m) out[first + k].tension[m] = excursion[m][int(k)];
           }
         }
       });

@@ -28,7 +28,6 @@ RIPPLE_PERIODS = 12
 """Periods of a torque's ripple per turn of the motor."""
 STOP_STIFFNESS_RATIO = 20.0
 """Stiffness of a mechanical stop over that of its joint."""
-_FARTHEST_STOP = 3.0  # rad
 
 Array = NDArray[np.float64]
 
@@ -276,7 +275,11 @@ def _check_compliance(inst: ShortForm) -> None:
 
 def link_rows(inst: FullForm) -> Array:
     """Return mass, its centre, inertia about x, y, z, damping, stop, its stiffness, reach by joint of the tip, SI."""
-    stiffness = np.diag(stiffness_matrix(inst))
+    stiffness = np.diag(stiffness_matrix(inst)).copy()
+    for i, tie in enumerate(inst.ties):
+        # What ties joints does not damp or stop them.
+        if tie.is_rigid:
+            stiffness[[i, tie.to]] -= tie.stiffness * np.array([1.0, tie.ratio**2])
     rods = _links(inst, 1.0)
     lowest = _frequencies(inst, rods)[0]
     density = (lowest / (2 * pi * inst.dynamics.natural_frequency)) ** 2
@@ -294,8 +297,7 @@ def link_rows(inst: FullForm) -> Array:
     for i, joint in enumerate(inst.tip_joints):
         critical = 2 * sqrt(stiffness[i] * inertia[i, i])
         damping = inst.dynamics.damping_ratio * critical if joint.damping is None else joint.damping
-        stop = min(4 / 3 * joint.range, _FARTHEST_STOP) if joint.stop is None else joint.stop
-        rows[i, 5:8] = damping, stop, STOP_STIFFNESS_RATIO * stiffness[i]
+        rows[i, 5:8] = damping, joint.outer_stop, STOP_STIFFNESS_RATIO * stiffness[i]
     return rows
 
 
@@ -318,18 +320,25 @@ def _links(inst: FullForm, density: float) -> Array:
 def stiffness_matrix(inst: FullForm) -> Array:
     """Return the stiffness of the straight, unloaded wrist with all tendons taut, (joints, joints), N m/rad."""
     arms = straight_arms(inst)
-    springs = np.diag([joint.own_stiffness for joint in inst.tip_joints])
-    return np.asarray(arms.T @ (inst.stiffnesses[:, np.newaxis] * arms) + springs)
+    return np.asarray(arms.T @ (inst.stiffnesses[:, np.newaxis] * arms) + inst.springs)
 
 
 def natural_frequencies(inst: FullForm) -> Array:
-    """Return the angular natural frequencies of the straight, unloaded, frictionless wrist, rising, rad/s."""
-    return _frequencies(inst, link_rows(inst)[:, :5])
+    """Return the angular natural frequencies of the straight, unloaded, frictionless wrist, rising, rad/s.
+
+    The arcs of a backbone bend alike, and joints that are tied turn with the others: how these swing against each other
+    needs no small time steps, since the twin's trapezoidal rule is stable for any.
+    """
+    alike = np.array([inst.bent(unit) for unit in np.eye(len(inst.bends))]).T
+    return _frequencies(inst, link_rows(inst)[:, :5], alike)
 
 
-def _frequencies(inst: FullForm, links: Array) -> Array:
+def _frequencies(inst: FullForm, links: Array, motions: Array | None = None) -> Array:
     inertia, _ = mass_matrix(inst, links, np.zeros(len(inst.tip_joints)))
-    return np.asarray(np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(inertia, stiffness_matrix(inst))).real)))
+    stiffness = stiffness_matrix(inst)
+    if motions is not None:
+        inertia, stiffness = motions.T @ inertia @ motions, motions.T @ stiffness @ motions
+    return np.asarray(np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(inertia, stiffness)).real)))
 
 
 def mass_matrix(inst: FullForm, links: Array, angles: Array, speeds: Array | None = None) -> tuple[Array, Array]:

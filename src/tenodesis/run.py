@@ -2,6 +2,7 @@
 
 # ruff: noqa: RUF009 - a field's default carries the signal's definition
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, TypeAlias, overload
@@ -23,6 +24,9 @@ TENDONS = ("agonist", "antagonist")
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 """Components of a wrench, in the order of arrays."""
+
+ACROSS = {"yaw": "fx", "pitch": "fy"}
+"""The component of a wrench at the tip that bends a joint, by the joint's axis."""
 
 Owner: TypeAlias = Literal["joints", "handle_joints", "tendons", "compensated", "components", "run"]
 """What a signal has a column for each of; "run": it has one alone."""
@@ -83,6 +87,16 @@ class Names(NamedTuple):
         columns = len(self.columns(signal))
         single = SIGNALS[signal].of == "run" or (columns == 1 and not SIGNALS[signal].per_tendon)
         return (rows,) if single else (rows, columns)
+
+    def arcs(self, signal: str, name: str) -> list[int]:
+        """Return the numbers of a signal's columns of a backbone's arcs, NAME_1 and so on; of another column, its own.
+
+        Raises KeyError as :meth:`column`.
+        """
+        columns = self.columns(signal)
+        arcs = [n for n, one in enumerate(columns) if re.fullmatch(rf"{re.escape(name)}_\d+", one)]
+        is_backbone = name not in columns and len(arcs) > 1 and SIGNALS[signal].of == "joints"
+        return arcs if is_backbone else [self.column(signal, name)]
 
     def column(self, signal: str, name: str) -> int:
         """Return the number of a signal's column by its name, or by an end of it that no other has: ``agonist``.
@@ -229,7 +243,7 @@ class Run:
         """Return a signal or one of its columns by name, or what lies between two times, s, both included.
 
         ``run["tension"]``, ``run["tension.agonist"]``, ``run[1.0:2.5]``, ``run[2.0:]``. A step is a number of rows:
-        ``run[::20]``. For rows by number see :meth:`rows`.
+        ``run[::20]``. For rows by number see :meth:`rows`. A backbone's name gives the sum of its arcs' columns.
 
         Raises
         ------
@@ -254,7 +268,12 @@ class Run:
         values = getattr(self, name) if name in SIGNALS else None
         if values is None:
             raise KeyError(f"{name} is not among the signals; they are {', '.join(self.signals())}")
-        return np.asarray(self.by_column(name)[..., self.names.column(name, column)] if column else values)
+        if not column:
+            return np.asarray(values)
+        of = self.names.arcs(name, column)
+        return np.asarray(
+            self.by_column(name)[..., of].sum(axis=-1) if len(of) > 1 else self.by_column(name)[..., of[0]]
+        )
 
     def columns(self, signal: str) -> tuple[str, ...]:
         """Return the names of a signal's columns; empty if it has one alone. Raises KeyError if it is unknown."""

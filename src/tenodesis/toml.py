@@ -179,7 +179,7 @@ class _Mistake(NamedTuple):
     allowed: str
 
 
-class _Place(NamedTuple):
+class _KeyPlace(NamedTuple):
     """Position of a value in a file."""
 
     entry: str
@@ -224,7 +224,7 @@ def _mistake(model: type[BaseModel], values: Mapping[str, Any], error: Any, entr
     return _Mistake(f"{place.entry}{key}{shown}: {problem}.", key, value, allowed)
 
 
-def _needed(error: Any, place: _Place, message: str) -> str:
+def _needed(error: Any, place: _KeyPlace, message: str) -> str:
     """Return what a value must be, where pydantic's message refers to Python types."""
     least, most = (error.get("ctx", {}).get(key, 0) for key in ("min_length", "max_length"))
     table = f"a table, [[{place.of_list}]]" if place.of_list else "a table"
@@ -241,9 +241,9 @@ def _needed(error: Any, place: _Place, message: str) -> str:
     }.get(error["type"], message)
 
 
-def _locate(model: type[BaseModel], values: Any, error: Any, entries: Mapping[str, str]) -> _Place:
+def _locate(model: type[BaseModel], values: Any, error: Any, entries: Mapping[str, str]) -> _KeyPlace:
     """Return the position of an error found by pydantic, in the file's terms; values of a list count from 1."""
-    tables, siblings, place = {"": model}, list[str](), _Place("", "", {}, [], "")
+    tables, siblings, place = {"": model}, list[str](), _KeyPlace("", "", {}, [], "")
     for part in error["loc"]:
         if isinstance(part, int):
             values = dict(enumerate(values)).get(part) if isinstance(values, list | tuple) else None
@@ -251,7 +251,7 @@ def _locate(model: type[BaseModel], values: Any, error: Any, entries: Mapping[st
             if tables and isinstance(values, dict):
                 name = next((values[key] for key in ("name", "kind") if isinstance(values.get(key), str)), None)
                 named = f" ({name})" if name is not None and not error["type"].startswith("union_tag") else ""
-                place = _Place(f"{place.entry}{entry}{named}: ", "", tables, siblings, "")
+                place = _KeyPlace(f"{place.entry}{entry}{named}: ", "", tables, siblings, "")
             elif tables:
                 place = place._replace(key=entry, of_list=place.key)
             else:

@@ -29,7 +29,7 @@ Settled settle(const A& axis, double handle, double force, ControlLaw law, Actua
   compensator.actuation = actuation;
   const Load<S> load{S(force), S(0)};
   const auto model = own.model();
-  const S drawn = model.drawn(S(handle)), slope = axis.distal.excursion_slope();
+  const S excursion = model.excursion(S(handle)), slope = axis.distal.excursion_slope();
   const S free = axis.distal.coordinate(unloaded_angle(axis, S(handle)).value);
   Stroke<S> wound{};
   Settled found{};
@@ -43,7 +43,7 @@ Settled settle(const A& axis, double handle, double force, ControlLaw law, Actua
     const auto loss = double(free - axis.distal.coordinate(angle.value));
     if (n == 0) found.loss = loss;
     found.after = loss;
-    found.stretch = double(tension.value.difference() / (S(2) * axis.stiffness * slope) - (drawn / slope - free));
+    found.stretch = double(tension.value.difference() / (S(2) * axis.stiffness * slope) - (excursion / slope - free));
     const Measurement<S> measured{S(handle),
                                   {tension.value.agonist, tension.value.antagonist},
                                   {wound.agonist / S(spool_radius), wound.antagonist / S(spool_radius)}};

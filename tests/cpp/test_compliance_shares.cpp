@@ -46,7 +46,7 @@ struct Fixture {
 
   explicit Fixture(const A& axis) {
     own = detail::axis_controller<A>(parameters(axis, ControlLaw::robust, Actuation::differential).axis[0]);
-    memory.unit = S(1) / axis.stiffness;
+    memory.compliance = S(1) / axis.stiffness;
     for (int j = 0; j < 4; ++j) memory.share[j] = own.model().share[j];
     memory.share_variance = share_std<S> * share_std<S>;
     memory.covariance[2][2] = S(1e-4);
@@ -67,9 +67,9 @@ struct Fixture {
       memory.smooth.handle_angle = memory.smooth.handle_angle + S(moving);
       one.tension[0] = S(tension);
       one.tension[1] = S(std::clamp(50 / std::exp(0.02), tension, tension * std::exp(0.02)));
-      const double wound = share * (tension - 50) * double(memory.unit);
+      const double wound = share * (tension - 50) * double(memory.compliance);
       const S seems =
-          memory.unit * (memory.share[0] * (one.tension[0] - S(50)) + memory.share[1] * (one.tension[1] - S(50)));
+          memory.compliance * (memory.share[0] * (one.tension[0] - S(50)) + memory.share[1] * (one.tension[1] - S(50)));
       const S position[2] = {S(wound) - seems, S(0)};
       follow(one.tension[0], S(noise), memory.smooth.handle_angle, false, one.reversal);
       learn_shares(own.model(), own.friction.settings, position, memory);

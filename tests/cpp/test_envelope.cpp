@@ -15,7 +15,7 @@ struct Fixture {
 
   explicit Fixture(const A& axis) {
     own = detail::axis_controller<A>(parameters(axis, ControlLaw::robust, Actuation::differential).axis[0]);
-    memory.unit = S(1) / axis.stiffness;
+    memory.compliance = S(1) / axis.stiffness;
     for (S& tension : memory.smooth.tension) tension = axis.pretension;
     for (auto& one : memory.tendon)
       for (S& tension : one.tension) tension = axis.pretension;
@@ -35,13 +35,13 @@ struct Fixture {
   }
 
   /// Lets the lag, in reversals that stand out, and the handle (rad) swing for a while; returns the authority.
-  double swing(double lag, double handle, double frequency, double seconds) {
+  double swing(double error, double handle, double frequency, double seconds) {
     for (int n = 0; n < int(seconds / dt); ++n) {
       const double at = std::sin(2 * pi * frequency * n * dt);
       memory.intent.angle = S(handle * at);
-      envelope().update(S(lag * at) * least, least, own.friction, memory, S(dt), state);
+      envelope().update(S(error * at) * least, least, own.friction, memory, S(dt), state);
     }
-    return double(state.authority);
+    return double(state.gain_factor);
   }
 };
 
@@ -92,12 +92,12 @@ void a_lag_that_is_only_unknown_for_a_while_takes_none(const A& axis) {
   Fixture<A> fixture(axis);
   for (int n = 0; n < int(3 / dt); ++n) {
     const double at = std::sin(2 * pi * 3 * n * dt);
-    const S lag = S(5) * fixture.least;
+    const S error = S(5) * fixture.least;
     const S off = S(at > 0 ? 4 * at : 0) * fixture.least;
-    fixture.memory.freedom[0] = fixture.memory.freedom[1] = off;
-    fixture.envelope().update(lag - off, fixture.least, fixture.own.friction, fixture.memory, S(dt), fixture.state);
+    fixture.memory.unobservable[0] = fixture.memory.unobservable[1] = off;
+    fixture.envelope().update(error - off, fixture.least, fixture.own.friction, fixture.memory, S(dt), fixture.state);
   }
-  CLAIM(fixture.state.authority == S(1));
+  CLAIM(fixture.state.gain_factor == S(1));
 }
 
 template <class A>

@@ -24,8 +24,8 @@ struct Plant {
   Noise noise{7};
 
   double tension(int i) const {
-    const double drawn = axis.distal.radius * angle;
-    return std::max(0.0, axis.stiffness * (spool_radius * spool[i] - (i == agonist ? drawn : -drawn)));
+    const double excursion = axis.distal.radius * angle;
+    return std::max(0.0, axis.stiffness * (spool_radius * spool[i] - (i == agonist ? excursion : -excursion)));
   }
 
   void step(const double (&sent)[2]) {
@@ -180,7 +180,7 @@ void a_drives_friction_is_taken_out_of_a_reading_by_its_edge() {
   turn(1, 20);
   turn(0, 20);
   const HomingDrive<S> cell{};
-  CLAIM(cell.tension(S(7), S(1), S(-1), state) == S(7) && cell.doubt(S(7)) == S(0));
+  CLAIM(cell.tension(S(7), S(1), S(-1), state) == S(7) && cell.uncertainty(S(7)) == S(0));
 }
 
 template <class S>

@@ -86,7 +86,7 @@ void a_still_noisy_handle_does_not_tremble() {
   Fixture<S> fixture;
   fixture.follow_for(20, [&](double) { return 0.5 + noise(random); });
   CLAIM(fixture.state.amplitude == S(0));
-  CLAIM(fixture.state.shaken == S(0) && fixture.state.speed == S(0) && fixture.state.speed_after(S(0.02)) == S(0));
+  CLAIM(fixture.state.tremor == S(0) && fixture.state.speed == S(0) && fixture.state.speed_after(S(0.02)) == S(0));
 }
 
 template <class S>
@@ -126,7 +126,7 @@ void any_finite_handle_gives_finite_numbers() {
   Fixture<S> fixture;
   fixture.follow_for(10, [&](double) { return std::pow(10.0, power(random)) * (positive(random) ? 1 : -1); });
   const auto& state = fixture.state;
-  CLAIM(all_finite(state.angle, state.amplitude, state.pulsation, state.shaken, state.speed, state.acceleration));
+  CLAIM(all_finite(state.angle, state.amplitude, state.pulsation, state.tremor, state.speed, state.acceleration));
   CLAIM(is_finite(state.speed_after(S(0.02))));
   CLAIM(state.amplitude <= fixture.settings.limit);
 }

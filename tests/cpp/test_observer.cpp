@@ -133,15 +133,15 @@ void without_friction_the_friction_observer_is_the_exact_one(const A& axis) {
 
 /// Both tendons of a straight instrument, dragged through their sheaths alike: what a spool winds is stretch.
 struct Dragged {
-  double friction{};    // coefficient
-  double compliance{};  // over the nominal one
-  double stem{};        // N, of both
-  double slide{};       // 1: all the way toward the spools, -1: toward the tip; between, the sheath holds
+  double friction{};          // coefficient
+  double compliance_scale{};  // over the nominal one
+  double stem{};              // N, of both
+  double slide{};             // 1: all the way toward the spools, -1: toward the tip; between, the sheath holds
 
   template <class S>
   Measurement<S> measured(const ControlModel<GearAxis<S>>& model) const {
     const double spool = stem * std::exp(slide * friction * double(model.sheath_bend));
-    const double unit = compliance / double(model.axis.stiffness);
+    const double unit = compliance_scale / double(model.axis.stiffness);
     const auto to = double(model.axis.pretension);
     const double stretch = unit * (double(model.share[0]) * (spool - to) +
                                    double(model.share[1] + model.share[2] + model.share[3]) * (stem - to));
@@ -151,11 +151,11 @@ struct Dragged {
 
 // Pulled and let out again and again: a straight instrument's only friction is its sheath's.
 template <class S>
-FrictionMemory<S> learned(const FrictionObserver<GearAxis<S>>& observer, double friction, double compliance,
+FrictionMemory<S> learned(const FrictionObserver<GearAxis<S>>& observer, double friction, double compliance_scale,
                           int strokes) {
   constexpr int turn = 100, drag = 400;
   FrictionMemory<S> memory{};
-  Dragged at{friction, compliance, 25, 0};
+  Dragged at{friction, compliance_scale, 25, 0};
   for (int stroke = 0; stroke < strokes; ++stroke) {
     const int direction = stroke % 2 == 0 ? 1 : -1;
     for (int n = 0; n < turn + drag; ++n) {
@@ -172,12 +172,12 @@ FrictionMemory<S> learned(const FrictionObserver<GearAxis<S>>& observer, double 
 template <class S>
 void common_strokes_tell_friction_and_compliance() {
   for (const double friction : {0.07, 0.1, 0.143}) {
-    for (const double compliance : {0.85, 1.0, 1.15}) {
+    for (const double compliance_scale : {0.85, 1.0, 1.15}) {
       const auto observer = observer_of(instruments::scaled_up<S>(), 0.1);
-      const auto memory = learned(observer, friction, compliance, 8);
+      const auto memory = learned(observer, friction, compliance_scale, 8);
       const auto estimate = observer.estimate(memory);
       CLAIM_NEAR(double(estimate.friction_scale), friction / 0.1, 0.1 * friction / 0.1);
-      CLAIM_NEAR(double(memory.compliance), compliance, 0.03);
+      CLAIM_NEAR(double(memory.compliance_scale), compliance_scale, 0.03);
       CLAIM(std::fabs(double(estimate.friction_scale) - friction / 0.1) < 3 * double(estimate.friction_scale_std));
       CLAIM(double(estimate.friction_scale_std) < 0.1);
       CLAIM_NEAR(double(estimate.output_angle), 0, 1e-3);
@@ -210,7 +210,7 @@ void the_covariance_stays_positive_however_long_and_finely_it_learns() {
       observer.settings.forgetting = S(forgetting);
       const auto memory = learned(observer, 0.12, 1.1, 2000);
       CLAIM(is_positive_definite(memory.covariance));
-      CLAIM(all_finite(memory.scale, memory.reference, memory.compliance));
+      CLAIM(all_finite(memory.scale, memory.reference, memory.compliance_scale));
       CLAIM(std::fabs(double(memory.scale) - 1.2) < 0.12);
     }
   }
@@ -227,7 +227,7 @@ void nothing_is_learned_from_tendons_that_do_not_slip_together() {
       const double wound = 5e-4 * std::sin(n * 0.01);
       const auto at = frictionless(axis, 0.2, 0.3, wound, other * wound);
       observer.update(at.measured, S(dt), memory);
-      CLAIM(memory.scale == S(1) && memory.compliance == S(1) && memory.reference == S(0));
+      CLAIM(memory.scale == S(1) && memory.compliance_scale == S(1) && memory.reference == S(0));
     }
   }
 }
@@ -240,7 +240,7 @@ void a_tendon_at_rest_under_noise_does_not_slip() {
   Slip<S> slip{};
   for (int n = 0; n < 20000; ++n) {
     slip = follow(slip, S(double(play) * noise(random)), play);
-    CLAIM(slip.evidence == S(0) && slip.run == S(0) && slip.dragged == S(0));
+    CLAIM(slip.indicator == S(0) && slip.run == S(0) && slip.dragged == S(0));
   }
 }
 
@@ -250,12 +250,12 @@ void a_dragged_tendon_slips_until_it_turns_and_a_turn_takes_a_whole_play() {
   Slip<S> slip{};
   double at = 0;
   for (int n = 0; n < 200; ++n) slip = follow(slip, S(at += 2e-6), play);
-  CLAIM(slip.evidence > S(0) && slip.run == S(most_run));
+  CLAIM(slip.indicator > S(0) && slip.run == S(most_run));
   const S dragged = slip.dragged;
   for (int n = 0; n < 4; ++n) slip = follow(slip, S(at -= 2e-6), play);
-  CLAIM(slip.evidence == S(0) && slip.dragged == dragged && slip.run == S(most_run));
+  CLAIM(slip.indicator == S(0) && slip.dragged == dragged && slip.run == S(most_run));
   for (int n = 0; n < 3; ++n) slip = follow(slip, S(at -= 2e-6), play);
-  CLAIM(double(slip.evidence) < 0 && double(slip.run) < 0 && double(slip.run) > -firm_run);
+  CLAIM(double(slip.indicator) < 0 && double(slip.run) < 0 && double(slip.run) > -firm_run);
 }
 
 template <class S>
@@ -264,8 +264,8 @@ void a_tension_beyond_a_contact_stays_within_its_friction() {
   std::uniform_real_distribution<double> any(0, 1);
   for (int n = 0; n < 10000; ++n) {
     const S ratio = S(1 + any(random)), near = S(60 * any(random)), held = S(60 * any(random));
-    const S evidence = S(2 * any(random) - 1);
-    const S tension = beyond(ratio, near, held, evidence);
+    const S indicator = S(2 * any(random) - 1);
+    const S tension = beyond(ratio, near, held, indicator);
     CLAIM(tension >= near / ratio && tension <= near * ratio);
   }
   CLAIM(beyond(S(2), S(30), S(40), S(1)) == S(15));
@@ -289,7 +289,7 @@ void no_finite_reading_makes_the_tip_or_the_friction_not_a_number(const A& axis)
           S(double(axis.handle_range) * any(random)), {any_value(), any_value()}, {any_value(), any_value()}};
       observer.update(measured, S(dt), memory);
       const auto estimate = observer.estimate(memory);
-      CLAIM(all_finite(memory.scale, memory.compliance, memory.reference, memory.tip, memory.output_angle));
+      CLAIM(all_finite(memory.scale, memory.compliance_scale, memory.reference, memory.tip, memory.output_angle));
       CLAIM(all_finite(estimate.output_angle, estimate.tip_force, observer.breakaway(memory, S(1)),
                        observer.breakaway(memory, S(-1))));
       CLAIM(memory.scale >= S(0.05) && memory.scale <= S(20));

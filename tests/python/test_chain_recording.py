@@ -175,7 +175,7 @@ def test_a_ramp_may_end_in_any_load_and_the_jaws_may_be_pressed_apart(wrist: tn.
         ),
         ("hybrid-scaled-up", Ramp(handle_angles={"yaw": 0.1}, duration=1), "names yaw; it must name joints of the han"),
         ("hybrid-scaled-up", Ramp(spool_velocities={"x": 0.1}, duration=1), "names x; it must name tendons"),
-        ("hybrid-scaled-up", tn.simulate.Pretension(), "kind is pretension, but jaw of hybrid.*it must be hold"),
+        ("needle-driver", tn.simulate.Pretension(axis="yaw"), "axis is given, but no joint.*give joint"),
         ("needle-driver", tn.simulate.TissueContact(stiffness=0), "kind is contact, but no joint.*it must be object"),
         ("two-segment-continuum", Ramp(grip_force=1.0, duration=1), "grip_force is given, but .* no jaws.*give wrench"),
         (
@@ -272,3 +272,22 @@ def test_what_record_does_not_take_is_said(tenodesis: Command, arguments: tuple[
     code, _, problem = tenodesis("record", "needle-driver", *arguments)
     assert (code, problem.count("\n")) == (1, 1)
     assert sentence in problem
+
+
+@pytest.mark.parametrize("name", ["needle-driver", "two-segment-continuum", "hybrid-scaled-up"])
+def test_loose_tendons_are_wound_to_their_pretension_whatever_joints_they_turn(name: str) -> None:
+    twin = tn.twin.Twin(name, seed=2)
+    twin.loosen(1e-3)
+    run = tn.simulate.execute(twin, protocol(tn.simulate.Pretension()))
+    wanted = twin.inst.pretensions
+    assert (run["measured_tension"][0][wanted > 1] < 0.5 * wanted[wanted > 1]).all()
+    np.testing.assert_allclose(run["measured_tension"][-100:].mean(axis=0), wanted, rtol=0, atol=0.5)
+    assert np.abs(np.degrees(run["output_angle"][-1])).max() < 0.1
+
+
+def test_a_tendon_that_does_not_get_tight_is_named() -> None:
+    twin = tn.twin.Twin("needle-driver", seed=2)
+    twin.loosen(2e-3)
+    first = twin.inst.tendons[0].name
+    with pytest.raises(ProtocolError, match=f"tendon {first} reads .* after the timeout of 0.1 s"):
+        tn.simulate.execute(twin, protocol(tn.simulate.Pretension(timeout=0.1)))

@@ -110,6 +110,20 @@ def test_tissue_let_out_and_a_bend_of_the_sheath_are_those_of_the_planar_twin(qu
     assert np.abs(found["contact_force"][:, 0] - expected.contact_force).max() < 1e-6
 
 
+def test_a_weight_on_the_load_rig_is_that_of_the_planar_twin() -> None:
+    planar = tn.load("scaled-up").replace(**NOMINAL, friction=FRICTION)
+    handle, weight = np.full(800, 0.2), np.linspace(0, 3, 800)
+    expected = tn.twin.Twin(planar).run(handle, weight=weight)
+    found = tn.twin.Twin(tn.instrument.expanded(planar)).run(handle[:, np.newaxis], weight=weight)
+    unloaded = tn.twin.Twin(planar).run(handle)
+    assert np.degrees(unloaded["output_angle"][-1] - expected["output_angle"][-1]) > 1
+    np.testing.assert_allclose(found["output_angle"].ravel(), expected["output_angle"].ravel(), rtol=0, atol=1e-9)
+    for name, allowed in (("hybrid-real-size", "conditions.cable_pulley_radius"), ("needle-driver", "wrench")):
+        with pytest.raises(tn.ArgumentError, match=allowed) as problem:
+            tn.twin.Twin(name).run(np.zeros((2, len(tn.load(name).handle_joints))), weight=1.0)
+        assert problem.value.key == "weight"
+
+
 def test_a_state_is_bytes_from_which_a_twin_of_its_kind_goes_on() -> None:
     inst = shipped("needle-driver", friction={"law": "stribeck", "vertex_coefficient": 0.1, "static_ratio": 1.5})
     core = tn.twin.Twin(inst).core

@@ -101,7 +101,7 @@ def test_only_instrument_files_of_the_given_folders_are_read(tmp_path: Path, sca
 
 def test_a_protocol_of_a_browser_names_no_file() -> None:
     text = 'name = "p"\n[[phases]]\nkind = "motion"\nfile = "/etc/passwd"\nangle_unit = "deg"\n'
-    with refused("phase 1 (motion): ", kind=ProtocolError, allowed="data") as caught:
+    with refused("file", kind=ProtocolError, allowed="data") as caught:
         simulate.parse(text)
     assert "root" not in str(caught.value)
 

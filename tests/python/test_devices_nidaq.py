@@ -9,7 +9,7 @@ import pytest
 
 import tenodesis as tn
 from tenodesis import instrument
-from tenodesis.devices.nidaq import NiDaqDevice, Samples
+from tenodesis.devices.nidaq import AnalogSamples, NiDaqDevice
 from tenodesis.errors import DeviceError, InstrumentError
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import NiDaq
@@ -50,7 +50,7 @@ class FakeTasks:
     stops_alone = inf
     unwatched = "It has no watchdog."
 
-    def __init__(self, samples: Sequence[Samples | DeviceError | None] = ()) -> None:
+    def __init__(self, samples: Sequence[AnalogSamples | DeviceError | None] = ()) -> None:
         self.samples = list(samples)
         self.written: list[tuple[list[float], int]] = []
         self.state = ""
@@ -59,7 +59,7 @@ class FakeTasks:
     def open(self) -> None:
         self.state = "open"
 
-    def read(self, timeout: float) -> Samples | None:
+    def read(self, timeout: float) -> AnalogSamples | None:
         given = self.samples.pop(0)
         if isinstance(given, DeviceError):
             raise given
@@ -74,8 +74,8 @@ class FakeTasks:
         self.state = "at standstill"
 
 
-def sample(number: int, volts: Sequence[float] = (2.5, 1.0, -2.0, 0.0)) -> Samples:
-    return Samples(number, np.array(volts), np.array([5.0, -10.0]))
+def sample(number: int, volts: Sequence[float] = (2.5, 1.0, -2.0, 0.0)) -> AnalogSamples:
+    return AnalogSamples(number, np.array(volts), np.array([5.0, -10.0]))
 
 
 def test_volts_become_angles_and_tensions_by_the_calibration(inst: Instrument, settings: NiDaq) -> None:
@@ -206,7 +206,7 @@ def test_a_motor_turns_on_where_its_counter_begins_anew(inst: Instrument, settin
     turned = np.stack([counts, -counts], axis=1)
     counted = turned % 2**32
     counted[(counted >= 2**31) & signed] -= 2**32
-    samples = [Samples(n, np.ones(4), row * count) for n, row in enumerate(counted)]
+    samples = [AnalogSamples(n, np.ones(4), row * count) for n, row in enumerate(counted)]
     with NiDaqDevice(inst, settings, tasks=FakeTasks(samples)) as device:
         measured = [device.read(1.0) for _ in samples]
         spools = np.array([one.spool_angle[0] for one in measured if one is not None])

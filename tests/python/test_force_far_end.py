@@ -17,7 +17,7 @@ from tenodesis.identification.force import ForceModel, fit_force
 from tenodesis.identification.force.model import (
     Band,
     Bands,
-    Bench,
+    ForceBench,
     Signal,
     bench_of,
     checked,
@@ -36,7 +36,7 @@ from .conftest import refused
 from .dataset_files import TORQUE, table, write
 
 RATE = 100
-BENCH = Bench(load=1.0, jaw=-1.0, current=1.0, jaw_load=1.0, middle=0.5)
+BENCH = ForceBench(load=1.0, jaw=-1.0, current=1.0, jaw_load=1.0, middle=0.5)
 TOOL = {
     "near_compliance": 0.1,
     "compliance": 0.3,

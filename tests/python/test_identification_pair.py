@@ -11,7 +11,7 @@ import pytest
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, Fit, fit, jacobian_error
 from tenodesis.identification.comparison import compare_laws
-from tenodesis.identification.datasets.endoscope_pair import Pair, load, problem
+from tenodesis.identification.datasets.endoscope_pair import EndoscopePair, load, problem
 from tenodesis.identification.datasets.reference import LAWS, pass_on
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.run import Array
@@ -56,16 +56,16 @@ def recording(bend: float, output: Array | None = None) -> MeasuredRun:
     )
 
 
-def made(seed: int, noise: float = math.radians(0.1)) -> Pair:
+def made(seed: int, noise: float = math.radians(0.1)) -> EndoscopePair:
     """Recordings at three bends by the model itself, with noise."""
-    blank = Pair([recording(bend) for bend in (0, 120, 240)])
+    blank = EndoscopePair([recording(bend) for bend in (0, 120, 240)])
     truth = np.array([TRUTH[one.name] for one in blank.parameters])
     random = np.random.default_rng(seed)
     outputs = [blank.predict(truth, run) + noise * random.normal(size=600) for run in range(3)]
-    return Pair([recording(bend, output) for bend, output in zip((0, 120, 240), outputs, strict=True)])
+    return EndoscopePair([recording(bend, output) for bend, output in zip((0, 120, 240), outputs, strict=True)])
 
 
-def starts(model: Pair) -> Array:
+def starts(model: EndoscopePair) -> Array:
     return np.array([one.start for one in model.parameters])
 
 
@@ -127,7 +127,7 @@ def test_tendon_cannot_push_so_that_no_bound_is_below_zero() -> None:
 
 @pytest.mark.parametrize("law", LAWS)
 def test_derivatives_are_those_of_differences(law: str) -> None:
-    model = Pair([recording(bend) for bend in (0, 150)], law=law)
+    model = EndoscopePair([recording(bend) for bend in (0, 150)], law=law)
     random = np.random.default_rng(1)
     for run in range(2):
         at = starts(model) * random.uniform(0.8, 1.2, len(model.parameters))
@@ -150,8 +150,8 @@ def test_left_out_bend_is_predicted_to_the_sensors_noise() -> None:
 
 def test_more_sections_of_the_sheath_change_less_and_less() -> None:
     recordings = [recording(bend) for bend in (0, 240)]
-    truth = np.array([TRUTH[one.name] for one in Pair(recordings).parameters])
-    angles = [np.degrees(Pair(recordings, sections=count).predict(truth, 1)) for count in (3, 6, 12, 24)]
+    truth = np.array([TRUTH[one.name] for one in EndoscopePair(recordings).parameters])
+    angles = [np.degrees(EndoscopePair(recordings, sections=count).predict(truth, 1)) for count in (3, 6, 12, 24)]
     changes = [np.abs(fine - coarse).max() for coarse, fine in itertools.pairwise(angles)]
     print(f"largest changes of the angle from 3 to 6, 12, 24 sections: {changes} deg")
     assert changes[2] < changes[1] < changes[0]
@@ -159,7 +159,7 @@ def test_more_sections_of_the_sheath_change_less_and_less() -> None:
 
 
 def test_output_angle_is_used_for_nothing_but_the_error() -> None:
-    silent, said = Pair([recording(60)]), Pair([recording(60, np.ones(600))])
+    silent, said = EndoscopePair([recording(60)]), EndoscopePair([recording(60, np.ones(600))])
     at = starts(silent)
     assert (silent.predict(at, 0) == said.predict(at, 0)).all()
 
@@ -167,7 +167,7 @@ def test_output_angle_is_used_for_nothing_but_the_error() -> None:
 def test_at_one_bend_nothing_is_asked_of_how_friction_grows_with_it() -> None:
     model = made(seed=6)
     output = np.radians(model.traces(starts(model), 1)["output_angle_deg"].measured)
-    alone = Pair([recording(120, output)])
+    alone = EndoscopePair([recording(120, output)])
     found = fit(alone, train=[0], starts=2)
     assert not [name for name in found.free if name.endswith("_per_bend")]
     low, high = found.interval_95["exponent"]
@@ -182,7 +182,7 @@ def test_comparison_finds_the_law_that_a_recording_was_made_with() -> None:
         for run, bend in enumerate((0, 120, 240))
     ]
     laws = ("none", "coulomb", "capstan")
-    rows = compare_laws(lambda law: Pair(measured, law=law), [0, 2], [1], laws=laws, starts=1)
+    rows = compare_laws(lambda law: EndoscopePair(measured, law=law), [0, 2], [1], laws=laws, starts=1)
     assert rows[0].law == "capstan"
     assert rows[0].bic == rows[0].aic == 0
     assert rows[1].bic > rows[1].aic > 0 or rows[1].parameters <= rows[0].parameters
@@ -191,15 +191,15 @@ def test_comparison_finds_the_law_that_a_recording_was_made_with() -> None:
 
 def test_bad_requests_are_named() -> None:
     with refused("law", "magic", kind=IdentificationError):
-        Pair([recording(0)], law="magic")
+        EndoscopePair([recording(0)], law="magic")
     with refused("sections", 0, kind=IdentificationError):
-        Pair([recording(0)], sections=0)
+        EndoscopePair([recording(0)], sections=0)
     with refused("train", kind=IdentificationError):
-        Pair([])
+        EndoscopePair([])
     with refused("instrument", kind=IdentificationError):
         problem([recording(0)], [], law="capstan", instrument=object())  # type: ignore[arg-type]
     with refused("laws", kind=IdentificationError):
-        compare_laws(lambda law: Pair([recording(0)], law=law), [0], [], laws=())
+        compare_laws(lambda law: EndoscopePair([recording(0)], law=law), [0], [], laws=())
 
 
 # --- files -------------------------------------------------------------------------------------------------------
@@ -280,12 +280,12 @@ def test_missing_file_is_named(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def measured() -> Pair:
+def measured() -> EndoscopePair:
     """Every bend; the data are not shipped."""
     missing = [bend for bend in BENDS if not (DATA / f"{bend}.txt").is_file()]
     if missing:
         pytest.skip(f"no measured pair at {DATA}: set TENODESIS_DATA to the folder that holds endoscope-pair/")
-    return Pair([FORMATS["endoscope-pair"].load(DATA / f"{bend}.txt") for bend in BENDS])
+    return EndoscopePair([FORMATS["endoscope-pair"].load(DATA / f"{bend}.txt") for bend in BENDS])
 
 
 def by_run(found: Fit) -> dict[str, float]:
@@ -293,7 +293,7 @@ def by_run(found: Fit) -> dict[str, float]:
 
 
 @pytest.mark.data
-def test_one_model_gives_the_angle_at_every_bend(measured: Pair) -> None:
+def test_one_model_gives_the_angle_at_every_bend(measured: EndoscopePair) -> None:
     found = fit(measured, train=range(5), starts=1)
     print(f"one model for all bends: {by_run(found)} deg; {found.values}")
     assert max(by_run(found).values()) <= 2.0
@@ -303,14 +303,14 @@ def test_one_model_gives_the_angle_at_every_bend(measured: Pair) -> None:
 
 @pytest.mark.data
 @pytest.mark.parametrize("left_out", range(5))
-def test_bend_left_out_of_the_fit_is_predicted(measured: Pair, left_out: int) -> None:
+def test_bend_left_out_of_the_fit_is_predicted(measured: EndoscopePair, left_out: int) -> None:
     found = fit(measured, train=[run for run in range(5) if run != left_out], test=[left_out], starts=1)
     print(f"{measured.runs[left_out]} left out: {found.test_rmse['output_angle_deg']:.3f} deg")
     assert found.test_rmse["output_angle_deg"] <= 2.3
 
 
 @pytest.mark.data
-def test_two_bends_between_three_are_predicted(measured: Pair) -> None:
+def test_two_bends_between_three_are_predicted(measured: EndoscopePair) -> None:
     found = fit(measured, train=[0, 2, 4], test=[1, 3], starts=6)
     print(f"fitted at 0, 120, 240 deg: {by_run(found)} deg, {found.same_optimum} of 6 starts")
     assert max(by_run(found).values()) <= 2.3
@@ -319,7 +319,7 @@ def test_two_bends_between_three_are_predicted(measured: Pair) -> None:
 
 @pytest.mark.data
 def test_friction_is_worth_more_than_the_tension_difference_which_is_worth_more_than_kinematics(
-    measured: Pair,
+    measured: EndoscopePair,
 ) -> None:
     errors = []
     for series in measured.full:

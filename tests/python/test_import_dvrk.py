@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -92,6 +93,30 @@ def test_rigid_coupling_is_any_invertible_matrix(tmp_path: Path, seed: int) -> N
     assert by_turns(from_dvrk(write(tmp_path, content(matrix.tolist())))) == pytest.approx(matrix, abs=1e-9)
 
 
+TOOLS = Path(os.environ.get("TENODESIS_DATA", Path(__file__).parents[3] / "shared" / "data")) / "dvrk-tools"
+
+
+@pytest.mark.data
+@pytest.mark.skipif(not TOOLS.is_dir(), reason=f"no tool files in {TOOLS} (set TENODESIS_DATA)")
+def test_every_published_tool_file_is_read_and_turns_as_its_matrix_says() -> None:
+    paths = [path for path in sorted(TOOLS.glob("*.json")) if path.name != "index.json"]
+    assert len(paths) == 54
+    for path in paths:
+        inst = from_dvrk(path)
+        text = re.sub(r"//[^\n]*|/\*.*?\*/", " ", path.read_text("utf-8"), flags=re.DOTALL)
+        matrix = np.array(json.loads(text)["coupling"]["ActuatorToJointPosition"], float)
+        assert inst.spool_radius is not None
+        disks = len(inst.tendons) // 2
+        angles = coupling(inst) @ np.kron(np.eye(disks), [[inst.spool_radius], [-inst.spool_radius]])
+        if "pitch_2" in inst.joints[-3].name:
+            found = np.vstack([angles[:3], 2 * angles[5]])
+        elif inst.grip is None:
+            found, matrix = angles, matrix[:3, :3]
+        else:
+            found = np.vstack([angles[:2], angles[2:].mean(axis=0), angles[2] - angles[3]])
+        assert found == pytest.approx(matrix, abs=1e-9), path.name
+
+
 PROGRASP = MATRICES["PROGRASP_FORCEPS_420093"]
 
 
@@ -173,7 +198,10 @@ GOOD = MATRICES["LARGE_NEEDLE_DRIVER_400006"]
             "is singular: turns of the disks leave every angle unchanged; it must be regular.",
         ),
         (content([*GOOD[:3], [0, 0, 0, 0]]), "is singular"),
-        (content(GOOD, **{"snake-like": True}), "snake-like is true: it has two joints of pitch and two of yaw"),
+        (
+            content(SPATULA, **{"snake-like": True, "jaw": {"qmin": 0.0, "qmax": 0.5, "ftmax": 0.0}}),
+            "snake-like is true, but jaw.ftmax is 0; it must be a tool with jaws.",
+        ),
         (
             content(GOOD, DH={"joints": []}),
             "qmin and qmax of DH.joints, roll are missing; they must be two finite numbers",

@@ -20,7 +20,7 @@ from tenodesis.scaling import catalogue, plan
 from tenodesis.scaling.candidates import Wheel
 from tenodesis.scaling.catalogue import Constraints
 from tenodesis.scaling.parts import Weight
-from tenodesis.scaling.plan import Plan
+from tenodesis.scaling.plan import ScalePlan
 from tenodesis.scaling.weights import select_weights
 
 from .conftest import ROOT
@@ -85,7 +85,7 @@ def design() -> Any:
 
 
 @pytest.fixture(scope="module")
-def found(design: Any) -> Plan:
+def found(design: Any) -> ScalePlan:
     return plan.content(design)
 
 
@@ -172,7 +172,7 @@ def test_html_refers_to_nothing_outside(written: tuple[Path, Path]) -> None:
     assert len(ids) == len(set(ids))
 
 
-def test_every_text_of_the_plan_stands_in_both(found: Plan) -> None:
+def test_every_text_of_the_plan_stands_in_both(found: ScalePlan) -> None:
     blank = '<svg xmlns="http://www.w3.org/2000/svg" width="9" height="5"/>'
     whole = replace(found, drawings=tuple(replace(one, svg=blank) for one in found.drawings))
     shown = Page(plan.html(whole)).text.replace(" ", "")
@@ -187,7 +187,7 @@ def test_every_text_of_the_plan_stands_in_both(found: Plan) -> None:
         assert plan.pdf(changed(whole, way, "Q")) != pdf, way
 
 
-def test_numbers_are_those_of_the_design(design: Any, found: Plan) -> None:
+def test_numbers_are_those_of_the_design(design: Any, found: ScalePlan) -> None:
     text = " ".join(text for _, text in texts(found)).replace("\u00a0", " ")
     for number in (
         "41.3 N", "30 N real-size", "module 1.25 mm, 12 teeth", "module 1.25 mm, 27 teeth", "pitch radius 16.875 mm",
@@ -197,12 +197,12 @@ def test_numbers_are_those_of_the_design(design: Any, found: Plan) -> None:
     assert [row[2:5] for row in found.loads.rows][1] == ("1", f"{design.tests[1].force:.3f}", "19.39")
 
 
-def test_cause_of_the_error_is_named_where_it_is_largest(found: Plan, pinned: Plan) -> None:
+def test_cause_of_the_error_is_named_where_it_is_largest(found: ScalePlan, pinned: ScalePlan) -> None:
     assert "caused by l_d/r" in found.similarity.note
     assert "caused by T_o/(kr)" in pinned.similarity.note
 
 
-def test_groups_are_said_to_match_or_not(found: Plan) -> None:
+def test_groups_are_said_to_match_or_not(found: ScalePlan) -> None:
     groups = found.groups
     assert "R/r" in groups.note
     assert {"l_d/r", "l_p/R", "F/(kr)"} <= {row[0] for row in groups.rows}
@@ -212,7 +212,7 @@ def test_groups_are_said_to_match_or_not(found: Plan) -> None:
     assert "Θ" not in matching and "κ" not in matching
 
 
-def test_what_hangs_is_off_by_so_much_give_or_take_the_tolerance_of_the_weights(design: Any, found: Plan) -> None:
+def test_what_hangs_is_off_by_so_much_give_or_take_the_tolerance_of_the_weights(design: Any, found: ScalePlan) -> None:
     factor = tn.statics.loss_of_dexterity(design.real_size, design.real_size.output_range / 2, 1.0)
     factor /= tn.statics.loss_of_dexterity(design.scaled_up, design.real_size.output_range / 2, 1.0)
     for row, test in zip(found.loads.rows, design.tests, strict=True):
@@ -223,7 +223,7 @@ def test_what_hangs_is_off_by_so_much_give_or_take_the_tolerance_of_the_weights(
         assert float(tolerance) > 0
 
 
-def test_the_plan_gives_the_motor_torque_at_the_largest_tension(design: Any, found: Plan) -> None:
+def test_the_plan_gives_the_motor_torque_at_the_largest_tension(design: Any, found: ScalePlan) -> None:
     (row,) = (row for row in found.parts.rows if row[1] == "spools")
     torque = design.largest_tension * design.choice.spool.radius
     assert row[3].replace("\u00a0", " ") == f"one motor each, {torque:.3g} N·m at the largest tension"
@@ -234,7 +234,7 @@ def test_a_margin_that_falls_short_is_written_so() -> None:
     assert plan.falling_short(2.1, 3.0) == "2.10"
 
 
-def test_card_and_table_give_the_same_error_where_a_tip_snaps_through(pinned: Plan, similar: Plan) -> None:
+def test_card_and_table_give_the_same_error_where_a_tip_snaps_through(pinned: ScalePlan, similar: ScalePlan) -> None:
     rows = {name: largest for name, largest, _ in pinned.similarity.rows}
     assert pinned.cards[2].label.endswith(", a snapped tip at its stop")
     assert rows["without friction, a snapped tip at its stop"] == pinned.cards[2].value
@@ -264,13 +264,13 @@ def test_what_a_workshop_must_not_overlook_is_a_warning() -> None:
 
 
 @pytest.fixture(scope="module")
-def pinned() -> Plan:
+def pinned() -> ScalePlan:
     """The plan of the paper's pair, with the pretension that was used."""
     return plan.content(made(scaled_up=tn.load("scaled-up")))
 
 
 @pytest.fixture(scope="module")
-def similar() -> Plan:
+def similar() -> ScalePlan:
     """The plan of an exactly similar pair at small loads."""
     inst = tn.load("real-size").axis("yaw")
     scale = {"overall_length": 1.0, "distal_gear_radius": 4e-3, "proximal_gear_radius": 9e-3}
@@ -279,7 +279,7 @@ def similar() -> Plan:
     return plan.content(made(scaled_up=similar, largest_force=0.5, forces=(0.25, 0.5)))
 
 
-def test_a_similar_design_without_flaw_has_no_warning(similar: Plan) -> None:
+def test_a_similar_design_without_flaw_has_no_warning(similar: ScalePlan) -> None:
     assert similar.warnings == ()
     assert similar.cards[2].value == "below 0.001°"
     assert "too small to have a cause" in similar.similarity.note
@@ -385,7 +385,7 @@ def test_a_design_without_test_loads_has_a_plan(tmp_path: Path) -> None:
 
 
 def test_nothing_is_written_where_the_folder_cannot_be(
-    design: Any, found: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    design: Any, found: ScalePlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(plan, "content", lambda *_: found)
     (tmp_path / "file").write_text("in the way")

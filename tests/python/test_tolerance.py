@@ -97,7 +97,7 @@ class Backwards:
     """An engine of one's own: the last chunk first."""
 
     def evaluate(
-        self, task: evaluation.Task, chunks: Sequence[NDArray[np.float64]], progress: Callable[[int], None]
+        self, task: evaluation.Evaluation, chunks: Sequence[NDArray[np.float64]], progress: Callable[[int], None]
     ) -> list[NDArray[np.float64]]:
         found = {}
         for n in reversed(range(len(chunks))):
@@ -212,7 +212,7 @@ def test_few_lost_tips_cost_the_indices_only_their_base_samples(
 ) -> None:
     class Loses(engines.Threads):
         def evaluate(
-            self, task: evaluation.Task, chunks: Sequence[NDArray[np.float64]], progress: Callable[[int], None]
+            self, task: evaluation.Evaluation, chunks: Sequence[NDArray[np.float64]], progress: Callable[[int], None]
         ) -> list[NDArray[np.float64]]:
             found = super().evaluate(task, chunks, progress)
             found[0][6] = [*[np.nan] * 5, evaluation.INVALID]

@@ -71,7 +71,7 @@ def rows(part: Part, tolerances: Mapping[str, float] | None = None) -> list[Row]
 
 def draw_part(model: Model, part: Part, tolerances: Mapping[str, float] | None = None) -> Figure:
     """Return the drawing of a part; tolerances as in :func:`rows`."""
-    fig = style.Drawing(figsize=(_PAGE[0] / 25.4, _PAGE[1] / 25.4))
+    fig = style.StyledFigure(figsize=(_PAGE[0] / 25.4, _PAGE[1] / 25.4))
     axis = fig.add_axes((0, 0, 1, 1))
     axis.set(xlim=(0, _PAGE[0]), ylim=(0, _PAGE[1]))
     axis.set_axis_off()

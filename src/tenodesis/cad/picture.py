@@ -32,7 +32,7 @@ _NAME = 72.0  # pt, of a part's name in small type
 def draw_assembly(model: Model, output_angle: float = math.radians(40)) -> Figure:
     """Return a picture of the whole assembly, its tip bent to an angle (rad), and of both joints."""
     placed = assembled(model, output_angle)
-    fig = style.Drawing(figsize=(11.0, 7.2), layout="constrained")
+    fig = style.StyledFigure(figsize=(11.0, 7.2), layout="constrained")
     places = "AA;BC"
     whole, tip, handle = fig.subplot_mosaic(places, height_ratios=(0.62, 1.0), width_ratios=(1.0, 1.25)).values()
     groups = dict.fromkeys(
@@ -61,7 +61,7 @@ def draw_exploded(model: Model) -> Figure:
     groups = {"Tip, apart": _near(model, placed, tip=True), "Handle, apart": _near(model, placed, tip=False)}
     if rig:
         groups |= {"Load rig, apart, one of each kind": rig, "Drive, apart": drives}
-    fig = style.Drawing(figsize=(11.0, 10.5 if rig else 6.5), layout="constrained")
+    fig = style.StyledFigure(figsize=(11.0, 10.5 if rig else 6.5), layout="constrained")
     places = "AA;BB;CD" if rig else "AA;BB"
     panels = fig.subplot_mosaic(places, height_ratios=(1.0, 0.9, 1.2)[: 3 if rig else 2], width_ratios=(1.9, 1.0))
     points = (780, 780, 510, 270)

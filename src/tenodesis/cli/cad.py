@@ -21,7 +21,7 @@ from tenodesis.files import write_errors
 from tenodesis.instrument.tip_motion import tip_inertia
 from tenodesis.report import style
 from tenodesis.scaling import Design
-from tenodesis.scaling.plan import Drawing
+from tenodesis.scaling.plan import PlanFigure
 from tenodesis.units import Length
 
 _ENDS = ("distal", "proximal")
@@ -137,13 +137,13 @@ class DesignSolids:
         except InstrumentError as problem:
             self._refused = problem
 
-    def picture(self, out: Path) -> Drawing | None:
+    def picture(self, out: Path) -> PlanFigure | None:
         """Return their picture for a plan in a folder, with the way to their glTF file from there."""
         if self._folder is None or self._checks is None:
             return None
         svg = Markup(style.inlined("solids", (self._folder / "assembly.svg").read_text("utf-8")))
         caption = "The solids on their bench, the tip and the joint of the handle"
-        return Drawing(caption, svg, Path(os.path.relpath(self._folder / cad.ASSEMBLY, out)).as_posix())
+        return PlanFigure(caption, svg, Path(os.path.relpath(self._folder / cad.ASSEMBLY, out)).as_posix())
 
     def report(self) -> None:
         """Print what was checked. Raises InstrumentError if they cannot be made."""

@@ -151,10 +151,10 @@ def _of_axis(inst: ShortForm, asked: Asked) -> Answer:
 def _of_joints(inst: FullForm, asked: Asked) -> Answer:
     if asked.axis is not None:
         raise _no_option("--axis", inst.name, "has joints that share tendons", "left out")
-    count = len(inst.tip_joints)
+    count = len(inst.bends)
     example = f"{' '.join(['30', *['0'] * (count - 1)])} deg"
     forces = np.array([_numbers("--load", text, SignedForce, 3, "0 0 -1 N") for text in asked.load] or np.eye(3))
-    states = [_numbers("--angle", text, Angle, count, example) for text in asked.angle]
+    states = [inst.bent(_numbers("--angle", text, Angle, count, example)) for text in asked.angle]
     _check_within_range(inst, states)
     beside = np.zeros(3) if asked.moment is None else _numbers("--moment", asked.moment, SignedMoment, 3, "0 0 5 N*mm")
     wrenches = np.hstack([forces, np.broadcast_to(beside, forces.shape)])
@@ -212,15 +212,15 @@ def print_losses(inst: FullForm, found: Sequence[Loss], *, restored: bool = Fals
     """Print a table for each state: what each load takes, and on demand what motors wind to restore it."""
     for _, state in groupby(found, key=lambda one: one.output_angles.tolist()):
         rows = list(state)
-        angles = (f">{joint.name}\n[°]" for joint in inst.tip_joints)
+        angles = (f">{name}\n[°]" for name in inst.bends)
         shown = table(None, ">load [N]", *angles, ">slack from", ">tendon")
         for one in rows:
-            lost = [_fixed(degrees(angle)) for angle in one.lost]
+            lost = [_fixed(degrees(one.lost[arcs].sum())) for arcs in inst.bends.values()]
             factor = f"{one.slack_factor:.3g} times" if one.slack_factor else "no load"
             factor = factor if one.slack_tendon else "–"
             shown.add_row(components(one.wrench[:3]), *lost, factor, escape(one.slack_tendon))
-        at = zip(inst.tip_joints, rows[0].output_angles, strict=True)
-        say(f"Lost at {', '.join(f'{joint.name} {_fixed(degrees(angle), 1)}°' for joint, angle in at)}")
+        at = {name: rows[0].output_angles[arcs].sum() for name, arcs in inst.bends.items()}
+        say(f"Lost at {', '.join(f'{name} {_fixed(degrees(angle), 1)}°' for name, angle in at.items())}")
         console.print(shown)
         if restored:
             strokes = 1e3 * np.array([one.strokes for one in rows]).T

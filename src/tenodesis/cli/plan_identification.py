@@ -8,7 +8,7 @@ import typer
 from tenodesis.cli.command import command
 from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_instrument, quantity, say, table
 from tenodesis.cli.outputs import Outputs
-from tenodesis.identification.experiment import DURATION, OPTIMISTIC, Plan, plan, report
+from tenodesis.identification.experiment import DURATION, OPTIMISTIC, ProposedProtocol, plan, report
 from tenodesis.identification.experiment.information import CriterionName
 from tenodesis.units import Duration, PositiveForce
 
@@ -77,7 +77,7 @@ def _forces(text: str) -> list[float]:
     return [quantity("--forces", part.strip(), PositiveForce) for part in text.split(",")]
 
 
-def _print_plan(found: Plan) -> None:
+def _print_plan(found: ProposedProtocol) -> None:
     title = f"{found.inst.name}: proposed protocol, {found.proposed.seconds:.4g} s"
     blocks = ((f"{one.begins:.2f}", f"{one.seconds:.2f}", one.candidate.name) for one in found.blocks)
     console.print(table(title, ">begins [s]", ">lasts [s]", "block", rows=blocks))

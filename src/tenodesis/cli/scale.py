@@ -218,7 +218,7 @@ def _best(practical: PracticalFront | None, objective: Objective) -> tuple[int, 
 
 
 def _supplement(
-    pack: workshop.Pack | None, marked: int | None, pictured: plan.Drawing | None
+    pack: workshop.Pack | None, marked: int | None, pictured: plan.PlanFigure | None
 ) -> plan.Supplement | None:
     """Return what the plan has of parts and solids; `marked` is the design's index on the practical front."""
     found = None if pack is None else pack.supplement(marked)

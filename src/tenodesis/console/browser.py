@@ -159,9 +159,13 @@ class Browser:
 
     def _text(self, shown: ShownSignals) -> str:
         """Return what is written at the tip: its angles and targets."""
-        joints = [joint.name for joint in self._inst.tip_joints]
-        rows = zip(joints, np.degrees(shown.output), np.degrees(shown.target), shown.phase, strict=True)
-        forces = zip(joints, shown.estimated_force, 2 * shown.force_deviation, strict=True)
+        bends = self._inst.bends
+        rows = [
+            (name, np.degrees(shown.output[of].sum()), np.degrees(shown.target[of].sum()), shown.phase[of[0]])
+            for name, of in bends.items()
+        ]
+        deviation = 2 * shown.force_deviation
+        forces = [(name, shown.estimated_force[of[0]], deviation[of[0]]) for name, of in bends.items()]
         angles = [
             (joint, in_degrees(output), in_degrees(target) + _HELD_BACK.get(phase, ""))
             for joint, output, target, phase in rows

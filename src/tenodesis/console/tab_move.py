@@ -49,9 +49,10 @@ class MoveTab:
         most = largest_force(inst)
         fine = 10.0 ** floor(log10(most / 50))
         self._hand: list[Any] = []
-        for joint in inst.handle_joints or inst.tip_joints:
-            reach = floor(10 * degrees(joint.range) + 1e-6) / 10
-            label = f"{joint.name.replace('_', ' ').capitalize()}, °"
+        ranges = {joint.name: joint.range for joint in inst.handle_joints}
+        for name, most_angle in (ranges or dict(zip(inst.bends, inst.bend_ranges, strict=True))).items():
+            reach = floor(10 * degrees(most_angle) + 1e-6) / 10
+            label = f"{name.replace('_', ' ').capitalize()}, °"
             self._hand.append(gui.add_slider(label, min=-reach, max=reach, step=0.1, initial_value=0.0))
         places = Places.of(inst)
         self._by_axis = places.takes_forces

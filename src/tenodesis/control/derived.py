@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tenodesis import kinematics, plant, statics
+from tenodesis.control.one_arc import one_arc
 from tenodesis.control.parameters import force_limit, tension_limit
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import ShortForm
@@ -62,6 +63,9 @@ def _derive(inst: ShortForm) -> Iterator[Derived]:
     yield Derived("flexural_stiffness", float(statics.flexural_stiffness(inst, 0.0)), "N*m/rad", "of the straight tip")
     yield _slack("slack_force", float(slack[0]), "straight")
     yield _slack("slack_force_flexed", float(slack[1]), "at the end of the working range")
+    if (arc := one_arc(inst.axis(inst.axes[0]))) is not None:
+        in_more = f"under {arc.force:g} N across, handle held, as one arc; {1e3 * arc.finer:.3g} mm in {arc.arcs} arcs"
+        yield Derived("tip_deflection", arc.given, "m", in_more)
     yield Derived("tip_inertia", numbers["tip_inertia"], "kg*m^2", _given(inst.dynamics.tip_inertia))
     yield Derived("tip_damping", numbers["tip_damping"], "N*m*s", _given(inst.dynamics.tip_damping))
     yield Derived("natural_frequency", plant.natural_frequency(inst) / (2 * pi), "Hz", "of the straight, unloaded tip")

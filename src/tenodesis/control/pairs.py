@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tenodesis.errors import ArgumentError, InstrumentError
-from tenodesis.instrument import FullForm, InstrumentLike, Joint, ShortForm, as_instrument, expanded
+from tenodesis.instrument import FullForm, InstrumentLike, Joint, ShortForm, as_instrument, expanded, in_arcs
 from tenodesis.instrument.mechanisms import JOINT_TYPES
 from tenodesis.plant import link_rows, mass_matrix
 from tenodesis.run import Names
@@ -33,9 +33,11 @@ def pairs(inst: InstrumentLike) -> dict[str, Pair]:
     """Return the pairs of an instrument by the axis (yaw, pitch) of their joint, in the order of the joints.
 
     A joint has its own pair where one joint of the handle winds two tendons of the same stiffness and pretension on its
-    two sides, both from a spool, that pass all other joints in their middle.
+    two sides, both from a spool, that pass all other joints in their middle. A backbone in arcs counts as one joint,
+    in the place of its first arc.
     """
-    inst = expanded(inst)
+    inst, given = in_arcs(inst, 1), expanded(inst)
+    places = {joint.name.removesuffix("_1") if joint.arc else joint.name: i for i, joint in enumerate(given.tip_joints)}
     tips, handles = inst.tendon_arms("tip"), inst.tendon_arms("handle")
     found: dict[str, Pair] = {}
     for j, joint in enumerate(inst.tip_joints):
@@ -52,14 +54,14 @@ def pairs(inst: InstrumentLike) -> dict[str, Pair]:
             and all(inst.tendons[m].start == "spool" for m in own)
         )
         if len(wound) == 1 and handles[agonist, wound[0]] > 0 and alike:
-            found[str(joint.axis)] = Pair(j, int(wound[0]), agonist, antagonist)
+            found[str(joint.axis)] = Pair(places[joint.name], int(wound[0]), agonist, antagonist)
     return found
 
 
 def names_of(inst: InstrumentLike) -> Names:
     """Return what the columns of an instrument's runs are named after."""
-    inst = expanded(inst)
-    own = [inst.tip_joints[pair.joint] for pair in pairs(inst).values()]
+    inst, whole = expanded(inst), in_arcs(inst, 1)
+    own = [whole.tip_joints[pair.joint] for pair in pairs(whole).values()]
     groups = (inst.tip_joints, inst.handle_joints, inst.tendons, own)
     return Names(*(tuple(one.name for one in group) for group in groups))
 
@@ -78,7 +80,7 @@ def compensated(inst: InstrumentLike) -> ShortForm:
     given = as_instrument(inst)
     if given.short_form is not None:
         return given.short_form
-    inst = given.expanded
+    inst = in_arcs(given, 1)
     axes = pairs(inst)
     if not axes:
         raise ArgumentError(

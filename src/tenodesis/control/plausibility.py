@@ -8,6 +8,7 @@ import numpy as np
 
 from tenodesis import kinematics, plant, statics
 from tenodesis._core import Status
+from tenodesis.control.one_arc import one_arc
 from tenodesis.control.parameters import tension_limit
 from tenodesis.control.resolution import warnings as unresolved
 from tenodesis.errors import Error, InstrumentError
@@ -379,7 +380,10 @@ def _disturbing(inst: FullForm) -> Iterator[str]:
             (f"the tendons that end at joint {joint.name}", found.by_stroke[0] @ drawn)
             for joint, drawn in zip(inst.tip_joints, alone, strict=True)
         ]
-    for what, turned in moves:
+    # A joint that is tied turns with the other on purpose.
+    free = np.array([not tie.is_rigid for tie in inst.ties])
+    for what, angles in moves:
+        turned = np.where(free, angles, 0.0)
         if not np.isfinite(turned).all() or not turned.any():
             continue
         most = int(np.argmax(np.abs(turned)))
@@ -407,12 +411,22 @@ def _rope_on_joints(inst: FullForm) -> Iterator[str]:
     yield from filter(None, (_rope_on(inst, f"joint {joint.name}", joint.radius) for joint in pulleys))
 
 
+def _one_arc(inst: FullForm) -> Iterator[str]:
+    found = one_arc(inst)
+    if found is not None and found.matters:
+        yield (
+            f"{found.joint} bends as one arc: {found.force:g} N across moves the tip by {1e3 * found.given:.3g} mm, "
+            f"and by {1e3 * found.finer:.3g} mm in {found.arcs} arcs, which bend into an S; give arcs = {found.arcs}"
+        )
+
+
 JOINT_RULES: tuple[tuple[str, Callable[[FullForm], Iterator[str]]], ...] = (
     ("pretension", _rest),
     ("pretension", _slack_at_rest),
     ("pretension", _overloaded),
     ("tendons.route", _useless),
     ("tendons.route", _disturbing),
+    ("joints.arcs", _one_arc),
     ("joints.radius", _wider_than_stem),
     ("joints.radius", _rope_on_joints),
 )

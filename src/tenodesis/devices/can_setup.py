@@ -149,7 +149,7 @@ class Setup:
 
         def attained() -> bool:
             status = self._status(drive)
-            if status & cia402.HOMING_ERROR or cia402.state(status) != cia402.State.OPERATION_ENABLED:
+            if status & cia402.HOMING_ERROR or cia402.state(status) != cia402.DriveState.OPERATION_ENABLED:
                 raise DeviceError(
                     f"{self._name[drive.node]} cannot take its present position for zero; it needs "
                     'devices.canopen.zero = "keep", or a drive that has homing method 37 or 35.',
@@ -191,9 +191,13 @@ class Setup:
             nonlocal reset_until, status
             before, status = status, self._status(drive)
             reached = cia402.state(status)
-            if reached == cia402.State.FAULT:
+            if reached == cia402.DriveState.FAULT:
                 if reset_until < inf:
-                    if before >= 0 and cia402.state(before) == cia402.State.FAULT and time.monotonic() < reset_until:
+                    if (
+                        before >= 0
+                        and cia402.state(before) == cia402.DriveState.FAULT
+                        and time.monotonic() < reset_until
+                    ):
                         return False
                     cause = cia402.Emergency(self._read(drive.node, 0x603F, 0, "H"))
                     raise DeviceError(
@@ -206,7 +210,7 @@ class Setup:
                 self._write(drive.node, 0x6040, 0, "H", cia402.DISABLE_VOLTAGE)
             if reached in cia402.NEXT:
                 self._write(drive.node, 0x6040, 0, "H", cia402.NEXT[reached])
-            return reached == cia402.State.OPERATION_ENABLED
+            return reached == cia402.DriveState.OPERATION_ENABLED
 
         self._wait(
             enabled,

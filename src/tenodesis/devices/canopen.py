@@ -17,7 +17,7 @@ from canopen.network import PeriodicMessageTask
 from tenodesis.devices import cia402
 from tenodesis.devices.can_layout import Aim, DriveFrames, SensorFrame, layout
 from tenodesis.devices.can_setup import MISSED_HEARTBEATS, Setup
-from tenodesis.devices.cia402 import State
+from tenodesis.devices.cia402 import DriveState
 from tenodesis.devices.device import Bench, Capabilities, Measurement
 from tenodesis.errors import DeviceError, Error
 from tenodesis.instrument import Instrument
@@ -185,7 +185,7 @@ class CanOpenDevice(Bench):
         self._beaten = 0
         self._beat_id = 0x700 + settings.master
         self._read_at = 0.0
-        self._states: dict[int, State] = {}
+        self._states: dict[int, DriveState] = {}
         self._stopping = False
         self.round_trip = nan
         """Time from the last SYNC to the last of its answers, s."""
@@ -451,7 +451,7 @@ class CanOpenDevice(Bench):
         self._states[drive.node] = state
         if self._stopping:
             return True
-        if state != State.OPERATION_ENABLED:
+        if state != DriveState.OPERATION_ENABLED:
             found = cia402.described(status)
             self._fail(
                 f"{self._named(drive.node)} is in state {found}, though it was enabled; look for the cause.", drive.node
@@ -559,7 +559,7 @@ class CanOpenDevice(Bench):
                 self._ask_to_rest(cia402.QUICK_STOP if now < rest_at else cia402.DISABLE_VOLTAGE)
             self._hear_states(now + period)
             if now >= rest_at:
-                powered -= {node for node, state in self._states.items() if state == State.SWITCH_ON_DISABLED}
+                powered -= {node for node, state in self._states.items() if state == DriveState.SWITCH_ON_DISABLED}
         # A drive that lost our heartbeat ignores PDOs, but not SDOs.
         return powered - self._write_all(powered, 0x6040, 0, _WITHOUT_POWER)
 

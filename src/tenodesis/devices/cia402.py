@@ -28,7 +28,7 @@ STOP_AND_LET_GO = 2
 """Slow down by the quick stop ramp, then without power, objects 605Ah and 605Eh."""
 
 
-class State(StrEnum):
+class DriveState(StrEnum):
     """States of a drive."""
 
     NOT_READY = "not ready to switch on"
@@ -43,24 +43,24 @@ class State(StrEnum):
 
 
 _STATES = (
-    (0x4F, 0x00, State.NOT_READY),
-    (0x4F, 0x40, State.SWITCH_ON_DISABLED),
-    (0x6F, 0x21, State.READY),
-    (0x6F, 0x23, State.SWITCHED_ON),
-    (0x6F, 0x27, State.OPERATION_ENABLED),
-    (0x6F, 0x07, State.QUICK_STOP_ACTIVE),
-    (0x4F, 0x0F, State.FAULT_REACTION),
-    (0x4F, 0x08, State.FAULT),
+    (0x4F, 0x00, DriveState.NOT_READY),
+    (0x4F, 0x40, DriveState.SWITCH_ON_DISABLED),
+    (0x6F, 0x21, DriveState.READY),
+    (0x6F, 0x23, DriveState.SWITCHED_ON),
+    (0x6F, 0x27, DriveState.OPERATION_ENABLED),
+    (0x6F, 0x07, DriveState.QUICK_STOP_ACTIVE),
+    (0x4F, 0x0F, DriveState.FAULT_REACTION),
+    (0x4F, 0x08, DriveState.FAULT),
 )
 """Mask and bits of a statusword, and the state that they mean."""
 
 NEXT = MappingProxyType(
     {
-        State.FAULT: FAULT_RESET,
-        State.QUICK_STOP_ACTIVE: DISABLE_VOLTAGE,
-        State.SWITCH_ON_DISABLED: SHUTDOWN,
-        State.READY: SWITCH_ON,
-        State.SWITCHED_ON: ENABLE,
+        DriveState.FAULT: FAULT_RESET,
+        DriveState.QUICK_STOP_ACTIVE: DISABLE_VOLTAGE,
+        DriveState.SWITCH_ON_DISABLED: SHUTDOWN,
+        DriveState.READY: SWITCH_ON,
+        DriveState.SWITCHED_ON: ENABLE,
     }
 )
 """Controlword that leads from a state towards operation enabled; from the others a drive continues by itself."""
@@ -121,12 +121,12 @@ def wrapped(counts: int) -> int:
     return (counts + 2**31) % 2**32 - 2**31
 
 
-def state(statusword: int) -> State:
+def state(statusword: int) -> DriveState:
     """Return the state in a statusword."""
-    return next((state for mask, bits, state in _STATES if statusword & mask == bits), State.UNKNOWN)
+    return next((state for mask, bits, state in _STATES if statusword & mask == bits), DriveState.UNKNOWN)
 
 
 def described(statusword: int) -> str:
     """Return the state in a statusword for a message; an unknown state with the word itself."""
     found = state(statusword)
-    return f"{found} (0x{statusword:04X})" if found is State.UNKNOWN else str(found)
+    return f"{found} (0x{statusword:04X})" if found is DriveState.UNKNOWN else str(found)

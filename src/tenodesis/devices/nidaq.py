@@ -22,7 +22,7 @@ _NOT_YET_THERE = -200284
 _WIRING = {"differential": "DIFF", "single-ended": "RSE", "default": "DEFAULT"}
 
 
-class Samples(NamedTuple):
+class AnalogSamples(NamedTuple):
     """The newest samples of all channels."""
 
     number: int
@@ -163,7 +163,7 @@ class NiTasks:
                 self._watchdog.close()
                 self._watchdog = None
 
-    def read(self, timeout: float) -> Samples | None:
+    def read(self, timeout: float) -> AnalogSamples | None:
         """Return the newest samples, once there are some that were not read; None if there are none within a time, s.
 
         The first call starts the clock; from then on every sample must be answered.
@@ -183,7 +183,7 @@ class NiTasks:
             for row, reader in zip(turned, self._counters, strict=True):
                 reader.read_many_sample_double(row, count, timeout)
         self._number += count
-        return Samples(self._number - 1, volts[:, -1], turned[:, -1])
+        return AnalogSamples(self._number - 1, volts[:, -1], turned[:, -1])
 
     def write(self, volts: Array, count: int) -> None:
         """Append `count` equal samples, shape (outputs,), to those that wait, and show that we are alive."""

@@ -58,7 +58,7 @@ class LinkCounts(NamedTuple):
     """Frames to the board that came damaged."""
 
 
-class Problem(NamedTuple):
+class LinkProblem(NamedTuple):
     """A failure of a link."""
 
     name: str
@@ -156,10 +156,10 @@ class BoardController(Controller):
         return Board(*self._link.board())
 
     @property
-    def problem(self) -> Problem | None:
+    def problem(self) -> LinkProblem | None:
         """Problem of the link since it was last set up, by a request to clear or a reset."""
         problem, text = self._link.problem()
-        return Problem(problem.name.lower(), text) if problem else None
+        return LinkProblem(problem.name.lower(), text) if problem else None
 
     @property
     def link_counts(self) -> LinkCounts:

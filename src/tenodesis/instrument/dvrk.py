@@ -4,12 +4,14 @@ A tool file has the angles of roll, pitch, yaw and jaw by the turns of four disk
 spools of one radius; the arms of a pair about the joints are the spool's radius times the disk's row of the inverse
 matrix, with the angles of the two jaws in place of yaw and jaw: yaw + jaw/2 and yaw - jaw/2 where the file's jaw angle
 is that between the jaws, yaw + jaw and yaw - jaw where it is each jaw's own.
+
+A snake has two joints of pitch and two of yaw, pitch, yaw, yaw, pitch, tied such that either two turn by the file's
+angle, and jaws on an axis of their own that one disk turns against each other.
 """
 
 import json
 import math
 import re
-from collections.abc import Iterable
 from pathlib import Path
 from textwrap import wrap
 from typing import Any, Literal, TypeAlias, TypeGuard, get_args
@@ -34,6 +36,15 @@ _LARGEST = 1_000_000
 _MOST = math.radians(179)
 """Largest range that a joint can have, rad."""
 _NAMES = ("roll", "pitch", "yaw")
+_JAW = 10e-3
+"""Length of the end-effector, m: no file has one."""
+_SNAKE = ("roll", "pitch_1", "yaw_1", "yaw_2", "pitch_2", "jaw_1", "jaw_2")
+_TIED: dict[str, dict[str, Any]] = {
+    "yaw_2": {"tied_to": "yaw_1"},
+    "pitch_2": {"tied_to": "pitch_1"},
+    "jaw_2": {"tied_to": "jaw_1", "tie_ratio": -1.0},
+}
+"""Keys of a snake's joints that turn with others, by name."""
 _MOST_CONDITION = 1e6
 """Condition number above which a matrix is singular, for the six digits that files have."""
 # Strings stay as they are: two slashes may stand in them.
@@ -73,13 +84,15 @@ def from_dvrk(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS, jaw_ang
 
 
 def jaw_reading(path: str | Path, jaw_angle: JawAngle = "between") -> str | None:
-    """Return how the jaw angle of a tool file is read, and what either reading means; None for a tool without jaws.
+    """Return how the jaw angle of a tool file is read, and what either reading means.
 
+    None for a tool without jaws, or with jaws that one disk turns against each other.
     Of a wrist of pulleys one would expect that a disk turns one jaw alone. Arguments and errors as of
     :func:`from_dvrk`.
     """
-    matrix, limits = _couplings(_content(Path(path)), Path(path))
-    return _reading(matrix, jaw_angle) if len(limits) > len(_NAMES) else None
+    content = _content(Path(path))
+    matrix, limits = _couplings(content, Path(path))
+    return _reading(matrix, jaw_angle) if len(limits) > len(_NAMES) and not content.get("snake-like") else None
 
 
 def dvrk_text(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS, jaw_angle: JawAngle = "between") -> str:
@@ -88,49 +101,65 @@ def dvrk_text(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS, jaw_ang
         raise ArgumentError(key="jaw_angle", value=jaw_angle, allowed=" or ".join(get_args(JawAngle)))
     path = Path(path)
     content = _content(path)
-    (matrix, limits), lengths = _couplings(content, path), _lengths(content)
+    (matrix, limits), stem = _couplings(content, path), _length(_dh_joint(content, 0), "D")
     jaws = len(matrix) > len(_NAMES)
     if np.linalg.cond(matrix) > _MOST_CONDITION:
         raise _refused(
             path, "coupling.ActuatorToJointPosition is singular: turns of the disks leave every angle unchanged", matrix
         )
-    names = ("roll", "pitch", "jaw_1", "jaw_2") if jaws else _NAMES
-    turns = np.linalg.inv(_with_jaws(matrix, jaw_angle) if jaws else matrix)
+    is_snake = bool(content.get("snake-like"))
+    if is_snake and not jaws:
+        raise _refused(path, "snake-like is true, but jaw.ftmax is 0", 0, "a tool with jaws")
+    names = _SNAKE if is_snake else ("roll", "pitch", "jaw_1", "jaw_2") if jaws else _NAMES
+    turns = np.linalg.inv(_with_jaws(matrix, jaw_angle) if jaws and not is_snake else matrix)
+    share = _JAW_SHARE[jaw_angle]
+    ranges = [min(limit, _MOST) for limit in limits]
+    if is_snake:
+        # Half of a tendon's excursion at either of two tied joints; the jaws turn against each other.
+        half = turns[:, 1:3] / 2
+        turns = np.column_stack([turns[:, 0], half, half[:, ::-1], turns[:, 3:] * (np.array([1, -1]) / (2 * share))])
+        ranges = [*ranges[:3], ranges[2], ranges[1], *[min(share * ranges[3], _MOST)] * 2]
+    elif jaws:
+        ranges[2:] = [min(ranges[2] + ranges[3] * share, _MOST)] * 2
     pulleys = np.abs(turns).max(axis=0)
     spool = pulley_radius / pulleys[1]
-    ranges = [min(limit, _MOST) for limit in limits]
-    if jaws:
-        ranges[2:] = [min(ranges[2] + ranges[3] * _JAW_SHARE[jaw_angle], _MOST)] * 2
     values: dict[str, Any] = {
         "name": path.stem.lower().replace("_", "-"),
         "description": "Imported from a tool file of the da Vinci Research Kit",
-        "stem_diameter": "8 mm",
+        "stem_diameter": "5 mm" if is_snake else "8 mm",
         "spool_radius": _mm(spool),
         "pretension": "20 N",
         "tendon_stiffness": "100 N/mm",
-        "joints": [_joint(name, spool * pulleys[i], ranges[i], lengths) for i, name in enumerate(names)],
+        "joints": [
+            _joint(name, spool * pulleys[i], ranges[i], _before(name, content, is_snake))
+            for i, name in enumerate(names)
+        ],
         "tendons": [
             {"name": f"disk_{disk}_{way}", "route": _route(names, sign * spool * row)}
             for disk, row in enumerate(turns, 1)
             for way, sign in (("wound", 1), ("unwound", -1))
         ],
     }
-    if lengths[0] > 0:
-        values["stem_length"] = _mm(lengths[0])
+    for joint in values["joints"] if is_snake else ():
+        joint.update(_TIED.get(joint["name"], {}))
+    if stem > 0:
+        values["stem_length"] = _mm(stem)
     if jaws:
-        values["grip"] = {"jaws": list(names[2:])}
+        values["grip"] = {"jaws": list(names[-2:])}
     values["sources"] = {
         "joints": f"coupling, limits and DH parameters of {path.name}",
         **_OURS,
-        "stem_diameter": "ours: of the da Vinci S and Si tools",
+        "stem_diameter": "ours: of the da Vinci S and Si tools" + ", those with a snake" * is_snake,
     }
+    kind = "roll, pitch, and two jaws on the yaw axis" if jaws else "roll, pitch, and yaw"
+    if is_snake:
+        kind = "roll, two joints of pitch and two of yaw, tied, and jaws"
     head = (
-        f"# {path.name} of the da Vinci Research Kit: roll, pitch, and "
-        f"{'two jaws on the yaw axis' if jaws else 'yaw'}.\n"
+        f"# {path.name} of the da Vinci Research Kit: {kind}.\n"
         "# Turns of its disks, each of which winds a pair of tendons on spools of one radius, give the file's angles.\n"
         "# [sources] lists what is not in the file.\n"
     )
-    if jaws:
+    if jaws and not is_snake:
         head += "".join(f"# {line}\n" for line in wrap(_reading(matrix, jaw_angle), 118))
     return head + "\n" + tomli_w.dumps(dict(sorted(values.items(), key=lambda one: isinstance(one[1], list | dict))))
 
@@ -153,19 +182,33 @@ def _reading(matrix: Array, jaw_angle: JawAngle) -> str:
     )
 
 
-def _joint(name: str, radius: float, limit: float, lengths: tuple[float, float]) -> dict[str, Any]:
-    jaws = name.startswith("jaw")
+def _joint(name: str, radius: float, limit: float, offset: tuple[str | None, float]) -> dict[str, Any]:
+    jaws, (on, before) = name.startswith("jaw"), offset
     joint = {
         "name": name,
         "mechanism": "pulley",
-        "axis": "yaw" if jaws else name,
-        "on": "pitch" if jaws else None,
+        "axis": "yaw" if jaws else name.partition("_")[0],
+        "on": on,
         "radius": _mm(radius),
-        "offset": _mm(lengths[1]) if jaws or name == "yaw" else None,
+        "offset": _mm(before) if before else None,
         "range": f"{math.degrees(limit):.9g} deg",
-        "end_effector_length": "10 mm" if jaws or name == "yaw" else None,
+        "end_effector_length": _mm(_JAW) if jaws or name == "yaw" else None,
     }
     return {key: value for key, value in joint.items() if value is not None}
+
+
+def _before(name: str, content: dict[str, Any], is_snake: bool) -> tuple[str | None, float]:
+    """Return what a joint stands on, if not on the one before it, and how far from it, m."""
+    spacing, jaws = _length(_dh_joint(content, 2), "A"), name.startswith("jaw")
+    if not is_snake:
+        return ("pitch" if jaws else None), (spacing if jaws or name == "yaw" else 0.0)
+    if not jaws:
+        return None, (spacing if name in ("yaw_1", "yaw_2", "pitch_2") else 0.0)
+    try:
+        tip = float(np.linalg.norm(np.array(content.get("tooltip_offset"), float)[:3, 3]))
+    except (TypeError, ValueError, IndexError):
+        tip = _JAW
+    return "pitch_2", max(tip - _JAW, 0.0)
 
 
 def _route(names: tuple[str, ...], arms: Array) -> list[dict[str, str]]:
@@ -202,8 +245,6 @@ def _content(path: Path) -> dict[str, Any]:
 
 
 def _matrix(content: dict[str, Any], path: Path) -> Array:
-    if content.get("snake-like"):
-        raise _refused(path, "snake-like is true: it has two joints of pitch and two of yaw", True, "one of each")
     coupling = content.get("coupling")
     key = "coupling.ActuatorToJointPosition"
     if not isinstance(coupling, dict) or "ActuatorToJointPosition" not in coupling:
@@ -255,14 +296,10 @@ def _is_number(value: Any) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def _lengths(content: dict[str, Any]) -> tuple[float, float]:
-    """Return the length of the stem and the distance from the pitch to the yaw axis, m; 0 where the file has none."""
-    found: Iterable[Any] = (
-        joint.get(key) if isinstance(joint, dict) else None
-        for joint, key in ((_dh_joint(content, 0), "D"), (_dh_joint(content, 2), "A"))
-    )
-    stem, spacing = (abs(float(value)) if _is_number(value) else 0.0 for value in found)
-    return stem, spacing
+def _length(joint: Any, key: str) -> float:
+    """Return a length of a joint's DH parameters, m: D of the stem, A to the axis before; 0 where it has none."""
+    value = joint.get(key) if isinstance(joint, dict) else None
+    return abs(float(value)) if _is_number(value) else 0.0
 
 
 def _without_jaws(matrix: Array, path: Path) -> Array:

@@ -69,7 +69,7 @@ def expand(inst: "ShortForm") -> FullForm:
     }
     values |= {
         table: getattr(inst, table).model_dump(exclude_unset=True, exclude_none=True)
-        for table in ("drives", "sensors", "control")
+        for table in ("conditions", "drives", "sensors", "control")
     }
     values["dynamics"] = {name: getattr(inst.dynamics, name) for name in Hand.model_fields}
     shares = compliance_shares(inst.planar[0])

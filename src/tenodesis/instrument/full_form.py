@@ -9,13 +9,14 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from tenodesis import notebook
 from tenodesis.errors import ArgumentError, InstrumentError
+from tenodesis.instrument.backbones import cut
 from tenodesis.instrument.hardware import Drives, Friction
 from tenodesis.instrument.instrument import Instrument
 from tenodesis.instrument.joints import Grip, Joint, LinkDynamics, Tendon
 from tenodesis.instrument.short_form import ShortForm
 from tenodesis.units import Length
 
-MOST_JOINTS = 6
+MOST_JOINTS = 8
 MOST_TENDONS = 12
 
 
@@ -98,9 +99,14 @@ class FullForm(Instrument):
 
     @model_validator(mode="after")
     def _coherent(self, info: ValidationInfo) -> Self:
-        self._check_joints()
+        _check_distinct("joints", [joint.name for joint in self.joints])
         for tendon in self.tendons:
             _check_route(self, tendon)
+        # The model is frozen for everyone else.
+        self.__dict__["joints"], self.__dict__["tendons"] = cut(self.joints, self.tendons)
+        _check_distinct("joints", [joint.name for joint in self.joints])
+        self._check_joints()
+        for tendon in self.tendons:
             self.stiffness_of(tendon)
         _check_distinct("tendons", [tendon.name for tendon in self.tendons])
         self._check_held()
@@ -112,7 +118,6 @@ class FullForm(Instrument):
         return self
 
     def _check_joints(self) -> None:
-        _check_distinct("joints", [joint.name for joint in self.joints])
         tips, handles = self.tip_joints, self.handle_joints
         if not 1 <= len(tips) <= MOST_JOINTS:
             raise ArgumentError(f"joints has {len(tips)} at the tip; there must be 1 to {MOST_JOINTS}", key="joints")
@@ -130,6 +135,8 @@ class FullForm(Instrument):
                     value=joint.on,
                 )
             before.append(joint.name)
+        for place, joint in enumerate((*tips, *handles)):
+            _check_tie(joint, [other.name for other in tips[:place] if not other.arc] if place < len(tips) else [])
         held = self.grip.jaws if self.grip is not None and self.grip.length is not None and self.bearing else ()
         for i in self.ends:
             if tips[i].end_effector_length is None and tips[i].name not in held:
@@ -169,7 +176,7 @@ class FullForm(Instrument):
         sprung = np.array([joint.own_stiffness > 0 for joint in self.tip_joints])
         for joint, column, spring in zip(self.tip_joints, arms.T, sprung, strict=True):
             missing = [side for side, pulls in (("agonist", column > 0), ("antagonist", column < 0)) if not pulls.any()]
-            if missing and not spring:
+            if missing and not spring and joint.tied_to is None:
                 raise RouteError(
                     f"joint {joint.name} has no {' and no '.join(missing)}: no tendon crosses it on that side; give it "
                     "one, or a spring by its stiffness",
@@ -177,7 +184,12 @@ class FullForm(Instrument):
                     joints=[joint.name],
                 )
         scale = np.abs(arms).max(axis=0)
-        held = np.vstack([arms / np.where(scale > 0, scale, 1.0), np.diag(sprung.astype(float))])
+        tied = [
+            np.eye(len(self.tip_joints))[i] - tie.ratio * np.eye(len(self.tip_joints))[tie.to]
+            for i, tie in enumerate(self.ties)
+            if tie.is_rigid
+        ]
+        held = np.vstack([arms / np.where(scale > 0, scale, 1.0), np.diag(sprung.astype(float)), *tied])
         if np.linalg.matrix_rank(held) < len(self.tip_joints):
             names = [joint.name for joint in self.tip_joints]
             raise RouteError(
@@ -203,6 +215,20 @@ def _check_distinct(key: str, names: Sequence[str]) -> None:
     double = next((name for name in names if names.count(name) > 1), None)
     if double is not None:
         raise ArgumentError(f"{key} has {double} twice; names must differ", key=key, value=double)
+
+
+def _check_tie(joint: Joint, before: Sequence[str]) -> None:
+    if joint.tied_to is None:
+        return
+    if joint.tied_to not in before:
+        allowed = ", ".join(before) or "none is, so it must be left out"
+        problem = f"joint {joint.name}: tied_to = {joint.tied_to!r}; it must be one before it: {allowed}"
+        raise ArgumentError(problem, key="tied_to", value=joint.tied_to)
+    if joint.arcs > 1 or not joint.tie_ratio:
+        problem = "has several arcs" if joint.arcs > 1 else "has a tie_ratio of 0"
+        raise ArgumentError(
+            f"joint {joint.name} is tied to {joint.tied_to} and {problem}; give it without that", key="tied_to"
+        )
 
 
 def _check_route(inst: FullForm, tendon: Tendon) -> None:

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, BaseModel, Field
 
 from tenodesis import _core
@@ -17,6 +17,7 @@ from tenodesis.instrument.devices import Devices
 from tenodesis.instrument.hardware import Control, Drives, Friction, Geometry, Sensors
 from tenodesis.instrument.joints import MECHANISMS, SIGNS, Joint, Tendon
 from tenodesis.instrument.tension import TensionSensor, tension_sensor
+from tenodesis.instrument.ties import Tie, own_stiffness, ties
 from tenodesis.toml import FileTable, validated
 from tenodesis.units import Force, Length, Modulus, PositiveForce, Quantity, Stiffness, quantity_of
 
@@ -84,6 +85,34 @@ class Instrument(FileTable, AnyForm):
         return tuple(joint for joint in self.joints if joint.place == "handle")
 
     @property
+    def bends(self) -> dict[str, list[int]]:
+        """Places among the tip's joints of what bends by itself, by name: joints not tied, arcs of a backbone."""
+        found: dict[str, list[int]] = {}
+        for i, joint in enumerate(self.tip_joints):
+            if joint.tied_to is not None:
+                continue
+            found.setdefault(joint.name.removesuffix(f"_{joint.arc}") if joint.arc else joint.name, []).append(i)
+        return found
+
+    def bent(self, angles: ArrayLike) -> Array:
+        """Return the angles of the tip's joints, (joints,), at those of what bends, (bends,).
+
+        Arcs of a backbone bend alike, and joints that are tied turn with the others.
+        """
+        found = np.zeros(len(self.tip_joints))
+        for angle, arcs in zip(np.asarray(angles, float), self.bends.values(), strict=True):
+            found[arcs] = angle / len(arcs)
+        for i, tie in enumerate(self.ties):
+            if tie.is_rigid:
+                found[i] = tie.ratio * found[tie.to]
+        return found
+
+    @property
+    def bend_ranges(self) -> Array:
+        """Working ranges to either side of what bends, (bends,), rad."""
+        return np.array([sum(self.tip_joints[i].range for i in arcs) for arcs in self.bends.values()])
+
+    @property
     def parents(self) -> tuple[int, ...]:
         """Place among the tip's joints of the one that each stands on; -1 for the stem."""
         names = [joint.name for joint in self.tip_joints]
@@ -131,6 +160,24 @@ class Instrument(FileTable, AnyForm):
                     row[index[crossing.joint]] += SIGNS[crossing.side] * arm
         return arms
 
+    @property
+    def springs(self) -> Array:
+        """Moments of springs and ties by the angles of the tip's joints, (joints, joints), N m/rad."""
+        matrix = np.diag([own_stiffness(joint) for joint in self.tip_joints])
+        for i, tie in enumerate(self.ties):
+            if tie.to >= 0:
+                apart = np.zeros(len(matrix))
+                apart[[i, tie.to]] = 1.0, -tie.ratio
+                matrix += tie.stiffness * np.outer(apart, apart)
+        return matrix
+
+    @cached_property
+    def ties(self) -> list[Tie]:
+        """What ties every joint of the tip to one before it."""
+        held = self.stiffnesses @ self.tendon_arms("tip") ** 2
+        held += [own_stiffness(joint) for joint in self.tip_joints]
+        return ties(self.tip_joints, held)
+
     @cached_property
     def stiffnesses(self) -> Array:
         """Stiffness of every tendon, (tendons,), N/m, as given or E A / L."""
@@ -156,12 +203,13 @@ class Instrument(FileTable, AnyForm):
     def core(self) -> _core.TendonChain:
         """The instrument in the core's form."""
         joints, bearing = self.tip_joints, self.bearing
-        numbers = np.zeros((len(joints), 9))
+        numbers = np.zeros((len(joints), 13))
         for i, joint in enumerate(joints):
             length = joint.end_effector_length or 0.0
             share = 1 / len(bearing) if i in bearing else 0.0
             arm = self.grip_arms[i]
-            numbers[i] = (*joint.axis_vector, joint.offset, joint.chord, length, joint.own_stiffness, share, arm)
+            spring = (own_stiffness(joint), *self.ties[i])
+            numbers[i] = (*joint.axis_vector, joint.offset, joint.chord, length, *spring, share, arm)
         return _core.TendonChain(
             [MECHANISMS[joint.mechanism] for joint in joints],
             list(self.parents),

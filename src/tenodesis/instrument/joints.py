@@ -29,6 +29,8 @@ from tenodesis.units import (
 
 Mechanism = Literal["tendon-gear", "pulley", "continuum"]
 Side = Literal["agonist", "antagonist", "middle"]
+FARTHEST_STOP = 3.0
+"""Largest angle of a stop that no file gives, rad."""
 
 AXES: Mapping[str, tuple[float, float, float]] = {"yaw": (0, 1, 0), "pitch": (-1, 0, 0), "roll": (0, 0, 1)}
 """Axis about which a positive angle turns, by its name: yaw bends the tip toward x, pitch toward y."""
@@ -45,6 +47,8 @@ def _short(name: str) -> str:
     return name
 
 
+TieRatio = Annotated[float, Field(ge=-100, le=100, strict=True)]
+"""Angle of a joint over that of another."""
 ShortName = Annotated[str, Field(min_length=1), AfterValidator(_short)]
 """Name of a joint or a tendon, as recordings and exported models have it."""
 
@@ -63,6 +67,16 @@ class Joint(FileTable):
     offset: Spacing = Field(default=0.0, description="From the far end of what it stands on")
     backbone_length: Length | None = Field(default=None, description="Length of a continuum's backbone")
     backbone_rigidity: FlexuralRigidity | None = Field(default=None, description="Flexural rigidity of a backbone")
+    arcs: int = Field(
+        default=1,
+        ge=1,
+        le=12,
+        strict=True,
+        description="Arcs that a backbone bends in, 1 or an even number; an S under a force across takes 2 or more",
+    )
+    arc: int = Field(default=0, ge=0, le=12, strict=True, description="Number of this arc, from the stem; 0: no part")
+    tied_to: str | None = Field(default=None, description="Joint before it at the tip that it turns with, by tie_ratio")
+    tie_ratio: TieRatio = Field(default=1.0, description="Its angle over that of the joint that it is tied to")
     stiffness: HandStiffness | None = Field(default=None, description="Of a spring in the joint")
     range: AngleRange = Field(default=math.radians(80), description="Working range of its angle to either side")
     end_effector_length: Length | None = Field(
@@ -93,10 +107,19 @@ class Joint(FileTable):
         return _core.joint_straight_chord(MECHANISMS[self.mechanism], self.radius, self.backbone_length or 0.0)
 
     @property
+    def backbone_stiffness(self) -> float:
+        """Stiffness E I / L of the backbone as one arc, N m/rad; 0 without one."""
+        return (self.backbone_rigidity or 0.0) / self.backbone_length if self.backbone_length else 0.0
+
+    @property
     def own_stiffness(self) -> float:
         """Stiffness of spring and backbone, N m/rad."""
-        backbone = (self.backbone_rigidity or 0.0) / self.backbone_length if self.backbone_length else 0.0
-        return (self.stiffness or 0.0) + backbone
+        return (self.stiffness or 0.0) + self.backbone_stiffness
+
+    @property
+    def outer_stop(self) -> float:
+        """Angle of its mechanical stop, rad."""
+        return min(4 / 3 * self.range, FARTHEST_STOP) if self.stop is None else self.stop
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -105,6 +128,12 @@ class Joint(FileTable):
             if is_continuum != (getattr(self, key) is not None):
                 needed = "is missing" if is_continuum else f"is given, but a {self.mechanism} has no backbone"
                 raise ArgumentError(f"{key} {needed}; it must be {'given' if is_continuum else 'left out'}", key=key)
+        if self.arcs > 1 and not (
+            is_continuum and self.place == "tip" and self.arcs % 2 == 0 and self.arc <= self.arcs
+        ):
+            raise ArgumentError(
+                f"arcs is {self.arcs}; it must be 1 or an even number, for a continuum at the tip", key="arcs"
+            )
         if not isinstance(self.axis, str) and not math.hypot(*self.axis) > 0:
             raise ArgumentError(
                 f"axis is {list(self.axis)}; it must be yaw, pitch, roll or a vector that is not zero", key="axis"

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 from pydantic import TypeAdapter, ValidationError
 
 from tenodesis.errors import InstrumentError
+from tenodesis.instrument.backbones import join
 from tenodesis.instrument.full_form import FullForm, RouteError
 from tenodesis.instrument.instrument import ENTRIES, Instrument
 from tenodesis.instrument.mechanisms import JOINT_TYPES, SHORT_FORM
@@ -69,6 +70,24 @@ def expanded(given: InstrumentLike, argument: str = "inst") -> FullForm:
     Errors as :func:`as_instrument`, and InstrumentError where the short form leaves nothing for the stem.
     """
     return as_instrument(given, argument).expanded
+
+
+def in_arcs(given: InstrumentLike, arcs: int = 4) -> FullForm:
+    """Return an instrument, given as such, by name or by path, as joints and tendons with its backbones in arcs.
+
+    Errors as :func:`expanded`, and InstrumentError for an odd number above 1.
+    """
+    inst = expanded(given)
+    joints, tendons = join(inst.joints, inst.tendons)
+    if len(joints) == len(inst.joints) and (arcs == 1 or not any(joint.backbone_length for joint in inst.tip_joints)):
+        return inst
+    cut_up = [
+        joint.model_dump(exclude_unset=True, exclude_none=True)
+        | ({"arcs": arcs} if joint.mechanism == "continuum" and joint.place == "tip" else {})
+        for joint in joints
+    ]
+    values = inst.with_values({"joints": cut_up, "tendons": tendons})
+    return validated(FullForm, values, InstrumentError, inst.name, context={"expanded": True}, entries=ENTRIES)
 
 
 def source_text(name_or_path: str | Path) -> str:

@@ -22,7 +22,7 @@ class Question(NamedTuple):
     default: str
 
 
-class Rope(NamedTuple):
+class RopeModulus(NamedTuple):
     """Young's modulus of a kind of rope over its full circle, with its source."""
 
     modulus: str
@@ -31,11 +31,11 @@ class Rope(NamedTuple):
 
 # 54.2 GPa of a rope of 7x19 wires, over the 190 GPa of the wire, is what stranding leaves.
 ROPES = {
-    "steel": Rope("54.2 GPa", "7x19 stainless rope, Loos & Company"),
-    "steel-7x7": Rope("73.2 GPa", "7x7 stainless rope, Loos & Company"),
-    "steel-wire": Rope("190 GPa", "a single wire of stainless steel"),
-    "tungsten": Rope("114 GPa", "7x19 rope: the 400 GPa of the wire times what stranding leaves of steel's"),
-    "dyneema": Rope("30 GPa", "braided and bedded in; braids differ by a factor of three: measure yours"),
+    "steel": RopeModulus("54.2 GPa", "7x19 stainless rope, Loos & Company"),
+    "steel-7x7": RopeModulus("73.2 GPa", "7x7 stainless rope, Loos & Company"),
+    "steel-wire": RopeModulus("190 GPa", "a single wire of stainless steel"),
+    "tungsten": RopeModulus("114 GPa", "7x19 rope: the 400 GPa of the wire times what stranding leaves of steel's"),
+    "dyneema": RopeModulus("30 GPa", "braided and bedded in; braids differ by a factor of three: measure yours"),
 }
 """The ropes that are known by name."""
 

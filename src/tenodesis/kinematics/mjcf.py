@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from tenodesis.instrument import InstrumentLike, Joint, Tendon
 from tenodesis.kinematics.chain import Array, Skeleton, bend_side, crossed, skeleton
-from tenodesis.kinematics.parts import STEEL, Part, joint_positions, moving, parts, text
+from tenodesis.kinematics.parts import STEEL, RigidPart, joint_positions, moving, parts, text
 from tenodesis.kinematics.urdf import origin_of
 
 TIME_STEP = 1e-3  # s
@@ -43,7 +43,8 @@ What this format does not contain:
 - contact: jaws pass through each other and grip no object;
 - limits by tendons and loads: joint ranges are mechanical stops, or working ranges where none are given.{more}"""
 _CONTINUUM = """
-- the arc of a backbone: it is a row of eight hinges tied to each other, which does not yield in other directions."""
+- the arc of a backbone: it is a row of hinges, eight tied to each other, or six in each of several arcs, not tied; it
+  does not yield in other directions."""
 
 
 class _Guide(NamedTuple):
@@ -91,7 +92,8 @@ def mjcf(inst: InstrumentLike) -> str:
         bodies[part.name] = _body(bodies[part.parent], part, motion)
         for hinge in part.joints:
             if hinge.same_as is not None:
-                SubElement(ties, "joint", joint1=hinge.name, joint2=hinge.same_as)
+                ratio = {} if hinge.ratio == 1 else {"polycoef": f"0 {text(hinge.ratio)} 0 0 0"}
+                SubElement(ties, "joint", joint1=hinge.name, joint2=hinge.same_as, attrib=ratio)
     _hold(servos, of, stiffness)
     for tendon, own, pretension in zip(of.inst.tendons, of.inst.stiffnesses, of.inst.pretensions, strict=True):
         branches = _branches(of, tendon, tree)
@@ -126,7 +128,7 @@ def _model(name: str, note: str) -> Element:
     return root
 
 
-def _body(parent: Element, part: Part, motion: Mapping[str, Mapping[str, str]]) -> Element:
+def _body(parent: Element, part: RigidPart, motion: Mapping[str, Mapping[str, str]]) -> Element:
     """Add a part to the one that it stands on, with attributes of how each of its joints moves."""
     element = SubElement(parent, "body", name=part.name)
     if part.offset:
@@ -174,7 +176,7 @@ def _load(servos: Element, end: str) -> None:
         SubElement(servos, "motor", name=name, site=f"{end}_origin", gear=_vector(row))
 
 
-def _held(of: Skeleton, tree: Mapping[str, Part], stiffest: float) -> dict[str, float]:
+def _held(of: Skeleton, tree: Mapping[str, RigidPart], stiffest: float) -> dict[str, float]:
     """Return the stiffness, N m/rad or N/m, that holds each joint that no tendon crosses: the port's and the roll."""
     bending = {name for joint in of.inst.joints for name in moving(joint, "mjcf")}
     free = [joint for part in tree.values() for joint in part.joints if joint.name not in bending]
@@ -203,7 +205,7 @@ def _joint_stiffnesses(of: Skeleton) -> dict[str, float]:
     return found
 
 
-def _branches(of: Skeleton, tendon: Tendon, tree: Mapping[str, Part]) -> list[list[_Guide]]:
+def _branches(of: Skeleton, tendon: Tendon, tree: Mapping[str, RigidPart]) -> list[list[_Guide]]:
     """Return what leads a tendon from the handle's end to the tip; a new list behind joints that it does not cross.
 
     There it runs at a constant length.
@@ -223,7 +225,7 @@ def _branches(of: Skeleton, tendon: Tendon, tree: Mapping[str, Part]) -> list[li
     return found
 
 
-def _guides(joint: Joint, out: Array, tendon: Tendon, tree: Mapping[str, Part]) -> Iterator[_Guide]:
+def _guides(joint: Joint, out: Array, tendon: Tendon, tree: Mapping[str, RigidPart]) -> Iterator[_Guide]:
     """Yield what leads a tendon over a joint at an offset from its middle, outward."""
     chain = [tree[name] for name in moving(joint, "mjcf")]
 
@@ -291,7 +293,7 @@ def _lead(string: Element, body: Element, guide: _Guide) -> None:
     SubElement(string, "geom", geom=guide.name, sidesite=f"{guide.name}_side")
 
 
-def _height(tree: Mapping[str, Part], name: str) -> float:
+def _height(tree: Mapping[str, RigidPart], name: str) -> float:
     """Return the place of a part along the straight instrument, from the stem's tip end, m."""
     part = tree[name]
     return 0.0 if part.parent is None else part.offset + _height(tree, part.parent)

@@ -6,8 +6,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tenodesis.instrument import InstrumentLike
-from tenodesis.instrument import Joint as Bending
+from tenodesis.instrument import InstrumentLike, Joint
 from tenodesis.instrument.joints import AXES
 from tenodesis.instrument.lengths import STEM_PER_RADIUS
 from tenodesis.kinematics.chain import Skeleton, end_length, skeleton
@@ -21,11 +20,12 @@ Z: Triple = (0.0, 0.0, 1.0)
 STEEL = 7800.0
 """Density of the parts, which are solid, kg/m^3."""
 _VERTEBRAE = 8  # that MuJoCo's backbone is divided into
+_HINGES_OF_ARC = 6  # of a backbone in several; with four each, MuJoCo's would be 0.07 deg off
 # A string wraps around a MuJoCo cylinder by a quarter turn while its joint is straight, and leaves it beyond.
 _WIDEST_WRAP = radians(80)
 
 
-class Joint(NamedTuple):
+class PartJoint(NamedTuple):
     """A hinge or slide of a part, in its own frame; limits in rad or m."""
 
     name: str
@@ -34,16 +34,18 @@ class Joint(NamedTuple):
     least: float
     most: float
     same_as: str | None = None
-    """Joint that it moves with, by the same angle."""
+    """Joint that it moves with."""
+    ratio: float = 1.0
+    """Its angle over that joint's."""
 
 
-class Part(NamedTuple):
+class RigidPart(NamedTuple):
     """A rigid part: its parent, its offset along the parent's z when all joints are at zero, its joints, a cylinder."""
 
     name: str
     parent: str | None
     offset: float
-    joints: tuple[Joint, ...]
+    joints: tuple[PartJoint, ...]
     cylinder: tuple[float, float, float] | None
     """From and to along z, and radius, m."""
 
@@ -57,7 +59,7 @@ class _Piece(NamedTuple):
     slides: bool = False
 
 
-def parts(inst: InstrumentLike, format: Format) -> list[Part]:
+def parts(inst: InstrumentLike, format: Format) -> list[RigidPart]:
     """Return the parts of an instrument for a format, parents first, named as the bodies of :func:`frames`.
 
     A backbone is its chord between two hinges in URDF, and a row of vertebrae in MuJoCo. Raises InstrumentError if the
@@ -66,7 +68,8 @@ def parts(inst: InstrumentLike, format: Format) -> list[Part]:
     of = skeleton(inst)
     radii = [joint.radius for joint in of.inst.tip_joints]
     thick = (STEM_PER_RADIUS * max(radii) if of.inst.stem_diameter is None else of.inst.stem_diameter) / 2
-    found = [Part("stem", None, 0.0, _in_port(of), (-of.stem_length, 0.0, thick))]
+    tied = {joint.name: joint for joint in of.inst.tip_joints}
+    found = [RigidPart("stem", None, 0.0, _in_port(of), (-of.stem_length, 0.0, thick))]
     for joint, on, beyond in _stacked(of):
         side = 1.0 if joint.place == "tip" else -1.0
         at, start = (f"{on}_far", 0.0) if on else ("stem", 0.0 if side > 0 else -of.stem_length)
@@ -77,14 +80,18 @@ def parts(inst: InstrumentLike, format: Format) -> list[Part]:
             name = f"{joint.name}_{piece.name}"
             offset = start + side * (piece.offset + (joint.offset if place == 0 else 0.0))
             following = pieces[place + 1].offset if place + 1 < len(pieces) else beyond
-            first = None if name == turning[0] else turning[0]
-            slide = Joint(f"{joint.name}_chord", "slide", (0.0, 0.0, side), -joint.chord, 0.0)
-            hinge = Joint(name, "hinge", joint.axis_vector, -share, share, same_as=first)
+            first = None if name == turning[0] or (joint.arc and format == "mjcf") else turning[0]
+            slide = PartJoint(f"{joint.name}_chord", "slide", (0.0, 0.0, side), -joint.chord, 0.0)
+            ratio = 1.0
+            if name == turning[0] and joint.tied_to is not None:
+                others = moving(tied[joint.tied_to], format)
+                first, ratio = others[0], joint.tie_ratio * len(others) / len(turning)
+            hinge = PartJoint(name, "hinge", joint.axis_vector, -share, share, same_as=first, ratio=ratio)
             joints = ((slide,) if piece.slides else ()) + ((hinge,) if piece.hinges else ())
             is_far = piece.name == "far"
             back = -joint.radius / 2 if is_far and joint.mechanism != "continuum" else 0.0
             wide = (0.7 if is_far else 0.5) * joint.radius
-            found.append(Part(name, at, offset, joints, _cylinder(side * back, side * following, wide)))
+            found.append(RigidPart(name, at, offset, joints, _cylinder(side * back, side * following, wide)))
             at, start = name, 0.0
         reach = end_length(of.inst, joint)
         if reach is not None:
@@ -124,7 +131,7 @@ def joint_positions(
     return found
 
 
-def moving(joint: Bending, format: Format) -> list[str]:
+def moving(joint: Joint, format: Format) -> list[str]:
     """Return the names of the parts that turn with a bending joint, each by the same share of its angle."""
     return [f"{joint.name}_{piece.name}" for piece in _pieces(joint, format) if piece.hinges]
 
@@ -134,45 +141,50 @@ def text(value: float) -> str:
     return repr(float(value))
 
 
-def _in_port(of: Skeleton) -> tuple[Joint, ...]:
+def _in_port(of: Skeleton) -> tuple[PartJoint, ...]:
     """Return the joints of the stem, of an instrument whose file gives a port."""
     if of.port is None:
         return ()
     bounds = of.port
     return (
-        Joint("pan", "hinge", AXES["yaw"], *bounds.pan),
-        Joint("tilt", "hinge", AXES["pitch"], *bounds.tilt),
-        Joint("spin", "hinge", Z, *bounds.spin),
-        Joint("insertion", "slide", Z, *bounds.insertion),
+        PartJoint("pan", "hinge", AXES["yaw"], *bounds.pan),
+        PartJoint("tilt", "hinge", AXES["pitch"], *bounds.tilt),
+        PartJoint("spin", "hinge", Z, *bounds.spin),
+        PartJoint("insertion", "slide", Z, *bounds.insertion),
     )
 
 
-def _end(of: Skeleton, joint: Bending, reach: float, free: float, thick: float) -> list[Part]:
+def _end(of: Skeleton, joint: Joint, reach: float, free: float, thick: float) -> list[RigidPart]:
     """Return what is beyond a last joint, over a free length, m."""
     far = f"{joint.name}_far"
     if joint.place == "handle":
-        return [Part(of.end(joint, "grip"), far, -reach, (), _cylinder(0.0, free, 2 * thick))]
+        return [RigidPart(of.end(joint, "grip"), far, -reach, (), _cylinder(0.0, free, 2 * thick))]
     if of.port is None or not of.rolls:
-        return [Part(of.end(joint, "tip"), far, reach, (), _cylinder(-free, 0.0, 0.4 * thick))]
+        return [RigidPart(of.end(joint, "tip"), far, reach, (), _cylinder(-free, 0.0, 0.4 * thick))]
     rolled, jaws = of.end(joint, "end_effector"), of.port.jaw_length
-    roll = Joint("roll", "hinge", Z, *of.port.roll)
+    roll = PartJoint("roll", "hinge", Z, *of.port.roll)
     return [
-        Part(rolled, far, 0.0, (roll,), (0.0, max(reach - jaws, 0.2 * reach), 0.8 * thick)),
-        Part(of.end(joint, "tip"), rolled, reach, (), (-jaws, 0.0, 0.4 * thick)),
+        RigidPart(rolled, far, 0.0, (roll,), (0.0, max(reach - jaws, 0.2 * reach), 0.8 * thick)),
+        RigidPart(of.end(joint, "tip"), rolled, reach, (), (-jaws, 0.0, 0.4 * thick)),
     ]
 
 
-def _limit(joint: Bending) -> float:
+def _limit(joint: Joint) -> float:
     """Return the angle of a joint's mechanical stop, rad: as given, or the end of its working range."""
     return joint.range if joint.stop is None else joint.stop
 
 
-def _pieces(joint: Bending, format: Format) -> list[_Piece]:
+def _pieces(joint: Joint, format: Format) -> list[_Piece]:
     if joint.mechanism == "pulley":
         halves = format == "mjcf" and _limit(joint) > _WIDEST_WRAP
         return [_Piece("carrier", 0.0), _Piece("far", 0.0)] if halves else [_Piece("far", 0.0)]
     if joint.mechanism == "tendon-gear" or format == "urdf":
         return [_Piece("carrier", 0.0), _Piece("far", joint.chord, slides=joint.mechanism == "continuum")]
+    if joint.arc:
+        # Hinges in the middle of the pieces, which bend as they are pushed.
+        half = joint.chord / _HINGES_OF_ARC / 2
+        row = [_Piece(f"{place}", half if place == 1 else 2 * half) for place in range(1, _HINGES_OF_ARC + 1)]
+        return [*row, _Piece("far", half, hinges=False)]
     pitch = joint.chord / _VERTEBRAE
     # In the proportions of Gregory's rule the row reaches as far as the arc, but for a high order of its bends.
     steps = [5 / 12, 13 / 12, *[1.0] * (_VERTEBRAE - 3), 13 / 12]
@@ -180,7 +192,7 @@ def _pieces(joint: Bending, format: Format) -> list[_Piece]:
     return [*row, _Piece("far", 5 / 12 * pitch, hinges=False)]
 
 
-def _stacked(of: Skeleton) -> list[tuple[Bending, str, float]]:
+def _stacked(of: Skeleton) -> list[tuple[Joint, str, float]]:
     """Return the joints, each with the one that it stands on, if any, and the length to those that stand on it, m."""
     tips, handles = of.inst.tip_joints, of.inst.handle_joints
     parents = zip(tips, of.inst.parents, strict=True)

@@ -6,7 +6,7 @@ from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
 from tenodesis.instrument import InstrumentLike
 from tenodesis.kinematics.chain import Skeleton, skeleton
-from tenodesis.kinematics.parts import STEEL, Joint, Part, parts, text
+from tenodesis.kinematics.parts import STEEL, PartJoint, RigidPart, parts, text
 
 _KINDS = {"hinge": "revolute", "slide": "prismatic"}
 # A link without mass does not load in MuJoCo and makes the mass matrix of others singular.
@@ -76,13 +76,13 @@ def origin_of(of: Skeleton) -> str:
     return "The port is the origin; z points into the patient."
 
 
-def _joint(root: Element, joint: Joint, parent: str, child: str, offset: float) -> None:
+def _joint(root: Element, joint: PartJoint, parent: str, child: str, offset: float) -> None:
     element = SubElement(root, "joint", name=joint.name, type=_KINDS[joint.kind])
     _between(element, parent, child, offset)
     SubElement(element, "axis", xyz=" ".join(text(one) for one in joint.axis))
     SubElement(element, "limit", lower=text(joint.least), upper=text(joint.most), effort=_EFFORT, velocity=_VELOCITY)
     if joint.same_as is not None:
-        SubElement(element, "mimic", joint=joint.same_as, multiplier="1", offset="0")
+        SubElement(element, "mimic", joint=joint.same_as, multiplier=f"{joint.ratio:g}", offset="0")
 
 
 def _between(joint: Element, parent: str, child: str, offset: float) -> None:
@@ -91,7 +91,7 @@ def _between(joint: Element, parent: str, child: str, offset: float) -> None:
     SubElement(joint, "origin", xyz=f"0 0 {text(offset)}", rpy="0 0 0")
 
 
-def _link(root: Element, part: Part, density: float) -> None:
+def _link(root: Element, part: RigidPart, density: float) -> None:
     link = SubElement(root, "link", name=part.name)
     if part.cylinder is None:
         _inertial(link, 0.0, _LEAST_MASS, _LEAST_INERTIA, _LEAST_INERTIA)
@@ -111,7 +111,7 @@ def _inertial(link: Element, along: float, mass: float, across: float, about: fl
     SubElement(element, "inertia", {key: text(value) for key, value in moments.items()})
 
 
-def _mass(part: Part, density: float) -> tuple[float, float, float]:
+def _mass(part: RigidPart, density: float) -> tuple[float, float, float]:
     """Return mass, kg, and inertia across and along its axis, kg·m², of a part that has a cylinder."""
     assert part.cylinder is not None
     start, end, radius = part.cylinder
@@ -120,7 +120,7 @@ def _mass(part: Part, density: float) -> tuple[float, float, float]:
     return mass, mass * (3 * radius**2 + length**2) / 12, mass * radius**2 / 2
 
 
-def _densities(of: Skeleton, tree: Sequence[Part]) -> Mapping[str, float]:
+def _densities(of: Skeleton, tree: Sequence[RigidPart]) -> Mapping[str, float]:
     """Return the density of each part, kg/m³: steel, or what gives the tip the inertia that the file has."""
     named = {part.name: part for part in tree}
     found = dict.fromkeys(named, STEEL)
@@ -141,7 +141,7 @@ def _densities(of: Skeleton, tree: Sequence[Part]) -> Mapping[str, float]:
     return found
 
 
-def _inertia(part: Part, place: float) -> float:
+def _inertia(part: RigidPart, place: float) -> float:
     """Return the inertia of a part of steel, kg·m², about an axis across it, where its frame is at a place, m."""
     if part.cylinder is None:
         return 0.0

@@ -17,7 +17,7 @@ from tenodesis.devices.device import Capabilities
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
 from tenodesis.live import folder as folders
-from tenodesis.live.commands import COMMANDS, Command, Connection
+from tenodesis.live.commands import COMMANDS, Connection, LiveCommand
 from tenodesis.live.status import RuntimeState, Status, Timing
 from tenodesis.live.ticks import Reader
 from tenodesis.run import Array, Names
@@ -148,7 +148,7 @@ class Client(Connection):
             if len(rows) < 4096:
                 return
 
-    def send(self, command: Command, arguments: Mapping[str, Any]) -> Any:
+    def send(self, command: LiveCommand, arguments: Mapping[str, Any]) -> Any:
         """Send a command, and return the runtime's answer."""
         message = command.encode(arguments)
         with self._lock:
@@ -156,7 +156,7 @@ class Client(Connection):
         return command.result.validate_python(answer)
 
     # With the lock held.
-    def _ask(self, command: Command, message: dict[str, Any]) -> Any:
+    def _ask(self, command: LiveCommand, message: dict[str, Any]) -> Any:
         self._number = number = self._number + 1
         try:
             answer = self._answer(command, message)
@@ -173,7 +173,7 @@ class Client(Connection):
             raise LiveError(answer.pop("error"), **{name: answer[name] for name in _ABOUT if name in answer})
         return answer["ok"]
 
-    def _answer(self, command: Command, message: dict[str, Any]) -> dict[str, Any] | None:
+    def _answer(self, command: LiveCommand, message: dict[str, Any]) -> dict[str, Any] | None:
         if self._closed:
             raise OSError("the connection is closed")
         fresh = self._socket is None

@@ -101,7 +101,7 @@ _KINDS: dict[Any, _Kind] = {
 
 
 @dataclass(frozen=True)
-class Command:
+class LiveCommand:
     """An entry of the table of commands."""
 
     name: str
@@ -162,7 +162,7 @@ class Command:
         return _KINDS[self.parameters[name].annotation]
 
 
-COMMANDS: dict[str, Command] = {}
+COMMANDS: dict[str, LiveCommand] = {}
 """The table, by name; the class below fills it."""
 
 
@@ -175,7 +175,7 @@ def _command(
         signature = inspect.signature(method)
         parameters = {name: one for name, one in signature.parameters.items() if name != "self"}
         result: TypeAdapter[Any] = TypeAdapter(signature.return_annotation)
-        entry = Command(method.__name__, needs_lease, repeatable, streamed, timeout, parameters, result)
+        entry = LiveCommand(method.__name__, needs_lease, repeatable, streamed, timeout, parameters, result)
         COMMANDS[entry.name] = entry
 
         @wraps(method)
@@ -197,7 +197,7 @@ class Commands:
     and for every command that the runtime cannot carry out.
     """
 
-    def send(self, command: Command, arguments: Mapping[str, Any]) -> Any:
+    def send(self, command: LiveCommand, arguments: Mapping[str, Any]) -> Any:
         """Send a command and return its answer."""
         raise LiveError(f"the command {command.name} is not available here.", key="op", value=command.name)
 

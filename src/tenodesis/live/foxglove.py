@@ -14,7 +14,7 @@ from tenodesis.errors import LiveError
 from tenodesis.extras import require
 from tenodesis.live import events
 from tenodesis.live.events import Tail
-from tenodesis.live.ticks import Source, start_time
+from tenodesis.live.ticks import RowSource, start_time
 from tenodesis.recording import cdr, schemas
 from tenodesis.recording.schemas import Messages
 from tenodesis.run import Run
@@ -59,7 +59,7 @@ class FoxgloveServer:
 
     def __init__(
         self,
-        source: Source,
+        source: RowSource,
         host: str = HOST,
         port: int = PORT,
         *,

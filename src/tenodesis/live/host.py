@@ -15,7 +15,7 @@ from tenodesis.instrument import Instrument, as_instrument, parse
 from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
 from tenodesis.live.client import Client
-from tenodesis.live.commands import Command, RestartableConnection
+from tenodesis.live.commands import LiveCommand, RestartableConnection
 from tenodesis.live.loop import Choices, rehearse
 from tenodesis.live.runtime_process import RuntimeProcess
 from tenodesis.run import Array
@@ -196,7 +196,7 @@ class HostConnection(RestartableConnection):
         self._generation = host.generation
         self._client = Client(host.folder_of(self._generation), origin)
 
-    def send(self, command: Command, arguments: Mapping[str, Any]) -> Any:
+    def send(self, command: LiveCommand, arguments: Mapping[str, Any]) -> Any:
         """Send a command to the runtime that runs now, and return its answer."""
         return command.call(self._current(), arguments)
 

@@ -265,13 +265,12 @@ class LiveLoop:
     def hand(self, angles: ArrayLike) -> None:
         """Move the handle's joints or, without a handle, those at the tip by their motors, to angles, rad."""
         inst = self.inst
-        joints = inst.handle_joints or inst.tip_joints
-        array = _numbers("handle_angle", angles, len(joints), 10.0)
+        array = _numbers("handle_angle", angles, len(inst.handle_joints or inst.bends), 10.0)
         if inst.handle_joints:
             self._each("hand", enumerate(array.tolist()))
             return
-        most = np.array([joint.range for joint in joints])
-        arms = inst.tendon_arms("tip") @ coordinates(joints, array.clip(-most, most))[0]
+        within = inst.bent(array.clip(-inst.bend_ranges, inst.bend_ranges))
+        arms = inst.tendon_arms("tip") @ coordinates(inst.tip_joints, within)[0]
         self._each("motor", ((tendon, float(arms[tendon]) / self._spool_radius) for tendon in self.motors))
 
     def move_motors(self, angles: ArrayLike) -> None:

@@ -25,7 +25,7 @@ from tenodesis.instrument.text import to_toml
 from tenodesis.live import events
 from tenodesis.live.events import RuntimeEvent, Tail
 from tenodesis.live.shutdown import on_signal
-from tenodesis.live.ticks import Reader, Source, start_time
+from tenodesis.live.ticks import Reader, RowSource, start_time
 from tenodesis.recording import Recorder
 from tenodesis.run import Array, Run
 
@@ -140,7 +140,7 @@ class _Session:
 
 
 def record(
-    source: Source,
+    source: RowSource,
     folder: Path,
     path: Path,
     *,
@@ -183,7 +183,7 @@ def record(
 
 
 def _record_all(
-    source: Source, tail: Tail, folder: Path, path: Path, *, device: str, stop: threading.Event, overwrite: bool
+    source: RowSource, tail: Tail, folder: Path, path: Path, *, device: str, stop: threading.Event, overwrite: bool
 ) -> RecordingOutcome:
     earlier = _earlier(tail)
     run, lost = _first(source, stop)
@@ -246,7 +246,7 @@ def _record(folder: Path, path: Path, stop: threading.Event, *, overwrite: bool)
     return record(reader, folder, path, device=reader.about.device, stop=stop, overwrite=overwrite)
 
 
-def _first(source: Source, stop: threading.Event) -> tuple[Run, int]:
+def _first(source: RowSource, stop: threading.Event) -> tuple[Run, int]:
     """Return the first rows, or none if none come soon, so that an unwritable file is reported in any case."""
     until = time.monotonic() + _SOON
     lost = 0
@@ -258,7 +258,7 @@ def _first(source: Source, stop: threading.Event) -> tuple[Run, int]:
         stop.wait(_PERIOD)
 
 
-def _follow(source: Source, tail: Tail, session: _Session, stop: threading.Event) -> str:
+def _follow(source: RowSource, tail: Tail, session: _Session, stop: threading.Event) -> str:
     """Record all rows that come, and return why they ended."""
     # Where simulated time has no end, rows that come after the stop must not keep it from ending.
     turns = 2 + round(_HELD / source.time_step / _MOST)

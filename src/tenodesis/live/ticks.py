@@ -17,7 +17,7 @@ _SILENT = 2.0
 """Time without a tick after which a runtime counts as ended, s."""
 
 
-class Source(Protocol):
+class RowSource(Protocol):
     """A source of the rows of a live instrument, such as a :class:`Reader`."""
 
     @property

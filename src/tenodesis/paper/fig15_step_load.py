@@ -10,7 +10,7 @@ from tenodesis.instrument import ShortForm
 from tenodesis.paper import published
 from tenodesis.paper.context import DRAWN, Context, RecordedRun, has_friction, held_angles, shown_force
 from tenodesis.report.content import Column, Plot, Section, fixed, named
-from tenodesis.report.curves import Step, step_response
+from tenodesis.report.curves import SteppedRun, step_response
 from tenodesis.run import Run
 from tenodesis.simulate.command import SMOOTH
 
@@ -190,7 +190,7 @@ def section(context: Context) -> Section:
 def _plot(context: Context, states: list[State], rig: str) -> Plot:
     inst = context.tested
     chart = step_response(
-        [Step(f"{np.degrees(state.desired):.4g} deg", state.run[DRAWN], BEFORE, state.theory) for state in states]
+        [SteppedRun(f"{np.degrees(state.desired):.4g} deg", state.run[DRAWN], BEFORE, state.theory) for state in states]
     )
     return chart.plot(
         context.file_name("fig15", "step_load"),

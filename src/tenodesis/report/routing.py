@@ -111,7 +111,7 @@ def draw(inst: FullForm, problem: RouteError | None = None) -> Figure:
     centre = foot + body - (body if beside else tallest) / 2
     _place_heights(inst, boxes, centre)
     with style.applied():
-        fig = style.Drawing(figsize=(width, height))
+        fig = style.StyledFigure(figsize=(width, height))
         axis = fig.add_axes((0, 0, 1, 1))
         axis.set(xlim=(0, width), ylim=(0, height))
         axis.axis("off")

@@ -33,7 +33,7 @@ def draw(inst: FullForm, angles: ArrayLike = 0.0, handle_angles: ArrayLike = 0.0
     ends: list[_End] = ["handle", "tip"] if inst.handle_joints else ["tip"]
     bent = frames(inst, angles, handle_angles)
     with style.applied():
-        fig = style.Drawing(figsize=(4.2 * len(ends), 4.6))
+        fig = style.StyledFigure(figsize=(4.2 * len(ends), 4.6))
         for place, end in enumerate(ends, 1):
             axis: Any = fig.add_subplot(1, len(ends), place, projection="3d", computed_zorder=False)
             _draw_end(axis, inst, end, bent)

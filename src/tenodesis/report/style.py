@@ -54,7 +54,7 @@ def colors(count: int) -> list[str]:
     return [INK, *(mpl.colors.to_hex(shade) for shade in shades)]
 
 
-class Drawing(Figure):
+class StyledFigure(Figure):
     """A figure that is saved in this style wherever, and that notebooks show."""
 
     def savefig(self, *args: Any, **kwargs: Any) -> None:
@@ -68,9 +68,9 @@ class Drawing(Figure):
         return file.getvalue()
 
 
-def drawing(*, width: float, height: float) -> Drawing:
+def drawing(*, width: float, height: float) -> StyledFigure:
     """Return a new figure without panels; the size is in inches."""
-    return Drawing(figsize=(width, height), layout="constrained")
+    return StyledFigure(figsize=(width, height), layout="constrained")
 
 
 def figure(columns: int = 1, *, width: float = 7.0, height: float = 4.1) -> tuple[Figure, Sequence[Axes]]:

@@ -11,9 +11,9 @@ from tenodesis.errors import DesignError
 from tenodesis.instrument import Name
 from tenodesis.scaling.parts import (
     KINDS,
+    BoughtPart,
     Encoder,
     Gears,
-    Hardware,
     LoadCell,
     Motor,
     Pulley,
@@ -91,7 +91,7 @@ class CatalogueFile(FileTable):
     spools: tuple[SpoolTable, ...] = Field(default=(), description="Spools at hand")
     weights: tuple[WeightTable, ...] = Field(default=(), description="Weights at hand")
     motors: tuple[Motor, ...] = Field(default=(), description="Motors with their gearing at hand")
-    hardware: tuple[Hardware, ...] = Field(default=(), description="Bearings, shafts, screws, ferrules and drives")
+    hardware: tuple[BoughtPart, ...] = Field(default=(), description="Bearings, shafts, screws, ferrules and drives")
     constraints: Constraints = Field(default=Constraints(), description="Constraints of the design")
     sources: Mapping[str, str] = Field(
         default={}, description='Where values other than parts\' are from, by key such as "constraints.factor"'
@@ -154,7 +154,7 @@ class Catalogue(FileTable):
     spools: tuple[Spool, ...] = ()
     weights: tuple[Weight, ...] = ()
     motors: tuple[Motor, ...] = ()
-    hardware: tuple[Hardware, ...] = ()
+    hardware: tuple[BoughtPart, ...] = ()
     constraints: Constraints = Constraints()
     sources: Mapping[str, str] = Field(default={})
 

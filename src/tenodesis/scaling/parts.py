@@ -160,7 +160,7 @@ class Motor(CataloguePart):
     inertia: Inertia = Field(description="Inertia of rotor and gearing, at its output")
 
 
-class Hardware(CataloguePart):
+class BoughtPart(CataloguePart):
     """A part that a drawing shows but nobody makes: bearings, shafts, screws, ferrules, drives."""
 
     name: Name = Field(description="Designation, by its standard where there is one")
@@ -313,7 +313,7 @@ KINDS: dict[str, tuple[type[FileTable], ...]] = {
     "spools": (Spool, SpoolSeries),
     "weights": (Weight, WeightSeries),
     "motors": (Motor,),
-    "hardware": (Hardware,),
+    "hardware": (BoughtPart,),
 }
 """Kinds of parts by their key in a catalogue: the table of a single part and, if any, that of a series."""
 

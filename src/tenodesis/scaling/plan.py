@@ -398,7 +398,7 @@ class Card:
 
 
 @dataclass(frozen=True)
-class Drawing:
+class PlanFigure:
     """A figure as SVG, its caption, and the address of a file beside the plan that the page links to."""
 
     caption: str
@@ -411,12 +411,12 @@ class Supplement:
     """What other packages add to a plan: a card beside that of the similarity error if any, and rows at its end."""
 
     card: Card | None
-    rows: tuple[tuple["PlanTable | Drawing", ...], ...]
+    rows: tuple[tuple["PlanTable | PlanFigure", ...], ...]
     warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
-class Plan:
+class ScalePlan:
     """All content of the plan, in plain text; an underscore precedes the index of a symbol such as l_d."""
 
     title: str
@@ -431,12 +431,12 @@ class Plan:
     resolution: PlanTable
     similarity: PlanTable
     groups: PlanTable
-    drawings: tuple[Drawing, ...]
+    drawings: tuple[PlanFigure, ...]
     footer: str
     supplement: Supplement | None = None
 
     @property
-    def rows(self) -> list[list[PlanTable | Drawing]]:
+    def rows(self) -> list[list[PlanTable | PlanFigure]]:
         """Tables and figures in their order on the page, those of a row side by side."""
         output, tensions, errors = self.drawings
         return [
@@ -451,11 +451,11 @@ class Plan:
         ]
 
 
-def content(design: "Design", supplement: Supplement | None = None) -> Plan:
+def content(design: "Design", supplement: Supplement | None = None) -> ScalePlan:
     """Return the content of the plan of a design, with what another package adds to it."""
     error = design.comparison.error(pretension=design.scaled_up.pretension)
     output, tensions, errors = figures.plan_figures(design, error)
-    return Plan(
+    return ScalePlan(
         title=f"{design.scaled_up.name}: scale model of {design.real_size.name}",
         lead=_lead(design),
         cards=_cards(design, error, supplement),
@@ -469,9 +469,9 @@ def content(design: "Design", supplement: Supplement | None = None) -> Plan:
         similarity=similarity(design, error),
         groups=groups(design.comparison),
         drawings=(
-            Drawing(_output_caption(design), output),
-            Drawing("Expected tensions, scaled-up, and their bounds", tensions),
-            Drawing("Scaled-up minus real-size output angle", errors),
+            PlanFigure(_output_caption(design), output),
+            PlanFigure("Expected tensions, scaled-up, and their bounds", tensions),
+            PlanFigure("Scaled-up minus real-size output angle", errors),
         ),
         footer=f"tenodesis {about()['tenodesis']} · curves and loads without friction · "
         "research software, not a medical device",
@@ -494,12 +494,12 @@ def write(design: "Design", folder: Path, supplement: Supplement | None = None) 
     return folder / "plan.html", folder / "plan.pdf"
 
 
-def html(plan: Plan) -> str:
+def html(plan: ScalePlan) -> str:
     """Return the plan as an HTML page."""
     return render("tenodesis.scaling", "plan.html.j2", plan=plan, colors=_colors(), marked=_marked)
 
 
-def pdf(plan: Plan) -> bytes:
+def pdf(plan: ScalePlan) -> bytes:
     """Return the plan as PDF, A4."""
     data = {
         "title": plan.title,

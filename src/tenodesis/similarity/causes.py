@@ -15,7 +15,7 @@ from tenodesis.similarity import loops
 from tenodesis.similarity.frictionless import rms, similarity_error
 from tenodesis.similarity.groups import SAME, groups_of
 from tenodesis.similarity.loops import Place
-from tenodesis.similarity.pair import Pair
+from tenodesis.similarity.pair import SimilarPair
 from tenodesis.similarity.parameters import field_of, tension_scale, value_of
 from tenodesis.similarity.realisation import COUPLED, SEGMENTS, Realisation, friction_of, law_of_both
 
@@ -76,7 +76,7 @@ class Causes:
 class _Path:
     """The straight path from the real-size to the scaled-up groups, with the load given by its loss of dexterity."""
 
-    def __init__(self, pair: Pair, pretension: float | None, force_factor: float | None) -> None:
+    def __init__(self, pair: SimilarPair, pretension: float | None, force_factor: float | None) -> None:
         scaled = pair.scaled_pretension if pretension is None else pretension
         equal = float(pair.force_factor())
         real_size, scaled_up = pair.real_size.planar[0], pair.scaled_up.replace(pretension=scaled).planar[0]
@@ -102,7 +102,7 @@ class _Path:
 
 
 def frictionless_causes(
-    pair: Pair,
+    pair: SimilarPair,
     pretension: float | None,
     force_factor: float | None,
     largest_force: float | None,
@@ -126,7 +126,7 @@ def frictionless_causes(
 
 
 def causes_at_rest(
-    pair: Pair,
+    pair: SimilarPair,
     pretension: float | None,
     force_factor: float | None,
     forces: Sequence[float] | None,

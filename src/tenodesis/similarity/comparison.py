@@ -15,7 +15,7 @@ from tenodesis.similarity import causes, loops
 from tenodesis.similarity.causes import Causes, OnProgress
 from tenodesis.similarity.frictionless import GRID, SimilarityError, similarity_error
 from tenodesis.similarity.loops import LoopError
-from tenodesis.similarity.pair import Pair
+from tenodesis.similarity.pair import SimilarPair
 
 Measure: TypeAlias = Literal["largest", "rms"]
 
@@ -27,7 +27,7 @@ _SEARCHED = np.geomspace(0.5, 2.0, 41)
 
 
 @dataclass(frozen=True)
-class Comparison(Pair):
+class Comparison(SimilarPair):
     """A pair of instruments with the similarity errors between them and their causes; :func:`compare` makes it."""
 
     def __repr__(self) -> str:

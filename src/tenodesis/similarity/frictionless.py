@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis import statics
-from tenodesis.similarity.pair import Pair
+from tenodesis.similarity.pair import SimilarPair
 
 GRID = (161, 61)
 """Handle angles and forces of the grid on which similarity is judged."""
@@ -108,7 +108,7 @@ class SimilarityError(ErrorStatistics):
 
 
 def similarity_error(
-    pair: Pair,
+    pair: SimilarPair,
     pretension: float | None,
     force_factor: float | None,
     largest_force: float | None,

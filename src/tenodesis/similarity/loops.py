@@ -12,7 +12,7 @@ from tenodesis.errors import ArgumentError
 from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.similarity.frictionless import ErrorStatistics
-from tenodesis.similarity.pair import Pair
+from tenodesis.similarity.pair import SimilarPair
 
 SPEED = float(np.radians(10))
 """Speed of the real-size handle, rad/s."""
@@ -93,14 +93,14 @@ class LoopError(ErrorStatistics):
 
 
 def error_at_rest(
-    pair: Pair, pretension: float | None, force_factor: float | None, forces: Sequence[float] | None
+    pair: SimilarPair, pretension: float | None, force_factor: float | None, forces: Sequence[float] | None
 ) -> LoopError:
     """Return the error of quasi-static loops; :meth:`tenodesis.similarity.Comparison.error_at_rest` has the details."""
     return _error(_Setup(pair, pretension, force_factor), motion_at_rest(pair.reach), forces, quasi_static=True)
 
 
 def cycle_error(
-    pair: Pair,
+    pair: SimilarPair,
     pretension: float | None,
     force_factor: float | None,
     forces: Sequence[float] | None,
@@ -152,7 +152,7 @@ def _motion(reach: float, time_step: float, stroke: int, loading: int) -> Handle
 class _Setup:
     """Both instruments with the scaled-up pretension and the factors of force and time."""
 
-    def __init__(self, pair: Pair, pretension: float | None, force_factor: float | None) -> None:
+    def __init__(self, pair: SimilarPair, pretension: float | None, force_factor: float | None) -> None:
         self.pair = pair
         self.pretension = pair.scaled_pretension if pretension is None else pretension
         self.force_factor = float(pair.force_factor()) if force_factor is None else force_factor

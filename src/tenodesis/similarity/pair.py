@@ -14,7 +14,7 @@ from tenodesis.statics.query import FloatOrArray
 
 
 @dataclass(frozen=True)
-class Pair:
+class SimilarPair:
     """A real-size instrument and its scaled-up model, with the factors between them."""
 
     real_size: ShortForm

@@ -28,9 +28,8 @@ def applied_to(phase: Phase, places: Places) -> Place:
         The instrument does not have it, or lacks what a phase of this kind, or a key of it, needs.
     """
     inst, kind = places.inst, str(getattr(phase, "kind", ""))
-    if kind == "pretension" and places.unpaired:
-        why = f"but {places.unpaired[0]} of {inst.name} has no handle joint and pair of tendons of its own"
-        raise _wrong_kind(kind, why, "hold; its tendons are at their pretension at the start")
+    if kind == "pretension" and not places.wound:
+        raise _wrong_kind(kind, f"but no tendon of {inst.name} has a spool", "hold")
     at, jawless = phase.place(places), f"but {inst.name} has no jaws that grip"
     wrong: dict[str, tuple[str, str]] = {}
     if at.plane is None:

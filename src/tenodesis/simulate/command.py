@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.instrument import Instrument
-from tenodesis.run import Array, Run
-from tenodesis.simulate.places import COMPONENTS, Place, Places, Where
+from tenodesis.run import COMPONENTS, Array, Run
+from tenodesis.simulate.places import Place, Places, Where
 from tenodesis.twin import Contact, Held
 
 PathByStep: TypeAlias = Callable[[NDArray[np.int64]], Array]

@@ -38,7 +38,7 @@ def default_protocol(inst: InstrumentLike) -> Protocol:
         amplitude = min(place.reach, inst.handle_joints[place.handle].range / 2)
         phases.append(Cycles(joint=name, amplitude=amplitude, speed=_SPEED, count=1, shape="smooth"))
     if not phases:
-        phases = [phase for n in range(len(inst.tip_joints)) for phase in _there_and_back(inst, n)]
+        phases = [phase for n in range(len(inst.bends)) for phase in _there_and_back(inst, n)]
     across = np.abs(chain.rates(inst, np.zeros(len(inst.handle_joints))).by_wrench[:, :2])
     force = float(f"{min(_LOAD, _LOST / across.max()):.1g}")
     for component, bends in zip(("fx", "fy"), across.max(axis=0), strict=True):
@@ -51,11 +51,11 @@ def default_protocol(inst: InstrumentLike) -> Protocol:
 
 
 def _there_and_back(inst: FullForm, number: int) -> list[AnyPhase]:
-    """Return phases in which the spools drive a joint of the tip through half of its range and back."""
-    angles = np.zeros(len(inst.tip_joints))
+    """Return phases in which the spools drive what bends at the tip through half of its range and back."""
+    bends, half = np.zeros(len(inst.bends)), inst.bend_ranges[number] / 2
     # A jaw opens.
-    angles[number] = (-1 if inst.grip_arms[number] < 0 else 1) * inst.tip_joints[number].range / 2
-    seconds = inst.tip_joints[number].range / 2 / _SPEED
+    bends[number] = (-1 if inst.grip_arms[list(inst.bends.values())[number][0]] < 0 else 1) * half
+    angles, seconds = inst.bent(bends), float(half / _SPEED)
     return [*_driven(inst, angles, seconds), Hold(duration=_RISE), *_driven(inst, -angles, seconds)]
 
 

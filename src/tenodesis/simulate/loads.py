@@ -9,10 +9,10 @@ from pydantic import Field, model_validator
 
 from tenodesis.errors import ArgumentError, ProtocolError
 from tenodesis.instrument import ShortForm
-from tenodesis.run import Array
+from tenodesis.run import COMPONENTS, Array
 from tenodesis.simulate.command import Command
 from tenodesis.simulate.model import ProtocolModel, check_choice
-from tenodesis.simulate.places import COMPONENTS, Places
+from tenodesis.simulate.places import Places
 from tenodesis.units import Delay, Duration, SignedForce, SignedMoment
 
 

@@ -8,10 +8,7 @@ from tenodesis import statics
 from tenodesis.control.pairs import compensated, pairs
 from tenodesis.errors import ArgumentError, ProtocolError
 from tenodesis.instrument import Instrument, Joint, ShortForm
-
-COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
-_ACROSS = {"yaw": "fx", "pitch": "fy"}
-"""Component of the wrench that a tangential force opposes, by axis."""
+from tenodesis.run import ACROSS, COMPONENTS, TENDONS
 
 
 class Where(NamedTuple):
@@ -86,7 +83,7 @@ class Places:
         axes = {}
         for (axis, pair), plane in zip(pairs(inst).items(), planar.planar, strict=True):
             joint, tendons = inst.handle_joints[pair.handle], (pair.agonist, pair.antagonist)
-            axes[axis] = Place(joint, pair.handle, plane, pair.joint, tendons, None if alone else _ACROSS[axis])
+            axes[axis] = Place(joint, pair.handle, plane, pair.joint, tendons, None if alone else ACROSS[axis])
         paired = {place.handle: place for place in axes.values()}
         joints = {joint.name: paired.get(n, Place(joint, n)) for n, joint in enumerate(inst.handle_joints)}
         return cls(inst, joints, axes, alone)
@@ -97,10 +94,16 @@ class Places:
         return next(iter((*self.axes.values(), *self.joints.values())), Place())
 
     @property
-    def unpaired(self) -> tuple[str, ...]:
-        """Joints at the tip without a joint of the handle and a pair of tendons of their own."""
-        paired = [place.tip for place in self.axes.values()]
-        return tuple(joint.name for n, joint in enumerate(self.inst.tip_joints) if n not in paired)
+    def wound(self) -> list[int]:
+        """Numbers of the tendons that a spool winds."""
+        return [n for n, tendon in enumerate(self.inst.tendons) if tendon.start == "spool"]
+
+    def tendon_name(self, number: int) -> str:
+        """Return the name of a tendon in a sentence: by its joint and side where it is one of a pair."""
+        for axis, place in self.axes.items():
+            if number in place.tendons:
+                return f"the {TENDONS[place.tendons.index(number)]} of {axis}"
+        return f"tendon {self.inst.tendons[number].name}"
 
     def named(self, key: str, name: str) -> Place:
         """Return the place of a name that is given by a key, axis or joint; raises ProtocolError if it has none."""
@@ -126,7 +129,7 @@ class Places:
 
     def tendon(self, key: str, name: str) -> int:
         """Return the number of a tendon with a spool, named within a key; raises ProtocolError if there is none."""
-        numbers = {tendon.name: n for n, tendon in enumerate(self.inst.tendons) if tendon.start == "spool"}
+        numbers = {self.inst.tendons[n].name: n for n in self.wound}
         _check_listed(key, name, numbers, "tendons with a spool")
         return numbers[name]
 
@@ -135,7 +138,7 @@ class Places:
         if not self.takes_forces:
             yield Where.of_component(name)
             return
-        own = {_ACROSS[axis]: [place] for axis, place in self.axes.items()} | {"fz": list(self.axes.values())}
+        own = {ACROSS[axis]: [place] for axis, place in self.axes.items()} | {"fz": list(self.axes.values())}
         if name not in own:
             allowed = " or ".join(own)
             raise ProtocolError(

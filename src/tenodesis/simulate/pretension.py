@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from tenodesis.errors import ProtocolError
-from tenodesis.run import TENDONS, Array, Run
+from tenodesis.run import Array, Run
 from tenodesis.simulate.command import Command, Plant, Segment, sampled
 from tenodesis.simulate.phases import Phase
 from tenodesis.simulate.places import Places
@@ -32,7 +32,7 @@ _DRIFT = math.radians(10)
 
 
 class Pretension(Phase):
-    """The motors wind until the load cells read a tension (closed loop), on every axis if no axis is given."""
+    """The motors wind until the load cells read a tension (closed loop): all tendons, or the pair of an axis."""
 
     kind: Literal["pretension"] = "pretension"
     tension: WindingTension | None = Field(
@@ -77,7 +77,7 @@ class Pretension(Phase):
             tight = np.abs(error) <= self.tolerance
             settled = settled + steps * plant.time_step if tight.all() else 0.0
             wound = _turned(first, run, "measured_spool_angle", len(plant.inst.tendons))[tendons] * plant.spool_radius
-            self._check_tip(places, _turned(first, run, "measured_output_angle", len(places.axes)))
+            self._check_tip(places, _turned(first, run, "measured_output_angle", len(plant.inst.tip_joints)))
             beyond = (wound > travel) & ~tight
             if beyond.any():
                 limit = f"the travel of {travel[beyond][0] * 1e3:.3g} mm"
@@ -88,11 +88,9 @@ class Pretension(Phase):
             speed = self.rate if settled < _SETTLED else 0.0
             command = self._winding(command, places, np.clip(error * gain, -speed, speed) / plant.spool_radius)
 
-    def _axes(self, places: Places) -> list[str]:
-        return [axis for axis in places.axes if self.axis in (None, axis)]
-
     def _tendons(self, places: Places) -> list[int]:
-        return [tendon for axis in self._axes(places) for tendon in places.axes[axis].tendons]
+        """Return the numbers of the tendons that are wound."""
+        return places.wound if self.axis is None else list(places.axes[self.axis].tendons)
 
     def _winding(self, command: Command, places: Places, velocity: Array | float) -> Command:
         """Return a command with velocities of the spools, rad/s."""
@@ -101,13 +99,16 @@ class Pretension(Phase):
         return command._replace(spool_velocity=velocities)
 
     def _check_tip(self, places: Places, turned: Array) -> None:
-        """Check that the tip (rad, by axis) is not pulled aside, as happens endlessly if the load cells disagree."""
-        for axis in self._axes(places):
-            angle = turned[places.axes[axis].tip]
+        """Check that the tip (rad, by joint) is not pulled aside, as happens endlessly if the load cells disagree."""
+        turns = [(n, joint.name) for n, joint in enumerate(places.inst.tip_joints)]
+        if self.axis is not None:
+            turns = [(places.axes[self.axis].tip, self.axis)]
+        for joint, name in turns:
+            angle = turned[joint]
             if abs(angle) > _DRIFT:
                 raise ProtocolError(
-                    f"the tip's {axis} turned by {math.degrees(angle):.3g} deg while its tendons were "
-                    f"wound; it must be at most {math.degrees(_DRIFT):.3g} deg: hook both tendons in, or calibrate "
+                    f"the tip's {name} turned by {math.degrees(angle):.3g} deg while its tendons were "
+                    f"wound; it must be at most {math.degrees(_DRIFT):.3g} deg: hook its tendons in, or calibrate "
                     "their load cells",
                     key="tip_angle",
                     value=angle,
@@ -119,7 +120,7 @@ class Pretension(Phase):
     ) -> ProtocolError:
         """Return the error about the first tendon that is not tight at a limit, or about the first tendon."""
         tendon = int(np.argmax(wrong))
-        name = f"the {TENDONS[tendon % 2]} of {self._axes(places)[tendon // 2]}"
+        name = places.tendon_name(self._tendons(places)[tendon])
         length = wound[tendon]
         by_motor = "" if np.isnan(length) else f" with {length * 1e3:.3g} mm wound"
         advice = "hook it in, or give a larger timeout, rate or tolerance"

@@ -19,6 +19,11 @@ Array: TypeAlias = NDArray[np.float64]
 Axes: TypeAlias = Literal["tip", "stem"]
 _ROUNDING = 1e-9  # rad; that of a handle angle converted from degrees
 _NO_ARM = 1e-12  # as a share of the largest
+_MOST_CORRECTIONS = 40
+_LONGEST_CORRECTION = 1e-3
+"""Of a stroke at a time, m: where a tendon gets slack, Newton's step goes too far."""
+_SETTLED = 1e-9
+"""Angle below which a joint has arrived, rad."""
 
 _REASONS = {
     Status.NO_EQUILIBRIUM: "there is no equilibrium on the branch that starts without a load, it ends in a fold where "
@@ -52,7 +57,7 @@ class Rates(NamedTuple):
         return np.asarray(np.linalg.pinv(self.by_handle).swapaxes(-1, -2), float)
 
 
-class Load(TypedDict, total=False):
+class ChainLoad(TypedDict, total=False):
     """What acts on an instrument beside the wrench at its tip."""
 
     grip_force: ArrayLike
@@ -64,7 +69,7 @@ class Load(TypedDict, total=False):
 
 
 def equilibrium(
-    inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[Load]
+    inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[ChainLoad]
 ) -> Equilibrium:
     """Return angles and tensions of an instrument under a load, on the branch that starts without one.
 
@@ -75,7 +80,7 @@ def equilibrium(
     wrench
         Force (N) and moment (N m) on the tip, (..., 6): x, y, z of either. Each end bears an equal share, jaws half.
     **load
-        What else acts, as of :class:`Load`.
+        What else acts, as of :class:`ChainLoad`.
 
     Raises
     ------
@@ -92,18 +97,20 @@ def equilibrium(
 
 
 def output_angles(
-    inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[Load]
+    inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[ChainLoad]
 ) -> Array:
     """Return the angles of the tip's joints, (..., joints), rad; arguments and errors as :func:`equilibrium`."""
     return np.asarray(equilibrium(inst, handle_angles, wrench, **load).output_angle)
 
 
-def tensions(inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[Load]) -> Array:
+def tensions(
+    inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[ChainLoad]
+) -> Array:
     """Return the tensions of the tendons, (..., tendons), N; arguments and errors as :func:`equilibrium`."""
     return np.asarray(equilibrium(inst, handle_angles, wrench, **load).tensions)
 
 
-def rates(inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[Load]) -> Rates:
+def rates(inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[ChainLoad]) -> Rates:
     """Return stiffness and compliance matrices at rest, exact; arguments and errors as :func:`equilibrium`.
 
     Loss of dexterity to first order is `by_wrench @ wrench`, eq. 17 in one plane; `by_handle` are the transmission
@@ -119,7 +126,7 @@ def rates(inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.
 
 
 def handle_angles(
-    inst: InstrumentLike, output_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[Load]
+    inst: InstrumentLike, output_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[ChainLoad]
 ) -> Array:
     """Return the handle angles that hold given output angles under a load, (..., handle joints), rad.
 
@@ -143,16 +150,22 @@ def handle_angles(
 
 
 def compensation_strokes(
-    inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[Load]
+    inst: InstrumentLike, handle_angles: ArrayLike, wrench: ArrayLike = 0.0, **load: Unpack[ChainLoad]
 ) -> Array:
     """Return the lengths to wind so that all joints keep their unloaded angles under a load, (..., tendons), m.
 
     The tensions change by as little as carries the load, in the sum of their squares, none below zero; every motor
-    winds what its own tendon is stretched by more, beyond the strokes given. Arguments and errors as
+    winds what its own tendon is stretched by more, beyond the strokes given. A backbone in arcs keeps the direction of
+    its end, by the smallest strokes: what bends it into an S no tendon takes away. Arguments and errors as
     :func:`equilibrium`; NoSolutionError also if the tendons with motors cannot carry the load.
     """
     point = _prepare(expanded(inst), handle_angles, wrench, **load)
     out = point.empty(len(point.inst.tendons))
+    if any(tie.to >= 0 for tie in point.inst.ties):
+        found = _straightening(point)
+        lost = np.where(np.isfinite(found).all(axis=-1), Status.OK, Status.NO_AUTHORITY).astype(np.uint8)
+        _check(point, "compensation_strokes", lost)
+        return point.shaped(found)
     point.solve("compensation_strokes", point.inst.core.compensation_strokes, out)
     return point.shaped(out)
 
@@ -175,7 +188,7 @@ def coupling(inst: InstrumentLike) -> Array:
     drawn = np.linalg.pinv(inst.tendon_arms("tip")) / _turns(inst.tip_joints)[:, np.newaxis]
     _, sizes, directions = np.linalg.svd(arms)
     free = directions[np.count_nonzero(sizes > sizes[0] * _NO_ARM) :].T
-    springs = np.diag([joint.own_stiffness for joint in inst.tip_joints])
+    springs = inst.springs
     return np.asarray(drawn - free @ np.linalg.pinv(free.T @ springs @ free) @ free.T @ springs @ drawn)
 
 
@@ -212,6 +225,31 @@ class _Point(NamedTuple):
         function(*self.inputs, self.axes == "stem", *out, status, threads())
         _check(self, name, status)
         return status
+
+
+def _straightening(point: _Point) -> Array:
+    """Return the strokes that bring the ends of all bends back, (points, tendons), m; NaN where none do."""
+    inst = point.inst
+    handle, given, wrench, grip = point.inputs
+    ends = np.zeros((len(inst.bends), len(inst.tip_joints)))
+    for row, arcs in zip(ends, inst.bends.values(), strict=True):
+        row[arcs] = 1.0
+    motors = np.array([tendon.start == "spool" for tendon in inst.tendons])
+    held = np.broadcast_to(handle, (point.total, handle.shape[1]))
+    wanted = output_angles(inst, held, 0.0, strokes=given, axes=point.axes) @ ends.T
+    strokes = np.zeros((point.total, len(motors)))
+    for _ in range(_MOST_CORRECTIONS):
+        load: ChainLoad = {"grip_force": grip[:, 0], "strokes": given + strokes, "axes": point.axes}
+        missing = wanted - output_angles(inst, held, wrench, **load) @ ends.T
+        if not (np.abs(missing) > _SETTLED).any():
+            break
+        by = ends @ rates(inst, held, wrench, **load).by_stroke[:, :, motors]
+        lost = ~np.isfinite(by).all(axis=(1, 2))
+        by[lost] = 0.0
+        step = (np.linalg.pinv(by) @ missing[..., np.newaxis])[..., 0]
+        strokes[:, motors] += np.clip(step, -_LONGEST_CORRECTION, _LONGEST_CORRECTION)
+        strokes[lost] = np.nan
+    return np.where((np.abs(missing) <= _SETTLED).all(axis=1, keepdims=True), strokes, np.nan)
 
 
 def _prepare(  # noqa: PLR0917

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 _Z = np.array([0.0, 0.0, 1.0])
 
 
-class Rows(NamedTuple):
+class LoadRows(NamedTuple):
     """Arguments of :mod:`tenodesis.statics.chain`."""
 
     held: Array
@@ -25,7 +25,9 @@ class Rows(NamedTuple):
     """(..., tendons), m"""
 
 
-def rows(inst: FullForm, held: tuple[str, ArrayLike], force: ArrayLike, radial_force: ArrayLike, wound: Any) -> Rows:
+def rows(
+    inst: FullForm, held: tuple[str, ArrayLike], force: ArrayLike, radial_force: ArrayLike, wound: Any
+) -> LoadRows:
     """Return the rows of an instrument's arguments.
 
     With one joint `held` (its name and value), `force` and `radial_force` are numbers, otherwise they have a last axis.
@@ -38,7 +40,7 @@ def rows(inst: FullForm, held: tuple[str, ArrayLike], force: ArrayLike, radial_f
         side = np.cross(inst.tip_joints[0].axis_vector, _Z)
         along = outward[..., np.newaxis] * _Z - across[..., np.newaxis] * side
         wrench = np.concatenate([along, np.zeros_like(along)], axis=-1)
-        return Rows(angles[..., np.newaxis] if angles.ndim else angles, wrench, _strokes(inst, wound))
+        return LoadRows(angles[..., np.newaxis] if angles.ndim else angles, wrench, _strokes(inst, wound))
     if outward.any():
         allowed = f"0 for the {len(inst.tip_joints)} joints of {inst.name}; a force there has x, y and z"
         raise ArgumentError(key="radial_force", value=radial_force, allowed=allowed)
@@ -52,7 +54,7 @@ def rows(inst: FullForm, held: tuple[str, ArrayLike], force: ArrayLike, radial_f
             value=across.shape,
             allowed="of 3 or 6 numbers in its last axis",
         )
-    return Rows(angles, across if across.any() else np.zeros(6), _strokes(inst, wound))
+    return LoadRows(angles, across if across.any() else np.zeros(6), _strokes(inst, wound))
 
 
 def of_joints(inst: FullForm, values: Array) -> FloatOrArray:

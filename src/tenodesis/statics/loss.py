@@ -81,7 +81,7 @@ def hold(inst: InstrumentLike, output_angles: ArrayLike) -> tuple[Array, Array]:
     at, turns = coordinates(inst.tip_joints, angles)
     arms = inst.tendon_arms("tip")
     motors = np.array([tendon.start == "spool" for tendon in inst.tendons])
-    springs = np.array([joint.own_stiffness for joint in inst.tip_joints]) * angles / turns
+    springs = inst.springs @ angles / turns
     drawn, rest = arms @ at, inst.pretensions
     fixed = rest[~motors] - inst.stiffnesses[~motors] * drawn[~motors]
     needed = springs - arms[~motors].T @ np.maximum(fixed, 0.0)
@@ -100,7 +100,7 @@ def usual_states(inst: InstrumentLike) -> list[Array]:
     for place in ("tip", "handle"):
         try:
             if place == "tip":
-                bent = np.array([_HALF * joint.range for joint in inst.tip_joints])
+                bent = inst.bent(_HALF * inst.bend_ranges)
             else:
                 bent = equilibrium(inst, [_HALF * joint.range for joint in inst.handle_joints]).output_angle
             hold(inst, bent)

@@ -12,7 +12,7 @@ from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.run import Array
 from tenodesis.tolerance import engines, sampling
 from tenodesis.tolerance.defaults import default
-from tenodesis.tolerance.evaluation import Task, angles_of, cycles, evaluate
+from tenodesis.tolerance.evaluation import Evaluation, angles_of, cycles, evaluate
 from tenodesis.tolerance.files import Tolerances
 from tenodesis.tolerance.parameters import Parameter, resolve
 from tenodesis.tolerance.results import Study, respond
@@ -135,14 +135,18 @@ def _compared(real_size: ShortForm, scaled_up: ShortForm) -> similarity.Comparis
     return compared
 
 
-def _task(comparison: similarity.Comparison, parameters: tuple[Parameter, ...], force: float, factor: float) -> Task:
+def _task(
+    comparison: similarity.Comparison, parameters: tuple[Parameter, ...], force: float, factor: float
+) -> Evaluation:
     """Return the data common to all samples, once the nominal instruments have held the force."""
     real_size, scaled_up = comparison.real_size, comparison.scaled_up
     cycle, scaled_up_cycle = cycles(comparison)
     keys = tuple((one.instrument, one.key) for one in parameters)
     reference, lost = angles_of(real_size, cycle, force)
     both = any(one.instrument == "real-size" for one in parameters)
-    task = Task(real_size, scaled_up, keys, cycle, scaled_up_cycle, force, force * factor, None if both else reference)
+    task = Evaluation(
+        real_size, scaled_up, keys, cycle, scaled_up_cycle, force, force * factor, None if both else reference
+    )
     nominal = evaluate(task, np.array([[one.nominal for one in parameters]]))[0, -1]
     for inst, status, own in ((real_size, lost, force), (scaled_up, nominal, force * factor)):
         if status != Status.OK:
@@ -165,7 +169,7 @@ def _tornado(parameters: tuple[Parameter, ...]) -> Array:
     return np.array(rows)
 
 
-def _evaluated(runner: engines.Engine, task: Task, rows: Array, progress: Callable[[int, int], None]) -> Array:
+def _evaluated(runner: engines.Engine, task: Evaluation, rows: Array, progress: Callable[[int, int], None]) -> Array:
     chunks = [rows[n : n + CHUNK] for n in range(0, len(rows), CHUNK)]
     done = 0
 

@@ -6,7 +6,7 @@ from typing import Protocol
 from tenodesis import cluster
 from tenodesis.errors import StudyError
 from tenodesis.run import Array
-from tenodesis.tolerance.evaluation import Task, evaluate
+from tenodesis.tolerance.evaluation import Evaluation, evaluate
 
 NAMES = ("threads", "ray")
 
@@ -14,14 +14,14 @@ NAMES = ("threads", "ray")
 class Engine(Protocol):
     """Evaluates chunks of samples."""
 
-    def evaluate(self, task: Task, chunks: Sequence[Array], progress: Callable[[int], None]) -> list[Array]:
+    def evaluate(self, task: Evaluation, chunks: Sequence[Array], progress: Callable[[int], None]) -> list[Array]:
         """Return the results of the chunks in their order; `progress` is called with the number of samples of each."""
 
 
 class Threads:
     """Evaluates the chunks in sequence with the core's threads."""
 
-    def evaluate(self, task: Task, chunks: Sequence[Array], progress: Callable[[int], None]) -> list[Array]:
+    def evaluate(self, task: Evaluation, chunks: Sequence[Array], progress: Callable[[int], None]) -> list[Array]:
         """Return the results of the chunks in their order."""
         results = []
         for chunk in chunks:
@@ -30,13 +30,13 @@ class Threads:
         return results
 
 
-class Cluster:
+class ClusterEngine:
     """A Ray cluster, by its address as :class:`tenodesis.cluster.Cluster` takes it."""
 
     def __init__(self, address: str) -> None:
         self.address = address
 
-    def evaluate(self, task: Task, chunks: Sequence[Array], progress: Callable[[int], None]) -> list[Array]:
+    def evaluate(self, task: Evaluation, chunks: Sequence[Array], progress: Callable[[int], None]) -> list[Array]:
         """Return the results of the chunks in their order.
 
         Raises StudyError if Ray is not installed, the cluster does not answer, or it cannot evaluate a chunk.
@@ -63,4 +63,4 @@ def named(engine: str, address: str | None) -> Engine:
             "engine is ray, but there is no address; it must be host:port, auto or local.",
             key="address",
         )
-    return Cluster(address)
+    return ClusterEngine(address)

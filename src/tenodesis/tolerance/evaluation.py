@@ -74,7 +74,7 @@ def cycles(comparison: Comparison) -> tuple[Cycle, Cycle]:
     return Cycle(handle, load, end, end / STEPS / SPEED), Cycle(mapped, load, other, end / STEPS / SPEED)
 
 
-class Task(NamedTuple):
+class Evaluation(NamedTuple):
     """The data common to all samples of a study; it can be sent to another machine."""
 
     real_size: ShortForm
@@ -95,7 +95,7 @@ class Task(NamedTuple):
         return OF_SCALED_UP if self.reference is not None else (*OF_SCALED_UP, *OF_REAL_SIZE)
 
 
-def evaluate(task: Task, rows: Array) -> Array:
+def evaluate(task: Evaluation, rows: Array) -> Array:
     """Return responses (deg, NaN where a run was lost) and, as the last column, the status of samples.
 
     The rows are samples in SI units, shape (n, keys). The status is a number of :class:`tenodesis.statics.Status`, or
@@ -128,7 +128,7 @@ def angles_of(inst: ShortForm, cycle: Cycle, force: float) -> tuple[Array, int]:
     return angles[0], int(status[0])
 
 
-def _built(task: Task, which: InstrumentName, row: Array) -> ShortForm | None:
+def _built(task: Evaluation, which: InstrumentName, row: Array) -> ShortForm | None:
     inst = task.real_size if which == "real-size" else task.scaled_up
     changes = {key: float(value) for (of, key), value in zip(task.keys, row, strict=True) if of == which}
     try:

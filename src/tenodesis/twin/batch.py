@@ -12,15 +12,12 @@ from tenodesis.control.pairs import compensated
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import InstrumentLike, ShortForm, as_instrument, as_short_form
 from tenodesis.run import SIGNALS, Array, Names
-from tenodesis.statics.query import common_shape
 from tenodesis.threads import threads
-from tenodesis.twin.axes_core import AxesCore
-from tenodesis.twin.chain_batch import Many, Steps, chains, seeds_of
 from tenodesis.twin.closed_loop import LoopController
-from tenodesis.twin.commands import check_finite, check_no_wrench
-from tenodesis.twin.contact import Contact, Contacts, rows_of
+from tenodesis.twin.contact import Contacts
 from tenodesis.twin.core import TwinCore
-from tenodesis.twin.rows import CONTROL, check_handle_range, check_rig, columns_by_name
+from tenodesis.twin.many import Many, Steps, axes, chains
+from tenodesis.twin.rows import CONTROL, columns_by_name
 
 
 @dataclass(frozen=True)
@@ -48,9 +45,8 @@ class Batch:
         signal, _, column = name.partition(".")
         if name in self.signals or not column or signal not in self.signals:
             return self.signals[name]
-        number = self.names.column(signal, column)
-        values = self.signals[signal]
-        return values[:, :, number] if values.ndim > 2 else values
+        values, of = self.signals[signal], self.names.arcs(signal, column)
+        return values[:, :, of].sum(axis=-1) if values.ndim > 2 else values
 
     def __repr__(self) -> str:
         early = int(np.count_nonzero(self.status))
@@ -132,7 +128,7 @@ def run_many(
     if any(one.short_form is None for one in chosen):
         many = chains(_varied(chosen, vary or {}), arguments, contact, seeds, steps)
     else:
-        many = _axes(_instruments(chosen, vary or {}), arguments, contact, seeds, steps)
+        many = axes(_instruments(chosen, vary or {}), arguments, contact, seeds, steps)
     count = many.rows.shape[1]
     if not count:
         raise ArgumentError(key="handle_angle", value=[], allowed="of one step or more")
@@ -196,65 +192,6 @@ def _loops(controllers: Sequence[LoopController] | None, many: Many, plant_: obj
     return [controller.core for controller in controllers]
 
 
-def _axes(
-    insts: list[ShortForm],
-    arguments: Mapping[str, ArrayLike],
-    contact: Contacts | None,
-    seeds: ArrayLike | None,
-    steps: Steps,
-) -> Many:
-    """Return the twins of planar instruments of one axis, with their commands."""
-    check_no_wrench(arguments["wrench"], insts[0])
-    tissue = _tissue(contact)
-    arrays = {name: np.asarray(value, float) for name, value in arguments.items() if name != "wrench"}
-    shape = _shape(len(insts), arrays)
-    runs = len(insts) if len(insts) > 1 else max(shape[0], len(tissue))
-    insts = insts * runs if len(insts) == 1 else insts
-    for name, count in (("commands are", shape[0]), ("contact is", len(tissue))):
-        if count not in (1, runs):
-            raise ArgumentError(
-                f"{name} for {count} runs, instruments for {runs}; it must be the same.",
-                key=name,
-                value=count,
-                allowed=f"of {runs} runs",
-            )
-    prescribed = [one for one in insts if not one.dynamics.hand_stiffness]
-    if prescribed:
-        narrowest = min(prescribed, key=lambda one: one.handle_range)
-        for row in np.atleast_2d(arrays["handle_angle"]):
-            check_handle_range(narrowest, row)
-    if arrays["weight"].any():
-        for one in insts:
-            check_rig(one)
-    own = seeds_of(seeds, runs)
-    first = AxesCore(insts[0], steps.time_step, own[0], steps.quasi_static)
-    specs: dict[int, _core.TwinSpec] = {}
-    for one in insts:
-        if id(one) not in specs:
-            plant.steps_per_sample(one, steps.time_step, steps.quasi_static)
-            specs[id(one)] = plant.spec(one, steps.time_step, steps.quasi_static)
-    twins = [_core.axes_twin([specs[id(one)]], [seed]) for one, seed in zip(insts, own, strict=True)]
-    # Of what is zero throughout, only the handle angle has a column.
-    blocks = [
-        (name, array if array.ndim and name == "spool_velocity" else array[..., np.newaxis])
-        for name, array in arrays.items()
-        if name == "handle_angle" or array.any()
-    ]
-    if tissue.any():
-        blocks.append(("contact", tissue[:, np.newaxis]))
-        shape = (max(len(tissue), shape[0]), shape[1])
-    columns = [first.columns[name] for name, _ in blocks]
-    rows = np.concatenate(
-        [
-            np.broadcast_to(block, (*shape, column.stop - column.start))
-            for (_, block), column in zip(blocks, columns, strict=True)
-        ],
-        axis=-1,
-    )
-    given = [place for column in columns for place in range(column.start, column.stop)]
-    return Many(first, twins, insts, rows, given)
-
-
 def _varied(insts: list[Any], vary: Mapping[str, ArrayLike]) -> list[Any]:
     """Return an instrument for each run, with its values."""
     if not insts:
@@ -290,25 +227,3 @@ def _instruments(chosen: Sequence[InstrumentLike], vary: Mapping[str, ArrayLike]
                 key="inst",
             )
     return insts
-
-
-def _shape(runs: int, arrays: Mapping[str, Array]) -> tuple[int, int]:
-    """Return the runs that commands are for, 1 if all share them, and their steps."""
-    by_step = {name: array.shape[:-1] if name == "spool_velocity" else array.shape for name, array in arrays.items()}
-    shape = common_shape(by_step)
-    shape = (1,) * (2 - len(shape)) + shape
-    if len(shape) != 2 or (shape[0] not in (1, runs) and runs != 1):
-        problem = f"commands have shape {shape}; it must be (n,) or ({runs}, n)."
-        raise ArgumentError(problem, key="handle_angle", value=shape)
-    for name, array in arrays.items():
-        check_finite(name, array)
-    return shape[0], shape[1]
-
-
-def _tissue(contact: Contacts | None) -> Array:
-    """Return the commands' columns for tissue, of all runs or of each, shape (1 or runs, 3)."""
-    given = (contact,) if contact is None or isinstance(contact, Contact) else tuple(contact)
-    for one in given:
-        if one is not None:
-            one.check_outside(0.0)
-    return np.concatenate([rows_of(one, ("run",)) for one in given]) if given else np.empty((0, 3))

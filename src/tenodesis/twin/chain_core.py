@@ -5,16 +5,17 @@ from collections.abc import Mapping
 import numpy as np
 
 from tenodesis import _core
-from tenodesis.control.pairs import names_of, pairs
+from tenodesis.control.pairs import compensated, names_of, pairs
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import FullForm
-from tenodesis.run import Array
+from tenodesis.run import ACROSS, COMPONENTS, Array
 from tenodesis.twin.chain_rows import twin_rows
 from tenodesis.twin.commands import Frame
 from tenodesis.twin.core import Constant, TwinCore
+from tenodesis.twin.rows import check_rig
 
-_NOT_TAKEN = ("in_stem_axes", "held", "contact", "weight")
-"""Columns of a command that no argument fills, or that no instrument has a rig for."""
+_NOT_TAKEN = ("in_stem_axes", "held", "contact")
+"""Columns of a command that no argument fills."""
 
 
 class ChainCore(TwinCore):
@@ -29,7 +30,7 @@ class ChainCore(TwinCore):
             rows.segments,
             rows.links,
             rows.load_cells,
-            rows.rig,
+            _rig(inst),
             rows.parameters,
             rows.law,
             rows.steps_per_sample,
@@ -47,12 +48,16 @@ class ChainCore(TwinCore):
         taken = {name: width for name, width in core.commands if name not in _NOT_TAKEN}
         if not self.grips:
             del taken["grip_force"]
+        if not self.axes:
+            del taken["weight"]
         if len(self.axes) == len(inst.tip_joints):
             taken |= {"force": len(self.axes), "radial_force": len(self.axes)}
         self.widths: Mapping[str, int] = taken
 
     def check(self, commands: Mapping[str, Array]) -> None:
-        """Raise ArgumentError for a handle angle beyond its joint's range."""
+        """Raise ArgumentError for a handle angle beyond its joint's range, or a weight without a rig."""
+        if "weight" in commands and commands["weight"].any():
+            check_rig(self.inst)
         limits = np.array([joint.range for joint in self.inst.handle_joints])
         beyond = np.argwhere(np.abs(commands["handle_angle"]) > limits + 1e-9)
         if beyond.size and not self.inst.dynamics.hand_stiffness:
@@ -78,6 +83,14 @@ class ChainCore(TwinCore):
         rows[:, self.columns["held"]] = (0.0, 0.0, 0.0) if constant.held is None else constant.held
         wrench = rows[:, self.columns["wrench"]]
         for n, axis in enumerate(self.axes if "force" in commands else ()):
-            wrench[:, ("yaw", "pitch").index(axis)] -= commands["force"][:, n]
+            wrench[:, COMPONENTS.index(ACROSS[axis])] -= commands["force"][:, n]
             wrench[:, 2] += commands["radial_force"][:, n]
         return rows
+
+
+def _rig(inst: FullForm) -> list[float]:
+    """Return the wrench on the tip by a newton on the load rig (Fig. 13), which pushes at the first joint of a pair."""
+    wrench, radius, axes = [0.0] * 6, inst.conditions.cable_pulley_radius, list(pairs(inst))
+    if radius is not None and axes:
+        wrench[COMPONENTS.index(ACROSS[axes[0]])] = -radius / compensated(inst).planar[0].rig_arm
+    return wrench

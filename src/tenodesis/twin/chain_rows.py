@@ -29,8 +29,6 @@ class TwinRows(NamedTuple):
     links: Array
     load_cells: Array
     """Gain, bias, noise, range and resolution of what measures the tension, by tendon."""
-    rig: list[float]
-    """Wrench on the tip by a newton on the load rig."""
     parameters: list[float]
     law: int
     steps_per_sample: int
@@ -74,7 +72,7 @@ def twin_rows(inst: FullForm, time_step: float, quasi_static: bool) -> TwinRows:
     contacts = [len(route.passages) for route in routes]
     cells = np.array([(one.gain, 0.0, one.noise, one.range, one.resolution) for one in inst.tension_sensors])
     law = {"stribeck": 1, "capstan-power": 2}.get(inst.friction.law, 2 if inst.friction.bends else 0)
-    return TwinRows(passages, contacts, segments, links, cells, [0.0] * 6, parameters, law, per_sample)
+    return TwinRows(passages, contacts, segments, links, cells, parameters, law, per_sample)
 
 
 def _friction(friction: Friction) -> dict[str, float]:
@@ -107,6 +105,7 @@ class _Route:
         shares = [in_handle / (count + 1)] * (count + 1)
         stem = None
         spans = span = 0.0
+        before: Joint | None = None
         vertices = friction.vertices_per_joint
         part = 1 / vertices
         for place in ("handle", "tip"):
@@ -115,11 +114,13 @@ class _Route:
                 joint = joints[crossing.joint]
                 if joint.place != place:
                     continue
-                span = given if given is not None else (_span(joint) / length if length else 0.0)
+                span = given / joint.arcs if given is not None else (_span(joint) / length if length else 0.0)
                 spans += span
                 name = crossing.joint
                 arm = arms[name] if place == "handle" else -arms[name]
                 coefficient = friction.vertex_coefficient if crossing.coefficient is None else crossing.coefficient
+                coefficient *= _bend_before(joint, before) if vertices == 1 else 1.0
+                before = joint
                 one = (float(places[name]), coefficient * friction.vertex_factor, crossing.base_wrap / vertices, part)
                 # A joint's span is the segment that it draws: between two vertices, or before the only one at the
                 # handle and beyond it at the tip.
@@ -139,19 +140,23 @@ class _Route:
             given = friction.anchor_compliance_share
             shares[-1] = span / 2 if given is None else given
             spans += shares[-1]
-        rest = 1 - in_handle - spans
-        if rest <= 0:
-            raise ArgumentError(
-                f"the joints and the handle take {in_handle + spans:.3g} of the compliance of tendon {tendon.name} of "
-                f"{inst.name}; it must be less than 1: give a longer tendon, or smaller shares in [friction].",
-                key="friction.handle_compliance_share",
-                value=in_handle + spans,
-                allowed="shares below 1 together",
-            )
-        shares[len(shares) - 1 if stem is None else stem] += rest
+        shares[len(shares) - 1 if stem is None else stem] += _rest(inst, tendon, in_handle + spans)
         least = 1e-3  # a segment is never quite rigid
         shares = [max(share, least) for share in shares]
         self.segments = stiffness * sum(shares) / np.array(shares)
+
+
+def _rest(inst: FullForm, tendon: Tendon, taken: float) -> float:
+    """Return what handle and joints leave of a tendon's compliance; raises ArgumentError if that is nothing."""
+    if taken < 1:
+        return 1 - taken
+    raise ArgumentError(
+        f"the joints and the handle take {taken:.3g} of the compliance of tendon {tendon.name} of {inst.name}; it must "
+        "be less than 1: give a longer tendon, or smaller shares in [friction].",
+        key="friction.handle_compliance_share",
+        value=taken,
+        allowed="shares below 1 together",
+    )
 
 
 def _row(inst: FullForm, tendon: Tendon, place: str) -> Array:
@@ -162,3 +167,13 @@ def _row(inst: FullForm, tendon: Tendon, place: str) -> Array:
 def _span(joint: Joint) -> float:
     """Length of a tendon along a straight joint, m."""
     return joint.chord or 2 * joint.radius
+
+
+def _bend_before(joint: Joint, before: Joint | None) -> float:
+    """Return the share of an arc's bend after which a tendon has the tension with which it bends the arc.
+
+    That is its tension in the arc's middle. So an arc after another has half the bend of either before it, and all of
+    one for evenly bent arcs; the first has half of its own.
+    """
+    is_first = joint.arc == 1 and not (before is not None and before.arc and before.arc == before.arcs)
+    return 0.5 if is_first else 1.0

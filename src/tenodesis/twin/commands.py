@@ -118,7 +118,7 @@ def check_held(held: Held | None, there: Held | None, opening: float) -> None:
 
 def _by_row(name: str, array: Array, width: int) -> Array:
     """Return an argument without an axis for its only column, and with one axis for those of several pairs."""
-    if width == 1 and array.ndim == 2 and array.shape[1] == 1:
+    if width == 1 and array.ndim == 2 and array.shape[1] == 1 and name not in _BY_COLUMN:
         return array[:, 0]
     pairs = name in _BY_COLUMN and array.ndim > 1 and width > 2 and array.shape[-2:] == (width // 2, 2)
     return array.reshape(*array.shape[:-2], width) if pairs else array

@@ -55,7 +55,7 @@ def check_handle_range(inst: ShortForm, handle_angle: Array, axis: str = "") -> 
         )
 
 
-def check_rig(inst: ShortForm) -> None:
+def check_rig(inst: Instrument) -> None:
     """Raise ArgumentError for an instrument on which the load rig has no pulley to hang a weight on."""
     if inst.conditions.cable_pulley_radius is None:
         raise ArgumentError(

@@ -10,7 +10,7 @@ from tenodesis.control.parameters import force_limit, tension_limit
 from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.report.content import fixed
 from tenodesis.scaling import Design, Wheel
-from tenodesis.scaling.parts import CataloguePart, Hardware, Known, Motor
+from tenodesis.scaling.parts import BoughtPart, CataloguePart, Known, Motor
 from tenodesis.scaling.plan import angle, masses, plain, quantity
 from tenodesis.scaling.practical import is_stock
 from tenodesis.workshop.budget import BACKLASHES, NAMES, Budget, tolerance
@@ -287,11 +287,11 @@ def _bought(
     return Item(count, part, getattr(found, "name", ""), what, "bought", lead, found.known, found.source)
 
 
-def _kind(design: Design, kind: str) -> list[Hardware]:
+def _kind(design: Design, kind: str) -> list[BoughtPart]:
     return [one for one in design.catalogue.hardware if one.use == kind]
 
 
-def _least(parts: Sequence[Hardware], size: float) -> Hardware | None:
+def _least(parts: Sequence[BoughtPart], size: float) -> BoughtPart | None:
     return min(
         (one for one in parts if (one.size or 0.0) >= size * (1 - 1e-9)), key=lambda one: one.size or 0.0, default=None
     )

@@ -19,7 +19,7 @@ from tenodesis.report import style
 from tenodesis.report.content import fixed
 from tenodesis.report.page import inline_svg
 from tenodesis.scaling import Design
-from tenodesis.scaling.plan import Card, Drawing, PlanTable, Supplement, angle, plain, quantity
+from tenodesis.scaling.plan import Card, PlanFigure, PlanTable, Supplement, angle, plain, quantity
 from tenodesis.scaling.practical import OBJECTIVES, PracticalFront
 from tenodesis.workshop.budget import BACKLASHES, NAMES, PULLEY, TARGET, Budget, Spread, nominal, tolerance, tolerate
 from tenodesis.workshop.first_run import CONTROLLED, FIRST_RUN, FirstRun, protocol_text, rehearse
@@ -125,10 +125,10 @@ class Pack:
     def supplement(self, chosen: int | None = None) -> Supplement:
         """Return what the plan shows of it; `chosen` is the design's index on the practical front."""
         budget = self.budget
-        rows: list[tuple[PlanTable | Drawing, ...]] = [
+        rows: list[tuple[PlanTable | PlanFigure, ...]] = [
             (_as_built(budget),),
             (_tolerances(budget),),
-            (Drawing("Where the error comes from, and what each tolerance costs", budget_svg(budget)),),
+            (PlanFigure("Where the error comes from, and what each tolerance costs", budget_svg(budget)),),
             (_order(self.items),),
             (_checklist(self.steps),),
             (_readings(self.first_run),),
@@ -139,7 +139,7 @@ class Pack:
             )
             rows += [
                 (_objectives(self.practical),),
-                (Drawing(caption, practical_svg(self.practical, chosen)),),
+                (PlanFigure(caption, practical_svg(self.practical, chosen)),),
             ]
         return Supplement(_card(budget), tuple(rows), tuple(_warnings(budget, self.first_run.faults)))
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 import canopen
 from canopen import objectdictionary as od
 
-from tenodesis.devices.cia402 import State, wrapped
+from tenodesis.devices.cia402 import DriveState, wrapped
 
 _RAMPS = (0x6083, 0x6084, 0x6085, 0x60C5, 0x60C6, 0x607F)
 _DRIVE_OBJECTS: tuple[tuple[int, str, int, str], ...] = (
@@ -33,12 +33,12 @@ _VALUE_OUT_OF_RANGE = 0x0609_0030
 _HEARTBEAT_LOST, _PDO_LENGTH, _PDO_TIMEOUT = 0x8130, 0x8210, 0x8250
 _PRE_OPERATIONAL = "PRE-OPERATIONAL"
 
-NOT_READY, DISABLED, READY = State.NOT_READY, State.SWITCH_ON_DISABLED, State.READY
+NOT_READY, DISABLED, READY = DriveState.NOT_READY, DriveState.SWITCH_ON_DISABLED, DriveState.READY
 SWITCHED_ON, ENABLED, QUICK_STOP, FAULT = (
-    State.SWITCHED_ON,
-    State.OPERATION_ENABLED,
-    State.QUICK_STOP_ACTIVE,
-    State.FAULT,
+    DriveState.SWITCHED_ON,
+    DriveState.OPERATION_ENABLED,
+    DriveState.QUICK_STOP_ACTIVE,
+    DriveState.FAULT,
 )
 _STATUS = {
     NOT_READY: 0x00,
@@ -174,7 +174,7 @@ class Drive(Node):
             assert isinstance(variable, od.ODVariable)
             variable.access_type, variable.name = access, name
         self.counter = counter
-        self.state: State = DISABLED
+        self.state: DriveState = DISABLED
         self.target = 0
         """Target velocity in force."""
         self._aim = self._aim_step = 0  # target position, and by how much it went on with the last SYNC
@@ -369,7 +369,7 @@ class Drive(Node):
         self.set(0x603F, 0, 0)
         self._become(DISABLED)
 
-    def _become(self, state: State, why: str = "") -> None:
+    def _become(self, state: DriveState, why: str = "") -> None:
         if state != self.state:
             self.state = state
             self.log.append(f"{state}: {why}" if why else state)

@@ -26,7 +26,7 @@ import numpy as np
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.datasets import davinci_tool
-from tenodesis.identification.datasets.davinci_tool import DEFAULT_LAW, Series, Tool
+from tenodesis.identification.datasets.davinci_tool import DEFAULT_LAW, Tool, ToolSeries
 from tenodesis.identification.datasets.reference import Values, refuse_instrument
 from tenodesis.identification.formats.measured import MeasuredRun, Source
 from tenodesis.identification.problem import Parameter
@@ -130,7 +130,7 @@ class Wrist(Tool):
         """Return the derivatives of the residuals, (n, parameters)."""
         return _without_mean(super().jacobian(values, run), OFFSET_SHARE)
 
-    def modelled(self, values: Values, series: Series) -> Values:
+    def modelled(self, values: Values, series: ToolSeries) -> Values:
         """Return the jaw angle by the model without the recording's own offset, (1 + n,), rad."""
         coupling = self.given(values, series).get("coupling", 0.0)
         return np.asarray(super().modelled(values, series) + coupling * series.pitch)
@@ -141,10 +141,10 @@ class Wrist(Tool):
             return "Record the same motion at three or more pitch angles, far apart to either side."
         return super().advice(names)
 
-    def _errors(self, values: Array, series: Series) -> Array:
+    def _errors(self, values: Array, series: ToolSeries) -> Array:
         return _without_mean(super()._errors(values, series), 0.0)
 
-    def given(self, values: Values, series: Series) -> dict[str, Any]:
+    def given(self, values: Values, series: ToolSeries) -> dict[str, Any]:
         """Return the parameters by name, friction exponent and compliance grown with the bend at a run's pitch."""
         given = super().given(values, series)
         if "bend_growth" in given:
@@ -152,7 +152,7 @@ class Wrist(Tool):
             given |= {name: given[name] * growth for name in ("friction_exponent", "compliance")}
         return given
 
-    def _lines(self, train: Sequence[Series], *, several: bool) -> dict[str, float]:
+    def _lines(self, train: Sequence[ToolSeries], *, several: bool) -> dict[str, float]:
         """Return where the parameters that act without friction start: by a line for each run, side by side."""
         sign, load = self.jaw, self.load
         runs = [(one, np.column_stack([sign * one.spindle, sign * load * one.torque])[one.first :]) for one in train]

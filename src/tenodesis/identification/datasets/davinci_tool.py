@@ -213,7 +213,7 @@ _SHAPES = ("load_index", "static_excess", "stribeck_speed")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Series(ReferenceSeries):
+class ToolSeries(ReferenceSeries):
     """What the model reads of a run, and the jaw angle it is compared with, each (1 + n,); rad, N*m, rad/s.
 
     The first sample is before the run: the torque it began from. Those after the bench has settled count.
@@ -227,7 +227,7 @@ class Series(ReferenceSeries):
     """Of the wrist, rad."""
 
 
-class Tool(ReferenceProblem[Series]):
+class Tool(ReferenceProblem[ToolSeries]):
     """A tool with its recordings of spindle_angle, spindle_torque and jaw_angle, fitted every 10 ms.
 
     The signs of the sensors come from `train`; the law is a key of `LAWS`, and the transmission is cut into `contacts`.
@@ -273,13 +273,13 @@ class Tool(ReferenceProblem[Series]):
             return "Record the same motion at several loads at the jaw, over a larger angle."
         return None
 
-    def modelled(self, values: Values, series: Series) -> Values:
+    def modelled(self, values: Values, series: ToolSeries) -> Values:
         """Return the jaw angle by the model, (1 + n,), rad."""
         given = self.given(values, series)
         turned = given["ratio"] * series.spindle + self.load * given["compliance"] * self._mean(given, series)
         return np.asarray(self.jaw * turned + given["offset"])
 
-    def _mean(self, given: Given, series: Series) -> Values:
+    def _mean(self, given: Given, series: ToolSeries) -> Values:
         """Return the mean torque along the transmission, (n,)."""
         torque = series.torque
         if self.law == "none":
@@ -321,7 +321,7 @@ def _behind(law: str, friction: Given, tension: Values, start: Any, speed: Array
     return held(lower, upper, lower[0] + start * (upper[0] - lower[0]))
 
 
-def _kinematics(train: Sequence[Series], load: float, jaw: float) -> tuple[Parameter, ...]:
+def _kinematics(train: Sequence[ToolSeries], load: float, jaw: float) -> tuple[Parameter, ...]:
     """Return the parameters that act without friction, which start where a plane through the training runs has them."""
     columns = [
         np.column_stack([np.ones(one.time.size), jaw * one.spindle, jaw * load * one.torque])[one.first :]
@@ -339,7 +339,7 @@ def _kinematics(train: Sequence[Series], load: float, jaw: float) -> tuple[Param
     )
 
 
-def _series(one: MeasuredRun, load: float) -> Series:
+def _series(one: MeasuredRun, load: float) -> ToolSeries:
     """Return a run at all samples, torque and speed smoothed by a causal filter."""
     window = max(1, round(INTERVAL / one.sample_time))
     span = max(1, round(_SPEED_SPAN / one.sample_time))
@@ -348,7 +348,7 @@ def _series(one: MeasuredRun, load: float) -> Series:
     passed = np.maximum(one.time - one.time[before], one.sample_time)
     torque = load * one["spindle_torque"]
     level = float(torque[one.time < one.time[0] + _LEVEL_SPAN].mean())
-    return Series(
+    return ToolSeries(
         time=np.append(one.time[0] - one.sample_time, one.time),
         reference=np.append(one["jaw_angle"][0], one["jaw_angle"]),
         first=1 + int(np.argmax(settled(one))),
@@ -359,7 +359,7 @@ def _series(one: MeasuredRun, load: float) -> Series:
     )
 
 
-def _thinned(one: Series) -> Series:
+def _thinned(one: ToolSeries) -> ToolSeries:
     """Return the run at the fitted interval, each sample a mean over it; the sample before the run is kept."""
     step = max(1, round(INTERVAL / float(np.median(np.diff(one.time)))))
 
@@ -368,7 +368,7 @@ def _thinned(one: Series) -> Series:
         means = run[: run.size // step * step].reshape(-1, step).mean(axis=1)
         return np.append(values[0], means)
 
-    return Series(
+    return ToolSeries(
         time=block(one.time),
         reference=block(one.reference),
         first=1 + -(-(one.first - 1) // step),

@@ -224,7 +224,7 @@ _MOST_EXPONENT, _MOST_PER_BEND = 1.5, 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Series(ReferenceSeries):
+class EndoscopeSeries(ReferenceSeries):
     """A run with its output angle, each (n,); rad, N, rad/s."""
 
     command: Array
@@ -234,7 +234,7 @@ class Series(ReferenceSeries):
     bend: float
 
 
-class Pair(ReferenceProblem[Series]):
+class EndoscopePair(ReferenceProblem[EndoscopeSeries]):
     """A pair with its recordings of commanded_angle, output_angle, both tensions and a constant sheath_bend.
 
     The law is a key of `LAWS`; the sheath's stretch is taken at so many `sections` along it. The first `trained` of the
@@ -280,7 +280,7 @@ class Pair(ReferenceProblem[Series]):
             return "Record reversals at several amplitudes, and at a second pretension."
         return "Record the same motion with the joint held fast, which leaves the tendons' stretch alone."
 
-    def modelled(self, values: Values, series: Series) -> Values:
+    def modelled(self, values: Values, series: EndoscopeSeries) -> Values:
         """Return the output angle by the model, (n,), rad."""
         given = self.given(values, series)
         reach = 1 + given.get("reach_per_bend", 0.0) * series.bend
@@ -293,7 +293,7 @@ class Pair(ReferenceProblem[Series]):
         bent = given["bending_compliance"] * self._behind(given, series, antagonist, 1.0)
         return np.asarray(reach * entering - given["sheath_compliance"] * stretch + bent)
 
-    def _behind(self, given: Given, series: Series, antagonist: Values, share: float) -> Values:
+    def _behind(self, given: Given, series: EndoscopeSeries, antagonist: Values, share: float) -> Values:
         """Return the tension difference a share along the way."""
         friction = {
             name: share * (given[name] + given.get(_per_bend(name), 0.0) * series.bend) for name in self._magnitudes
@@ -304,10 +304,10 @@ class Pair(ReferenceProblem[Series]):
 
 def problem(
     train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: ShortForm | None
-) -> Pair:
-    """Return the model with its recordings, those of train first; raises as `Pair`, and for an instrument."""
+) -> EndoscopePair:
+    """Return the model with its recordings, those of train first; raises as `EndoscopePair`, and for an instrument."""
     refuse_instrument(instrument, "an endoscope-pair recording is of a joint without one")
-    return Pair([*train, *test], law=law, trained=len(train))
+    return EndoscopePair([*train, *test], law=law, trained=len(train))
 
 
 def _per_bend(name: str) -> str:
@@ -335,9 +335,9 @@ def _with_bend(one: Parameter, *, several: bool) -> tuple[Parameter, ...]:
     return (own, growth) if several else (own,)
 
 
-def _series(one: MeasuredRun) -> Series:
+def _series(one: MeasuredRun) -> EndoscopeSeries:
     command = one["commanded_angle"]
-    return Series(
+    return EndoscopeSeries(
         time=one.time,
         reference=one["output_angle"],
         command=command,

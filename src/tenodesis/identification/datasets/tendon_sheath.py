@@ -157,14 +157,14 @@ _GAIN = Parameter("gain", "1", 1.0, 0.3, 2.0, "Gain of the distal load cell over
 
 
 @dataclass(frozen=True, kw_only=True)
-class Series(ReferenceSeries):
+class SheathSeries(ReferenceSeries):
     """A run with its distal tension, each (n,); s, N, N/s."""
 
     proximal: Array
     rate: Array
 
 
-class Sheath(ReferenceProblem[Series]):
+class Sheath(ReferenceProblem[SheathSeries]):
     """A sheathed tendon with its recordings of proximal_tension and distal_tension.
 
     The law is a key of `LAWS`. Raises IdentificationError if there is no such law, or no recording.
@@ -187,7 +187,7 @@ class Sheath(ReferenceProblem[Series]):
             return "Pull and release far enough that the tendon slides both ways: the band's two edges show the gain."
         return "Record reversals at several tensions, the highest several times the lowest."
 
-    def modelled(self, values: Values, series: Series) -> Values:
+    def modelled(self, values: Values, series: SheathSeries) -> Values:
         """Return what the distal load cell would show, (n,), N."""
         given = self.given(values, series)
         start = float(series.proximal[0])
@@ -210,10 +210,10 @@ def _in_unit(one: Parameter, rate: Array) -> Parameter:
     return one._replace(unit=one.unit.format(speed="N/s"), start=usual)
 
 
-def _series(one: MeasuredRun) -> Series:
+def _series(one: MeasuredRun) -> SheathSeries:
     proximal = np.maximum(one["proximal_tension"], 0.0)
     rate = np.gradient(proximal, one.time)
-    return Series(time=one.time, reference=one["distal_tension"], proximal=proximal, rate=rate)
+    return SheathSeries(time=one.time, reference=one["distal_tension"], proximal=proximal, rate=rate)
 
 
 FORMAT = Format(load, problem, laws=tuple(LAWS), law=DEFAULT_LAW, loss=DEFAULT_LOSS)

@@ -60,7 +60,7 @@ class Prediction:
 
 
 @dataclass(frozen=True)
-class Plan:
+class ProposedProtocol:
     """A proposed protocol with its predictions."""
 
     inst: ShortForm
@@ -140,7 +140,7 @@ def plan(
     law: str | None = None,
     criterion: CriterionName = "D",
     progress: Callable[[int, int], None] | None = None,
-) -> Plan:
+) -> ProposedProtocol:
     """Propose the bench protocol after which the wanted parameters are known best, and predict how well.
 
     The design is local: derivatives are taken at the file's values. Of two axes it is for the first.
@@ -207,7 +207,7 @@ def plan(
         step()
     ends = [*(one.begins + one.seconds for one in best.blocks[:-1]), math.inf]
     fitted, grown = experiment.information(best.run, ends)
-    found = Plan(
+    found = ProposedProtocol(
         inst=experiment.inst,
         law=experiment.law,
         distal_encoder=distal_encoder,
@@ -456,7 +456,7 @@ _SCALING = (
 """Parameters that scale together where no force is known."""
 
 
-def _warnings(found: Plan) -> tuple[str, ...]:
+def _warnings(found: ProposedProtocol) -> tuple[str, ...]:
     """Return the caveats of a plan, a sentence each."""
     values = {one.name: one for one in found.parameters}
     out = [

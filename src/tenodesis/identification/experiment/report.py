@@ -8,7 +8,7 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from tenodesis.identification.experiment.planning import HALF, OPTIMISTIC, Plan, Prediction, to_text
+from tenodesis.identification.experiment.planning import HALF, OPTIMISTIC, Prediction, ProposedProtocol, to_text
 from tenodesis.identification.report import readable, write_files
 from tenodesis.identification.results import LIBRARIES
 from tenodesis.report import page, style
@@ -19,7 +19,7 @@ _KEPT = 4000
 _FLOOR = 1e-12
 
 
-def course(plan: Plan) -> Figure:
+def course(plan: ProposedProtocol) -> Figure:
     """Return angles, force, spools and tensions over time, block by block."""
     run = plan.run
     every = max(1, len(run) // _KEPT)
@@ -55,7 +55,7 @@ def course(plan: Plan) -> Figure:
     return fig
 
 
-def intervals(plan: Plan) -> Figure:
+def intervals(plan: ProposedProtocol) -> Figure:
     """Return the half width of each wanted parameter's 95 % interval, by the proposed protocol and the others."""
     names = [name for name in plan.wanted if name in plan.open]
     predictions = [plan.proposed, *plan.baselines]
@@ -79,7 +79,7 @@ def intervals(plan: Plan) -> Figure:
     return fig
 
 
-def growth(plan: Plan) -> Figure:
+def growth(plan: ProposedProtocol) -> Figure:
     """Return how the standard deviation of each wanted parameter falls from block to block, over that at the end."""
     fig, (axis,) = style.figure(1, width=8.6, height=3.4)
     ends = [block.begins + block.seconds for block in plan.blocks]
@@ -94,7 +94,7 @@ def growth(plan: Plan) -> Figure:
     return fig
 
 
-def _half_width(plan: Plan, name: str, std: float) -> float:
+def _half_width(plan: ProposedProtocol, name: str, std: float) -> float:
     unit = next(one.unit for one in plan.parameters if one.name == name)
     return HALF * std * readable(unit)[0]
 
@@ -107,7 +107,7 @@ SCHEMA = 1
 _TEMPLATE = "plan.html.j2"
 
 
-def write(plan: Plan, out: Path) -> list[Path]:
+def write(plan: ProposedProtocol, out: Path) -> list[Path]:
     """Write protocol.toml, plan.html, plan.svg and plan.json into a folder, atomically, and return their paths.
 
     Raises IdentificationError if the folder cannot be written.
@@ -131,7 +131,7 @@ def write(plan: Plan, out: Path) -> list[Path]:
     return write_files(out, texts, last=PAGE)
 
 
-def to_json(plan: Plan) -> dict[str, Any]:
+def to_json(plan: ProposedProtocol) -> dict[str, Any]:
     """Return a plan as plain values for JSON, SI; None for values that are not finite."""
     return {
         "schema": SCHEMA,
@@ -170,7 +170,7 @@ def to_json(plan: Plan) -> dict[str, Any]:
     }
 
 
-def shown(plan: Plan, name: str) -> tuple[str, str]:
+def shown(plan: ProposedProtocol, name: str) -> tuple[str, str]:
     """Return the value and the half width of the predicted interval of a parameter, in readable units."""
     one = next(one for one in plan.parameters if one.name == name)
     factor, unit = readable(one.unit)
@@ -179,7 +179,7 @@ def shown(plan: Plan, name: str) -> tuple[str, str]:
     return value, f"± {width:.2g}" if math.isfinite(width) else "open"
 
 
-def ratio(plan: Plan, baseline: Prediction, name: str) -> str:
+def ratio(plan: ProposedProtocol, baseline: Prediction, name: str) -> str:
     """Return how many times as wide a parameter's interval would be by a baseline."""
     own, other = plan.proposed.std[name], baseline.std[name]
     if not math.isfinite(other):
@@ -194,12 +194,12 @@ def _prediction(one: Prediction) -> dict[str, Any]:
     }
 
 
-def _comment(plan: Plan) -> str:
+def _comment(plan: ProposedProtocol) -> str:
     lines = [f"Proposed for {plan.inst.name} to identify {', '.join(plan.wanted)}.", "Blocks, each from rest to rest:"]
     return "\n".join([*lines, *(f"  {one.begins:7.2f} s  {one.candidate.name}" for one in plan.blocks)])
 
 
-def _page(plan: Plan, svgs: dict[str, tuple[str, str]]) -> str:
+def _page(plan: ProposedProtocol, svgs: dict[str, tuple[str, str]]) -> str:
     rows = [
         {
             "name": name.replace("_", " "),

@@ -14,7 +14,7 @@ from tenodesis.identification.force.model import (
     WIDTH,
     Band,
     Bands,
-    Bench,
+    ForceBench,
     ForceModel,
     Series,
     Signal,
@@ -53,7 +53,7 @@ class _Data(NamedTuple):
     """What is fitted."""
 
     series: Sequence[Series]
-    bench: Bench
+    bench: ForceBench
     signal: Signal
 
 
@@ -93,7 +93,7 @@ def fit_force(
 
 def fit_series(
     series: Sequence[Series],
-    bench: Bench,
+    bench: ForceBench,
     signal: Signal,
     *,
     prior: ForceModel | None = None,
@@ -198,7 +198,7 @@ def _most_likely(
     return values, jacobian(found.x)
 
 
-def _residuals(series: Series, bench: Bench, signal: Signal, values: Mapping[str, float]) -> dict[str, Array]:
+def _residuals(series: Series, bench: ForceBench, signal: Signal, values: Mapping[str, float]) -> dict[str, Array]:
     """Return measured minus model of each channel, at the samples that are fitted, SI."""
     far = predicted(values, series, signal, bench)
     angle = (series.far_angle - far.angle)[series.fitted]
@@ -228,18 +228,18 @@ def _left(data: _Data, values: Mapping[str, float], before: _Noise, least: _Nois
     return _Noise({**before.std, **std}, {**before.correlated, **correlated})
 
 
-def _zeros(series: Sequence[Series], bench: Bench, values: Mapping[str, float]) -> Array:
+def _zeros(series: Sequence[Series], bench: ForceBench, values: Mapping[str, float]) -> Array:
     """Return the jaw's angle in mid-travel in each recording, without friction and compliance, rad."""
     turned = [one.far_angle + bench.jaw * bench.load * values["ratio"] * one.angle for one in series]
     return np.array([float(found[one.fitted].mean()) for one, found in zip(series, turned, strict=True)])
 
 
-def _coupling(series: Sequence[Series], bench: Bench, values: Mapping[str, float]) -> float:
+def _coupling(series: Sequence[Series], bench: ForceBench, values: Mapping[str, float]) -> float:
     """Return the jaw's angle by pitch, by a line through the recordings."""
     return float(np.polyfit([one.pitch or 0.0 for one in series], _zeros(series, bench, values), 1)[0])
 
 
-def _offset(series: Sequence[Series], bench: Bench, values: Mapping[str, float]) -> float:
+def _offset(series: Sequence[Series], bench: ForceBench, values: Mapping[str, float]) -> float:
     """Return the jaw's angle in mid-travel without pitch."""
     pitches = np.array([one.pitch or 0.0 for one in series])
     return float(np.mean(_zeros(series, bench, values) - values.get("coupling", 0.0) * pitches))

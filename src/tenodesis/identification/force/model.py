@@ -37,7 +37,7 @@ _CURRENT_JUMP = 1.0
 """Off the rows around, A."""
 
 
-class Bench(NamedTuple):
+class ForceBench(NamedTuple):
     """How the sensors of a bench go together, by the recordings that a model was fitted to."""
 
     load: float
@@ -105,14 +105,14 @@ def signs_of(runs: Sequence[MeasuredRun]) -> tuple[float, float]:
     return load, math.copysign(1.0, _joint(runs, "spindle_angle", "jaw_angle"))
 
 
-def bench_of(runs: Sequence[MeasuredRun]) -> Bench:
+def bench_of(runs: Sequence[MeasuredRun]) -> ForceBench:
     """Return how the sensors of recordings go together; raises IdentificationError if there are none."""
     if not runs:
         raise IdentificationError("train is empty; it must hold at least one recording.", key="train")
     load, jaw = signs_of(runs)
     low, high = np.quantile(np.concatenate([run["spindle_angle"] for run in runs]), (0.01, 0.99))
     has_current = all("motor_current" in run.columns for run in runs)
-    return Bench(
+    return ForceBench(
         load,
         jaw,
         load * math.copysign(1.0, _joint(runs, "motor_current", "spindle_torque")) if has_current else load,
@@ -139,7 +139,7 @@ def settled(run: MeasuredRun) -> NDArray[np.bool_]:
     return counted
 
 
-def series_of(run: MeasuredRun, bench: Bench, *, interval: float | None = None) -> Series:
+def series_of(run: MeasuredRun, bench: ForceBench, *, interval: float | None = None) -> Series:
     """Return a run by a bench's signs, signals as causal means, at all samples or at an interval (s).
 
     Raises IdentificationError if it is too short.
@@ -299,7 +299,7 @@ class ForceModel:
     """Parameters of a tool with their covariance, by which its far end is estimated from a near-end signal."""
 
     signal: Signal
-    bench: Bench
+    bench: ForceBench
     values: Mapping[str, float]
     free: tuple[str, ...]
     """Parameters that were fitted; the others were carried over."""
@@ -385,7 +385,7 @@ class ForceModel:
         )
 
 
-def predicted(values: Mapping[str, float], series: Series, signal: Signal, bench: Bench) -> FarEnd:
+def predicted(values: Mapping[str, float], series: Series, signal: Signal, bench: ForceBench) -> FarEnd:
     """Return the far end by the core's estimator, its angle in that of the jaw's sensor."""
     given = {name: value for name, value in values.items() if name in TRANSMISSION}
     # Against the load the tendon pulls the jaw to -jaw * load; the pitch that draws it there bends it over its pulley.
@@ -433,7 +433,7 @@ def from_json(found: Mapping[str, object], where: str) -> ForceModel:
     try:
         return ForceModel(
             signal=SIGNALS[SIGNALS.index(found["signal"])],
-            bench=Bench(**found["bench"]),  # type: ignore[arg-type]
+            bench=ForceBench(**found["bench"]),  # type: ignore[arg-type]
             values=dict(found["values"]),  # type: ignore[call-overload]
             free=tuple(found["free"]),  # type: ignore[arg-type]
             covariance=np.array(found["covariance"], dtype=np.float64),

@@ -38,7 +38,7 @@ class Heading(NamedTuple):
     unit: str | None
 
 
-class Table(NamedTuple):
+class TextTable(NamedTuple):
     """Rows of text under headings."""
 
     headings: list[str]
@@ -57,7 +57,7 @@ class Table(NamedTuple):
             return np.nan
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path) -> TextTable:
     """Return a text file with headings, separated by commas, semicolons or tabs; lines of # or % are left out.
 
     Raises IdentificationError if the file cannot be read, or is empty.
@@ -72,7 +72,7 @@ def read_table(path: Path) -> Table:
         headings, *rows = csv.reader(lines, delimiter=separator, skipinitialspace=True)
     except csv.Error as problem:
         raise IdentificationError(f"{path} is no table of text: {problem}.", key="path", value=path) from None
-    return Table([heading.strip() for heading in headings], rows, separator)
+    return TextTable([heading.strip() for heading in headings], rows, separator)
 
 
 def heading(text: str) -> Heading:
@@ -157,7 +157,7 @@ _UNITS_MISTAKEN = {
 _CHECKED = ("handle_angle", "measured_handle_angle", "measured_output_angle", "tension_agonist", "tension_antagonist")
 
 
-class _Place(NamedTuple):
+class _CellPlace(NamedTuple):
     """Position of a column in the file, its stated unit, and the factor from its numbers to SI."""
 
     at: int
@@ -204,9 +204,9 @@ def load(path: Path) -> InstrumentRun:
     return checked(path.name, time, columns, notes=notes, checksum=checksum(path))
 
 
-def _recognised(path: Path, headings: Sequence[str], notes: list[str]) -> dict[str, _Place]:
+def _recognised(path: Path, headings: Sequence[str], notes: list[str]) -> dict[str, _CellPlace]:
     """Return the columns that headings name: those of an export, of its first axis, or the columns' own names."""
-    places: dict[str, _Place] = {}
+    places: dict[str, _CellPlace] = {}
     axes: dict[str, None] = {}
     for at, text in enumerate(headings):
         name, unit = heading(text)
@@ -218,13 +218,13 @@ def _recognised(path: Path, headings: Sequence[str], notes: list[str]) -> dict[s
                 axes.setdefault(axis)
         if column is not None and column not in places:
             unit = unit or _UNITS[column]
-            places[column] = _Place(at, unit, _scale(unit, column, str(path)))
+            places[column] = _CellPlace(at, unit, _scale(unit, column, str(path)))
     if len(axes) > 1:
         notes.append(f"of the axes {' and '.join(axes)} the first is taken")
     return places
 
 
-def _mapped(path: Path, headings: Sequence[str]) -> dict[str, _Place]:
+def _mapped(path: Path, headings: Sequence[str]) -> dict[str, _CellPlace]:
     """Return the columns that a map names."""
     given = parse_toml(read_text(path, IdentificationError), IdentificationError, str(path))
     places = {}
@@ -247,7 +247,7 @@ def _mapped(path: Path, headings: Sequence[str]) -> dict[str, _Place]:
         if isinstance(factor, bool) or not isinstance(factor, int | float) or not isfinite(factor) or not factor:
             raise IdentificationError(key=f"{where}.factor", value=factor, allowed="a finite number other than 0")
         unit = str(entry["unit"])
-        places[name] = _Place(headings.index(entry["column"]), unit, factor * _scale(unit, name, str(path)))
+        places[name] = _CellPlace(headings.index(entry["column"]), unit, factor * _scale(unit, name, str(path)))
     return places
 
 
@@ -256,7 +256,7 @@ def _scale(unit: str, column: str, place: str) -> float:
     return scale_of(unit, _UNITS[column], f"{place}: the unit of {column}")
 
 
-def _in_si(path: Path, name: str, values: Array, place: _Place, notes: list[str]) -> Array:
+def _in_si(path: Path, name: str, values: Array, place: _CellPlace, notes: list[str]) -> Array:
     """Return a column in SI by its stated unit, or, if that is impossible, by the unit that its magnitude shows."""
     stated_values = place.scale * values
     spread = spread_of(stated_values[np.isfinite(stated_values)])

@@ -155,7 +155,7 @@ class _Signals(NamedTuple):
     instrument: ShortForm | None
 
 
-class _Series(NamedTuple):
+class _TopicSeries(NamedTuple):
     """A topic's times (n,) in s, rising, the joints' names, and each array of numbers (n, count)."""
 
     time: Array
@@ -301,7 +301,7 @@ def _contents(file: Path) -> container.Contents:
     return container.scan(data)
 
 
-def _series(path: Path, name: str, parts: Sequence[Decoded], begin: int, notes: list[str]) -> _Series:
+def _series(path: Path, name: str, parts: Sequence[Decoded], begin: int, notes: list[str]) -> _TopicSeries:
     """Return a topic's messages of all files, less those that came twice or whose clock ran back."""
     fields = [field for field in parts[0].numbers if all(field in part.numbers for part in parts)]
     numbers = {field: np.concatenate([part.numbers[field] for part in parts]) for field in fields}
@@ -314,10 +314,10 @@ def _series(path: Path, name: str, parts: Sequence[Decoded], begin: int, notes: 
         field: np.stack([raw.columns[f"{field} {at}"] for at in range(values.shape[1])], axis=1)
         for field, values in numbers.items()
     }
-    return _Series(raw.time, parts[0].joints, kept)
+    return _TopicSeries(raw.time, parts[0].joints, kept)
 
 
-def _first_axis(joints: Sequence[str], own: _Series, field: str, count: int) -> list[int] | None:
+def _first_axis(joints: Sequence[str], own: _TopicSeries, field: str, count: int) -> list[int] | None:
     """Return the columns of the first axis in a topic's numbers, None where the joints leave them open."""
     if not joints:
         return [0]

@@ -20,7 +20,7 @@ from tenodesis.instrument.compliance import compliance_shares
 from tenodesis.run import TENDONS, Array
 
 
-class Unknown(NamedTuple):
+class TwinUnknown(NamedTuple):
     """A parameter of the twin: its name in the core, unit, bounds, meaning, changes to an instrument, and group."""
 
     number: str
@@ -77,10 +77,10 @@ _KEYS = (
 """Key of an instrument file, unit, bounds, meaning and group of the parameters that are a key's value."""
 
 UNKNOWNS = {
-    "stiffness_ratio": Unknown(
+    "stiffness_ratio": TwinUnknown(
         "stiffness_ratio", "1", 0.2, 3.0, "true over nominal stiffness of the tendons", _stiffness, "stiffness"
     ),
-    "handle_length_share": Unknown(
+    "handle_length_share": TwinUnknown(
         "handle_length_share",
         "1",
         0.02,
@@ -89,15 +89,15 @@ UNKNOWNS = {
         _key("friction.handle_compliance_share"),
         "stiffness",
     ),
-    "pretension_ratio": Unknown(
+    "pretension_ratio": TwinUnknown(
         "pretension_ratio", "1", 0.1, 4.0, "true over nominal pretension", _pretension, "pretension"
     ),
     **{
-        key: Unknown(key.partition(".")[2], unit, lower, upper, meaning, _key(key), group)
+        key: TwinUnknown(key.partition(".")[2], unit, lower, upper, meaning, _key(key), group)
         for key, unit, lower, upper, meaning, group in _KEYS
     },
     **{
-        f"mismatch.load_cell_{kind}.{tendon}": Unknown(
+        f"mismatch.load_cell_{kind}.{tendon}": TwinUnknown(
             f"{tendon}_load_cell_{kind}",
             unit,
             lower,

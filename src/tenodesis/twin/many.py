@@ -1,0 +1,173 @@
+"""Many twins with their commands: what is stepped together."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tenodesis import _core, plant
+from tenodesis.errors import ArgumentError
+from tenodesis.instrument import FullForm, Instrument, ShortForm
+from tenodesis.run import Array
+from tenodesis.statics.query import common_shape
+from tenodesis.twin.axes_core import AxesCore
+from tenodesis.twin.chain_core import ChainCore
+from tenodesis.twin.commands import as_columns, check_finite, check_no_wrench
+from tenodesis.twin.contact import Contact, Contacts, by_axis, rows_of
+from tenodesis.twin.core import Constant, TwinCore
+from tenodesis.twin.rows import check_handle_range, check_rig, check_seed
+
+_PER_RUN = 3
+"""Dimensions of an argument that has an axis of runs."""
+
+
+class Steps(NamedTuple):
+    """The steps of twins."""
+
+    time_step: float
+    quasi_static: bool
+
+
+class Many(NamedTuple):
+    """Twins that are stepped together, and their commands."""
+
+    first: TwinCore
+    """Of the first; what its columns are holds for all."""
+    twins: list[_core.Twin]
+    insts: Sequence[Instrument]
+    rows: Array
+    """Commands by run, or common ones, step and column."""
+    given: list[int]
+    """Columns that the commands have."""
+
+
+def chains(
+    insts: list[Instrument],
+    arguments: Mapping[str, ArrayLike],
+    contact: Contacts | None,
+    seeds: ArrayLike | None,
+    steps: Steps,
+) -> Many:
+    """Return the twins of instruments that list joints and tendons, with their commands.
+
+    An argument has shape (n, columns) for all runs, or (runs, n, columns).
+    """
+    arrays = {name: np.asarray(value, float) for name, value in arguments.items()}
+    per_run = {name: len(array) for name, array in arrays.items() if array.ndim == _PER_RUN}
+    if len(insts) == 1:
+        insts = insts * max([1, *per_run.values()])
+    for name, count in per_run.items():
+        if count != len(insts):
+            problem = f"{name} is for {count} runs, instruments for {len(insts)}; it must be the same."
+            raise ArgumentError(problem, key=name, value=count, allowed=str(len(insts)))
+    forms: list[FullForm] = [inst.expanded for inst in insts]
+    twins = [
+        ChainCore(form, steps.time_step, seed, steps.quasi_static)
+        for form, seed in zip(forms, _seeds(seeds, len(insts)), strict=True)
+    ]
+    first = twins[0]
+    if any(twin.names != first.names for twin in twins):
+        raise ArgumentError("the runs differ in joints or tendons; all must have the same.", key="inst")
+    tissue = by_axis(contact, first.names.joints)
+    for one in tissue:
+        if one is not None:
+            one.check_outside(0.0)
+    rows = np.array([_rows(twins[r], insts[r], arrays, tissue, r) for r in range(len(twins) if per_run else 1)])
+    given = np.flatnonzero(rows.any(axis=(0, 1))).tolist() or [0]
+    return Many(first, [twin.core for twin in twins], insts, np.ascontiguousarray(rows[:, :, given]), given)
+
+
+def axes(
+    insts: list[ShortForm],
+    arguments: Mapping[str, ArrayLike],
+    contact: Contacts | None,
+    seeds: ArrayLike | None,
+    steps: Steps,
+) -> Many:
+    """Return the twins of planar instruments of one axis, with their commands."""
+    check_no_wrench(arguments["wrench"], insts[0])
+    tissue = _tissue(contact)
+    arrays = {name: np.asarray(value, float) for name, value in arguments.items() if name != "wrench"}
+    shape = _shape(len(insts), arrays)
+    runs = len(insts) if len(insts) > 1 else max(shape[0], len(tissue))
+    insts = insts * runs if len(insts) == 1 else insts
+    for name, count in (("commands are", shape[0]), ("contact is", len(tissue))):
+        if count not in (1, runs):
+            problem = f"{name} for {count} runs, instruments for {runs}; it must be the same."
+            raise ArgumentError(problem, key=name.split()[0], value=count, allowed=f"of {runs} runs")
+    prescribed = [one for one in insts if not one.dynamics.hand_stiffness]
+    if prescribed:
+        narrowest = min(prescribed, key=lambda one: one.handle_range)
+        for row in np.atleast_2d(arrays["handle_angle"]):
+            check_handle_range(narrowest, row)
+    if arrays["weight"].any():
+        for one in insts:
+            check_rig(one)
+    own = _seeds(seeds, runs)
+    first = AxesCore(insts[0], steps.time_step, own[0], steps.quasi_static)
+    specs: dict[int, _core.TwinSpec] = {}
+    for one in insts:
+        if id(one) not in specs:
+            plant.steps_per_sample(one, steps.time_step, steps.quasi_static)
+            specs[id(one)] = plant.spec(one, steps.time_step, steps.quasi_static)
+    twins = [_core.axes_twin([specs[id(one)]], [seed]) for one, seed in zip(insts, own, strict=True)]
+    # Of what is zero throughout, only the handle angle has a column.
+    blocks = [
+        (name, array if array.ndim and name == "spool_velocity" else array[..., np.newaxis])
+        for name, array in arrays.items()
+        if name == "handle_angle" or array.any()
+    ]
+    if tissue.any():
+        blocks.append(("contact", tissue[:, np.newaxis]))
+        shape = (max(len(tissue), shape[0]), shape[1])
+    columns = [first.columns[name] for name, _ in blocks]
+    rows = np.concatenate(
+        [
+            np.broadcast_to(block, (*shape, column.stop - column.start))
+            for (_, block), column in zip(blocks, columns, strict=True)
+        ],
+        axis=-1,
+    )
+    given = [place for column in columns for place in range(column.start, column.stop)]
+    return Many(first, twins, insts, rows, given)
+
+
+def _seeds(seeds: ArrayLike | None, runs: int) -> list[int]:
+    """Return the seed of each run; raises ArgumentError if there are more or fewer."""
+    given = list(range(runs)) if seeds is None else np.asarray(seeds).tolist()
+    if not isinstance(given, list) or len(given) != runs:
+        problem = f"seeds has shape {np.shape(given)}; it must be ({runs},)."
+        raise ArgumentError(problem, key="seeds", value=np.shape(given), allowed=f"({runs},)")
+    for seed in given:
+        check_seed(seed)
+    return [int(seed) for seed in given]
+
+
+def _rows(twin: ChainCore, inst: Instrument, arrays: Mapping[str, Array], tissue: Sequence[Any], run: int) -> Array:
+    given = {name: array[run] if array.ndim == _PER_RUN else array for name, array in arrays.items()}
+    commands = as_columns(dict.fromkeys(twin.widths, 0.0) | given, twin.widths, inst)
+    twin.check(commands)
+    return twin.rows(commands, Constant(tissue, None, "tip"))
+
+
+def _shape(runs: int, arrays: Mapping[str, Array]) -> tuple[int, int]:
+    """Return the runs that commands are for, 1 if all share them, and their steps."""
+    by_step = {name: array.shape[:-1] if name == "spool_velocity" else array.shape for name, array in arrays.items()}
+    shape = common_shape(by_step)
+    shape = (1,) * (2 - len(shape)) + shape
+    if len(shape) != 2 or (shape[0] not in (1, runs) and runs != 1):
+        problem = f"commands have shape {shape}; it must be (n,) or ({runs}, n)."
+        raise ArgumentError(problem, key="handle_angle", value=shape)
+    for name, array in arrays.items():
+        check_finite(name, array)
+    return shape[0], shape[1]
+
+
+def _tissue(contact: Contacts | None) -> Array:
+    """Return the commands' columns for tissue, of all runs or of each, shape (1 or runs, 3)."""
+    given = (contact,) if contact is None or isinstance(contact, Contact) else tuple(contact)
+    for one in given:
+        if one is not None:
+            one.check_outside(0.0)
+    return np.concatenate([rows_of(one, ("run",)) for one in given]) if given else np.empty((0, 3))
