@@ -78,7 +78,7 @@ class Cluster:
         self._ours = True
         if not ray.cluster_resources().get("CPU", 0) >= 1:
             self.__exit__()
-            raise StudyError(f"the cluster at {self.address} has no CPU to work with; it must have at least 1.")
+            raise StudyError(key="address", value=self.address, allowed="a cluster with at least 1 CPU")
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -133,7 +133,9 @@ class Cluster:
                 progress(n)
         except ray.exceptions.RayError as problem:
             reason = str(problem).strip().splitlines()[-1]
-            raise StudyError(f"the cluster at {self.address} could not work on a chunk: {reason}") from None
+            raise StudyError(
+                f"the cluster at {self.address} could not work on a chunk: {reason}", key="address", value=self.address
+            ) from None
         return [results[n] for n in range(len(chunks))]
 
     def _check_that_it_answers(self) -> None:
@@ -191,7 +193,12 @@ def _imported() -> Any:
     try:
         import ray  # noqa: PLC0415
     except ImportError:
-        raise StudyError("Ray is not installed; pip install 'tenodesis[cluster]' adds it.") from None
+        raise StudyError(
+            "Ray is not installed; pip install 'tenodesis[cluster]' adds it.",
+            key="module",
+            value="ray",
+            allowed="installed with the extra [cluster]",
+        ) from None
     return ray
 
 

@@ -48,7 +48,7 @@ def _refuse_irregular(path: Path, mode: int) -> None:
 
 
 @contextmanager
-def write_errors(path: Path, error: type[Error], key: str = "") -> Iterator[None]:
+def write_errors(path: Path, error: type[Error], key: str = "path") -> Iterator[None]:
     """Raise an error of the operating system on writing a path as an error of this package."""
     try:
         yield

@@ -213,6 +213,11 @@ def _mistake(model: type[BaseModel], values: Mapping[str, Any], error: Any, entr
     if kind != "value_error":
         problem = f"it must be {_needed(error, place, problem)}"
     allowed = problem.partition("it must be ")[2]
+    cause = error.get("ctx", {}).get("error")
+    if isinstance(cause, Error) and cause.key:
+        about = f"{key}.{cause.key}" if key else cause.key
+        sentence = f"{place.entry}{key}{': ' if key else ''}{problem}."
+        return _Mistake(sentence, about, cause.value, cause.allowed or allowed)
     if not key:
         return _Mistake(f"{place.entry}{problem}.", place.entry, value, allowed)
     shown = "" if isinstance(value, dict) and kind == "value_error" else f" = {value!r}"

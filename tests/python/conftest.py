@@ -7,18 +7,19 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
 import tenodesis as tn
-from tenodesis.errors import ArgumentError, Error
+from tenodesis.errors import ArgumentError, Error, IdentificationError, ProtocolError
 from tenodesis.instrument import Instrument
 
 if TYPE_CHECKING:
     from tenodesis.console import Page
+    from tenodesis.identification.formats.instrument_run import InstrumentRun
 
     from .console_stand_in import StandIn
     from .live_loop import LiveLoop
@@ -77,39 +78,88 @@ def any_inst(request: pytest.FixtureRequest) -> Instrument:
     return inst
 
 
+PARTS = (IdentificationError, ProtocolError)
+"""Errors whose sentences are often parts of longer ones."""
+
+
 @contextmanager
-def refused(key: str, value: Any = ..., kind: type[Error] = ArgumentError) -> Iterator[pytest.ExceptionInfo[Error]]:
-    """Expect an error about this key and value, whatever its wording."""
+def refused(
+    key: str, value: Any = ..., kind: type[Error] = ArgumentError, allowed: str = ""
+) -> Iterator[pytest.ExceptionInfo[Error]]:
+    """Expect an error about this key and value, and with this in what it allows, whatever its wording."""
     with pytest.raises(kind) as caught:
         yield caught
     assert caught.value.key == key
     if value is not ...:
         np.testing.assert_equal(caught.value.value, value)
-    assert str(caught.value).endswith(".")
+    assert allowed in caught.value.allowed
+    assert kind in PARTS or str(caught.value).endswith(".")
+
+
+Ended: TypeAlias = tuple[int, str, str, BaseException | None]
 
 
 @pytest.fixture
-def tenodesis(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., tuple[int, str, str]]:
-    """Run the command line in this process, in a folder of its own; returns exit code, output and errors."""
+def ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Ended]:
+    """Run the command line here, in a folder of its own; returns exit code, output, errors and the exception."""
     from tenodesis.cli import commands, common
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "140")
     monkeypatch.setattr(common.console, "width", 140)  # which has been read when the module was first imported
 
-    def run(*arguments: object) -> tuple[int, str, str]:
+    def run(*arguments: object) -> Ended:
         monkeypatch.setattr(sys, "argv", ["tenodesis", *map(str, arguments)])
-        code = 0
+        code, problem = 0, None
         try:
             commands.main()
         except SystemExit as end:
-            code = int(end.code or 0)
+            code, problem = int(end.code or 0), end.__context__
         said = capsys.readouterr()
-        return code, said.out, said.err
+        return code, said.out, said.err, problem
 
     return run
+
+
+@pytest.fixture
+def tenodesis(ended: Callable[..., Ended]) -> Callable[..., tuple[int, str, str]]:
+    """Run the command line; returns exit code, output and errors."""
+    return lambda *arguments: ended(*arguments)[:3]
+
+
+@pytest.fixture
+def declined(ended: Callable[..., Ended]) -> Callable[..., Error]:
+    """Run a command that must end in one sentence and exit code 1; returns the error."""
+
+    def run(*arguments: object) -> Error:
+        code, said, wrong, problem = ended(*arguments)
+        assert (code, len(wrong.strip().splitlines())) == (1, 1), wrong
+        assert not said or "--json" not in arguments
+        assert isinstance(problem, Error)
+        assert wrong == f"tenodesis: {problem}\n"
+        return problem
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def log(tmp_path_factory: pytest.TempPathFactory, scaled: Instrument) -> Path:
+    """A recording of the scaled-up instrument."""
+    from tenodesis.recording.simulation import record
+
+    from .recording_files import PROTOCOL
+
+    path = tmp_path_factory.mktemp("formats") / "run.mcap"
+    record(scaled, PROTOCOL, path, seed=2)
+    return path
+
+
+@pytest.fixture(scope="session")
+def recorded(log: Path) -> "InstrumentRun":
+    """That recording as it is read for identification."""
+    from .recording_files import read
+
+    return read(log)
 
 
 @pytest.fixture

@@ -32,6 +32,18 @@ LEASE = 30.0
 _KEPT = 12.0  # s
 
 
+SHORT_PROTOCOL = """
+name = "short"
+[[phases]]
+kind = "step-load"
+output_angle = "20 deg"
+delay = "0.2 s"
+force = "1 N"
+duration = "0.5 s"
+release = "0.3 s"
+"""
+
+
 @dataclass
 class StandIn:
     """The instrument; :meth:`connect` opens connections to it, `commands` lists who asked for what."""

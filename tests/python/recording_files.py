@@ -13,7 +13,7 @@ from tenodesis.simulate import Cycles, Protocol
 
 PROTOCOL = Protocol(
     name="formats",
-    phases=(Cycles(amplitude=np.radians(20), symmetric=True, speed=np.radians(60), count=1, force=0.5),),
+    phases=(Cycles(amplitude=np.radians(20), symmetric=True, speed=np.radians(120), count=1, force=0.5),),
 )
 
 

@@ -10,6 +10,8 @@ import tenodesis as tn
 from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.instrument import TendonGear
 
+from .conftest import refused
+
 S = tn.statics
 NAN, INF = float("nan"), float("inf")
 
@@ -58,18 +60,18 @@ def test_a_bad_argument_is_named(real: TendonGear, call: Callable[[TendonGear], 
 
 
 def test_a_masked_array_is_refused(real: TendonGear) -> None:
-    with pytest.raises(ArgumentError, match=r"^handle_angle is masked_array"):
+    with refused("handle_angle", allowed="a number or an array of numbers"):
         S.output_angle(real, np.ma.array([0.1, 99], mask=[0, 1]))
 
 
 def test_what_is_no_instrument_is_refused(real: TendonGear) -> None:
-    with pytest.raises(TypeError, match=r"^inst is 3; it must be an instrument, its name or the path of its file\.$"):
+    with pytest.raises(TypeError):
         S.output_angle(3, 0.1)  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match=r"^scaled_up is None; it must be an instrument"):
+    with pytest.raises(TypeError):
         tn.similarity.compare(real, None)  # type: ignore[arg-type]
-    with pytest.raises(InstrumentError, match=r"^x: there is no such file and no instrument of that name"):
+    with refused("file", "x", kind=InstrumentError):
         tn.similarity.compare(real, "x")
-    with pytest.raises(ValueError, match=r"^largest_force is '1 N'"):
+    with refused("largest_force", "1 N"):
         tn.similarity.compare(real, real, largest_force="1 N")  # type: ignore[arg-type]
 
 

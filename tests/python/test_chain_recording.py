@@ -17,7 +17,7 @@ from tenodesis.recording.summary import facts
 from tenodesis.simulate import Cycles, GrippedObject, Hold, Protocol, Ramp, StepLoad, Wrench
 
 from .chain_samples import LISTED
-from .conftest import EXAMPLES
+from .conftest import EXAMPLES, refused
 
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
 
@@ -122,7 +122,7 @@ def test_a_run_of_other_joints_is_refused_in_a_sentence(run: tn.Run, tmp_path: P
     other = tn.control.names_of(tn.instrument.expanded("needle-driver"))
     with (
         Recorder(tmp_path / "other.mcap", axes=other) as recorder,
-        pytest.raises(RecordingError, match=r"the run's joints are yaw.*they must be pitch, jaw_1"),
+        refused("joints", "yaw, pitch, jaw", kind=RecordingError),
     ):
         recorder.write(run)
 
@@ -194,32 +194,32 @@ def test_what_several_joints_cannot_run_is_refused_in_a_sentence(name: str, phas
 
 
 @pytest.mark.parametrize(
-    ("phase", "says"),
+    ("phase", "key"),
     [
         (
             StepLoad(wrench=Wrench(my=1.0), duration=1),
-            "wrench.my is given, but .* takes forces by axis; give fx",
+            "wrench.my",
         ),
         (
             StepLoad(wrench=Wrench(fy=1.0), duration=1),
-            "wrench.fy is given, but .* takes forces by axis; give fx",
+            "wrench.fy",
         ),
-        (StepLoad(grip_force=1.0, duration=1), "grip_force is given, but scaled-up has no jaws that grip; give force"),
-        (Ramp(handle_angles={"yaw": 0.1}, duration=1), "names yaw; it must name joints of the handle: handle_yaw"),
-        (Cycles(joint="yaw", amplitude=0.1, speed=1, count=1), "joint is yaw; it must be handle_yaw, which scaled-up"),
-        (GrippedObject(stiffness=1e3), "kind is object.*it must be contact"),
+        (StepLoad(grip_force=1.0, duration=1), "grip_force"),
+        (Ramp(handle_angles={"yaw": 0.1}, duration=1), "handle_angles.yaw"),
+        (Cycles(joint="yaw", amplitude=0.1, speed=1, count=1), "joint"),
+        (GrippedObject(stiffness=1e3), "kind"),
     ],
 )
 def test_what_a_planar_instrument_cannot_run_is_refused_in_a_sentence(
-    phase: object, says: str, scaled: tn.Instrument
+    phase: object, key: str, scaled: tn.Instrument
 ) -> None:
-    with pytest.raises(ProtocolError, match=f"test: phase 1 .*{says}"):
+    with refused(key, kind=ProtocolError):
         protocol(phase).plan(scaled, 1e-3)
 
 
 def test_an_object_wider_than_the_jaws_are_open_is_refused(wrist: tn.instrument.FullForm) -> None:
     wide = GrippedObject(stiffness=1e3, opening=5e-3)
-    with pytest.raises(ProtocolError, match=r"phase 1 \(object\): opening.*to which the jaws are open"):
+    with refused("opening", 0.005, kind=ProtocolError):
         tn.simulate.execute(tn.twin.Twin(wrist), protocol(wide))
 
 
@@ -232,7 +232,7 @@ def test_a_figure_has_a_curve_for_each_joint_and_tendon(run: tn.Run) -> None:
     (panel,) = run.plot("tension.grip").axes
     (line,) = panel.lines
     assert np.array_equal(line.get_ydata(), run["tension.grip"])
-    with pytest.raises(KeyError, match="temperature is not among"):
+    with pytest.raises(KeyError):
         run.plot("temperature")
 
 

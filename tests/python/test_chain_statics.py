@@ -231,13 +231,13 @@ def test_coupling_is_the_inverse_of_what_the_angles_draw(inst: FullForm) -> None
 
 
 def test_a_load_beyond_the_fold_has_no_equilibrium() -> None:
-    with pytest.raises(NoSolutionError, match="fold"):
+    with refused("handle_angles", kind=NoSolutionError):
         chain.output_angles(two_axes("real-size"), [0.2, 0.1], [-40, -40, 0, 0, 0, 0])
 
 
 def test_tendons_that_are_all_slack_hold_nothing() -> None:
     inst = two_axes("real-size")
-    with pytest.raises(NoSolutionError, match="slack"):
+    with refused("handle_angles", kind=NoSolutionError):
         chain.output_angles(inst, 0.0, strokes=[-2e-3, -2e-3, 0, 0])
 
 

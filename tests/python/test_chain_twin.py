@@ -12,6 +12,7 @@ from tenodesis.twin.chain_rows import TwinRows, twin_rows
 from tests.python import chain_samples
 
 from .chain_samples import LISTED
+from .conftest import refused
 
 NOMINAL = {"mismatch.stiffness_ratio": 1.0, "mismatch.output_encoder_offset": 0.0}
 FRICTION = {"law": "capstan", "vertex_coefficient": 0.15, "sheath_coefficient": 0.1, "sheath_bend": np.radians(20)}
@@ -239,7 +240,7 @@ def test_jaws_press_what_they_hold_and_the_energy_is_balanced() -> None:
     inst = shipped("needle-driver")
     opening_speed = np.sign(inst.tendon_arms("tip") @ inst.grip_arms)
     held = tn.twin.Held(opening=1e-3, stiffness=2e4, damping=5.0)
-    with pytest.raises(tn.ArgumentError, match="to which the jaws are open"):
+    with refused("held.opening", 0.001):
         tn.twin.Twin(inst).run(0, wrench=np.zeros((10, 6)), held=held)
     twin = tn.twin.Twin(inst)
     still = np.zeros((600, 6))
@@ -361,7 +362,7 @@ def test_a_seed_repeats_its_noise_and_a_lost_call_changes_nothing() -> None:
     runs = [tn.twin.Twin(inst, seed=4).run(handle, wrench=wrench) for _ in range(2)]
     assert np.array_equal(runs[0]["measured_tension"], runs[1]["measured_tension"])
     twin = tn.twin.Twin(inst, seed=4)
-    with pytest.raises(tn.NoSolutionError, match="no equilibrium"):
+    with refused("load", kind=tn.NoSolutionError):
         twin.run(handle, wrench=[1e4, 0, 0, 0, 0, 0])
     again = twin.run(handle, wrench=wrench)
     assert np.array_equal(again["measured_tension"], runs[0]["measured_tension"])
@@ -389,11 +390,11 @@ def test_bad_commands_are_refused_in_a_sentence(arguments: dict[str, object], me
 
 
 def test_a_grip_without_jaws_and_a_base_wrap_of_all_joints_are_refused() -> None:
-    with pytest.raises(tn.ArgumentError, match="nothing that grips"):
+    with refused("held", allowed="nothing without a table [grip]"):
         tn.twin.Twin("two-segment-continuum").run(0, wrench=np.zeros((3, 6)), held=tn.twin.Held(1e-3, 1e3))
-    with pytest.raises(tn.InstrumentError, match=r"base_wrap is 0\.1"):
+    with refused("friction.base_wrap", 0.1, kind=tn.InstrumentError):
         shipped("needle-driver", friction={"law": "capstan", "base_wrap": 0.1})
-    with pytest.raises(tn.ArgumentError, match="a twelfth of a period"):
+    with refused("time_step", 0.005):
         tn.twin.Twin("needle-driver", time_step=5e-3)
 
 
@@ -404,6 +405,6 @@ def test_rows_and_columns_are_found_by_name() -> None:
     assert run["tension." + inst.tendons[2].name].shape == (50,)
     assert "output_angle.pitch [rad]" in run.to_pandas().columns
     assert len(run.rows(10, 20)) == 10
-    with pytest.raises(KeyError, match="not among the columns"):
+    with pytest.raises(KeyError):
         run["output_angle.roll"]
     assert list(itertools.islice(run.signals(), 1)) == ["commanded_handle_angle"]

@@ -15,6 +15,7 @@ import tenodesis as tn
 from tenodesis.cli import bench
 from tenodesis.cli.app import app, load
 from tenodesis.cli.table import COMMANDS, Entry, EntryGroup
+from tenodesis.errors import Error
 from tenodesis.instrument import Instrument
 from tenodesis.paper.context import Context
 from tenodesis.paper.run import CHAPTERS
@@ -149,22 +150,19 @@ def test_bench_takes_any_instrument_file_and_shows_its_results(
     assert asked[1] == (tn.load("real-size"), tn.load("scaled-up"), Path("out"))
 
 
-def test_bench_computes_the_chapters_that_are_named(tenodesis: Run, tmp_path: Path) -> None:
+def test_bench_computes_the_chapters_that_are_named(
+    tenodesis: Run, declined: Callable[..., Error], tmp_path: Path
+) -> None:
     code, said, _ = tenodesis("bench", EXAMPLES / "pulley.toml", "--only", "loss, slack", "--only", "transmissibility")
     assert code == 0
     assert "published" not in said
     names = json.loads((tmp_path / "out/results.json").read_text("utf-8"))["results"]
     assert {key.partition(".")[0] for key in names} == {"loss", "tension", "transmissibility"}
-    code, _, wrong = tenodesis("bench", EXAMPLES / "pulley.toml", "--only", "loss,los", "--out", "nowhere")
-    assert code == 1
-    assert "--only is 'los'; it must be one of posture, input-output, slack, transmissibility, loss, " in wrong
+    problem = declined("bench", EXAMPLES / "pulley.toml", "--only", "loss,los", "--out", "nowhere")
+    assert (problem.key, problem.value) == ("--only", "los")
     assert not (tmp_path / "nowhere").exists()
     listed = tenodesis("bench", "--help")[1]
     assert all(re.search(rf"\b{name}\b", listed) for name in CHAPTERS if "-" not in name)
-
-
-def test_schema_prints_json(tenodesis: Run) -> None:
-    assert json.loads(tenodesis("schema")[1])["title"] == "Tenodesis instrument"
 
 
 def test_check_prints_values_and_sources(tenodesis: Run) -> None:
@@ -175,24 +173,19 @@ def test_check_prints_values_and_sources(tenodesis: Run) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "sentence"),
+    ("arguments", "key"),
     [
-        (("bench", "absent.toml"), "tenodesis: absent.toml: there is no such file"),
-        (("bench", "bad.toml"), "tenodesis: bad.toml: joint_type is missing; "),
-        (("check", "bad.toml"), "tenodesis: bad.toml: joint_type is missing"),
-        (("bench", "real-size", "--scaled-up", "absent"), "tenodesis: absent: there is no such file"),
-        (("bench", "real-size", "--scaled-up", EXAMPLES / "pulley.toml"), "must be of the same joint type"),
-        (("bench", EXAMPLES / "pulley.toml", "--out", "bad.toml/out"), "bad.toml/out cannot be written"),
+        (("bench", "bad.toml"), "joint_type"),
+        (("check", "bad.toml"), "joint_type"),
+        (("bench", "real-size", "--scaled-up", "absent"), "file"),
+        (("bench", "real-size", "--scaled-up", EXAMPLES / "pulley.toml"), "joint_type"),
     ],
 )
-def test_a_mistake_ends_in_one_sentence(
-    tenodesis: Run, tmp_path: Path, arguments: tuple[object, ...], sentence: str
+def test_a_mistake_is_refused_by_its_key(
+    declined: Callable[..., Error], tmp_path: Path, arguments: tuple[object, ...], key: str
 ) -> None:
     (tmp_path / "bad.toml").write_text('name = "x"\n')
-    code, _, wrong = tenodesis(*arguments)
-    assert code == 1
-    assert sentence in wrong
-    assert len(wrong.strip().splitlines()) == 1
+    assert declined(*arguments).key == key
     assert not (tmp_path / "out").exists()
 
 

@@ -92,31 +92,6 @@ def test_options_choose_what_the_controller_is(tenodesis: Command, tmp_path: Pat
         assert line in text
 
 
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        (("absent",), "absent: there is no such file and no instrument of that name"),
-        (("scaled-up", "--axis", "pitch"), "scaled-up has no axis 'pitch'; it has yaw"),
-        (("scaled-up", "--observer", "paper"), 'law is "robust" and observer "paper"'),
-        (("scaled-up", "--name", "2nd"), "name is '2nd'; it must be letters, digits and underscores"),
-        (("scaled-up", "--name", "static"), "name is 'static'; it must be"),
-        (("scaled-up", "--name", "tenodesis_step"), "name is 'tenodesis_step'; it must be"),
-        (("scaled-up", "--out", "nowhere/x.h"), "nowhere/x.h cannot be written: there is no folder nowhere"),
-        (("scaled-up", "--out", "mine.h"), "mine.h exists already; give another path, or --overwrite"),
-    ],
-)
-def test_a_mistake_ends_in_one_sentence_and_writes_nothing(
-    tenodesis: Command, tmp_path: Path, options: tuple[str, ...], sentence: str
-) -> None:
-    (tmp_path / "mine.h").write_text("mine")
-    code, _, err = tenodesis("export", "controller", *options)
-    assert code == 1
-    assert sentence in err
-    assert len(err.strip().splitlines()) == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["mine.h"]
-    assert (tmp_path / "mine.h").read_text() == "mine"
-
-
 def test_an_existing_header_is_replaced_when_asked(tenodesis: Command, tmp_path: Path) -> None:
     (tmp_path / "scaled_up.h").write_text("mine")
     assert tenodesis("export", "controller", "scaled-up", "--overwrite")[0] == 0
@@ -128,12 +103,6 @@ def test_a_header_serves_the_joints_that_have_a_pair_of_their_own(tenodesis: Com
     assert code == 0 and "the controller of hybrid-scaled-up (yaw and pitch)" in out
     planar = control.header(control.compensated("hybrid-scaled-up"), source="hybrid-scaled-up")
     assert next(tmp_path.glob("*.h")).read_text() == planar
-
-
-def test_an_instrument_without_such_joints_has_no_header(tenodesis: Command, tmp_path: Path) -> None:
-    code, _, err = tenodesis("export", "controller", "needle-driver")
-    assert code == 1 and "has no joint that a controller can compensate" in err
-    assert not list(tmp_path.iterdir())
 
 
 def test_no_name_of_a_file_breaks_the_header(scaled: Instrument) -> None:

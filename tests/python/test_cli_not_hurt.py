@@ -1,5 +1,6 @@
 """Claims about mistakes at the command line: each ends in one sentence, before any work, and nothing is lost."""
 
+import shlex
 import shutil
 import signal
 import subprocess
@@ -348,3 +349,48 @@ def test_ctrl_c_during_the_start_is_a_sentence(tmp_path: Path, module: str) -> N
     if process.returncode:  # else it was done before the signal came
         assert process.returncode in INTERRUPTED
         assert [line for line in stderr if not line.startswith("tenodesis: interrupted")] == []
+
+
+NEW, LOSS, MANY, HEADER = "new mine --defaults", "loss real-size", "loss needle-driver", "export controller scaled-up"
+
+
+@pytest.mark.parametrize(
+    ("words", "key"),
+    [
+        (f"{NEW} --mechanism gearbox", "--mechanism"),
+        *((f"{NEW} --distal-radius '{one}'", "--distal-radius") for one in ("-2 mm", "0 mm", "nan mm", "2")),
+        *((f"{NEW} --pretension '{one}'", "--pretension") for one in ("30 mm", "inf N")),
+        *((f"{NEW} --load '{one}'", "--load") for one in ("1 kg", "-1 N")),
+        (f"{NEW} --rope hemp", "--rope"),
+        (f"{NEW} --backbone-length '20 mm'", "--backbone-length"),
+        *((f"{NEW} --handle-range '{one}'", "--handle-range") for one in ("90 mm", "200 deg")),
+        (f"{NEW} --stem-diameter 5", "--stem-diameter"),
+        (f"{NEW} --tendon-diameter '1 um' --pretension '3000 N'", "pretension"),
+        *((f"new '{name}'", "NAME") for name in ("", ".toml", "absent/mine")),
+        *((f"{LOSS} --load '{one}'", "--load") for one in ("2", "2 mm", "-2 N", "nan N")),
+        *((f"{LOSS} --angle '{one}'", "--angle") for one in ("60", "170 deg")),
+        (f"{LOSS} --axis roll", "axis"),
+        (f"{LOSS} --moment '0 0 1 N*mm'", "--moment"),
+        *((f"{MANY} --load '{one}'", "--load") for one in ("2 N", "0 0 1 mm")),
+        (f"{MANY} --angle '10 deg'", "--angle"),
+        (f"{MANY} --angle '10 170 0 deg'", "--angle of jaw_1"),
+        (f"{MANY} --axis yaw", "--axis"),
+        ("bench absent.toml", "file"),
+        ("export controller absent", "file"),
+        ("record absent short.toml", "file"),
+        ("record scaled-up absent", "file"),
+        ("record scaled-up short.toml --time-step 0.5", "--time-step"),
+        ("check absent.toml --json", "file"),
+        ("loss absent.toml --json", "file"),
+        ("export controller needle-driver", "inst"),
+        (f"{HEADER} --axis pitch", "axis"),
+        (f"{HEADER} --observer paper", "observer"),
+        *((f"{HEADER} --name {name}", "name") for name in ("2nd", "static", "tenodesis_step")),
+    ],
+)
+def test_a_wrong_word_is_refused_by_its_key(
+    declined: Callable[..., tn.Error], desk: Path, words: str, key: str
+) -> None:
+    before = contents(desk)
+    assert declined(*shlex.split(words)).key == key
+    assert contents(desk) == before

@@ -13,9 +13,8 @@ import pytest
 import tenodesis as tn
 from tenodesis import cad
 from tenodesis.cli import cad as cli_cad
-from tenodesis.errors import InstrumentError
+from tenodesis.errors import Error, InstrumentError
 from tenodesis.instrument import Instrument
-from tenodesis.scaling import PINS
 from tenodesis.simulate.execution import check_controllable
 
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
@@ -40,7 +39,7 @@ PAPER = [
 
 @pytest.mark.slow
 def test_a_workshop_gets_an_instrument_file_a_plan_and_the_front(tenodesis: Command, tmp_path: Path) -> None:
-    code, said, wrong = tenodesis("scale", "real-size", "--combinations", 20_000)
+    code, said, wrong = tenodesis("scale", "real-size", "--combinations", 5000)
     assert (code, wrong) == (0, "")
     folder = tmp_path / "prototype"
     assert sorted(path.name for path in folder.iterdir()) == sorted([*FILES, *PARTS])
@@ -83,7 +82,7 @@ def test_what_would_be_better_than_the_papers_prototype_is_told(tenodesis: Comma
 
 @pytest.mark.slow
 def test_a_factor_pins_the_distal_radius(tenodesis: Command, tmp_path: Path) -> None:
-    assert tenodesis("scale", "real-size", "--factor", 3.75, "--combinations", 20_000, "--no-parts")[0] == 0
+    assert tenodesis("scale", "real-size", "--factor", 3.75, "--combinations", 5000, "--no-parts")[0] == 0
     inst = tn.load(tmp_path / "prototype/scaled-up.toml")
     assert isinstance(inst, tn.TendonGear)
     assert inst.distal_gear_radius == pytest.approx(7.5e-3)
@@ -91,7 +90,7 @@ def test_a_factor_pins_the_distal_radius(tenodesis: Command, tmp_path: Path) -> 
 
 @pytest.mark.slow
 def test_a_plan_has_the_picture_of_its_solids_and_their_inertia(
-    tenodesis: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tenodesis: Command, declined: Callable[..., Error], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With solids made up, so that the kernel is not needed."""
 
@@ -119,26 +118,24 @@ def test_a_plan_has_the_picture_of_its_solids_and_their_inertia(
     assert '<a href="../solids/assembly.glb">' in page
 
     def refuse(*_: Any, **__: Any) -> Any:
-        raise InstrumentError("distal_gear_radius is 2 mm: too small.")
+        raise InstrumentError(key="distal_gear_radius", value=2.0, allowed="larger")
 
     monkeypatch.setattr(cad, "build", refuse)
     # What cannot be made is told when the plan is written.
-    code, _, wrong = tenodesis(*words, "--overwrite")
-    assert (code, "distal_gear_radius is 2 mm" in wrong) == (1, True)
+    assert declined(*words, "--overwrite").key == "distal_gear_radius"
     assert "assembly.glb" not in (tmp_path / "prototype/plan.html").read_text("utf-8")
-    code, _, wrong = tenodesis(*words[:-1], "prototype")
-    assert (code, "--cad and --out are both prototype" in wrong) == (1, True)
+    assert declined(*words[:-1], "prototype").key == "--cad"
 
 
 @pytest.mark.slow
 def test_a_row_of_the_front_can_be_taken(tenodesis: Command, tmp_path: Path) -> None:
-    tenodesis("scale", "real-size", "--combinations", 20_000, "--prefer", "size", "--no-parts")
+    tenodesis("scale", "real-size", "--combinations", 5000, "--prefer", "size", "--no-parts")
     rows = list(csv.DictReader((tmp_path / "prototype/front.csv").open()))
     shortest = min(float(row["overall length [mm]"]) for row in rows)
     taken = tn.load(tmp_path / "prototype/scaled-up.toml")
     assert 1e3 * taken.overall_length == pytest.approx(shortest, rel=0.011)
     again = ("--pick", len(rows), "--overwrite", "--no-parts")
-    code, _, _ = tenodesis("scale", "real-size", "--combinations", 20_000, *again)
+    code, _, _ = tenodesis("scale", "real-size", "--combinations", 5000, *again)
     taken = tn.load(tmp_path / "prototype/scaled-up.toml")
     assert code == 0
     assert 1e3 * taken.overall_length == pytest.approx(float(rows[-1]["overall length [mm]"]))
@@ -152,7 +149,7 @@ def test_an_own_catalogue_is_merged_with_shipped_ones(tenodesis: Command, tmp_pa
     (tmp_path / "own.toml").write_text(own)
     code, said, wrong = tenodesis(
         "scale", "real-size", "--catalogue", "standard", "--catalogue", "own.toml", "--pin", "rope=cord",
-        "--combinations", 20_000, "--no-parts",
+        "--combinations", 5000, "--no-parts",
     )  # fmt: skip
     assert (code, wrong) == (0, "")
     assert tn.load(tmp_path / "prototype/scaled-up.toml").breaking_load == 900
@@ -162,7 +159,7 @@ def test_an_own_catalogue_is_merged_with_shipped_ones(tenodesis: Command, tmp_pa
 @pytest.mark.slow
 def test_an_objective_takes_the_best_of_all_designs_by_it(tenodesis: Command, tmp_path: Path) -> None:
     code, said, wrong = tenodesis(
-        "scale", "real-size", "--combinations", 20_000, "--objective", "smallest", "--no-parts"
+        "scale", "real-size", "--combinations", 5000, "--objective", "smallest", "--no-parts"
     )  # fmt: skip
     assert (code, wrong) == (0, "")
     assert "Another design is taken" in said
@@ -173,49 +170,28 @@ def test_an_objective_takes_the_best_of_all_designs_by_it(tenodesis: Command, tm
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("arguments", "key"),
     [
-        (["--catalogue", "nowhere.toml"], "nowhere.toml: there is no such file and no catalogue of that name; "),
-        (["--pin", "overall_length"], "--pin is 'overall_length'; it must be KEY=VALUE"),
-        (["--pin", "overall_length=1"], "overall_length = '1' is pinned: it has no unit"),
-        (["--pin", "size=1 m"], f"size cannot be pinned; keys that can are {PINS[0]}"),
-        (["--pin", "rope=a", "--pin", "rope=b"], "--pin names rope twice"),
-        (["--pick", "0"], "--pick is 0; it must be a row of the front, from 1 to"),
+        (["--catalogue", "nowhere.toml"], "file"),
+        (["--pin", "overall_length"], "--pin"),
+        (["--pin", "overall_length=1"], "overall_length"),
+        (["--pin", "size=1 m"], "size"),
+        (["--pin", "rope=a", "--pin", "rope=b"], "--pin"),
+        (["--pick", "0"], "--pick"),
         (["--as-built", "0.3"], "--as-built"),
-        (["--objective", "cheapest", "--pick", "1"], "--objective is cheapest and --pick is 1; give one of them."),
-        (["--combinations", "0"], "combinations is 0; it must be an integer"),
-        (
-            ["--factor", "4", "--pin", "factor=3"],
-            "--factor is 4 and --pin names factor as well; give one of them.",
-        ),
-        (["--factor", "1"], "factor = 1 needs a distal radius of 2 mm, which no wheel"),
+        (["--objective", "cheapest", "--pick", "1"], "--pick"),
+        (["--combinations", "0"], "combinations"),
+        (["--factor", "4", "--pin", "factor=3"], "--pin"),
+        (["--factor", "1"], "distal_gear_radius"),
     ],
 )
-def test_mistakes_are_one_sentence(tenodesis: Command, tmp_path: Path, arguments: list[str], message: str) -> None:
+def test_a_mistake_is_refused_by_its_key(
+    declined: Callable[..., Error], tmp_path: Path, arguments: list[str], key: str
+) -> None:
     if "--combinations" not in arguments:
         arguments = [*arguments, "--combinations", "5000"]
-    code, _, wrong = tenodesis("scale", "real-size", *arguments)
-    assert code == 1
-    assert message in wrong
-    assert "Traceback" not in wrong
+    assert declined("scale", "real-size", *arguments).key == key
     assert not (tmp_path / "prototype").exists()
-
-
-def test_nothing_is_written_over_unless_asked(tenodesis: Command, tmp_path: Path) -> None:
-    (tmp_path / "prototype").mkdir()
-    (tmp_path / "prototype/plan.pdf").write_text("mine")
-    code, _, wrong = tenodesis("scale", "real-size", "--combinations", 5000)
-    assert code == 1
-    assert "prototype/plan.pdf exists already; give another path, or --overwrite." in wrong
-    assert [path.name for path in (tmp_path / "prototype").iterdir()] == ["plan.pdf"]
-    assert (tmp_path / "prototype/plan.pdf").read_text() == "mine"
-
-
-def test_a_folder_that_cannot_be_written_is_told(tenodesis: Command, tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    code, _, wrong = tenodesis("scale", "real-size", "--combinations", 5000, "--out", "file/inside")
-    assert code == 1
-    assert "file/inside cannot be written" in wrong
 
 
 def test_schemas_of_every_kind_of_file_are_printed(tenodesis: Command) -> None:

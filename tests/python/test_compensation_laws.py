@@ -12,42 +12,14 @@ from tenodesis.instrument import Instrument
 from tenodesis.run import Run
 from tenodesis.twin import TIME_STEP, Twin
 
+from .motions import clock, eased, load_of, with_friction
+from .twin_motions import smooth
+
 Array = NDArray[np.float64]
-FRICTION: dict[str, Any] = {
-    "friction.law": "capstan",
-    "friction.vertex_coefficient": 0.1,
-    "friction.sheath_coefficient": 0.1,
-    "friction.sheath_bend": np.radians(10),
-}
-
-
-def smooth(inst: Instrument) -> Instrument:
-    """The first axis without friction, as its file says it is."""
-    alone = inst.axis("yaw") if len(inst.axes) > 1 else inst
-    return alone.replace(friction=None, mismatch=None)
-
-
-def with_friction(inst: Instrument, **more: Any) -> Instrument:
-    """The first axis with the friction of the paper's instruments, otherwise as its file says it is."""
-    return smooth(inst).replace(**FRICTION | more)
-
-
-def clock(duration: float) -> Array:
-    return np.arange(1, round(duration / TIME_STEP) + 1, dtype=np.float64) * TIME_STEP
 
 
 def row(time: float) -> int:
     return round(time / TIME_STEP) - 1
-
-
-def eased(to: float, duration: float, total: float) -> Array:
-    share = np.clip(clock(total) / duration, 0, 1)
-    return np.asarray(to * share**3 * (10 - 15 * share + 6 * share**2), np.float64)
-
-
-def load_of(inst: Instrument, share: float) -> float:
-    """Force (N) at a share of what slackens a tendon of the straight instrument."""
-    return share * float(tn.statics.slack_force(inst, 0.0))
 
 
 def target(inst: Instrument, handle: Array) -> Array:

@@ -16,7 +16,7 @@ from tenodesis.console.access import page_html
 from tenodesis.console.status import ADVICE
 from tenodesis.live import folder as folders
 
-from .console_stand_in import StandIn
+from .console_stand_in import SHORT_PROTOCOL, StandIn
 
 pytest.importorskip("viser", reason="the page needs viser")
 playwright = pytest.importorskip("playwright.sync_api", reason="browser tests need playwright")
@@ -27,16 +27,6 @@ pytestmark = [pytest.mark.process, pytest.mark.skipif(not CHROMIUM, reason="brow
 PATIENCE = 60.0  # s
 
 BAD_FILE = 'name = "x"\njoint_type = "tendon-gear"\npretension = "30 mm"\nhandle_rnge = "45 deg"\n'
-SHORT_PROTOCOL = """
-name = "short"
-[[phases]]
-kind = "step-load"
-output_angle = "20 deg"
-delay = "0.2 s"
-force = "1 N"
-duration = "0.5 s"
-release = "0.3 s"
-"""
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.instrument.text import to_toml
 
 from .console_guest import CAMERA, Guest, get, operates, wait
-from .console_stand_in import StandIn
+from .console_stand_in import SHORT_PROTOCOL, StandIn
 
 pytestmark = pytest.mark.process
 
@@ -191,16 +191,7 @@ def test_names_in_files_are_shown_and_not_obeyed(bench: StandIn, page: Page, tmp
             assert "![" not in text
 
 
-PROTOCOL = """
-name = "NAME"
-[[phases]]
-kind = "step-load"
-output_angle = "20 deg"
-delay = "0.2 s"
-force = "1 N"
-duration = "0.5 s"
-release = "0.3 s"
-"""
+PROTOCOL = SHORT_PROTOCOL.replace("short", "NAME")
 
 
 def test_markdown_of_others_is_text() -> None:

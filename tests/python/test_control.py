@@ -13,6 +13,7 @@ from tenodesis.instrument import Instrument, TendonGear
 from tenodesis.run import Run
 from tenodesis.twin import TIME_STEP, Twin
 
+from .motions import clock, eased, load_of, with_friction
 from .twin_motions import smooth
 
 Array = NDArray[np.float64]
@@ -24,27 +25,6 @@ FINE: dict[str, Any] = {
     "sensors.load_cell_bits": 24,
     "drives.encoder_counts": 2**22,
 }
-
-
-def with_friction(inst: Instrument, scale: float = 1.0) -> Instrument:
-    """The first axis with the friction of the paper's instruments, times a scale, otherwise as its file says it is."""
-    friction = {"vertex_coefficient": 0.1 * scale, "sheath_coefficient": 0.1 * scale, "sheath_bend": np.radians(10)}
-    return smooth(inst).replace(**{f"friction.{key}": value for key, value in {"law": "capstan", **friction}.items()})
-
-
-def clock(duration: float) -> Array:
-    return np.arange(1, round(duration / PERIOD) + 1, dtype=np.float64) * PERIOD
-
-
-def eased(to: float, duration: float, total: float) -> Array:
-    """A command that leaves zero and arrives with zero velocity, then holds, rad."""
-    share = np.clip(clock(total) / duration, 0, 1)
-    return np.asarray(to * share**3 * (10 - 15 * share + 6 * share**2), np.float64)
-
-
-def load_of(inst: Instrument, share: float) -> float:
-    """Force (N) at a share of what slackens a tendon of the straight instrument."""
-    return share * float(tn.statics.slack_force(inst, 0.0))
 
 
 def output_per_newton(inst: Instrument) -> float:

@@ -16,6 +16,7 @@ from tenodesis.identification.datasets.davinci_posture import LAWS, Wrist, load
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.run import Array
 
+from .conftest import refused
 from .dataset_files import table, write
 from .test_identification_davinci import motion, with_jaw
 
@@ -125,7 +126,7 @@ def test_simulated_postures_give_back_the_wrists_parameters() -> None:
 
 
 def test_a_law_without_an_exponent_is_refused() -> None:
-    with pytest.raises(IdentificationError, match="law is 'coulomb'; it must be one of capstan, capstan-constant"):
+    with refused("law", "coulomb", kind=IdentificationError):
         FORMATS["davinci-posture"].problem([posture(0)], [], law="coulomb", instrument=None)
 
 
@@ -136,7 +137,7 @@ def test_a_folder_stands_for_its_text_files_that_are_not_held_out(tmp_path: Path
     assert recordings_of([tmp_path], [files[1]], "davinci-posture") == [files[0]]
     assert recordings_of([tmp_path], [], "mcap") == [tmp_path]
     (tmp_path / "empty").mkdir()
-    with pytest.raises(CommandError, match=r"a folder without recordings; it must be a recording, or a folder with"):
+    with refused("LOG", kind=CommandError, allowed="a recording, or a folder with files that"):
         recordings_of([tmp_path / "empty"], [], "davinci-posture")
 
 

@@ -25,6 +25,7 @@ from tenodesis.twin import Twin
 
 from . import can_bench
 from .can_bench import RATE, TIMEOUT, served
+from .conftest import refused
 from .simulated_bench.bench import TwinPlant
 from .test_live import looped, until
 
@@ -155,7 +156,7 @@ def test_what_is_missing_or_not_there_is_named() -> None:
         with pytest.raises(InstrumentError, match=rf"devices\.canopen\.{group}\.{name} is missing; hybrid"):
             wired_by(inst, CanOpen.model_validate(without(values, group, name)))
     more = {**values, "joints": {**values["joints"], "elbow": values["joints"]["jaw"] | {"sub": 99}}}
-    with pytest.raises(InstrumentError, match="joints names elbow; it must be among yaw, pitch, jaw"):
+    with pytest.raises(InstrumentError, match="joints is 'elbow'; it must be among yaw, pitch, jaw"):
         wired_by(inst, CanOpen.model_validate(more))
     assert not wired_by(inst, CanOpen.model_validate(without(values, "joints", "jaw"))).distal
     with pytest.raises(ValueError, match="nor tendons; give one table"):
@@ -168,7 +169,7 @@ def test_the_file_of_an_instrument_keeps_its_wiring() -> None:
     assert again.devices.canopen == inst.devices.canopen
     device = registry.make("canopen", again)
     assert isinstance(device, CanOpenDevice)
-    with pytest.raises(DeviceError, match="serial is a controller on a board, but needle-driver has no joint"):
+    with refused("inst", kind=DeviceError):
         registry.make("serial", again)
 
 
@@ -206,9 +207,9 @@ def test_currents_of_the_drives_measure_the_tensions_where_the_file_says_so() ->
     assert {plug.part.object for plug in tensions} == {0x6078}
     per_count = inst.tension_sensors[0].per_current * 3.0 / 1000
     assert [plug.part.gain for plug in tensions[:2]] == pytest.approx([per_count, -per_count])
-    with pytest.raises(InstrumentError, match=r"devices.nidaq.tendons.pitch_wound.current is missing"):
+    with refused("devices.nidaq.tendons.pitch_wound.current", kind=InstrumentError):
         inst.replace(devices={"nidaq": {"tendons": {"pitch_wound": {"speed": "ao0", "gain": 1.0, "counter": "c"}}}})
-    with pytest.raises(InstrumentError, match=r"devices.nidaq.tendons.pitch_wound.tension is missing"):
+    with refused("devices.nidaq.tendons.pitch_wound.tension", kind=InstrumentError):
         rated("needle-driver").replace(
             devices={"nidaq": {"tendons": {"pitch_wound": {"speed": "ao0", "gain": 1.0, "counter": "c"}}}}
         )

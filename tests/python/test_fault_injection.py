@@ -11,6 +11,8 @@ from tenodesis.control import Controller, Request
 from tenodesis.simulate import FaultInjection
 from tenodesis.twin import TIME_STEP, Twin
 
+from .conftest import refused
+
 Array = NDArray[np.float64]
 TICKS = 400
 
@@ -78,7 +80,7 @@ def test_only_a_tendons_signal_can_be_swapped_and_the_tick_not_be_scaled(point: 
 
 def test_two_faults_at_one_point_must_come_one_after_the_other() -> None:
     scaled, shifted = FaultInjection("tension.agonist", "scale", 2.0), FaultInjection("tension.agonist", "add", 1.0)
-    with pytest.raises(ValueError, match=r"two faults are at tension\.agonist at the same time"):
+    with refused("point"):
         read(scaled, shifted)
     # The twin has run for as long before.
     half = (1.5 * TICKS + 0.5) * TIME_STEP

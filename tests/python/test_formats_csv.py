@@ -5,25 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import tenodesis as tn
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.recording import Recording
-from tenodesis.recording.simulation import record
 
-from .recording_files import PROTOCOL, headed, read, same, table
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("formats") / "run.mcap"
-    record(tn.load("scaled-up"), PROTOCOL, path, seed=2)
-    return path
-
-
-@pytest.fixture(scope="module")
-def recorded(log: Path) -> InstrumentRun:
-    return read(log)
+from .conftest import refused
+from .recording_files import headed, read, same, table
 
 
 def test_an_export_is_the_recording(recorded: InstrumentRun, log: Path, tmp_path: Path) -> None:
@@ -133,24 +120,24 @@ def test_a_handle_may_turn_far(recorded: InstrumentRun, tmp_path: Path) -> None:
 def test_tensions_that_may_be_in_two_units_are_refused_with_what_to_do(recorded: InstrumentRun, tmp_path: Path) -> None:
     # 15 N in gram-force, which would be 1.5 N in mN
     tension = {f"tension_{one}": 160 * recorded[f"tension_{one}"] for one in ("agonist", "antagonist")}
-    with pytest.raises(IdentificationError, match=r"cannot be in N and may be mN or gram-force; .* \[N\]'"):
+    with refused("tension_agonist", "N", kind=IdentificationError):
         read(table(tmp_path / "run.csv", headed(recorded, **tension)))
 
 
 def test_an_implausible_column_is_refused(recorded: InstrumentRun, tmp_path: Path) -> None:
     columns = headed(recorded, handle_angle=1e6 * recorded["handle_angle"])
-    with pytest.raises(IdentificationError, match=r"handle_angle .* fits no unit"):
+    with refused("handle_angle", "rad", kind=IdentificationError):
         read(table(tmp_path / "run.csv", columns))
 
 
 def test_headings_without_a_known_name_are_refused_with_what_to_do(tmp_path: Path) -> None:
     path = table(tmp_path / "run.csv", {"t": np.arange(5.0), "a": np.arange(5.0)})
-    with pytest.raises(IdentificationError, match=r"headings are 't', 'a'; they must be .* run.csv.columns.toml"):
+    with refused("columns", kind=IdentificationError):
         read(path)
     (tmp_path / "empty.csv").write_text("")
-    with pytest.raises(IdentificationError, match="is empty"):
+    with refused("path", kind=IdentificationError):
         read(tmp_path / "empty.csv")
-    with pytest.raises(IdentificationError, match="cannot be read"):
+    with refused("path", kind=IdentificationError):
         read(tmp_path / "none.csv")
 
 
@@ -186,10 +173,10 @@ def test_a_sensor_that_was_not_recorded_is_left_out(recorded: InstrumentRun, tmp
 
 def test_a_handle_that_rests_and_too_few_samples_are_refused(recorded: InstrumentRun, tmp_path: Path) -> None:
     still = headed(recorded, handle_angle=np.zeros(len(recorded)))
-    with pytest.raises(IdentificationError, match="no excitation: handle_angle"):
+    with refused("handle_angle", 0.0, kind=IdentificationError):
         read(table(tmp_path / "still.csv", still))
     short = {name: values[:50] for name, values in headed(recorded).items()}
-    with pytest.raises(IdentificationError, match="too few"):
+    with refused("samples", 50, kind=IdentificationError):
         read(table(tmp_path / "short.csv", short))
 
 

@@ -13,22 +13,10 @@ from tenodesis.errors import IdentificationError
 from tenodesis.identification import measured
 from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.recording import Recording, container, schemas
-from tenodesis.recording.simulation import record
 from tenodesis.run import Names, Run
 
-from .recording_files import PROTOCOL, read, same
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("formats") / "run.mcap"
-    record(tn.load("scaled-up"), PROTOCOL, path, seed=2)
-    return path
-
-
-@pytest.fixture(scope="module")
-def recorded(log: Path) -> InstrumentRun:
-    return read(log)
+from .conftest import refused
+from .recording_files import read, same
 
 
 def test_a_recording_has_every_column_and_its_instrument(recorded: InstrumentRun, log: Path) -> None:
@@ -46,7 +34,7 @@ def test_a_run_needs_no_file(recorded: InstrumentRun, log: Path) -> None:
     assert np.array_equal(run.time, recorded.time)
     assert run.columns.keys() == recorded.columns.keys()
     assert all(np.array_equal(run[name], recorded[name]) for name in run.columns)
-    with pytest.raises(IdentificationError, match="lacks measured_tension, measured_handle_angle"):
+    with refused("signals", kind=IdentificationError):
         measured(Run(run.time, ("yaw",)))
 
 
@@ -123,13 +111,13 @@ def test_a_bag_in_parts_with_clocks_of_their_own_is_brought_together(log: Path, 
 
 
 def test_a_folder_without_recordings_and_a_file_that_is_none_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(IdentificationError, match=r"holds no MCAP file and no .db3 file; it must be"):
+    with refused("path", kind=IdentificationError):
         read(tmp_path, "mcap")
     (tmp_path / "bag_0.db3.zstd").write_bytes(b"")
-    with pytest.raises(IdentificationError, match=r"\(bag_0.db3.zstd is compressed: unpack it first\)"):
+    with refused("path", kind=IdentificationError):
         read(tmp_path, "mcap")
     (tmp_path / "text.mcap").write_text("no recording")
-    with pytest.raises(IdentificationError, match="no MCAP file"):
+    with refused("path", kind=IdentificationError, allowed="an MCAP file"):
         read(tmp_path / "text.mcap")
 
 
@@ -229,12 +217,12 @@ def test_a_bag_in_sqlite_that_is_none_is_refused(plain: Path, tmp_path: Path, mo
 
 def test_a_bag_in_sqlite_that_is_packed_or_torn_is_refused(plain: Path, tmp_path: Path) -> None:
     packed = {"/tendons/measured_js": lambda all_: [one._replace(data=b"\x28\xb5\x2f\xfd" + one.data) for one in all_]}
-    with pytest.raises(IdentificationError, match="holds compressed messages; they must be plain"):
+    with refused("path", kind=IdentificationError, allowed="a bag of plain messages"):
         read(as_sqlite(plain, tmp_path / "packed.db3", edit=packed), "mcap")
     torn = as_sqlite(plain, tmp_path / "torn.db3")
     data = bytearray(torn.read_bytes())
     torn.write_bytes(data[: len(data) // 2])
-    with pytest.raises(IdentificationError, match=r"torn.db3 cannot be read as a bag of ROS 2: .* malformed"):
+    with refused("path", kind=IdentificationError):
         read(torn, "mcap")
 
 
@@ -260,7 +248,7 @@ def test_a_bag_in_sqlite_with_a_bad_page_is_read_up_to_it_and_says_so(plain: Pat
 def test_two_kinds_of_files_in_a_bag_are_refused(plain: Path, tmp_path: Path) -> None:
     as_sqlite(plain, tmp_path / "run.db3")
     (tmp_path / "run.mcap").write_bytes(plain.read_bytes())
-    with pytest.raises(IdentificationError, match=r"holds run.mcap and run.db3, .*; it must be a bag of one kind"):
+    with refused("path", kind=IdentificationError, allowed="a bag of one kind, or one of its files"):
         read(tmp_path, "mcap")
 
 
@@ -286,7 +274,7 @@ def test_messages_that_came_twice_or_out_of_order_are_left_out_and_said(plain: P
     assert len(loaded) == len(whole)
     assert loaded["handle_angle"] == pytest.approx(whole["handle_angle"], abs=1e-3)
     back = {HANDLE: lambda all_: [*all_[1000:], *all_[:1000]]}
-    with pytest.raises(IdentificationError, match=rf"b.db3: {HANDLE}: 1000 of \d+ rows are out of order"):
+    with refused("time", 1000, kind=IdentificationError):
         read(as_sqlite(plain, tmp_path / "b.db3", edit=back), "mcap")
 
 
@@ -301,8 +289,8 @@ def test_a_gap_in_one_topic_is_not_filled_in(plain: Path, tmp_path: Path) -> Non
     # one message lost is no gap
     loaded = read(as_sqlite(plain, tmp_path / "b.db3", edit={HANDLE: lambda all_: all_[:1000] + all_[1001:]}), "mcap")
     assert len(loaded) == len(whole)
-    with pytest.raises(IdentificationError, match="at most 20 % may be missing"):
-        read(as_sqlite(plain, tmp_path / "c.db3", edit={HANDLE: lambda all_: all_[:1000] + all_[4000:]}), "mcap")
+    with refused("gaps", kind=IdentificationError):
+        read(as_sqlite(plain, tmp_path / "c.db3", edit={HANDLE: lambda all_: all_[:500] + all_[2000:]}), "mcap")
 
 
 def test_a_tendon_without_a_joint_of_its_own_is_said(plain: Path, tmp_path: Path) -> None:
@@ -318,9 +306,7 @@ def test_a_tendon_without_a_joint_of_its_own_is_said(plain: Path, tmp_path: Path
 
 def test_stamps_are_seconds_whatever_their_interval(plain: Path, tmp_path: Path) -> None:
     slow = {topic.name: lambda all_: all_[::1300] for topic in schemas.topics(Names.paired(["yaw"]))}
-    with pytest.raises(
-        IdentificationError, match=r"time rises by 0\.65 a row \(median\), which is no clock of 2 Hz to 50 kHz in s$"
-    ):
+    with refused("time", 0.65, kind=IdentificationError):
         read(as_sqlite(plain, tmp_path / "a.db3", edit=slow), "mcap")
 
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import tenodesis as tn
-from tenodesis.errors import ArgumentError
 from tenodesis.scaling import Front, Objectives
+
+from .conftest import refused
 
 
 @pytest.fixture(scope="module")
@@ -13,14 +14,17 @@ def front() -> Front:
     return tn.scaling.design("real-size", combinations=2000)
 
 
-def test_a_slice_is_a_front_of_those_designs(front: Front) -> None:
-    first = front[:5]
+def test_a_slice_is_a_front_of_those_designs_and_iterating_gives_them(front: Front) -> None:
+    first = front[:3]
     assert isinstance(first, Front)
-    assert len(first) == 5
-    assert first.objectives == front.objectives[:5]
+    assert first.objectives == front.objectives[:3]
     assert front[::-1].objectives == front.objectives[::-1]
-    assert first[3].choice == front[3].choice
-    assert first[-1].choice == front[4].choice
+    designs = [design.choice for design in first]
+    assert len(designs) == 3
+    assert designs[1] == front[1].choice
+    assert designs[2] == first[-1].choice
+    with pytest.raises(IndexError):
+        first[3]
 
 
 def test_a_mask_and_indices_choose_designs(front: Front) -> None:
@@ -47,15 +51,8 @@ def test_sorting_puts_the_best_first(front: Front, objective: str) -> None:
 
 
 def test_an_unknown_objective_is_refused(front: Front) -> None:
-    with pytest.raises(ArgumentError, match="objective is 'cost'; it must be one of similarity_error"):
+    with refused("objective", "cost"):
         front.sorted_by("cost")  # type: ignore[arg-type]
-
-
-def test_iterating_gives_every_design(front: Front) -> None:
-    few = front[:3]
-    assert [design.choice for design in few] == [few[n].choice for n in range(3)]
-    with pytest.raises(IndexError):
-        few[3]
 
 
 def test_what_is_best_of_a_part_is_of_that_part(front: Front) -> None:

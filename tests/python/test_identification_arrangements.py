@@ -36,6 +36,7 @@ def compared(run: InstrumentRun, only: Sequence[str] = ()) -> ArrangementCompari
     return compare_arrangements(names[0], names[1:], fitted, train=[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "name"),
     [
@@ -47,7 +48,7 @@ def compared(run: InstrumentRun, only: Sequence[str] = ()) -> ArrangementCompari
 )
 def test_a_recording_asks_for_its_arrangement_and_has_its_coefficients(changes: dict[str, float], name: str) -> None:
     built = TRUE.replace(**{"mismatch.pretension_ratio": None, "mismatch.output_encoder_offset": None}, **changes)
-    comparison = compared(recorded(built), NAMES)
+    comparison = compared(recorded(built, seconds=2.0), NAMES)
     assert comparison.chosen == name
     assert comparison.fits
     for key in ASKED:
@@ -61,9 +62,10 @@ def test_a_recording_asks_for_its_arrangement_and_has_its_coefficients(changes: 
         assert not low < TRUTH["friction.vertex_coefficient"] < high
 
 
+@pytest.mark.slow
 def test_where_no_arrangement_fits_it_is_said_and_intervals_are_those_of_all() -> None:
     rubbing = {"friction.law": "stribeck", "friction.constant": 2.0, "friction.static_ratio": 2.0}
-    run = recorded(TRUE.replace(**{"friction.stribeck_speed": 1e-3}, **rubbing))
+    run = recorded(TRUE.replace(**{"friction.stribeck_speed": 1e-3}, **rubbing), seconds=2.0)
     comparison = compared(run, NAMES)
     assert not comparison.fits
     assert "No arrangement fits" in comparison.statements[1]

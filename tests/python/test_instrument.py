@@ -183,9 +183,9 @@ def test_replace_takes_si_numbers_and_text_with_units_and_checks_both(real: Tend
     assert real.replace(pretension=41.3).pretension == 41.3
     assert real.replace(pretension="41.3 N").pretension == 41.3
     assert real.replace(distal_gear_radius="0.2 cm") == real
-    with pytest.raises(tn.InstrumentError, match="pretension = -1: it must be a force of at least 0 N"):
+    with refused("pretension", -1, kind=tn.InstrumentError):
         real.replace(pretension=-1)
-    with pytest.raises(tn.InstrumentError, match="colour is not a known key"):
+    with refused("colour", 1, kind=tn.InstrumentError):
         real.replace(colour=1)
     assert real.pretension == 30
 
@@ -193,7 +193,7 @@ def test_replace_takes_si_numbers_and_text_with_units_and_checks_both(real: Tend
 def test_every_joint_type_loads_and_keeps_its_own_keys(pulley: Instrument, continuum: Continuum) -> None:
     assert pulley.joint_type == "tendon-pulley"
     assert continuum.backbone_rigidity == pytest.approx(2e-4)
-    with pytest.raises(tn.InstrumentError, match="backbone_length is not a known key"):
+    with refused("backbone_length", "1 mm", kind=tn.InstrumentError):
         tn.parse((EXAMPLES / "pulley.toml").read_text().replace("pretension", 'backbone_length = "1 mm"\npretension'))
 
 

@@ -92,7 +92,7 @@ def test_the_rest_of_the_promised_names_are_there() -> None:
         for name in names:
             assert hasattr(module, name), f"{module.__name__}.{name}"
     assert set(tn.__all__) <= set(dir(tn))
-    with pytest.raises(AttributeError, match="has no attribute 'absent'"):
+    with pytest.raises(AttributeError):
         tn.absent  # noqa: B018
 
 

@@ -28,6 +28,7 @@ from tenodesis.recording import Recorder
 from tenodesis.recording.schemas import flat_columns, messages_of, topics
 from tenodesis.run import Names
 
+from .conftest import refused
 from .live_loop import LiveLoop, Played
 from .test_recording import a_run
 
@@ -312,7 +313,7 @@ def test_the_one_instrument_that_runs_is_found(
     scaled: Instrument, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(live_commands, "_PLACES", (tmp_path, tmp_path / "none"))
-    with pytest.raises(LiveError, match="no live instrument runs here; start one with `tenodesis console`"):
+    with refused("FOLDER", kind=LiveError, allowed="of a live instrument that runs"):
         live_commands._running()
     (tmp_path / "tenodesis-0" / "1").mkdir(parents=True)
     (tmp_path / "tenodesis-0" / "1" / "ring").write_bytes(b"left over")
@@ -325,5 +326,5 @@ def test_the_one_instrument_that_runs_is_found(
     assert live_commands._running() == tmp_path / "tenodesis-1" / "1"
     for loop in loops:
         loop.ticks(1)
-    with pytest.raises(LiveError, match=r"several live instruments run: .*tenodesis-1/1, .*tenodesis-2/1; give one"):
+    with refused("FOLDER", kind=LiveError, allowed="one folder"):
         live_commands._running()

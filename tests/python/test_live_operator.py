@@ -25,6 +25,7 @@ from tenodesis.live.server import Server
 from tenodesis.live.ticks import Reader
 from tenodesis.recording import Recording
 
+from .conftest import refused
 from .test_live import looped, until
 from .test_live_server import operating
 
@@ -232,7 +233,7 @@ def test_a_protocol_is_not_run_unrecorded_while_the_recording_before_is_closed(s
     recorder = server.runtime.recorder.status()["pid"]
     os.kill(recorder, signal.SIGSTOP)
     one.record(False)
-    with pytest.raises(LiveError, match=r"first\.mcap is still being closed"):
+    with refused("path", kind=LiveError):
         one.play(RAMP)
     assert one.status().protocol is None
     os.kill(recorder, signal.SIGCONT)
@@ -273,7 +274,7 @@ def test_a_folder_that_others_can_enter_is_refused(tmp_path):
     (tmp_path / "open").mkdir()
     (tmp_path / "open").chmod(0o755)
     given = SimpleNamespace(folder=tmp_path / "open", instrument="scaled-up")
-    with pytest.raises(LiveError, match=r"is open to others \(mode 055\)"):
+    with refused("folder", kind=LiveError, allowed="its owner's alone"):
         servers._made(given)
     assert list((tmp_path / "open").iterdir()) == []
 

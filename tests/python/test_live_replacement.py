@@ -193,7 +193,7 @@ def test_the_link_of_the_page_is_printed_again(
     host: Host, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(live, "_running", lambda: host.folder)
-    with pytest.raises(LiveError, match="has no page"):
+    with refused("FOLDER", kind=LiveError, allowed="of a live instrument with a page"):
         live.link()
     folders.write_link(host.home, "http://127.0.0.1:1/?token=x", "")
     live.link()

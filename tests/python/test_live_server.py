@@ -24,6 +24,7 @@ from tenodesis.live.status import ProtocolState
 from tenodesis.live.ticks import Reader
 from tenodesis.recording import Recording
 
+from .conftest import refused
 from .test_live import INST, looped, until
 
 pytestmark = pytest.mark.process
@@ -59,16 +60,16 @@ def operating(folder):
 def test_one_operates_and_others_watch_until_they_take_over(served):
     folder, _ = served
     one, other = Client(folder, "one"), Client(folder, "other")
-    with pytest.raises(LiveError, match="one only watches; there is no operator"):
+    with refused("operator", None, kind=LiveError, allowed="one"):
         one.request("enable")
     assert one.acquire()
     assert not other.acquire()
     one.request("enable")
-    with pytest.raises(LiveError, match="other only watches; one operates"):
+    with refused("operator", "one", kind=LiveError, allowed="other"):
         other.hand([0.1])
     until(lambda: one.status().state == "ENABLED")
     assert other.acquire(force=True)
-    with pytest.raises(LiveError, match="one only watches; other operates"):
+    with refused("operator", "other", kind=LiveError, allowed="one"):
         one.hand([0.1])
     # Anyone may stop.
     one.stop()
@@ -180,7 +181,7 @@ def test_a_protocol_runs_at_a_request_and_is_recorded_whole(served):
         'name = "turn"\n[[phases]]\nkind = "ramp"\nhandle_angle = "20 deg"\nduration = "1 s"\n'
     )
     one.play(protocol)
-    with pytest.raises(LiveError, match="the protocol turn runs"):
+    with refused("protocol", "turn", kind=LiveError):
         one.hand([0.0])
     path = one.status().recording
     until(lambda: not one.status().protocol.runs)

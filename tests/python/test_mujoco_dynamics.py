@@ -240,7 +240,7 @@ def test_a_start_beyond_the_fold_is_refused(case: Case) -> None:
         lambda: steps_per_second(case.inst, inertia=case.inertia, damping=0.0, force=force),
     ]
     for call in calls:
-        with pytest.raises(tn.NoSolutionError, match="no equilibrium"):
+        with pytest.raises(tn.NoSolutionError):
             call()
 
 

@@ -11,6 +11,8 @@ from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument
 from tenodesis.statics import Status
 
+from .conftest import refused
+
 HANDLE = np.linspace(-0.3, 0.3, 41)
 SPRUNG = """
 name = "two joints under one tendon"
@@ -157,7 +159,7 @@ def test_the_coupling_of_joints_that_tendons_determine_is_the_pseudo_inverse(nam
 
 def test_not_finite_arguments_are_named_with_their_place() -> None:
     inst = tn.load("real-size").expanded
-    with pytest.raises(ArgumentError, match=r"wrench\[1, 2\] is nan"):
+    with refused("wrench[1, 2]", float("nan")):
         tn.statics.chain.output_angles(inst, 0.0, [[0.0] * 6, [0.0, 0.0, np.nan, 0.0, 0.0, 0.0]])
-    with pytest.raises(ArgumentError, match="strokes"):
+    with refused("strokes[0]", float("inf")):
         tn.statics.chain.compensation_strokes(inst, 0.0, strokes=[np.inf, 0, 0, 0])

@@ -165,6 +165,9 @@ def test_the_installed_package_works_from_an_empty_folder(wheel: Path, install: 
     use(installed, "loss", "slack", "workspace")
     assert "code is with the tests" in installed.run("bench", "--only", "checks", code=1)
     assert "pip install 'tenodesis[design]'" in installed.run("scale", "real-size", code=1)
+    refusal = installed.run("console", "--no-browser", code=1)
+    assert "pip install 'tenodesis[live]'" in refusal
+    assert len(refusal.strip().splitlines()) == 1
 
 
 @pytest.mark.slow
@@ -201,11 +204,6 @@ def test_the_package_works_with_the_lowest_versions_that_it_allows(
 
 @pytest.mark.slow
 @pytest.mark.process
-def test_the_console_names_its_extra_and_serves_its_page_with_it(
-    wheel: Path, install: Callable[..., Installation]
-) -> None:
-    refusal = install(wheel).run("console", "--no-browser", code=1)
-    assert "pip install 'tenodesis[live]'" in refusal
-    assert len(refusal.strip().splitlines()) == 1
+def test_the_console_serves_its_page_with_its_extra(wheel: Path, install: Callable[..., Installation]) -> None:
     with serving(install(wheel, sys.executable, "[live]")) as page:
         assert b"<html" in page

@@ -354,7 +354,7 @@ def test_a_failed_run_leaves_the_old_report_complete_and_the_files_of_others_alo
             raise OSError(28, "No space left on device")
 
         monkeypatch.setattr(report, "render", fail)
-        with pytest.raises(ReportError, match="cannot be written: No space left on device"):
+        with refused("path", kind=ReportError):
             write(context, sections, tmp_path)
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
     assert {path.name for path in tmp_path.iterdir()} == {"curves", "figures", "report.html", "results.json"}

@@ -29,6 +29,8 @@ from tenodesis.identification.experiment.simulated import InfeasibleProtocolErro
 from tenodesis.recording.simulation import record
 from tenodesis.twin import Twin
 
+from .conftest import refused
+
 DURATION = 8.0
 GAINS = ("mismatch.load_cell_gain.agonist", "mismatch.load_cell_gain.antagonist")
 
@@ -247,8 +249,8 @@ def test_mean_of_rounded_samples_has_the_deviation_that_is_predicted() -> None:
         ({"want": ["colour"]}, r"want names 'colour'.*it must name some of stiffness, .*stiffness_ratio"),
         ({"want": []}, "want is empty"),
         ({"duration": 0.3}, r"duration is 0\.3 s, too short: .*takes 1\.26 s"),
-        ({"duration": -1.0}, r"duration is -1 s; it must be above 0 s and up to 600 s"),
-        ({"forces": [-1.0]}, r"forces names -1 N; forces must be above 0 N"),
+        ({"duration": -1.0}, r"duration is -1.0; it must be above 0 s and up to 600 s"),
+        ({"forces": [-1.0]}, r"forces is -1.0; it must be above 0 N"),
         ({"criterion": "E"}, r"criterion is 'E'; it must be D or A"),
         ({"want": ["mismatch.output_encoder_offset"], "distal_encoder": False}, "there is no distal encoder"),
         ({"law": "wet"}, "law is 'wet'; it must be"),
@@ -261,7 +263,7 @@ def test_request_that_is_not_valid_is_refused(arguments: dict[str, Any], message
 
 
 def test_friction_is_not_wanted_of_an_instrument_without_it() -> None:
-    with pytest.raises(IdentificationError, match="want names friction, but pulley wrist has no friction"):
+    with refused("want", "friction", kind=IdentificationError):
         plan(tn.load(Path(__file__).parents[2] / "examples/pulley.toml"), ["friction"])
 
 
@@ -293,14 +295,14 @@ def test_command_writes_protocol_page_figure_and_numbers(app: typer.Typer, tmp_p
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("options", "key"),
     [
-        (["--duration", "30"], "--duration = '30': it has no unit"),
-        (["--forces", "1 N,2 mm"], "--forces = '2 mm'"),
+        (["--duration", "30"], "--duration"),
+        (["--forces", "1 N,2 mm"], "--forces"),
     ],
 )
-def test_command_refuses_what_it_does_not_understand(app: typer.Typer, options: list[str], message: str) -> None:
-    with pytest.raises(CommandError, match=message):
+def test_command_refuses_what_it_does_not_understand(app: typer.Typer, options: list[str], key: str) -> None:
+    with refused(key, kind=CommandError):
         run(app, "scaled-up", *options)
 
 
@@ -313,5 +315,5 @@ def test_command_offers_its_criteria_as_a_choice(app: typer.Typer) -> None:
 def test_command_never_overwrites_the_instrument(app: typer.Typer, tmp_path: Path) -> None:
     given = tmp_path / "protocol.toml"
     given.write_text(tn.instrument.text.to_toml(tn.load("scaled-up")), "utf-8")
-    with pytest.raises(CommandError, match="which is an input"):
+    with refused("--out", kind=CommandError):
         run(app, str(given), "--out", str(tmp_path))

@@ -14,6 +14,8 @@ from tenodesis.run import CONTROL, Run
 from tenodesis.simulate import Cycles, FaultInjection, Hold, Pretension, Protocol, Ramp, StepLoad
 from tenodesis.twin import Twin
 
+from .conftest import refused
+
 PUSHED = StepLoad(output_angle="40 deg", delay=0.2, force=1.0, duration=1.5, approach="60 deg/s")
 
 
@@ -118,9 +120,7 @@ def test_a_fault_while_homing_ends_the_homing_and_not_the_run(scaled: Instrument
 
 
 def test_homing_that_outlasts_its_phase_ends_the_run(scaled: Instrument) -> None:
-    with pytest.raises(
-        ProtocolError, match=r"^test: phase 1 \(pretension\): .* not homed within the timeout of 0\.2 s"
-    ):
+    with refused("timeout", 0.2, kind=ProtocolError):
         simulate.execute(slack(scaled), one(Pretension(timeout=0.2)), Controller(scaled, homed=False))
 
 
@@ -142,7 +142,7 @@ def test_what_a_controller_cannot_run_is_refused_before_anything_moves(
 
 
 def test_a_pretension_of_one_axis_is_refused(real: Instrument) -> None:
-    with pytest.raises(ProtocolError, match="axis is pitch; with a controller give none"):
+    with refused("axis", "pitch", kind=ProtocolError):
         simulate.execute(Twin(real), one(Pretension(axis="pitch")), Controller(real))
     alone = real.axis("pitch")
     run = simulate.execute(slack(alone), one(Pretension(axis="pitch")), Controller(alone, homed=False))
@@ -156,11 +156,8 @@ def test_tendons_that_are_tight_already_are_homed_too(any_inst: Instrument) -> N
 
 
 def test_a_controller_for_another_plant_is_refused(scaled: Instrument, real: Instrument, pulley: Instrument) -> None:
-    for other, sentence in (
-        (real, "the controller is for yaw and pitch of a tendon-gear"),
-        (pulley, "the controller is for yaw of a tendon-pulley"),
-    ):
+    for other in (real, pulley):
         twin = Twin(scaled)
-        with pytest.raises(ValueError, match=sentence):
+        with refused("controller"):
             simulate.execute(twin, one(PUSHED), Controller(other))
         assert twin.time == 0

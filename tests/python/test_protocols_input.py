@@ -12,6 +12,8 @@ from tenodesis import simulate
 from tenodesis.instrument import Instrument
 from tenodesis.simulate import Cycles, Hold, Motion, Pretension, Protocol, ProtocolError, Ramp, StepLoad
 
+from .conftest import refused
+
 DT = 1e-3
 DEG = math.radians(1)
 
@@ -108,7 +110,7 @@ def test_a_bad_key_is_answered_with_the_known_ones(key: str) -> None:
 
 @pytest.mark.parametrize("name", ['""', '"a\\nb"', f'"{"x" * 61}"', "3"])
 def test_a_name_that_cannot_be_shown_is_refused(name: str) -> None:
-    with pytest.raises(ProtocolError, match="name = "):
+    with refused("name", kind=ProtocolError):
         simulate.parse(f"name = {name}\n{HOLD}")
 
 
@@ -165,7 +167,7 @@ BEYOND: list[tuple[Callable[[], Any], str, str]] = [
         "output_amplitude",
         "cycles): output_amplitude is 90 deg; it must be within the output range of ±80 deg.",
     ),
-    (lambda: Cycles(amplitude=0, speed=1, count=1), "", "cycles): the cycles start at their far end"),
+    (lambda: Cycles(amplitude=0, speed=1, count=1), "amplitude", "cycles): the cycles start at their far end"),
     (lambda: StepLoad(handle_angle=1, force=1, duration=1), "handle_angle", "step-load): handle_angle is 57.2958 deg"),
     (
         lambda: StepLoad(output_angle=1.5, force=1, duration=1),
@@ -175,8 +177,8 @@ BEYOND: list[tuple[Callable[[], Any], str, str]] = [
     (lambda: Ramp(handle_angle=-1, duration=1), "handle_angle", "ramp): handle_angle is -57.2958 deg"),
     (lambda: Hold(axis="pitch", duration=1), "axis", "hold): axis is pitch; it must be yaw, which scaled-up has."),
     (lambda: Pretension(axis="pitch"), "axis", "pretension): axis is pitch"),
-    (lambda: Hold(duration="2 h"), "", "hold): the run lasts 2 h by its end; it must last at most 1 h in all"),
-    (lambda: Cycles(amplitude=0.1, period=1e5, count=1_000_000), "", "cycles): the run lasts "),
+    (lambda: Hold(duration="2 h"), "duration", "hold): the run lasts 2 h by its end; it must last at most 1 h in all"),
+    (lambda: Cycles(amplitude=0.1, period=1e5, count=1_000_000), "duration", "cycles): the run lasts "),
 ]
 
 
@@ -201,12 +203,12 @@ def test_a_recorded_angle_beyond_the_range_is_named_by_line_and_time(scaled: Ins
 
 
 def test_a_weight_needs_the_pulley_of_the_rig(real: Instrument) -> None:
-    with pytest.raises(ProtocolError, match=r"weight is given, but real-size has no conditions\.cable_pulley_radius"):
+    with refused("weight", 1.0, kind=ProtocolError):
         one(StepLoad(weight=1, duration=1)).duration(real)
 
 
 def test_commands_of_a_closed_loop_phase_are_refused(scaled: Instrument) -> None:
-    with pytest.raises(ProtocolError, match="the commands of a pretension phase follow from its load cells"):
+    with refused("phase", "pretension", kind=ProtocolError):
         one(Pretension()).commands(scaled, DT)
 
 
@@ -251,5 +253,5 @@ def test_the_same_file_gives_the_same_protocol(name: str) -> None:
 
 def test_phases_do_not_change() -> None:
     hold = Hold(duration=1)
-    with pytest.raises(ValidationError, match="frozen"):
+    with pytest.raises(ValidationError):
         hold.duration = 2  # type: ignore[misc]

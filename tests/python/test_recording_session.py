@@ -21,7 +21,7 @@ from tenodesis.run import MEASURED, Names, Run
 from tenodesis.simulate import Cycles, Hold, Motion, Pretension, Protocol, Ramp, StepLoad
 from tenodesis.twin import Twin
 
-from .conftest import EXAMPLES
+from .conftest import EXAMPLES, refused
 from .recording_samples import bits
 
 SHORT = Protocol(
@@ -210,7 +210,7 @@ def test_a_benchs_recording_is_compared_by_its_sensors(scaled: Instrument, tmp_p
     with Recorder(tmp_path / "bench.mcap", axes=run.axes, start_time=10**18) as recorder:
         recorder.write(run)
     recording = Recording.open(tmp_path / "bench.mcap")
-    with pytest.raises(RecordingError, match="does not contain its instrument"):
+    with refused("instrument", kind=RecordingError, allowed="in the recording"):
         replay(recording)
     again = replay(recording, scaled.replace(**{"dynamics.hand_stiffness": 50.0}))
     assert not again.exact
@@ -252,9 +252,9 @@ def test_what_cannot_be_replayed_is_refused(
 
 def test_a_protocol_that_cannot_be_run_leaves_no_file(scaled: Instrument, tmp_path: Path) -> None:
     beyond = Protocol(name="far", phases=(Cycles(amplitude="70 deg", period=1.0, count=1),))
-    with pytest.raises(ProtocolError, match="amplitude is 70 deg"):
+    with refused("amplitude", kind=ProtocolError, allowed="within the handle's range of ±45 deg"):
         record(scaled, beyond, tmp_path / "run.mcap")
-    with pytest.raises(ValueError, match="time_step"):
+    with refused("time_step", 1.0):
         record(scaled, SHORT, tmp_path / "run.mcap", time_step=1.0)
     assert list(tmp_path.iterdir()) == []
 
@@ -311,25 +311,25 @@ def test_a_broken_tendon_ends_the_run(scaled: Instrument) -> None:
     twin = Faulty(scaled)
     twin.loosen()
     protocol = Protocol(name="p", phases=(Pretension(travel="8 mm"),))
-    reasons = r"(the antagonist of yaw reads 0 N after the travel of 8 mm|the tip's yaw turned)"
-    with pytest.raises(ProtocolError, match=reasons):
+    with pytest.raises(ProtocolError) as problem:
         simulate.execute(twin, protocol)
+    assert problem.value.key in ("tension", "tip_angle")
 
 
 def test_load_cells_that_disagree_do_not_pull_the_tip_aside(pulley: Instrument) -> None:
-    with pytest.raises(ProtocolError, match=r"the tip's yaw turned by .* while its tendons were wound"):
+    with refused("tip_angle", kind=ProtocolError, allowed="at most 10 deg from the start"):
         tightened(pulley.replace(**{"mismatch.load_cell_bias": (0.8, -0.8)}))
 
 
 def test_a_load_cell_out_of_range_ends_the_run(scaled: Instrument) -> None:
-    with pytest.raises(ProtocolError, match=r"reads 20 N after the travel of 14\.4 mm with 14\.4 mm wound"):
+    with refused("tension", 20.0, kind=ProtocolError):
         tightened(scaled.replace(**{"sensors.load_cell_range": 20.0}))
 
 
 def test_a_jammed_motor_ends_the_run(scaled: Instrument) -> None:
     twin = Twin(scaled.replace(**{"drives.motor_speed": 1e-3}))
     protocol = Protocol(name="p", phases=(Pretension(tension="35 N", timeout="2 s"),))
-    with pytest.raises(ProtocolError, match=r"after the timeout of 2 s with 0\.\d+ mm wound.*jammed"):
+    with refused("tension", kind=ProtocolError, allowed="35 ± 0.5 N"):
         simulate.execute(twin, protocol)
 
 
@@ -337,5 +337,5 @@ def test_an_instruments_text_of_another_version_is_refused_in_a_sentence(tmp_pat
     run = Run(np.array([0.0, 5e-4]), ("yaw",), commanded_handle_angle=np.zeros(2))
     with Recorder(tmp_path / "run.mcap", axes=("yaw",), metadata={"instrument": 'name = "x"'}) as recorder:
         recorder.write(run)
-    with pytest.raises(InstrumentError, match=r"run.mcap: instrument: joint_type is missing"):
+    with refused("joint_type", kind=InstrumentError, allowed="one of tendon-gear, tendon-pulley, conti"):
         replay(Recording.open(tmp_path / "run.mcap"))

@@ -259,7 +259,7 @@ def test_an_error_of_one_group_is_put_down_to_that_group(any_inst: Instrument, n
     assert causes.remainder_rms < 0.05 * causes.error_rms
     assert causes[name].ratio == pytest.approx(1.03)
     assert all(cause.rms < 1e-9 for cause in causes.causes if cause.name != name)
-    with pytest.raises(KeyError, match="'mu' is not a cause"):
+    with pytest.raises(KeyError):
         causes["mu"]
 
 

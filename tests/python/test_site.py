@@ -49,5 +49,4 @@ def test_a_broken_link_and_a_foreign_script_are_found(site: Path, check_site: An
 
 def test_the_reference_is_asked_for_every_public_name(check_site: Any) -> None:
     names = [name for name, _ in check_site.public_names()]
-    assert len(names) > 150
     assert {"tenodesis.load", "tenodesis.statics.output_angle", "tenodesis.twin.Twin"} <= set(names)

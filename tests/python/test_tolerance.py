@@ -21,7 +21,7 @@ from tenodesis.tolerance import conduct, engines, evaluation, report, sampling
 from tenodesis.tolerance.evaluation import cycles
 from tenodesis.tolerance.parameters import resolve
 
-from .conftest import EXAMPLES
+from .conftest import EXAMPLES, refused
 
 SMALL = 16
 
@@ -286,7 +286,7 @@ def test_two_mechanisms_are_compared_where_their_unloaded_outputs_are_equal(
 
 def test_a_scale_model_that_reaches_too_little_is_refused(real: Instrument, scaled: Instrument) -> None:
     short = scaled.replace(handle_range=0.2)
-    with pytest.raises(StudyError, match=r"scaled-up for real-size: scaled_up reaches .* must reach at least half"):
+    with refused("scaled_up", "scaled-up", kind=StudyError):
         tolerance.study(real, short, samples=8)
 
 
@@ -364,8 +364,8 @@ def test_a_tolerance_that_cannot_be_is_refused_in_one_sentence(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "tolerances has no parameters"),
-        ("parameters = []", "tolerances has no parameters"),
+        ("", "tolerances: parameters is .*; it must be one table"),
+        ("parameters = []", "tolerances: parameters is .*; it must be one table"),
         ("parameters = 3", r"parameters = 3: it must be"),
         ("x = ", "is not valid TOML"),
         ('[[parameters]]\nkey = "pretension"\nhalf_width = "1 N"', "parameter 1: distribution is missing"),
@@ -401,27 +401,27 @@ def test_a_tolerance_file_that_is_none_is_refused(text: str, message: str) -> No
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("arguments", "key"),
     [
-        ({"samples": 1}, "samples is 1; it must be an integer from 8"),
-        ({"samples": 0.5}, "samples is 0.5"),
-        ({"seed": -1}, "seed is -1"),
-        ({"force": 0.0}, "force is 0.0; it must be a force above 0 N"),
-        ({"force": 3.0}, "scaled-up as in its file does not hold 8.64.* N through its working range"),
-        ({"engine": "slurm"}, "engine is 'slurm'; it must be threads or ray"),
-        ({"address": "127.0.0.1:6379"}, "address is '127.0.0.1:6379', but engine is threads"),
-        ({"engine": "ray"}, "engine is ray, but there is no address"),
+        ({"samples": 1}, "samples"),
+        ({"samples": 0.5}, "samples"),
+        ({"seed": -1}, "seed"),
+        ({"force": 0.0}, "force"),
+        ({"force": 3.0}, "force"),
+        ({"engine": "slurm"}, "engine"),
+        ({"address": "127.0.0.1:6379"}, "address"),
+        ({"engine": "ray"}, "address"),
     ],
 )
 def test_a_study_that_cannot_be_is_refused(
-    real: Instrument, scaled: Instrument, arguments: dict[str, object], message: str
+    real: Instrument, scaled: Instrument, arguments: dict[str, object], key: str
 ) -> None:
-    with pytest.raises(StudyError, match=message):
+    with refused(key, arguments.get(key, ...), kind=StudyError):
         tolerance.study(real, scaled, **arguments)  # type: ignore[arg-type]
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match=r"none\.toml: there is no such file"):
+    with refused("file", kind=StudyError, allowed="the path of a TOML file"):
         tolerance.load(tmp_path / "none.toml")
 
 
@@ -451,7 +451,7 @@ def test_the_folder_is_written_completely_or_not_at_all(
 
     monkeypatch.setattr(report.figures, "plots", lambda _: [])
     monkeypatch.setattr(report, "_rendered", full)
-    with pytest.raises(StudyError, match="cannot be written: No space left on device"):
+    with refused("path", kind=StudyError):
         report.write(small, tmp_path)
     assert not list(tmp_path.iterdir())
 

@@ -25,6 +25,7 @@ from tenodesis.errors import StudyError
 from tenodesis.instrument import Instrument
 from tenodesis.tolerance import conduct
 
+from .conftest import refused
 from .test_tolerance import FEW, assert_same, varied
 
 # Not imported here, since Ray reads how to authenticate when it is.
@@ -213,7 +214,7 @@ def test_a_cluster_that_wants_another_token_is_distinguished_from_none(
 ) -> None:
     monkeypatch.setattr(cluster, "PATIENCE", PATIENCE)
     monkeypatch.setenv("RAY_AUTH_TOKEN", secrets.token_hex(16))
-    with pytest.raises(StudyError, match="does not accept the token"):
+    with refused("address", kind=StudyError):
         tolerance.study(real, scaled, varied(*FEW), samples=8, engine="ray", address=two_nodes.address)
 
 
@@ -242,11 +243,11 @@ def test_what_listens_but_is_no_cluster_is_given_up_in_time(
         mute.bind((HEAD, 0))
         mute.listen()
         address = f"{HEAD}:{mute.getsockname()[1]}"
-        with pytest.raises(StudyError, match=r"it did not answer as a cluster within 2 s"):
+        with refused("address", kind=StudyError):
             tolerance.study(real, scaled, varied(*FEW), samples=8, engine="ray", address=address)
 
 
 def test_without_ray_the_extra_is_named(real: Instrument, scaled: Instrument, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(StudyError, match=r"Ray is not installed; pip install 'tenodesis\[cluster\]'"):
+    with refused("module", "ray", kind=StudyError):
         tolerance.study(real, scaled, varied(*FEW), samples=8, engine="ray", address="127.0.0.2:6379")

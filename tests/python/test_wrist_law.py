@@ -7,7 +7,7 @@ import tenodesis as tn
 from tenodesis.control import Controller
 from tenodesis.simulate.campaign import rms
 
-from .conftest import load_study
+from .conftest import load_study, refused
 
 wrist = load_study("wrist")
 
@@ -90,7 +90,7 @@ def test_two_joints_tell_two_components_and_say_so() -> None:
     assert anything.narrowed[5] < 0.5  # no joint turns about the tip's own axis
     nothing = tn.statics.tip_wrench(inst, angles, [np.nan] * 3, 1.0)
     assert nothing.narrowed == pytest.approx(np.zeros(6), abs=1e-12)
-    with pytest.raises(tn.ArgumentError, match="deviations is -1"):
+    with refused("deviations", -1.0):
         tn.statics.tip_wrench(inst, angles, moments, -1.0)
 
 
@@ -106,5 +106,5 @@ def test_the_force_at_the_tip_is_estimated_within_its_deviation() -> None:
     deviation = np.sqrt(np.diagonal(estimate.covariance, axis1=-2, axis2=-1))[:, :2]
     assert np.all(np.abs(off) < 3 * deviation)
     assert deviation.max() < 0.5
-    with pytest.raises(tn.ArgumentError, match="no estimates"):
+    with refused("run"):
         tn.control.estimated_wrench(inst, tn.twin.Twin(inst).run(handle[:5], wrench=wrench[:5]))

@@ -256,7 +256,10 @@ def _write_step(solid: Any, path: Path, label: str) -> None:
     volume = sum(one.volume for one in b.import_step(path).solids())
     if abs(volume / solid.volume - 1) > _SAME_VOLUME:
         raise InstrumentError(
-            f"{path.name} reads back with a volume of {volume:.6g} mm3 instead of {solid.volume:.6g}."
+            f"{path.name} reads back with a volume of {volume:.6g} mm3 instead of {solid.volume:.6g}.",
+            key="volume",
+            value=volume,
+            allowed=f"{solid.volume:.6g} mm3",
         )
 
 

@@ -265,12 +265,7 @@ def chosen_parameters(problem: Problem, text: str) -> list[str]:
             meant = [name for name in names if word and word in name.replace(".", "_").split("_")]
         if not meant:
             allowed = ", ".join([*names, *(f"{group} (group)" for group in groups)])
-            raise CommandError(
-                f"--fit names {word!r}, which is no parameter of this model; it must be one of {allowed}.",
-                key="--fit",
-                value=word,
-                allowed=f"one of {allowed}",
-            )
+            raise CommandError(key="--fit", value=word, allowed=f"one of {allowed}")
         found += meant
     return list(dict.fromkeys(found))
 
@@ -278,12 +273,17 @@ def chosen_parameters(problem: Problem, text: str) -> list[str]:
 def _split(until: float | None, from_: float | None) -> tuple[float | None, FittedPart]:
     """Return the share at which recordings are split, None where they are not, and which part is fitted."""
     if until is not None and from_ is not None:
-        raise CommandError("--train-until and --train-from are both given; give one of them.")
+        raise CommandError(
+            "--train-until and --train-from are both given; give one of them.",
+            key="--train-until",
+            value=until,
+            allowed="given without --train-from",
+        )
     share = until if from_ is None else from_
     if share is not None and not LEAST_SHARE <= share <= 1 - LEAST_SHARE:
         option = "--train-until" if from_ is None else "--train-from"
         allowed = f"between {LEAST_SHARE:g} and {1 - LEAST_SHARE:g}"
-        raise CommandError(f"{option} is {share:g}; it must be {allowed}.", key=option, value=share, allowed=allowed)
+        raise CommandError(key=option, value=share, allowed=allowed)
     return share, "until" if from_ is None else "from"
 
 
@@ -296,9 +296,7 @@ def _longest(given: str, *, is_split: bool) -> float:
     elif seconds < LEAST_LENGTH:
         allowed = f"at least {LEAST_LENGTH:g} s"
     if allowed:
-        raise CommandError(
-            f"--longest is {given}; it must be {allowed}.", key="--longest", value=given, allowed=allowed
-        )
+        raise CommandError(key="--longest", value=given, allowed=allowed)
     return np.inf if is_split else seconds
 
 
@@ -314,9 +312,7 @@ def recordings_of(logs: Sequence[Path], tests: Sequence[Path], format_name: str)
         texts = sorted(one for one in path.iterdir() if one.suffix.lower() in _TEXTS)
         if not texts:
             needed = f"a recording, or a folder with files that end in {' or '.join(_TEXTS)}"
-            raise CommandError(
-                f"LOG is {path}, a folder without recordings; it must be {needed}.", key="LOG", value=path
-            )
+            raise CommandError(key="LOG", value=str(path), allowed=needed)
         files += [one for one in texts if one.resolve() not in held_out]
     return files
 
@@ -327,12 +323,10 @@ def check_files(logs: Sequence[Path], tests: Sequence[Path]) -> None:
     for what, paths in (("LOG", logs), ("--test", tests)):
         for path in paths:
             if not path.exists():
-                raise CommandError(
-                    f"{what} is {path}, which does not exist; it must be the path of a recording.", key=what, value=path
-                )
+                raise CommandError(key=what, value=str(path), allowed="the path of a recording")
             place = path.resolve()
             if place in seen:
-                raise CommandError(f"{path} is given as {seen[place]} and as {what}; give it once.")
+                raise CommandError(key=what, value=str(path), allowed=f"given once, not as {seen[place]} too")
             seen[place] = what
 
 
@@ -342,7 +336,12 @@ def _check_different(measured: Sequence[MeasuredRun]) -> None:
         same_bytes = bool(one.checksum) and one.checksum == other.checksum
         same_columns = one.columns.keys() == other.columns.keys() and np.array_equal(one.time, other.time)
         if same_bytes or (same_columns and all(np.array_equal(one[name], other[name]) for name in one.columns)):
-            raise CommandError(f"{one.name} and {other.name} hold the same samples; give a recording once.")
+            raise CommandError(
+                f"{one.name} and {other.name} hold the same samples; give a recording once.",
+                key="LOG",
+                value=other.name,
+                allowed="given once",
+            )
 
 
 def _extrapolated(one: MeasuredRun, trained: Sequence[MeasuredRun]) -> tuple[str, ...]:

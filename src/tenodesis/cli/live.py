@@ -136,7 +136,11 @@ def link() -> None:
     """Print the link that opens the page of the console that runs here, its token included."""
     url = folders.read_link(_running().parent)
     if url is None:
-        raise LiveError("the live instrument that runs here has no page; start one with `tenodesis console`.")
+        raise LiveError(
+            "the live instrument that runs here has no page; start one with `tenodesis console`.",
+            key="FOLDER",
+            allowed="of a live instrument with a page",
+        )
     say(url)
 
 
@@ -151,7 +155,16 @@ def _running() -> Path:
             except LiveError:
                 continue
     if not found:
-        raise LiveError("no live instrument runs here; start one with `tenodesis console`, or give its FOLDER.")
+        raise LiveError(
+            "no live instrument runs here; start one with `tenodesis console`, or give its FOLDER.",
+            key="FOLDER",
+            allowed="of a live instrument that runs",
+        )
     if found[1:]:
-        raise LiveError(f"several live instruments run: {', '.join(map(str, sorted(found)))}; give one as FOLDER.")
+        raise LiveError(
+            f"several live instruments run: {', '.join(map(str, sorted(found)))}; give one as FOLDER.",
+            key="FOLDER",
+            value=sorted(found),
+            allowed="one folder",
+        )
     return found[0]

@@ -93,7 +93,12 @@ class Outputs:
         _check_outputs(given, self._inputs, folder, overwrite=overwrite)
         for place in [] if folder is None or overwrite else [folder / name for name in subfolders]:
             if place.is_dir() and any(place.iterdir()):
-                raise CommandError(f"{place} exists already; give another path, or --overwrite.", value=place)
+                raise CommandError(
+                    f"{place} exists already; give another path, or --overwrite.",
+                    key=given[0][0],
+                    value=place,
+                    allowed="a path that does not exist, or --overwrite",
+                )
         before = {path: _version(path) for _, path in given}
         alone = [path for path in before if folder is None or not path.is_relative_to(folder)]
         with ExitStack() as locks:
@@ -104,7 +109,9 @@ class Outputs:
                     except BlockingIOError:
                         raise CommandError(
                             f"{path} is being written by another command; wait for it, or give another path.",
+                            key={one: option for option, one in given}.get(path, given[0][0]),
                             value=path,
+                            allowed="written by nobody else",
                         ) from None
             try:
                 yield

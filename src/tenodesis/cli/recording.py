@@ -27,7 +27,7 @@ from tenodesis.cli.common import (
 from tenodesis.cli.outputs import FIGURE, RECORDING, TABLES, Outputs, output
 from tenodesis.control import Controller
 from tenodesis.control.controller import ActuationName, LawName, ObserverName
-from tenodesis.errors import CommandError, CommandInterruptedError, ProtocolError
+from tenodesis.errors import CommandError, CommandInterruptedError, Error, ProtocolError
 from tenodesis.files import write_errors
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.live import event_summary
@@ -249,7 +249,8 @@ def _progress(path: Path) -> Iterator["_Interruptible"]:
         except ValueError as problem:
             if not shown.called:
                 raise
-            raise CommandError(f"{str(problem).rstrip('.')}; {_recorded(path)}.") from problem
+            key = problem.key if isinstance(problem, Error) else ""
+            raise CommandError(f"{str(problem).rstrip('.')}; {_recorded(path)}.", key=key) from problem
         finally:
             signal.signal(signal.SIGINT, before)
 

@@ -93,11 +93,21 @@ def scale(  # noqa: PLR0917
     """Design a scale model of an instrument from stock parts: instrument file, test plan, and how similar it is."""
     require("typst", "design")
     if objective is not None and pick is not None:
-        raise CommandError(f"--objective is {objective} and --pick is {pick}; give one of them.")
+        raise CommandError(
+            f"--objective is {objective} and --pick is {pick}; give one of them.",
+            key="--pick",
+            value=pick,
+            allowed="given without --objective",
+        )
     target = float(np.degrees(quantity("--as-built", as_built, SimilarityError)))
     check_choice("--cad-process", process, cad.PROCESSES)
     if solids is not None and solids.resolve() == out.resolve():
-        raise CommandError(f"--cad and --out are both {out}; give different folders.")
+        raise CommandError(
+            f"--cad and --out are both {out}; give different folders.",
+            key="--cad",
+            value=solids,
+            allowed="another folder than --out",
+        )
     files = ["scaled-up.toml", "plan.html", "plan.pdf", "front.csv", "front.svg", "front.png"]
     files += workshop.FILES if parts_too else ()
     with ExitStack() as stack:
@@ -141,10 +151,17 @@ def _pins(factor: float | None, pins: Sequence[str]) -> dict[str, Any]:
         if not equals or not key.strip() or not value.strip():
             raise CommandError(key="--pin", value=pin, allowed="KEY=VALUE, like 'overall_length=1 m'")
         if key.strip() in given:
-            raise CommandError(f"--pin names {key.strip()} twice; name it once.")
+            raise CommandError(
+                f"--pin names {key.strip()} twice; name it once.", key="--pin", value=key.strip(), allowed="named once"
+            )
         given[key.strip()] = value.strip()
     if factor is not None and "factor" in given:
-        raise CommandError(f"--factor is {factor:g} and --pin names factor as well; give one of them.")
+        raise CommandError(
+            f"--factor is {factor:g} and --pin names factor as well; give one of them.",
+            key="--pin",
+            value="factor",
+            allowed="given without --factor",
+        )
     return scaling.parse_pins(given, file=True) | ({} if factor is None else scaling.parse_pins({"factor": factor}))
 
 

@@ -104,13 +104,20 @@ class FilesTab:
     def _recording(self, name: str) -> tuple[Recording, Instrument]:
         """Open a recording of the list, which may have changed."""
         if name not in _recordings(self._session.folders.recordings):
-            raise RecordingError(f"{name} is not among the recordings of {self._session.folders.recordings}.")
+            raise RecordingError(
+                f"{name} is not among the recordings of {self._session.folders.recordings}.",
+                key="recording",
+                value=name,
+            )
         recording = Recording.open(self._session.folders.recordings / name)
         inst = recording.instrument() if "instrument" in recording.metadata else self._inst
         if recording.run.joints != _joints(inst):
             raise RecordingError(
                 f"{name} has {' and '.join(recording.run.joints)} and does not contain its instrument; it must have "
-                f"{' and '.join(_joints(inst))}, as {inst.name} has."
+                f"{' and '.join(_joints(inst))}, as {inst.name} has.",
+                key="joints",
+                value=recording.run.joints,
+                allowed=" and ".join(_joints(inst)),
             )
         return recording, inst
 
@@ -194,7 +201,7 @@ class FilesTab:
         """Return times (s) and tip angles (rad) of a recording's axis."""
         recording, inst = self._recording(name)
         if axis not in _joints(inst):
-            raise RecordingError(f"{name} has only {' and '.join(_joints(inst))}; it must have {axis}.")
+            raise RecordingError(key=f"joints of {name}", value=_joints(inst), allowed=f"with {axis}")
         shown = shown_signals(inst, recording.to_numpy())
         return shown.time, shown.output[:, _joints(inst).index(axis)]
 
@@ -248,7 +255,12 @@ def repeated(recording: Recording) -> Protocol:
     run = recording.run
     names = [name for name in ("measured_handle_angle", "handle_angle") if name in run.signals()]
     if not names or len(run) < 2 or not run.handle_joints:
-        raise RecordingError(f"{recording.path} has no motion of the handle.")
+        raise RecordingError(
+            f"{recording.path} has no motion of the handle.",
+            key="path",
+            value=recording.path,
+            allowed="a recording with a motion of the handle",
+        )
     angles = run[names[0]].reshape(len(run), -1)
     rows = np.unique(np.linspace(0, len(run) - 1, max(2, int(recording.duration * _REPEAT_RATE))).astype(int))
     phases = tuple(
@@ -291,13 +303,13 @@ def compare(first: tuple[Array, Array], second: tuple[Array, Array], rows: int =
     """
     (time, angle), (other_time, other_angle) = first, second
     if time.size < 2 or other_time.size < 2:
-        raise RecordingError("a recording has less than two rows; it must have at least two.")
+        raise RecordingError(key="rows", value=min(time.size, other_time.size), allowed="at least two")
     since, other_since = time - time[0], other_time - other_time[0]
     common = np.linspace(0, min(since[-1], other_since[-1]), min(rows, max(time.size, other_time.size)))
     first_angle, second_angle = np.interp(common, since, angle), np.interp(common, other_since, other_angle)
     finite = np.isfinite(first_angle - second_angle)
     if not finite.any():
-        raise RecordingError("a recording has no tip angle; it must have one.")
+        raise RecordingError(key="tip_angle", allowed="in both recordings")
     difference = (first_angle - second_angle)[finite]
     return AngleComparison(
         common, first_angle, second_angle, sqrt(float(np.mean(difference**2))), float(np.abs(difference).max())

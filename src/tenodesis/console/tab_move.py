@@ -191,7 +191,9 @@ def motion_protocol(content: bytes, name: str) -> Protocol:
     try:
         data = content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise ProtocolError(f"{name} is not UTF-8 text; it must be a CSV file.") from None
+        raise ProtocolError(
+            f"{name} is not UTF-8 text; it must be a CSV file.", key="file", value=name, allowed="a CSV file"
+        ) from None
     lines = (line for line in data.splitlines() if line.strip() and not line.lstrip().startswith("#"))
     header = [cell.strip().strip('"') for cell in next(lines, "").split(",")]
     times = [column for column in header if column.lower().startswith("time")]
@@ -201,7 +203,9 @@ def motion_protocol(content: bytes, name: str) -> Protocol:
     if not times or not angles:
         raise ProtocolError(
             f"{name} has the columns {', '.join(header) or 'none'}; it must have one whose name begins with time, in "
-            "s, and one whose name ends with deg or rad."
+            "s, and one whose name ends with deg or rad.",
+            key="columns",
+            value=header,
         )
     column, unit = angles[0]
     try:

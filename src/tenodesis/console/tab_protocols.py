@@ -59,7 +59,12 @@ class ProtocolsTab:
         try:
             text = file.content.decode("utf-8-sig")
         except UnicodeDecodeError:
-            raise ProtocolError(f"{file.name} is not UTF-8 text; it must be a TOML file.") from None
+            raise ProtocolError(
+                f"{file.name} is not UTF-8 text; it must be a TOML file.",
+                key="file",
+                value=file.name,
+                allowed="a TOML file",
+            ) from None
         self._play(simulate.parse(text, file.name))
 
 

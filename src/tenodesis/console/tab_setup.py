@@ -71,7 +71,7 @@ class SetupTab:
     def _begin(self, load: Any) -> None:
         # Error messages quote the file, so that only the operator may open one.
         if not self._session.link.heartbeat():
-            raise LiveError("You only watch; take control first.")
+            raise LiveError("You only watch; take control first.", key="operator", allowed="you")
         self._session.run_in_background("load", load)
 
     def _run(self, name: str) -> None:
@@ -92,7 +92,12 @@ class SetupTab:
             try:
                 return instrument.parse(file.content.decode("utf-8-sig"), file.name)
             except UnicodeDecodeError:
-                raise InstrumentError(f"{file.name} is not UTF-8 text; it must be a TOML file.") from None
+                raise InstrumentError(
+                    f"{file.name} is not UTF-8 text; it must be a TOML file.",
+                    key="file",
+                    value=file.name,
+                    allowed="a TOML file",
+                ) from None
 
         self._run_checked(parse, file.content.decode("utf-8-sig", "replace"))
 
@@ -127,11 +132,15 @@ def read_instrument(path: str, folders: Sequence[Path]) -> str:
     try:
         return read_regular(found, _LARGEST_FILE).decode("utf-8-sig")
     except FileNotFoundError:
-        raise InstrumentError(f"{path}: there is no such file; it must be {allowed}.") from None
+        raise InstrumentError(
+            f"{path}: there is no such file; it must be {allowed}.", key="path", value=path, allowed=allowed
+        ) from None
     except UnicodeDecodeError:
-        raise InstrumentError(f"{path} is not UTF-8 text; it must be a TOML file.") from None
+        raise InstrumentError(
+            f"{path} is not UTF-8 text; it must be a TOML file.", key="path", value=path, allowed="a TOML file"
+        ) from None
     except OSError as problem:
-        raise InstrumentError(f"{path} cannot be read: {problem.strerror}.") from None
+        raise InstrumentError(f"{path} cannot be read: {problem.strerror}.", key="path", value=path) from None
 
 
 def _error_list(problems: str) -> str:

@@ -10,6 +10,7 @@ from tenodesis import _core
 from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
 from tenodesis.control.pairs import compensated
 from tenodesis.control.parameters import FAULTS
+from tenodesis.errors import ArgumentError
 from tenodesis.files import atomic_file
 from tenodesis.instrument import InstrumentLike, ShortForm
 
@@ -196,9 +197,11 @@ def _is_reserved(name: str) -> bool:
 
 def _checked(name: str) -> str:
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name, re.ASCII) or _is_reserved(name):
-        raise ValueError(
+        raise ArgumentError(
             f"name is {name!r}; it must be letters, digits and underscores, beginning with a letter, no word of C or "
-            "C++, and must not begin with tenodesis_."
+            "C++, and must not begin with tenodesis_.",
+            key="name",
+            value=name,
         )
     return name
 
@@ -214,7 +217,7 @@ def _comment(text: str) -> str:
 
 def _number(value: float) -> str:
     if not np.isfinite(np.float32(value)):
-        raise ValueError(f"{value:g} is not finite in single precision.")
+        raise ArgumentError(f"{value:g} is not finite in single precision.")
     return f"TENODESIS_C({float(value)!r})"
 
 

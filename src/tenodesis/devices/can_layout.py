@@ -157,20 +157,25 @@ def layout(inst: Instrument, settings: CanOpen) -> Layout:
     if not _LEAST_UNITS <= speed / unit <= _MOST_UNITS:
         raise InstrumentError(
             f"devices.canopen.velocity_unit is {unit:g} rad/s, of which drives.motor_speed, {speed:g} rad/s, makes "
-            f"{speed / unit:.3g}; it must make {_LEAST_UNITS} to {_MOST_UNITS} of them."
+            f"{speed / unit:.3g}; it must make {_LEAST_UNITS} to {_MOST_UNITS} of them.",
+            key="devices.canopen.velocity_unit",
+            value=unit,
         )
     period = 1 / inst.sensors.sampling_rate
     if period > settings.heartbeat * (1 + 1e-9):
         raise InstrumentError(
-            f"devices.canopen.heartbeat is {settings.heartbeat:g} s; it is sent with the commands, so it must be "
-            f"a sampling period, {period:g} s, or more."
+            key="devices.canopen.heartbeat",
+            value=settings.heartbeat,
+            allowed=f"a sampling period, {period:g} s, or more",
         )
     load = _load(inst, settings, drives, sensors)
     if load > _MOST_LOAD:
         raise InstrumentError(
             f"sensors.sampling_rate is {inst.sensors.sampling_rate:g} Hz, at which {len(drives)} drives and their "
             f"sensors take {load:.0%} of a bus of {settings.bitrate} bit/s; it must be at most "
-            f"{inst.sensors.sampling_rate * _MOST_LOAD / load:.0f} Hz, or the bus faster."
+            f"{inst.sensors.sampling_rate * _MOST_LOAD / load:.0f} Hz, or the bus faster.",
+            key="sensors.sampling_rate",
+            value=inst.sensors.sampling_rate,
         )
     return Layout(wired, drives, sensors, speed / inst.drives.gear_ratio, unit, load)
 
@@ -219,7 +224,10 @@ def _sensor_frames(sensors: Sequence[Plug], drives: set[int]) -> list[SensorFram
         if taken_by.setdefault(place, name) != name:
             raise InstrumentError(
                 f"devices.canopen: {name} is read from node {place[0]}, object {place[1]:04X}h:{place[2]:02X}, as "
-                f"{taken_by[place]} is; each must have an object of its own."
+                f"{taken_by[place]} is; each must have an object of its own.",
+                key="devices.canopen",
+                value=place,
+                allowed="an object of its own",
             )
         by_node.setdefault(source.node, []).append(plug)
     frames = []
@@ -234,7 +242,9 @@ def _sensor_frames(sensors: Sequence[Plug], drives: set[int]) -> list[SensorFram
         if first + len(packed) - 1 > _MOST_PDOS:
             raise InstrumentError(
                 f"devices.canopen: node {node} has {len(plugs)} sensors; they must fit into "
-                f"{_MOST_PDOS + 1 - first} PDOs of {_PDO_BYTES} bytes."
+                f"{_MOST_PDOS + 1 - first} PDOs of {_PDO_BYTES} bytes.",
+                key="devices.canopen",
+                value=node,
             )
         served = " and ".join(dict.fromkeys(plug.of for plug in plugs))
         frames += [

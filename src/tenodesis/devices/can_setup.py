@@ -55,7 +55,10 @@ class Setup:
             if kind != 402:
                 raise DeviceError(
                     f"{self._name[drive.node]} is no CiA 402 drive, its device profile is {kind}; it must be the node "
-                    "id of a drive."
+                    "id of a drive.",
+                    key="node",
+                    value=drive.node,
+                    allowed="the node id of a drive",
                 )
             self._write(drive.node, 0x6040, 0, "H", cia402.DISABLE_VOLTAGE)
         for number in self._plan.nodes:
@@ -149,7 +152,10 @@ class Setup:
             if status & cia402.HOMING_ERROR or cia402.state(status) != cia402.DriveState.OPERATION_ENABLED:
                 raise DeviceError(
                     f"{self._name[drive.node]} cannot take its present position for zero; it needs "
-                    'devices.canopen.zero = "keep", or a drive that has homing method 37 or 35.'
+                    'devices.canopen.zero = "keep", or a drive that has homing method 37 or 35.',
+                    key="devices.canopen.zero",
+                    value=self._settings.zero,
+                    allowed='"keep"',
                 )
             return bool(status & cia402.HOMING_ATTAINED)
 
@@ -159,7 +165,10 @@ class Setup:
         if abs(position) > max(2.0, _AT_ZERO * self._inst.drives.encoder_counts):
             raise DeviceError(
                 f"{self._name[drive.node]} reports its present position as zero, and is at {position} "
-                'counts; it needs devices.canopen.zero = "keep", or a drive that homes.'
+                'counts; it needs devices.canopen.zero = "keep", or a drive that homes.',
+                key="devices.canopen.zero",
+                value=position,
+                allowed='"keep"',
             )
 
     def _mode(self, drive: DriveFrames, mode: int) -> None:
@@ -193,7 +202,9 @@ class Setup:
                     cause = cia402.Emergency(self._read(drive.node, 0x603F, 0, "H"))
                     raise DeviceError(
                         f"{self._name[drive.node]} is in fault {cause} and returns to it when reset; mend the cause, "
-                        "then open the bench again."
+                        "then open the bench again.",
+                        key="node",
+                        value=drive.node,
                     )
                 reset_until = time.monotonic() + _RESET_TIME
                 self._write(drive.node, 0x6040, 0, "H", cia402.DISABLE_VOLTAGE)
@@ -223,13 +234,19 @@ class Setup:
             self._write(node, index, sub, code, value)
         except DeviceError as problem:
             raise DeviceError(
-                f"{problem} Without it the motor would not stop by itself once it has lost our heartbeat."
+                f"{problem} Without it the motor would not stop by itself once it has lost our heartbeat.",
+                key=problem.key,
+                value=problem.value,
+                allowed=problem.allowed,
             ) from None
         kept = self._read(node, index, sub, code)
         if kept != value:
             raise DeviceError(
                 f"{self._name[node]} keeps {kept} in object {index:04X}h, not {value}: it would not stop by itself "
-                "without our heartbeat; it must be a drive that does."
+                "without our heartbeat; it must be a drive that does.",
+                key=f"{index:04X}h",
+                value=kept,
+                allowed=str(value),
             )
 
     def _write(self, node: int, index: int, sub: int, code: str, value: int, *, needed: bool = True) -> bool:
@@ -239,7 +256,9 @@ class Setup:
             if not needed:
                 return False
             why = "has no" if refused.code in _NOT_THERE else f"refuses {value} (SDO abort {refused.code:08X}h) in"
-            raise DeviceError(f"{self._name[node]} {why} object {index:04X}h:{sub:02X}.") from None
+            raise DeviceError(
+                f"{self._name[node]} {why} object {index:04X}h:{sub:02X}.", key=f"{index:04X}h:{sub:02X}", value=value
+            ) from None
         except SdoError:
             raise self._silent(node) from None
         return True
@@ -250,14 +269,17 @@ class Setup:
             return int(struct.unpack("<" + code, raw)[0])
         except SdoAbortedError as refused:
             raise DeviceError(
-                f"{self._name[node]} does not return object {index:04X}h:{sub:02X} (SDO abort {refused.code:08X}h)."
+                f"{self._name[node]} does not return object {index:04X}h:{sub:02X} (SDO abort {refused.code:08X}h).",
+                key=f"{index:04X}h:{sub:02X}",
             ) from None
         except SdoError:
             raise self._silent(node) from None
         except struct.error:
             raise DeviceError(
                 f"{self._name[node]} returns object {index:04X}h:{sub:02X} in {len(raw)} bytes; it must have "
-                f"{struct.calcsize('<' + code)}."
+                f"{struct.calcsize('<' + code)}.",
+                key=f"{index:04X}h:{sub:02X}",
+                value=raw,
             ) from None
 
     def _silent(self, node: int) -> DeviceError:
@@ -265,5 +287,8 @@ class Setup:
         others = f"nodes {', '.join(str(number) for number in heard)} are there" if heard else "no node is"
         return DeviceError(
             f"{self._name[node]} does not answer on {self._settings.interface} {self._settings.channel}, where "
-            f"{others}; look at its node id, bit rate, power and cable."
+            f"{others}; look at its node id, bit rate, power and cable.",
+            key="node",
+            value=node,
+            allowed="a node that answers",
         )

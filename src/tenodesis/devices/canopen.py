@@ -59,7 +59,9 @@ class CanBus:
         try:
             self._open = can.Bus(interface=settings.interface, channel=settings.channel, **options)
         except (*_ERRORS, ImportError, TypeError) as problem:
-            raise DeviceError(f"{self.name} cannot be opened: {cause(problem)}") from None
+            raise DeviceError(
+                f"{self.name} cannot be opened: {cause(problem)}", key="devices.canopen.channel", value=settings.channel
+            ) from None
 
     def close(self) -> None:
         """Close the bus, unless it was given."""
@@ -75,7 +77,7 @@ class CanBus:
         except Error:
             raise
         except _ERRORS as problem:
-            raise BusError(f"{self.name} does not carry frames: {cause(problem)}") from None
+            raise BusError(f"{self.name} does not carry frames: {cause(problem)}", key="bus") from None
 
     def send(self, can_id: int, data: bytes) -> None:
         """Send a frame; raises BusError."""
@@ -216,7 +218,10 @@ class CanOpenDevice(Bench):
             if message is not None and message.arbitration_id == self._beat_id:
                 raise DeviceError(
                     f"{self._can.name} is served by another program already: it carries heartbeats of node "
-                    f"{self._settings.master}, which is master; end that program first, or choose another master."
+                    f"{self._settings.master}, which is master; end that program first, or choose another master.",
+                    key="devices.canopen.master",
+                    value=self._settings.master,
+                    allowed="the only master",
                 )
 
     def _prepare(self) -> None:
@@ -334,7 +339,7 @@ class CanOpenDevice(Bench):
             self._end_beat()
             self._can.close()
         if powered and self._failed is None:
-            raise DeviceError(self.problem)
+            raise DeviceError(self.problem, key="node", value=min(powered))
 
     def _write_all(self, nodes: Iterable[int], index: int, sub: int, value: bytes) -> set[int]:
         """Write an object of nodes by SDO, and return the nodes that have confirmed it."""
@@ -415,7 +420,7 @@ class CanOpenDevice(Bench):
         else:
             emergency = cia402.Emergency(int.from_bytes(data[:2], "little"))
             if not emergency.over:
-                self._fail(f"{self._named(node)} reports an emergency: {emergency}.")
+                self._fail(f"{self._named(node)} reports an emergency: {emergency}.", node)
 
     def _measured(self, can_id: int, frame: DriveFrames | SensorFrame, data: bytes) -> None:
         name = f"{frame.name} (node {frame.node})"
@@ -448,7 +453,9 @@ class CanOpenDevice(Bench):
             return True
         if state != DriveState.OPERATION_ENABLED:
             found = cia402.described(status)
-            self._fail(f"{self._named(drive.node)} is in state {found}, though it was enabled; look for the cause.")
+            self._fail(
+                f"{self._named(drive.node)} is in state {found}, though it was enabled; look for the cause.", drive.node
+            )
         if counted is not None:
             before = self._counted.get(drive.node)
             self._counted[drive.node] = counted
@@ -468,9 +475,9 @@ class CanOpenDevice(Bench):
 
     def _heartbeat(self, node: int, state: int) -> None:
         if state == _BOOTED:
-            self._fail(f"{self._named(node)} has restarted; look at its power.")
+            self._fail(f"{self._named(node)} has restarted; look at its power.", node)
         if state != _OPERATIONAL:
-            self._fail(f"{self._named(node)} is not operational any more (state {state}).")
+            self._fail(f"{self._named(node)} is not operational any more (state {state}).", node)
         self._heard[node] = self._clock()
 
     def _watch(self) -> None:
@@ -480,7 +487,8 @@ class CanOpenDevice(Bench):
             if now - heard > self._loss:
                 self._fail(
                     f"The heartbeat of {self._named(node)} is lost, for {(now - heard) / 1e6:.0f} ms; look at its "
-                    "power and cable."
+                    "power and cable.",
+                    node,
                 )
 
     def _heed_silence(self) -> None:
@@ -497,7 +505,8 @@ class CanOpenDevice(Bench):
             if self._doubled[can_id] * self._period > self._loss:
                 self._fail(
                     f"{self._named(frame.node)} has answered {self._doubled[can_id]} samples twice; look for a second "
-                    "node of that id."
+                    "node of that id.",
+                    frame.node,
                 )
         self._twice.clear()
 
@@ -512,16 +521,18 @@ class CanOpenDevice(Bench):
             self._note("missing", f"{self._named(frame.node)} has not answered a SYNC.")
             self.problem = known or self.problem
             if self._missed[can_id] * self._period > self._loss:
+                name = self._named(frame.node)
                 self._fail(
-                    f"{self._named(frame.node)} has measured nothing for {self._missed[can_id]} samples. {self.problem}"
+                    f"{name} has measured nothing for {self._missed[can_id]} samples. {self.problem}", frame.node
                 )
 
     def _named(self, node: int) -> str:
         return f"{self._plan.nodes[node]} (node {node})"
 
-    def _fail(self, sentence: str) -> NoReturn:
+    def _fail(self, sentence: str, node: int | None = None) -> NoReturn:
         """Stop all motors and raise; no heartbeat of ours follows, so that a drive that missed it stops by itself."""
-        self._failed = DeviceError(f"{sentence[0].upper()}{sentence[1:]} All motors are commanded to stop.")
+        about: dict[str, Any] = {"key": "bus"} if node is None else {"key": "node", "value": node}
+        self._failed = DeviceError(f"{sentence[0].upper()}{sentence[1:]} All motors are commanded to stop.", **about)
         self._end_beat()
         self._quick_stop()
         raise self._failed

@@ -123,16 +123,21 @@ class Bench(Device):
     def _begin(self) -> None:
         """Forget earlier problems, before it is opened."""
         if self._opened:
-            raise DeviceError(f"The {self.capabilities.name} bench is open already; close it first.")
+            raise DeviceError(
+                f"The {self.capabilities.name} bench is open already; close it first.", key="state", value="open"
+            )
         self._failed = None
         self.counts.clear()
         self.problem = ""
 
     def _refuse(self) -> None:
         if self._failed is not None:
-            raise DeviceError(str(self._failed))
+            failed = self._failed
+            raise DeviceError(str(failed), key=failed.key, value=failed.value, allowed=failed.allowed)
         if not self._opened:
-            raise DeviceError(f"The {self.capabilities.name} bench is not open; open it first.")
+            raise DeviceError(
+                f"The {self.capabilities.name} bench is not open; open it first.", key="state", value="closed"
+            )
 
     def _speeds(self, spool_velocity: Array) -> Array:
         """Return the speeds that motors may be commanded: cut to the limit, and 0 where they are not finite."""

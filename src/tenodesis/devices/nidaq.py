@@ -77,8 +77,9 @@ class NiTasks:
             names = list(ni.system.System.local().devices.device_names)
             if self._settings.device not in names:
                 raise DeviceError(
-                    f"devices.nidaq.device is {self._settings.device!r}; it must be a device of the driver: "
-                    f"{', '.join(names) or 'it has none'}."
+                    key="devices.nidaq.device",
+                    value=self._settings.device,
+                    allowed=f"a device of the driver: {', '.join(names) or 'it has none'}",
                 )
             self._opened, self._runs = True, False
             self._number = 0
@@ -235,7 +236,11 @@ class NiTasks:
         self._outputs = self._alive = self._watchdog = None
         if problems:
             what = "cannot be released" if rests else "cannot be put to standstill; switch the motors off by hand"
-            raise DeviceError(f"The device {self._settings.device} {what}: {problems[0]}.")
+            raise DeviceError(
+                f"The device {self._settings.device} {what}: {problems[0]}.",
+                key="devices.nidaq.device",
+                value=self._settings.device,
+            )
 
     def _rest(self) -> None:
         """Put the outputs to standstill at once, without the clock."""
@@ -274,7 +279,11 @@ class NiTasks:
         try:
             yield
         except self._ni.errors.Error as problem:
-            raise DeviceError(f"The device {self._settings.device} {what}: {_first_line(problem)}.") from None
+            raise DeviceError(
+                f"The device {self._settings.device} {what}: {_first_line(problem)}.",
+                key="devices.nidaq.device",
+                value=self._settings.device,
+            ) from None
 
 
 def _first_line(problem: Exception) -> str:
@@ -291,7 +300,10 @@ def _driver() -> Any:
     except ni.errors.Error:
         raise DeviceError(
             "nidaq needs the driver NI-DAQmx, which is not installed on this computer; install it from National "
-            "Instruments, and the device appears in it."
+            "Instruments, and the device appears in it.",
+            key="driver",
+            value="NI-DAQmx",
+            allowed="installed",
         ) from None
     return ni
 
@@ -322,8 +334,9 @@ class NiDaqDevice(Bench):
         self._wiring = plan = wiring(inst, settings, "nidaq", _current)
         if tasks is None and inst.drives.encoder_counts % _EDGES_PER_PERIOD:
             raise InstrumentError(
-                f"drives.encoder_counts is {inst.drives.encoder_counts}; nidaq counts all edges of a "
-                f"quadrature encoder, so it must be a multiple of {_EDGES_PER_PERIOD}."
+                key="drives.encoder_counts",
+                value=inst.drives.encoder_counts,
+                allowed=f"a multiple of {_EDGES_PER_PERIOD}: nidaq counts all edges",
             )
         self._settings, self._clock = settings, clock
         rate = inst.sensors.sampling_rate
@@ -376,7 +389,7 @@ class NiDaqDevice(Bench):
             try:
                 self._tasks.close()
             except DeviceError as worse:
-                raise DeviceError(f"{problem} {worse}") from None
+                raise DeviceError(f"{problem} {worse}", key=worse.key, value=worse.value) from None
             raise
         self._opened = True
         self.capabilities = replace(self.capabilities, stops_alone=self._tasks.stops_alone)
@@ -463,7 +476,7 @@ class NiDaqDevice(Bench):
         try:
             self.close()
         except DeviceError as worse:
-            self._failed = DeviceError(f"{problem} {worse}")
+            self._failed = DeviceError(f"{problem} {worse}", key=problem.key, value=problem.value)
         raise self._failed
 
 

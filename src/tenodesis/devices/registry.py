@@ -39,10 +39,10 @@ def make(name: str, inst: Instrument, address: str | None = None) -> Device:
     made = KINDS[name].make
     if made is None:
         can = ", ".join(key for key, kind in KINDS.items() if kind.make is not None)
-        raise DeviceError(f"{name} is served by the live loop itself; here it must be one of {can}.")
+        raise DeviceError(key="NAME", value=name, allowed=f"one of {can}: the live loop serves others itself")
     if address is not None:
         if name != "serial":
-            raise DeviceError(f"--address is {address!r}; {name} has no address, only serial has.")
+            raise DeviceError(key="--address", value=address, allowed=f"left out: {name} has none, only serial has")
         given = (inst.devices.serial or Serial()).model_copy(update={"port": address})
         inst = inst.model_copy(update={"devices": inst.devices.model_copy(update={"serial": given})})
     return made(inst)
@@ -72,13 +72,14 @@ def _serial(inst: Instrument) -> Device:
     try:
         assumed = compensated(inst)
     except ArgumentError as problem:
-        raise DeviceError(f"serial is a controller on a board, but {problem}") from None
+        raise DeviceError(f"serial is a controller on a board, but {problem}", key=problem.key) from None
     return SerialDevice(assumed, inst.devices.serial or Serial())
 
 
 def _without_table(name: str, inst: Instrument) -> DeviceError:
     return DeviceError(
-        f"{inst.name} has no table devices.{name}, which describes the wiring of its bench; add that table."
+        f"{inst.name} has no table devices.{name}, which describes the wiring of its bench; add that table.",
+        key=f"devices.{name}",
     )
 
 

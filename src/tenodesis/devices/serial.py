@@ -146,7 +146,9 @@ class BoardController(Controller):
         if self.problem is not None:
             problem = self.problem.text
             self._link.close()
-            raise DeviceError(f"{address}: {problem}; it must be {self._needs}.")
+            raise DeviceError(
+                f"{address}: {problem}; it must be {self._needs}.", key="port", value=address, allowed=self._needs
+            )
 
     @property
     def board(self) -> Board:
@@ -234,7 +236,10 @@ def _open(address: str, baud_rate: int) -> Iterator[int]:
             line.connect(target)
     except OSError as problem:
         raise DeviceError(
-            f"{address} does not answer ({problem.strerror or problem}); a board must listen there."
+            f"{address} does not answer ({problem.strerror or problem}); a board must listen there.",
+            key="port",
+            value=address,
+            allowed="where a board listens",
         ) from None
     with line:
         yield line.fileno()
@@ -246,7 +251,7 @@ def _port(path: str, baud_rate: int) -> Iterator[int]:
     try:
         port = serial.Serial(path, baud_rate, timeout=0, exclusive=True)
     except (OSError, ValueError) as problem:
-        raise DeviceError(f"{path} cannot be opened at {baud_rate} bit/s: {problem}.") from None
+        raise DeviceError(f"{path} cannot be opened at {baud_rate} bit/s: {problem}.", key="port", value=path) from None
     with port:
         port.reset_input_buffer()
         yield port.fileno()
@@ -306,10 +311,12 @@ class SerialDevice(Device):
         Raises DeviceError if the link has failed.
         """
         if self._controller is None:
-            raise DeviceError("the board is not open; open it first.")
+            raise DeviceError("the board is not open; open it first.", key="state", value="closed")
         measured = self._answered(self._controller) if self._bench is None else self._heard(self._bench, timeout)
         if self._controller.problem is not None:
-            raise DeviceError(f"{self._settings.port}: {self._controller.problem.text}.")
+            raise DeviceError(
+                f"{self._settings.port}: {self._controller.problem.text}.", key="port", value=self._settings.port
+            )
         return measured
 
     def _answered(self, controller: BoardController) -> Measurement:

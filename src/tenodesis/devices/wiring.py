@@ -92,7 +92,11 @@ def _by_axis(inst: ShortForm, settings: CanOpen | NiDaq, key: str) -> _Found:
     for n, name in enumerate(inst.axes):
         axis = getattr(settings, name)
         if axis is None:
-            raise InstrumentError(f"devices.{key}.{name} is missing; {inst.name} has that axis.")
+            raise InstrumentError(
+                f"devices.{key}.{name} is missing; {inst.name} has that axis.",
+                key=f"devices.{key}.{name}",
+                allowed="given",
+            )
         drives += [
             Plug(f"the {side} drive of {name}", name, 2 * n + m, drive)
             for m, (side, drive) in enumerate(zip(TENDONS, axis.drives, strict=True))
@@ -113,11 +117,15 @@ def _by_name(inst: Instrument, settings: CanOpen | NiDaq, key: str) -> _Found:
     for group, (given, needed, there) in groups.items():
         missing = next((name for name in needed if name not in given), None)
         if missing is not None:
-            raise InstrumentError(f"devices.{key}.{group}.{missing} is missing; {inst.name} has it.")
+            raise InstrumentError(
+                f"devices.{key}.{group}.{missing} is missing; {inst.name} has it.",
+                key=f"devices.{key}.{group}.{missing}",
+                allowed="given",
+            )
         unknown = next((name for name in given if name not in there), None)
         if unknown is not None:
             allowed = ", ".join(there) or "left out"
-            raise InstrumentError(f"devices.{key}.{group} names {unknown}; it must be among {allowed}.")
+            raise InstrumentError(key=f"devices.{key}.{group}", value=unknown, allowed=f"among {allowed}")
     drives = [
         Plug(f"the drive of {name}", name, names.tendons.index(name), part) for name, part in settings.tendons.items()
     ]

@@ -201,15 +201,11 @@ def _check(
     for name, runs in (("train", train), ("test", test)):
         for run in runs:
             if not 0 <= run < len(problem.runs):
-                raise IdentificationError(
-                    f"{name} names run {run}; runs must be 0 to {len(problem.runs) - 1}.", key=name, value=run
-                )
+                raise IdentificationError(key=name, value=run, allowed=f"0 to {len(problem.runs) - 1}")
     used = [*train, *test]
     twice = next((run for run in used if used.count(run) > 1), None)
     if twice is not None:
-        raise IdentificationError(
-            f"run {twice} ({problem.runs[twice]}) is given twice among train and test; it must be given once."
-        )
+        raise IdentificationError(key="test", value=twice, allowed="given once among train and test")
     for one in problem.parameters:
         if not (math.isfinite(one.lower) and math.isfinite(one.upper) and one.lower <= one.start <= one.upper):
             raise IdentificationError(
@@ -243,13 +239,19 @@ def _check_excitation(
     listed = ", ".join(problem.parameters[index].name for index in free)
     if not uncertainty.estimate(runs, loss).smallest_std < identifiability.IDENTIFIABLE_SHARE:
         raise IdentificationError(
-            f"{', '.join(names)}: no excitation, the recordings narrow {listed} no further than their bounds do."
+            f"{', '.join(names)}: no excitation, the recordings narrow {listed} no further than their bounds do.",
+            key="fit",
+            value=names,
+            allowed="excited by the recordings",
         )
     varying = [Linearised(one.residuals, _centred(one), one.channels) for one in runs]
     if len(free) > 1 and not uncertainty.estimate(varying, loss).smallest_std < identifiability.IDENTIFIABLE_SHARE:
         raise IdentificationError(
             f"{', '.join(names)}: no excitation, {listed} are seen in constants only: in nothing that "
-            "changes over the recordings."
+            "changes over the recordings.",
+            key="fit",
+            value=names,
+            allowed="excited by the recordings",
         )
 
 

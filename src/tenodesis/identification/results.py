@@ -257,7 +257,7 @@ def run_errors(problem: Problem, values: Array, run: int, split: str) -> RunErro
     errors = problem.errors(values, run)
     for key, one in errors.items():
         if one.size == 0:
-            raise IdentificationError(f"{problem.runs[run]} has no sample of {key}.")
+            raise IdentificationError(f"{problem.runs[run]} has no sample of {key}.", key="test", value=key)
     return RunErrors(
         name=problem.runs[run],
         split=split,

@@ -56,7 +56,10 @@ class Search:
         if self.samples < least:
             raise IdentificationError(
                 f"the training runs have {self.samples} samples, which is too few for {len(self.free)} parameters; "
-                f"at least {least} are needed, {LEAST_PER_PARAMETER} for each."
+                f"at least {least} are needed, {LEAST_PER_PARAMETER} for each.",
+                key="samples",
+                value=self.samples,
+                allowed=f"at least {least}",
             )
 
     def full(self, at: Array) -> Array:
@@ -175,9 +178,13 @@ class Search:
             if not np.isfinite(self.problem.residuals(self.start, run)).all():
                 return IdentificationError(
                     f"the model has no answer for {self.problem.runs[run]} at any of the starts: residuals are not "
-                    "finite; starts and bounds must be such that it has one."
+                    "finite; starts and bounds must be such that it has one.",
+                    key="residuals",
+                    allowed="finite",
                 )
-        return IdentificationError("the model has no answer at any of the starts: residuals are not finite.")
+        return IdentificationError(
+            "the model has no answer at any of the starts: residuals are not finite.", key="residuals", allowed="finite"
+        )
 
     def _scale(self, at: Array) -> Array:
         return scales(self.problem.parameters, self.full(at))[self.free]
@@ -190,7 +197,12 @@ class Search:
         if not np.isfinite(jacobian).all():
             names = [self.problem.parameters[index].name for index in self.free]
             bad = [name for name, column in zip(names, jacobian.T, strict=True) if not np.isfinite(column).all()]
-            raise IdentificationError(f"the derivatives of the model with respect to {bad[0]} are not finite.")
+            raise IdentificationError(
+                f"the derivatives of the model with respect to {bad[0]} are not finite.",
+                key="derivatives",
+                value=bad[0],
+                allowed="finite",
+            )
         return jacobian
 
 

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Generic, Literal, Self, TypeAlias, TypeVar
 
 from pydantic import Field, model_validator
 
+from tenodesis.errors import ArgumentError
 from tenodesis.toml import FileTable
 from tenodesis.units import (
     Angle,
@@ -155,21 +156,28 @@ class CanOpen(FileTable):
     def _nodes(self) -> Self:
         _check_given(self)
         if self.rated_current is not None and self.rated_torque is not None:
-            raise ValueError(
-                "rated_current and rated_torque are both given; a drive reports its current by one of them"
+            raise ArgumentError(
+                "rated_current and rated_torque are both given; a drive reports its current by one of them",
+                key="rated_current",
             )
         seen: dict[int, str] = {self.master: "master"}
         for place, drive in self.drives():
             if drive.node in seen:
-                raise ValueError(
-                    f"{place}.node is {drive.node}, which is {seen[drive.node]} already; it must be another one"
+                raise ArgumentError(
+                    f"{place}.node is {drive.node}, which is {seen[drive.node]} already; it must be another one",
+                    key=f"{place}.node",
+                    value=drive.node,
                 )
             seen[drive.node] = place
         sources: list[CanSource] = [*self.handle_joints.values(), *self.joints.values()]
         sources += [one.tension for one in self.tendons.values() if one.tension is not None]
         sources += [one for axis in filter(None, (self.yaw, self.pitch)) for one in axis.sources.values()]
         if any(source.node == self.master for source in sources):
-            raise ValueError(f"a sensor's node is {self.master}, which is master; it must be another node")
+            raise ArgumentError(
+                f"a sensor's node is {self.master}, which is master; it must be another node",
+                key="node",
+                value=self.master,
+            )
         return self
 
     def drives(self) -> Iterator[tuple[str, CanDrive]]:
@@ -268,21 +276,27 @@ class NiDaq(FileTable):
         used += [name for drive in drives for name in (drive.speed, drive.counter)]
         twice = next((name for name in used if used.count(name) > 1), None)
         if twice is not None:
-            raise ValueError(f"channel {twice!r} is given twice; each signal must have a channel of its own")
+            raise ArgumentError(
+                f"channel {twice!r} is given twice; each signal must have a channel of its own",
+                key="channel",
+                value=twice,
+            )
         for drive in drives:
             if not math.fabs(drive.standstill) < self.output_limit:
-                raise ValueError(
+                raise ArgumentError(
                     f"standstill of {drive.speed} is {drive.standstill:g} V; it must be below output_limit, "
-                    f"{self.output_limit:g} V"
+                    f"{self.output_limit:g} V",
+                    key="standstill",
                 )
         return self
 
 
 def _check_given(bench: CanOpen | NiDaq) -> None:
     if bench.yaw is None and bench.pitch is None and not bench.tendons:
-        raise ValueError(
+        raise ArgumentError(
             "neither yaw nor pitch is given, nor tendons; give one table for each axis of the instrument, or for each "
-            "tendon where it lists joints and tendons"
+            "tendon where it lists joints and tendons",
+            key="yaw",
         )
 
 
@@ -319,9 +333,10 @@ class Devices(FileTable):
                 continue
             if kind == "current" and isinstance(bench, CanOpen):
                 if bench.rated_current is None and bench.rated_torque is None:
-                    raise ValueError(
+                    raise ArgumentError(
                         "sensors.kind is current, but devices.canopen has neither rated_current nor rated_torque; give "
-                        "one of them, or load cells"
+                        "one of them, or load cells",
+                        key="sensors.kind",
                     )
                 continue
             for place, wired, side in _wired(bench):
@@ -332,8 +347,9 @@ class Devices(FileTable):
                     key = f"{side}_tension".lstrip("_")
                     missing, other = getattr(wired, key) is None, "current"
                 if missing:
-                    raise ValueError(
-                        f"devices.{name}.{place}.{key} is missing; without it sensors.kind must be {other}"
+                    raise ArgumentError(
+                        f"devices.{name}.{place}.{key} is missing; without it sensors.kind must be {other}",
+                        key=f"devices.{name}.{place}.{key}",
                     )
 
 

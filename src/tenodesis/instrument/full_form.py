@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
 
 from tenodesis import notebook
-from tenodesis.errors import InstrumentError
+from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.instrument.backbones import cut
 from tenodesis.instrument.hardware import Drives, Friction
 from tenodesis.instrument.instrument import Instrument
@@ -120,27 +120,39 @@ class FullForm(Instrument):
     def _check_joints(self) -> None:
         tips, handles = self.tip_joints, self.handle_joints
         if not 1 <= len(tips) <= MOST_JOINTS:
-            raise ValueError(f"joints has {len(tips)} at the tip; there must be 1 to {MOST_JOINTS}")
+            raise ArgumentError(f"joints has {len(tips)} at the tip; there must be 1 to {MOST_JOINTS}", key="joints")
         if len(handles) > len(tips):
-            raise ValueError(
-                f"joints has {len(handles)} at the handle; there must be at most {len(tips)}, as at the tip"
+            raise ArgumentError(
+                f"joints has {len(handles)} at the handle; there must be at most {len(tips)}, as at the tip",
+                key="joints",
             )
         before: list[str] = ["stem"]
         for joint in tips:
             if joint.on is not None and joint.on not in before:
-                raise ValueError(f"joint {joint.name}: on = {joint.on!r}; it must be one of {', '.join(before)}")
+                raise ArgumentError(
+                    f"joint {joint.name}: on = {joint.on!r}; it must be one of {', '.join(before)}",
+                    key="on",
+                    value=joint.on,
+                )
             before.append(joint.name)
         for place, joint in enumerate((*tips, *handles)):
             _check_tie(joint, [other.name for other in tips[:place] if not other.arc] if place < len(tips) else [])
         held = self.grip.jaws if self.grip is not None and self.grip.length is not None and self.bearing else ()
         for i in self.ends:
             if tips[i].end_effector_length is None and tips[i].name not in held:
-                raise ValueError(f"joint {tips[i].name} is the last; its end_effector_length must be given")
+                raise ArgumentError(
+                    f"joint {tips[i].name} is the last; its end_effector_length must be given",
+                    key="end_effector_length",
+                )
         if self.grip is not None:
             names = [tips[i].name for i in self.ends]
             wrong = [jaw for jaw in self.grip.jaws if jaw not in names]
             if wrong:
-                raise ValueError(f"grip.jaws names {wrong[0]!r}; it must name the last joints: {', '.join(names)}")
+                raise ArgumentError(
+                    f"grip.jaws names {wrong[0]!r}; it must name the last joints: {', '.join(names)}",
+                    key="grip.jaws",
+                    value=wrong[0],
+                )
 
     def _check_friction(self) -> None:
         friction = self.friction
@@ -148,9 +160,15 @@ class FullForm(Instrument):
             given, default = getattr(friction, key), Friction.model_fields[key].default
             if given != default:
                 instead = "; give base_wrap in a tendon's route" if key == "base_wrap" else ""
-                raise ValueError(f"friction.{key} is {given:g}, which only the short form has{instead}")
+                raise ArgumentError(
+                    f"friction.{key} is {given:g}, which only the short form has{instead}",
+                    key=f"friction.{key}",
+                    value=given,
+                )
         if self.spool_radius is not None and "spool_radius" in self.drives.model_fields_set:
-            raise ValueError("spool_radius and drives.spool_radius are both given; give one of them")
+            raise ArgumentError(
+                "spool_radius and drives.spool_radius are both given; give one of them", key="spool_radius"
+            )
 
     def _check_held(self) -> None:
         """Refuse joints that nothing holds, and tendons that leave a motion of several joints free."""
@@ -196,7 +214,7 @@ def _kinds(of: type[ShortForm]) -> Iterator[type[ShortForm]]:
 def _check_distinct(key: str, names: Sequence[str]) -> None:
     double = next((name for name in names if names.count(name) > 1), None)
     if double is not None:
-        raise ValueError(f"{key} has {double} twice; names must differ")
+        raise ArgumentError(f"{key} has {double} twice; names must differ", key=key, value=double)
 
 
 def _check_tie(joint: Joint, before: Sequence[str]) -> None:
@@ -204,10 +222,13 @@ def _check_tie(joint: Joint, before: Sequence[str]) -> None:
         return
     if joint.tied_to not in before:
         allowed = ", ".join(before) or "none is, so it must be left out"
-        raise ValueError(f"joint {joint.name}: tied_to = {joint.tied_to!r}; it must be one before it: {allowed}")
+        problem = f"joint {joint.name}: tied_to = {joint.tied_to!r}; it must be one before it: {allowed}"
+        raise ArgumentError(problem, key="tied_to", value=joint.tied_to)
     if joint.arcs > 1 or not joint.tie_ratio:
         problem = "has several arcs" if joint.arcs > 1 else "has a tie_ratio of 0"
-        raise ValueError(f"joint {joint.name} is tied to {joint.tied_to} and {problem}; give it without that")
+        raise ArgumentError(
+            f"joint {joint.name} is tied to {joint.tied_to} and {problem}; give it without that", key="tied_to"
+        )
 
 
 def _check_route(inst: FullForm, tendon: Tendon) -> None:

@@ -6,6 +6,7 @@ from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
+from tenodesis.errors import ArgumentError
 from tenodesis.toml import FileTable
 from tenodesis.units import (
     Angle,
@@ -111,11 +112,17 @@ class Friction(FileTable):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.law == "none" and (self.vertex_coefficient or self.sheath_coefficient or self.constant):
-            raise ValueError('law is "none", but coefficients are given; give another law or no coefficients')
+            raise ArgumentError(
+                'law is "none", but coefficients are given; give another law or no coefficients', key="law"
+            )
         if self.law in ("none", "capstan") and self.constant:
-            raise ValueError(f'constant is {self.constant:g} N, which law "{self.law}" does not have')
+            raise ArgumentError(
+                f'constant is {self.constant:g} N, which law "{self.law}" does not have',
+                key="constant",
+                value=self.constant,
+            )
         if self.law != "stribeck" and self.static_ratio != 1:
-            raise ValueError(f'static_ratio is {self.static_ratio:g}, which only law "stribeck" has')
+            raise ArgumentError(f'static_ratio is {self.static_ratio:g}, which only law "stribeck" has')
         self._check_shares()
         self._check_radius()
         bend = self.sheath_bend + self.sheath_bend_per_handle_angle * math.pi
@@ -129,7 +136,7 @@ class Friction(FileTable):
         }
         for key, exponent in exponents.items():
             if exponent > MOST_EXPONENT:
-                raise ValueError(
+                raise ArgumentError(
                     f"{key} is {getattr(self, key):g}, which with static_ratio and bend makes a friction exponent of "
                     f"{exponent:.3g} at one contact; it must be at most {MOST_EXPONENT:g}: give a smaller coefficient "
                     "or bend, or more sheath_contacts"
@@ -138,7 +145,7 @@ class Friction(FileTable):
 
     def _check_shares(self) -> None:
         if self.anchor_compliance_share is not None and self.vertices_per_joint == 1:
-            raise ValueError(
+            raise ArgumentError(
                 f"anchor_compliance_share is {self.anchor_compliance_share:g}, which only joints of two vertices have; "
                 "give vertices_per_joint = 2, or no share"
             )
@@ -146,19 +153,19 @@ class Friction(FileTable):
         given = {key: value for key in keys if (value := getattr(self, key)) is not None}
         total = sum(given.values())
         if total >= 1:
-            raise ValueError(
+            raise ArgumentError(
                 f"{' and '.join(given)} make {total:.4g} of the tendon's compliance; they must be below 1 together, "
                 "the rest being the stem's"
             )
 
     def _check_radius(self) -> None:
         if self.law != "capstan-power" and self.load_index != 1:
-            raise ValueError(f'load_index is {self.load_index:g}, which only law "capstan-power" has')
+            raise ArgumentError(f'load_index is {self.load_index:g}, which only law "capstan-power" has')
         stiffness = self.tendon_bending_stiffness
         if stiffness and self.vertex_radius is None:
-            raise ValueError(f"tendon_bending_stiffness is {stiffness:g} N*m^2, which needs a vertex_radius")
+            raise ArgumentError(f"tendon_bending_stiffness is {stiffness:g} N*m^2, which needs a vertex_radius")
         if stiffness and self.law in ("none", "stribeck"):
-            raise ValueError(
+            raise ArgumentError(
                 f'tendon_bending_stiffness is {stiffness:g} N*m^2, which law "{self.law}" does not have; give another '
                 "law, or none"
             )
@@ -263,7 +270,7 @@ class Sensors(FileTable):
     @model_validator(mode="after")
     def _range(self) -> Self:
         if self.kind == "current" and self.current_range is None:
-            raise ValueError('kind is "current", but current_range is not given; give the largest current')
+            raise ArgumentError('kind is "current", but current_range is not given; give the largest current')
         return self
 
 
@@ -356,5 +363,5 @@ class Geometry(FileTable):
         ]
         for (low, less), (high, more) in pairwise(given):
             if less > more:
-                raise ValueError(f"{low} is {less:g} m and {high} is {more:g} m; {low} must be at most {high}")
+                raise ArgumentError(f"{low} is {less:g} m and {high} is {more:g} m; {low} must be at most {high}")
         return self

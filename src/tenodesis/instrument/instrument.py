@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, BaseModel, Field
 
 from tenodesis import _core
-from tenodesis.errors import InstrumentError
+from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.instrument.conditions import Conditions
 from tenodesis.instrument.devices import Devices
 from tenodesis.instrument.hardware import Control, Drives, Friction, Geometry, Sensors
@@ -34,7 +34,7 @@ ENTRIES = {"joints": "joint", "tendons": "tendon"}
 
 def _printable(name: str) -> str:
     if not (1 <= len(name) <= 60 and name.isprintable()):
-        raise ValueError("it must be 1 to 60 printable characters")
+        raise ArgumentError("it must be 1 to 60 printable characters")
     return name
 
 
@@ -293,8 +293,9 @@ class Instrument(FileTable, AnyForm):
             return self.given_stiffness
         length = self.tendon_length if tendon.length is None else tendon.length
         if self.tendon_modulus is None or self.tendon_diameter is None or length is None:
-            raise ValueError(
+            raise ArgumentError(
                 f"tendon {tendon.name} has no stiffness; give tendon_stiffness, or tendon_diameter, tendon_modulus and "
-                "tendon_length"
+                "tendon_length",
+                key="tendon_stiffness",
             )
         return self.tendon_modulus * math.pi / 4 * self.tendon_diameter**2 / length

@@ -7,6 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from tenodesis import _core
+from tenodesis.errors import ArgumentError
 from tenodesis.instrument.hardware import Hand
 from tenodesis.toml import FileTable
 from tenodesis.units import (
@@ -42,7 +43,7 @@ SIGNS: Mapping[str, float] = {"agonist": 1.0, "antagonist": -1.0, "middle": 0.0}
 
 def _short(name: str) -> str:
     if not (name.isascii() and name.replace("_", "a").isalnum() and len(name) <= 40 and not name[0].isdigit()):
-        raise ValueError("it must be a name of letters, digits and underscores, of at most 40 characters")
+        raise ArgumentError("it must be a name of letters, digits and underscores, of at most 40 characters")
     return name
 
 
@@ -126,17 +127,21 @@ class Joint(FileTable):
         for key in ("backbone_length", "backbone_rigidity"):
             if is_continuum != (getattr(self, key) is not None):
                 needed = "is missing" if is_continuum else f"is given, but a {self.mechanism} has no backbone"
-                raise ValueError(f"{key} {needed}; it must be {'given' if is_continuum else 'left out'}")
+                raise ArgumentError(f"{key} {needed}; it must be {'given' if is_continuum else 'left out'}", key=key)
         if self.arcs > 1 and not (
             is_continuum and self.place == "tip" and self.arcs % 2 == 0 and self.arc <= self.arcs
         ):
-            raise ValueError(f"arcs is {self.arcs}; it must be 1 or an even number, for a continuum at the tip")
+            raise ArgumentError(
+                f"arcs is {self.arcs}; it must be 1 or an even number, for a continuum at the tip", key="arcs"
+            )
         if not isinstance(self.axis, str) and not math.hypot(*self.axis) > 0:
-            raise ValueError(f"axis is {list(self.axis)}; it must be yaw, pitch, roll or a vector that is not zero")
+            raise ArgumentError(
+                f"axis is {list(self.axis)}; it must be yaw, pitch, roll or a vector that is not zero", key="axis"
+            )
         if self.mechanism != "pulley" and abs(self.axis_vector[2]) > 1e-9:
             given = self.axis if isinstance(self.axis, str) else list(self.axis)
-            raise ValueError(
-                f"axis is {given}; a {self.mechanism} bends only about an axis across z, the last number 0"
+            raise ArgumentError(
+                f"axis is {given}; a {self.mechanism} bends only about an axis across z, the last number 0", key="axis"
             )
         return self
 

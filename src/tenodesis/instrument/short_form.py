@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal, Self
 from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_validator
 
 from tenodesis import _core, notebook
-from tenodesis.errors import InstrumentError
+from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.instrument.hardware import Dynamics, Mismatch
 from tenodesis.instrument.instrument import Instrument
 from tenodesis.instrument.tension import TensionSensor, tension_sensor
@@ -124,25 +124,27 @@ class ShortForm(Instrument):
 
     def _check_override(self, axis: AxisName, values: Mapping[str, Any], *, in_file: bool) -> None:
         if axis not in self.axes[1:]:
-            raise ValueError(
+            raise ArgumentError(
                 f"overrides.{axis} is given, but the second axis is {self.axes[1] if self.axes[1:] else 'not there'}; "
-                "the first axis has its values at the top"
+                "the first axis has its values at the top",
+                key=f"overrides.{axis}",
             )
         allowed = [key for key, _, _ in self.quantities()]
         foreign = [key for key in values if key not in {*allowed, "tendon_length"}]
         if foreign:
-            raise ValueError(
+            raise ArgumentError(
                 f"overrides.{axis}: {foreign[0]} is not a known key{did_you_mean(foreign[0], allowed)}; it must be one "
-                f"of {', '.join(allowed)}"
+                f"of {', '.join(allowed)}",
+                key=f"overrides.{axis}",
             )
         bare = [key for key, value in values.items() if in_file and isinstance(value, int | float)]
         if bare:
-            raise ValueError(f"overrides.{axis}.{bare[0]} = {values[bare[0]]!r}: it has no unit")
+            raise ArgumentError(f"overrides.{axis}.{bare[0]} = {values[bare[0]]!r}: it has no unit")
         alone = self.with_values({"axes": (axis,), "overrides": None} | dict(values))
         try:
             validated(type(self), alone, InstrumentError, f"overrides.{axis}")
         except InstrumentError as invalid:
-            raise ValueError(str(invalid).rstrip(".")) from None
+            raise ArgumentError(str(invalid).rstrip(".")) from None
 
     def __repr__(self) -> str:
         in_file = {key: in_words(value, kind.unit) for key, value, kind in self.quantities()}
@@ -171,42 +173,50 @@ class ShortForm(Instrument):
     @classmethod
     def _distinct_axes(cls, axes: tuple[AxisName, ...]) -> tuple[AxisName, ...]:
         if not axes or len(set(axes)) < len(axes):
-            raise ValueError("it must name one or two different axes, yaw and pitch")
+            raise ArgumentError("it must name one or two different axes, yaw and pitch")
         return axes
 
     @model_validator(mode="after")
     def _coherent(self, info: ValidationInfo) -> Self:
         missing = [key for key in ("tendon_diameter", "tendon_modulus") if getattr(self, key) is None]
         if self.given_stiffness is None and missing:
-            raise ValueError(f"{missing[0]} is missing; give tendon_diameter and tendon_modulus, or tendon_stiffness")
+            raise ArgumentError(
+                f"{missing[0]} is missing; give tendon_diameter and tendon_modulus, or tendon_stiffness", key=missing[0]
+            )
         stiffness = self.tendon_stiffness
         if not STIFFNESS.allows(stiffness):
-            raise ValueError(f"tendon_stiffness follows as {stiffness:.3g} N/m; it must be {STIFFNESS.allowed}")
+            raise ArgumentError(
+                f"tendon_stiffness follows as {stiffness:.3g} N/m; it must be {STIFFNESS.allowed}",
+                key="tendon_stiffness",
+            )
         if self.pretension / stiffness >= (self.tendon_length or self.overall_length):
-            raise ValueError(
+            raise ArgumentError(
                 f"pretension is {self.pretension:g} N, which would stretch tendons of {stiffness:.3g} N/m by more than "
-                "their length; give less pretension or a stiffer tendon"
+                "their length; give less pretension or a stiffer tendon",
+                key="pretension",
             )
         if self.breaking_load is not None and self.pretension >= self.breaking_load:
-            raise ValueError(
+            raise ArgumentError(
                 f"pretension is {self.pretension:g} N, at which a tendon of {self.breaking_load:g} N breaking_load has "
-                "broken; give less pretension or a stronger tendon"
+                "broken; give less pretension or a stronger tendon",
+                key="pretension",
             )
         tension_sensor(self.drives, self.sensors, self.pretension)
         self.devices.check_tensions(self.sensors.kind)
         reach = _core.unloaded_limit(self.spec)
         if not reach < 1:
-            raise ValueError(
+            raise ArgumentError(
                 f"handle_range is {math.degrees(self.handle_range):.4g} deg, which would bend the distal joint "
                 f"{reach:.4g} times as far as it can (for gears, R/r sin(handle_range / 2) must stay below 1); "
-                "give a smaller handle_range or a larger distal radius"
+                "give a smaller handle_range or a larger distal radius",
+                key="handle_range",
             )
         for axis, values in self.overrides.items():
             self._check_override(axis, values, in_file=bool(info.context and info.context.get("file")))
         for key in self.sources:
             if key not in _known(type(self)):
                 hint = did_you_mean(key, (), _known(type(self)))
-                raise ValueError(f"sources.{key} names no key of an instrument{hint}")
+                raise ArgumentError(f"sources.{key} names no key of an instrument{hint}", key=f"sources.{key}")
         return self
 
 

@@ -3,6 +3,7 @@
 from math import hypot, log, sqrt
 from typing import NamedTuple
 
+from tenodesis.errors import ArgumentError
 from tenodesis.instrument.hardware import Drives, Sensors
 
 
@@ -50,17 +51,19 @@ def tension_sensor(drives: Drives, sensors: Sensors, pretension: float) -> Tensi
             sensors.load_cell_gain_error,
         )
     if drives.torque_constant is None or sensors.current_range is None:
-        raise ValueError(
-            'sensors.kind is "current", but drives.torque_constant is not given; give it, or take load cells'
+        raise ArgumentError(
+            'sensors.kind is "current", but drives.torque_constant is not given; give it, or take load cells',
+            key="drives.torque_constant",
         )
     constant = drives.friction_torque / drives.spool_radius
     share = constant / pretension if pretension > 0 else 0.0
     least, most = drives.gear_efficiency - share, 1 / drives.gear_efficiency + share
     if least <= 0:
-        raise ValueError(
+        raise ArgumentError(
             f"drives.friction_torque is {drives.friction_torque:g} N*m, with which drives of gear_efficiency "
             f"{drives.gear_efficiency:g} hold the pretension of {pretension:g} N without any current; sensors.kind "
-            "must be load-cell, or the drives must turn back by themselves"
+            "must be load-cell, or the drives must turn back by themselves",
+            key="drives.friction_torque",
         )
     gain = 1 / sqrt(least * most)
     per_current = drives.torque_constant * drives.gear_ratio / drives.spool_radius * gain

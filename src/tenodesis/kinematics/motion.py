@@ -234,7 +234,7 @@ def inverse(
     starts = np.stack([np.broadcast_to(angle, shape).reshape(count) for angle in start], axis=-1)
     _core.chain_inverse(skeleton(inst).core, goals, starts, out, reach, threads())
     if shape == () and reach[0] != _core.Reach.OK:
-        raise NoSolutionError(_unreached(inst, goals[0], _core.Reach(int(reach[0]))))
+        raise NoSolutionError(_unreached(inst, goals[0], _core.Reach(int(reach[0]))), key="goal", value=goals[0])
     columns = [column[0].item() if shape == () else column.reshape(shape) for column in out.T]
     straight: Any = 0.0 if shape == () else np.where(reach.reshape(shape) == _core.Reach.OK, 0.0, np.nan)
     return Posture(**dict.fromkeys(COORDINATES, straight) | dict(zip(keys, columns, strict=True)))

@@ -32,6 +32,9 @@ _AT_ONCE = 0.05
 """Longest wait of a stop for another command's answer, s."""
 _GONE = "The runtime has ended: its motors are stopped by their own watchdogs. Start it again."
 
+_ABOUT = ("key", "value", "allowed")
+"""What an error of the runtime carries beside its sentence."""
+
 
 class Client(Connection):
     """A connection to a runtime process in the name of an origin.
@@ -61,7 +64,9 @@ class Client(Connection):
         try:
             self._connect()
         except OSError as problem:
-            raise LiveError(f"{self.folder} cannot be connected to: {problem.strerror or problem}.") from None
+            raise LiveError(
+                f"{self.folder} cannot be connected to: {problem.strerror or problem}.", key="folder", value=self.folder
+            ) from None
         self._capabilities = self.hello(origin)
         self._every = max(1, round(1 / _KEPT_RATE / self.time_step))
         self._kept: deque[Array] = deque(maxlen=round(_KEPT_SECONDS * _KEPT_RATE))
@@ -165,7 +170,7 @@ class Client(Connection):
         if answer is None or answer.get("id") not in (None, number):
             raise LiveError(why)
         if "error" in answer:
-            raise LiveError(answer["error"])
+            raise LiveError(answer.pop("error"), **{name: answer[name] for name in _ABOUT if name in answer})
         return answer["ok"]
 
     def _answer(self, command: LiveCommand, message: dict[str, Any]) -> dict[str, Any] | None:

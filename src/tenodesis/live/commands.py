@@ -199,7 +199,7 @@ class Commands:
 
     def send(self, command: LiveCommand, arguments: Mapping[str, Any]) -> Any:
         """Send a command and return its answer."""
-        raise LiveError(f"the command {command.name} is not available here.")
+        raise LiveError(f"the command {command.name} is not available here.", key="op", value=command.name)
 
     @_command(needs_lease=False)
     def hello(self, origin: str = "") -> Capabilities:

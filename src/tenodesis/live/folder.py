@@ -76,7 +76,10 @@ def read(folder: Path) -> About:
         return About(as_instrument(folder / INSTRUMENT), **content)
     except (OSError, ValueError, TypeError) as problem:
         raise LiveError(
-            f"{folder} is no folder of a live instrument ({problem}); start one with `tenodesis console`."
+            f"{folder} is no folder of a live instrument ({problem}); start one with `tenodesis console`.",
+            key="folder",
+            value=folder,
+            allowed="the folder of a live instrument",
         ) from None
 
 

@@ -94,7 +94,10 @@ class FoxgloveServer:
             cause = str(problem).rpartition("port: ")[2]
             raise LiveError(
                 f"cannot listen on {host}, port {port}: {cause}; it must be an address of this computer and a "
-                "free port."
+                "free port.",
+                key="port",
+                value=port,
+                allowed="a free port",
             ) from None
         self._events = self._channel(schemas.EVENTS, schemas.STRING, {})
 

@@ -243,7 +243,7 @@ class HostConnection(RestartableConnection):
         """
         client = self._current()
         if client.alive and not client.heartbeat():
-            raise LiveError(f"{self._origin} only watches; take over first.")
+            raise LiveError(f"{self._origin} only watches; take over first.", key="operator", value=self._origin)
         self._host.start(instrument)
         self._current().acquire()
 

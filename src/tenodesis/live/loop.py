@@ -178,7 +178,7 @@ class LiveLoop:
                 choices.real_time,
             )
         except (OSError, RuntimeError) as problem:
-            raise LiveError(f"{path} cannot be written: {problem}.") from None
+            raise LiveError(f"{path} cannot be written: {problem}.", key="path", value=path) from None
 
     @property
     def _motor_speed(self) -> float:
@@ -276,7 +276,9 @@ class LiveLoop:
     def move_motors(self, angles: ArrayLike) -> None:
         """Turn the spools whose motors no controller commands to angles, rad, shape (motors,)."""
         if not self.motors:
-            raise LiveError(f"{self.inst.name} has no motors but those that its controller commands.")
+            raise LiveError(
+                f"{self.inst.name} has no motors but those that its controller commands.", key="spool_velocities"
+            )
         array = _numbers("angles", angles, len(self.motors), 100.0)
         self._each("motor", zip(self.motors, array.tolist(), strict=True))
 
@@ -314,7 +316,11 @@ class LiveLoop:
     def speed(self, factor: float) -> None:
         """Run simulated time at this multiple of wall time; 0: as fast as possible."""
         if not self.capabilities.simulated:
-            raise LiveError("speed can be changed on the twin only: the device keeps real time.")
+            raise LiveError(
+                "speed can be changed on the twin only: the device keeps real time.",
+                key="speed",
+                allowed="left alone: the device keeps real time",
+            )
         if not (factor == 0 or 0.1 <= factor <= 100):
             raise LiveError(key="speed", value=factor, allowed="from 0.1 to 100, or 0 for as fast as possible")
         self._order("speed", value=float(factor))
@@ -322,7 +328,9 @@ class LiveLoop:
     def inject_fault(self, point: str, mode: str, value: float, seconds: float, axis: str | None = None) -> None:
         """Inject a fault, as :class:`tenodesis.simulate.FaultInjection` is, from now on for a time, s."""
         if not self.capabilities.simulated:
-            raise LiveError("faults can be injected on the twin only.")
+            raise LiveError(
+                "faults can be injected on the twin only.", key="fault", allowed="injected on the twin only"
+            )
         for argument, value_given, allowed in (("point", point, INJECTION_POINTS), ("mode", mode, INJECTION_MODES)):
             if value_given not in allowed:
                 raise LiveError(key=argument, value=value_given, allowed=_one_of(allowed))
@@ -365,7 +373,7 @@ class LiveLoop:
         instead = (
             f"it takes {', '.join(loads)}" if loads else f"{self.capabilities.name} has nothing that loads the tip"
         )
-        return LiveError(f"{name} cannot be given to {self.inst.name}: {instead}.")
+        return LiveError(f"{name} cannot be given to {self.inst.name}: {instead}.", key=name)
 
     def _each(self, order: str, values: Iterable[tuple[int, float]]) -> None:
         for at, value in values:
@@ -426,7 +434,10 @@ def _check_board(inst: Instrument) -> ShortForm:
     if len(assumed.axes) != len(inst.tip_joints) and (inst.devices.serial or Serial()).sensors == "board":
         raise DeviceError(
             f"a board with sensors and motors of its own serves {' and '.join(assumed.axes)}; {inst.name} has "
-            f'{", ".join(joint.name for joint in inst.tip_joints)}: give devices.serial.sensors = "twin".'
+            f'{", ".join(joint.name for joint in inst.tip_joints)}: give devices.serial.sensors = "twin".',
+            key="devices.serial.sensors",
+            value="board",
+            allowed='"twin"',
         )
     return assumed.model_copy(update={"devices": inst.devices})
 
@@ -434,7 +445,12 @@ def _check_board(inst: Instrument) -> ShortForm:
 def _check_device(has: Capabilities, inst: Instrument) -> None:
     axes = names_of(inst).joints
     if has.axes != axes:
-        raise DeviceError(f"{has.name} has {' and '.join(has.axes)}; {inst.name} has {' and '.join(axes)}.")
+        raise DeviceError(
+            f"{has.name} has {' and '.join(has.axes)}; {inst.name} has {' and '.join(axes)}.",
+            key="axes",
+            value=has.axes,
+            allowed=" and ".join(axes),
+        )
 
 
 def _numbers(argument: str, values: ArrayLike, count: int, most: float | Array) -> Array:

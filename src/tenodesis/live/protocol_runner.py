@@ -67,7 +67,7 @@ class ProtocolRunner:
     def refuse_while_playing(self) -> None:
         """Raise LiveError while a protocol runs."""
         if self._player is not None:
-            raise LiveError(f"the protocol {self._name} runs; cancel it first.")
+            raise LiveError(f"the protocol {self._name} runs; cancel it first.", key="protocol", value=self._name)
 
     def request(self, what: str) -> None:
         """Pass an operator's request to the controller; after a pause by the operator no protocol resumes."""

@@ -293,7 +293,9 @@ def _read(tail: Tail) -> list[RuntimeEvent]:
     try:
         return tail.read()
     except OSError as problem:
-        raise LiveError(f"the events cannot be read: {problem.filename}: {problem.strerror}.") from None
+        raise LiveError(
+            f"the events cannot be read: {problem.filename}: {problem.strerror}.", key="path", value=problem.filename
+        ) from None
 
 
 def _going_on(times: Array, last: float) -> tuple[Array, int]:

@@ -61,7 +61,7 @@ class RecordingProcess:
             There is one already, the one before has not closed its file yet, or it cannot be written.
         """
         if not self._lock.acquire(timeout=_PATIENCE):
-            raise LiveError(f"{self.path} is still being closed; record a little later.")
+            raise LiveError(f"{self.path} is still being closed; record a little later.", key="path", value=self.path)
         try:
             return self._start(called)
         finally:
@@ -69,7 +69,7 @@ class RecordingProcess:
 
     def _start(self, called: str) -> Path:
         if self.path is not None:
-            raise LiveError(f"{self.path} is being recorded already; stop that first.")
+            raise LiveError(f"{self.path} is being recorded already; stop that first.", key="path", value=self.path)
         name = re.sub(r"[^\w.-]+", "-", called[:_LONGEST_NAME]).strip("-.") or "live"
         stamp = datetime.now().astimezone().strftime("%Y-%m-%d-%H%M%S")
         with write_errors(self._recordings, LiveError):

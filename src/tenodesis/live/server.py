@@ -113,6 +113,15 @@ class Server:
             self.runtime.journal.write_merged("sent_away", out.origin)
 
 
+def _about(problem: Exception) -> dict[str, Any]:
+    """Return key, value and what is allowed of an error, as JSON can carry them."""
+    if not isinstance(problem, Error) or not problem.key:
+        return {}
+    value = problem.value
+    plain = value if value is None or isinstance(value, bool | int | float | str) else str(value)
+    return {"key": problem.key, "value": plain, "allowed": problem.allowed}
+
+
 class _ClientHandler(Commands):
     """Carries out the commands of a client: a line of JSON in, a line of JSON out."""
 
@@ -152,7 +161,7 @@ class _ClientHandler(Commands):
         try:
             answer = {"ok": self._carry_out(message)}
         except EXPECTED as problem:
-            answer = {"error": str(problem)}
+            answer = {"error": str(problem), **_about(problem)}
         except Exception as problem:
             # A client's command must not end the thread that would notice its absence.
             _log.exception("a command failed")
@@ -173,7 +182,9 @@ class _ClientHandler(Commands):
         if command.needs_lease and not runtime.lease.held_by(self):
             holder = runtime.lease.origin
             held = "there is no operator: take over first" if holder is None else f"{holder} operates"
-            raise LiveError(f"{self.origin} only watches; {held}.")
+            raise LiveError(
+                f"{self.origin} only watches; {held}.", key="operator", value=holder, allowed=str(self.origin)
+            )
         result = command.call(self, command.decode(message))
         if command.needs_lease:
             write = runtime.journal.write_merged if command.streamed else runtime.journal.write
@@ -265,7 +276,9 @@ def _listening(path: Path) -> socket.socket:
     try:
         made.bind(str(path))
     except OSError as problem:
-        raise LiveError(f"{path} cannot be listened on: {problem.strerror or problem}.") from None
+        raise LiveError(
+            f"{path} cannot be listened on: {problem.strerror or problem}.", key="path", value=path
+        ) from None
     path.chmod(0o600)
     made.listen(2 * _MOST_CLIENTS)
     return made
@@ -322,7 +335,12 @@ def _made(given: argparse.Namespace) -> Server:
     given.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     others = given.folder.stat().st_mode & 0o077
     if others:
-        raise LiveError(f"{given.folder} is open to others (mode {others:03o}); it must be its owner's alone.")
+        raise LiveError(
+            f"{given.folder} is open to others (mode {others:03o}); it must be its owner's alone.",
+            key="folder",
+            value=given.folder,
+            allowed="its owner's alone",
+        )
     with atomic_file(given.folder / folders.INSTRUMENT) as new:
         new.write_text(to_toml(inst), "utf-8")
     choices = Choices(

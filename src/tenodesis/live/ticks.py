@@ -65,10 +65,14 @@ class Reader:
         try:
             self._ring = _core.RingReader(str(self.folder / folders.RING))
         except (OSError, ValueError, RuntimeError) as problem:
-            raise LiveError(f"the ticks of {self.folder} cannot be read: {problem}.") from None
+            raise LiveError(
+                f"the ticks of {self.folder} cannot be read: {problem}.", key="folder", value=self.folder
+            ) from None
         self.layout = RowLayout(self.about.inst, self.about.commands, self.about.signals)
         if self._ring.columns != self.layout.width:
-            raise LiveError(f"{self.folder} is of another version of tenodesis; start it again.")
+            raise LiveError(
+                f"{self.folder} is of another version of tenodesis; start it again.", key="folder", value=self.folder
+            )
         self._cursor = self._ring.written
         self._rows = np.empty((0, self._ring.columns))
 

@@ -72,7 +72,9 @@ def controller_choices(recording: Recording) -> dict[str, Any] | None:
     try:
         return None if text is None else tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
-        raise RecordingError(f"{recording.path}: metadata {CONTROLLER} is not valid TOML: {problem}.") from None
+        raise RecordingError(
+            f"{recording.path}: metadata {CONTROLLER} is not valid TOML: {problem}.", key=CONTROLLER
+        ) from None
 
 
 def controller_instrument(recording: Recording) -> ShortForm:
@@ -109,7 +111,7 @@ def restored_controller(recording: Recording) -> Controller | None:
     try:
         return Controller(inst, **choices)
     except (TypeError, ValueError) as problem:
-        raise RecordingError(f"{recording.path}: metadata {CONTROLLER}: {problem}") from None
+        raise RecordingError(f"{recording.path}: metadata {CONTROLLER}: {problem}", key=CONTROLLER) from None
 
 
 def in_words(choices: Mapping[str, Any], controller_inst: ShortForm, inst: Instrument) -> str:

@@ -92,12 +92,14 @@ class Recording:
         decoded, left_out = decoded | others[0], left_out | others[1]
         names = names or _paired(decoded)
         if names is None:
-            raise RecordingError(f"{path} contains no topic of a recording: {_found(contents)}.")
+            raise RecordingError(f"{path} contains no topic of a recording: {_found(contents)}.", key="topics")
         run, misfits = _run(names, decoded, _carried(contents))
         left_out |= misfits
         if left_out and not any(values.size for values in run.signals().values()):
             reasons = "; ".join(f"{topic}: {reason}" for topic, reason in left_out.items())
-            raise RecordingError(f"{path} contains no topic of a recording that can be used: {reasons}.")
+            raise RecordingError(
+                f"{path} contains no topic of a recording that can be used: {reasons}.", key="topics", value=left_out
+            )
         damage = contents.damage
         events: tuple[Event, ...] = ()
         if schemas.METADATA in contents.metadata:
@@ -145,7 +147,11 @@ class Recording:
             The instrument it holds is not valid in this version.
         """
         if "instrument" not in self.metadata:
-            raise RecordingError(f"{self.path} does not contain its instrument; only recordings of this package do.")
+            raise RecordingError(
+                f"{self.path} does not contain its instrument; only recordings of this package do.",
+                key="instrument",
+                allowed="in the recording",
+            )
         return parse(self.metadata["instrument"], f"{self.path}: instrument")
 
 
@@ -159,9 +165,9 @@ def _bytes(path: Path) -> bytes:
     try:
         data = read_regular(path)
     except FileNotFoundError:
-        raise RecordingError(f"{path} cannot be read: there is no such file.") from None
+        raise RecordingError(f"{path} cannot be read: there is no such file.", key="path", value=path) from None
     except OSError as problem:
-        raise RecordingError(f"{path} cannot be read: {problem.strerror}.") from None
+        raise RecordingError(f"{path} cannot be read: {problem.strerror}.", key="path", value=path) from None
     if not container.is_mcap(data):
         if path.suffix.lower() == ".csv":
             raise RecordingError(
@@ -171,7 +177,7 @@ def _bytes(path: Path) -> bytes:
                 allowed="an MCAP recording",
             )
         found = "it is empty" if not data else f"it begins with {data[:8].decode(errors='replace')!r}"
-        raise RecordingError(f"{path} is no MCAP file: {found}.")
+        raise RecordingError(f"{path} is no MCAP file: {found}.", key="path", value=path, allowed="an MCAP file")
     return data
 
 

@@ -116,7 +116,11 @@ def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
     """
     recorded, metadata = recording.run, recording.metadata
     if TRANSFERRED in metadata:
-        raise RecordingError(f"{recording.path} was converted from {metadata[TRANSFERRED]}; replay that recording.")
+        raise RecordingError(
+            f"{recording.path} was converted from {metadata[TRANSFERRED]}; replay that recording.",
+            key=TRANSFERRED,
+            value=metadata[TRANSFERRED],
+        )
     if inst is None:
         inst = recording.instrument()
     for group, own, theirs in zip(Names._fields, names_of(inst), recorded.names, strict=True):
@@ -124,12 +128,17 @@ def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
         if own != theirs and group != "compensated":
             about, has, has_not = group.replace("_", " "), " and ".join(theirs) or "none", " and ".join(own) or "none"
             raise RecordingError(
-                f"{recording.path} has the {about} {has}, {inst.name} {has_not}; the instrument must have the same."
+                f"{recording.path} has the {about} {has}, {inst.name} {has_not}; the instrument must have the same.",
+                key=group,
+                value=theirs,
+                allowed=has_not,
             )
     described = all(name in recorded.signals() for name in HELD)
     if recorded.grip_force is not None and recorded.grip_force.any() and not described:
         raise RecordingError(
-            f"{recording.path} has jaws that held something, which it does not describe; it cannot be replayed."
+            f"{recording.path} has jaws that held something, which it does not describe; it cannot be replayed.",
+            key="grip_force",
+            allowed="described",
         )
     seed = _number(recording, "seed", "0")
     quasi_static = metadata.get("mode") == QUASI_STATIC
@@ -138,7 +147,9 @@ def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
         recorded = replace(recorded, commanded_handle_angle=recorded.measured_handle_angle)
     if recorded.commanded_handle_angle is None:
         raise RecordingError(
-            f"{recording.path} has no handle angle; replaying needs the commanded or the measured one."
+            f"{recording.path} has no handle angle; replaying needs the commanded or the measured one.",
+            key="handle_angle",
+            allowed="recorded",
         )
     controller = restored_controller(recording)
     if controller is None:
@@ -200,14 +211,19 @@ def _number(recording: Recording, key: str, default: str) -> float:
     try:
         return int(text) if key == "seed" else float(text)
     except ValueError:
-        raise RecordingError(f"{recording.path}: metadata {key} = {text!r}: it must be a number.") from None
+        raise RecordingError(
+            f"{recording.path}: metadata {key} = {text!r}: it must be a number.",
+            key=key,
+            value=text,
+            allowed="a number",
+        ) from None
 
 
 def _time_step(recording: Recording) -> float:
     """Return the time step, s: as recorded, or the time between rows."""
     time = recording.run.time
     if not time.size:
-        raise RecordingError(f"{recording.path} has no rows; there is nothing to replay.")
+        raise RecordingError(f"{recording.path} has no rows; there is nothing to replay.", key="rows", value=0)
     if "time_step" in recording.metadata:
         return _number(recording, "time_step", "")
     steps = np.diff(time)
@@ -215,7 +231,7 @@ def _time_step(recording: Recording) -> float:
     uneven = np.flatnonzero(~(np.abs(steps - usual) <= _UNEVEN * usual))
     if not usual > 0 or uneven.size:
         at = f", {steps[uneven[0]]:.4g} s after row {uneven[0]}" if uneven.size else ""
-        raise RecordingError(f"{recording.path} has no even time step{at}; replaying needs one.")
+        raise RecordingError(f"{recording.path} has no even time step{at}; replaying needs one.", key="time_step")
     return usual
 
 

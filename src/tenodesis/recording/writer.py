@@ -102,7 +102,9 @@ class Recorder:
             increase.
         """
         if self._file is None:
-            raise RecordingError(f"{self.path} is closed; nothing more can be written to it.")
+            raise RecordingError(
+                f"{self.path} is closed; nothing more can be written to it.", key="path", value=self.path
+            )
         columns = self._columns(run)
         stamps = self._stamps(run.time)
         if not stamps.size:
@@ -131,17 +133,22 @@ class Recorder:
             The file cannot be written, the time has no stamp, or JSON cannot express the content.
         """
         if self._file is None:
-            raise RecordingError(f"{self.path} is closed; nothing more can be written to it.")
+            raise RecordingError(
+                f"{self.path} is closed; nothing more can be written to it.", key="path", value=self.path
+            )
         stamp = self._start + round(time * cdr.SECOND) if math.isfinite(time) else -1
         if not 0 <= stamp <= _LAST_STAMP:
             raise RecordingError(
                 f"{self.path}: time of an event = {time!r} s: its stamp must be between 0 and "
-                f"{_LAST_STAMP // cdr.SECOND} s."
+                f"{_LAST_STAMP // cdr.SECOND} s.",
+                key="time",
+                value=time,
+                allowed=f"between 0 and {_LAST_STAMP // cdr.SECOND} s",
             )
         try:
             data = schemas.event_message(time, content)
         except (TypeError, ValueError) as problem:
-            raise RecordingError(f"{self.path}: an event cannot be written as JSON: {problem}.") from None
+            raise RecordingError(f"{self.path}: an event cannot be written as JSON: {problem}.", key="event") from None
         with self._reported():
             if self._events_channel is None:
                 self._events_channel = self._channel(schemas.EVENTS, schemas.STRING, {})
@@ -182,7 +189,9 @@ class Recorder:
 
         for key, text in metadata.items():
             if not isinstance(text, str):
-                raise RecordingError(f"{self.path}: metadata {key} = {text!r}: it must be text.")
+                raise RecordingError(
+                    f"{self.path}: metadata {key} = {text!r}: it must be text.", key=key, value=text, allowed="text"
+                )
         made_with = {"tenodesis": __version__, "python": platform.python_version(), "numpy": np.__version__}
         return dict(metadata) | schemas.texts_of(self.names) | made_with
 
@@ -190,11 +199,23 @@ class Recorder:
         try:
             return self.path.open("wb" if overwrite else "xb")
         except FileExistsError:
-            raise RecordingError(f"{self.path} exists already; give another path, or overwrite=True.") from None
+            raise RecordingError(
+                f"{self.path} exists already; give another path, or overwrite=True.",
+                key="path",
+                value=self.path,
+                allowed="a path that does not exist, or overwrite=True",
+            ) from None
         except FileNotFoundError:
-            raise RecordingError(f"{self.path} cannot be written: there is no folder {self.path.parent}.") from None
+            raise RecordingError(
+                f"{self.path} cannot be written: there is no folder {self.path.parent}.",
+                key="path",
+                value=self.path,
+                allowed="in a folder that exists",
+            ) from None
         except OSError as problem:
-            raise RecordingError(f"{self.path} cannot be written: {problem.strerror}.") from None
+            raise RecordingError(
+                f"{self.path} cannot be written: {problem.strerror}.", key="path", value=self.path
+            ) from None
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
@@ -209,7 +230,9 @@ class Recorder:
             seconds = (self._stamp_safe - self._first_stamp) / cdr.SECOND if self._first_stamp is not None else 0.0
             raise RecordingError(
                 f"{self.path} cannot be written: {problem.strerror or problem}; what was written until then remains "
-                f"readable: at least {self._rows_safe} rows, {max(seconds, 0.0):.6g} s."
+                f"readable: at least {self._rows_safe} rows, {max(seconds, 0.0):.6g} s.",
+                key="path",
+                value=self.path,
             ) from problem
 
     def _columns(self, run: Run) -> dict[str, Array]:
@@ -219,18 +242,31 @@ class Recorder:
             if own != wanted:
                 given, wanted = (", ".join(names) or "none" for names in (own, wanted))
                 about = group.replace("_", " ")
-                raise RecordingError(f"{self.path}: the run's {about} are {given}; they must be {wanted}.")
+                raise RecordingError(
+                    f"{self.path}: the run's {about} are {given}; they must be {wanted}.",
+                    key=about,
+                    value=given,
+                    allowed=wanted,
+                )
         signals = run.signals()
         if self._signals is not None and (changed := self._signals ^ signals.keys()):
             had = "had" if min(changed) in self._signals else "did not have"
             raise RecordingError(
                 f"{self.path}: the runs before {had} {min(changed)}; all runs of a recording must have the same "
-                "signals."
+                "signals.",
+                key="signals",
+                value=min(changed),
+                allowed="the same in all runs",
             )
         for name, values in signals.items():
             expected = run.names.shape(name, len(run))
             if values.shape != expected:
-                raise RecordingError(f"{self.path}: {name} has shape {values.shape}; it must have {expected}.")
+                raise RecordingError(
+                    f"{self.path}: {name} has shape {values.shape}; it must have {expected}.",
+                    key=name,
+                    value=values.shape,
+                    allowed=str(expected),
+                )
         return schemas.flat_columns(run) if len(run) else {}
 
     def _stamps(self, time: Array) -> NDArray[np.int64]:
@@ -245,7 +281,9 @@ class Recorder:
             row = int(np.argmax(outside))
             raise RecordingError(
                 f"{self.path}: time of row {self._rows + row} = {float(time[row])!r} s: it must be finite, at least "
-                f"1 ns after the row before, and have its stamp between 0 and {_LAST_STAMP // cdr.SECOND} s."
+                f"1 ns after the row before, and have its stamp between 0 and {_LAST_STAMP // cdr.SECOND} s.",
+                key="time",
+                value=float(time[row]),
             )
         return stamps
 

@@ -27,7 +27,12 @@ def plot(replay: Replay, path: str | Path) -> None:
     """
     path = Path(path)
     if path.suffix not in FORMATS:
-        raise RecordingError(f"{path} has the extension {path.suffix!r}; it must be one of {', '.join(FORMATS)}.")
+        raise RecordingError(
+            f"{path} has the extension {path.suffix!r}; it must be one of {', '.join(FORMATS)}.",
+            key="path",
+            value=path,
+            allowed=f"one of {', '.join(FORMATS)}",
+        )
     names, run = replay.compared(), replay.run
     paired = run.names == Names.paired(run.joints)
     axes = run.joints if paired else ("",)

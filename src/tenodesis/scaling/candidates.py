@@ -205,7 +205,9 @@ def _pairs(real_size: ShortForm, catalogue: Catalogue, pins: Mapping[str, Any]) 
     if foreign:
         raise DesignError(
             f"{foreign[0]} is pinned, but {real_size.name} has joint_type {real_size.joint_type}; "
-            f"its radii are {distal_field} and {proximal_field}."
+            f"its radii are {distal_field} and {proximal_field}.",
+            key=foreign[0],
+            allowed=f"{distal_field} or {proximal_field}",
         )
     free = _free(real_size, catalogue)
     distals = _pinned(wheels, distal_field, pins, catalogue, free)
@@ -216,7 +218,7 @@ def _pairs(real_size: ShortForm, catalogue: Catalogue, pins: Mapping[str, Any]) 
         low, high = (bound * small * (1 + sign * 1e-9) for bound, sign in zip(factor, (-1, 1), strict=True))
         within = [one for one in distals if low <= one.radius <= high]
         if not within:
-            raise DesignError(_no_radius(real_size, catalogue, distals, factor))
+            raise DesignError(_no_radius(real_size, catalogue, distals, factor), key=distal_field)
         distals = within
     tolerance = catalogue.constraints.ratio_tolerance
     pairs: dict[tuple[float, float], tuple[Wheel, Wheel]] = {}
@@ -239,14 +241,18 @@ def _pairs(real_size: ShortForm, catalogue: Catalogue, pins: Mapping[str, Any]) 
             raise DesignError(
                 f"{distal_field} and {proximal_field} are pinned to R/r = {nearest[1]:.6g}, which is "
                 f"{100 * nearest[0]:.3g} % off the {large / small:.6g} of {real_size.name}; "
-                f"ratio_tolerance is {100 * tolerance:g} %."
+                f"ratio_tolerance is {100 * tolerance:g} %.",
+                key="ratio_tolerance",
+                value=tolerance,
             )
         raise DesignError(
             f"no two wheels of catalogue {catalogue.name} have R/r = {large / small:.6g} of {real_size.name} within "
             f"ratio_tolerance = {tolerance:g}; the nearest have {nearest[1]:.6g} ({100 * nearest[0]:.2g} % off): to "
             f"take them, give a file with [constraints] ratio_tolerance = {math.ceil(100 * nearest[0]) / 100:g} as a "
             f"further --catalogue, which costs {_cost_of_ratio(real_size, nearest[1] * small):.2g} deg of output angle"
-            f"{_cut_to_order(catalogue, large / small, tolerance)}."
+            f"{_cut_to_order(catalogue, large / small, tolerance)}.",
+            key="ratio_tolerance",
+            value=tolerance,
         )
     return tuple(pairs[size] for size in sorted(pairs))
 
@@ -301,7 +307,11 @@ def _wheels(real_size: ShortForm, catalogue: Catalogue) -> list[Wheel]:
         return [Wheel(pulley.radius) for pulley in catalogue.pulleys]
     gears = catalogue.gears
     if gears is None:
-        raise DesignError(f"catalogue {catalogue.name} has no gears, which {real_size.name} needs.")
+        raise DesignError(
+            f"catalogue {catalogue.name} has no gears, which {real_size.name} needs.",
+            key="gears",
+            allowed="in the catalogue",
+        )
     least, most = gears.teeth
     return [Wheel(module * teeth / 2, module, teeth) for module in gears.modules for teeth in range(least, most + 1)]
 

@@ -170,7 +170,9 @@ class Catalogue(FileTable):
             if not held:
                 raise DesignError(
                     f"catalogue {self.name} has no {kind.replace('_', ' ')}, which a {joint_type} scale model needs; "
-                    f"add {'[gears]' if kind == 'gears' else f'[[{kind}]]'} or a shipped catalogue."
+                    f"add {'[gears]' if kind == 'gears' else f'[[{kind}]]'} or a shipped catalogue.",
+                    key=kind,
+                    allowed="in the catalogue",
                 )
 
 
@@ -208,7 +210,12 @@ def _read(name_or_path: str | Path, folder: Path, chain: tuple[Path, ...]) -> Ca
     source = f"{wanted} (included by {chain[-1].name})" if chain else wanted
     text = read_text(path, DesignError, source=source, kind="catalogue", names=shipped())
     if path.resolve() in chain:
-        raise DesignError(f"{source}: it includes itself; catalogues must not include one another.")
+        raise DesignError(
+            f"{source}: it includes itself; catalogues must not include one another.",
+            key="include",
+            value=source,
+            allowed="another catalogue",
+        )
     file = parse(text, source)
     own = Catalogue(
         name=file.name or path.stem,
@@ -306,7 +313,12 @@ def _named(parts: Sequence[Any], key: str, wanted: str, catalogue: Catalogue) ->
     found = tuple(part for part in parts if part.name == wanted)
     if not found:
         names = ", ".join(part.name for part in parts) or "none"
-        raise DesignError(f"{key} = {wanted!r} is pinned, but catalogue {catalogue.name} has {names}.")
+        raise DesignError(
+            f"{key} = {wanted!r} is pinned, but catalogue {catalogue.name} has {names}.",
+            key=key,
+            value=wanted,
+            allowed=names,
+        )
     return found
 
 
@@ -316,5 +328,8 @@ def missing(key: str, wanted: float, sizes: Sequence[float], catalogue: Catalogu
     sizes_mm = " and ".join(f"{1e3 * one:.6g} mm" for one in sorted(near)) or "none"
     return DesignError(
         f"{key} = {1e3 * wanted:.6g} mm is pinned, but no part of catalogue {catalogue.name} has it; "
-        f"nearest: {sizes_mm}."
+        f"nearest: {sizes_mm}.",
+        key=key,
+        value=wanted,
+        allowed=sizes_mm,
     )

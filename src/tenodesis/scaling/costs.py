@@ -213,19 +213,26 @@ class Tally:
         """Return the error that names the limit, or the two limits, that cannot be met."""
         alone = self.unmeetable()
         if alone is not None:
-            return DesignError(f"{alone.key} cannot be met: {alone.requires}; {self.nearest(alone)}.")
+            return DesignError(
+                f"{alone.key} cannot be met: {alone.requires}; {self.nearest(alone)}.",
+                key=alone.key,
+                allowed=alone.requires,
+            )
         met = self._both.diagonal()
         for i, one in enumerate(self._limits):
             for j, other in enumerate(self._limits[:i]):
                 if not self._both[i, j]:
                     return DesignError(
                         f"{other.key} and {one.key} contradict each other: of {self._examined} scale models {met[j]} "
-                        f"meet the one ({other.requires}), {met[i]} the other ({one.requires}), and none both."
+                        f"meet the one ({other.requires}), {met[i]} the other ({one.requires}), and none both.",
+                        key=other.key,
+                        allowed=other.requires,
                     )
         scarce = sorted(range(len(self._limits)), key=lambda n: met[n])[:3]
         counts = ", ".join(f"{self._limits[n].key} ({met[n]})" for n in scarce)
         return DesignError(
-            f"no scale model of {self._examined} meets all limits, though any two can be met; fewest meet {counts}."
+            f"no scale model of {self._examined} meets all limits, though any two can be met; fewest meet {counts}.",
+            key="limits",
         )
 
 

@@ -131,7 +131,9 @@ def practical_front(front: Front) -> PracticalFront:
     if not places:
         raise DesignError(
             f"no scale model of {front.real_size.name} has a similarity error of {bound:.3g} deg or less over the full "
-            "working range within every limit; choose by --prefer instead."
+            "working range within every limit; choose by --prefer instead.",
+            key="similarity_error",
+            allowed=f"{bound:.3g} deg or less",
         )
     kept = nondominated(np.array([[round(value, 6) for value in row] for row in rows]))
     return PracticalFront(

@@ -179,7 +179,10 @@ def weights_for(catalogue: Catalogue, force: float, values: Mapping[str, float])
         raise DesignError(
             f"the weights of catalogue {catalogue.name} cannot set {force:g} N on the real-size instrument to "
             f"force_tolerance = {100 * constraints.force_tolerance:g} %: the nearest is {weights.sentence}, "
-            f"{100 * error / force:+.2g} % or {error:+.2g} N on the real-size instrument."
+            f"{100 * error / force:+.2g} % or {error:+.2g} N on the real-size instrument.",
+            key="weights",
+            value=error,
+            allowed=f"within force_tolerance, {constraints.force_tolerance:g}",
         )
     return TestLoad(force, weights.weight * lever, weights, error)
 
@@ -230,7 +233,12 @@ def _scaled_up(found: Sweep, choice: Choice, values: Mapping[str, float], tests:
             scaled_up = scaled_up.replace(**{"control.tension_limit": limit, "sources": sources})
         return carry_friction(real_size, scaled_up) if real_size.friction.law != "none" else scaled_up
     except InstrumentError as problem:
-        raise DesignError(f"the scale model is not a valid instrument: {problem}") from None
+        raise DesignError(
+            f"the scale model is not a valid instrument: {problem}",
+            key=problem.key,
+            value=problem.value,
+            allowed=problem.allowed,
+        ) from None
 
 
 def _tension_limit(scaled_up: ShortForm, largest: float) -> float | None:

@@ -107,7 +107,8 @@ def sweep(
     if not numbers.size:
         raise DesignError(
             f"none of {len(found)} scale models meets every limit over the full working range, though "
-            f"{first.feasible.size} do at the few points at which all are judged; use wider limits."
+            f"{first.feasible.size} do at the few points at which all are judged; use wider limits.",
+            key="limits",
         )
     closer = finer(found, catalogue, numbers, combinations)
     if len(closer) <= numbers.size:
@@ -183,7 +184,9 @@ def contradiction(
         if any(limit.met(judge.columns(chunk)).any() for chunk in found.chunks(_CHUNK)):
             return DesignError(
                 f"{limit.key} and {key} contradict each other: {limit.requires}, and {asked}; {tally.nearest(limit)}, "
-                f"but another {key} can meet it."
+                f"but another {key} can meet it.",
+                key=limit.key,
+                allowed=limit.requires,
             )
     return tally.contradiction()
 

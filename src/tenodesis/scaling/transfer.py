@@ -304,10 +304,14 @@ def carry(
     original = _scaled_up(recording, run, scaled_up, where)
     shared_axes(original, real_size)
     if not len(run):
-        raise RecordingError(f"{where} has no rows; there is nothing to convert.")
+        raise RecordingError(f"{where} has no rows; there is nothing to convert.", key="rows", value=0)
     undivided = [name for name in run.signals() if SIGNALS[name].of in ("components", "run")]
     if undivided:
-        raise RecordingError(f"{where} has {undivided[0]}, which is of no axis; it must have forces of its axes.")
+        raise RecordingError(
+            f"{where} has {undivided[0]}, which is of no axis; it must have forces of its axes.",
+            key=undivided[0],
+            allowed="of the instrument's axes",
+        )
     pairs = {axis: comparison(real_size.axis(axis), original.axis(axis)) for axis in run.axes}
     scale = {axis: factors(pair, time_factor) for axis, pair in pairs.items()}
     # Axes share one clock.
@@ -339,11 +343,18 @@ def _scaled_up(recording: Recording | None, run: Run, given: ShortForm | None, w
     elif recording is not None and "instrument" in recording.metadata:
         inst = as_short_form(recording.instrument())
     else:
-        raise RecordingError(f"{where} does not contain its instrument; give the scaled-up instrument as well.")
+        raise RecordingError(
+            f"{where} does not contain its instrument; give the scaled-up instrument as well.",
+            key="instrument",
+            allowed="in the recording",
+        )
     if inst.axes != run.axes:
         raise RecordingError(
             f"{where} has the axes {' and '.join(run.axes)}, {inst.name} {' and '.join(inst.axes)}; "
-            "the scaled-up instrument must have the same."
+            "the scaled-up instrument must have the same.",
+            key="axes",
+            value=run.axes,
+            allowed=" and ".join(inst.axes),
         )
     return inst
 

@@ -116,7 +116,8 @@ def least_difference(weights: Sequence[Weight], cable_mass: float) -> float:
     if found is None:
         raise DesignError(
             f"the weights, {problem.total}, give no difference between two cables with {problem.least_mass} or more on "
-            "each; use more weights or a smaller cable_mass."
+            "each; use more weights or a smaller cable_mass.",
+            key="cable_mass",
         )
     return found * problem.unit
 
@@ -161,11 +162,13 @@ class _Problem(NamedTuple):
     @classmethod
     def of(cls, weights: Sequence[Weight], cable_mass: float) -> "_Problem":
         if not weights:
-            raise DesignError("there are no weights to hang; use a catalogue that has some.")
+            raise DesignError(
+                "there are no weights to hang; use a catalogue that has some.", key="weights", allowed="some"
+            )
         masses = np.array([round(one.mass / _GRID) for one in weights], np.int64)
         if masses.min() < 1:
             raise DesignError(
-                f"a weight has a mass of {min(one.mass for one in weights):g} kg; it must be at least 1 mg."
+                key="mass", value=min(one.mass for one in weights), allowed="at least 1 mg, of every weight"
             )
         counts = np.array([one.count for one in weights], np.int64)
         # Small integers are solved for faster and more reliably.
@@ -195,7 +198,8 @@ class _Problem(NamedTuple):
         if found is None:
             raise DesignError(
                 f"the weights, {self.total}, do not keep two cables taut with {self.least_mass} on each; use more "
-                "weights or a smaller cable_mass."
+                "weights or a smaller cable_mass.",
+                key="cable_mass",
             )
         return found
 

@@ -8,6 +8,7 @@ from typing import TypeAlias
 import numpy as np
 
 from tenodesis import statics
+from tenodesis.errors import ArgumentError
 from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.similarity import loops
@@ -223,7 +224,9 @@ def _causes(
 ) -> Causes:
     known = np.where(np.isfinite(sum(parts.values())), error, np.nan)
     if np.isnan(known).all():
-        raise ValueError("no load is held by both instruments and by those between them; use smaller forces.")
+        raise ArgumentError(
+            "no load is held by both instruments and by those between them; use smaller forces.", key="forces"
+        )
     at = tuple(int(i) for i in np.unravel_index(np.nanargmax(np.abs(known)), known.shape))
     remainder = known - sum(parts.values())
     causes = [Cause(name, *pairs.get(name, (nan, nan)), float(part[at]), rms(part)) for name, part in parts.items()]

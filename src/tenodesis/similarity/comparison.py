@@ -226,8 +226,9 @@ def compare(real_size: InstrumentLike, scaled_up: InstrumentLike, *, largest_for
     comparison = Comparison(real_size, scaled_up, force)
     if comparison.covered < _LEAST_COVERED:
         full = degrees(statics.output_angle(real_size, statics.reach(real_size)))
-        raise ValueError(
+        raise ArgumentError(
             f"scaled_up reaches {comparison.covered * full:.4g} deg of the real-size working range of {full:.4g} deg; "
-            "it must reach at least half of it: use a larger handle_range or proximal radius."
+            "it must reach at least half of it: use a larger handle_range or proximal radius.",
+            key="scaled_up",
         )
     return comparison

@@ -134,7 +134,9 @@ def run(
                 try:
                     stack.enter_context(locked_file(path))
                 except BlockingIOError:
-                    raise StudyError(f"{path} is being written by another campaign; give another file.") from None
+                    raise StudyError(
+                        f"{path} is being written by another campaign; give another file.", key="path", value=path
+                    ) from None
         store = _Store(path, f"{trial.__module__}.{getattr(trial, '__qualname__', trial)}")
         # A file that cannot be written is reported before hours of work, not after them.
         store.save()

@@ -198,7 +198,9 @@ def _check_homing(phase: Pretension, initial: Command, inst: ShortForm) -> None:
             f"axis is {phase.axis}; with a controller give none, since it homes all axes", key="axis", value=phase.axis
         )
     if initial.is_loaded:
-        raise ProtocolError("the tip is loaded; with a controller homing must be without load")
+        raise ProtocolError(
+            "the tip is loaded; with a controller homing must be without load", key="force", allowed="0 N"
+        )
     for planar in inst.planar:
         if phase.tension is not None and abs(phase.tension - planar.pretension) > phase.tolerance:
             raise ProtocolError(

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from tenodesis.errors import ProtocolError
+from tenodesis.errors import ArgumentError, ProtocolError
 from tenodesis.instrument import ShortForm
 from tenodesis.run import COMPONENTS, Array
 from tenodesis.simulate.command import Command
@@ -42,7 +42,7 @@ class NamedLoad(ProtocolModel):
     def _check_alone(self) -> Self:
         for key in ("force", "radial_force", "force_end", "weight", "moment", "load_steps", "force_amplitude"):
             if self.wrench is not None and getattr(self, key, None) not in (None, ()):
-                raise ValueError(f"wrench and {key} are given; give only one of them")
+                raise ArgumentError(f"wrench and {key} are given; give only one of them", key=key)
         return self
 
     def on_tip(self, command: Command, places: Places) -> Command:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from tenodesis.errors import ProtocolError
+from tenodesis.errors import ArgumentError, ProtocolError
 from tenodesis.toml import validated
 
 if TYPE_CHECKING:
@@ -38,9 +38,9 @@ def check_choice(model: BaseModel, *keys: str, required: bool = True) -> None:
     """Raise ValueError unless exactly one of these keys is given, or at most one if none is required."""
     given = [key for key in keys if getattr(model, key) is not None]
     if len(given) > 1:
-        raise ValueError(f"{_listed(given)} are given; give only one of them")
+        raise ArgumentError(f"{_listed(given)} are given; give only one of them", key=given[0])
     if required and not given:
-        raise ValueError(f"none of {_listed(keys)} is given; give exactly one of them")
+        raise ArgumentError(f"none of {_listed(keys)} is given; give exactly one of them", key=keys[0])
 
 
 def _listed(keys: list[str] | tuple[str, ...]) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from tenodesis.errors import ProtocolError
+from tenodesis.errors import ArgumentError, ProtocolError
 from tenodesis.files import read_regular
 from tenodesis.run import Array
 from tenodesis.simulate.command import Segment
@@ -64,7 +64,9 @@ class Motion(Loaded):
     def _check_readable(self, info: ValidationInfo) -> Self:
         check_choice(self, "file", "data")
         if self.file is not None and (info.context or {}).get("folder", Path()) is None:
-            raise ValueError("file is given in a text that is no file itself; it must be data")
+            raise ArgumentError(
+                "file is given in a text that is no file itself; it must be data", key="file", allowed="data"
+            )
         _ = self.samples
         return self
 
@@ -165,11 +167,23 @@ def _read(file: Path, time_column: str, value_column: str) -> Samples:
     except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
         text = None
     except UnicodeDecodeError:
-        raise ProtocolError(f"file is {str(file)!r}: it is not UTF-8 text; it must be a CSV file") from None
+        raise ProtocolError(
+            f"file is {str(file)!r}: it is not UTF-8 text; it must be a CSV file",
+            key="file",
+            value=str(file),
+            allowed="a CSV file",
+        ) from None
     except OSError as problem:
-        raise ProtocolError(f"file is {str(file)!r}: it cannot be read: {problem.strerror}") from None
+        raise ProtocolError(
+            f"file is {str(file)!r}: it cannot be read: {problem.strerror}", key="file", value=str(file)
+        ) from None
     if text is None:
-        raise ProtocolError(f"file is {str(file)!r}: there is no such file; it must be the path of a CSV file")
+        raise ProtocolError(
+            f"file is {str(file)!r}: there is no such file; it must be the path of a CSV file",
+            key="file",
+            value=str(file),
+            allowed="the path of a CSV file",
+        )
     return _parse(text, str(file), time_column, value_column)
 
 
@@ -183,14 +197,22 @@ def _parse(text: str, source: str, time_column: str, value_column: str) -> Sampl
         numbers.append([_number(f"{source}: line {line}", header, row, column) for column in columns])
         lines.append(line)
     if len(numbers) < 2:
-        raise ProtocolError(f"{source} has {len(numbers)} rows of numbers; it must have two or more")
+        raise ProtocolError(
+            f"{source} has {len(numbers)} rows of numbers; it must have two or more",
+            key="rows",
+            value=len(numbers),
+            allowed="two or more",
+        )
     times, values = np.array(numbers).T
     late = np.flatnonzero(np.diff(times) <= 0)
     if late.size:
         at = int(late[0]) + 1
         raise ProtocolError(
             f"{source}: line {lines[at]}: {time_column} is {times[at]:g} after {times[at - 1]:g}; "
-            "times must increase strictly"
+            "times must increase strictly",
+            key=time_column,
+            value=times[at],
+            allowed=f"above {times[at - 1]:g}",
         )
     return Samples(times, values, tuple(lines))
 
@@ -204,7 +226,12 @@ def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
 
 def _column(source: str, header: list[str], name: str) -> int:
     if name not in header:
-        raise ProtocolError(f"{source} has no column {name!r}; it has {', '.join(header) or 'none'}")
+        raise ProtocolError(
+            f"{source} has no column {name!r}; it has {', '.join(header) or 'none'}",
+            key="column",
+            value=name,
+            allowed=", ".join(header),
+        )
     return header.index(name)
 
 
@@ -215,5 +242,10 @@ def _number(place: str, header: list[str], row: list[str], column: int) -> float
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
-        raise ProtocolError(f"{place}: {header[column]} is {cell!r}; it must be a finite number")
+        raise ProtocolError(
+            f"{place}: {header[column]} is {cell!r}; it must be a finite number",
+            key=header[column],
+            value=cell,
+            allowed="a finite number",
+        )
     return number

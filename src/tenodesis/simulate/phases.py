@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from tenodesis.errors import ProtocolError
+from tenodesis.errors import ArgumentError, ProtocolError
 from tenodesis.instrument import AxisName, ShortForm
 from tenodesis.run import Array
 from tenodesis.simulate.command import (
@@ -222,10 +222,12 @@ class Ramp(NamedLoad, OpenLoop):
     def _check_given(self) -> Self:
         of_axis = (self.handle_angle, self.force, self.radial_force, self.spool_velocity)
         if of_axis == (None,) * 4 and not (self.names_load or self.handle_angles or self.spool_velocities):
-            raise ValueError("nothing is ramped; give handle_angle, force, radial_force or spool_velocity")
+            raise ArgumentError(
+                "nothing is ramped; give handle_angle, force, radial_force or spool_velocity", key="handle_angle"
+            )
         for one, several in (("handle_angle", "handle_angles"), ("spool_velocity", "spool_velocities")):
             if getattr(self, one) is not None and getattr(self, several):
-                raise ValueError(f"{one} and {several} are given; give only one of them")
+                raise ArgumentError(f"{one} and {several} are given; give only one of them", key=several)
         return self
 
     def edges(self, start: Start) -> tuple[Edge, Edge]:
@@ -276,7 +278,7 @@ class Cycles(Loaded):
         check_choice(self, "amplitude", "output_amplitude")
         check_choice(self, "speed", "period")
         if self.symmetric and "start" in self.model_fields_set:
-            raise ValueError("from and symmetric are both given; give only one of them")
+            raise ArgumentError("from and symmetric are both given; give only one of them", key="from")
         return self
 
     def ends(self, start: Start) -> tuple[float, float]:
@@ -290,7 +292,11 @@ class Cycles(Loaded):
             far = unloaded_handle_angle(start.plane, "output_amplitude", self.output_amplitude or 0.0)
         near = -far if self.symmetric else start.reached("from", self.start)
         if near == far:
-            raise ProtocolError("the cycles start at their far end; give an amplitude that differs from the start")
+            raise ProtocolError(
+                "the cycles start at their far end; give an amplitude that differs from the start",
+                key="amplitude",
+                allowed="different from the start",
+            )
         return near, far
 
     def segments(self, start: Start) -> Iterator[Segment]:
@@ -399,7 +405,9 @@ class TissueContact(OpenLoop):
     @model_validator(mode="after")
     def _check_angle(self) -> Self:
         if self.stiffness and self.angle is None:
-            raise ValueError("angle is missing; give the output angle at which the tip touches the tissue")
+            raise ArgumentError(
+                "angle is missing; give the output angle at which the tip touches the tissue", key="angle"
+            )
         return self
 
     def segments(self, start: Start) -> Iterator[Segment]:

@@ -109,7 +109,10 @@ class Pretension(Phase):
                 raise ProtocolError(
                     f"the tip's {name} turned by {math.degrees(angle):.3g} deg while its tendons were "
                     f"wound; it must be at most {math.degrees(_DRIFT):.3g} deg: hook its tendons in, or calibrate "
-                    "their load cells"
+                    "their load cells",
+                    key="tip_angle",
+                    value=angle,
+                    allowed=f"at most {math.degrees(_DRIFT):.3g} deg from the start",
                 )
 
     def _not_tight(
@@ -125,7 +128,10 @@ class Pretension(Phase):
             advice = "see whether it is unhooked, broken or jammed, or give a larger timeout, travel, rate or tolerance"
         return ProtocolError(
             f"{name} reads {tension[tendon]:.4g} N after {limit}{by_motor}; it must be "
-            f"{target[tendon]:g} ± {self.tolerance:g} N for {_STOPPED:g} s: {advice}"
+            f"{target[tendon]:g} ± {self.tolerance:g} N for {_STOPPED:g} s: {advice}",
+            key="tension",
+            value=tension[tendon],
+            allowed=f"{target[tendon]:g} ± {self.tolerance:g} N",
         )
 
 
@@ -133,7 +139,11 @@ def _measured_tension(run: Run) -> Array:
     """Return the mean tensions that the load cells read, N, by tendon."""
     read = np.full(2, np.nan) if run.measured_tension is None else np.mean(run.measured_tension, axis=0)
     if not np.isfinite(read).all():
-        raise ProtocolError("the load cells read no tension; both tendons' tension must be measured")
+        raise ProtocolError(
+            "the load cells read no tension; both tendons' tension must be measured",
+            key="measured_tension",
+            allowed="measured at both tendons",
+        )
     return np.asarray(read)
 
 

@@ -95,12 +95,16 @@ class Protocol(ProtocolModel):
             if isinstance(phase, Pretension):
                 raise ProtocolError(
                     f"{self.name}: the commands of a {phase.kind} phase follow from its load cells; "
-                    "execute the protocol on a twin instead"
+                    "execute the protocol on a twin instead",
+                    key="phase",
+                    value=phase.kind,
                 )
             if isinstance(phase, TissueContact | GrippedObject):
                 raise ProtocolError(
                     f"{self.name}: the force in a {phase.kind} phase follows from the tip's angle; execute the "
-                    "protocol on a twin instead"
+                    "protocol on a twin instead",
+                    key="phase",
+                    value=phase.kind,
                 )
         segments = [segment for planned in self.plan(inst, time_step) for segment in planned.segments]
         (commands,) = sampled(segments, sum(segment.steps for segment in segments))
@@ -139,7 +143,10 @@ class Protocol(ProtocolModel):
             if total > LONGEST * (1 + 1e-6):
                 raise ProtocolError(
                     f"{label}: the run lasts {total / 3600:.4g} h by its end; it must last at most 1 h in all, since "
-                    "every time step is computed and kept."
+                    "every time step is computed and kept.",
+                    key="duration",
+                    value=total,
+                    allowed="at most 1 h",
                 )
         return plan
 

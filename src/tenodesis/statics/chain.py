@@ -337,7 +337,7 @@ def _check(point: _Point, function: str, status: NDArray[np.uint8]) -> None:
     held, _, wrench, grip = point.inputs
     given = f"{point.key} = {_list(held[0])}, load = {_list(np.append(wrench[0], grip[0]))}"
     reason: Any = _REASONS.get(Status(int(status[0])), "an argument is not of physical size")
-    raise NoSolutionError(f"{function} of {point.inst.name} at {given}: {reason}.")
+    raise NoSolutionError(f"{function} of {point.inst.name} at {given}: {reason}.", key=point.key, value=held[0])
 
 
 def _list(values: Array) -> str:

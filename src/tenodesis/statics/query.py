@@ -258,4 +258,4 @@ def check_solved(query: Query, status: NDArray[np.uint8]) -> None:
     inst = query.inst
     given_range = degrees(_range(query.spec))
     reason = _REASONS[Status(int(status[0]))].format(range=given_range, pretension=inst.pretension)
-    raise NoSolutionError(f"{query.name} of {inst.name} at {given}: {reason}.")
+    raise NoSolutionError(f"{query.name} of {inst.name} at {given}: {reason}.", key=query.name)

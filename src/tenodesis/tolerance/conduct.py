@@ -100,7 +100,10 @@ def study(
     if found.failed == 1:
         raise StudyError(
             f"every sample of {scaled_up.name} lost its tip under {real_force:g} N on {real_size.name}; use a "
-            "smaller force or narrower tolerances."
+            "smaller force or narrower tolerances.",
+            key="force",
+            value=real_force,
+            allowed="smaller",
         )
     responses = {key: respond(key, table[:rows, n], found, table[rows:, n]) for n, key in enumerate(task.responses)}
     return replace(found, responses=responses)
@@ -119,7 +122,9 @@ def _compared(real_size: ShortForm, scaled_up: ShortForm) -> similarity.Comparis
     try:
         compared = similarity.compare(real_size, scaled_up)
     except ValueError as problem:
-        raise StudyError(f"{scaled_up.name} for {real_size.name}: {problem}") from None
+        raise StudyError(
+            f"{scaled_up.name} for {real_size.name}: {problem}", key="scaled_up", value=scaled_up.name
+        ) from None
     if compared.factors["length"] < 1:
         raise StudyError(
             f"{real_size.name} is larger than {scaled_up.name}, whose joints have {compared.factors['length']:.3g} of "
@@ -147,7 +152,9 @@ def _task(
         if status != Status.OK:
             raise StudyError(
                 f"{inst.name} as in its file does not hold {own:.4g} N through its working range "
-                f"({force:.4g} N on {real_size.name}); use a smaller force or more pretension."
+                f"({force:.4g} N on {real_size.name}); use a smaller force or more pretension.",
+                key="force",
+                value=force,
             )
     return task
 

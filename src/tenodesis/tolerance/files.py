@@ -96,7 +96,7 @@ def parse(text: str, source: str = "tolerances") -> Tolerances:
     """
     values = parse_toml(text, StudyError, source, "tolerances")
     if not values.get("parameters"):
-        raise StudyError(f"{source} has no parameters; it must have at least one table [[parameters]].")
+        raise StudyError(key=f"{source}: parameters", value=[], allowed="one table [[parameters]] or more")
     return validated(Tolerances, values, StudyError, source, entries={"parameters": "parameter"})
 
 

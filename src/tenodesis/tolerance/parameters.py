@@ -154,13 +154,23 @@ def _width(tolerance: Tolerance, inst: ShortForm, number: _Number) -> float:
     percent = _PERCENT.fullmatch(tolerance.width) if isinstance(tolerance.width, str) else None
     if percent is not None:
         if number.value == 0:
-            raise StudyError(f"{place}: the file's value is 0, of which there is no share; use an absolute width.")
+            raise StudyError(
+                f"{place}: the file's value is 0, of which there is no share; use an absolute width.",
+                key=tolerance.key,
+                value=0,
+                allowed="an absolute width",
+            )
         width = float(percent["number"]) / 100 * abs(number.value)
     elif number.quantity is None:
         try:
             width = float(tolerance.width)
         except ValueError:
-            raise StudyError(f'{place}: it is not understood; it must be a number, or a share like "5 %".') from None
+            raise StudyError(
+                f'{place}: it is not understood; it must be a number, or a share like "5 %".',
+                key=tolerance.key,
+                value=tolerance.width,
+                allowed='a number, or a share like "5 %"',
+            ) from None
     else:
         of = number.quantity
         written = Annotated[float, *annotation(Quantity(of.name, of.unit, of.example, above=0))]
@@ -168,7 +178,9 @@ def _width(tolerance: Tolerance, inst: ShortForm, number: _Number) -> float:
             return float(TypeAdapter(written).validate_python(tolerance.width, context={"file": True}))
         except ValidationError as invalid:
             problem = invalid.errors(include_url=False)[0]["msg"].removeprefix("Value error, ")
-            raise StudyError(f'{place}: {problem}, or a share like "5 %".') from None
+            raise StudyError(
+                f'{place}: {problem}, or a share like "5 %".', key=tolerance.key, value=tolerance.width
+            ) from None
     if not (math.isfinite(width) and width > 0):
         raise StudyError(
             f"{place}: it must be above 0.", key=tolerance.key, value=tolerance.width, allowed="a width above 0"

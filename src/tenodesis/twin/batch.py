@@ -131,7 +131,7 @@ def run_many(
         many = axes(_instruments(chosen, vary or {}), arguments, contact, seeds, steps)
     count = many.rows.shape[1]
     if not count:
-        raise ArgumentError("handle_angle is empty; it must have one step or more.", key="handle_angle")
+        raise ArgumentError(key="handle_angle", value=[], allowed="of one step or more")
     if not (isinstance(every, int | np.integer) and 1 <= every <= count):
         allowed = f"an integer from 1 to {count}, the number of steps"
         raise ArgumentError(key="every", value=every, allowed=allowed)
@@ -170,9 +170,7 @@ def _kept(signals: Sequence[str], core: TwinCore, *, controlled: bool) -> dict[s
             kept[name] = [known[signal][core.names.column(signal, column)]] if column else known[signal]
         except KeyError:
             allowed = f"one of {', '.join(known)}, or a column of one"
-            raise ArgumentError(
-                f"signals has {name!r}; it must be {allowed}.", key="signals", value=name, allowed=allowed
-            ) from None
+            raise ArgumentError(key="signals", value=name, allowed=allowed) from None
     return kept
 
 
@@ -197,7 +195,7 @@ def _loops(controllers: Sequence[LoopController] | None, many: Many, plant_: obj
 def _varied(insts: list[Any], vary: Mapping[str, ArrayLike]) -> list[Any]:
     """Return an instrument for each run, with its values."""
     if not insts:
-        raise ArgumentError("inst is empty; it must be one instrument or more.", key="inst")
+        raise ArgumentError(key="inst", value=[], allowed="one instrument or more")
     columns = {key: np.atleast_1d(np.asarray(values)) for key, values in vary.items()}
     for key, column in columns.items():
         if column.ndim != 1 or not column.size or column.dtype == object:

@@ -94,7 +94,8 @@ def axes(
     insts = insts * runs if len(insts) == 1 else insts
     for name, count in (("commands are", shape[0]), ("contact is", len(tissue))):
         if count not in (1, runs):
-            raise ArgumentError(f"{name} for {count} runs, instruments for {runs}; it must be the same.")
+            problem = f"{name} for {count} runs, instruments for {runs}; it must be the same."
+            raise ArgumentError(problem, key=name.split()[0], value=count, allowed=f"of {runs} runs")
     prescribed = [one for one in insts if not one.dynamics.hand_stiffness]
     if prescribed:
         narrowest = min(prescribed, key=lambda one: one.handle_range)

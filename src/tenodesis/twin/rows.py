@@ -64,15 +64,27 @@ def check_rig(inst: Instrument) -> None:
         )
 
 
-def lost(status: Status, where: str) -> Exception:
-    """Return the exception for a run that the core ended at a step."""
+def lost(status: Status, step: int, time: float) -> Exception:
+    """Return the exception for a run that the core ended at a step, of which it is the value."""
+    where = f"step {step} ({time:.6g} s)"
     if status == Status.OUT_OF_RANGE:
-        return NoSolutionError(f"at {where} the handle was pushed beyond its range; give a smaller load or angle.")
+        return NoSolutionError(
+            f"at {where} the handle was pushed beyond its range; give a smaller load or angle.",
+            key="handle_angle",
+            value=step,
+        )
     if status == Status.NOT_FINITE:
-        return ArgumentError(f"at {where} a command is not finite; it must be a finite number.")
+        return ArgumentError(
+            f"at {where} a command is not finite; it must be a finite number.",
+            key="command",
+            value=step,
+            allowed="finite",
+        )
     return NoSolutionError(
         f"at {where} the tip finds no equilibrium: the load is more than the tendons can hold; give a smaller load or "
-        "more pretension."
+        "more pretension.",
+        key="load",
+        value=step,
     )
 
 

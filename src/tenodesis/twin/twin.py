@@ -280,7 +280,7 @@ class Twin:
         if done.status != Status.OK:
             self.state = before
             at = self.time + done.steps * self.time_step
-            raise lost(done.status, f"step {done.steps} ({at:.6g} s)")
+            raise lost(done.status, done.steps, at)
         self._steps += count
         if controller is not None:
             controller.begin(self, self.time)
@@ -313,7 +313,7 @@ class Twin:
         steps, status, values = self._core.audit(rows)
         if status != Status.OK:
             self.state = before
-            raise lost(status, f"step {steps} ({self.time + steps * self.time_step:.6g} s)")
+            raise lost(status, steps, self.time + steps * self.time_step)
         self._steps += count
         *energies, sweeps = values
         return Energy._make([*energies, int(sweeps)])

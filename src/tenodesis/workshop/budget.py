@@ -381,7 +381,9 @@ class _Pair:
         try:
             comparison = compare(real_size, scaled_up)
         except ValueError as problem:
-            raise StudyError(f"{scaled_up.name} for {real_size.name}: {problem}") from None
+            raise StudyError(
+                f"{scaled_up.name} for {real_size.name}: {problem}", key="scaled_up", value=scaled_up.name
+            ) from None
         factor = float(comparison.force_factor())
         forces = sorted(force / factor for force in scaled_up.conditions.forces if force > 0)
         given = tuple(forces or sorted(force for force in real_size.conditions.forces if force > 0) or (1.0,))
@@ -392,7 +394,9 @@ class _Pair:
         if not held[0]:
             raise StudyError(
                 f"{scaled_up.name} or {real_size.name} does not hold {given[0]:.4g} N (real-size) through its working "
-                "range; use smaller test forces."
+                "range; use smaller test forces.",
+                key="forces",
+                value=given[0],
             )
         count = held.size if held.all() else int(held.argmin())
         return replace(found, forces=given[:count], reference=reference[:count])

@@ -78,7 +78,10 @@ def load(path: Path) -> MeasuredRun:
     if len(found) != 1 or abs(float(found[0])) > MOST_PITCH:
         raise IdentificationError(
             f"{path.name}: the name {path.stem!r} is no pitch angle; it must hold one from -{MOST_PITCH} to "
-            f"{MOST_PITCH}, in degrees, such as pitch-30_001.TXT"
+            f"{MOST_PITCH}, in degrees, such as pitch-30_001.TXT",
+            key="path",
+            value=path,
+            allowed=f"named by an angle from -{MOST_PITCH} to {MOST_PITCH}",
         )
     run = davinci_tool.read(path, SOURCE)
     pitch = np.full(len(run), math.radians(float(found[0])))

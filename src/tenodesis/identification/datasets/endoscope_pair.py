@@ -159,10 +159,15 @@ def _bend(path: Path) -> float:
     advice = f"it must hold one number from 0 to {MOST_BEND:g}, in degrees, such as 120.txt or bend120_day2.txt"
     if len(set(map(float, found))) > 1:
         raise IdentificationError(
-            f"{path.name}: the name {stem!r} leaves open which number is the sheath's bend; {advice}"
+            f"{path.name}: the name {stem!r} leaves open which number is the sheath's bend; {advice}",
+            key="path",
+            value=path,
+            allowed=advice,
         )
     if not found or not 0 <= float(found[0]) <= MOST_BEND:
-        raise IdentificationError(f"{path.name}: the name {stem!r} is no sheath bend; {advice}")
+        raise IdentificationError(
+            f"{path.name}: the name {stem!r} is no sheath bend; {advice}", key="path", value=path, allowed=advice
+        )
     return float(found[0])
 
 

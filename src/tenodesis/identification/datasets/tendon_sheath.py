@@ -74,7 +74,12 @@ def load(path: Path) -> MeasuredRun:
     names = [one.name for one in headings]
     missing = [name for name in NEEDED if name not in names]
     if missing:
-        raise IdentificationError(f"{path.name} has no column {', '.join(missing)}; it must have {', '.join(NEEDED)}")
+        raise IdentificationError(
+            f"{path.name} has no column {', '.join(missing)}; it must have {', '.join(NEEDED)}",
+            key="columns",
+            value=missing,
+            allowed=", ".join(NEEDED),
+        )
     places = {ours: names.index(theirs) for theirs, ours in NEEDED.items()}
     units = {ours: headings[at].unit for ours, at in places.items()}
     raw = Raw(path.name, table.column(places["time"]), {name: table.column(places[name]) for name in TENSIONS})
@@ -115,7 +120,8 @@ def _to_si(raw: Raw, stated: Sequence[str | None]) -> None:
         return
     if len(given) > 1 or None in stated:
         said = " and ".join("no unit" if one is None else repr(one) for one in stated)
-        raise raw.refuse(f"the headings of data_0 and data_2 give {said}; they must give one unit for both, or none")
+        reason = f"the headings of data_0 and data_2 give {said}; they must give one unit for both, or none"
+        raise raw.refuse(reason, "data_0", said, "one unit for both")
     (name,) = given
     scale = scale_of(name, "N", f"{raw.name}: the unit of data_0 and data_2")
     raw.unit([Unit(name, scale, _LEAST / scale, _MOST / scale)], *TENSIONS)

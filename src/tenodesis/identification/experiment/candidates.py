@@ -59,9 +59,7 @@ def loads(inst: ShortForm, forces: Sequence[float] | None = None) -> tuple[float
     if forces is not None:
         for force in forces:
             if not 0 < force < math.inf:
-                raise IdentificationError(
-                    f"forces names {force:g} N; forces must be above 0 N.", key="forces", value=force
-                )
+                raise IdentificationError(key="forces", value=force, allowed="above 0 N")
         return tuple(sorted(set(forces)))
     try:
         limit = float(statics.slack_force(inst, 0.0))

@@ -188,7 +188,9 @@ def plan(
     tried, left_out = _tried(experiment, offered, step)
     if not tried:
         reasons = "; ".join(dict.fromkeys(left_out.values()))
-        raise IdentificationError(f"{inst.name} can run none of the candidates: {reasons}.")
+        raise IdentificationError(
+            f"{inst.name} can run none of the candidates: {reasons}.", key="inst", value=inst.name
+        )
     everything = sum((one.information for one in tried[1:]), tried[0].information)
     best = _best(experiment, tried, duration=duration, measure=measure, left_out=left_out, step=step)
     names = [one.name for one in experiment.parameters]
@@ -246,11 +248,7 @@ class _TriedProtocol(NamedTuple):
 
 def _check(duration: float, criterion: str) -> None:
     if not 0 < duration <= LONGEST:
-        raise IdentificationError(
-            f"duration is {duration:g} s; it must be above 0 s and up to {LONGEST:g} s.",
-            key="duration",
-            value=duration,
-        )
+        raise IdentificationError(key="duration", value=duration, allowed=f"above 0 s and up to {LONGEST:g} s")
     if criterion not in get_args(CriterionName):
         raise IdentificationError(key="criterion", value=criterion, allowed=" or ".join(get_args(CriterionName)))
 
@@ -362,7 +360,11 @@ def _best(
         left_out[pool[gone].candidate.name] = f"not together with the other blocks: {reason}"
         del pool[gone]
         if not pool:
-            raise IdentificationError(f"{experiment.inst.name} can run no protocol of the candidates: {reason}.")
+            raise IdentificationError(
+                f"{experiment.inst.name} can run no protocol of the candidates: {reason}.",
+                key="inst",
+                value=experiment.inst.name,
+            )
 
 
 def _orders(chosen: Sequence[int]) -> list[list[int]]:

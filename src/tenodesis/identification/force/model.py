@@ -131,7 +131,10 @@ def settled(run: MeasuredRun) -> NDArray[np.bool_]:
     if counted.sum() < _LEAST:
         raise IdentificationError(
             f"{run.name} has {int(counted.sum())} samples after the first {SETTLING:g} s, in which the bench settles; "
-            f"at least {_LEAST} are needed."
+            f"at least {_LEAST} are needed.",
+            key="samples",
+            value=int(counted.sum()),
+            allowed=f"at least {_LEAST}",
         )
     return counted
 

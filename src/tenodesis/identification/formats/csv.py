@@ -64,12 +64,14 @@ def read_table(path: Path) -> TextTable:
     """
     lines = [line for line in _lines(path) if not line.startswith(("#", "%"))]
     if not lines:
-        raise IdentificationError(f"{path} is empty; it must hold a line of headings and rows of numbers.")
+        raise IdentificationError(
+            f"{path} is empty; it must hold a line of headings and rows of numbers.", key="path", value=path
+        )
     separator = max(",;\t", key=lines[0].count)
     try:
         headings, *rows = csv.reader(lines, delimiter=separator, skipinitialspace=True)
     except csv.Error as problem:
-        raise IdentificationError(f"{path} is no table of text: {problem}.") from None
+        raise IdentificationError(f"{path} is no table of text: {problem}.", key="path", value=path) from None
     return TextTable([heading.strip() for heading in headings], rows, separator)
 
 
@@ -102,13 +104,13 @@ def read_rows(
     """
     lines = [line for line in _lines(path)[skip:] if not (comment and line.startswith(comment))]
     if not lines:
-        raise IdentificationError(f"{path} has no row of {width} numbers")
+        raise IdentificationError(f"{path} has no row of {width} numbers", key="path", value=path)
     try:
         rows = np.loadtxt(lines, delimiter=delimiter, comments=None, usecols=range(width), ndmin=2)
     except ValueError:
         rows = np.array([_numbers(line, width, delimiter) for line in lines]).reshape(-1, width)
     if np.isnan(rows).all(axis=1).all():
-        raise IdentificationError(f"{path} has no row of {width} numbers")
+        raise IdentificationError(f"{path} has no row of {width} numbers", key="path", value=path)
     return np.asarray(rows, dtype=np.float64)
 
 
@@ -117,7 +119,7 @@ def _lines(path: Path) -> list[str]:
     try:
         text = read_regular(path, _LARGEST).decode("utf-8-sig", errors="replace")
     except OSError as error:
-        raise IdentificationError(f"{path} cannot be read: {error.strerror}.") from None
+        raise IdentificationError(f"{path} cannot be read: {error.strerror}.", key="path", value=path) from None
     return [line for line in text.splitlines() if line.strip()]
 
 
@@ -190,7 +192,9 @@ def load(path: Path) -> InstrumentRun:
         raise IdentificationError(
             f"{path} lacks {', '.join(lacking)}: its headings are {', '.join(map(repr, headings))}; they must be those "
             f"of tenodesis export recording, or be explained by a map {own.name}, or {SHARED_MAP} for all files of the "
-            "folder."
+            "folder.",
+            key="columns",
+            value=lacking,
         )
     table = {name: read.column(place.at) for name, place in places.items()}
     # a column without a number was not recorded
@@ -272,5 +276,7 @@ def _in_si(path: Path, name: str, values: Array, place: _CellPlace, notes: list[
     problem = "may be " + " or ".join(one.name for one in fits) if fits else "fits no unit"
     raise IdentificationError(
         f"{path.name}: {name} (spread of {number:.4g}) cannot be in {place.unit} and {problem}; it must have a "
-        f"spread of up to {_MOST[kind]:g} {kind}, with the unit in the heading, such as '{name} [{kind}]'"
+        f"spread of up to {_MOST[kind]:g} {kind}, with the unit in the heading, such as '{name} [{kind}]'",
+        key=name,
+        value=place.unit,
     )

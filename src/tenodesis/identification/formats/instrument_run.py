@@ -129,12 +129,7 @@ def first_axis(run: Run) -> dict[str, Array]:
         alone = run.axis(run.axes[0])
     except KeyError:
         allowed = "a joint with a joint of the handle and a pair of tendons of its own"
-        raise IdentificationError(
-            f"the first joint of the run is {run.axes[0]}; it must be {allowed}.",
-            key="run",
-            value=run.axes[0],
-            allowed=allowed,
-        ) from None
+        raise IdentificationError(key="joint", value=run.axes[0], allowed=allowed) from None
     return {name: values for name, values in alone.signals().items() if name in USED}
 
 
@@ -151,7 +146,11 @@ def columns_of(signals: Mapping[str, Array], where: str, notes: list[str]) -> di
     lacking = [] if _has_values(signals, "measured_tension") else ["measured_tension"]
     lacking += [] if handle else ["measured_handle_angle"]
     if handle is None or lacking:
-        raise IdentificationError(f"{where} lacks {', '.join(lacking)}; it has {', '.join(signals) or 'no signals'}.")
+        raise IdentificationError(
+            f"{where} lacks {', '.join(lacking)}; it has {', '.join(signals) or 'no signals'}.",
+            key="signals",
+            value=lacking,
+        )
     if handle == "measured_handle_angle":
         notes.append("the handle angle is that of its encoder, for no commanded angle was recorded")
     columns = {"handle_angle": signals[handle]}

@@ -67,24 +67,33 @@ def scan(path: Path, wanted: Collection[str]) -> Contents:
     left_behind = path.with_name(f"{path.name}-wal")
     closed = not left_behind.exists() or not left_behind.stat().st_size
     if not path.is_file():
-        raise RecordingError(f"{path} cannot be read: it is no regular file.")
+        raise RecordingError(
+            f"{path} cannot be read: it is no regular file.", key="path", value=path, allowed="a regular file"
+        )
     size = path.stat().st_size + (0 if closed else left_behind.stat().st_size)
     contents = Contents()
     try:
         bag = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro{'&immutable=1' if closed else ''}", uri=True)
     except sqlite3.Error as problem:
-        raise RecordingError(f"{path} cannot be read: {problem}.") from None
+        raise RecordingError(f"{path} cannot be read: {problem}.", key="path", value=path) from None
     with closing(bag):
         _bound(bag, size)
         try:
             _read_topics(bag, contents)
         except (sqlite3.Error, ValueError, OverflowError) as problem:
-            raise RecordingError(f"{path} cannot be read as a bag of ROS 2: {problem}.") from None
+            raise RecordingError(
+                f"{path} cannot be read as a bag of ROS 2: {problem}.", key="path", value=path
+            ) from None
         for number, channel in contents.channels.items():
             if channel.topic in wanted:
                 size -= _read(bag, number, contents, size)
     if any(message.data.startswith(_ZSTANDARD) for messages in contents.messages.values() for message in messages[:1]):
-        raise RecordingError(f"{path} holds compressed messages; they must be plain, as ros2 bag convert writes them.")
+        raise RecordingError(
+            f"{path} holds compressed messages; they must be plain, as ros2 bag convert writes them.",
+            key="path",
+            value=path,
+            allowed="a bag of plain messages",
+        )
     return contents
 
 
@@ -169,7 +178,7 @@ def load(path: Path) -> InstrumentRun:
         read = _recorded(files[0]) if len(files) == 1 and not is_sqlite(files[0]) else None
         read = _merged(path, files) if read is None else read
     except RecordingError as problem:
-        raise IdentificationError(str(problem)) from None
+        raise IdentificationError(str(problem), key=problem.key, value=problem.value, allowed=problem.allowed) from None
     notes = list(read.notes)
     columns = columns_of(read.signals, str(path), notes)
     notes += first_alone(read.axes)
@@ -185,13 +194,18 @@ def _files(path: Path) -> list[Path]:
     if mcap and sqlite:
         raise IdentificationError(
             f"{path} holds {mcap[0].name} and {sqlite[0].name}, which may be the same twice; it must be a bag of "
-            "one kind, or one of its files."
+            "one kind, or one of its files.",
+            key="path",
+            value=path,
+            allowed="a bag of one kind, or one of its files",
         )
     if not mcap and not sqlite:
         packed = next(iter(sorted(path.glob("*.zstd"))), None)
         found = "" if packed is None else f" ({packed.name} is compressed: unpack it first)"
         raise IdentificationError(
-            f"{path} holds no MCAP file and no {SUFFIX} file{found}; it must be a recording, or the folder of a ROS 2 "
+            f"{path} holds no MCAP file and no {SUFFIX} file{found}; it must be a recording, or the folder of a ROS 2 ",
+            key="path",
+            value=path,
         )
     return mcap or sqlite
 
@@ -218,7 +232,9 @@ def _merged(path: Path, files: Sequence[Path]) -> _Signals:
     if _CLOCK not in topics:
         raise RecordingError(
             f"{path} lacks measured_tension; its topics are {', '.join(topics) or 'none of these'}"
-            f"{''.join(f'; {note}' for note in notes)}."
+            f"{''.join(f'; {note}' for note in notes)}.",
+            key="signals",
+            value=["measured_tension"],
         )
     begin = int(topics[_CLOCK][0].stamps[0])
     series = {name: _series(path, name, parts, begin, notes) for name, parts in topics.items()}
@@ -279,9 +295,9 @@ def _contents(file: Path) -> container.Contents:
     try:
         data = read_regular(file)
     except OSError as problem:
-        raise RecordingError(f"{file} cannot be read: {problem.strerror}.") from None
+        raise RecordingError(f"{file} cannot be read: {problem.strerror}.", key="path", value=file) from None
     if not container.is_mcap(data):
-        raise RecordingError(f"{file} is no MCAP file.")
+        raise RecordingError(f"{file} is no MCAP file.", key="path", value=file, allowed="an MCAP file")
     return container.scan(data)
 
 

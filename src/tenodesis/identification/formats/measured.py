@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -67,7 +67,10 @@ class MeasuredRun:
             return self.columns[column]
         except KeyError:
             raise IdentificationError(
-                f"{self.name} has no column {column!r}; it has {', '.join(self.columns)}"
+                f"{self.name} has no column {column!r}; it has {', '.join(self.columns)}",
+                key="columns",
+                value=column,
+                allowed=f"among {', '.join(self.columns)}",
             ) from None
 
     def __len__(self) -> int:
@@ -118,7 +121,8 @@ def _named(load: Callable[[Path], _MeasuredRun], path: Path, name: str) -> _Meas
     except IdentificationError as problem:
         sentence = str(problem)
         if path.name and sentence.startswith(path.name):
-            raise IdentificationError(name + sentence.removeprefix(path.name)) from None
+            about: dict[str, Any] = {"key": problem.key, "value": problem.value, "allowed": problem.allowed}
+            raise IdentificationError(name + sentence.removeprefix(path.name), **about) from None
         raise
 
 
@@ -176,11 +180,11 @@ class Raw:
         """Add a note."""
         self.notes.append(text)
 
-    def refuse(self, reason: str) -> IdentificationError:
+    def refuse(self, reason: str, key: str, value: object = None, allowed: str = "") -> IdentificationError:
         """Return the error that names this recording, to be raised."""
-        return IdentificationError(f"{self.name}: {reason}")
+        return IdentificationError(f"{self.name}: {reason}", key=key, value=value, allowed=allowed)
 
-    def drop(self, bad: NDArray[np.bool_], what: str, most: float = MOST_CORRUPT) -> None:
+    def drop(self, bad: NDArray[np.bool_], what: str, most: float = MOST_CORRUPT, column: str = "rows") -> None:
         """Drop rows, say how many and where the first is, and refuse the file if they exceed a share of it."""
         number = int(bad.sum())
         if not number:
@@ -190,7 +194,10 @@ class Raw:
             "" if not np.isfinite(at) else f", first at {at:.6g} s" if self._seconds else f", first at time {at:.9g}"
         )
         if number > most * bad.size:
-            raise self.refuse(f"{number} of {bad.size} rows are {what}{where}; at most {100 * most:g} % may be")
+            allowed = f"at most {100 * most:g} %"
+            raise self.refuse(
+                f"{number} of {bad.size} rows are {what}{where}; {allowed} may be", column, number, allowed
+            )
         self.notes.append(f"dropped {counted(number, 'row')}: {what}{where}")
         self.time = self.time[~bad]
         self.columns = {key: value[~bad] for key, value in self.columns.items()}
@@ -225,7 +232,9 @@ class Raw:
             repeated[1:] = (np.diff(self.time) == 0) & (np.diff(values, axis=0) == 0).all(axis=1)
             self.drop(repeated, "duplicates of the row before", most=1.0)
         if (np.diff(self.time) <= 0).any():
-            self.drop(~_longest_rise(self.time), "out of order (the clock ran back or stood still)", MOST_BACKWARDS)
+            self.drop(
+                ~_longest_rise(self.time), "out of order (the clock ran back or stood still)", MOST_BACKWARDS, "time"
+            )
 
     def clock(self, units: Sequence[tuple[str, float]] = CLOCKS) -> None:
         """Bring time to seconds from 0, in order: see `ordered`.
@@ -244,7 +253,10 @@ class Raw:
                 return
         raise self.refuse(
             f"time rises by {interval:g} a row (median), which is no clock of 2 Hz to 50 kHz in "
-            f"{', '.join(name for name, _ in units)}"
+            f"{', '.join(name for name, _ in units)}",
+            "time",
+            interval,
+            "a clock of 2 Hz to 50 kHz",
         )
 
     def unit(self, units: Sequence[Unit], *columns: str, advice: str = "") -> str:
@@ -263,7 +275,8 @@ class Raw:
         if not spread or (candidates and all(spread < u.least for u in candidates)):
             least = " or ".join(f"{u.least:.3g} {u.name}" for u in candidates)
             moves = "move by at most" if several else "moves by"
-            raise self.refuse(f"no excitation: {named} {moves} {spread:.3g}, and at least {least} is needed")
+            reason = f"no excitation: {named} {moves} {spread:.3g}, and at least {least} is needed"
+            raise self.refuse(reason, widest, spread, f"at least {least}")
         fits = [u for u in candidates if u.least <= spread <= u.most]
         if len(fits) != 1:
             kind = "integers" if integer else "fractions"
@@ -271,7 +284,10 @@ class Raw:
             problem = "may be " + " or ".join(u.name for u in fits) if fits else "fits no unit"
             raise self.refuse(
                 f"{named} ({kind} with a spread of {spread:.4g}) {problem}; a spread may be {ranges}"
-                f"{f'; {advice}' if advice else ''}"
+                f"{f'; {advice}' if advice else ''}",
+                widest,
+                [u.name for u in fits],
+                "in one unit",
             )
         if fits[0] is not units[0]:
             whose = "their values have a spread of up to" if several else "its values have a spread of"
@@ -288,7 +304,11 @@ class Raw:
         # mirrored, for an end repeated would be its own median
         padded = np.pad(values, window // 2, mode="reflect")
         middle = np.median(np.lib.stride_tricks.sliding_window_view(padded, window), axis=1)
-        self.drop(np.abs(values - middle) > limit, f"outliers of {column} (over {limit:.3g} off the rows around them)")
+        self.drop(
+            np.abs(values - middle) > limit,
+            f"outliers of {column} (over {limit:.3g} off the rows around them)",
+            column=column,
+        )
 
     def saturated(self, column: str, least: int = 20, *, may_rest_at_zero: bool = False) -> None:
         """Drop rows where a noisy sensor stays at its highest or lowest value, if at least `least` of them do.
@@ -308,14 +328,15 @@ class Raw:
                 if sum(j - i for i, j in long) >= least:
                     for i, j in long:
                         bad[i:j] = True
-        self.drop(bad, f"saturated: {column} stays at its extreme", MOST_SATURATED)
+        self.drop(bad, f"saturated: {column} stays at its extreme", MOST_SATURATED, column)
 
     def tension(self, *columns: str) -> None:
         """Refuse tensions (N) of which more than half are negative by more than an offset: a tendon cannot push."""
         for column in columns:
             middle = float(np.median(self.columns[column]))
             if middle < -max(_OFFSET, _OFFSET_SHARE * spread_of(self.columns[column])):
-                raise self.refuse(f"tension {column} is negative: its median is {middle:.3g} N; reverse its sign")
+                reason = f"tension {column} is negative: its median is {middle:.3g} N; reverse its sign"
+                raise self.refuse(reason, column, middle, "positive")
 
     def frozen(self, columns: Sequence[str], moving: str, *, may_rest_at_zero: bool = False) -> None:
         """Note columns that stay constant for long while another changes, most likely because a sensor hangs.
@@ -352,20 +373,26 @@ class Raw:
             f"{counted(int(wide.sum()), 'gap')} of {missing:.3g} s together in {duration:.3g} s, first at {first:.6g} s"
         )
         if missing > MOST_MISSING * duration:
-            raise self.refuse(f"{found}; at most {100 * MOST_MISSING:g} % may be missing")
+            allowed = f"at most {100 * MOST_MISSING:g} %"
+            raise self.refuse(f"{found}; {allowed} may be missing", "gaps", missing, allowed)
         self.note(found)
 
     def enough(self, least: int = LEAST_SAMPLES) -> None:
         """Refuse too few samples."""
         if self.time.size < least:
-            raise self.refuse(f"{self.time.size} samples are left, which is too few; at least {least} are needed")
+            reason = f"{self.time.size} samples are left, which is too few; at least {least} are needed"
+            raise self.refuse(reason, "samples", self.time.size, f"at least {least}")
 
     def excited(self, column: str, least: float, unit: str) -> None:
         """Refuse a column whose spread (SI, of its middle 90 %) is too small for identification."""
         spread = spread_of(self.columns[column])
         if spread < least:
+            allowed = f"at least {least:.3g} {unit}"
             raise self.refuse(
-                f"no excitation: {column} moves by {spread:.3g} {unit}, and at least {least:.3g} {unit} is needed"
+                f"no excitation: {column} moves by {spread:.3g} {unit}, and {allowed} is needed",
+                column,
+                spread,
+                allowed,
             )
 
     def done(self, source: Source | None = None, checksum: str = "") -> MeasuredRun:

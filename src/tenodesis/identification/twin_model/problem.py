@@ -458,7 +458,9 @@ class TwinProblem(Problem):
         out = np.full((len(READINGS), 1 + len(variables), len(run.commands)), np.nan)
         _, status = _core.twin_gradient(spec, run.commands, run.handle_as_read, list(variables), out)
         if status in (Status.NOT_FINITE, Status.OUT_OF_RANGE):
-            raise IdentificationError(f"{run.name}: a command is not finite or beyond the handle's range.")
+            raise IdentificationError(
+                f"{run.name}: a command is not finite or beyond the handle's range.", key="handle_angle"
+            )
         return out
 
 
