@@ -16,7 +16,7 @@ from tenodesis import simulate
 from tenodesis.cli import plan_identification
 from tenodesis.errors import CommandError, IdentificationError
 from tenodesis.identification import FORMATS
-from tenodesis.identification.experiment import OPTIMISTIC, Plan, plan, report
+from tenodesis.identification.experiment import OPTIMISTIC, ProposedProtocol, plan, report
 from tenodesis.identification.experiment import candidates as blocks
 from tenodesis.identification.experiment.information import (
     Criterion,
@@ -36,7 +36,7 @@ GAINS = ("mismatch.load_cell_gain.agonist", "mismatch.load_cell_gain.antagonist"
 
 
 @pytest.fixture(scope="module")
-def scaled_up() -> Plan:
+def scaled_up() -> ProposedProtocol:
     return plan(tn.load("scaled-up"), duration=DURATION)
 
 
@@ -47,7 +47,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.slow
-def test_predicted_intervals_are_the_scatter_of_estimates_over_seeds(scaled_up: Plan) -> None:
+def test_predicted_intervals_are_the_scatter_of_estimates_over_seeds(scaled_up: ProposedProtocol) -> None:
     bench = SimulatedExperiment(scaled_up.inst, scaled_up.law, distal_encoder=True)
     commands = scaled_up.protocol.commands(scaled_up.inst, bench.time_step)
     free = [number for number, one in enumerate(scaled_up.parameters) if one.name in scaled_up.open]
@@ -67,7 +67,7 @@ def test_predicted_intervals_are_the_scatter_of_estimates_over_seeds(scaled_up: 
             assert 0.5 < found / thinned / scaled_up.proposed.std[name] < 1.7, name
 
 
-def test_proposed_protocol_identifies_every_wanted_parameter_better_than_cycles_do(scaled_up: Plan) -> None:
+def test_proposed_protocol_identifies_every_wanted_parameter_better_than_cycles_do(scaled_up: ProposedProtocol) -> None:
     assert [one.name for one in scaled_up.baselines] == ["plain cycles", "the paper's cycles"]
     for baseline in scaled_up.baselines:
         assert baseline.seconds >= 0.99 * scaled_up.proposed.seconds
@@ -75,7 +75,7 @@ def test_proposed_protocol_identifies_every_wanted_parameter_better_than_cycles_
             assert scaled_up.proposed.std[name] < baseline.std[name], (baseline.name, name)
 
 
-def test_all_that_is_wanted_is_identifiable_and_its_interval_holds_the_file(scaled_up: Plan) -> None:
+def test_all_that_is_wanted_is_identifiable_and_its_interval_holds_the_file(scaled_up: ProposedProtocol) -> None:
     for one in scaled_up.parameters:
         if one.name in scaled_up.wanted:
             low, high = scaled_up.interval_95[one.name]
@@ -84,7 +84,9 @@ def test_all_that_is_wanted_is_identifiable_and_its_interval_holds_the_file(scal
 
 
 @pytest.mark.slow
-def test_written_protocol_is_the_one_that_was_predicted_and_can_be_recorded(scaled_up: Plan, tmp_path: Path) -> None:
+def test_written_protocol_is_the_one_that_was_predicted_and_can_be_recorded(
+    scaled_up: ProposedProtocol, tmp_path: Path
+) -> None:
     report.write(scaled_up, tmp_path)
     protocol = simulate.load(tmp_path / report.PROTOCOL)
     assert protocol == scaled_up.protocol
@@ -96,7 +98,9 @@ def test_written_protocol_is_the_one_that_was_predicted_and_can_be_recorded(scal
     assert {one.name for one in problem.parameters} == {one.name for one in scaled_up.parameters}
 
 
-def test_report_says_that_the_intervals_are_optimistic_and_holds_all_numbers(scaled_up: Plan, tmp_path: Path) -> None:
+def test_report_says_that_the_intervals_are_optimistic_and_holds_all_numbers(
+    scaled_up: ProposedProtocol, tmp_path: Path
+) -> None:
     report.write(scaled_up, tmp_path)
     page = (tmp_path / report.PAGE).read_text("utf-8")
     assert OPTIMISTIC.split(":")[0].replace("'", "&#39;") in page
@@ -108,7 +112,7 @@ def test_report_says_that_the_intervals_are_optimistic_and_holds_all_numbers(sca
     assert numbers["warnings"][-1] == OPTIMISTIC
 
 
-def test_blocks_follow_one_another_within_the_duration(scaled_up: Plan) -> None:
+def test_blocks_follow_one_another_within_the_duration(scaled_up: ProposedProtocol) -> None:
     ends = [one.begins + one.seconds for one in scaled_up.blocks]
     assert [one.begins for one in scaled_up.blocks[1:]] == pytest.approx(ends[:-1])
     assert ends[-1] == pytest.approx(scaled_up.proposed.seconds)
@@ -134,7 +138,7 @@ def test_every_candidate_comes_back_to_where_it_began(name: str) -> None:
     assert run > 8
 
 
-def test_sheath_coefficient_and_bend_act_only_in_their_product(scaled_up: Plan) -> None:
+def test_sheath_coefficient_and_bend_act_only_in_their_product(scaled_up: ProposedProtocol) -> None:
     assert scaled_up.held == ("friction.sheath_bend",)
     for name in ("friction.sheath_coefficient", "friction.sheath_bend"):
         assert "product friction.sheath_coefficient · friction.sheath_bend" in scaled_up.unidentifiable[name]
