@@ -650,9 +650,9 @@ struct TwinStep {
       const S lag = twin.quasi_static || !tie.is_rigid ? S(0) : S(0.5) * duration;
       const auto rate = [&](int j) { return speed_rate * (angle[j] - before.angle[j]) - before.velocity[j]; };
       const S apart = angle[i] - tie.ratio * angle[tie.to] + lag * (rate(i) - tie.ratio * rate(tie.to));
-      const S pull = tie.stiffness * apart, by = tie.stiffness * (S(1) + lag * speed_rate);
-      at[i] = at[i] - pull;
-      at[tie.to] = at[tie.to] + tie.ratio * pull;
+      const S held = tie.stiffness * apart, by = tie.stiffness * (S(1) + lag * speed_rate);
+      at[i] = at[i] - held;
+      at[tie.to] = at[tie.to] + tie.ratio * held;
       slope.at[i][i] = slope.at[i][i] - by;
       slope.at[i][tie.to] = slope.at[i][tie.to] + tie.ratio * by;
       slope.at[tie.to][i] = slope.at[tie.to][i] + tie.ratio * by;
