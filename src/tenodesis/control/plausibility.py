@@ -368,33 +368,33 @@ def _useless(inst: FullForm) -> Iterator[str]:
 def _disturbing(inst: FullForm) -> Iterator[str]:
     """Yield what the handle's joints turn besides; without a handle, what the tendons that end at a joint turn."""
     found = rates(inst, np.zeros((1, len(inst.handle_joints))))
+    names, bends = list(inst.bends), list(inst.bends.values())
     if inst.handle_joints:
         moves = [
             (f"handle joint {joint.name}", column)
             for joint, column in zip(inst.handle_joints, found.by_handle[0].T, strict=True)
         ]
     else:
-        ends = np.array([tendon.route[-1].joint for tendon in inst.tendons])
-        alone = [np.where(ends == j.name, a, 0.0) for j, a in zip(inst.tip_joints, straight_arms(inst).T, strict=True)]
+        ends, arms = np.array([tendon.route[-1].joint for tendon in inst.tendons]), straight_arms(inst)
         moves = [
-            (f"the tendons that end at joint {joint.name}", found.by_stroke[0] @ drawn)
-            for joint, drawn in zip(inst.tip_joints, alone, strict=True)
+            (
+                f"the tendons that end at joint {name}",
+                found.by_stroke[0] @ np.where(ends == inst.tip_joints[bend[-1]].name, arms[:, bend[-1]], 0.0),
+            )
+            for name, bend in zip(names, bends, strict=True)
         ]
-    # A joint that is tied turns with the other on purpose.
-    free = np.array([not tie.is_rigid for tie in inst.ties])
     for what, angles in moves:
-        turned = np.where(free, angles, 0.0)
+        turned = np.array([angles[bend].sum() for bend in bends])
         if not np.isfinite(turned).all() or not turned.any():
             continue
         most = int(np.argmax(np.abs(turned)))
-        shares = turned / turned[most]
         others = [
-            f"{joint.name} by {share:+.2g}"
-            for i, (joint, share) in enumerate(zip(inst.tip_joints, shares, strict=True))
-            if i != most and abs(share) > _DISTURBANCE
+            f"{name} by {share:+.2g}"
+            for name, share in zip(names, turned / turned[most], strict=True)
+            if name != names[most] and abs(share) > _DISTURBANCE
         ]
         if others:
-            yield f"turning {inst.tip_joints[most].name} by {what} also turns {', '.join(others)} of its angle."
+            yield f"turning {names[most]} by {what} also turns {', '.join(others)} of its angle."
 
 
 def _wider_than_stem(inst: FullForm) -> Iterator[str]:
