@@ -270,7 +270,7 @@ class Subject:
 
     @cached_property
     def motions(self) -> list[Motion]:
-        """The motion of every joint of the handle; without a handle, of the motors for every joint of the tip.
+        """The motion of every joint of the handle; without a handle, of the motors for all that bends at the tip.
 
         A motion goes as far as the range of what is moved, and of the joints that it turns. What turns no joint is left
         out, and so is a joint that motors do not turn.
@@ -278,16 +278,17 @@ class Subject:
         if self.plane is not None:
             shares, end = np.linspace(0.0, 1.0, _POINTS), np.array([statics.reach(self.plane)])
             return [Motion("", 0, end, np.zeros(2), shares, self.angles(np.outer(shares, end)))]
-        handles, tips, tendons = self.inst.handle_joints, self.inst.tip_joints, len(self.inst.tendons)
+        handles, tendons = self.inst.handle_joints, len(self.inst.tendons)
         ends: list[tuple[str, Array, Array]] = [
             (joint.name, joint.range * row, np.zeros(tendons))
             for joint, row in zip(handles, np.eye(len(handles)), strict=True)
         ]
         if not handles:
-            for joint, row, arm in zip(tips, np.eye(len(tips)), self.inst.grip_arms, strict=True):
+            for (name, bend), far in zip(self.inst.bends.items(), np.diag(self.inst.bend_ranges), strict=True):
                 try:
                     # A jaw opens.
-                    ends.append((joint.name, *statics.hold(self.inst, (-1 if arm < 0 else 1) * joint.range * row)))
+                    sign = -1 if self.inst.grip_arms[bend[0]] < 0 else 1
+                    ends.append((name, *statics.hold(self.inst, sign * self.inst.bent(far))))
                 except NoSolutionError:
                     continue
         found = (self._motion(*end) for end in ends)
