@@ -28,7 +28,7 @@ TARGET = 1e-6  # s
 OUTPUTS = (0.0, 33.0, 67.0, 80.0)  # deg, Fig. 15
 
 
-def chunks(inst: Instrument, motion: step_response.Motion, controller: Controller | None) -> Array:
+def chunks(inst: Instrument, motion: step_response.HeldMotion, controller: Controller | None) -> Array:
     """Time that each chunk of a run takes, s, shape (chunks,)."""
     twin = Twin(inst, seed=1)
     taken = []

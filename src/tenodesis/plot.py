@@ -17,7 +17,7 @@ from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form, expan
 from tenodesis.report import curves, space, style
 from tenodesis.report import routing as routes
 from tenodesis.report.content import Chart
-from tenodesis.report.curves import Loop, SteppedRun
+from tenodesis.report.curves import Loop, SteppedCurve
 from tenodesis.run import Run
 
 __all__ = [
@@ -99,7 +99,7 @@ def step_response(run: Run, inst: InstrumentLike) -> Figure:
     theory = float(np.asarray(statics.output_angle(inst, held, float(run["force"][-1])))[0])
     heading = f"{round(float(np.degrees(curves.output_of(run)[first - 1])), 1) + 0.0:g} deg"
     with style.applied():
-        return curves.step_response([SteppedRun(heading, run, float(run.time[first]), theory)]).figure
+        return curves.step_response([SteppedCurve(heading, run, float(run.time[first]), theory)]).figure
 
 
 def run(run: Run, signals: Sequence[str] = ()) -> Figure:

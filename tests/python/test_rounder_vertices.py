@@ -13,13 +13,13 @@ from tenodesis.cli import vertices as command
 from tenodesis.errors import CommandError, InstrumentError, StudyError
 from tenodesis.instrument import Instrument
 from tenodesis.paper import rounder_vertices as rounder
-from tenodesis.paper.rounder_vertices import METAL, PLASTIC, SPRINGY, Design, Rope, Study
+from tenodesis.paper.rounder_vertices import METAL, PLASTIC, SPRINGY, VertexDesign, VertexRope, VertexStudy
 from tenodesis.paper.rounder_vertices_report import write
 
 from .conftest import EXAMPLES, refused
 
 REFERENCE = 0.27e-3
-STIFF = Rope("stiff", 4e-6)
+STIFF = VertexRope("stiff", 4e-6)
 
 
 @pytest.fixture(scope="module")
@@ -28,13 +28,13 @@ def scaled_up() -> Instrument:
 
 
 @pytest.fixture(scope="module")
-def small(scaled_up: Instrument) -> Study:
+def small(scaled_up: Instrument) -> VertexStudy:
     held = rounder.radius_limits(scaled_up).largest
     return rounder.study(scaled_up, radii=[held], shares=(0.5,), tendons=(SPRINGY, STIFF), surfaces=(METAL,))
 
 
-def _hysteresis(inst: Instrument, radius: float, rope: Rope = SPRINGY, surface: rounder.Surface = METAL) -> float:
-    changed = rounder.redesigned(inst, Design(radius, 0.1, rope, surface), REFERENCE)
+def _hysteresis(inst: Instrument, radius: float, rope: VertexRope = SPRINGY, surface: rounder.Surface = METAL) -> float:
+    changed = rounder.redesigned(inst, VertexDesign(radius, 0.1, rope, surface), REFERENCE)
     return rounder.loop(changed, 1.5)[0]
 
 
@@ -106,24 +106,24 @@ def test_the_bending_stiffness_of_a_rope_is_that_of_its_wires() -> None:
         rounder.bending_stiffness("1x19", 1e-3, 1e11)
 
 
-def test_the_study_is_finite_and_more_friction_widens_the_loop(small: Study) -> None:
+def test_the_study_is_finite_and_more_friction_widens_the_loop(small: VertexStudy) -> None:
     for one in small.outcomes.values():
         assert np.isfinite([one.hysteresis, one.delay, *one.lost, *one.final["paper"], *one.final["robust"]]).all()
     for rope in small.ropes:
         for radius in small.radii:
-            less, more = (small.outcomes[Design(radius, mu, rope, METAL)] for mu in small.coefficients)
+            less, more = (small.outcomes[VertexDesign(radius, mu, rope, METAL)] for mu in small.coefficients)
             assert less.hysteresis < more.hysteresis
             assert less.delay < more.delay
 
 
-def test_no_radius_saves_the_papers_law_and_half_the_coefficient_does(small: Study) -> None:
+def test_no_radius_saves_the_papers_law_and_half_the_coefficient_does(small: VertexStudy) -> None:
     assert small.good_radii(SPRINGY, METAL) == []
     assert small.along_coefficient()[0].worst("paper") <= rounder.GOOD < small.along_coefficient()[1].worst("paper")
     assert "No radius up to the 6.9 mm that the joint holds brings" in rounder.answer(small)
     assert "a coefficient of at most 0.05 instead of 0.1 does" in rounder.answer(small)
 
 
-def test_the_study_writes_a_page_with_its_figure_and_results(small: Study, tmp_path: Path) -> None:
+def test_the_study_writes_a_page_with_its_figure_and_results(small: VertexStudy, tmp_path: Path) -> None:
     write(small, tmp_path)
     page = (tmp_path / "vertices.html").read_text("utf-8")
     assert "<svg" in page

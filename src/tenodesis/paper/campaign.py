@@ -201,7 +201,7 @@ def trials(condition: Condition, seeds: int) -> Rows:
     time = np.arange(1, round((_BEFORE + _AFTER) / TIME_STEP) + 1) * TIME_STEP
     bend = start + (end - start) * np.clip((time - _BEFORE) / _BENDING, 0, 1)
 
-    def measure(run: Callable[..., Run], motion: step_response.Motion, _: ShortForm) -> dict[str, float]:
+    def measure(run: Callable[..., Run], motion: step_response.HeldMotion, _: ShortForm) -> dict[str, float]:
         enabled, stopped = (step_response.response(run(paused=paused), motion) for paused in (False, True))
         return enabled._asdict() | {"excursion": enabled.largest - stopped.largest}
 

@@ -19,7 +19,7 @@ from tenodesis.paper.context import DRAWN, Context, RecordedRun, has_friction
 from tenodesis.paper.cycles import LOADING as LOADED
 from tenodesis.paper.cycles import RESTING as RESTED
 from tenodesis.paper.cycles import SEED, protocol
-from tenodesis.paper.subject import Load, Motion, Subject
+from tenodesis.paper.subject import FarMotion, Load, Subject
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, Section, Table, fixed, named
 from tenodesis.report.curves import forces
@@ -126,7 +126,7 @@ def track(inst: ShortForm, motion: Array, force: float, compensation: Compensati
     )
 
 
-def follow(subject: Subject, motion: Motion, load: Load, law: str) -> Tracking | None:
+def follow(subject: Subject, motion: FarMotion, load: Load, law: str) -> Tracking | None:
     """Run cycles of a motion of several joints; None if the joints cannot hold the load."""
     done = RecordedRun.of(
         subject.given, protocol(subject, motion, load), SEED, controller_of(control.compensated(subject.given), law)
@@ -162,7 +162,7 @@ def _followed(subject: Subject) -> Found:
     """Return every motion of a joint that a controller serves under the load that takes most of it."""
     motions = [motion for motion in subject.motions if motion.follows in served(subject).values()]
 
-    def trial(motion: Motion, compensation: Compensation) -> dict[str, Tracking] | None:
+    def trial(motion: FarMotion, compensation: Compensation) -> dict[str, Tracking] | None:
         found = follow(subject, motion, subject.most_taking(motion.follows), compensation.law)
         return None if found is None else {"tracking": found}
 

@@ -16,7 +16,7 @@ from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.paper import step_response
 from tenodesis.paper.context import DRAWN, Context, has_friction
 from tenodesis.paper.step_load import AFTER, BEFORE, respond, step_force
-from tenodesis.paper.step_response import NEAR, Motion, Response
+from tenodesis.paper.step_response import NEAR, HeldMotion, StepResponse
 from tenodesis.paper.subject import Load, Subject
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, Section, Table, fixed, named
@@ -143,7 +143,7 @@ def _over_states(inst: ShortForm) -> list[Trial]:
     """Return every law in the held states under the step load, of the states that all laws hold."""
     laws = {law: friction_errors(inst) if law == "robust" else (0.0,) for law in LABELS}
 
-    def measure(run: Callable[..., Run], motion: Motion, _: ShortForm) -> dict[str, Any]:
+    def measure(run: Callable[..., Run], motion: HeldMotion, _: ShortForm) -> dict[str, Any]:
         done = run()
         return {"response": step_response.response(done, motion), "run": done[DRAWN]}
 
@@ -253,7 +253,7 @@ def _plot(context: Context, found: list[Trial]) -> Plot:
     return chart.plot(name, about)
 
 
-class Reading(NamedTuple):
+class StepReading(NamedTuple):
     """A reading of Fig. 12, with the drives at their own speed or slow."""
 
     law: LawName
@@ -274,10 +274,10 @@ class Reading(NamedTuple):
         return f"{law}, {motors}{', slow' if self.slow else ''}"
 
 
-class Trace(NamedTuple):
+class StepTrace(NamedTuple):
     """The response of a reading in a state."""
 
-    response: Response
+    response: StepResponse
     delay: float
     """s"""
     wound: float
@@ -287,14 +287,14 @@ class Trace(NamedTuple):
 
 
 _READINGS = [
-    Reading(law, actuation, slow)
+    StepReading(law, actuation, slow)
     for slow in (False, True)
     for law in ("paper", "paper-feedback")
     for actuation in ("agonist", "differential")
 ]
 
 
-def _observations(traces: Sequence[Trace]) -> dict[str, bool]:
+def _observations(traces: Sequence[StepTrace]) -> dict[str, bool]:
     """Return which of the paper's observations of its four traces hold for those of a reading."""
     at_0, at_33, at_67, at_80 = (trace.response for trace in traces)
     return {
@@ -309,17 +309,17 @@ def _observations(traces: Sequence[Trace]) -> dict[str, bool]:
     }
 
 
-def _trace(run: Callable[..., Run], motion: Motion, model: ShortForm) -> dict[str, Trace]:
+def _trace(run: Callable[..., Run], motion: HeldMotion, model: ShortForm) -> dict[str, StepTrace]:
     enabled, paused = run(), run(paused=True)
     agonist = enabled["tension"][motion.loaded :, 0]
     late, wound = step_response.tip_delay(enabled, paused, motion, model.drives.spool_radius)
     released = float(agonist.max() - agonist[-1])
-    return {"trace": Trace(step_response.response(enabled, motion), late, wound, released)}
+    return {"trace": StepTrace(step_response.response(enabled, motion), late, wound, released)}
 
 
 def readings(context: Context, inst: ShortForm, states: Sequence[float], force: float) -> tuple[str, Table]:
     """Compute the response of every reading in the four states; return the conclusions and the table."""
-    traces: dict[Reading, list[Trace]] = {}
+    traces: dict[StepReading, list[StepTrace]] = {}
     for reading in _READINGS:
         model = inst.replace(**{"control.tendon_speed": _SLOW}) if reading.slow else inst
         times, laws = (BEFORE, 2 * AFTER if reading.slow else AFTER), {reading.law: (0.0,)}
@@ -365,13 +365,13 @@ def readings(context: Context, inst: ShortForm, states: Sequence[float], force: 
     return _verdict(observed, traces), table
 
 
-def _cell(trace: Trace) -> str:
+def _cell(trace: StepTrace) -> str:
     late = "does not follow" if np.isnan(trace.delay) else f"{trace.delay:.2f}&nbsp;s, {1e3 * trace.wound:.2f}&nbsp;mm"
     fault = ", fault" if trace.response.faulted else ""
     return f"{fixed(trace.response.final, 1)}&nbsp;/&nbsp;{fixed(trace.response.overshoot, 1)}; {late}{fault}"
 
 
-def _verdict(observed: dict[Reading, dict[str, bool]], traces: dict[Reading, list[Trace]]) -> str:
+def _verdict(observed: dict[StepReading, dict[str, bool]], traces: dict[StepReading, list[StepTrace]]) -> str:
     if not observed:
         return ""
     agreement = {reading: sum(held.values()) for reading, held in observed.items()}

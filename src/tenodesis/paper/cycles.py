@@ -11,7 +11,7 @@ from tenodesis import simulate, statics
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.paper import published
 from tenodesis.paper.context import DRAWN, WAYS, Context, RecordedRun, has_friction
-from tenodesis.paper.subject import HANDLE_SPEED, SPEED, Load, Motion, Subject, panels
+from tenodesis.paper.subject import HANDLE_SPEED, SPEED, FarMotion, Load, Subject, panels
 from tenodesis.report import style
 from tenodesis.report.content import (
     Array,
@@ -34,10 +34,10 @@ LOADING, RESTING = 1.0, 0.5
 SEED = 14
 
 
-class Cycles(NamedTuple):
+class CycleRun(NamedTuple):
     """The cycles of a motion under a load, or none: signals from the first way out on, and what the last shows."""
 
-    motion: Motion
+    motion: FarMotion
     load: Load | None
     recorded: RecordedRun
     run: Run
@@ -62,7 +62,7 @@ class Cycles(NamedTuple):
         return "no load" if self.load is None else self.load.text
 
 
-def protocol(subject: Subject, motion: Motion, load: Load | None) -> simulate.Protocol:
+def protocol(subject: Subject, motion: FarMotion, load: Load | None) -> simulate.Protocol:
     """Return the protocol of cycles of a motion under a load, or none."""
     words = "no load" if load is None else load.text
     return simulate.Protocol(
@@ -79,7 +79,7 @@ def loading(load: Load | None) -> list[simulate.AnyPhase]:
     return [simulate.Ramp(duration=LOADING, **load.keys()), simulate.Hold(duration=RESTING)]
 
 
-def cycle(subject: Subject, motion: Motion, load: Load | None) -> Cycles | None:
+def cycle(subject: Subject, motion: FarMotion, load: Load | None) -> CycleRun | None:
     """Run cycles of a motion under a load, or none, on the twin; None if the joints cannot hold it."""
     recorded = RecordedRun.of(subject.given, protocol(subject, motion, load), SEED)
     if recorded is None:
@@ -107,7 +107,7 @@ def cycle(subject: Subject, motion: Motion, load: Load | None) -> Cycles | None:
         estimate = estimated_output_angle(subject.plane, run)
         error = np.sqrt(_mean((estimate - run["measured_output_angle"]) ** 2))
         width = -_mean(np.subtract(*compared(estimate[:, np.newaxis])))
-    return Cycles(
+    return CycleRun(
         motion,
         load,
         recorded,
@@ -150,7 +150,7 @@ def section(context: Context) -> Section:
     return Section("hysteresis", title, text, plots, [_table(context, subject, found), *_parameters(subject.given)])
 
 
-def _table(context: Context, subject: Subject, found: list[Cycles]) -> ResultTable:
+def _table(context: Context, subject: Subject, found: list[CycleRun]) -> ResultTable:
     planar, several, papers = subject.plane is not None, subject.plane is None, int(context.is_paper)
     who, where = ("tip", "{words}") if planar else ("joint", "{motion}, {words}")
 
@@ -256,11 +256,11 @@ def _text(context: Context, subject: Subject) -> str:
     return text
 
 
-def _loops(found: list[Cycles]) -> list[Loop]:
+def _loops(found: list[CycleRun]) -> list[Loop]:
     return [Loop(done.words, done.run[DRAWN], done.estimate[DRAWN]) for done in found]
 
 
-def _estimates(context: Context, inst: ShortForm, found: list[Cycles]) -> Plot:
+def _estimates(context: Context, inst: ShortForm, found: list[CycleRun]) -> Plot:
     return hysteresis(inst, _loops(found), "twin, measured").plot(
         context.file_name("fig14a", "cycles"),
         f"Input and output over flexion and extension, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N, "
@@ -269,7 +269,7 @@ def _estimates(context: Context, inst: ShortForm, found: list[Cycles]) -> Plot:
     )
 
 
-def _tensions(context: Context, inst: ShortForm, found: list[Cycles]) -> Plot:
+def _tensions(context: Context, inst: ShortForm, found: list[CycleRun]) -> Plot:
     chart, axes = loop_panels(_loops(found), "tension [N]")
     grid = np.linspace(0, statics.reach(inst), 101)
     sides = (("agonist", style.AGONIST), ("antagonist", style.ANTAGONIST))
@@ -290,7 +290,7 @@ def _tensions(context: Context, inst: ShortForm, found: list[Cycles]) -> Plot:
     )
 
 
-def _angles(subject: Subject, found: list[Cycles]) -> Plot:
+def _angles(subject: Subject, found: list[CycleRun]) -> Plot:
     names = list(dict.fromkeys(done.motion.name for done in found))
     chart, axes = panels(len(names), 3.2, 3.7)
     panel_of = dict(zip(names, axes, strict=True))

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from tenodesis import statics
 from tenodesis.instrument import ShortForm
 from tenodesis.paper.context import Context, shown_force
-from tenodesis.paper.subject import Load, State, Subject, panels
+from tenodesis.paper.subject import HeldState, Load, Subject, panels
 from tenodesis.report import style
 from tenodesis.report.content import Array, Cell, Chart, Column, Plot, Section, fixed, named
 from tenodesis.report.curves import draw_losses, forces
@@ -30,7 +30,7 @@ class Lost(NamedTuple):
     strokes: Array
 
 
-def lost(subject: Subject, state: State, load: Load) -> Lost:
+def lost(subject: Subject, state: HeldState, load: Load) -> Lost:
     """Return what a load takes from the joints in a state; NaN where the tip cannot be held, or not be brought back."""
     if (inst := subject.plane) is not None:
         angles = state.angles - statics.output_angle(inst, state.handle, load.size)
@@ -117,7 +117,7 @@ def _column(heading: str, name: str, label: str, about: str, unit: str = "deg") 
     return Column(heading, key, unit, about, optional=unit == "mm")
 
 
-def _plot(subject: Subject, held: list[State], applied: list[Load]) -> Plot:
+def _plot(subject: Subject, held: list[HeldState], applied: list[Load]) -> Plot:
     inst = subject.inst
     chart, axes = panels(len(applied))
     for axis, load in zip(axes, applied, strict=True):

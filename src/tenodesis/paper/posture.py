@@ -4,7 +4,7 @@ import numpy as np
 
 from tenodesis import kinematics, statics
 from tenodesis.paper.context import Context
-from tenodesis.paper.subject import State
+from tenodesis.paper.subject import HeldState
 from tenodesis.report import routing, space
 from tenodesis.report.content import Plot, Section, Table, named
 
@@ -25,7 +25,7 @@ def section(context: Context) -> Section:
     return Section("posture", "Joints, tendons and posture", text, plots, [_joints(context), _tendons(context)])
 
 
-def _posture(context: Context, state: State) -> Plot:
+def _posture(context: Context, state: HeldState) -> Plot:
     inst = context.whole
     figure = space.draw(inst, state.angles, state.handle)
     paths = kinematics.frames(inst, state.angles, state.handle).tendons

@@ -47,14 +47,14 @@ METAL, PLASTIC = Surface("metal", 1.0), Surface("plastic", 0.82)
 """As measured on published recordings, docs/friction-models.md: cables over pulleys, and in a sheath."""
 
 
-class Rope(NamedTuple):
+class VertexRope(NamedTuple):
     """A tendon's rope, and its bending stiffness that does not spring back, N·m²."""
 
     name: str
     bending_stiffness: float
 
 
-SPRINGY = Rope("springs back", 0.0)
+SPRINGY = VertexRope("springs back", 0.0)
 """A tendon that loses nothing in bending."""
 
 
@@ -80,16 +80,16 @@ class RadiusLimits(NamedTuple):
         return reasons[self.index(self.largest)]
 
 
-class Design(NamedTuple):
+class VertexDesign(NamedTuple):
     """A design of the vertices: radius (m), coefficient at the reference radius, rope and surface."""
 
     radius: float
     coefficient: float
-    rope: Rope
+    rope: VertexRope
     surface: Surface
 
 
-class Outcome(NamedTuple):
+class VertexOutcome(NamedTuple):
     """What a design costs: NaN where the joint does not hold the load."""
 
     hysteresis: float
@@ -110,7 +110,7 @@ class Outcome(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Study:
+class VertexStudy:
     """The designs of a sweep with their outcomes."""
 
     inst: ShortForm
@@ -123,10 +123,10 @@ class Study:
     limits: RadiusLimits
     radii: tuple[float, ...]
     coefficients: tuple[float, ...]
-    ropes: tuple[Rope, ...]
+    ropes: tuple[VertexRope, ...]
     surfaces: tuple[Surface, ...]
-    outcomes: dict[Design, Outcome]
-    largest_coefficient: dict[tuple[Rope, float], float]
+    outcomes: dict[VertexDesign, VertexOutcome]
+    largest_coefficient: dict[tuple[VertexRope, float], float]
     """By rope and radius on metal, the largest coefficient up to the file's at and below which the paper's law is good
     enough in every state; NaN if it is not even without friction."""
 
@@ -135,16 +135,16 @@ class Study:
         """The coefficient of the instrument file."""
         return self.inst.friction.vertex_coefficient
 
-    def along_radius(self, rope: Rope, surface: Surface, coefficient: float | None = None) -> list[Outcome]:
+    def along_radius(self, rope: VertexRope, surface: Surface, coefficient: float | None = None) -> list[VertexOutcome]:
         """Return the outcomes by radius, at the coefficient of the instrument file or another."""
         found = self.coefficient if coefficient is None else coefficient
-        return [self.outcomes[Design(radius, found, rope, surface)] for radius in self.radii]
+        return [self.outcomes[VertexDesign(radius, found, rope, surface)] for radius in self.radii]
 
-    def along_coefficient(self, rope: Rope = SPRINGY, surface: Surface = METAL) -> list[Outcome]:
+    def along_coefficient(self, rope: VertexRope = SPRINGY, surface: Surface = METAL) -> list[VertexOutcome]:
         """Return the outcomes by coefficient on the present vertices."""
-        return [self.outcomes[Design(self.reference_radius, one, rope, surface)] for one in self.coefficients]
+        return [self.outcomes[VertexDesign(self.reference_radius, one, rope, surface)] for one in self.coefficients]
 
-    def good_radii(self, rope: Rope, surface: Surface) -> list[float]:
+    def good_radii(self, rope: VertexRope, surface: Surface) -> list[float]:
         """Return the radii that the joint holds with which the paper's law is good enough in every state, m."""
         pairs = zip(self.radii, self.along_radius(rope, surface), strict=True)
         return [radius for radius, one in pairs if radius <= self.held_radius and one.worst("paper") <= GOOD]
@@ -203,7 +203,7 @@ def bending_stiffness(name: str, diameter: float, modulus: float) -> float:
     return modulus * math.pi * diameter**2 / 4 * wire**2 / 16
 
 
-def ropes(inst: ShortForm) -> tuple[Rope, ...]:
+def ropes(inst: ShortForm) -> tuple[VertexRope, ...]:
     """Return a tendon that springs back, and of each construction in the catalogue the rope nearest in diameter.
 
     Raises
@@ -212,13 +212,13 @@ def ropes(inst: ShortForm) -> tuple[Rope, ...]:
         The instrument's file does not give the tendons' diameter.
     """
     diameter = _diameter(inst)
-    by_construction: dict[str, tuple[float, Rope]] = {}
+    by_construction: dict[str, tuple[float, VertexRope]] = {}
     for rope in catalogue.load().ropes:
         construction = rope.name.partition(" ")[0]
         off = abs(rope.diameter - diameter)
         if construction not in by_construction or off < by_construction[construction][0]:
             stiffness = bending_stiffness(rope.name, rope.diameter, rope.modulus)
-            by_construction[construction] = off, Rope(f"{construction} {1e3 * rope.diameter:g} mm", stiffness)
+            by_construction[construction] = off, VertexRope(f"{construction} {1e3 * rope.diameter:g} mm", stiffness)
     return SPRINGY, *(rope for _, rope in by_construction.values())
 
 
@@ -231,7 +231,7 @@ def _diameter(inst: ShortForm) -> float:
     return inst.tendon_diameter
 
 
-def redesigned(inst: ShortForm, design: Design, reference_radius: float) -> ShortForm:
+def redesigned(inst: ShortForm, design: VertexDesign, reference_radius: float) -> ShortForm:
     """Return an instrument with other vertices; coefficients are at its pretension and the reference radius (m).
 
     The tendons keep their stiffness: of a rope only the bending counts.
@@ -292,11 +292,13 @@ def loop(inst: ShortForm, force: float) -> tuple[float, float]:
     return float(np.degrees(width.mean())), float(np.degrees(delay))
 
 
-def outcome(inst: ShortForm, design: Design, states: Sequence[float], force: float, reference_radius: float) -> Outcome:
+def outcome(
+    inst: ShortForm, design: VertexDesign, states: Sequence[float], force: float, reference_radius: float
+) -> VertexOutcome:
     """Compute what a design costs in the held states (rad) under a load (N)."""
     changed = redesigned(inst, design, reference_radius)
     by_law = {law: np.array([held(inst, changed, state, force, law) for state in states]) for law in LAWS}
-    return Outcome(*loop(changed, force), by_law)
+    return VertexOutcome(*loop(changed, force), by_law)
 
 
 def held_states(inst: ShortForm) -> tuple[float, ...]:
@@ -313,10 +315,10 @@ def study(
     *,
     radii: Iterable[float] | None = None,
     shares: Iterable[float] = SHARES,
-    tendons: tuple[Rope, ...] | None = None,
+    tendons: tuple[VertexRope, ...] | None = None,
     surfaces: tuple[Surface, ...] = (METAL, PLASTIC),
     progress: Callable[[float, float], None] = lambda _done, _total: None,
-) -> Study:
+) -> VertexStudy:
     """Sweep the vertices of a planar instrument: radius, coefficient, rope and surface.
 
     Parameters
@@ -354,14 +356,14 @@ def study(
     coefficients = tuple(sorted({float(share) * present for share in shares} | {present}))
     used = ropes(inst) if tendons is None else tendons
     designs = [
-        Design(radius, coefficient, rope, surface)
+        VertexDesign(radius, coefficient, rope, surface)
         for surface in surfaces
         for rope in used
         for coefficient in coefficients
         for radius in found
     ]
 
-    def seen(design: Design) -> tuple[float, float, float]:
+    def seen(design: VertexDesign) -> tuple[float, float, float]:
         """Return what the twin sees of a design, so that equal ones are run once."""
         friction = redesigned(inst, design, reference).friction
         bending = friction.tendon_bending_stiffness / (2 * design.radius**2)
@@ -376,10 +378,10 @@ def study(
     ]
     total = len(distinct) + len(scanned)
 
-    def design_of(key: tuple[float, float, float]) -> dict[str, Outcome]:
+    def design_of(key: tuple[float, float, float]) -> dict[str, VertexOutcome]:
         return {"outcome": outcome(inst, distinct[key], states, load, reference)}
 
-    def largest_of(rope: Rope, radius: float) -> dict[str, float]:
+    def largest_of(rope: VertexRope, radius: float) -> dict[str, float]:
         return {"coefficient": _largest_coefficient(inst, states, load, reference, (rope, radius))}
 
     done = campaign.run(
@@ -393,7 +395,7 @@ def study(
     largest = campaign.run(
         largest_of, scans, on="threads", progress=lambda count, _: progress(len(distinct) + count, total)
     )
-    return Study(
+    return VertexStudy(
         inst,
         load,
         states,
@@ -414,13 +416,13 @@ def _held(radii: Sequence[float], limits: RadiusLimits) -> float:
 
 
 def _largest_coefficient(
-    inst: ShortForm, states: Sequence[float], force: float, reference: float, case: tuple[Rope, float]
+    inst: ShortForm, states: Sequence[float], force: float, reference: float, case: tuple[VertexRope, float]
 ) -> float:
     """Return the largest coefficient below which, in steps, the paper's law is good enough in every state."""
     rope, radius = case
     good = math.nan
     for coefficient in np.linspace(0.0, inst.friction.vertex_coefficient, _SCAN + 1):
-        changed = redesigned(inst, Design(radius, float(coefficient), rope, METAL), reference)
+        changed = redesigned(inst, VertexDesign(radius, float(coefficient), rope, METAL), reference)
         ends = (held(inst, changed, state, force, "paper") for state in states)
         if any(not abs(end) <= GOOD for end in ends):
             break
@@ -442,7 +444,7 @@ def pretension_shift(inst: ShortForm, radius: float) -> float:
     return float(inst.tendon_stiffness * np.abs(difference).max())
 
 
-def answer(found: Study) -> str:
+def answer(found: VertexStudy) -> str:
     """Return in a sentence which redesign makes the paper's law good enough, within what the joint holds."""
     sharp, held_mm = found.reference_radius, f"{1e3 * found.held_radius:.2g} mm"
     radii = {(rope, surface): found.good_radii(rope, surface) for rope in found.ropes for surface in found.surfaces}

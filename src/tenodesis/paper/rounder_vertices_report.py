@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from tenodesis.control import LawName
 from tenodesis.errors import StudyError
 from tenodesis.paper import rounder_vertices as vertices
-from tenodesis.paper.rounder_vertices import GOOD, LAWS, Outcome, Study
+from tenodesis.paper.rounder_vertices import GOOD, LAWS, VertexOutcome, VertexStudy
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Plot, Table, fixed
 from tenodesis.report.page import about, json_number, json_text, render, write_columns, write_figure, written
@@ -24,7 +24,7 @@ PAGE, NUMBERS, SWEEP = "vertices.html", "results.json", "sweep.csv"
 _LINES = ("-", "--", ":")
 
 
-def write(found: Study, out: Path) -> None:
+def write(found: VertexStudy, out: Path) -> None:
     """Write vertices.html, results.json, sweep.csv and figures/ into a folder, atomically.
 
     Raises StudyError if the folder cannot be written.
@@ -52,11 +52,11 @@ def write(found: Study, out: Path) -> None:
         (new / PAGE).write_text(page, "utf-8")
 
 
-def _states(found: Study) -> list[str]:
+def _states(found: VertexStudy) -> list[str]:
     return [f"{math.degrees(state):.4g}°" for state in found.states]
 
 
-def _sweep(found: Study) -> dict[str, Array]:
+def _sweep(found: VertexStudy) -> dict[str, Array]:
     """Return the sweep by columns: the design's numbers, then what it costs; NaN where a controller faulted."""
     designs = list(found.outcomes)
     outcomes = list(found.outcomes.values())
@@ -75,8 +75,8 @@ def _sweep(found: Study) -> dict[str, Array]:
     return columns
 
 
-def _results(found: Study) -> dict[str, Any]:
-    def by_law(one: Outcome) -> dict[str, Any]:
+def _results(found: VertexStudy) -> dict[str, Any]:
+    def by_law(one: VertexOutcome) -> dict[str, Any]:
         return {law: [json_number(value) for value in one.final[law]] for law in LAWS}
 
     return {
@@ -111,7 +111,7 @@ def _results(found: Study) -> dict[str, Any]:
     }
 
 
-def tables(found: Study) -> list[Table]:
+def tables(found: VertexStudy) -> list[Table]:
     """Return the tables of the page: by radius and rope, and by coefficient."""
     headings = ["lost", "loop", "delay", *(f"paper {state}" for state in _states(found)), "ours"]
     by_radius, reference = [], found.reference_radius
@@ -140,7 +140,7 @@ def tables(found: Study) -> list[Table]:
     ]
 
 
-def _cells(one: Outcome) -> list[str]:
+def _cells(one: VertexOutcome) -> list[str]:
     worst = one.worst("robust")
     return [
         fixed(one.lost[-1]),
@@ -151,7 +151,7 @@ def _cells(one: Outcome) -> list[str]:
     ]
 
 
-def plot(found: Study) -> Plot:
+def plot(found: VertexStudy) -> Plot:
     """Return the figure: hysteresis and final errors over radius, final errors over the coefficient."""
     chart = Chart(Figure(figsize=(9.6, 7.4), layout="constrained"))
     (first, second), (third, fourth) = chart.figure.subplots(2, 2)

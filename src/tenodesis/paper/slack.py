@@ -6,7 +6,7 @@ from tenodesis import statics
 from tenodesis.instrument import ShortForm
 from tenodesis.paper.context import Context
 from tenodesis.paper.input_output import slack_range
-from tenodesis.paper.subject import Load, State, Subject, panels
+from tenodesis.paper.subject import HeldState, Load, Subject, panels
 from tenodesis.report import curves, style
 from tenodesis.report.content import CarePoint, Column, Plot, Section, fixed, named
 from tenodesis.report.curves import forces, load_name
@@ -59,7 +59,7 @@ def section(context: Context) -> Section:
     return Section("tension", _TITLE, text + "</p>", [plot], [table])
 
 
-def _plot(subject: Subject, state: State, applied: list[Load], slack: list[float]) -> Plot:
+def _plot(subject: Subject, state: HeldState, applied: list[Load], slack: list[float]) -> Plot:
     inst = subject.inst
     colors = tendon_colours(len(inst.tendons))
     chart, axes = panels(len(applied), 2.6, 3.8)

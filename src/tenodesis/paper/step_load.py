@@ -10,10 +10,10 @@ from tenodesis.errors import NoSolutionError
 from tenodesis.instrument import ShortForm
 from tenodesis.paper import published
 from tenodesis.paper.context import DRAWN, Context, RecordedRun, has_friction, held_angles, shown_force
-from tenodesis.paper.subject import Load, State, Subject, panels
+from tenodesis.paper.subject import HeldState, Load, Subject, panels
 from tenodesis.report import style
 from tenodesis.report.content import Array, Column, Plot, ResultTable, Section, fixed, named
-from tenodesis.report.curves import SteppedRun, step_response
+from tenodesis.report.curves import SteppedCurve, step_response
 from tenodesis.run import Run
 from tenodesis.simulate.command import SMOOTH
 
@@ -33,10 +33,10 @@ _SHOWN = 0.5
 """Time that is shown before the load on several joints, s."""
 
 
-class Response(NamedTuple):
+class LoadResponse(NamedTuple):
     """A run with a step load in a state, and what it took from every joint, (joints,), rad."""
 
-    state: State
+    state: HeldState
     load: Load
     recorded: RecordedRun
     came: int
@@ -78,7 +78,7 @@ def approach_time(handle_angle: float) -> float:
     return SMOOTH.peak * abs(handle_angle) / APPROACH
 
 
-def protocol(subject: Subject, state: State, load: Load, after: float = LOADED) -> simulate.Protocol:
+def protocol(subject: Subject, state: HeldState, load: Load, after: float = LOADED) -> simulate.Protocol:
     """Return the protocol: to a state by handle and motors, and a load that comes; on several joints for a time (s)."""
     if (inst := subject.plane) is not None:
         handle = float(state.handle[0])
@@ -97,8 +97,8 @@ def protocol(subject: Subject, state: State, load: Load, after: float = LOADED) 
 
 
 def respond(
-    subject: Subject, state: State, load: Load, *, controller: Controller | None = None, after: float = LOADED
-) -> Response | None:
+    subject: Subject, state: HeldState, load: Load, *, controller: Controller | None = None, after: float = LOADED
+) -> LoadResponse | None:
     """Run a step load on the twin; None if the joints cannot hold it."""
     recorded = RecordedRun.of(subject.given, protocol(subject, state, load, after), _SEED, controller)
     if recorded is None:
@@ -110,10 +110,10 @@ def respond(
     theory = subject.target(held, load)[0]
     expected = subject.target(held)[0] - theory
     before, at_end = (rows.by_column("output_angle")[0] for rows in (held, last))
-    return Response(state, load, recorded, came, before, at_end, expected, theory)
+    return LoadResponse(state, load, recorded, came, before, at_end, expected, theory)
 
 
-def reached(inst: ShortForm, desired: float) -> State | None:
+def reached(inst: ShortForm, desired: float) -> HeldState | None:
     """Return the state in which the handle, as on the bench, brings the tip to an angle (rad); None if it cannot."""
     try:
         handle = float(statics.handle_angle(inst, desired))
@@ -127,7 +127,7 @@ def reached(inst: ShortForm, desired: float) -> State | None:
             break
         handle = float(np.clip(handle + slope * missed, -inst.handle_range, inst.handle_range))
     name = f"{np.degrees(desired):.4g}deg"
-    return State(name, np.array([desired]), np.array([handle]), np.zeros(2)) if abs(missed) < _TOLERANCE else None
+    return HeldState(name, np.array([desired]), np.array([handle]), np.zeros(2)) if abs(missed) < _TOLERANCE else None
 
 
 def _approached(inst: ShortForm, handle: float) -> float:
@@ -180,7 +180,7 @@ def _rig(inst: ShortForm, load: Load) -> str:
     return f"{cable}{load.size:.3g} N at the tip"
 
 
-def _table(context: Context, subject: Subject, found: list[Response], *, rough: bool) -> ResultTable:
+def _table(context: Context, subject: Subject, found: list[LoadResponse], *, rough: bool) -> ResultTable:
     if (inst := subject.plane) is None:
         about = "Angle that a step load of {words} takes from"
         table = context.table(
@@ -234,9 +234,9 @@ def _table(context: Context, subject: Subject, found: list[Response], *, rough: 
     return table
 
 
-def _traces(context: Context, inst: ShortForm, found: list[Response]) -> Plot:
+def _traces(context: Context, inst: ShortForm, found: list[LoadResponse]) -> Plot:
     steps = [
-        SteppedRun(done.state.name.replace("deg", " deg"), done.run[DRAWN], BEFORE, float(done.theory[0]))
+        SteppedCurve(done.state.name.replace("deg", " deg"), done.run[DRAWN], BEFORE, float(done.theory[0]))
         for done in found
     ]
     return step_response(steps).plot(
@@ -247,7 +247,7 @@ def _traces(context: Context, inst: ShortForm, found: list[Response]) -> Plot:
     )
 
 
-def _plot(subject: Subject, found: list[Response]) -> Plot:
+def _plot(subject: Subject, found: list[LoadResponse]) -> Plot:
     chart, axes = panels(len(found), 2.6, 3.5)
     for axis, done in zip(axes, found, strict=True):
         time = chart.keep(f"time, {done.load.name} [s]", done.shown.time - done.shown.time[0] - _SHOWN)

@@ -27,7 +27,7 @@ _FOLLOWS = 0.5  # deg
 _STANDS = 1e-2  # rad/s
 
 
-class Motion(NamedTuple):
+class HeldMotion(NamedTuple):
     """Handle angle (rad) and force (N) by step, both (n,): the handle is moved and held, then the load comes."""
 
     handle_angle: Array
@@ -38,7 +38,7 @@ class Motion(NamedTuple):
     """Output angle without friction and load, rad."""
 
 
-class Response(NamedTuple):
+class StepResponse(NamedTuple):
     """The response of the tip and the motors to the load; errors are against the angle of eq. 18."""
 
     before: float
@@ -98,7 +98,7 @@ def held_states(inst: ShortForm) -> list[float]:
 
 def held_motion(
     inst: ShortForm, desired: float, force: float, before: float, after: float, *, wait: float = 0.0
-) -> Motion:
+) -> HeldMotion:
     """Return the motion to the handle angle that without friction gives an output angle (rad), and the load (N) on it.
 
     The handle waits for a time, s; the load comes `before` s later and stays for `after` s.
@@ -109,13 +109,13 @@ def held_motion(
     part = np.clip(time / max(approach_time(handle), TIME_STEP), 0, 1)
     loaded, still = round(before / TIME_STEP), np.zeros(round(wait / TIME_STEP))
     angles, loads = handle * SMOOTH.way(part), np.where(np.arange(steps) < loaded, 0, force)
-    return Motion(np.append(still, angles), np.append(still, loads), still.size + loaded, desired)
+    return HeldMotion(np.append(still, angles), np.append(still, loads), still.size + loaded, desired)
 
 
 def simulate_motion(
     inst: ShortForm,
     model: ShortForm,
-    motion: Motion,
+    motion: HeldMotion,
     law: LawName,
     actuation: Actuation = "differential",
     *,
@@ -144,7 +144,7 @@ def simulate_motion(
     )
 
 
-def response(run: Run, motion: Motion) -> Response:
+def response(run: Run, motion: HeldMotion) -> StepResponse:
     """Compute the response of the tip and the motors in a run of a motion."""
     error = np.degrees(run["output_angle"] - motion.desired)
     after = error[motion.loaded :]
@@ -154,7 +154,7 @@ def response(run: Run, motion: Motion) -> Response:
     turning = np.flatnonzero(np.abs(run["spool_velocity"][motion.loaded :]).max(1) > _STANDS)
     stands = 0 if not turning.size else int(turning[-1]) + 1
     observer_error = np.degrees(run["estimated_output_angle"] - run["output_angle"])[-averaged:].mean()
-    return Response(
+    return StepResponse(
         before=float(error[motion.loaded - 1]),
         final=float(after[-averaged:].mean()),
         settling_time=back * TIME_STEP if back < after.size else np.inf,
@@ -168,7 +168,7 @@ def response(run: Run, motion: Motion) -> Response:
     )
 
 
-def tip_delay(run: Run, paused: Run, motion: Motion, spool_radius: float) -> tuple[float, float]:
+def tip_delay(run: Run, paused: Run, motion: HeldMotion, spool_radius: float) -> tuple[float, float]:
     """Return when after the load the tip follows the motors, s, and what the agonist's motor has wound by then, m.
 
     The tip follows once it is half a degree above where it is with the motors paused; NaN if it never does.
@@ -186,7 +186,7 @@ def held(
     states: Sequence[float],
     laws: Mapping[LawName, Sequence[float]],
     times: tuple[float, float],
-    measure: Callable[[Callable[..., Run], Motion, ShortForm], Mapping[str, Any]],
+    measure: Callable[[Callable[..., Run], HeldMotion, ShortForm], Mapping[str, Any]],
     *,
     load: float | Callable[[float], float] | None = None,
     plant: ShortForm | None = None,

@@ -42,7 +42,7 @@ _TURNS = np.radians(0.5)
 """Least angle of a motion."""
 
 
-class State(NamedTuple):
+class HeldState(NamedTuple):
     """A state in which the handle and the motors are held."""
 
     name: str
@@ -99,7 +99,7 @@ class Load(NamedTuple):
         return f"{self.size:.3g} N {self.direction}" if self.direction else f"{self.size:g} N"
 
 
-class Motion(NamedTuple):
+class FarMotion(NamedTuple):
     """A motion from the straight instrument to its far end, handle and motors in proportion."""
 
     name: str
@@ -180,7 +180,7 @@ class Subject:
         wrench, grip = (0.0, 0.0) if load is None else (load.wrench, load.grip)
         return chain.output_angles(self.inst, handle, wrench, grip_force=grip, strokes=strokes)
 
-    def way(self, motion: Motion, shares: Array, load: Load | None = None) -> Array:
+    def way(self, motion: FarMotion, shares: Array, load: Load | None = None) -> Array:
         """Return the angles without friction at shares (n,) of a motion, (n, joints), rad."""
         return self.angles(np.outer(shares, motion.handle), load, np.outer(shares, motion.strokes))
 
@@ -193,32 +193,32 @@ class Subject:
         """Radius of the motors' spools, m."""
         return self.given.own_drives.spool_radius
 
-    def share(self, motion: Motion, run: Run) -> Array:
+    def share(self, motion: FarMotion, run: Run) -> Array:
         """Return how far a run is on the way of a motion, (n,)."""
         name, column, end = motion.driven
         return run.by_column(name)[:, column] * (self.spool_radius if name == "spool_angle" else 1.0) / end
 
     @cached_property
-    def states(self) -> list[State]:
+    def states(self) -> list[HeldState]:
         """The straight state, and one that is bent by half of the range at the tip, or else at the handle."""
         found = []
         for name, angles in zip(("straight", "bent"), statics.usual_states(self.inst), strict=False):
-            found.append(State(name, angles, *statics.hold(self.inst, angles)))
+            found.append(HeldState(name, angles, *statics.hold(self.inst, angles)))
         return found
 
     @cached_property
-    def held(self) -> list[State]:
+    def held(self) -> list[HeldState]:
         """The states of the chapter on loss: of a planar instrument straight, in the middle and at the range's end."""
         if self.plane is None:
             return self.states
         angles = np.array([0.0, 0.5, 1.0]) * self.plane.output_range
         handles = np.asarray(statics.handle_angle(self.plane, angles))
         return [
-            State(f"at_{np.degrees(angle):.4g}deg", np.array([angle]), np.array([handle]), np.zeros(2))
+            HeldState(f"at_{np.degrees(angle):.4g}deg", np.array([angle]), np.array([handle]), np.zeros(2))
             for angle, handle in zip(angles, handles, strict=True)
         ]
 
-    def along(self, state: State, points: int = 61) -> tuple[Array, Array, Array]:
+    def along(self, state: HeldState, points: int = 61) -> tuple[Array, Array, Array]:
         """Return shares (n,) of the way from straight through a state, and handle angles and strokes there."""
         ranges = np.array([joint.range for joint in self.inst.handle_joints])
         beyond = np.divide(ranges, np.abs(state.handle), out=np.full(len(ranges), np.inf), where=state.handle != 0)
@@ -254,7 +254,7 @@ class Subject:
             found.append(Load("grip", "between the jaws", grip, np.zeros(6), grip, _MULTIPLES))
         return found
 
-    def loads_of(self, motion: Motion) -> list[Load | None]:
+    def loads_of(self, motion: FarMotion) -> list[Load | None]:
         """Return the loads of a motion: none and the one that takes most of its joint, or those of the conditions."""
         return list(self.loads[0].all) if self.plane is not None else [None, self.most_taking(motion.follows)]
 
@@ -269,7 +269,7 @@ class Subject:
         return max(self.loads, key=taken)
 
     @cached_property
-    def motions(self) -> list[Motion]:
+    def motions(self) -> list[FarMotion]:
         """The motion of every joint of the handle; without a handle, of the motors for all that bends at the tip.
 
         A motion goes as far as the range of what is moved, and of the joints that it turns. What turns no joint is left
@@ -277,7 +277,7 @@ class Subject:
         """
         if self.plane is not None:
             shares, end = np.linspace(0.0, 1.0, _POINTS), np.array([statics.reach(self.plane)])
-            return [Motion("", 0, end, np.zeros(2), shares, self.angles(np.outer(shares, end)))]
+            return [FarMotion("", 0, end, np.zeros(2), shares, self.angles(np.outer(shares, end)))]
         handles, tendons = self.inst.handle_joints, len(self.inst.tendons)
         ends: list[tuple[str, Array, Array]] = [
             (joint.name, joint.range * row, np.zeros(tendons))
@@ -294,7 +294,7 @@ class Subject:
         found = (self._motion(*end) for end in ends)
         return [motion for motion in found if motion is not None]
 
-    def _motion(self, name: str, handle: Array, strokes: Array) -> Motion | None:
+    def _motion(self, name: str, handle: Array, strokes: Array) -> FarMotion | None:
         shares = np.linspace(0.0, 1.0, _POINTS)
         angles = self.angles(np.outer(shares, handle), strokes=np.outer(shares, strokes))
         ranges = np.array([joint.range for joint in self.inst.tip_joints])
@@ -307,9 +307,9 @@ class Subject:
         turned = np.abs(angles[-1] - angles[0])
         if not turned.max() > _TURNS:
             return None
-        return Motion(name, int(np.argmax(turned)), end * handle, end * strokes, shares, angles)
+        return FarMotion(name, int(np.argmax(turned)), end * handle, end * strokes, shares, angles)
 
-    def there_and_back(self, motion: Motion) -> list[AnyPhase]:
+    def there_and_back(self, motion: FarMotion) -> list[AnyPhase]:
         """Return the phases of the cycles of a motion."""
         if self.plane is not None:
             return [Cycles(amplitude=motion.handle[0], speed=HANDLE_SPEED, count=self.cycles)]
@@ -333,7 +333,7 @@ class Subject:
             ]
         return phases
 
-    def described(self, state: State) -> str:
+    def described(self, state: HeldState) -> str:
         """Return the angles of a state in words."""
         angles = zip(self.joints, np.degrees(state.angles), strict=True)
         return ", ".join(f"{joint} {angle + 0.0:.3g}°".replace("-", "−") for joint, angle in angles)

@@ -13,8 +13,8 @@ from tenodesis.paper import step_response
 from tenodesis.paper.compensated_step import FRICTION_ERRORS
 from tenodesis.paper.context import Context
 from tenodesis.paper.step_load import step_force
-from tenodesis.paper.step_response import Motion
-from tenodesis.paper.unlike_model import Difference, differences, held
+from tenodesis.paper.step_response import HeldMotion
+from tenodesis.paper.unlike_model import PlantDifference, differences, held
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, Section, named
 from tenodesis.run import Run
@@ -124,10 +124,10 @@ def _column(what: str, description: str, heading: str, unit: str = "N") -> Colum
     return Column(heading, key, unit, f"{description}, {{words}}; differs from the model: {{difference.name}}")
 
 
-def _runs(inst: ShortForm, difference: Difference, law: LawName) -> Rows:
+def _runs(inst: ShortForm, difference: PlantDifference, law: LawName) -> Rows:
     """Return rows of runs, with their motions and the force by eq. 1."""
 
-    def measure(run: Callable[..., Run], motion: Motion, model: ShortForm) -> dict[str, Any]:
+    def measure(run: Callable[..., Run], motion: HeldMotion, model: ShortForm) -> dict[str, Any]:
         done = run()
         plain = by_tensions(model, done["output_angle"], done["measured_tension"])
         return {"run": done, "motion": motion, "plain": plain}

@@ -29,7 +29,7 @@ _GAIN, _OFFSET = 0.02, 0.02
 _JUDGED = 2.0  # s, at the end
 
 
-class Difference(NamedTuple):
+class PlantDifference(NamedTuple):
     """A difference between an instrument and the controller's model of it."""
 
     key: str
@@ -42,7 +42,7 @@ class Difference(NamedTuple):
     """Whether the controller homes first, which finds errors of the load cells."""
 
 
-def differences(inst: ShortForm) -> list[Difference]:
+def differences(inst: ShortForm) -> list[PlantDifference]:
     """Return the differences for an instrument with friction, none first and all at once last."""
     friction = inst.friction
     # Exponents add up, so that a base exponent is a wrap angle that remains.
@@ -58,26 +58,26 @@ def differences(inst: ShortForm) -> list[Difference]:
     offsets = {"mismatch.load_cell_bias": (bias[0] + offset, bias[1] - offset)}
     percent = f"{100 * _GAIN:g} %"
     found = [
-        Difference("none", "nothing"),
-        Difference("two_vertices", "two vertices a joint", two),
-        Difference("compliance", f"{100 * _FRONT:g} % of the compliance before the handle’s joint", front),
-        Difference("softer", f"tendons {100 * (1 - _SOFT):.0f} % softer", soft),
-        Difference("rougher", f"coefficients {_ROUGH:g} times those of the file, known", known=rough),
-        Difference("gains", f"gains of the load cells off by ±{percent}, not homed", gains),
-        Difference("gains_homed", f"gains of the load cells off by ±{percent}, homed", gains, homes=True),
-        Difference("offsets", f"load cells off by ±{percent} of the pretension, not homed", offsets),
-        Difference("offsets_homed", f"load cells off by ±{percent} of the pretension, homed", offsets, homes=True),
+        PlantDifference("none", "nothing"),
+        PlantDifference("two_vertices", "two vertices a joint", two),
+        PlantDifference("compliance", f"{100 * _FRONT:g} % of the compliance before the handle’s joint", front),
+        PlantDifference("softer", f"tendons {100 * (1 - _SOFT):.0f} % softer", soft),
+        PlantDifference("rougher", f"coefficients {_ROUGH:g} times those of the file, known", known=rough),
+        PlantDifference("gains", f"gains of the load cells off by ±{percent}, not homed", gains),
+        PlantDifference("gains_homed", f"gains of the load cells off by ±{percent}, homed", gains, homes=True),
+        PlantDifference("offsets", f"load cells off by ±{percent} of the pretension, not homed", offsets),
+        PlantDifference("offsets_homed", f"load cells off by ±{percent} of the pretension, homed", offsets, homes=True),
     ]
     if base:
-        found.insert(3, Difference("base", f"exponent {_BASE:g} that remains at a straight joint", base))
+        found.insert(3, PlantDifference("base", f"exponent {_BASE:g} that remains at a straight joint", base))
     every = {**two, **front, **base, **soft, **gains, **offsets}
-    found.append(Difference("all", "all at once, homed", every, rough, homes=True))
+    found.append(PlantDifference("all", "all at once, homed", every, rough, homes=True))
     return found
 
 
 def held(
     inst: ShortForm,
-    difference: Difference,
+    difference: PlantDifference,
     laws: Mapping[LawName, Sequence[float]],
     times: tuple[float, float],
     measure: Callable[..., Mapping[str, Any]],
@@ -89,7 +89,7 @@ def held(
     return step_response.held(given, states, laws, times, measure, load=load, plant=given.replace(**plant), **how)
 
 
-def outcomes(inst: ShortForm, difference: Difference) -> Rows:
+def outcomes(inst: ShortForm, difference: PlantDifference) -> Rows:
     """Run the laws over the held states of an instrument, the robust one over the errors of its assumed friction.
 
     A row has the response of the tip, the mean square of the estimate's error over its variance (normalised), and why
@@ -97,7 +97,7 @@ def outcomes(inst: ShortForm, difference: Difference) -> Rows:
     """
     wait = _HOMING if difference.homes else 0.0
 
-    def measure(run: Callable[..., Run], motion: step_response.Motion, _: ShortForm) -> dict[str, Any]:
+    def measure(run: Callable[..., Run], motion: step_response.HeldMotion, _: ShortForm) -> dict[str, Any]:
         done = run(homed=round(wait / TIME_STEP) or None)
         last = done.rows(-round(_JUDGED / TIME_STEP))
         off = (last["estimated_output_angle"] - last["output_angle"]) / last["estimated_output_angle_std"]
@@ -157,7 +157,7 @@ def section(context: Context) -> Section:
     return Section("unlike_model", TITLE, text, [_plot(inst, bars)], [table])
 
 
-def _row(context: Context, difference: Difference, found: Mapping[LawName, Rows]) -> list[str]:
+def _row(context: Context, difference: PlantDifference, found: Mapping[LawName, Rows]) -> list[str]:
     """Return the cells of a difference, and record its results."""
     cells = [difference.name]
     for law, name in _LAWS.items():

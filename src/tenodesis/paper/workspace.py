@@ -30,7 +30,7 @@ _FORCES = 13
 _SHADES = 16
 
 
-class Places(NamedTuple):
+class ReachedPlaces(NamedTuple):
     """Postures within all ranges, and where the tip is there, (n, 3), m; NaN where a load cannot be held."""
 
     handle: Array
@@ -74,7 +74,7 @@ def section(context: Context) -> Section:
     return Section("workspace", title, text, [_scattered(subject, places, applied[worst], moved[worst])], [table])
 
 
-def _places(inst: FullForm) -> Places:
+def _places(inst: FullForm) -> ReachedPlaces:
     random = np.random.default_rng(_SEED)
     joints = inst.handle_joints or inst.tip_joints
     ranges = np.array([joint.range for joint in joints])
@@ -95,14 +95,14 @@ def _places(inst: FullForm) -> Places:
         handle = handle[: len(strokes)]
     angles = chain.output_angles(inst, handle, strokes=strokes)
     within = (np.abs(angles) <= [joint.range + 1e-6 for joint in inst.tip_joints]).all(axis=1)
-    return Places(handle[within], strokes[within], _tip(inst, angles[within]))
+    return ReachedPlaces(handle[within], strokes[within], _tip(inst, angles[within]))
 
 
 def _tip(inst: FullForm, angles: Array) -> Array:
     return np.asarray(kinematics.tip_pose(inst, angles).position.mean(axis=-2))
 
 
-def _loaded(inst: FullForm, places: Places, load: Load) -> Array:
+def _loaded(inst: FullForm, places: ReachedPlaces, load: Load) -> Array:
     angles = chain.output_angles(inst, places.handle, load.wrench, strokes=places.strokes)
     held = np.isfinite(angles).all(axis=1)
     found = np.full((len(angles), 3), np.nan)
@@ -110,7 +110,7 @@ def _loaded(inst: FullForm, places: Places, load: Load) -> Array:
     return found
 
 
-def _scattered(subject: Subject, places: Places, load: Load, way: Array) -> Plot:
+def _scattered(subject: Subject, places: ReachedPlaces, load: Load, way: Array) -> Plot:
     across = [n for n in (0, 1) if np.ptp(places.free[:, n]) > _FLAT * np.ptp(places.free)]
     chart, axes = Chart.panels(len(across), width=max(7.0, 4.5 * len(across)), height=4.0)
     x, y, z = (chart.keep(f"{axis} [mm]", column) for axis, column in zip("xyz", 1e3 * places.free.T, strict=True))

@@ -222,7 +222,7 @@ def loop_panels(loops: Sequence[Loop], ylabel: str) -> tuple[Chart, Sequence[Axe
     return chart, axes
 
 
-class SteppedRun(NamedTuple):
+class SteppedCurve(NamedTuple):
     """A run with a step load, when it comes (s), and the angle (rad) that it leaves without friction."""
 
     heading: str
@@ -231,7 +231,7 @@ class SteppedRun(NamedTuple):
     theory: float
 
 
-def step_response(steps: Sequence[SteppedRun]) -> Chart:
+def step_response(steps: Sequence[SteppedCurve]) -> Chart:
     """Draw output angle and agonist tension over time around a step load (Fig. 15)."""
     chart, axes = Chart.panels(len(steps), width=max(_NARROWEST, 2.5 * len(steps) + 0.8), height=3.4)
     for axis, (heading, run, loaded, without_friction) in zip(axes, steps, strict=True):
