@@ -1,5 +1,6 @@
 """What the page draws and reckons, without a browser."""
 
+import re
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -184,5 +185,10 @@ def test_every_fault_and_every_choice_has_its_words() -> None:
     assert ("none", *HOMING_REMEDIES) == tuple(HOMING_REASONS)
     assert {*CURRENT_ADVICE} < {*ADVICE}
     assert {*CURRENT_REMEDIES} < {*HOMING_REMEDIES}
+    # What forces homing says so.
+    header = (Path(__file__).parents[2] / "include/tenodesis/fault.hpp").read_text("utf-8")
+    forcing = re.findall(r"Fault::(\w+)", header.partition("needs_homing")[2].partition("}")[0])
+    assert len(forcing) == 6
+    assert not [name for name in forcing if " home" not in ADVICE[name].remedy]
     assert tuple(LAWS) == LawName.__args__
     assert tuple(ACTUATIONS) == ActuationName.__args__

@@ -50,8 +50,8 @@ ADVICE = {
         "Check its cable, then clear.",
     ),
     "encoder_jump": Advice(
-        "The handle's encoder jumps faster than a hand can move.",
-        "Check its cable and its coupling, then clear.",
+        "The encoder of the handle or of a spool jumps faster than either can turn.",
+        "Check its cable and its coupling, then clear, and home.",
     ),
     "spool_slip": Advice(
         "The tension dropped suddenly and no tendon broke: a spool slipped on its shaft.",
