@@ -89,12 +89,12 @@ class Names(NamedTuple):
         return (rows,) if single else (rows, columns)
 
     def arcs(self, signal: str, name: str) -> list[int]:
-        """Return the numbers of a signal's columns of a backbone's arcs, NAME_1 and so on; of another column, its own.
+        """Return the numbers of a signal's columns of a backbone's arcs, NAME_arc1 and on; of another column, its own.
 
         Raises KeyError as :meth:`column`.
         """
         columns = self.columns(signal)
-        arcs = [n for n, one in enumerate(columns) if re.fullmatch(rf"{re.escape(name)}_\d+", one)]
+        arcs = [n for n, one in enumerate(columns) if re.fullmatch(rf"{re.escape(name)}_arc\d+", one)]
         is_backbone = name not in columns and len(arcs) > 1 and SIGNALS[signal].of == "joints"
         return arcs if is_backbone else [self.column(signal, name)]
 

@@ -152,6 +152,11 @@ def test_segments_in_arcs_are_asked_for_recorded_and_compensated_by_the_names_of
     run = record(inst, tn.simulate.default_protocol(inst), tmp_path / "run.mcap", time_step=2e-3, quasi_static=True)
     for name in ("near", "far"):
         assert np.abs(run[f"output_angle.{name}"]).max() > np.radians(8)
+    # Joints that only have numbers are no arcs of anything.
+    jaws = tn.twin.Twin("needle-driver").run(np.zeros((2, 0)))
+    assert {"jaw_1", "jaw_2"} <= set(jaws.joints)
+    with pytest.raises(KeyError):
+        jaws["output_angle.jaw"]
     back = tn.recording.Recording.open(tmp_path / "run.mcap")
     assert back.instrument() == inst
     assert replay(back).exact

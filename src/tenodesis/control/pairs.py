@@ -37,7 +37,7 @@ def pairs(inst: InstrumentLike) -> dict[str, Pair]:
     in the place of its first arc.
     """
     inst, given = in_arcs(inst, 1), expanded(inst)
-    places = {joint.name.removesuffix("_1") if joint.arc else joint.name: i for i, joint in enumerate(given.tip_joints)}
+    places = {joint.bend: i for i, joint in reversed(list(enumerate(given.tip_joints)))}
     tips, handles = inst.tendon_arms("tip"), inst.tendon_arms("handle")
     found: dict[str, Pair] = {}
     for j, joint in enumerate(inst.tip_joints):

@@ -11,7 +11,7 @@ springs, and one that ties the second arc to the opposite of the first.
 from collections.abc import Sequence
 from typing import Any
 
-from tenodesis.instrument.joints import FARTHEST_STOP, Crossing, Joint, Tendon
+from tenodesis.instrument.joints import FARTHEST_STOP, Crossing, Joint, Tendon, arc_suffix
 
 _ADDED = ("stiffness", "damping")
 """What arcs one after another have as many times of as there are arcs."""
@@ -39,7 +39,7 @@ def cut(joints: Sequence[Joint], tendons: Sequence[Tendon]) -> tuple[tuple[Joint
 
 def join(joints: Sequence[Joint], tendons: Sequence[Tendon]) -> tuple[list[Joint], list[Tendon]]:
     """Return joints and tendons with every backbone as one arc: what :func:`cut` was given, with one arc each."""
-    backbone = {joint.name: joint.name.removesuffix(f"_{joint.arc}") for joint in joints if joint.arc}
+    backbone = {joint.name: joint.bend for joint in joints if joint.arc}
     first: dict[str, Joint] = {}
     found = []
     for joint in joints:
@@ -90,7 +90,7 @@ def _arcs(joint: Joint) -> list[Joint]:
     beyond = ("end_effector_length", "mass", "centre_of_mass", "inertia")
     found = []
     for arc in range(1, count + 1):
-        change = common | {"name": f"{joint.name}_{arc}", "arc": arc}
+        change = common | {"name": joint.name + arc_suffix(arc), "arc": arc}
         if arc > 1:
             change |= {"offset": 0.0, "on": None}
         if arc < count:

@@ -91,7 +91,7 @@ class Instrument(FileTable, AnyForm):
         for i, joint in enumerate(self.tip_joints):
             if joint.tied_to is not None:
                 continue
-            found.setdefault(joint.name.removesuffix(f"_{joint.arc}") if joint.arc else joint.name, []).append(i)
+            found.setdefault(joint.bend, []).append(i)
         return found
 
     def bent(self, angles: ArrayLike) -> Array:

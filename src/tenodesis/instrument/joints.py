@@ -53,6 +53,11 @@ ShortName = Annotated[str, Field(min_length=1), AfterValidator(_short)]
 """Name of a joint or a tendon, as recordings and exported models have it."""
 
 
+def arc_suffix(arc: int) -> str:
+    """Return what follows a backbone's name in that of an arc, as :meth:`tenodesis.run.Names.arcs` finds it."""
+    return f"_arc{arc}"
+
+
 class Joint(FileTable):
     """A joint at the tip or at the handle."""
 
@@ -105,6 +110,11 @@ class Joint(FileTable):
     def chord(self) -> float:
         """Length of the straight joint, m: between a gear pair's centres, or of the backbone."""
         return _core.joint_straight_chord(MECHANISMS[self.mechanism], self.radius, self.backbone_length or 0.0)
+
+    @property
+    def bend(self) -> str:
+        """Name of what bends: of the backbone that it is an arc of, or its own."""
+        return self.name.removesuffix(arc_suffix(self.arc)) if self.arc else self.name
 
     @property
     def backbone_stiffness(self) -> float:
