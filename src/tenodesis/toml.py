@@ -163,7 +163,11 @@ def validated(
     try:
         return model.model_validate(dict(values), context=dict(context or {}))
     except ValidationError as invalid:
-        mistakes = [_mistake(model, values, one, entries or {}) for one in invalid.errors(include_url=False)]
+        found = invalid.errors(include_url=False)
+        # A list of which every entry is wrong also counts as empty.
+        within = {one["loc"][:length] for one in found for length in range(len(one["loc"]))}
+        own = [one for one in found if one["type"] != "too_short" or one["loc"] not in within]
+        mistakes = [_mistake(model, values, one, entries or {}) for one in own]
     prefix = f"{source}: " if source else ""
     sentences = dict.fromkeys(f"{prefix}{mistake.sentence}" for mistake in mistakes)
     first = mistakes[0]

@@ -221,3 +221,15 @@ def test_numbers_of_arcs_that_no_backbone_has_are_refused(change: dict[str, Any]
                 {"name": "far", "mechanism": "pulley", "axis": "yaw", "radius": 1e-3, "end_effector_length": 1e-2},
             ]
         )
+
+
+def test_a_file_of_which_every_joint_is_wrong_gets_one_sentence_for_each() -> None:
+    two = tn.load("two-segment-continuum")
+    joints = [joint.model_dump(exclude_unset=True, exclude_none=True) | {"arcs": 3} for joint in two.joints]
+    with pytest.raises(InstrumentError) as refused:
+        two.replace(joints=joints)
+    sentences = str(refused.value).splitlines()
+    assert len(sentences) == len(joints)
+    assert all("arcs is 3" in sentence for sentence in sentences)
+    with pytest.raises(InstrumentError, match="a list that is not empty"):
+        two.replace(joints=[])
