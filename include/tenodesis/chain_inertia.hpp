@@ -16,6 +16,13 @@ struct Link {
 
 namespace detail {
 
+/// How a link moves: its joint's far end, and its turn, in its axes.
+template <class S>
+struct Twist {
+  Vector<S> moved{};
+  Vector<S> turned{};
+};
+
 /// A joint at an angle, as a moving frame; Axis: a vector, or a direction (rotation.hpp).
 template <class S, class Axis>
 struct Motion {
@@ -47,12 +54,60 @@ struct Motion {
   Vector<S> outward(const Vector<S>& v) const { return turned(axis, v, -sine, cosine); }
 };
 
-/// How a link moves: its joint's far end, and its turn, in its axes.
+/// Two joints of which one bends within the other, as one moving frame.
 template <class S>
-struct Twist {
-  Vector<S> moved{};
-  Vector<S> turned{};
+struct PairMotion {
+  Vector<S> place{};  ///< of the far end, in the axes and from the end of what they stand on, m
+  Twist<S> by_outer{}, by_inner{};
+  Vector<S> outer{}, inner{};  ///< axes, at the near end
+  Bend<S> around, inside;
+
+  /// k: the inner joint; x: coordinates of all.
+  template <class W>
+  PairMotion(const W& chain, int k, const S* x)
+      : outer(chain.template axis<S>(k - 1)),
+        inner(chain.template axis<S>(k)),
+        around(chain.bend(k - 1, x[k - 1])),
+        inside(chain.bend(k, x[k])) {
+    axis_ = around.outward(outer, inner);  // of the inner joint, in the axes of the far end
+    // The chord's direction, and the inner axis where it bends, in the axes of the near end.
+    const auto back = [](const Bend<S>& bend, const Vector<S>& axis, const Vector<S>& v) { return bend.inward(axis, v); };
+    along_ = back(around, outer, back(inside, inner, Vector<S>{S(0), S(0), S(1)}));
+    bent_ = back(around, outer, inner);
+    seen_ = around.outward(outer, inside.outward(inner, inside.outward(inner, outer)));
+    const S chord = around.chord * inside.chord;
+    place = chord * along_;
+    place.z = place.z + chain.joint[k - 1].offset;
+    const S outer_rate = around.chord_rate * inside.chord, inner_rate = around.chord * inside.chord_rate;
+    by_outer = {outward(outer_rate * along_ + (S(0.5) * chord) * cross(outer, along_)), S(0.5) * (outer + seen_)};
+    by_inner = {outward(inner_rate * along_ + (S(0.5) * chord) * cross(bent_, along_)), axis_};
+  }
+
+  Vector<S> outward(const Vector<S>& v) const {
+    return around.outward(outer, inside.outward(inner, inside.outward(inner, around.outward(outer, v))));
+  }
+
+  /// Accelerations in the far axes where the angles turn at constant rates, rad/s.
+  Twist<S> faster(const S& of_outer, const S& of_inner) const {
+    const S chord = around.chord * inside.chord;
+    const Vector<S> swing = S(0.5) * (of_outer * outer + of_inner * bent_);  // of the chord
+    // The chord's direction turns with the outer joint, and about the inner axis that this carries.
+    const Vector<S> turn = cross(swing, along_);
+    const Vector<S> bow = cross(swing, turn) + (S(0.25) * of_outer * of_inner) * cross(cross(outer, bent_), along_);
+    const S lengthens = of_outer * around.chord_rate * inside.chord + of_inner * around.chord * inside.chord_rate;
+    const S faster = of_outer * of_outer * around.chord_curve * inside.chord +
+                     S(2) * of_outer * of_inner * around.chord_rate * inside.chord_rate +
+                     of_inner * of_inner * around.chord * inside.chord_curve;
+    const Vector<S> moved = faster * along_ + (S(2) * lengthens) * turn + chord * bow;
+    const Vector<S> half = S(-0.5) * of_outer * outer;
+    return {outward(moved), of_inner * cross(half, axis_) +
+                                (S(0.5) * of_outer) * (cross(half, seen_) - of_inner * cross(axis_, seen_))};
+  }
+
+ private:
+  Vector<S> along_{}, bent_{}, axis_{}, seen_{};
 };
+
 
 }  // namespace detail
 
@@ -69,18 +124,12 @@ void inertia(const W& chain, const Link<S>* link, const S* x, const S* speed, S 
     bias[i] = S(0);
     for (int j = 0; j < N; ++j) matrix[i][j] = S(0);
   }
-  each<N>([&](auto at_joint) {
-    constexpr int k = decltype(at_joint)::value;
-    const auto axis = chain.template axis<S, k>();
-    const detail::Motion<S, std::remove_const_t<decltype(axis)>> motion(axis, chain.bend(k, x[k]),
-                                                                        chain.joint[k].offset);
-    const int on = chain.parent(k);
-    const Vector<S> unit = vector_of(axis);
-    const Vector<S> spin = speed[k] * unit;
-    by[k][k] = {motion.rate, unit};
-    faster[k].moved = speed[k] * speed[k] * motion.curve;
-    turning[k] = spin;
-    if (on >= 0) {
+  W::each_joint([&](auto k) {
+    if (chain.is_around(k)) return;
+    // What the motions of the joints before make of this link's: its own motion has a rate of its far end by a speed,
+    // given twice, and a spin.
+    const auto carry = [&](int on, const auto& motion, const S& twice, const Vector<S>& rate, const Vector<S>& spin) {
+      if (on < 0) return;
       for (int i = on; i >= 0; i = chain.parent(i)) {
         const detail::Twist<S>& before = by[on][i];
         by[k][i] = {motion.outward(before.moved + cross(before.turned, motion.place)), motion.outward(before.turned)};
@@ -90,8 +139,30 @@ void inertia(const W& chain, const Link<S>* link, const S* x, const S* speed, S 
       const Vector<S> base =
           faster[on].moved + cross(faster[on].turned, motion.place) + cross(before, cross(before, motion.place));
       turning[k] = turning[k] + carried;
-      faster[k].moved = faster[k].moved + motion.outward(base) + S(2) * speed[k] * cross(carried, motion.rate);
-      faster[k].turned = motion.outward(faster[on].turned) + cross(carried, spin);
+      faster[k].moved = faster[k].moved + motion.outward(base) + twice * cross(carried, rate);
+      faster[k].turned = faster[k].turned + motion.outward(faster[on].turned) + cross(carried, spin);
+    };
+    if constexpr (!W::known && N > 1)
+      if (chain.is_within(k)) {
+        const int o = k - 1;
+        const detail::PairMotion<S> motion(chain, k, x);
+        by[k][o] = motion.by_outer;
+        by[k][k] = motion.by_inner;
+        const S &of_outer = speed[o], &of_inner = speed[k];
+        faster[k] = motion.faster(of_outer, of_inner);
+        turning[k] = of_outer * motion.by_outer.turned + of_inner * motion.by_inner.turned;
+        const Vector<S> moved = of_outer * motion.by_outer.moved + of_inner * motion.by_inner.moved;
+        carry(chain.parent(o), motion, S(2), moved, turning[k]);
+      }
+    if (!chain.is_within(k)) {
+      const auto axis = chain.template axis<S>(k);
+      const detail::Motion<S, std::remove_const_t<decltype(axis)>> motion(axis, chain.bend(k, x[k]),
+                                                                          chain.joint[k].offset);
+      const Vector<S> unit = vector_of(axis);
+      by[k][k] = {motion.rate, unit};
+      faster[k].moved = speed[k] * speed[k] * motion.curve;
+      turning[k] = speed[k] * unit;
+      carry(chain.parent(k), motion, S(2) * speed[k], motion.rate, turning[k]);
     }
 
     // Momentum of a motion about the joint's far end; the centre of mass lies on the link's z axis.

@@ -32,7 +32,8 @@ struct Posture {
   S handle[N]{};            ///< handle angles
 };
 
-/// A bent joint: its carrier starts at its end on the stem's side, its far body at the other end.
+/// A bent joint: its carrier starts at its end on the stem's side, its far body at the other end. Of two joints of which
+/// one bends within the other, the inner one has the far body of both, and the outer one's carrier begins where its does.
 template <class S>
 struct Bent {
   Frame<S> carrier, far;
@@ -87,6 +88,26 @@ Bent<S> bent(const Frame<S>& near, const ChainJoint<C>& joint, const S& angle, i
   return {carrier, carrier.moved(S(side) * bend_at(joint, angle).chord).turned(half)};
 }
 
+/// Whether a joint of the tip bends within the one before it, or the one after it bends within this.
+template <class C, int N>
+bool is_within(const Chain<C, N>& chain, int i) {
+  return i < chain.joints && chain.tip[i].within;
+}
+template <class C, int N>
+bool is_around(const Chain<C, N>& chain, int i) {
+  return is_within(chain, i + 1);
+}
+
+/// The same of a joint within another, which begins where that one does; outer: the other, bent by its own angle.
+template <class C, class S>
+Bent<S> bent_within(const Bent<S>& around, const ChainJoint<C>& outer, const S& outer_angle, const ChainJoint<C>& joint,
+                    const S& angle) {
+  const S chord = bend_at(outer, outer_angle).chord * bend_at(joint, angle).chord;
+  const Rotation<S> half = about(joint.axis, angle * S(0.5));
+  const Frame<S> carrier = around.carrier.turned(half);
+  return {carrier, carrier.moved(chord).turned(half).turned(about(outer.axis, outer_angle * S(0.5)))};
+}
+
 /// Frames of all bodies at a posture, in any number type that the chain's scalar converts to (Fig. 1).
 template <class C, class S, int N>
 Bodies<S, N> bodies(const Chain<C, N>& chain, const Posture<S, N>& at) {
@@ -96,7 +117,10 @@ Bodies<S, N> bodies(const Chain<C, N>& chain, const Posture<S, N>& at) {
   for (int i = 0; i < chain.joints; ++i) {
     const ChainJoint<C>& joint = chain.tip[i];
     const Frame<S>& on = joint.parent < 0 ? found.stem : found.tip[joint.parent].far;
-    found.tip[i] = bent(on.moved(S(joint.offset)), joint, at.bend[i], 1);
+    if (is_within(chain, i))
+      found.tip[i] = bent_within(found.tip[i - 1], chain.tip[i - 1], at.bend[i - 1], joint, at.bend[i]);
+    else
+      found.tip[i] = bent(on.moved(S(joint.offset)), joint, at.bend[i], 1);
     found.end_effector[i] = found.tip[i].far.turned(rolled);
     found.end[i] = found.end_effector[i].moved(S(joint.length));
   }
@@ -136,6 +160,24 @@ Jacobian<S, N> jacobian(const Chain<S, N>& chain, const Posture<S, N>& at, int e
   rates.linear[3] = stem;
   for (int i = end; i >= 0; i = chain.tip[i].parent) {
     const auto& [carrier, far] = found.tip[i];
+    if (is_within(chain, i)) {
+      // The outer joint turns what is beyond its near end by half, and what is beyond the inner one by half.
+      const int o = i - 1;
+      const ChainJoint<S>&inner = chain.tip[i], &outer = chain.tip[o];
+      const Bend<S> inside = bend_at(inner, at.bend[i]), around = bend_at(outer, at.bend[o]);
+      const Vector<S> along = carrier.rotation * ahead, chord = around.chord * inside.chord * along;
+      const auto half = [&](int column, const Vector<S>& axis, const Vector<S>& centre) {
+        rates.linear[column] = rates.linear[column] + S(0.5) * cross(axis, tip - centre);
+        rates.angular[column] = rates.angular[column] + S(0.5) * axis;
+      };
+      half(4 + o, found.tip[o].carrier.rotation * outer.axis, carrier.position);
+      half(4 + o, far.rotation * outer.axis, far.position);
+      rates.linear[4 + o] = rates.linear[4 + o] + around.chord_rate * inside.chord * along;
+      turn(4 + i, carrier.rotation * inner.axis, carrier.position + S(0.5) * chord);
+      rates.linear[4 + i] = rates.linear[4 + i] + around.chord * inside.chord_rate * along;
+      continue;
+    }
+    if (is_around(chain, i)) continue;
     // Its own half turn leaves the axis where it is.
     turn(4 + i, carrier.rotation * chain.tip[i].axis, S(0.5) * (carrier.position + far.position));
     rates.linear[4 + i] =
@@ -192,7 +234,7 @@ bool solvable(const Chain<S, N>& chain) {
   const S fine = S(64) * std::numeric_limits<S>::epsilon();
   const auto across = [&](const S& cosine) { return abs(cosine) <= fine; };
   const ChainJoint<S>&first = chain.tip[0], &last = chain.tip[chain.joints - 1];
-  return chain.joints <= 2 && across(first.axis.z) && across(last.axis.z) &&
+  return chain.joints <= 2 && !last.within && across(first.axis.z) && across(last.axis.z) &&
          (chain.joints == 1 || (last.parent == 0 && across(dot(first.axis, last.axis))));
 }
 

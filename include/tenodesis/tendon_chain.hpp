@@ -4,12 +4,19 @@
 // Every joint turns by half its angle, moves along its chord, and turns by the other half, as in kinematics.hpp. Its
 // coordinate x is the one of joint.hpp, in which the excursion of every tendon is linear: what a tendon is drawn by is
 // the sum of arm times x over the joints that it crosses.
+//
+// An arc that bends in two planes is two joints, the second within the first: half of the first, half of the second,
+// the chord, and the other halves the other way round. That is an arc without torsion: its rotation has no part about
+// the axis half-way between its ends, and its chord lies in the plane in which it bends.
 
 #include <cstdint>
 
 #include "tenodesis/chain_layout.hpp"
 
 namespace tenodesis {
+
+/// Most joints of a chain whose loops over them are written out when it is compiled.
+inline constexpr int most_unrolled = 4;
 
 /// A spring between two joints, relaxed where the angle of one is a ratio times that of the other.
 template <class S>
@@ -28,6 +35,7 @@ struct ChainJoint {
   Vector<S> axis{};  ///< unit vector; a positive angle turns about it
   S offset{};        ///< from the far end of the joint that it stands on, m
   S chord{};         ///< of the straight joint: between a gear pair's centres, or a backbone's length, m
+  bool within{};     ///< whether it bends, about an axis across, what the joint before it bends; its chord is then 1
   S length{};        ///< from its far end to where its wrench acts, m
   S stiffness{};     ///< of its own spring, N m/rad
   Tie<S> tie{};      ///< to a joint before it
@@ -83,17 +91,36 @@ struct TendonChain {
     else
       return joint[i].parent;
   }
-  /// The axis of joint i, as a direction where that is known.
-  template <class T, int i>
-  constexpr auto axis() const {
+  /// The axis of a joint, as a direction where that is known; its number is then a constant.
+  template <class T, class I>
+  constexpr auto axis(I i) const {
     const auto& at = joint[i].axis;
     if constexpr (!known)
       return Vector<T>{T(at.x), T(at.y), T(at.z)};
-    else if constexpr (layout.axis[i] == Along::x)
+    else if constexpr (layout.axis[I::value] == Along::x)
       return Direction<T, Along::x>{T(at.x)};
     else
       return Direction<T, Along::y>{T(at.y)};
   }
+  /// Calls f with the number of every joint, from the stem outward; as a constant where that saves time.
+  template <class F>
+  [[gnu::always_inline]] static constexpr void each_joint(const F& f) {
+    if constexpr (known || N <= most_unrolled)
+      each<N>(f);
+    else
+      for (int i = 0; i < N; ++i) f(i);
+  }
+  /// The same toward the stem.
+  template <class F>
+  [[gnu::always_inline]] static constexpr void each_joint_inward(const F& f) {
+    if constexpr (known || N <= most_unrolled)
+      each<N>([&](auto from_end) { f(std::integral_constant<int, N - 1 - decltype(from_end)::value>{}); });
+    else
+      for (int i = N - 1; i >= 0; --i) f(i);
+  }
+  /// Whether a joint bends within the one before it, or the one after it bends within this.
+  constexpr bool is_within(int i) const { return !known && i > 0 && joint[i].within; }
+  constexpr bool is_around(int i) const { return !known && i + 1 < N && joint[i + 1].within; }
   /// Joint i bent to a coordinate.
   template <class T>
   constexpr Bend<T> bend(int i, const T& x) const {
@@ -166,10 +193,10 @@ struct TendonChain {
     return T(pretension[m]) + T(stiffness[m]) * (wound - excursion);
   }
 
-  /// Whether every joint stands on the one before it.
+  /// Whether every joint stands on the one before it, and none bends within another.
   constexpr bool is_serial() const {
     for (int i = 0; i < N; ++i)
-      if (joint[i].parent != i - 1) return false;
+      if (joint[i].parent != i - 1 || joint[i].within) return false;
     return true;
   }
 
@@ -189,18 +216,23 @@ struct TendonChain {
     std::uint32_t beyond[N]{};
     const bool turns = !serial && load.in_stem_axes;
     if (turns) turn_with_stem(bend, load.wrench, at, by, beyond);
-    each<N>([&](auto i) {
+    each_joint([&](int i) {
       const T share(joint[i].share);
       const Wrench<T>& own = turns ? at[i] : load.wrench;
       at[i] = shared(own, share, T(joint[i].length));
       if (!rates || !turns) return;
       for (int j = 0; j <= i; ++j) by[i][j] = shared(by[i][j], share, T(joint[i].length));
     });
-    each<N>([&](auto from_stem) {
-      constexpr int i = N - 1 - decltype(from_stem)::value;
+    each_joint_inward([&](auto i) {
+      if (is_around(i)) return;
+      if constexpr (!known && N > 1)
+        if (is_within(i)) {
+          load_pair_moments<rates>(i, bend, load.grip, turns, at, by, beyond, moment, rate);
+          return;
+        }
       const auto& on = joint[i];
-      const auto axis = this->template axis<T, i>();
-      const auto& given = given_axis<T, i>(axis);
+      const auto axis = this->template axis<T>(i);
+      const auto& given = given_axis<T>(i, axis);
       const Bend<T>& bent = bend[i];
       const auto pass = [&](const Wrench<T>& far, T& about) {
         Wrench<T> mid{bent.inward(given, far.force), bent.inward(given, far.moment)};
@@ -212,14 +244,10 @@ struct TendonChain {
         return Wrench<T>{bent.inward(given, mid.force), bent.inward(given, mid.moment)};
       };
       const int parent = serial ? i - 1 : this->parent(i);
-      const auto hand_on = [&](Wrench<T>& to, const Wrench<T>& from) {
-        to.force = to.force + from.force;
-        to.moment = to.moment + from.moment + T(on.offset) * along(from.force);
-      };
       const Wrench<T> mid = pass(at[i], moment[i]);
       moment[i] = moment[i] + T(on.grip) * load.grip;
       const Wrench<T> whole = near(mid);
-      if (parent >= 0) hand_on(at[parent], whole);
+      if (parent >= 0) hand_on(T(on.offset), at[parent], whole);
       if constexpr (!rates) return;
       // By its own angle: both halves turn, and the chord changes.
       Wrench<T> own{};
@@ -236,45 +264,199 @@ struct TendonChain {
       own.force = own.force + T(0.5) * cross(axis, whole.force);
       own.moment = own.moment + T(0.5) * cross(axis, whole.moment);
       if (parent >= 0) {
-        hand_on(by[parent][i], own);
+        hand_on(T(on.offset), by[parent][i], own);
         beyond[parent] |= beyond[i] | std::uint32_t(1) << i;
       }
-      each<N>([&](auto j) {
+      each_joint([&](int j) {
         if (j == i) return;
         rate[i][j] = T(0);
         if (serial ? j < i : (beyond[i] >> j & 1u) == 0) return;
         const Wrench<T> turned = near(pass(by[i][j], rate[i][j]));
-        if (parent >= 0) hand_on(by[parent][j], turned);
+        if (parent >= 0) hand_on(T(on.offset), by[parent][j], turned);
       });
     });
   }
 
  private:
+  // Two joints, i within the one before it, as load_moments has them one by one.
+  template <bool rates, class T>
+  [[gnu::noinline]] constexpr void load_pair_moments(int i, const Bend<T>* bend, const T& grip, bool turns,
+                                                     Wrench<T>* at, Wrench<T> (*by)[N], std::uint32_t* beyond,
+                                                     T* moment, T (*rate)[N]) const {
+    const int o = i - 1;
+    const Pair<T> pair(*this, bend, i);
+    const auto whole = pair.inward(at[i]);
+    moment[o] = whole.about_outer + T(joint[o].grip) * grip;
+    moment[i] = whole.about_inner + T(joint[i].grip) * grip;
+    const int on = parent(o);
+    const T offset(joint[o].offset);
+    if (on >= 0) hand_on(offset, at[on], whole.near);
+    if constexpr (!rates) return;
+    for (int j = 0; j < N; ++j) {
+      rate[o][j] = rate[i][j] = T(0);
+      const bool is_own = j == o || j == i;
+      if (!is_own && (beyond[i] >> j & 1u) == 0) continue;
+      typename Pair<T>::Passed turned{};
+      if (!is_own || turns) turned = pair.inward(by[i][j]);
+      if (is_own) turned = turned + pair.rate_of(whole, j == o);
+      rate[o][j] = turned.about_outer;
+      rate[i][j] = turned.about_inner;
+      if (on >= 0) hand_on(offset, by[on][j], turned.near);
+    }
+    if (on >= 0) beyond[on] |= beyond[i] | std::uint32_t(3) << o;
+  }
+
+  // Hands the wrench at a joint's near end on to the far end of what it stands on.
+  template <class T>
+  static constexpr void hand_on(const T& offset, Wrench<T>& to, const Wrench<T>& from) {
+    to.force = to.force + from.force;
+    to.moment = to.moment + from.moment + offset * along(from.force);
+  }
+
+  // A joint within the one before it.
+  template <class T>
+  struct Pair {
+    const Vector<S>&outer_given, &inner_given;  // as a bent joint asks for them
+    const Vector<T> outer, inner;
+    const Bend<T>&around, &inside;
+    const T chord;
+
+    constexpr Pair(const TendonChain& chain, const Bend<T>* bend, int i)
+        : outer_given(chain.joint[i - 1].axis),
+          inner_given(chain.joint[i].axis),
+          outer(chain.template axis<T>(i - 1)),
+          inner(chain.template axis<T>(i)),
+          around(bend[i - 1]),
+          inside(bend[i]),
+          chord(around.chord * inside.chord) {}
+
+    /// What passes both joints from their far end: the wrench where the far half of the outer joint ends, the middle
+    /// before and after the chord, where the near half of the inner begins, and the near end; and moments about both.
+    struct Passed {
+      Wrench<T> first{}, before{}, middle{}, last{}, near{};
+      T about_outer{}, about_inner{};
+
+      friend constexpr Passed operator+(Passed a, const Passed& b) {
+        a.near = {a.near.force + b.near.force, a.near.moment + b.near.moment};
+        a.about_outer = a.about_outer + b.about_outer;
+        a.about_inner = a.about_inner + b.about_inner;
+        return a;
+      }
+    };
+
+    constexpr Passed inward(const Wrench<T>& far) const {
+      Passed at;
+      at.first = turned(around, outer_given, far);
+      at.before = turned(inside, inner_given, at.first);
+      at.middle = at.before;
+      at.middle.moment = at.middle.moment + chord * along(at.before.force);
+      at.last = turned(inside, inner_given, at.middle);
+      at.near = turned(around, outer_given, at.last);
+      const T& pull = at.before.force.z;
+      at.about_outer = T(0.5) * (dot(outer, at.first.moment) + dot(outer, at.last.moment)) + rate(true) * pull;
+      at.about_inner = T(0.5) * (dot(inner, at.before.moment) + dot(inner, at.middle.moment)) + rate(false) * pull;
+      return at;
+    }
+
+    /// Rates of the same by the angle of the outer joint or the inner, the wrench at the far end as it is.
+    constexpr Passed rate_of(const Passed& at, bool of_outer) const {
+      Passed by;
+      const auto spun = [](const Vector<T>& axis, const Wrench<T>& w) {
+        return Wrench<T>{T(0.5) * cross(axis, w.force), T(0.5) * cross(axis, w.moment)};
+      };
+      if (of_outer) by.first = spun(outer, at.first);
+      by.before = turned(inside, inner_given, by.first);
+      if (!of_outer) by.before = spun(inner, at.before);
+      by.middle = by.before;
+      by.middle.moment = by.middle.moment + rate(of_outer) * along(at.before.force) + chord * along(by.before.force);
+      by.last = turned(inside, inner_given, by.middle);
+      if (!of_outer) {
+        const Wrench<T> own = spun(inner, at.last);
+        by.last = {by.last.force + own.force, by.last.moment + own.moment};
+      }
+      by.near = turned(around, outer_given, by.last);
+      if (of_outer) {
+        const Wrench<T> own = spun(outer, at.near);
+        by.near = {by.near.force + own.force, by.near.moment + own.moment};
+      }
+      const T mixed = around.chord_rate * inside.chord_rate;
+      const T& pull = at.before.force.z;
+      const T& more = by.before.force.z;
+      by.about_outer = T(0.5) * (dot(outer, by.first.moment) + dot(outer, by.last.moment)) + rate(true) * more +
+                       (of_outer ? around.chord_curve * inside.chord : mixed) * pull;
+      by.about_inner = T(0.5) * (dot(inner, by.before.moment) + dot(inner, by.middle.moment)) + rate(false) * more +
+                       (of_outer ? mixed : around.chord * inside.chord_curve) * pull;
+      return by;
+    }
+
+    /// A wrench at the near end, at the far one.
+    constexpr Wrench<T> outward(const Wrench<T>& near) const {
+      return back(around, outer_given, back(inside, inner_given, back(inside, inner_given, back(around, outer_given, near))));
+    }
+    /// Its rate by an angle, the wrench at the near end as it is.
+    constexpr Wrench<T> outward_rate(const Wrench<T>& near, const Wrench<T>& far, bool of_outer) const {
+      const auto spun = [](const T& share, const Vector<T>& axis, const Wrench<T>& w) {
+        return Wrench<T>{-share * cross(axis, w.force), -share * cross(axis, w.moment)};
+      };
+      const Wrench<T> first = back(around, outer_given, near);
+      if (!of_outer) return back(around, outer_given, spun(T(1), inner, back(inside, inner_given, back(inside, inner_given, first))));
+      const Wrench<T> begun = back(around, outer_given, back(inside, inner_given, back(inside, inner_given, spun(T(0.5), outer, first))));
+      const Wrench<T> ended = spun(T(0.5), outer, far);
+      return {begun.force + ended.force, begun.moment + ended.moment};
+    }
+
+   private:
+    constexpr T rate(bool of_outer) const {
+      return of_outer ? around.chord_rate * inside.chord : around.chord * inside.chord_rate;
+    }
+    static constexpr Wrench<T> turned(const Bend<T>& by, const Vector<S>& axis, const Wrench<T>& w) {
+      return {by.inward(axis, w.force), by.inward(axis, w.moment)};
+    }
+    static constexpr Wrench<T> back(const Bend<T>& by, const Vector<S>& axis, const Wrench<T>& w) {
+      return {by.outward(axis, w.force), by.outward(axis, w.moment)};
+    }
+  };
+
   // A wrench in the stem's axes, in those of every joint's far end; its rates by the angles that turn these.
   template <class T>
   constexpr void turn_with_stem(const Bend<T>* bend, const Wrench<T>& wrench, Wrench<T>* at, Wrench<T> (*by)[N],
                                 std::uint32_t* before) const {
-    each<N>([&](auto at_joint) {
-      constexpr int i = decltype(at_joint)::value;
+    each_joint([&](auto i) {
       const int on = parent(i);
-      const auto axis = this->template axis<T, i>();
+      const Wrench<T>& base = on < 0 ? wrench : at[on];
+      for (int j = on; j >= 0; j = parent(j)) before[i] |= std::uint32_t(1) << j;
+      if (is_around(i)) {
+        // The joint within it turns for both.
+        at[i] = base;
+        for (int j = 0; j < i && on >= 0; ++j) by[i][j] = by[on][j];
+        return;
+      }
+      if constexpr (!known && N > 1)
+        if (is_within(i)) {
+          const Pair<T> pair(*this, bend, i);
+          at[i] = pair.outward(base);
+          for (int j = 0; j < i - 1; ++j) by[i][j] = pair.outward(by[on][j]);
+          by[i][i - 1] = pair.outward_rate(base, at[i], true);
+          by[i][i] = pair.outward_rate(base, at[i], false);
+          return;
+        }
+      const auto axis = this->template axis<T>(i);
       const auto outward = [&](const Wrench<T>& w) {
         const auto turned = [&](const Vector<T>& v) {
-          const auto& given = given_axis<T, i>(axis);
+          const auto& given = given_axis<T>(i, axis);
           return bend[i].outward(given, bend[i].outward(given, v));
         };
         return Wrench<T>{turned(w.force), turned(w.moment)};
       };
-      at[i] = outward(on < 0 ? wrench : at[on]);
+      at[i] = outward(base);
       for (int j = 0; j < i && on >= 0; ++j) by[i][j] = outward(by[on][j]);
       by[i][i] = {T(-1) * cross(axis, at[i].force), T(-1) * cross(axis, at[i].moment)};
-      for (int j = on; j >= 0; j = parent(j)) before[i] |= std::uint32_t(1) << j;
     });
   }
 
   // The axis of joint i as a bent joint asks for it: where it is unknown, in the chain's own numbers.
-  template <class T, int i, class Axis>
-  constexpr const auto& given_axis(const Axis& axis) const {
+  template <class T, class Axis>
+  constexpr const auto& given_axis(int i, const Axis& axis) const {
     if constexpr (known)
       return axis;
     else

@@ -159,7 +159,17 @@ struct Twin {
     return hand.stiffness * (state.command.handle_angle[h] - state.angle[N + h]) - resistance;
   }
 
-  TipPath<S> path(int i) const { return {mechanism(i), chain.joint[i].chord, reach[i]}; }
+  TipPath<S> path(int i) const {
+    return {mechanism(i), chain.joint[chain.is_within(i) ? i - 1 : i].chord, reach[i]};
+  }
+
+  /// Wrap of a tendon over a joint, rad; where another bends within it, over both.
+  S wrapped(const S* angle, int joint) const {
+    if constexpr (!known && N > 1)
+      if (joint < N && chain.is_around(joint))
+        return sqrt(angle[joint] * angle[joint] + angle[joint + 1] * angle[joint + 1]);
+    return abs(angle[joint]);
+  }
 
   /// The segment whose tension turns a tendon's last joint.
   int tip_segment(int m) const {
@@ -271,7 +281,7 @@ struct Twin {
       const int joint = joint_at(m, j);
       const bool in_sheath = joint < 0;
       const S wrap =
-          in_sheath ? larger(at.wrap + bent * at.share, S(0)) : at.wrap + abs(angle[in_sheath ? 0 : joint]) * at.share;
+          in_sheath ? larger(at.wrap + bent * at.share, S(0)) : at.wrap + wrapped(angle, joint) * at.share;
       const S exponent = at.coefficient * wrap;
       const auto& tension = before.tendon[m].tension;
       // The held side is the slacker one.

@@ -1,7 +1,6 @@
 #pragma once
 // A chain of any size, as the module's classes share it.
 
-#include <utility>
 #include <variant>
 
 #include "module.hpp"
@@ -9,7 +8,9 @@
 
 namespace tenodesis::bindings {
 
-inline constexpr std::size_t most_chain_joints = 8;
+/// Most joints and tendons of a chain; a chain of a number of joints that is not built has the next larger one, whose
+/// further joints are inert.
+inline constexpr std::size_t most_chain_joints = 24;
 inline constexpr std::size_t most_chain_tendons = 12;
 /// Components of a load: force, moment, grip.
 inline constexpr std::size_t load_components = 7;
@@ -29,6 +30,7 @@ enum JointNumber {
   tie_is_rigid,
   share,
   grip,
+  bends_within,
   joint_numbers
 };
 
@@ -38,7 +40,7 @@ template <int N>
 using Many = TendonChain<double, N, int(most_chain_tendons)>;
 // Most chains have two tendons a joint or fewer; their loops are short.
 using Any = std::variant<Paired<1>, Many<1>, Paired<2>, Many<2>, Paired<3>, Many<3>, Paired<4>, Many<4>, Paired<5>,
-                         Many<5>, Many<6>, Many<7>, Many<8>>;
+                         Many<5>, Many<6>, Many<7>, Many<8>, Many<12>, Many<16>, Many<int(most_chain_joints)>>;
 
 class ChainSpec {
  public:
@@ -52,8 +54,7 @@ class ChainSpec {
   std::size_t handles() const { return handles_; }
 
  private:
-  template <int... n>
-  void make(std::integer_sequence<int, n...>);
+  void make();
 
   std::size_t joints_, tendons_, handles_;
   Any any_;

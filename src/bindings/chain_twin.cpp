@@ -61,17 +61,22 @@ void chain_inertia(const ChainSpec& spec, const In<2>& links, const In<2>& angle
   std::visit(
       [&]<class W>(const W& chain) {
         constexpr int N = W::joints;
-        Link<double> link[N]{};
+        Link<double> link[N];
         for (int i = 0; i < N; ++i) {
+          link[i] = inert_link<double>;
+          if (std::cmp_greater_equal(i, n)) continue;
           const double* at = links.data() + std::size_t(i) * link_numbers;
           link[i] = {at[link_mass], at[link_centre], {at[inertia_x], at[inertia_y], at[inertia_z]}};
         }
         for (std::size_t p = 0; p < count; ++p) {
-          double x[N], mass[N][N];
-          for (int i = 0; i < N; ++i)
-            x[i] = coordinate_at(chain.joint[i].mechanism, angles.data()[p * n + std::size_t(i)]);
-          inertia(chain, link, x, speeds.data() + p * n, mass, bias.data() + p * n);
-          for (int i = 0; i < N; ++i) std::copy_n(mass[i], n, matrix.data() + (p * n + std::size_t(i)) * n);
+          double x[N]{}, speed[N]{}, mass[N][N], moment[N];
+          for (std::size_t i = 0; i < n; ++i) {
+            x[i] = coordinate_at(chain.joint[i].mechanism, angles.data()[p * n + i]);
+            speed[i] = speeds.data()[p * n + i];
+          }
+          inertia(chain, link, x, speed, mass, moment);
+          std::copy_n(moment, n, bias.data() + p * n);
+          for (std::size_t i = 0; i < n; ++i) std::copy_n(mass[i], n, matrix.data() + (p * n + i) * n);
         }
       },
       spec.any());

@@ -31,25 +31,28 @@ constexpr std::size_t handle_frames = 3;  // carrier, far, grip
 
 /// A tendon's passage over a joint: whether that is at the tip, its place there, the tendon's offset from its middle.
 using Passage = std::tuple<bool, int, double, double, double>;
-/// Mechanisms, parents, and rows of axis, offset, straight chord and length beyond, of the joints at an end.
-using Joints = std::tuple<std::vector<int>, std::vector<int>, std::vector<std::array<double, 6>>>;
+/// Mechanisms, parents, and rows of axis, offset, straight chord, length beyond and whether it bends within the
+/// joint before it, of the joints at an end.
+using Joints = std::tuple<std::vector<int>, std::vector<int>, std::vector<std::array<double, 7>>>;
 using Described = std::tuple<Joints, Joints, double, std::vector<std::vector<Passage>>>;
 
 int read_joints(const Joints& joints, ChainJoint<double>* out) {
   const auto& [mechanisms, parents, numbers] = joints;
   const std::size_t count = mechanisms.size();
   require(count <= std::size_t(most_joints) && parents.size() == count && numbers.size() == count,
-          "a chain has at most six joints at an end");
+          "a chain has too many joints at an end");
   for (std::size_t i = 0; i < count; ++i) {
     require(mechanisms[i] >= 0 && mechanisms[i] <= int(Mechanism::continuum), "there is no such mechanism");
     require(parents[i] >= -1 && std::cmp_less(parents[i], i), "a joint stands on one before it");
-    const auto& [x, y, z, offset, chord, length] = numbers[i];
+    const auto& [x, y, z, offset, chord, length, within] = numbers[i];
     out[i].mechanism = static_cast<Mechanism>(mechanisms[i]);
     out[i].parent = parents[i];
     out[i].axis = {x, y, z};
     out[i].offset = offset;
     out[i].chord = chord;
     out[i].length = length;
+    out[i].within = within != 0;
+    require(!out[i].within || (i > 0 && parents[i] == int(i) - 1), "a joint bends within the one that it stands on");
   }
   return int(count);
 }
@@ -175,33 +178,48 @@ void inverses(const BoundChain& bound, const In<2>& goals, const In<2>& start, c
   });
 }
 
-/// A joint as a line runs over it, from its end on the stem's side; side is -1 where it points to the handle.
+/// A joint as a line runs over it, from its end on the stem's side; side is -1 where it points to the handle. The joint
+/// that it bends within, and that one's angle, if there is one.
 struct Passed {
   const ChainJoint<double>& joint;
   Frame<double> near;
   double angle{};
   int side{};
+  const ChainJoint<double>* around{};
+  double around_angle{};
+
+  /// The far end with a share of the bend.
+  Frame<double> far(double share) const {
+    if (around == nullptr) return bent(near, joint, share * angle, side).far;
+    return bent_within(bent(near, *around, share * around_angle, side), *around, share * around_angle, joint,
+                       share * angle)
+        .far;
+  }
 };
 
-/// Points along a tendon at one joint: both ends of a gear pair's, or enough of an arc to look like one.
-std::size_t points_over(const ChainJoint<double>& joint) { return joint.mechanism == Mechanism::gear ? 2 : 9; }
+/// Points along a tendon at one joint: both ends of a gear pair's, or enough of an arc to look like one; none at a joint
+/// with another within it.
+std::size_t points_over(const BoundChain& bound, bool at_tip, int i) {
+  if (at_tip && is_around(bound.chain, i)) return 0;
+  return (at_tip ? bound.chain.tip : bound.chain.handle)[i].mechanism == Mechanism::gear ? 2 : 9;
+}
 
 /// Places the points of a line over a joint at an offset from its middle, outward.
 template <class Place>
-void over(const Passed& passed, const Vector<double>& offset, bool ends, const Place& place) {
-  const auto& [joint, near, angle, side] = passed;
-  const std::size_t last = points_over(joint) - 1;
+void over(const Passed& passed, std::size_t points, const Vector<double>& offset, bool ends, const Place& place) {
+  const auto& [joint, near, angle, side, around, around_angle] = passed;
+  const std::size_t last = points - 1;
   // On a pulley where it ends, a tendon wraps from the stem's side by a quarter turn while the joint is straight.
   const double toward = dot(bend_side(joint.axis), offset);
   const double quarter = ends && toward != 0 ? (toward < 0 ? -0.5 : 0.5) * side * pi : 0;
-  for (std::size_t k = 0; k <= last; ++k) {
+  for (std::size_t k = 0; k < points; ++k) {
     const double share = double(k) / double(last);
     if (joint.mechanism == Mechanism::pulley) {
       place(near.position + near.rotation * (about(joint.axis, share * (angle - quarter)) * offset));
       continue;
     }
     // A part of an arc is an arc of its own; a gear pair has only two ends.
-    const Frame<double> far = bent(near, joint, share * angle, side).far;
+    const Frame<double> far = passed.far(share);
     place(near.position + share * (far.position - near.position) + far.rotation * offset);
   }
 }
@@ -213,15 +231,16 @@ std::vector<std::size_t> line_lengths(const BoundChain& bound) {
   for (const auto& route : bound.routes()) {
     std::size_t points = std::get<0>(route.front()) ? 1 : 0;
     for (const auto& [at_tip, joint, x, y, z] : route)
-      points += points_over(at_tip ? chain.tip[joint] : chain.handle[joint]);
+      points += points_over(bound, at_tip, joint);
     lengths.push_back(points);
   }
-  const auto backbones = [&](const ChainJoint<double>* joints, int count) {
+  const auto backbones = [&](bool at_tip, const ChainJoint<double>* joints, int count) {
     for (int i = 0; i < count; ++i)
-      if (joints[i].mechanism == Mechanism::continuum) lengths.push_back(points_over(joints[i]));
+      if (joints[i].mechanism == Mechanism::continuum && points_over(bound, at_tip, i) > 0)
+        lengths.push_back(points_over(bound, at_tip, i));
   };
-  backbones(chain.tip, chain.joints);
-  backbones(chain.handle, chain.handles);
+  backbones(true, chain.tip, chain.joints);
+  backbones(false, chain.handle, chain.handles);
   return lengths;
 }
 
@@ -237,9 +256,11 @@ void write_lines(const BoundChain& bound, const At& at, double* out) {
   };
   const auto passed = [&](bool at_tip, int i) {
     if (at_tip) {
+      const bool within = is_within(chain, i);
       const ChainJoint<double>& joint = chain.tip[i];
-      const Frame<double>& on = joint.parent < 0 ? found.stem : found.tip[joint.parent].far;
-      return Passed{joint, on.moved(joint.offset), at.bend[i], 1};
+      const ChainJoint<double>& first = chain.tip[within ? i - 1 : i];
+      const Frame<double>& on = first.parent < 0 ? found.stem : found.tip[first.parent].far;
+      return Passed{joint, on.moved(first.offset), at.bend[i], 1, within ? &first : nullptr, within ? at.bend[i - 1] : 0};
     }
     const ChainJoint<double>& joint = chain.handle[i];
     return Passed{joint, (i == 0 ? bottom : found.handle[i - 1].far).moved(-joint.offset), at.handle[i], -1};
@@ -250,18 +271,19 @@ void write_lines(const BoundChain& bound, const At& at, double* out) {
       const Vector<double> offset{x, y, z};
       if (at_tip) {
         if (k == 0) place(bottom.position + bottom.rotation * offset);
-        over(passed(true, joint), offset, k + 1 == route.size(), place);
+        over(passed(true, joint), points_over(bound, true, joint), offset, k + 1 == route.size(), place);
         continue;
       }
       std::vector<Vector<double>> points;
-      over(passed(false, joint), offset, k == 0, [&](const Vector<double>& point) { points.push_back(point); });
+      over(passed(false, joint), points_over(bound, false, joint), offset, k == 0,
+           [&](const Vector<double>& point) { points.push_back(point); });
       std::ranges::for_each(std::views::reverse(points), place);
     }
   }
   const auto backbones = [&](bool at_tip, int count) {
     for (int i = 0; i < count; ++i) {
       const Passed joint = passed(at_tip, i);
-      if (joint.joint.mechanism == Mechanism::continuum) over(joint, {}, false, place);
+      if (joint.joint.mechanism == Mechanism::continuum) over(joint, points_over(bound, at_tip, i), {}, false, place);
     }
   };
   backbones(true, chain.joints);

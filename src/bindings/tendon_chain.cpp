@@ -9,19 +9,14 @@
 
 namespace tenodesis::bindings {
 
-template <int... n>
-void ChainSpec::make(std::integer_sequence<int, n...>) {
-  const bool paired = tendons_ <= 2 * joints_;
-  const auto pick = [&]<int N>() {
-    if (joints_ != std::size_t(N)) return;
-    if constexpr (2 * N < int(most_chain_tendons))
-      if (paired) {
-        any_.template emplace<Paired<N>>();
-        return;
-      }
-    any_.template emplace<Many<N>>();
+void ChainSpec::make() {
+  bool found = false;
+  const auto pick = [&]<class W>() {
+    if (found || joints_ > std::size_t(W::joints) || tendons_ > std::size_t(W::tendons)) return;
+    any_.template emplace<W>();
+    found = true;
   };
-  (pick.template operator()<n + 1>(), ...);
+  [&]<class... W>(std::variant<W...>*) { (pick.template operator()<W>(), ...); }(&any_);
 }
 
 ChainSpec::ChainSpec(const std::vector<int>& mechanism, const std::vector<int>& parent, const In<2>& numbers,
@@ -33,18 +28,22 @@ ChainSpec::ChainSpec(const std::vector<int>& mechanism, const std::vector<int>& 
               arm.shape(1) == joints_ && tendon.shape(0) == tendons_ && tendon.shape(1) == 2 &&
               motor.size() == tendons_ && handle_arm.shape(0) == tendons_ && handle_arm.shape(1) == handles_,
           "joints, tendons and handle do not fit each other");
-  make(std::make_integer_sequence<int, int(most_chain_joints)>{});
+  make();
   std::visit(
       [&](auto& chain) {
+        for (ChainJoint<double>& inert : chain.joint)
+          inert = {.mechanism = Mechanism::pulley, .parent = -1, .axis = {1, 0, 0}, .stiffness = 1};
         for (std::size_t i = 0; i < joints_; ++i) {
           const double* row = numbers.data() + i * joint_numbers;
           require(std::cmp_less(parent[i], i), "a joint stands on one that comes after it");
+          require(row[bends_within] == 0 || parent[i] == int(i) - 1, "a joint bends within the one that it stands on");
           require(row[tied_to] >= -1 && row[tied_to] < double(i), "a joint is tied to one that comes after it");
           chain.joint[i] = {Mechanism(mechanism[i]),
                             parent[i],
                             {row[axis_x], row[axis_y], row[axis_z]},
                             row[offset],
                             row[chord],
+                            row[bends_within] != 0,
                             row[length],
                             row[stiffness],
                             {row[tie_ratio], row[tie_stiffness], int(row[tied_to]), row[tie_is_rigid] != 0},
@@ -158,14 +157,16 @@ class AnyTendonChain : public ChainSpec {
         [&]<class W>(const W& chain) {
           for (std::size_t p = 0; p < count; ++p) {
             Bend<double> bend[W::joints];
-            for (int i = 0; i < W::joints; ++i)
-              bend[i] = Bend<double>(chain.joint[i], coordinate_at(chain.joint[i].mechanism, row(angle, p)[i]));
+            for (std::size_t i = 0; i < W::joints; ++i)
+              bend[i] = Bend<double>(chain.joint[i], i < joints() ? coordinate_at(chain.joint[i].mechanism,
+                                                                                  row(angle, p)[i])
+                                                                  : 0.0);
             for (int k = 0; k < 6; ++k) {
               double wrench[6]{}, moment[W::joints], rate[W::joints][W::joints];
               wrench[k] = 1;
               chain.load_moments(bend, load_of(wrench, 0.0, false), moment, rate);
-              for (int i = 0; i < W::joints; ++i)
-                out.data()[(p * joints() + std::size_t(i)) * 6 + std::size_t(k)] = moment[i];
+              for (std::size_t i = 0; i < joints(); ++i)
+                out.data()[(p * joints() + i) * 6 + std::size_t(k)] = moment[i];
             }
           }
         },

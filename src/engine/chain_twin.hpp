@@ -77,6 +77,10 @@ struct TwinRows {
   std::uint64_t seed{};
 };
 
+/// Link of a joint that is there only since its chain is built for more joints than it has.
+template <class S>
+inline constexpr Link<S> inert_link{.inertia = {S(1), S(1), S(1)}};
+
 /// Fills in the constants of a twin whose chain is there.
 template <class T>
 void fill(T& twin, const TwinRows& rows, const ChainSizes& sizes) {
@@ -110,6 +114,10 @@ void fill(T& twin, const TwinRows& rows, const ChainSizes& sizes) {
     twin.stop[i] = at[link_stop];
     twin.stop_stiffness[i] = at[link_stop_stiffness];
     twin.reach[i] = at[link_reach];
+  }
+  for (std::size_t i = sizes.joints; i < std::size_t(N); ++i) {
+    twin.link[i] = inert_link<typename T::S>;
+    twin.stop[i] = pi;
   }
   twin.viscous = p(viscous);
   twin.sheath_bend_rate = p(sheath_bend_rate);

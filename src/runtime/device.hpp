@@ -16,7 +16,7 @@ using Sizes = engine::ChainSizes;
 
 inline constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 /// Room that the loop's queues and mailboxes have.
-inline constexpr std::size_t most_joints = 8, most_tendons = 12, most_commands = 64;
+inline constexpr std::size_t most_joints = 24, most_tendons = 12, most_commands = 144;
 /// Columns of tissue per joint: angle, stiffness, damping.
 inline constexpr std::size_t contact_columns = 3;
 

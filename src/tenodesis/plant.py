@@ -304,8 +304,11 @@ def link_rows(inst: FullForm) -> Array:
 def _links(inst: FullForm, density: float) -> Array:
     """Return mass, its centre and inertias of links; what is not given is that of a rod of a density, kg/m."""
     joints = inst.tip_joints
+    around = {joint.within for joint in joints}
     rows = np.zeros((len(joints), 5))
     for i, joint in enumerate(joints):
+        if joint.name in around:
+            continue  # nothing is between it and the joint within it
         beyond = [other.offset + other.chord for other, on in zip(joints, inst.parents, strict=True) if on == i]
         grip = inst.grip.length if inst.grip is not None and i in inst.jaws else None
         length = joint.end_effector_length or max([*beyond, grip or 0.0, joint.radius])

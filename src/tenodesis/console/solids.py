@@ -51,7 +51,9 @@ def solids(inst: FullForm) -> list[Solid]:
         jaws, length = of.port.jaw_length, tree["tip"].offset
         found += _end_effector(tree["end_effector"].name, (tree["stem"].cylinder or (0.0,) * 3)[2], length, jaws)
     for joint in inst.joints:
-        first = tree[moving(joint, "urdf")[0]]
+        if of.inside(joint) is not None:
+            continue  # the joint within it stands for both
+        first = tree[moving(of, of.around(joint) or joint, "urdf")[0]]
         reach = joint.radius if joint.place == "tip" else -joint.radius
         found += _joint(joint, reach, str(first.parent), first.offset)
     return found
@@ -80,7 +82,7 @@ def _grip(body: str, radius: float, length: float) -> list[Solid]:
 def _joint(joint: Joint, reach: float, body: str, at: float) -> list[Solid]:
     """Return the solids of a joint that begins on a body, at a place along it; a negative radius reaches to -z."""
     name = joint.name
-    if joint.mechanism == "continuum":
+    if joint.mechanism == "continuum" or joint.is_twist:
         return []
     radius, turned = abs(reach), about(joint.axis_vector)
 

@@ -1,4 +1,4 @@
-"""Backbones as chains of arcs: what a joint with `arcs` in a file is written out to.
+"""Backbones as chains of arcs: what a joint with `arcs` or `planes` in a file is written out to.
 
 A backbone bends unevenly where forces act across it. Two arcs of equal length follow a curvature that is linear along
 them to the fourth order, in the place and the direction of their far end, if their springs are coupled: a curvature of
@@ -6,106 +6,133 @@ them to the fourth order, in the place and the direction of their far end, if th
 commutator-free Magnus integrators (Celledoni, Marthinsen, Owren, Future Generation Computer Systems 19, 2003), and
 takes the energy E I h (κ₁² + κ₂²) / 4. In the arcs' angles that is E I / (8 h) (6 β₁² + 6 β₂² + (β₁ + β₂)²): two
 springs, and one that ties the second arc to the opposite of the first.
+
+An arc that bends in two planes is two joints, one within the other (tendon_chain.hpp). Their angles are the parts of
+its bend in both planes but for a third order, of which the half that depends on which joint is the outer one changes
+sign from one arc to the next, as the outer joints alternate. Between the arcs of a pair, a backbone with a torsional
+rigidity turns about itself, by a spring of G J / (2 h).
 """
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
-from tenodesis.instrument.joints import FARTHEST_STOP, Crossing, Joint, Tendon, arc_suffix
+from tenodesis.instrument.joints import FARTHEST_STOP, SIGNS, Crossing, Joint, Tendon, arc_suffix
 
 _ADDED = ("stiffness", "damping")
 """What arcs one after another have as many times of as there are arcs."""
+_BEYOND = ("end_effector_length", "mass", "centre_of_mass", "inertia")
+"""What the last joint of a backbone alone has."""
 OWN, SHARED = 6 / 8, 1 / 8
 """Stiffness of an arc of a pair, and of the spring between both, over that of an arc alone."""
+_MIDDLE = 1e-9
+"""Part of a tendon's distance from the middle that is rounding."""
 
 
 def cut(joints: Sequence[Joint], tendons: Sequence[Tendon]) -> tuple[tuple[Joint, ...], tuple[Tendon, ...]]:
-    """Return joints and tendons with every backbone as its arcs; others as they are."""
-    arcs = {joint.name: _arcs(joint) for joint in joints}
-    last = {name: parts[-1].name for name, parts in arcs.items()}
+    """Return joints and tendons with every backbone as its planes and arcs; others as they are."""
+    parts = {joint.name: _parts(joint) for joint in joints}
+    last = {name: found[-1].name for name, found in parts.items()}
     standing = [
-        part.model_copy(update={"on": last[part.on]}) if part.on in last else part
+        part.model_copy(update={"on": last[part.on]}) if last.get(part.on or "", part.on) != part.on else part
         for joint in joints
-        for part in arcs[joint.name]
+        for part in parts[joint.name]
     ]
-    routes = [
-        tendon.model_copy(update={"route": tuple(_crossed(tendon.route, arcs))})
-        if any(len(arcs.get(one.joint, ())) > 1 for one in tendon.route)
-        else tendon
-        for tendon in tendons
-    ]
+    given = {joint.name: joint for joint in joints}
+    routes = []
+    for tendon in tendons:
+        route = tuple(
+            found
+            for one in tendon.route
+            for found in (_crossed(one, given[one.joint], parts[one.joint]) if one.joint in given else [one])
+        )
+        routes.append(tendon if route == tendon.route else tendon.model_copy(update={"route": route}))
     return tuple(standing), tuple(routes)
 
 
-def join(joints: Sequence[Joint], tendons: Sequence[Tendon]) -> tuple[list[Joint], list[Tendon]]:
-    """Return joints and tendons with every backbone as one arc: what :func:`cut` was given, with one arc each."""
-    backbone = {joint.name: joint.bend for joint in joints if joint.arc}
-    first: dict[str, Joint] = {}
-    found = []
-    for joint in joints:
-        standing = joint.model_copy(update={"on": backbone[joint.on]}) if joint.on in backbone else joint
-        if joint.arc == 1:
-            first[backbone[joint.name]] = standing
-        if not joint.arc:
-            found.append(standing)
-        elif joint.arc == joint.arcs:
-            start, count = first[backbone[joint.name]], joint.arcs
-            change: dict[str, Any] = {"name": backbone[joint.name], "arcs": 1, "arc": 0, "range": count * joint.range}
-            change |= {
-                "backbone_length": count * (joint.backbone_length or 0.0),
-                "offset": start.offset,
-                "on": start.on,
-            }
-            change |= {key: value / count for key in _ADDED if (value := getattr(joint, key)) is not None}
-            found.append(joint.model_copy(update=change))
-    counts = {start.name: start.arcs for start in first.values()}
-    routes = []
-    for tendon in tendons:
-        route = [
-            crossing.model_copy(
-                update={
-                    "joint": backbone.get(crossing.joint, crossing.joint),
-                    "base_wrap": counts.get(crossing.joint, 1) * crossing.base_wrap,
-                }
-            )
-            for crossing in tendon.route
-            if crossing.joint in counts or crossing.joint not in backbone
-        ]
-        routes.append(tendon.model_copy(update={"route": tuple(route)}))
-    return found, routes
-
-
-def _arcs(joint: Joint) -> list[Joint]:
-    """Return the arcs of a backbone, from the stem outward; a joint that is not cut alone."""
+def _parts(joint: Joint) -> list[Joint]:
+    """Return the arcs of a backbone in its planes, from the stem outward; any other joint alone."""
     count = joint.arcs
-    if count == 1 or joint.arc:
+    if (count == 1 and joint.planes == 1) or joint.arc:
         return [joint]
     common: dict[str, Any] = {
         "backbone_length": (joint.backbone_length or 0.0) / count,
         "range": joint.range / count,
         # Under a force across, an arc bends further than its share; a file's stops are below the farthest.
         "stop": min(joint.outer_stop, 0.99 * FARTHEST_STOP),
+        "planes": 1,
+        "torsional_rigidity": None,
     }
     common |= {key: count * value for key in _ADDED if (value := getattr(joint, key)) is not None}
-    beyond = ("end_effector_length", "mass", "centre_of_mass", "inertia")
-    found = []
+    common |= dict.fromkeys(_BEYOND)
+    planes = _planes(joint)
+    found: list[Joint] = []
     for arc in range(1, count + 1):
-        change = common | {"name": joint.name + arc_suffix(arc), "arc": arc}
-        if arc > 1:
-            change |= {"offset": 0.0, "on": None}
-        if arc < count:
-            change |= dict.fromkeys(beyond)
-        found.append(joint.model_copy(update=change))
+        outer = None
+        for name, axis in planes if arc % 2 else reversed(planes):
+            own: dict[str, Any] = {"name": name, "axis": axis, "within": outer}
+            if count > 1:
+                own |= {"name": name + arc_suffix(arc), "arc": arc}
+            if found:
+                own |= {"offset": 0.0, "on": None}
+            found.append(joint.model_copy(update=common | own))
+            outer = found[-1].name
+        if arc % 2 and joint.torsional_rigidity is not None:
+            found.append(_twist(joint, arc // 2 + 1))
+    found[-1] = found[-1].model_copy(update={key: getattr(joint, key) for key in _BEYOND})
     return found
 
 
-def _crossed(route: Sequence[Crossing], arcs: dict[str, list[Joint]]) -> list[Crossing]:
+def _planes(joint: Joint) -> list[tuple[str, Any]]:
+    """Return name and axis of every plane that a backbone bends in."""
+    if joint.planes == 1:
+        return [(joint.name, joint.axis)]
+    x, y, z = joint.axis_vector
+    if joint.axis == "yaw":
+        return [(f"{joint.name}_yaw", "yaw"), (f"{joint.name}_pitch", "pitch")]
+    return [(f"{joint.name}_first", joint.axis), (f"{joint.name}_second", (-y, x, z))]
+
+
+def _twist(joint: Joint, place: int) -> Joint:
+    """Return the joint that turns a backbone about itself between the arcs of a pair, of which place is the number."""
+    pairs = joint.arcs // 2
+    return Joint(
+        name=f"{joint.name}_twist{arc_suffix(place)}",
+        mechanism="pulley",
+        axis="roll",
+        radius=joint.radius,
+        stiffness=pairs * (joint.torsional_rigidity or 0.0) / (joint.backbone_length or 1.0),
+        range=joint.range / pairs,
+        stop=0.99 * FARTHEST_STOP,
+        arcs=pairs,
+        arc=place,
+    )
+
+
+def _crossed(crossing: Crossing, joint: Joint, parts: Sequence[Joint]) -> list[Crossing]:
+    """Return a tendon's passages over the parts of a joint."""
+    if crossing.angle is None and len(parts) == 1:
+        return [crossing]
+    arcs = joint.arcs
+    near = joint.radius if crossing.radius is None else crossing.radius
+    far = near if crossing.far_radius is None else crossing.far_radius
+    names = [name for name, _ in _planes(joint)]
     found = []
-    for crossing in route:
-        parts = arcs.get(crossing.joint, [])
-        if len(parts) < 2:
-            found.append(crossing)
+    for part in parts:
+        if part.is_twist:
             continue
-        wrap = crossing.base_wrap / len(parts)
-        found += [crossing.model_copy(update={"joint": part.name, "base_wrap": wrap}) for part in parts]
+        own: dict[str, Any] = {"joint": part.name, "base_wrap": 0.0, "angle": None, "far_radius": None}
+        if part.within is None:
+            # Over an arc in two planes a tendon wraps once: the outer joint has the friction of both.
+            own["base_wrap"] = crossing.base_wrap / arcs
+        if crossing.angle is not None or crossing.far_radius is not None or len(names) > 1:
+            radius = near + (far - near) * (max(part.arc, 1) - 0.5) / arcs
+            sign = SIGNS[crossing.side or "middle"]
+            turn = 0.0 if crossing.angle is None else crossing.angle
+            across = turn - math.pi / 2 * names.index(part.bend)
+            arm = radius * (math.cos(across) if crossing.angle is not None else sign * math.cos(across))
+            in_middle = abs(arm) <= _MIDDLE * radius
+            own["side"] = "middle" if in_middle else "agonist" if arm > 0 else "antagonist"
+            own["radius"] = None if in_middle else abs(arm)
+        found.append(crossing.model_copy(update=own))
     return found

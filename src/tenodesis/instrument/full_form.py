@@ -5,7 +5,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from tenodesis import notebook
 from tenodesis.errors import ArgumentError, InstrumentError
@@ -16,7 +16,7 @@ from tenodesis.instrument.joints import Grip, Joint, LinkDynamics, Tendon
 from tenodesis.instrument.short_form import ShortForm
 from tenodesis.units import Length
 
-MOST_JOINTS = 8
+MOST_JOINTS = 24
 MOST_TENDONS = 12
 
 
@@ -47,6 +47,8 @@ class FullForm(Instrument):
     tendons: tuple[Tendon, ...] = Field(min_length=1, max_length=MOST_TENDONS, description="All tendons")
     grip: Grip | None = Field(default=None, description="Jaws that grip")
     dynamics: LinkDynamics = LinkDynamics()
+    _given: dict[str, Any] = PrivateAttr()
+    """Joints and tendons before backbones were cut into arcs."""
 
     @property
     def short_form(self) -> None:
@@ -102,6 +104,7 @@ class FullForm(Instrument):
         _check_distinct("joints", [joint.name for joint in self.joints])
         for tendon in self.tendons:
             _check_route(self, tendon)
+        self._given = {"joints": self.joints, "tendons": self.tendons}
         # The model is frozen for everyone else.
         self.__dict__["joints"], self.__dict__["tendons"] = cut(self.joints, self.tendons)
         _check_distinct("joints", [joint.name for joint in self.joints])
@@ -116,6 +119,10 @@ class FullForm(Instrument):
         if not (info.context and info.context.get("expanded")):
             self._check_friction()
         return self
+
+    def as_given(self, name: str) -> Any:
+        """Return the value of a field as its file has it: backbones are not cut into arcs."""
+        return self._given.get(name, getattr(self, name))
 
     def _check_joints(self) -> None:
         tips, handles = self.tip_joints, self.handle_joints
@@ -224,7 +231,7 @@ def _check_tie(joint: Joint, before: Sequence[str]) -> None:
         allowed = ", ".join(before) or "none is, so it must be left out"
         problem = f"joint {joint.name}: tied_to = {joint.tied_to!r}; it must be one before it: {allowed}"
         raise ArgumentError(problem, key="tied_to", value=joint.tied_to)
-    if joint.arcs > 1 or not joint.tie_ratio:
+    if joint.arcs > 1 or joint.within is not None or not joint.tie_ratio:
         problem = "has several arcs" if joint.arcs > 1 else "has a tie_ratio of 0"
         raise ArgumentError(
             f"joint {joint.name} is tied to {joint.tied_to} and {problem}; give it without that", key="tied_to"
@@ -232,15 +239,28 @@ def _check_tie(joint: Joint, before: Sequence[str]) -> None:
 
 
 def _check_route(inst: FullForm, tendon: Tendon) -> None:
-    known, sides = [joint.name for joint in inst.joints], dict[str, str]()
+    known, sides = {joint.name: joint for joint in inst.joints}, dict[str, str | None]()
     for crossing in tendon.route:
         name = crossing.joint
+
+        def wrong(sentence: str, name: str = name) -> RouteError:
+            return RouteError(f"tendon {tendon.name}{sentence}", inst, tendon=tendon.name, joints=[name])
+
         if name not in known:
-            sentence = f"tendon {tendon.name}: joint = {name!r}; it must be one of {', '.join(known)}"
-            raise RouteError(sentence, inst, tendon=tendon.name, joints=[name])
+            raise wrong(f": joint = {name!r}; it must be one of {', '.join(known)}")
         if name in sides:
-            contradiction = sides[name] != crossing.side
-            how = f", as {sides[name]} and as {crossing.side}" if contradiction else ""
-            sentence = f"tendon {tendon.name} crosses joint {name} twice{how}; it must cross a joint once"
-            raise RouteError(sentence, inst, tendon=tendon.name, joints=[name])
+            how = f", as {sides[name]} and as {crossing.side}" if sides[name] != crossing.side else ""
+            raise wrong(f" crosses joint {name} twice{how}; it must cross a joint once")
         sides[name] = crossing.side
+        joint = known[name]
+        if crossing.angle is not None and joint.mechanism != "continuum":
+            raise wrong(f" crosses joint {name} at an angle, but it is a {joint.mechanism}; give its side instead")
+        if crossing.far_radius is not None and joint.arcs == 1:
+            raise wrong(f" has a far_radius at joint {name}, which has one arc; give it arcs = 2 or more")
+        near = joint.radius if crossing.radius is None else crossing.radius
+        widest = max(near, crossing.far_radius or 0.0)
+        if joint.mechanism == "continuum" and widest * joint.range >= (joint.backbone_length or 0.0):
+            raise wrong(
+                f" runs {widest:g} m from the middle of {name}, of which {joint.backbone_length:g} m bend by up to "
+                f"{joint.range:.3g} rad: nothing would be left of it on the inner side; it must run nearer"
+            )

@@ -89,7 +89,7 @@ class Instrument(FileTable, AnyForm):
         """Places among the tip's joints of what bends by itself, by name: joints not tied, arcs of a backbone."""
         found: dict[str, list[int]] = {}
         for i, joint in enumerate(self.tip_joints):
-            if joint.tied_to is not None:
+            if joint.tied_to is not None or joint.is_twist:
                 continue
             found.setdefault(joint.bend, []).append(i)
         return found
@@ -157,7 +157,7 @@ class Instrument(FileTable, AnyForm):
                     joint = joints[index[crossing.joint]]
                     radius = joint.radius if crossing.radius is None else crossing.radius
                     arm = _core.joint_excursion(MECHANISMS[joint.mechanism], radius)
-                    row[index[crossing.joint]] += SIGNS[crossing.side] * arm
+                    row[index[crossing.joint]] += SIGNS[crossing.side or "middle"] * arm
         return arms
 
     @property
@@ -203,13 +203,14 @@ class Instrument(FileTable, AnyForm):
     def core(self) -> _core.TendonChain:
         """The instrument in the core's form."""
         joints, bearing = self.tip_joints, self.bearing
-        numbers = np.zeros((len(joints), 13))
+        numbers = np.zeros((len(joints), 14))
         for i, joint in enumerate(joints):
             length = joint.end_effector_length or 0.0
             share = 1 / len(bearing) if i in bearing else 0.0
             arm = self.grip_arms[i]
             spring = (own_stiffness(joint), *self.ties[i])
-            numbers[i] = (*joint.axis_vector, joint.offset, joint.chord, length, *spring, share, arm)
+            chord = 1.0 if joint.within else joint.chord
+            numbers[i] = (*joint.axis_vector, joint.offset, chord, length, *spring, share, arm, joint.within is not None)
         return _core.TendonChain(
             [MECHANISMS[joint.mechanism] for joint in joints],
             list(self.parents),
@@ -270,10 +271,14 @@ class Instrument(FileTable, AnyForm):
         """Return a copy by :meth:`replace`, so that its changes are checked and passed to the core."""
         return self.replace(**(update or {}))
 
+    def as_given(self, name: str) -> Any:
+        """Return the value of a field as its file has it."""
+        return getattr(self, name)
+
     def with_values(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return the values of this instrument by key, with changes; None removes a key."""
         fields = type(self).model_fields
-        values = {fields[key].alias or key: getattr(self, key) for key in self.model_fields_set}
+        values = {fields[key].alias or key: self.as_given(key) for key in self.model_fields_set}
         for key, value in changes.items():
             table, _, inner = key.partition(".")
             held = values.get(table, getattr(self, table, None)) if inner else None

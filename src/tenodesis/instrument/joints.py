@@ -11,6 +11,7 @@ from tenodesis.errors import ArgumentError
 from tenodesis.instrument.hardware import Hand
 from tenodesis.toml import FileTable
 from tenodesis.units import (
+    Angle,
     AngleRange,
     Coefficient,
     Damping,
@@ -80,6 +81,15 @@ class Joint(FileTable):
         description="Arcs that a backbone bends in, 1 or an even number; an S under a force across takes 2 or more",
     )
     arc: int = Field(default=0, ge=0, le=12, strict=True, description="Number of this arc, from the stem; 0: no part")
+    planes: Literal[1, 2] = Field(
+        default=1, description="Planes that a backbone bends in: that of its axis, or also the one across, 90 deg on"
+    )
+    within: str | None = Field(
+        default=None, description="Backbone just before it that bends the same length about another axis"
+    )
+    torsional_rigidity: FlexuralRigidity | None = Field(
+        default=None, description="Torsional rigidity G J of a backbone in arcs; by default it does not twist"
+    )
     tied_to: str | None = Field(default=None, description="Joint before it at the tip that it turns with, by tie_ratio")
     tie_ratio: TieRatio = Field(default=1.0, description="Its angle over that of the joint that it is tied to")
     stiffness: HandStiffness | None = Field(default=None, description="Of a spring in the joint")
@@ -108,13 +118,20 @@ class Joint(FileTable):
 
     @property
     def chord(self) -> float:
-        """Length of the straight joint, m: between a gear pair's centres, or of the backbone."""
+        """Length of the straight joint, m: between a gear pair's centres, or of the backbone; 0 within another."""
+        if self.within is not None:
+            return 0.0
         return _core.joint_straight_chord(MECHANISMS[self.mechanism], self.radius, self.backbone_length or 0.0)
 
     @property
     def bend(self) -> str:
         """Name of what bends: of the backbone that it is an arc of, or its own."""
         return self.name.removesuffix(arc_suffix(self.arc)) if self.arc else self.name
+
+    @property
+    def is_twist(self) -> bool:
+        """Whether it stands for a part of a backbone's torsion."""
+        return bool(self.arc) and self.mechanism == "pulley"
 
     @property
     def backbone_stiffness(self) -> float:
@@ -138,12 +155,22 @@ class Joint(FileTable):
             if is_continuum != (getattr(self, key) is not None):
                 needed = "is missing" if is_continuum else f"is given, but a {self.mechanism} has no backbone"
                 raise ArgumentError(f"{key} {needed}; it must be {'given' if is_continuum else 'left out'}", key=key)
-        if self.arcs > 1 and not (
-            is_continuum and self.place == "tip" and self.arcs % 2 == 0 and self.arc <= self.arcs
-        ):
+        bends = is_continuum and self.place == "tip"
+        if self.arcs > 1 and not (bends and self.arcs % 2 == 0) and not self.is_twist:
             raise ArgumentError(
                 f"arcs is {self.arcs}; it must be 1 or an even number, for a continuum at the tip", key="arcs"
             )
+        if self.arc > self.arcs:
+            raise ArgumentError(f"arc is {self.arc}; it must be at most arcs, {self.arcs}", key="arc")
+        for key, default in (("planes", 1), ("within", None), ("torsional_rigidity", None)):
+            if getattr(self, key) != default and not bends:
+                raise ArgumentError(f"{key} is given; only a continuum at the tip has it; leave it out", key=key)
+        if self.torsional_rigidity is not None and self.arcs == 1:
+            raise ArgumentError(
+                "torsional_rigidity is given for a backbone of one arc; give arcs = 2 or more with it", key="arcs"
+            )
+        if self.planes == 2 and self.within is not None:
+            raise ArgumentError("planes is 2 and within is given; give one of them", key="planes")
         if not isinstance(self.axis, str) and not math.hypot(*self.axis) > 0:
             raise ArgumentError(
                 f"axis is {list(self.axis)}; it must be yaw, pitch, roll or a vector that is not zero", key="axis"
@@ -171,12 +198,31 @@ class Crossing(FileTable):
     """Passage of a tendon over a joint."""
 
     joint: str = Field(description="Name of the joint")
-    side: Side = Field(description="Side of the joint: agonist bends it to positive angles, middle does not bend it")
+    side: Side | None = Field(
+        default=None,
+        description="Side of the joint: agonist bends it to positive angles, middle does not bend it; or give angle",
+    )
+    angle: Angle | None = Field(
+        default=None, description="Angle round a backbone from its agonist's side, toward y for yaw, instead of side"
+    )
     radius: Spacing | None = Field(default=None, description="Distance from the joint's middle; by default its radius")
+    far_radius: Spacing | None = Field(
+        default=None, description="The same at the far end of a backbone in arcs, if it changes evenly along it"
+    )
     base_wrap: SheathBend = Field(default=0.0, description="Bend of the tendon over the straight joint")
     coefficient: Coefficient | None = Field(
         default=None, description="Friction coefficient there; by default friction.vertex_coefficient"
     )
+
+    @model_validator(mode="after")
+    def _on_a_side(self) -> Self:
+        if (self.side is None) == (self.angle is None):
+            raise ArgumentError(
+                f"side and angle are {'both' if self.side else 'not'} given where joint is {self.joint!r}; give one of "
+                "them",
+                key="side",
+            )
+        return self
 
 
 class Tendon(FileTable):

@@ -8,7 +8,6 @@ from typing import Any, TypeAlias
 from pydantic import TypeAdapter, ValidationError
 
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument.backbones import join
 from tenodesis.instrument.full_form import FullForm, RouteError
 from tenodesis.instrument.instrument import ENTRIES, Instrument
 from tenodesis.instrument.mechanisms import JOINT_TYPES, SHORT_FORM
@@ -78,15 +77,15 @@ def in_arcs(given: InstrumentLike, arcs: int = 4) -> FullForm:
     Errors as :func:`expanded`, and InstrumentError for an odd number above 1.
     """
     inst = expanded(given)
-    joints, tendons = join(inst.joints, inst.tendons)
-    if len(joints) == len(inst.joints) and (arcs == 1 or not any(joint.backbone_length for joint in inst.tip_joints)):
-        return inst
-    cut_up = [
-        joint.model_dump(exclude_unset=True, exclude_none=True)
-        | ({"arcs": arcs} if joint.mechanism == "continuum" and joint.place == "tip" else {})
-        for joint in joints
+    joints = [
+        joint.model_copy(update={"arcs": arcs})
+        if joint.mechanism == "continuum" and joint.place == "tip" and not joint.arc
+        else joint
+        for joint in inst.as_given("joints")
     ]
-    values = inst.with_values({"joints": cut_up, "tendons": tendons})
+    if all(joint is other for joint, other in zip(joints, inst.as_given("joints"), strict=True)):
+        return inst
+    values = inst.with_values({"joints": joints})
     return validated(FullForm, values, InstrumentError, inst.name, context={"expanded": True}, entries=ENTRIES)
 
 

@@ -58,7 +58,7 @@ def with_units(model: BaseModel, *, unset: bool = True) -> dict[str, Any]:
     """
     values: dict[str, Any] = {}
     for name, field in type(model).model_fields.items():
-        value = getattr(model, name)
+        value = model.as_given(name) if isinstance(model, Instrument) else getattr(model, name)
         if value is None or not (unset or name in model.model_fields_set):
             continue
         quantity = quantity_of(field)

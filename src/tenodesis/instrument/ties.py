@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.instrument.backbones import OWN, SHARED
-from tenodesis.instrument.joints import Joint
+from tenodesis.instrument.joints import Joint, arc_suffix
 
 _RIGID = 1e5
 """Stiffness of what ties joints rigidly, over that of the tendons and springs about them: it gives way by 1e-5 of what
@@ -41,8 +41,9 @@ def ties(joints: Sequence[Joint], stiffness: NDArray[np.float64]) -> list[Tie]:
         if joint.tied_to is not None:
             to = names.index(joint.tied_to)
             found.append(Tie(to, joint.tie_ratio, _RIGID * float(stiffness[i] + stiffness[to]), True))
-        elif joint.arc and joint.arc % 2 == 0:
-            found.append(Tie(i - 1, -1.0, SHARED * joint.backbone_stiffness, False))
+        elif joint.arc and joint.arc % 2 == 0 and not joint.is_twist:
+            before = names.index(joint.bend + arc_suffix(joint.arc - 1))
+            found.append(Tie(before, -1.0, SHARED * joint.backbone_stiffness, False))
         else:
             found.append(_NONE)
     return found

@@ -43,6 +43,14 @@ class Skeleton(NamedTuple):
         alone = self.port is not None and self._single(joint.place)
         return kind if alone else f"{joint.name}_{kind}"
 
+    def around(self, joint: Joint) -> Joint | None:
+        """Return the joint that a joint bends within."""
+        return next((other for other in self.inst.tip_joints if other.name == joint.within), None)
+
+    def inside(self, joint: Joint) -> Joint | None:
+        """Return the joint that bends within a joint."""
+        return next((other for other in self.inst.tip_joints if other.within == joint.name), None)
+
     def _single(self, place: str) -> bool:
         return sum(joint.place == place and end_length(self.inst, joint) is not None for joint in self.inst.joints) == 1
 
@@ -56,6 +64,8 @@ class Skeleton(NamedTuple):
                 # A pulley turns about one axis, and nothing is between its ends.
                 if joint.mechanism != "pulley":
                     found[f"{joint.name}_carrier"] = first
+                if self.inside(joint) is not None:
+                    continue
                 found[f"{joint.name}_far"] = first + 1
                 if end_length(self.inst, joint) is None:
                     continue
@@ -97,7 +107,16 @@ def _skeleton(given: Instrument) -> Skeleton:
 def _joints(
     inst: FullForm, joints: tuple[Joint, ...], parents: tuple[int, ...]
 ) -> tuple[list[int], list[int], list[list[float]]]:
-    numbers = [[*joint.axis_vector, joint.offset, joint.chord, end_length(inst, joint) or 0.0] for joint in joints]
+    numbers = [
+        [
+            *joint.axis_vector,
+            joint.offset,
+            1.0 if joint.within else joint.chord,
+            end_length(inst, joint) or 0.0,
+            float(joint.within is not None),
+        ]
+        for joint in joints
+    ]
     return [MECHANISMS[joint.mechanism] for joint in joints], list(parents), numbers
 
 
@@ -131,11 +150,15 @@ def crossed(inst: FullForm, tendon: Tendon) -> list[tuple[Joint, Array]]:
         for joint in outward:
             crossing, axis = crossings[joint.name], np.array(joint.axis_vector)
             radius = joint.radius if crossing.radius is None else crossing.radius
-            offset = SIGNS[crossing.side] * radius * bend_side(joint.axis_vector)
+            offset = SIGNS[crossing.side or "middle"] * radius * bend_side(joint.axis_vector)
             if crossing.side == "middle":
                 found[joint.name] = (beyond @ axis) * axis
             else:
                 found[joint.name] = beyond = offset
+    for joint in tips:
+        if joint.within in found:
+            # Two planes of the same arc: the tendon runs at both distances.
+            found[joint.name] = found[joint.within] = found[joint.name] + found[joint.within]
     return [(joint, found[joint.name]) for joint in (*handles, *reversed(tips))]
 
 

@@ -155,7 +155,7 @@ def _body(parent: Element, part: RigidPart, motion: Mapping[str, Mapping[str, st
 def _hold(servos: Element, of: Skeleton, stiffness: Mapping[str, float]) -> None:
     """Add what holds the joints of the handle."""
     for joint in of.inst.handle_joints:
-        halves = moving(joint, "mjcf")
+        halves = moving(of, joint, "mjcf")
         gain = text(_HOLD * len(halves) * stiffness[joint.name])
         SubElement(servos, "position", name=joint.name, joint=halves[0], kp=gain)
 
@@ -178,7 +178,7 @@ def _load(servos: Element, end: str) -> None:
 
 def _held(of: Skeleton, tree: Mapping[str, RigidPart], stiffest: float) -> dict[str, float]:
     """Return the stiffness, N m/rad or N/m, that holds each joint that no tendon crosses: the port's and the roll."""
-    bending = {name for joint in of.inst.joints for name in moving(joint, "mjcf")}
+    bending = {name for joint in of.inst.joints for name in moving(of, joint, "mjcf")}
     free = [joint for part in tree.values() for joint in part.joints if joint.name not in bending]
     return {joint.name: _HOLD_LENGTH if joint.kind == "slide" else _HOLD_PORT * stiffest for joint in free}
 
@@ -187,7 +187,7 @@ def _motion(of: Skeleton, stiffness: Mapping[str, float]) -> dict[str, dict[str,
     """Return stiffness, damping and inertia of every bending joint's hinges, as attributes, by its name."""
     found: dict[str, dict[str, str]] = {}
     for joint in of.inst.joints:
-        names, at_tip = moving(joint, "mjcf"), joint.place == "tip"
+        names, at_tip = moving(of, joint, "mjcf"), joint.place == "tip"
         about = stiffness[joint.name] * (1.0 if at_tip else _HOLD)
         values = {"armature": about / _RATE**2, "damping": _LAG * (joint.own_stiffness if at_tip else about)}
         if at_tip:
@@ -212,29 +212,32 @@ def _branches(of: Skeleton, tendon: Tendon, tree: Mapping[str, RigidPart]) -> li
     """
     passed = crossed(of.inst, tendon)
     found: list[list[_Guide]] = [[]]
-    if passed[0][0].place == "tip" and tree[moving(passed[0][0], "mjcf")[0]].parent == "stem":
+    if passed[0][0].place == "tip" and tree[moving(of, passed[0][0], "mjcf")[0]].parent == "stem":
         start = passed[0][1] - _along(of.stem_length)
         found[0].append(_Guide("stem", f"{tendon.name}_start", start, start))
     for joint, offset in passed:
-        guides = list(_guides(joint, offset, tendon, tree))
+        steps = list(_guides(of, joint, offset, tendon, tree))
         if joint.place == "handle":
-            guides.reverse()
-        if found[-1] and found[-1][-1].body != guides[0].body:
-            found.append([])
-        found[-1] += guides
+            steps = [step[::-1] for step in reversed(steps)]
+        for step in steps:
+            if found[-1] and found[-1][-1].body != step[0].body:
+                found.append([])
+            found[-1] += step
     return found
 
 
-def _guides(joint: Joint, out: Array, tendon: Tendon, tree: Mapping[str, RigidPart]) -> Iterator[_Guide]:
-    """Yield what leads a tendon over a joint at an offset from its middle, outward."""
-    chain = [tree[name] for name in moving(joint, "mjcf")]
+def _guides(
+    of: Skeleton, joint: Joint, out: Array, tendon: Tendon, tree: Mapping[str, RigidPart]
+) -> Iterator[list[_Guide]]:
+    """Yield what leads a tendon over each part of a joint at an offset from its middle, outward."""
+    chain = [tree[name] for name in moving(of, joint, "mjcf")]
 
     def guide(body: str, name: str, local: Array, cylinder: _Cylinder | None = None) -> _Guide:
         return _Guide(body, f"{tendon.name}_{name}", local, local + _along(_height(tree, body)), cylinder)
 
     if joint.mechanism == "tendon-gear":
-        yield guide(str(chain[0].parent), f"{joint.name}_near", out + _along(chain[0].offset))
-        yield guide(chain[-1].name, chain[-1].name, out)
+        near = guide(str(chain[0].parent), f"{joint.name}_near", out + _along(chain[0].offset))
+        yield [near, guide(chain[-1].name, chain[-1].name, out)]
         return
     side, axis = bend_side(joint.axis_vector), np.array(joint.axis_vector)
     across = (out @ side) * side
@@ -243,11 +246,11 @@ def _guides(joint: Joint, out: Array, tendon: Tendon, tree: Mapping[str, RigidPa
     for part in chain:
         near, centre = str(part.parent), _along(part.offset)
         # It comes along the link, wraps by a quarter turn, and leaves across the next one.
-        yield guide(near, f"{part.name}_in", centre + out - ahead)
+        step = [guide(near, f"{part.name}_in", centre + out - ahead)]
         if radius:
             cylinder = _Cylinder(radius, axis, centre + 3 * (across + ahead), joint.mechanism == "continuum")
-            yield guide(near, part.name, centre, cylinder)
-        yield guide(part.name, f"{part.name}_out", ahead + out - 2 * across)
+            step.append(guide(near, part.name, centre, cylinder))
+        yield [*step, guide(part.name, f"{part.name}_out", ahead + out - 2 * across)]
 
 
 def _length(guides: list[_Guide]) -> float:

@@ -55,7 +55,7 @@ class _Piece(NamedTuple):
 
     name: str
     offset: float
-    hinges: bool = True
+    hinge: Joint | None = None
     slides: bool = False
 
 
@@ -68,31 +68,24 @@ def parts(inst: InstrumentLike, format: Format) -> list[RigidPart]:
     of = skeleton(inst)
     radii = [joint.radius for joint in of.inst.tip_joints]
     thick = (STEM_PER_RADIUS * max(radii) if of.inst.stem_diameter is None else of.inst.stem_diameter) / 2
-    tied = {joint.name: joint for joint in of.inst.tip_joints}
     found = [RigidPart("stem", None, 0.0, _in_port(of), (-of.stem_length, 0.0, thick))]
     for joint, on, beyond in _stacked(of):
         side = 1.0 if joint.place == "tip" else -1.0
         at, start = (f"{on}_far", 0.0) if on else ("stem", 0.0 if side > 0 else -of.stem_length)
-        pieces = _pieces(joint, format)
-        turning = moving(joint, format)
-        share = _limit(joint) / len(turning)
+        pieces = _pieces(of, joint, format)
+        first_offset = (of.around(joint) or joint).offset
         for place, piece in enumerate(pieces):
-            name = f"{joint.name}_{piece.name}"
-            offset = start + side * (piece.offset + (joint.offset if place == 0 else 0.0))
+            offset = start + side * (piece.offset + (first_offset if place == 0 else 0.0))
             following = pieces[place + 1].offset if place + 1 < len(pieces) else beyond
-            first = None if name == turning[0] or (joint.arc and format == "mjcf") else turning[0]
-            slide = PartJoint(f"{joint.name}_chord", "slide", (0.0, 0.0, side), -joint.chord, 0.0)
-            ratio = 1.0
-            if name == turning[0] and joint.tied_to is not None:
-                others = moving(tied[joint.tied_to], format)
-                first, ratio = others[0], joint.tie_ratio * len(others) / len(turning)
-            hinge = PartJoint(name, "hinge", joint.axis_vector, -share, share, same_as=first, ratio=ratio)
-            joints = ((slide,) if piece.slides else ()) + ((hinge,) if piece.hinges else ())
-            is_far = piece.name == "far"
+            slide = PartJoint(f"{joint.name}_chord", "slide", (0.0, 0.0, side), -_chord(of, joint), 0.0)
+            joints = (slide,) if piece.slides else ()
+            if piece.hinge is not None:
+                joints += (_hinge(of, piece.name, piece.hinge, format),)
+            is_far = piece.name.endswith("_far")
             back = -joint.radius / 2 if is_far and joint.mechanism != "continuum" else 0.0
             wide = (0.7 if is_far else 0.5) * joint.radius
-            found.append(RigidPart(name, at, offset, joints, _cylinder(side * back, side * following, wide)))
-            at, start = name, 0.0
+            found.append(RigidPart(piece.name, at, offset, joints, _cylinder(side * back, side * following, wide)))
+            at, start = piece.name, 0.0
         reach = end_length(of.inst, joint)
         if reach is not None:
             found += _end(of, joint, reach, reach - min(beyond, reach), thick)
@@ -115,25 +108,44 @@ def joint_positions(
     of = skeleton(inst)
     given = coordinates(inst, angles, handle_angles, port, reachable=True)
     bodies = frames(inst, angles, handle_angles, port=port).bodies
-    bending = {f"{joint.name}_{piece.name}": joint for joint in of.inst.joints for piece in _pieces(joint, format)}
+    pieces = {piece.name: (piece, joint) for joint in of.inst.joints for piece in _pieces(of, joint, format)}
     found = {}
     for part in parts(inst, format):
         for joint in part.joints:
-            own = bending.get(part.name)
-            if own is None:
+            piece, own = pieces.get(part.name, (None, None))
+            if piece is None or own is None:
                 value = given.port[joint.name]
             elif joint.kind == "hinge":
-                value = given.joints[own.name] / len(moving(own, format))
+                assert piece.hinge is not None
+                value = given.joints[piece.hinge.name] / len(moving(of, piece.hinge, format))
             else:
-                apart = bodies[part.name].position - bodies[f"{own.name}_carrier"].position
-                value = np.linalg.norm(apart, axis=-1) - own.chord
+                carrier, far = (bodies[f"{own.name}_{end}"].position for end in ("carrier", "far"))
+                value = np.linalg.norm(far - carrier, axis=-1) - _chord(of, own)
             found[joint.name] = float(value) if np.ndim(value) == 0 else value
     return found
 
 
-def moving(joint: Joint, format: Format) -> list[str]:
+def moving(of: Skeleton, joint: Joint, format: Format) -> list[str]:
     """Return the names of the parts that turn with a bending joint, each by the same share of its angle."""
-    return [f"{joint.name}_{piece.name}" for piece in _pieces(joint, format) if piece.hinges]
+    return [piece.name for piece in _pieces(of, of.inside(joint) or joint, format) if piece.hinge is joint]
+
+
+def _hinge(of: Skeleton, name: str, joint: Joint, format: Format) -> PartJoint:
+    """Return the hinge by which a part turns with a joint."""
+    turning = moving(of, joint, format)
+    share = _limit(joint) / len(turning)
+    first = None if name == turning[0] or (joint.arc and format == "mjcf") else turning[0]
+    ratio = 1.0
+    if name == turning[0] and joint.tied_to is not None:
+        other = next(one for one in of.inst.tip_joints if one.name == joint.tied_to)
+        others = moving(of, other, format)
+        first, ratio = others[0], joint.tie_ratio * len(others) / len(turning)
+    return PartJoint(name, "hinge", joint.axis_vector, -share, share, same_as=first, ratio=ratio)
+
+
+def _chord(of: Skeleton, joint: Joint) -> float:
+    """Return the length of the straight joint, or of that around it, m."""
+    return (of.around(joint) or joint).chord
 
 
 def text(value: float) -> str:
@@ -174,29 +186,46 @@ def _limit(joint: Joint) -> float:
     return joint.range if joint.stop is None else joint.stop
 
 
-def _pieces(joint: Joint, format: Format) -> list[_Piece]:
+def _pieces(of: Skeleton, joint: Joint, format: Format) -> list[_Piece]:
+    """Return the parts of a joint, from the stem outward; of one around another none: they are the other's."""
+    if of.inside(joint) is not None:
+        return []
+    carrier, far = f"{joint.name}_carrier", f"{joint.name}_far"
+    chord, around = _chord(of, joint), of.around(joint)
     if joint.mechanism == "pulley":
         halves = format == "mjcf" and _limit(joint) > _WIDEST_WRAP
-        return [_Piece("carrier", 0.0), _Piece("far", 0.0)] if halves else [_Piece("far", 0.0)]
+        return [_Piece(carrier, 0.0, joint), _Piece(far, 0.0, joint)] if halves else [_Piece(far, 0.0, joint)]
     if joint.mechanism == "tendon-gear" or format == "urdf":
-        return [_Piece("carrier", 0.0), _Piece("far", joint.chord, slides=joint.mechanism == "continuum")]
+        slides = joint.mechanism == "continuum"
+        if around is None:
+            return [_Piece(carrier, 0.0, joint), _Piece(far, chord, joint, slides)]
+        between = _Piece(f"{joint.name}_between", chord, joint, slides)
+        return [_Piece(f"{around.name}_carrier", 0.0, around), _Piece(carrier, 0.0, joint), between, _Piece(far, 0.0, around)]
     if joint.arc:
         # Hinges in the middle of the pieces, which bend as they are pushed.
-        half = joint.chord / _HINGES_OF_ARC / 2
-        row = [_Piece(f"{place}", half if place == 1 else 2 * half) for place in range(1, _HINGES_OF_ARC + 1)]
-        return [*row, _Piece("far", half, hinges=False)]
-    pitch = joint.chord / _VERTEBRAE
-    # In the proportions of Gregory's rule the row reaches as far as the arc, but for a high order of its bends.
-    steps = [5 / 12, 13 / 12, *[1.0] * (_VERTEBRAE - 3), 13 / 12]
-    row = [_Piece(f"{place}", step * pitch) for place, step in enumerate(steps, 1)]
-    return [*row, _Piece("far", 5 / 12 * pitch, hinges=False)]
+        half = chord / _HINGES_OF_ARC / 2
+        steps, end = [half] + [2 * half] * (_HINGES_OF_ARC - 1), half
+    else:
+        pitch = chord / _VERTEBRAE
+        # In the proportions of Gregory's rule the row reaches as far as the arc, but for a high order of its bends.
+        steps, end = [pitch * step for step in (5 / 12, 13 / 12, *[1.0] * (_VERTEBRAE - 3), 13 / 12)], 5 / 12 * pitch
+    row = []
+    for place, step in enumerate(steps, 1):
+        # In two planes each vertebra turns about both axes, in turn about one of them first.
+        axes = [joint] if around is None else [around, joint] if place % 2 else [joint, around]
+        row += [_Piece(f"{axis.name}_{place}", 0.0 if n else step, axis) for n, axis in enumerate(axes)]
+    return [*row, _Piece(far, end)]
 
 
 def _stacked(of: Skeleton) -> list[tuple[Joint, str, float]]:
-    """Return the joints, each with the one that it stands on, if any, and the length to those that stand on it, m."""
+    """Return the joints, each with the one that it stands on, if any, and the length to those that stand on it, m.
+
+    Two joints of which one bends within the other stand on the same one.
+    """
     tips, handles = of.inst.tip_joints, of.inst.handle_joints
     parents = zip(tips, of.inst.parents, strict=True)
     on = {joint.name: "" if parent < 0 else tips[parent].name for joint, parent in parents}
+    on |= {joint.name: on[joint.within] for joint in tips if joint.within is not None}
     on |= {joint.name: handles[place - 1].name if place else "" for place, joint in enumerate(handles)}
     beyond = dict.fromkeys(on, 0.0)
     for joint in (*tips, *handles):

@@ -114,14 +114,18 @@ class _Route:
                 joint = joints[crossing.joint]
                 if joint.place != place:
                     continue
+                inside = joint.within is not None
                 span = given / joint.arcs if given is not None else (_span(joint) / length if length else 0.0)
+                # The joint around it has friction and compliance of both.
+                span = 0.0 if inside else span
                 spans += span
                 name = crossing.joint
                 arm = arms[name] if place == "handle" else -arms[name]
                 coefficient = friction.vertex_coefficient if crossing.coefficient is None else crossing.coefficient
                 coefficient *= _bend_before(joint, before) if vertices == 1 else 1.0
-                before = joint
-                one = (float(places[name]), coefficient * friction.vertex_factor, crossing.base_wrap / vertices, part)
+                before = before if inside else joint
+                share = 0.0 if inside else part
+                one = (float(places[name]), coefficient * friction.vertex_factor, crossing.base_wrap / vertices, share)
                 # A joint's span is the segment that it draws: between two vertices, or before the only one at the
                 # handle and beyond it at the tip.
                 if vertices > 1:
