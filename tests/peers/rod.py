@@ -1,15 +1,17 @@
 """A backbone in space as an inextensible Kirchhoff rod, by shooting; it shares nothing with arcs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import solve_ivp
-from scipy.optimize import root
-from scipy.spatial.transform import Rotation
 
 _Z = np.array([0.0, 0.0, 1.0])
-_TOLERANCE = 1e-9
+_STEPS = 64
+"""Of the classical Runge-Kutta rule along the rod."""
+_BY = 1e-6
+"""Difference by which slopes are taken; the rule's error is the same for both, so that only rounding is amplified."""
+_SETTLED = 1e-9
+_MOST_STEPS = 40
 
 
 class Rod(NamedTuple):
@@ -29,11 +31,27 @@ class Rod(NamedTuple):
 
 
 class End(NamedTuple):
-    """Where the rod ends: place (3,), m, rotation, and tensions, N."""
+    """Where the rod ends: place (3,), m, unit quaternion w, x, y, z, and tensions, N."""
 
     place: np.ndarray
-    rotation: Rotation
+    rotation: np.ndarray
     tensions: np.ndarray
+
+
+def turned(rotation: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Return vectors (..., 3) turned by unit quaternions (..., 4)."""
+    w, v = rotation[..., :1], rotation[..., 1:]
+    twice = 2 * np.cross(v, vector)
+    return np.asarray(vector + w * twice + np.cross(v, twice))
+
+
+def _back(rotation: np.ndarray) -> np.ndarray:
+    return rotation * [1, -1, -1, -1]
+
+
+def _times(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    w = a[..., :1] * b[..., :1] - (a[..., 1:] * b[..., 1:]).sum(-1, keepdims=True)
+    return np.concatenate([w, a[..., :1] * b[..., 1:] + b[..., :1] * a[..., 1:] + np.cross(a[..., 1:], b[..., 1:])], -1)
 
 
 def end(rod: Rod, wrench: Sequence[float], wound: Sequence[float], parts: int = 4) -> End:
@@ -53,44 +71,62 @@ def end(rod: Rod, wrench: Sequence[float], wound: Sequence[float], parts: int = 
     lengths, load = np.asarray(wound, float), np.asarray(wrench, float)
     near, far = rod.tendons[:, :2], rod.tendons[:, 2:]
     yields = 1 / np.array([rod.bending, rod.bending, rod.torsion])
+    scale = np.concatenate([np.full(3, rod.length), np.ones(3), np.full(len(lengths), near.max())])
 
-    def integrated(unknown: np.ndarray, share: float) -> tuple[np.ndarray, Rotation, np.ndarray, np.ndarray]:
-        drawn = unknown[6:]
-        tensions = np.maximum(rod.pretension + rod.stiffness * (share * lengths - drawn), 0.0)
-        tip = Rotation.from_rotvec(unknown[3:6])
-        force = tip.apply(share * load[:3])
-        moment = tip.apply(share * (load[3:] + rod.end_effector_length * np.cross(_Z, load[:3])))
+    def integrated(guess: np.ndarray, share: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the far end, (n, 7 + tendons), and the tensions, where it is guessed to be in place and turn."""
+        unknown = guess * scale
+        tensions = np.maximum(rod.pretension + rod.stiffness * (share * lengths - unknown[:, 6:]), 0.0)
+        half = unknown[:, 3:6] / 2
+        tip = np.concatenate([np.sqrt(np.maximum(1 - (half**2).sum(1, keepdims=True), 0.0)), half], 1)
+        force = turned(tip, share * load[:3])
+        moment = turned(tip, share * (load[3:] + rod.end_effector_length * np.cross(_Z, load[:3])))
 
         def rates(s: float, y: np.ndarray) -> np.ndarray:
-            place, (w, *v) = y[:3], y[3:7]
-            v = np.array(v)
+            rotation = y[:, 3:7] / np.linalg.norm(y[:, 3:7], axis=1, keepdims=True)
             x, z = (near + (far - near) * s / rod.length).T
-            outer = moment + np.cross(unknown[:3] - place, force)
-            # A vector of space, in the axes of the section.
-            inner = outer - 2 * w * np.cross(v, outer) + 2 * np.cross(v, np.cross(v, outer))
-            inner[0] -= tensions @ z
-            inner[1] += tensions @ x
+            inner = turned(_back(rotation), moment + np.cross(unknown[:, :3] - y[:, :3], force))
+            inner[:, 0] -= tensions @ z
+            inner[:, 1] += tensions @ x
             turn = inner * yields
-            along = _Z + 2 * w * np.cross(v, _Z) + 2 * np.cross(v, np.cross(v, _Z))
-            return np.concatenate(
-                [along, [-0.5 * v @ turn], 0.5 * (w * turn + np.cross(v, turn)), x * turn[1] - z * turn[0]]
-            )
+            spin = 0.5 * _times(rotation, np.pad(turn, ((0, 0), (1, 0))))
+            drawn = turn[:, 1:2] * x - turn[:, :1] * z
+            return np.concatenate([turned(rotation, _Z), spin, drawn], 1)
 
-        start = np.concatenate([np.zeros(3), [1.0], np.zeros(3 + len(lengths))])
-        y = solve_ivp(rates, (0.0, rod.length), start, "DOP853", rtol=1e-9, atol=1e-12).y[:, -1]
-        return y[:3], Rotation.from_quat([*y[4:7], y[3]]), y[7:], tensions
+        y = np.zeros((len(guess), 7 + len(lengths)))
+        y[:, 3] = 1.0
+        h = rod.length / _STEPS
+        for s in h * np.arange(_STEPS):
+            one = rates(s, y)
+            two = rates(s + h / 2, y + h / 2 * one)
+            three = rates(s + h / 2, y + h / 2 * two)
+            four = rates(s + h, y + h * three)
+            y = y + h / 6 * (one + 2 * two + 2 * three + four)
+        y[:, 3:7] /= np.linalg.norm(y[:, 3:7], axis=1, keepdims=True)
+        return y, tensions
 
-    def missed(unknown: np.ndarray, share: float) -> np.ndarray:
-        place, rotation, drawn, _ = integrated(unknown, share)
-        apart = (rotation * Rotation.from_rotvec(unknown[3:6]).inv()).as_rotvec()
-        scale = rod.length
-        return np.concatenate([(place - unknown[:3]) / scale, apart, (drawn - unknown[6:]) / near.max()])
+    def missed(guess: np.ndarray, share: float) -> np.ndarray:
+        y, _ = integrated(guess, share)
+        return np.concatenate([y[:, :3], 2 * y[:, 4:7], y[:, 7:]], 1) / scale - guess
 
-    at = np.concatenate([rod.length * _Z, np.zeros(3 + len(lengths))])
+    at = np.concatenate([_Z, np.zeros(3 + len(lengths))])
     for share in np.linspace(0.0, 1.0, parts + 1)[1:]:
-        found = root(missed, at, (share,), tol=_TOLERANCE)
-        if not found.success and np.abs(found.fun).max() > 1e3 * _TOLERANCE:
-            raise ValueError(found.message)
-        at = found.x
-    place, rotation, _, tensions = integrated(at, 1.0)
-    return End(place, rotation, tensions)
+        at = _solved(lambda x, p=share: missed(x, p), at)
+    y, tensions = integrated(at[None], 1.0)
+    return End(y[0, :3], y[0, 3:7], tensions[0])
+
+
+def _solved(missed: Callable[[np.ndarray], np.ndarray], at: np.ndarray) -> np.ndarray:
+    """Return where all of a function vanishes, by Newton's iteration with steps that are halved until it falls."""
+    moves = _BY * np.eye(len(at))
+    off = missed(at[None])[0]
+    for _ in range(_MOST_STEPS):
+        if np.abs(off).max() < _SETTLED:
+            return at
+        apart = missed(np.concatenate([at + moves, at - moves]))
+        step = np.linalg.solve((apart[: len(at)] - apart[len(at) :]).T / (2 * _BY), -off)
+        shares = 0.5 ** np.arange(12)
+        tried = missed(at + shares[:, None] * step)
+        best = int(np.argmin(np.linalg.norm(tried, axis=1)))
+        at, off = at + shares[best] * step, tried[best]
+    raise ValueError(f"the rod's end is {np.abs(off).max():.3g} off")
