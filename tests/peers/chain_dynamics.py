@@ -20,6 +20,7 @@ from tenodesis import kinematics
 from tenodesis.errors import NoSolutionError
 from tenodesis.extras import require
 from tenodesis.instrument import FullForm
+from tenodesis.kinematics.chain import skeleton
 from tenodesis.kinematics.parts import moving
 from tenodesis.plant import link_rows
 
@@ -66,11 +67,11 @@ class _Model:
             string.damping[0] = 0.0
         for joint in inst.handle_joints:
             spec.delete(spec.actuator(joint.name))
-            for name in moving(joint, "mjcf"):
+            for name in moving(skeleton(inst), joint, "mjcf"):
                 spec.joint(name).armature = _IMMOVABLE
                 spec.joint(name).damping[0] = 0.0
         for joint, row in zip(inst.tip_joints, links, strict=True):
-            names = moving(joint, "mjcf")
+            names = moving(skeleton(inst), joint, "mjcf")
             for name in names:
                 spec.joint(name).armature = len(names) * _ARMATURE_SHARE * row[2:5].max() if len(names) > 1 else 0.0
                 spec.joint(name).damping[0] = len(names) * row[5]
@@ -92,7 +93,7 @@ class _Model:
         joints = self.inst.tip_joints if place == "tip" else self.inst.handle_joints
         found = np.zeros((model.nv, len(joints)))
         for i, joint in enumerate(joints):
-            names = moving(joint, "mjcf")
+            names = moving(skeleton(inst), joint, "mjcf")
             found[[model.joint(name).dofadr[0] for name in names], i] = 1 / len(names)
         return found
 
@@ -203,7 +204,7 @@ def _fastest(inst: FullForm, acting: Array, time_step: float) -> tuple[Any, Any]
     without = mujoco.mjtDisableBit
     spec.option.disableflags |= int(without.mjDSBL_ISLAND | without.mjDSBL_EULERDAMP | without.mjDSBL_SENSOR)
     spec.compiler.fusestatic = True
-    held = {name for joint in inst.handle_joints for name in moving(joint, "mjcf")}
+    held = {name for joint in inst.handle_joints for name in moving(skeleton(inst), joint, "mjcf")}
     for tie in [tie for tie in spec.equalities if tie.name1 in held]:
         spec.delete(tie)
     for name in held:

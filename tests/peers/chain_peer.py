@@ -17,6 +17,7 @@ from peers.mujoco_peer import relax
 from tenodesis import kinematics
 from tenodesis.extras import require
 from tenodesis.instrument import FullForm
+from tenodesis.kinematics.chain import skeleton
 from tenodesis.kinematics.parts import moving
 
 Array = NDArray[np.float64]
@@ -46,7 +47,7 @@ class ChainPeer:
         self._model.body_inertia *= 1e-3
         mujoco.mj_setConst(self._model, self._data)
         self._hinges = {
-            joint.name: [self._model.joint(name).qposadr[0] for name in moving(joint, "mjcf")] for joint in inst.joints
+            joint.name: [self._model.joint(name).qposadr[0] for name in moving(skeleton(inst), joint, "mjcf")] for joint in inst.joints
         }
 
     def settle(

@@ -12,6 +12,7 @@ import pytest
 
 import tenodesis as tn
 from tenodesis import kinematics as km
+from tenodesis.kinematics.chain import skeleton
 from tenodesis.kinematics.parts import moving
 
 from .kinematic_instruments import INSTRUMENTS, REAL, every_instrument
@@ -96,7 +97,7 @@ def test_the_tip_of_the_urdf_has_the_inertia_of_the_file(inst):
     hinges = [
         name
         for name in km.joint_positions(inst, 0.0)
-        if name in moving(tn.instrument.expanded(inst).tip_joints[-1], "urdf")
+        if name in moving(skeleton(inst), tn.instrument.expanded(inst).tip_joints[-1], "urdf")
     ]
     turning[[model.joints[model.getJointId(name)].idx_v for name in hinges]] = 1 / len(hinges)
     assert turning @ full @ turning == pytest.approx(3.3e-6, rel=1e-2)
@@ -110,7 +111,7 @@ def test_the_mujoco_model_settles_where_the_statics_tell(name):
     # The second joint, straight, lengthens the arm of a force about the first.
     arm = np.diff([km.frames(inst, km.Posture()).bodies[body].position[2] for body in ("yaw_far", "tip")])[0]
     alone = inst.axis("yaw").replace(end_effector_length=arm)
-    hinges = {joint.name: moving(joint, "mjcf") for joint in tn.instrument.expanded(inst).joints}
+    hinges = {joint.name: moving(skeleton(inst), joint, "mjcf") for joint in tn.instrument.expanded(inst).joints}
     for handle, force in ((0.3, 0.0), (0.3, 0.5)):
         data = mujoco.MjData(model)
         mujoco.mj_resetDataKeyframe(model, data, 0)

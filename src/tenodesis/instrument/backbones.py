@@ -53,7 +53,7 @@ def cut(joints: Sequence[Joint], tendons: Sequence[Tendon]) -> tuple[tuple[Joint
 def _parts(joint: Joint) -> list[Joint]:
     """Return the arcs of a backbone in its planes, from the stem outward; any other joint alone."""
     count = joint.arcs
-    if (count == 1 and joint.planes == 1) or joint.arc:
+    if joint.arc or (count == 1 and joint.planes == 1 and joint.torsional_rigidity is None):
         return [joint]
     common: dict[str, Any] = {
         "backbone_length": (joint.backbone_length or 0.0) / count,
@@ -95,7 +95,7 @@ def _planes(joint: Joint) -> list[tuple[str, Any]]:
 
 def _twist(joint: Joint, place: int) -> Joint:
     """Return the joint that turns a backbone about itself between the arcs of a pair, of which place is the number."""
-    pairs = joint.arcs // 2
+    pairs = max(joint.arcs // 2, 1)
     return Joint(
         name=f"{joint.name}_twist{arc_suffix(place)}",
         mechanism="pulley",

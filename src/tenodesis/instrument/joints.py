@@ -88,7 +88,7 @@ class Joint(FileTable):
         default=None, description="Backbone just before it that bends the same length about another axis"
     )
     torsional_rigidity: FlexuralRigidity | None = Field(
-        default=None, description="Torsional rigidity G J of a backbone in arcs; by default it does not twist"
+        default=None, description="Torsional rigidity G J of a backbone; by default it does not twist"
     )
     tied_to: str | None = Field(default=None, description="Joint before it at the tip that it turns with, by tie_ratio")
     tie_ratio: TieRatio = Field(default=1.0, description="Its angle over that of the joint that it is tied to")
@@ -165,10 +165,6 @@ class Joint(FileTable):
         for key, default in (("planes", 1), ("within", None), ("torsional_rigidity", None)):
             if getattr(self, key) != default and not bends:
                 raise ArgumentError(f"{key} is given; only a continuum at the tip has it; leave it out", key=key)
-        if self.torsional_rigidity is not None and self.arcs == 1:
-            raise ArgumentError(
-                "torsional_rigidity is given for a backbone of one arc; give arcs = 2 or more with it", key="arcs"
-            )
         if self.planes == 2 and self.within is not None:
             raise ArgumentError("planes is 2 and within is given; give one of them", key="planes")
         if not isinstance(self.axis, str) and not math.hypot(*self.axis) > 0:

@@ -157,8 +157,10 @@ def crossed(inst: FullForm, tendon: Tendon) -> list[tuple[Joint, Array]]:
                 found[joint.name] = beyond = offset
     for joint in tips:
         if joint.within in found:
-            # Two planes of the same arc: the tendon runs at both distances.
-            found[joint.name] = found[joint.within] = found[joint.name] + found[joint.within]
+            # Two planes of the same arc: the tendon runs at the distances in both.
+            sides = [name for name in (joint.name, joint.within) if crossings[name].side != "middle"]
+            if sides:
+                found[joint.name] = found[joint.within] = np.sum([found[name] for name in sides], axis=0)
     return [(joint, found[joint.name]) for joint in (*handles, *reversed(tips))]
 
 

@@ -138,7 +138,9 @@ def frames(
     paths = [path.reshape(*shape, -1, 3) for path in np.split(points, np.cumsum(lengths)[:-1], axis=1)]
     tendons = [tendon.name for tendon in of.inst.tendons]
     backbones = [
-        joint.name for joint in (*of.inst.tip_joints, *of.inst.handle_joints) if joint.mechanism == "continuum"
+        joint.name
+        for joint in (*of.inst.tip_joints, *of.inst.handle_joints)
+        if joint.mechanism == "continuum" and of.inside(joint) is None
     ]
     return Frames(
         _bodies(of, rows, shape),

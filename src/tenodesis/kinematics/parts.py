@@ -127,7 +127,8 @@ def joint_positions(
 
 def moving(of: Skeleton, joint: Joint, format: Format) -> list[str]:
     """Return the names of the parts that turn with a bending joint, each by the same share of its angle."""
-    return [piece.name for piece in _pieces(of, of.inside(joint) or joint, format) if piece.hinge is joint]
+    pieces = _pieces(of, of.inside(joint) or joint, format)
+    return [piece.name for piece in pieces if piece.hinge is not None and piece.hinge.name == joint.name]
 
 
 def _hinge(of: Skeleton, name: str, joint: Joint, format: Format) -> PartJoint:
