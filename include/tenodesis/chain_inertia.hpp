@@ -71,7 +71,9 @@ struct PairMotion {
         inside(chain.bend(k, x[k])) {
     axis_ = around.outward(outer, inner);  // of the inner joint, in the axes of the far end
     // The chord's direction, and the inner axis where it bends, in the axes of the near end.
-    const auto back = [](const Bend<S>& bend, const Vector<S>& axis, const Vector<S>& v) { return bend.inward(axis, v); };
+    const auto back = [](const Bend<S>& bend, const Vector<S>& axis, const Vector<S>& v) {
+      return bend.inward(axis, v);
+    };
     along_ = back(around, outer, back(inside, inner, Vector<S>{S(0), S(0), S(1)}));
     bent_ = back(around, outer, inner);
     seen_ = around.outward(outer, inside.outward(inner, inside.outward(inner, outer)));
@@ -107,7 +109,6 @@ struct PairMotion {
  private:
   Vector<S> along_{}, bent_{}, axis_{}, seen_{};
 };
-
 
 }  // namespace detail
 

@@ -32,8 +32,9 @@ struct Posture {
   S handle[N]{};            ///< handle angles
 };
 
-/// A bent joint: its carrier starts at its end on the stem's side, its far body at the other end. Of two joints of which
-/// one bends within the other, the inner one has the far body of both, and the outer one's carrier begins where its does.
+/// A bent joint: its carrier starts at its end on the stem's side, its far body at the other end. Of two joints of
+/// which one bends within the other, the inner one has the far body of both, and the outer one's carrier begins where
+/// its does.
 template <class S>
 struct Bent {
   Frame<S> carrier, far;

@@ -391,7 +391,8 @@ struct TendonChain {
 
     /// A wrench at the near end, at the far one.
     constexpr Wrench<T> outward(const Wrench<T>& near) const {
-      return back(around, outer_given, back(inside, inner_given, back(inside, inner_given, back(around, outer_given, near))));
+      return back(around, outer_given,
+                  back(inside, inner_given, back(inside, inner_given, back(around, outer_given, near))));
     }
     /// Its rate by an angle, the wrench at the near end as it is.
     constexpr Wrench<T> outward_rate(const Wrench<T>& near, const Wrench<T>& far, bool of_outer) const {
@@ -399,8 +400,11 @@ struct TendonChain {
         return Wrench<T>{-share * cross(axis, w.force), -share * cross(axis, w.moment)};
       };
       const Wrench<T> first = back(around, outer_given, near);
-      if (!of_outer) return back(around, outer_given, spun(T(1), inner, back(inside, inner_given, back(inside, inner_given, first))));
-      const Wrench<T> begun = back(around, outer_given, back(inside, inner_given, back(inside, inner_given, spun(T(0.5), outer, first))));
+      if (!of_outer)
+        return back(around, outer_given,
+                    spun(T(1), inner, back(inside, inner_given, back(inside, inner_given, first))));
+      const Wrench<T> begun =
+          back(around, outer_given, back(inside, inner_given, back(inside, inner_given, spun(T(0.5), outer, first))));
       const Wrench<T> ended = spun(T(0.5), outer, far);
       return {begun.force + ended.force, begun.moment + ended.moment};
     }

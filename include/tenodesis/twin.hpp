@@ -159,9 +159,7 @@ struct Twin {
     return hand.stiffness * (state.command.handle_angle[h] - state.angle[N + h]) - resistance;
   }
 
-  TipPath<S> path(int i) const {
-    return {mechanism(i), chain.joint[chain.is_within(i) ? i - 1 : i].chord, reach[i]};
-  }
+  TipPath<S> path(int i) const { return {mechanism(i), chain.joint[chain.is_within(i) ? i - 1 : i].chord, reach[i]}; }
 
   /// Wrap of a tendon over a joint, rad; where another bends within it, over both.
   S wrapped(const S* angle, int joint) const {
@@ -280,8 +278,7 @@ struct Twin {
       const Passage<S>& at = passage[m][j];
       const int joint = joint_at(m, j);
       const bool in_sheath = joint < 0;
-      const S wrap =
-          in_sheath ? larger(at.wrap + bent * at.share, S(0)) : at.wrap + wrapped(angle, joint) * at.share;
+      const S wrap = in_sheath ? larger(at.wrap + bent * at.share, S(0)) : at.wrap + wrapped(angle, joint) * at.share;
       const S exponent = at.coefficient * wrap;
       const auto& tension = before.tendon[m].tension;
       // The held side is the slacker one.

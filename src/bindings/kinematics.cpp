@@ -197,8 +197,8 @@ struct Passed {
   }
 };
 
-/// Points along a tendon at one joint: both ends of a gear pair's, or enough of an arc to look like one; none at a joint
-/// with another within it.
+/// Points along a tendon at one joint: both ends of a gear pair's, or enough of an arc to look like one; none at a
+/// joint with another within it.
 std::size_t points_over(const BoundChain& bound, bool at_tip, int i) {
   if (at_tip && is_around(bound.chain, i)) return 0;
   return (at_tip ? bound.chain.tip : bound.chain.handle)[i].mechanism == Mechanism::gear ? 2 : 9;
@@ -230,8 +230,7 @@ std::vector<std::size_t> line_lengths(const BoundChain& bound) {
   std::vector<std::size_t> lengths;
   for (const auto& route : bound.routes()) {
     std::size_t points = std::get<0>(route.front()) ? 1 : 0;
-    for (const auto& [at_tip, joint, x, y, z] : route)
-      points += points_over(bound, at_tip, joint);
+    for (const auto& [at_tip, joint, x, y, z] : route) points += points_over(bound, at_tip, joint);
     lengths.push_back(points);
   }
   const auto backbones = [&](bool at_tip, const ChainJoint<double>* joints, int count) {
@@ -260,7 +259,8 @@ void write_lines(const BoundChain& bound, const At& at, double* out) {
       const ChainJoint<double>& joint = chain.tip[i];
       const ChainJoint<double>& first = chain.tip[within ? i - 1 : i];
       const Frame<double>& on = first.parent < 0 ? found.stem : found.tip[first.parent].far;
-      return Passed{joint, on.moved(first.offset), at.bend[i], 1, within ? &first : nullptr, within ? at.bend[i - 1] : 0};
+      return Passed{joint, on.moved(first.offset),    at.bend[i],
+                    1,     within ? &first : nullptr, within ? at.bend[i - 1] : 0};
     }
     const ChainJoint<double>& joint = chain.handle[i];
     return Passed{joint, (i == 0 ? bottom : found.handle[i - 1].far).moved(-joint.offset), at.handle[i], -1};

@@ -158,9 +158,8 @@ class AnyTendonChain : public ChainSpec {
           for (std::size_t p = 0; p < count; ++p) {
             Bend<double> bend[W::joints];
             for (std::size_t i = 0; i < W::joints; ++i)
-              bend[i] = Bend<double>(chain.joint[i], i < joints() ? coordinate_at(chain.joint[i].mechanism,
-                                                                                  row(angle, p)[i])
-                                                                  : 0.0);
+              bend[i] = Bend<double>(chain.joint[i],
+                                     i < joints() ? coordinate_at(chain.joint[i].mechanism, row(angle, p)[i]) : 0.0);
             for (int k = 0; k < 6; ++k) {
               double wrench[6]{}, moment[W::joints], rate[W::joints][W::joints];
               wrench[k] = 1;

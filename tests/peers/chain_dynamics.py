@@ -93,7 +93,7 @@ class _Model:
         joints = self.inst.tip_joints if place == "tip" else self.inst.handle_joints
         found = np.zeros((model.nv, len(joints)))
         for i, joint in enumerate(joints):
-            names = moving(skeleton(inst), joint, "mjcf")
+            names = moving(skeleton(self.inst), joint, "mjcf")
             found[[model.joint(name).dofadr[0] for name in names], i] = 1 / len(names)
         return found
 

@@ -47,7 +47,8 @@ class ChainPeer:
         self._model.body_inertia *= 1e-3
         mujoco.mj_setConst(self._model, self._data)
         self._hinges = {
-            joint.name: [self._model.joint(name).qposadr[0] for name in moving(skeleton(inst), joint, "mjcf")] for joint in inst.joints
+            joint.name: [self._model.joint(name).qposadr[0] for name in moving(skeleton(inst), joint, "mjcf")]
+            for joint in inst.joints
         }
 
     def settle(

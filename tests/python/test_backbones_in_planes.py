@@ -33,7 +33,13 @@ def bending(arcs: int = 4, *, torsion: float | None = None, angles: Any = THIRDS
     tendons = [
         {"name": f"t{n}", "route": [{"joint": "bend", "angle": radians(at)} | crossing]} for n, at in enumerate(angles)
     ]
-    values = {"name": "rod", "pretension": PRETENSION, "tendon_stiffness": STIFFNESS, "spool_radius": 5e-3, "friction": {}}
+    values = {
+        "name": "rod",
+        "pretension": PRETENSION,
+        "tendon_stiffness": STIFFNESS,
+        "spool_radius": 5e-3,
+        "friction": {},
+    }
     inst = tn.load("two-segment-continuum").replace(
         **values | changes, joints=[joint], tendons=tendons, stem_length=0.3
     )
@@ -98,7 +104,7 @@ def test_a_moment_about_the_rod_twists_it_where_the_file_gives_its_torsional_rig
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("arcs", "farthest", "turned_off"), [(4, 1.3e-2, 0.8), (6, 5e-3, 0.3)])
+@pytest.mark.parametrize(("arcs", "farthest", "turned_off"), [(4, 1.3e-2, 0.8), (6, 5e-3, 0.35)])
 def test_any_rod_in_space_is_followed_by_its_arcs(arcs: int, farthest: float, turned_off: float) -> None:
     rng = np.random.default_rng(37)
     slack, offs = 0, []
@@ -132,7 +138,9 @@ def test_the_rates_of_the_angles_are_their_differences() -> None:
         rates = tn.statics.chain.rates(inst, np.zeros(0), wrench, **at)
         for component, by in enumerate(1e-5 * np.eye(6)):
             apart = [tn.statics.chain.output_angles(inst, np.zeros(0), wrench + sign * by, **at) for sign in (1, -1)]
-            np.testing.assert_allclose(rates.by_wrench[:, component], (apart[0] - apart[1]) / 2e-5, rtol=1e-5, atol=1e-7)
+            np.testing.assert_allclose(
+                rates.by_wrench[:, component], (apart[0] - apart[1]) / 2e-5, rtol=1e-5, atol=1e-7
+            )
 
 
 def test_the_jacobian_is_the_difference_of_poses() -> None:
@@ -177,7 +185,9 @@ def test_mass_matrix_and_moments_of_rates_are_those_of_the_kinetic_energy() -> N
     assert energy(angles, speeds) == pytest.approx(0.5 * speeds @ matrix @ speeds, rel=1e-6)
     # Lagrange: the moments of constant rates are d/dt(M v) - dT/dq.
     by = 1e-5
-    along = (mass_matrix(inst, links, angles + by * speeds)[0] - mass_matrix(inst, links, angles - by * speeds)[0]) @ speeds
+    along = (
+        mass_matrix(inst, links, angles + by * speeds)[0] - mass_matrix(inst, links, angles - by * speeds)[0]
+    ) @ speeds
     expected = along / (2 * by)
     for joint in range(5):
         move = by * np.eye(5)[joint]
@@ -214,7 +224,9 @@ def test_in_motion_it_keeps_its_energy_and_comes_to_rest_where_the_statics_say()
     energy = tn.twin.Twin(inst, time_step=1e-4).energy(np.zeros((8000, 0)), wrench=wrench)
     gained = energy.stored_after - energy.stored_before
     assert energy.load > 1e-5
-    assert gained == pytest.approx(energy.load + energy.spools - energy.friction - energy.damping, abs=1e-5 * energy.load)
+    assert gained == pytest.approx(
+        energy.load + energy.spools - energy.friction - energy.damping, abs=1e-5 * energy.load
+    )
     run = tn.twin.Twin(inst, time_step=1e-4).run(np.zeros((20000, 0)), wrench=np.tile(wrench[0], (20000, 1)))
     rest = tn.statics.chain.output_angles(inst, np.zeros(0), wrench[0])
     np.testing.assert_allclose(run["output_angle"][-1], rest, atol=1e-4)
@@ -229,7 +241,9 @@ def test_friction_along_it_is_that_of_its_bend_in_whichever_plane() -> None:
             friction={"law": "capstan", "vertex_coefficient": coefficient, "sheath_coefficient": 0.0}
         )
         run = tn.twin.Twin(inst, quasi_static=True).run(np.zeros((6000, 0)), spool_velocity=np.full((6000, 1), 0.25))
-        angles = [np.interp(base, run["tension"][:, 0], run[f"output_angle.bend_{plane}"]) for plane in ("yaw", "pitch")]
+        angles = [
+            np.interp(base, run["tension"][:, 0], run[f"output_angle.bend_{plane}"]) for plane in ("yaw", "pitch")
+        ]
         assert degrees(np.hypot(*angles)) == pytest.approx(wanted, abs=0.3)
         assert degrees(np.arctan2(angles[1], angles[0])) == pytest.approx(at, abs=1.0)
 
@@ -252,7 +266,11 @@ def test_it_is_recorded_replayed_and_written_back_as_its_file_has_it(tmp_path: A
     ("changes", "key", "problem"),
     [
         ({"joint": {"planes": 3}}, "joints", "planes"),
-        ({"joint": {"mechanism": "pulley", "backbone_length": None, "backbone_rigidity": None, "arcs": 1}}, "joints", "planes is given"),
+        (
+            {"joint": {"mechanism": "pulley", "backbone_length": None, "backbone_rigidity": None, "arcs": 1}},
+            "joints",
+            "planes is given",
+        ),
         ({"crossing": {"side": "agonist"}}, "tendons", "side and angle are both given"),
         ({"crossing": {"radius": 20e-3}}, "tendons", "nothing would be left of it on the inner side"),
         ({"arcs": 1, "crossing": {"far_radius": 1e-3}}, "tendons", "give it arcs = 2 or more"),

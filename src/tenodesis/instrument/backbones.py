@@ -34,7 +34,9 @@ def cut(joints: Sequence[Joint], tendons: Sequence[Tendon]) -> tuple[tuple[Joint
     parts = {joint.name: _parts(joint) for joint in joints}
     last = {name: found[-1].name for name, found in parts.items()}
     standing = [
-        part.model_copy(update={"on": last[part.on]}) if last.get(part.on or "", part.on) != part.on else part
+        part
+        if part.on is None or last.get(part.on, part.on) == part.on
+        else part.model_copy(update={"on": last[part.on]})
         for joint in joints
         for part in parts[joint.name]
     ]

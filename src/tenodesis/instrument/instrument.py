@@ -210,7 +210,16 @@ class Instrument(FileTable, AnyForm):
             arm = self.grip_arms[i]
             spring = (own_stiffness(joint), *self.ties[i])
             chord = 1.0 if joint.within else joint.chord
-            numbers[i] = (*joint.axis_vector, joint.offset, chord, length, *spring, share, arm, joint.within is not None)
+            numbers[i] = (
+                *joint.axis_vector,
+                joint.offset,
+                chord,
+                length,
+                *spring,
+                share,
+                arm,
+                joint.within is not None,
+            )
         return _core.TendonChain(
             [MECHANISMS[joint.mechanism] for joint in joints],
             list(self.parents),

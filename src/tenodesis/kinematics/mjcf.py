@@ -44,7 +44,7 @@ What this format does not contain:
 - limits by tendons and loads: joint ranges are mechanical stops, or working ranges where none are given.{more}"""
 _CONTINUUM = """
 - the arc of a backbone: it is a row of hinges, eight tied to each other, or six in each of several arcs, not tied; it
-  does not yield in other directions."""
+  does not yield in directions in which the file does not let it bend or twist."""
 
 
 class _Guide(NamedTuple):
@@ -236,8 +236,8 @@ def _guides(
         return _Guide(body, f"{tendon.name}_{name}", local, local + _along(_height(tree, body)), cylinder)
 
     if joint.mechanism == "tendon-gear":
-        near = guide(str(chain[0].parent), f"{joint.name}_near", out + _along(chain[0].offset))
-        yield [near, guide(chain[-1].name, chain[-1].name, out)]
+        first = guide(str(chain[0].parent), f"{joint.name}_near", out + _along(chain[0].offset))
+        yield [first, guide(chain[-1].name, chain[-1].name, out)]
         return
     side, axis = bend_side(joint.axis_vector), np.array(joint.axis_vector)
     across = (out @ side) * side

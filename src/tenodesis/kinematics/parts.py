@@ -78,7 +78,7 @@ def parts(inst: InstrumentLike, format: Format) -> list[RigidPart]:
             offset = start + side * (piece.offset + (first_offset if place == 0 else 0.0))
             following = pieces[place + 1].offset if place + 1 < len(pieces) else beyond
             slide = PartJoint(f"{joint.name}_chord", "slide", (0.0, 0.0, side), -_chord(of, joint), 0.0)
-            joints = (slide,) if piece.slides else ()
+            joints: tuple[PartJoint, ...] = (slide,) if piece.slides else ()
             if piece.hinge is not None:
                 joints += (_hinge(of, piece.name, piece.hinge, format),)
             is_far = piece.name.endswith("_far")
@@ -201,7 +201,12 @@ def _pieces(of: Skeleton, joint: Joint, format: Format) -> list[_Piece]:
         if around is None:
             return [_Piece(carrier, 0.0, joint), _Piece(far, chord, joint, slides)]
         between = _Piece(f"{joint.name}_between", chord, joint, slides)
-        return [_Piece(f"{around.name}_carrier", 0.0, around), _Piece(carrier, 0.0, joint), between, _Piece(far, 0.0, around)]
+        return [
+            _Piece(f"{around.name}_carrier", 0.0, around),
+            _Piece(carrier, 0.0, joint),
+            between,
+            _Piece(far, 0.0, around),
+        ]
     if joint.arc:
         # Hinges in the middle of the pieces, which bend as they are pushed.
         half = chord / _HINGES_OF_ARC / 2

@@ -45,7 +45,7 @@ class _Pass(NamedTuple):
 
     @property
     def band(self) -> str:
-        return "middle" if self.crossing is None else self.crossing.side
+        return "middle" if self.crossing is None else (self.crossing.side or "middle")
 
 
 class _Box:

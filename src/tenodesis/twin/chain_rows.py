@@ -10,6 +10,7 @@ from tenodesis import _core, plant
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import FullForm, Joint, Tendon
 from tenodesis.instrument.hardware import Friction
+from tenodesis.instrument.joints import Crossing
 
 Array = NDArray[np.float64]
 
@@ -114,18 +115,15 @@ class _Route:
                 joint = joints[crossing.joint]
                 if joint.place != place:
                     continue
+                # Of two joints of which one bends within the other, the outer one has friction and compliance of both.
                 inside = joint.within is not None
-                span = given / joint.arcs if given is not None else (_span(joint) / length if length else 0.0)
-                # The joint around it has friction and compliance of both.
-                span = 0.0 if inside else span
+                span = 0.0 if inside else given / joint.arcs if given is not None else _share(joint, length)
                 spans += span
                 name = crossing.joint
                 arm = arms[name] if place == "handle" else -arms[name]
-                coefficient = friction.vertex_coefficient if crossing.coefficient is None else crossing.coefficient
-                coefficient *= _bend_before(joint, before) if vertices == 1 else 1.0
+                coefficient = _coefficient(friction, crossing, joint, before)
                 before = before if inside else joint
-                share = 0.0 if inside else part
-                one = (float(places[name]), coefficient * friction.vertex_factor, crossing.base_wrap / vertices, share)
+                one = (float(places[name]), coefficient, crossing.base_wrap / vertices, 0.0 if inside else part)
                 # A joint's span is the segment that it draws: between two vertices, or before the only one at the
                 # handle and beyond it at the tip.
                 if vertices > 1:
@@ -168,9 +166,15 @@ def _row(inst: FullForm, tendon: Tendon, place: str) -> Array:
     return np.asarray(arms[inst.tendons.index(tendon)])
 
 
-def _span(joint: Joint) -> float:
-    """Length of a tendon along a straight joint, m."""
-    return joint.chord or 2 * joint.radius
+def _coefficient(friction: Friction, crossing: Crossing, joint: Joint, before: Joint | None) -> float:
+    """Return the friction coefficient at a contact, of which an arc's bends differ before and after."""
+    own = friction.vertex_coefficient if crossing.coefficient is None else crossing.coefficient
+    return own * (_bend_before(joint, before) if friction.vertices_per_joint == 1 else 1.0) * friction.vertex_factor
+
+
+def _share(joint: Joint, length: float | None) -> float:
+    """Part of a tendon's length, m, that runs along a straight joint; none of one without a length."""
+    return (joint.chord or 2 * joint.radius) / length if length else 0.0
 
 
 def _bend_before(joint: Joint, before: Joint | None) -> float:
