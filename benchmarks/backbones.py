@@ -16,17 +16,18 @@ from tenodesis.statics import chain
 
 POINTS, STEPS, ROUNDS, TIME_STEP = 20_000, 20_000, 5, 5e-4
 FORCE = 1.0  # N, across
+FEW = 4  # tendons, of which two are in the plane of the force
 BACKBONE = elastica.Backbone(40e-3, 1e-3, 2e-3, 100e3, 20.0, 10e-3)
 
 
-def backbone(arcs: int) -> FullForm:
-    """Return a backbone between two tendons, with friction."""
+def backbone(arcs: int, planes: int = 1, count: int = 2) -> FullForm:
+    """Return a backbone between tendons at equal angles round it, with friction."""
     joint = {
-        "name": "bend", "mechanism": "continuum", "axis": "yaw", "radius": BACKBONE.offset, "range": 1.5,
-        "backbone_length": BACKBONE.length, "backbone_rigidity": BACKBONE.rigidity,
+        "name": "bend", "mechanism": "continuum", "axis": "yaw", "planes": planes, "radius": BACKBONE.offset,
+        "range": 1.5, "backbone_length": BACKBONE.length, "backbone_rigidity": BACKBONE.rigidity,
         "end_effector_length": BACKBONE.end_effector_length,
     }  # fmt: skip
-    tendons = [{"name": side, "route": [{"joint": "bend", "side": side}]} for side in ("agonist", "antagonist")]
+    tendons = [{"name": f"t{n}", "route": [{"joint": "bend", "angle": 2 * np.pi * n / count}]} for n in range(count)]
     like = tn.instrument.expanded("two-segment-continuum")
     stiff = {"tendon_stiffness": BACKBONE.stiffness, "pretension": BACKBONE.pretension}
     friction = {"law": "capstan", "vertex_coefficient": 0.1}
@@ -35,7 +36,7 @@ def backbone(arcs: int) -> FullForm:
 
 def off(inst: FullForm) -> float:
     """Return how far the backbone's end is from where the elastica has it under the force, as a share of its length."""
-    angles = chain.output_angles(inst, np.zeros(0), [FORCE, 0, 0, 0, 0, 0])
+    angles = chain.output_angles(inst, np.zeros(0), [FORCE, 0, 0, 0, 0, 0])[next(iter(inst.bends.values()))]
     middle = np.cumsum(angles) - angles / 2
     chords = BACKBONE.length / len(angles) * np.sinc(angles / (2 * np.pi))
     exact = elastica.tip(BACKBONE, (FORCE, 0.0), 0.0, (0.0, 0.0))
@@ -49,17 +50,20 @@ def main() -> None:
     loads[:, 0] = np.linspace(-FORCE, FORCE, POINTS)
     still, wrench = np.zeros((STEPS, 0)), np.zeros((STEPS, 6))
     wrench[:, 0] = FORCE * np.sin(2 * np.pi * TIME_STEP * np.arange(STEPS))
-    print("  arcs  off the elastica  equilibrium [ns]  step [ns]  MuJoCo's step of the same in hinges [ns]  ratio")
-    for arcs in (1, 2, 4, 8):
-        inst = backbone(arcs)
+    print("  planes  tendons  arcs  off the elastica  equilibrium [ns]  step [ns]  MuJoCo's step in hinges [ns]  ratio")
+    sizes = [(1, 2, arcs) for arcs in (1, 2, 4, 8)] + [(2, count, arcs) for count in (4, 6) for arcs in (1, 2, 4, 8)]
+    for planes, count, arcs in sizes:
+        inst = backbone(arcs, planes, count)
         twin = tn.twin.Twin(inst, time_step=TIME_STEP)
         rests, moves = partial(chain.output_angles, inst, np.zeros(0), loads), partial(twin.run, still, wrench=wrench)
         solve = min(repeat(rests, number=1, repeat=ROUNDS)) / POINTS
         step = min(repeat(moves, number=1, repeat=ROUNDS)) / STEPS
         theirs = 1 / chain_dynamics.steps_per_second(inst, [FORCE, 0, 0, 0, 0, 0], time_step=TIME_STEP, seconds=0.5)
+        # Six tendons hold it more stiffly than the elastica's two.
+        apart = f"{100 * off(inst):.3f} %" if count <= FEW else "-"
         print(
-            f"  {arcs:4d}  {100 * off(inst):14.3f} %  {1e9 * solve:16.0f}  {1e9 * step:9.0f}  {1e9 * theirs:40.0f}  "
-            f"{theirs / step:4.1f}x"
+            f"  {planes:6d}  {count:7d}  {arcs:4d}  {apart:>16s}  {1e9 * solve:16.0f}  {1e9 * step:9.0f}  "
+            f"{1e9 * theirs:28.0f}  {theirs / step:4.1f}x"
         )
 
 
