@@ -47,6 +47,7 @@ struct Command {
   S sheath_bend{};        ///< added to the sheath's own, rad
   S let_out[2]{};         ///< tendon length that has come off the spool, or is torn, m
   Contact<S> contact{};
+  S spool_tension[2]{};  ///< that a drive holds whatever its spool does for it, N; 0: it follows its velocity
 };
 
 /// Readings of the sensors of an axis.
@@ -125,6 +126,7 @@ constexpr To command_of(const Command<S>& axis) {
   for (int m = 0; m < 2; ++m) {
     command.spool_velocity[m] = axis.spool_velocity[m];
     command.let_out[m] = axis.let_out[m];
+    command.spool_tension[m] = axis.spool_tension[m];
   }
   command.contact[0] = axis.contact;
   return command;

@@ -46,6 +46,7 @@ template <class Many, class One, class Visit>
     visit(many.contact[i].stiffness, one.contact[i].stiffness);
     visit(many.contact[i].damping, one.contact[i].damping);
   }
+  detail::pair_rows(many.spool_tension, one.spool_tension, visit);
 }
 
 /// The same for a state, noise apart, of twins without currents.

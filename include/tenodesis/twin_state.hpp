@@ -53,6 +53,7 @@ struct TwinCommand {
   S sheath_bend{};                  ///< added to that of every tendon's sheath, rad
   S let_out[W::tendons]{};          ///< tendon length that has come off the spool, or is torn, m
   Contact<S> contact[W::joints]{};  ///< tissue across the tip's path about each joint
+  S spool_tension[W::tendons]{};  ///< that a drive holds whatever its spool does for it, N; 0: it follows its velocity
 
   bool finite() const {
     // The difference of infinities, and of NaN, is no number, nor is what it is added to.
@@ -64,6 +65,7 @@ struct TwinCommand {
     for (const S& angle : handle_angle) add(angle);
     for (const S& velocity : spool_velocity) add(velocity);
     for (const S& length : let_out) add(length);
+    for (const S& tension : spool_tension) add(tension);
     for (const auto& tissue : contact) add(tissue.angle, tissue.stiffness, tissue.damping);
     return none == ValueOf<S>(0);
   }

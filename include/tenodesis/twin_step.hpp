@@ -278,6 +278,30 @@ struct TwinStep {
   // Whether the unknown joints draw a tendon at its end alone: then the rest of it is numbers.
   bool ends_drawn(int m) const { return U == N && twin.ends_drawn(m); }
 
+  // Whether a drive holds a tension that is commanded, in any lane.
+  bool pulls(int m) const { return any(command.spool_tension[m] > S(0)); }
+
+  // The spool of such a drive gives way; its tension follows the command with the drive's lag, at rest at once.
+  void hold_tension(int m) {
+    const Flag<S> held = command.spool_tension[m] > S(0);
+    const S& from = before.tendon[m].tension[0];
+    const S share = twin.quasi_static ? S(1) : duration / (duration + twin.drive.time_constant);
+    spool[m].at_rest = where(held, from + share * (command.spool_tension[m] - from), spool[m].at_rest);
+    spool[m].stiffness = where(held, S(0), spool[m].stiffness);
+  }
+
+  // Where such a spool comes to be: as far as its segment has been stretched and has slipped past the first contact.
+  void follow_tension(int m) {
+    const Flag<S> held = command.spool_tension[m] > S(0);
+    const auto& tendon = next.tendon[m];
+    const S stretch = (tendon.tension[0] - twin.tendon[m].rest_tension) / twin.tendon[m].stiffness[0];
+    const S drawn = (stretch + tendon.slip[0] + command.let_out[m]) / twin.drive.spool_radius;
+    auto& drive = next.drive[m];
+    drive.speed = where(held, (drawn - before.drive[m].spool) * per_second, drive.speed);
+    drive.angle = where(held, drawn + twin.drive.backlash * S(0.5), drive.angle);
+    drive.spool = where(held, drawn, drive.spool);
+  }
+
   // What the joints, known or unknown, draw in each segment.
   void set_pulls() {
     for (int h = 0; h < N && h < twin.handles(); ++h) given[h] = coordinate_at(twin.mechanism(N + h), angle[N + h]);
@@ -287,6 +311,7 @@ struct TwinStep {
       for (int i = 0; i <= n; ++i) known[m][i] = S(0);
       first[m] = n;
       spool[m] = tendon.held_by_spool(twin.drive.spool_radius * next.drive[m].spool - command.let_out[m]);
+      if (pulls(m)) hold_tension(m);
       twin.each_draw(m, [&](const Draw<S>& by) {
         // The sheath comes before: no joint draws the first segment.
         if (U > N || by.joint < N)
@@ -661,6 +686,9 @@ struct TwinStep {
   }
 
   void finish() {
+    twin.each_tendon([&](int m) {
+      if (pulls(m)) follow_tension(m);
+    });
     for (int g = 0; g < joints; ++g) {
       const S turned = angle[g] - before.angle[g];
       const bool is_free = g < U && !twin.quasi_static;

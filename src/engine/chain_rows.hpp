@@ -37,7 +37,8 @@ inline std::vector<Column> chain_commands(const ChainSizes& of) {
           {"weight", 1},
           {"sheath_bend", 1},
           {"let_out", of.tendons},
-          {"contact", 3 * of.joints}};
+          {"contact", 3 * of.joints},
+          {"spool_tension", of.tendons}};
 }
 
 /// Signals that a step writes, in order.
@@ -83,6 +84,7 @@ template <class Command, class Take, class Holds>
   for (std::size_t i = 0; i < sizes.joints; ++i)
     for (auto* part : {&command.contact[i].angle, &command.contact[i].stiffness, &command.contact[i].damping})
       *part = take();
+  for (std::size_t m = 0; m < sizes.tendons; ++m) command.spool_tension[m] = take();
   return command;
 }
 

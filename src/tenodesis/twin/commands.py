@@ -15,7 +15,7 @@ from tenodesis.twin.contact import Contacts
 Frame: TypeAlias = Literal["tip", "stem"]
 """Axes of a wrench: they turn with the end-effector, z along it, or keep their direction."""
 
-_BY_COLUMN = ("wrench", "spool_velocity", "let_out")
+_BY_COLUMN = ("wrench", "spool_velocity", "let_out", "spool_tension")
 """Arguments whose last axis is that of their columns, even with one dimension."""
 _INSTEAD = {
     **dict.fromkeys(("force", "radial_force", "weight"), "wrench"),
@@ -44,6 +44,7 @@ class Loads(TypedDict, total=False):
     spool_velocity: ArrayLike
     sheath_bend: ArrayLike
     let_out: ArrayLike
+    spool_tension: ArrayLike
     contact: Contacts | None
     held: Held | None
     axes: Frame
@@ -84,6 +85,20 @@ def as_columns(given: Mapping[str, ArrayLike], widths: Mapping[str, int], inst: 
         check_finite(name, array)
         full[name] = found.reshape(count, width)
     return full
+
+
+def check_spool_tension(tension: Array, inst: Instrument) -> None:
+    """Raise ArgumentError for tensions (steps, tendons) that no drive can hold."""
+    if (tension < 0).any():
+        at = int(np.argmax(tension < 0))
+        allowed = "above 0 N, or 0 N for a drive that follows spool_velocity"
+        raise ArgumentError(
+            key=f"spool_tension{place(at, tension.shape)}", value=float(tension.flat[at]), allowed=allowed
+        )
+    for tendon, column in zip(inst.tendons, tension.T, strict=True):
+        if tendon.start != "spool" and column.any():
+            allowed = f"0 N for {tendon.name}, which has no spool"
+            raise ArgumentError(key="spool_tension", value=float(column[np.argmax(column > 0)]), allowed=allowed)
 
 
 def check_finite(name: str, array: Array) -> None:

@@ -19,7 +19,7 @@ from tenodesis.run import Array, Run, concatenate
 from tenodesis.twin.axes_core import AxesCore
 from tenodesis.twin.chain_core import ChainCore
 from tenodesis.twin.closed_loop import LoopController, SignalFault, controlled_signals, run_closed_loop, warn_of_faults
-from tenodesis.twin.commands import Frame, Held, Loads, as_columns, check_held, grip_error
+from tenodesis.twin.commands import Frame, Held, Loads, as_columns, check_held, check_spool_tension, grip_error
 from tenodesis.twin.contact import Contact, Contacts, by_axis
 from tenodesis.twin.core import Constant, TwinCore
 from tenodesis.twin.rows import check_seed, lost, with_currents
@@ -177,6 +177,7 @@ class Twin:
         spool_velocity: ArrayLike = 0.0,
         sheath_bend: ArrayLike = 0.0,
         let_out: ArrayLike = 0.0,
+        spool_tension: ArrayLike = 0.0,
         contact: Contacts | None = None,
         held: Held | None = None,
         axes: Frame = "tip",
@@ -211,6 +212,9 @@ class Twin:
             Bend of the sheath in addition to the instrument's, rad; as handle_angle, or a number.
         let_out
             Length of tendon that has slipped off its spool, m, as spool_velocity; half a metre for a torn one.
+        spool_tension
+            Tensions that the drives hold instead of velocities, N, as spool_velocity; 0 for a drive that follows its
+            velocity. The tension follows with the drive's lag, quasi-static at once; the spool goes where it must.
         contact
             Tissue at the tip, for the whole call; with several joints one per joint, None where there is none. It stays
             in place if the next call has the same.
@@ -245,6 +249,9 @@ class Twin:
         FaultWarning
             The controller faulted.
         """
+        if controller is not None and np.any(spool_tension):
+            problem = "spool_tension is given with a controller, which commands velocities; give one of them."
+            raise ArgumentError(problem, key="spool_tension", allowed="0 with a controller")
         before = self.state
         rows, count = self._rows(
             handle_angle,
@@ -256,6 +263,7 @@ class Twin:
             spool_velocity=spool_velocity,
             sheath_bend=sheath_bend,
             let_out=let_out,
+            spool_tension=spool_tension,
             contact=contact,
             held=held,
             axes=axes,
@@ -353,6 +361,7 @@ class Twin:
         arguments: dict[str, Any] = {"handle_angle": handle_angle, "force": force, **given}
         commands = as_columns(dict.fromkeys(core.widths, 0.0) | arguments, core.widths, self.inst)
         core.check(commands)
+        check_spool_tension(commands["spool_tension"], self.inst)
         tissue = by_axis(contact, self.names.joints)
         if contact is not None or held is not None:
             self._check_outside(tissue, held)
