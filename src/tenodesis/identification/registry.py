@@ -19,6 +19,7 @@ GROUP = "tenodesis.formats"
 """Group of the entry points."""
 
 OURS = {
+    "recording": "tenodesis.identification.twin_model.formats:RECORDING",
     "davinci-tool": "tenodesis.identification.datasets.davinci_tool:FORMAT",
     "davinci-posture": "tenodesis.identification.datasets.davinci_posture:FORMAT",
     "endoscope-pair": "tenodesis.identification.datasets.endoscope_pair:FORMAT",

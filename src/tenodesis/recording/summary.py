@@ -73,6 +73,7 @@ def facts(recording: Recording) -> dict[str, str]:
     run, metadata = recording.run, recording.metadata
     steps = np.diff(run.time)
     return {
+        **({"file": metadata["kind"]} if "kind" in metadata else {}),
         "instrument": _instrument(recording),
         **_named(run),
         "protocol": _protocol_name(metadata.get("protocol", "")),
