@@ -105,9 +105,14 @@ def repr_toml(texts: Sequence[str]) -> str:
 
 def _is(column: str, name: str, si: str) -> bool:
     """Return whether a heading can be a column: by its words, unless its unit says otherwise."""
-    text, unit = heading(name)
-    word = re.sub(r"[^a-z0-9_]", "", text.lower().replace(" ", "_").replace(".", "_"))
+    unit = heading(name).unit
+    word = re.sub(r"[^a-z0-9_]", "", _word(name).replace(" ", "_"))
     return bool(re.fullmatch(_WORDS[column], word)) and (unit is None or _kind(unit) in (si, ""))
+
+
+def _word(name: str) -> str:
+    """Return a heading's name, of a structure or group the last part of it, in lower case."""
+    return re.split(r"[./]", heading(name).name)[-1].lower()
 
 
 def _kind(unit: str) -> str:
@@ -130,11 +135,11 @@ def _with_unit(name: str, values: Array, column: str, si: str) -> Guess:
 
 def _clock(values: dict[str, Array]) -> Guess | None:
     """Return the clock: seconds and nanoseconds in two columns, or one that rises at a plausible rate."""
-    named = [name for name in values if re.fullmatch(_WORDS[TIME], heading(name).name.lower())]
-    parts = {heading(name).name.lower(): name for name in named}
+    named = [name for name in values if re.fullmatch(_WORDS[TIME], _word(name))]
+    parts = {_word(name): name for name in values}
     for pair in (("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec")):
-        if all(part in parts or part in values for part in pair):
-            first, second = (parts.get(part, part) for part in pair)
+        if all(part in parts for part in pair):
+            first, second = (parts[part] for part in pair)
             if np.nanmax(values[second], initial=0.0) < _NANOSECONDS:
                 return Guess((first, second), ("s", "ns"))
     for name in [*named, *(one for one in values if one not in named)]:

@@ -14,7 +14,7 @@ import re
 from collections.abc import Mapping, Sequence
 from math import isfinite
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pint
@@ -83,8 +83,7 @@ class Mapped(NamedTuple):
         columns = [self.table.column(part.at) for part in parts]
         if name == TIME and parts[1:]:
             columns = [column - column[:1] for column in columns]
-        total: Array = sum(part.scale * column for part, column in zip(parts, columns, strict=True))
-        return total
+        return np.asarray(sum(part.scale * column for part, column in zip(parts, columns, strict=True)), np.float64)
 
 
 def read(path: Path) -> Mapped:
@@ -133,7 +132,7 @@ def run_of(mapped: Mapped) -> Run:
     rows = mapped.table.columns[0].size
     time = mapped.values(TIME) if TIME in mapped.places else np.arange(rows, dtype=np.float64)
     names = Names.paired([mapped.axis])
-    signals: dict[str, Array] = {}
+    signals: dict[str, Any] = {}
     for signal, column in _SIGNALS.items():
         name, _, tendon = signal.partition(".")
         if column not in mapped.places:

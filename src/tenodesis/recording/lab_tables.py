@@ -127,7 +127,7 @@ def _lvm(path: Path, lines: Sequence[str]) -> Table:
         float(header[key][0].replace(",", ".")) if header.get(key, [""])[0] else np.nan for key in ("X0", "Delta_X")
     )
     rows = np.arange(table.columns[0].size)
-    return table._replace(columns=[begin + step * rows, *table.columns[1:]])
+    return table._replace(columns=[(begin + step * rows).astype(np.float64), *table.columns[1:]])
 
 
 def _rows(path: Path, kind: str, lines: Sequence[str], separator: str, decimal: str) -> Table:
