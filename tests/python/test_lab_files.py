@@ -110,6 +110,7 @@ def columns(recorded: InstrumentRun) -> Columns:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_file_of_any_kind_is_shown_mapped_drawn_and_read_as_the_export_is(
     tenodesis: Callable[..., tuple[int, str, str]], recorded: InstrumentRun, columns: Columns, tmp_path: Path, kind: str
