@@ -19,11 +19,11 @@ GROUP = "tenodesis.formats"
 """Group of the entry points."""
 
 OURS = {
-    "recording": "tenodesis.identification.twin_model.formats:RECORDING",
     "davinci-tool": "tenodesis.identification.datasets.davinci_tool:FORMAT",
     "davinci-posture": "tenodesis.identification.datasets.davinci_posture:FORMAT",
     "endoscope-pair": "tenodesis.identification.datasets.endoscope_pair:FORMAT",
     "tendon-sheath": "tenodesis.identification.datasets.tendon_sheath:FORMAT",
+    "recording": "tenodesis.identification.twin_model.formats:RECORDING",
     "csv": "tenodesis.identification.twin_model.formats:CSV",
     "mcap": "tenodesis.identification.twin_model.formats:MCAP",
 }
