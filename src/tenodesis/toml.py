@@ -1,5 +1,6 @@
 """TOML files: read, and checked with sentences that name key, value and what the value must be."""
 
+import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
@@ -14,6 +15,11 @@ from tenodesis.files import read_regular
 _LARGEST = 16_000_000
 """Largest TOML file, bytes."""
 _MCAP = b"\x89MCAP"
+_MOST_PARTS, _MOST_BITS = 100, 64
+"""Parts that a dotted key may have, whose cost grows with their square, and bits of an integer."""
+_LONG_KEY = re.compile(
+    rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}""", re.ASCII
+)
 _MARKS = {
     "an instrument": {"joint_type", "joints", "tendons"},
     "a protocol": {"phases"},
@@ -108,11 +114,11 @@ def parse_toml(text: str, error: type[Error], source: str, kind: str = "") -> di
     With a kind, "an instrument" for example, a file of another kind that this package reads is such an error as well.
     """
     try:
-        values = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as failure:
-        problem = f"{source} is not valid TOML: {failure}."
+        values = _loads(text)
     except RecursionError:
         problem = f"{source} is not valid TOML: it is nested too deeply."
+    except ValueError as failure:
+        problem = f"{source} is not valid TOML: {failure}."
     else:
         if not kind or _MARKS[kind] & values.keys():
             return values
@@ -126,6 +132,28 @@ def parse_toml(text: str, error: type[Error], source: str, kind: str = "") -> di
             allowed=kind,
         )
     raise error(problem, key="file", value=source, allowed="a TOML file")
+
+
+def _loads(text: str) -> dict[str, Any]:
+    """Return the values of a TOML text; raises ValueError for one that is none, or that takes too much to read."""
+    if _LONG_KEY.search(text):
+        raise ValueError(f"a key has more than {_MOST_PARTS} parts")
+    too_large = f"an integer has more than {_MOST_BITS} bits"
+    try:
+        values = tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
+    except ValueError:
+        # Python converts no more than some thousand digits.
+        raise ValueError(too_large) from None
+    within: list[Any] = [values]
+    while within:
+        one = within.pop()
+        if isinstance(one, dict | list):
+            within += one.values() if isinstance(one, dict) else one
+        elif isinstance(one, int) and one.bit_length() > _MOST_BITS:
+            raise ValueError(too_large)
+    return values
 
 
 def validated(

@@ -1,5 +1,6 @@
 """Claims about bad arguments: one sentence that names argument, value and what it must be."""
 
+import tracemalloc
 from collections.abc import Callable
 from typing import Any
 
@@ -112,3 +113,22 @@ def test_the_sentence_says_what_is_needed(real: TendonGear, call: Callable[[Tend
 def test_a_point_without_a_solution_says_why(real: TendonGear, call: Callable[[TendonGear], Any], reason: str) -> None:
     with pytest.raises(tn.NoSolutionError, match=reason):
         call(real)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (".".join(["a"] * 40_000) + "=1", "parts"),
+        (f"[{'.'.join(['a'] * 40_000)}]", "parts"),
+        (" . ".join(["'a b'"] * 40_000) + "=1", "parts"),
+        ("pretension=" + "9" * 5000, "64 bits"),
+        ("pretension=[{a=0x" + "f" * 5000 + "}]", "64 bits"),
+    ],
+)
+def test_a_small_file_that_would_cost_much_is_refused(text: str, says: str) -> None:
+    tracemalloc.start()
+    with refused("file", kind=InstrumentError) as raised:
+        tn.instrument.parse(text, "bomb.toml")
+    assert tracemalloc.get_traced_memory()[1] < 2e7
+    tracemalloc.stop()
+    assert says in str(raised.value)

@@ -265,7 +265,6 @@ def test_what_cannot_be_written_is_refused_at_once(tenodesis: Command, desk: Pat
         (f"{IDENTIFY} --instrument short.toml", "short.toml describes a protocol; it must describe an instrument."),
         ("info own.toml", "own.toml is no MCAP file"),
         ("info notes.txt", "notes.txt is no MCAP file"),
-        ("info data.csv", "data.csv is a CSV table; it must be an MCAP recording"),
         ("replay own.toml", "own.toml is no MCAP file"),
         ("replay run.mcap --instrument cycles", "cycles is a protocol; it must be an instrument"),
         ("export recording own.toml", "own.toml is no MCAP file"),

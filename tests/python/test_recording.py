@@ -204,7 +204,7 @@ def test_a_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:
     path.write_bytes(b"")
     with refused("path", kind=RecordingError, allowed="an MCAP file"):
         Recording.open(path)
-    path.write_text("time,force\n0,1\n")
+    path.write_text("time,force\na,b\n")
     with refused("path", kind=RecordingError, allowed="an MCAP file"):
         Recording.open(path)
     with refused("path", kind=RecordingError):

@@ -44,7 +44,7 @@ ArrangementChoice: TypeAlias = Literal["auto", "compare", "file"]
 def identify(  # noqa: PLR0917
     outputs: Outputs,
     logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help="Recordings to fit, or folders of text files.")],
-    format_name: Annotated[str, typer.Option("--format", help=f"{', '.join(FORMATS)}.")] = "mcap",
+    format_name: Annotated[str, typer.Option("--format", help=f"{', '.join(FORMATS)}.")] = "recording",
     test: Annotated[list[Path] | None, typer.Option(metavar="FILE", help="Recording held out; repeatable.")] = None,
     train_until: Annotated[
         float | None, typer.Option(metavar="SHARE", help="Fit this share of each LOG's duration, hold out the rest.")
@@ -306,7 +306,7 @@ def recordings_of(logs: Sequence[Path], tests: Sequence[Path], format_name: str)
     files: list[Path] = []
     for path in logs:
         # A folder of a bag is one recording.
-        if format_name == "mcap" or not path.is_dir():
+        if not path.is_dir() or format_name == "mcap" or (format_name == "recording" and not _has_texts(path)):
             files.append(path)
             continue
         texts = sorted(one for one in path.iterdir() if one.suffix.lower() in _TEXTS)
@@ -315,6 +315,10 @@ def recordings_of(logs: Sequence[Path], tests: Sequence[Path], format_name: str)
             raise CommandError(key="LOG", value=str(path), allowed=needed)
         files += [one for one in texts if one.resolve() not in held_out]
     return files
+
+
+def _has_texts(folder: Path) -> bool:
+    return any(one.suffix.lower() in _TEXTS for one in folder.iterdir())
 
 
 def check_files(logs: Sequence[Path], tests: Sequence[Path]) -> None:

@@ -44,6 +44,7 @@ PANELS: dict[str, dict[str, Entry | EntryGroup]] = {
     "Record and control": {
         "record": Entry("recording.record"),
         "info": Entry("recording.info"),
+        "map": Entry("map.write_map"),
         "replay": Entry("recording.replay"),
         "console": Entry("live.live_console"),
         "link": Entry("live.link"),

@@ -107,11 +107,12 @@ def _chunk(body: bytes, contents: Contents, allowance: Allowance) -> None:
     data = inflate(chunk.data, chunk.compression, chunk.uncompressed_size, allowance)
     if chunk.uncompressed_crc and chunk.uncompressed_crc != zlib.crc32(data):
         raise ValueError("its checksum differs")
-    new = Contents(schemas=dict(contents.schemas), channels=dict(contents.channels))
+    new = Contents()
     for opcode, start, end in _records(data, 0):
         allowance.take_record()
         _content(opcode, data, start, end, new)
-    contents.schemas, contents.channels = new.schemas, new.channels
+    contents.schemas |= new.schemas
+    contents.channels |= new.channels
     for channel, messages in new.messages.items():
         contents.messages.setdefault(channel, []).extend(messages)
 

@@ -1,6 +1,5 @@
 """The metadata of a recording: what was run, and the controller restored from it."""
 
-import tomllib
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,6 +12,7 @@ from tenodesis.instrument import Instrument, ShortForm, as_short_form, parse
 from tenodesis.instrument.text import to_toml
 from tenodesis.recording.reader import Recording
 from tenodesis.simulate import Protocol
+from tenodesis.toml import parse_toml
 from tenodesis.twin import TIME_STEP
 
 CONTROLLER = "controller"
@@ -69,12 +69,7 @@ def controller_choices(recording: Recording) -> dict[str, Any] | None:
         They are not TOML.
     """
     text = recording.metadata.get(CONTROLLER)
-    try:
-        return None if text is None else tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        raise RecordingError(
-            f"{recording.path}: metadata {CONTROLLER} is not valid TOML: {problem}.", key=CONTROLLER
-        ) from None
+    return None if text is None else parse_toml(text, RecordingError, f"{recording.path}: metadata {CONTROLLER}")
 
 
 def controller_instrument(recording: Recording) -> ShortForm:

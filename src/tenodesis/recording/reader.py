@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tenodesis.errors import RecordingError
 from tenodesis.files import read_regular
 from tenodesis.instrument import Instrument, parse
-from tenodesis.recording import cdr, container, schemas, tables
+from tenodesis.recording import cdr, container, lab_map, lab_tables, schemas, tables
 from tenodesis.recording.container import Contents, Message
 from tenodesis.recording.decode import Decoded, LeftOut, Misfit, decode
 from tenodesis.run import Array, Names, Run
@@ -75,12 +75,18 @@ class Recording:
     def open(cls, path: str | Path) -> Self:
         """Read a recording, up to the first damage if there is any.
 
+        A table (:mod:`tenodesis.recording.lab_map`) has the signals of one axis, and its columns as topics.
+
         Raises
         ------
         RecordingError
-            The file cannot be read, is no MCAP file, or contains no topic of a recording.
+            The file cannot be read, is no recording and no table, or contains no topic of a recording.
+        MissingExtraError
+            The library that reads the file is not installed.
         """
         path = Path(path)
+        if lab_tables.is_table(path):
+            return cls._of_table(path)
         contents = container.scan(_bytes(path))
         metadata = contents.metadata.get(schemas.METADATA, {})
         decoded, left_out = _decoded(contents, schemas.JOINT_TOPICS)
@@ -110,6 +116,22 @@ class Recording:
             until = f"{run.time[-1]:.6g} s ({len(run)} rows)" if len(run) else "before its first row"
             damage = f"{path} is read up to {until} only: {damage}."
         return cls(path, run, metadata, _infos(contents), left_out, damage, events)
+
+    @classmethod
+    def _of_table(cls, path: Path) -> Self:
+        mapped = lab_map.read(path)
+        run = lab_map.run_of(mapped)
+        used = {part.at: name for name, parts in mapped.places.items() for part in parts}
+        span = float(run.time[-1] - run.time[0]) if len(run) > 1 and lab_map.TIME in mapped.places else 0.0
+        topics, left_out = {}, {}
+        for at, (name, column) in enumerate(zip(mapped.table.headings, mapped.table.columns, strict=True)):
+            count = int(np.isfinite(column).sum())
+            rate = (count - 1) / span if span > 0 else float("nan")
+            topics[name] = TopicInfo(f"column: {used[at]}" if at in used else "column", count, rate)
+            if at not in used:
+                left_out[name] = LeftOut(Misfit.TYPE, "no heading of a signal, and none in a map")
+        metadata = {"kind": mapped.table.kind}
+        return cls(path, run, metadata, topics, left_out, None)
 
     def __repr__(self) -> str:
         damage = ", damaged" if self.damage else ""
@@ -169,13 +191,6 @@ def _bytes(path: Path) -> bytes:
     except OSError as problem:
         raise RecordingError(f"{path} cannot be read: {problem.strerror}.", key="path", value=path) from None
     if not container.is_mcap(data):
-        if path.suffix.lower() == ".csv":
-            raise RecordingError(
-                f"{path} is a CSV table; it must be an MCAP recording (tenodesis identify --format csv reads tables).",
-                key="file",
-                value=str(path),
-                allowed="an MCAP recording",
-            )
         found = "it is empty" if not data else f"it begins with {data[:8].decode(errors='replace')!r}"
         raise RecordingError(f"{path} is no MCAP file: {found}.", key="path", value=path, allowed="an MCAP file")
     return data

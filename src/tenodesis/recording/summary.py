@@ -1,6 +1,5 @@
 """Summaries: the contents of a recording, and the outcome of a run."""
 
-import tomllib
 from collections.abc import Iterator, Sequence
 from math import degrees, isnan
 from typing import Any
@@ -20,6 +19,7 @@ from tenodesis.recording.metadata import CONTROLLER, controller_choices, control
 from tenodesis.recording.reader import Recording
 from tenodesis.recording.tables import columns
 from tenodesis.run import COMMANDS, CONTROL, MEASURED, Array, Run
+from tenodesis.toml import parse_toml
 
 _RANGED = ({**COMMANDS, **MEASURED, **CONTROL}.keys() | {"grip_force"}) - {
     "operating_state",
@@ -73,6 +73,7 @@ def facts(recording: Recording) -> dict[str, str]:
     run, metadata = recording.run, recording.metadata
     steps = np.diff(run.time)
     return {
+        **({"file": metadata["kind"]} if "kind" in metadata else {}),
         "instrument": _instrument(recording),
         **_named(run),
         "protocol": _protocol_name(metadata.get("protocol", "")),
@@ -128,8 +129,8 @@ def _instrument(recording: Recording) -> str:
 def _protocol_name(protocol: str) -> str:
     """Return a protocol's name, or its first line where it has none."""
     try:
-        name = tomllib.loads(protocol).get("name")
-    except tomllib.TOMLDecodeError:
+        name = parse_toml(protocol, RecordingError, "protocol").get("name")
+    except RecordingError:
         name = None
     return name if isinstance(name, str) else protocol.strip().partition("\n")[0]
 

@@ -24,7 +24,7 @@ from tenodesis.identification.datasets.reference import (
     pass_on,
     refuse_instrument,
 )
-from tenodesis.identification.formats.csv import heading, read_table, scale_of
+from tenodesis.identification.formats.csv import read_table, scale_of
 from tenodesis.identification.formats.measured import (
     CLOCKS,
     GRAM_FORCE,
@@ -39,6 +39,7 @@ from tenodesis.identification.problem import Parameter
 from tenodesis.identification.registry import Format
 from tenodesis.identification.uncertainty import LossName
 from tenodesis.instrument import ShortForm
+from tenodesis.recording.lab_map import heading
 from tenodesis.run import Array
 
 # The files.

@@ -8,20 +8,8 @@ import numpy as np
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.formats.measured import CLOCKS, MeasuredRun, Raw, spread_of
 from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
+from tenodesis.recording.lab_map import COLUMNS
 from tenodesis.run import TENDONS, Array, Run
-
-COLUMNS = {
-    "handle_angle": "rad",
-    "measured_handle_angle": "rad",
-    "measured_output_angle": "rad",
-    "tension_agonist": "N",
-    "tension_antagonist": "N",
-    "force": "N",
-    "radial_force": "N",
-    "spool_agonist": "rad",
-    "spool_antagonist": "rad",
-}
-"""Every column that a run may have, with its SI unit."""
 
 USED = (
     "commanded_handle_angle",

@@ -58,5 +58,13 @@ def _load_mcap(path: Path) -> InstrumentRun:
     return mcap.load(path)
 
 
+def _load(path: Path) -> InstrumentRun:
+    """Return a recording of any kind, as its content shows."""
+    from tenodesis.recording import lab_tables  # noqa: PLC0415 - slow to load
+
+    return csv.load(path) if lab_tables.is_table(path) else _load_mcap(path)
+
+
+RECORDING = Format(_load, problem, LAWS, DEFAULT_LAW, arrangements=arrangements)
 CSV = Format(csv.load, problem, LAWS, DEFAULT_LAW, arrangements=arrangements)
 MCAP = Format(_load_mcap, problem, LAWS, DEFAULT_LAW, arrangements=arrangements)

@@ -1,0 +1,46 @@
+"""The command that writes the map of a laboratory's file."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tenodesis.cli.command import command
+from tenodesis.cli.common import note, say
+from tenodesis.cli.outputs import FIGURE, Outputs, output, write_text
+from tenodesis.errors import RecordingError
+from tenodesis.files import write_errors
+from tenodesis.recording import lab_guess, lab_map, lab_tables
+
+
+@command("file")
+def write_map(
+    outputs: Outputs,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="File of a laboratory: text, .lvm, .tdms, .mat, .xlsx.")],
+    out: Annotated[
+        Path | None, output({".toml": "a map of columns"}, "The map. Default: FILE.columns.toml beside FILE.")
+    ] = None,
+    plot_out: Annotated[
+        Path | None, output(FIGURE, "Figure of the signals by the map. Default: FILE.columns.png beside FILE.")
+    ] = None,
+) -> None:
+    """Write a map of a file's columns to signals, guessed from headings, units and ranges, and a figure to check it."""
+    path = file.with_name(file.name + lab_map.MAP_SUFFIX) if out is None else out
+    figure = file.with_name(file.name + ".columns.png") if plot_out is None else plot_out
+    with outputs.files(out=path, plot_out=figure):
+        table = lab_tables.read_table(file)
+        guesses = lab_guess.guess(table)
+        text = lab_guess.as_toml(table, guesses)
+        mapped = lab_map.by_map(table, text, str(path))
+        write_text(path, text)
+        run = lab_map.run_of(mapped)
+        drawn = [name for name, values in run.signals().items() if values.size]
+        say(f"{path}: {', '.join(guesses) or 'no column'} of {file.name} ({table.kind}); check each line.")
+        if not drawn:
+            note("No signal was found to draw: name columns in the map.")
+            return
+        from tenodesis import plot  # noqa: PLC0415 - slow to load
+
+        with write_errors(figure, RecordingError):
+            plot.run(run, drawn).savefig(figure)
+        say(f"{figure}: the signals by the map.")

@@ -1,0 +1,267 @@
+"""Tables of numbers from the files that laboratories write, each read by its library; the content shows the kind."""
+
+import csv
+import zipfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from math import prod
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tenodesis.errors import Error, RecordingError
+from tenodesis.extras import require
+from tenodesis.files import read_regular
+from tenodesis.run import Array
+
+_LARGEST = 1_000_000_000
+"""Largest file, and largest content of a spreadsheet, bytes."""
+_MOST_COLUMNS = 1_000
+_LVM, _LVM_HEADER = "LabVIEW Measurement", "***End_of_Header***"
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+TIME = "time [s]"
+"""Heading of a clock that the file states otherwise than as a column."""
+
+
+class Table(NamedTuple):
+    """Columns of numbers (n,) under headings, NaN where there is none."""
+
+    kind: str
+    headings: list[str]
+    columns: list[Array]
+    merged: bool = False
+    """Whether columns of other clocks were brought to one, so that a row may lack what the others have."""
+
+    def column(self, at: int) -> Array:
+        """Return a column by its number."""
+        return self.columns[at]
+
+
+def read_table(path: Path) -> Table:
+    """Return the table in a file: text with headings, LabVIEW (.lvm, .tdms), MATLAB (.mat), HDF5 or Excel (.xlsx).
+
+    Text is separated by commas, semicolons or tabs, with a decimal comma if they are no commas; lines of # or % are
+    left out. An array of several columns has a heading for each, ``F[1]`` and on.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be read, or holds no table.
+    MissingExtraError
+        The library that reads it is not installed.
+    """
+    try:
+        start = _start(path)
+        reader = next((read for known, read in _READERS if known(start)), None)
+        if reader is None:
+            return _text(path)
+        return _whole(path, reader(path))
+    except OSError as problem:
+        reason = problem.strerror or str(problem)
+        raise RecordingError(f"{path} cannot be read: {reason}.", key="path", value=path) from None
+    except (Error, MemoryError):
+        raise
+    # A damaged file makes a library raise whatever its reader runs into.
+    except Exception as problem:
+        reason = str(problem).strip().partition("\n")[0].rstrip(".") or type(problem).__name__
+        raise RecordingError(f"{path} cannot be read: {reason}.", key="path", value=path) from problem
+
+
+def is_table(path: Path) -> bool:
+    """Return whether a file can hold a table: text, or what a library reads; False where it cannot be read."""
+    try:
+        start = _start(path)
+    except OSError:
+        return False
+    return any(known(start) for known, _ in _READERS) or not (b"\0" in start or start.startswith(b"\x89"))
+
+
+def lines_of(path: Path) -> list[str]:
+    """Return the lines of a text file that are not blank, without a byte order mark; raises OSError."""
+    text = read_regular(path, _LARGEST).decode("utf-8-sig", errors="replace")
+    return [line for line in text.splitlines() if line.strip()]
+
+
+def _start(path: Path) -> bytes:
+    if not path.is_file():
+        read_regular(path, 0)  # raises what is wrong with it
+    if path.stat().st_size > _LARGEST:
+        read_regular(path, _LARGEST)
+    with path.open("rb") as file:
+        return file.read(4096)
+
+
+def _text(path: Path) -> Table:
+    lines = lines_of(path)
+    if not lines:
+        raise RecordingError(
+            f"{path} is empty; it must hold a line of headings and rows of numbers.",
+            key="path",
+            value=path,
+            allowed="an MCAP file, or a table of numbers under headings",
+        )
+    if lines[0].startswith(_LVM):
+        return _lvm(path, lines)
+    lines = [line for line in lines if not line.startswith(("#", "%"))]
+    if not lines:
+        raise RecordingError(f"{path} holds nothing but comments.", key="path", value=path)
+    separator = max(",;\t", key=lines[0].count)
+    return _rows(path, "text", lines, separator, decimal="." if separator == "," else ",")
+
+
+def _lvm(path: Path, lines: Sequence[str]) -> Table:
+    """Return the channels of a LabVIEW measurement, of which a header says how numbers are written."""
+    ends = [at for at, line in enumerate(lines) if line.startswith(_LVM_HEADER)][:2]
+    if not ends:
+        raise RecordingError(f"{path} has no end of its header, {_LVM_HEADER}.", key="path", value=path)
+    separator = "," if any(line.split()[:2] == ["Separator", "Comma"] for line in lines[: ends[0]]) else "\t"
+    stated = [line.replace(separator, "\t").split("\t") for line in lines[: ends[-1]]]
+    header = {parts[0]: parts[1:] for parts in stated}
+    table = _rows(
+        path, "LabVIEW measurement", lines[ends[-1] + 1 :], separator, "".join(header.get("Decimal_Separator", ["."]))
+    )
+    if table.headings[0] != "X_Value" or np.isfinite(table.columns[0]).any():
+        return table
+    begin, step = (
+        float(header[key][0].replace(",", ".")) if header.get(key, [""])[0] else np.nan for key in ("X0", "Delta_X")
+    )
+    rows = np.arange(table.columns[0].size)
+    return table._replace(columns=[(begin + step * rows).astype(np.float64), *table.columns[1:]])
+
+
+def _rows(path: Path, kind: str, lines: Sequence[str], separator: str, decimal: str) -> Table:
+    """Return lines of text, of which the first has the headings."""
+    try:
+        headings = [one.strip() for one in next(csv.reader(lines[:1], delimiter=separator, skipinitialspace=True))]
+    except (csv.Error, StopIteration) as problem:
+        raise RecordingError(f"{path} is no table of text: {problem}.", key="path", value=path) from None
+    if len(headings) > _MOST_COLUMNS:
+        raise RecordingError(f"{path} has more than {_MOST_COLUMNS} columns.", key="path", value=path)
+    comma = decimal == "," and separator != ","
+    rows = [line.replace(",", ".") for line in lines[1:]] if comma else lines[1:]
+    columns = [np.full(len(rows), np.nan) for _ in headings]
+    first = next(csv.reader(rows[:1], delimiter=separator, skipinitialspace=True), [])
+    used = [at for at, cell in enumerate(first[: len(headings)]) if _number(cell) is not None]
+    numbers = np.empty((0, 0))
+    if used:
+        with suppress(ValueError):
+            numbers = np.loadtxt(rows, delimiter=separator, comments=None, usecols=used, ndmin=2, quotechar='"')
+    if used and numbers.shape == (len(rows), len(used)):
+        for at, values in zip(used, numbers.T, strict=True):
+            columns[at] = values.copy()
+        if len(used) == len(headings):
+            return Table(kind, headings, columns)
+    else:
+        used = []
+    try:
+        for row, cells in enumerate(csv.reader(rows, delimiter=separator, skipinitialspace=True)):
+            for at, cell in enumerate(cells[: len(headings)]):
+                if at not in used and (number := _number(cell)) is not None:
+                    columns[at][row] = number
+    except (csv.Error, IndexError) as problem:
+        raise RecordingError(f"{path} is no table of text: {problem}.", key="path", value=path) from None
+    return Table(kind, headings, columns)
+
+
+def _number(cell: str) -> float | None:
+    try:
+        return float(cell)
+    except ValueError:
+        return None
+
+
+def _tdms(path: Path) -> Table:
+    found: dict[str, Any] = {}
+    clock: Array | None = None
+    for group in require("nptdms", "formats").TdmsFile.read(path).groups():
+        for channel in group.channels():
+            if not np.issubdtype(channel.dtype, np.number):
+                continue
+            unit = channel.properties.get("unit_string", "")
+            name = channel.name if channel.name not in found else f"{group.name}/{channel.name}"
+            found[f"{name} [{unit}]" if unit else name] = channel[:]
+            if clock is None and channel.properties.get("wf_increment", 0) > 0:
+                clock = channel.time_track()
+    return _table("LabVIEW TDMS", found if clock is None else {TIME: clock, **found})
+
+
+def _mat(path: Path) -> Table:
+    from scipy.io import loadmat  # noqa: PLC0415 - slow to load
+
+    read = loadmat(path, simplify_cells=True)
+    return _table("MATLAB", {name: values for name, values in read.items() if not name.startswith("__")})
+
+
+def _hdf5(path: Path) -> Table:
+    h5py = require("h5py", "formats")
+    found: dict[str, Array] = {}
+
+    def take(name: str, one: Any) -> None:
+        plain = isinstance(one, h5py.Dataset) and one.dtype.kind in "fiu" and not name.startswith("#")
+        if plain and one.size * one.dtype.itemsize <= _LARGEST:
+            # MATLAB's order of dimensions is the other one
+            found[name.replace("/", ".")] = np.asarray(one).T
+
+    with h5py.File(path) as file:
+        file.visititems(take)
+    return _table("MATLAB 7.3, HDF5", found)
+
+
+def _xlsx(path: Path) -> Table:
+    openpyxl = require("openpyxl", "formats")
+    with zipfile.ZipFile(path) as packed:
+        size = sum(one.file_size for one in packed.infolist())
+    if size > _LARGEST:
+        raise RecordingError(f"{path} holds {size / 1e6:.3g} MB, more than {_LARGEST / 1e6:g} MB.", key="path")
+    book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+    try:
+        rows = book.worksheets[0].iter_rows(values_only=True)
+        headings = [("" if cell is None else str(cell)).strip() for cell in next(rows, ())]
+        values = [[cell if isinstance(cell, int | float) else np.nan for cell in row] for row in rows]
+    finally:
+        book.close()
+    numbers = np.array(values, np.float64).reshape(len(values), -1)
+    return Table("Excel", headings, [column.copy() for column in numbers.T[: len(headings)]])
+
+
+def _table(kind: str, found: Mapping[str, Any]) -> Table:
+    """Return arrays as columns: of those with the length that most values have."""
+    named = list(_named(found))
+    lengths = [values.size for _, values in named]
+    rows = max(set(lengths), key=lambda length: (lengths.count(length) * (length > 1), length), default=0)
+    kept = [(name, values) for name, values in named if values.size == rows > 1]
+    return Table(kind, [name for name, _ in kept], [values for _, values in kept])
+
+
+def _named(found: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Array]]:
+    """Yield the columns of arrays and, by names with a dot, of structures."""
+    for name, one in found.items():
+        if isinstance(one, Mapping):
+            yield from _named(one, f"{before}{name}.")
+            continue
+        values = np.asarray(one)
+        if values.dtype.kind not in "fiu" or not values.size or values.ndim > 2:
+            continue
+        if values.size == max(values.shape, default=0):
+            yield before + name, values.ravel().astype(np.float64)
+        elif values.ndim == 2 and values.shape[1] < min(values.shape[0], _MOST_COLUMNS):
+            for at, column in enumerate(values.T.astype(np.float64), 1):
+                yield f"{before}{name}[{at}]", column
+
+
+def _whole(path: Path, table: Table) -> Table:
+    if not table.headings or not prod(column.size for column in table.columns):
+        raise RecordingError(
+            f"{path} ({table.kind}) holds no columns of numbers under headings.", key="path", value=path
+        )
+    return table
+
+
+_READERS: list[tuple[Callable[[bytes], bool], Callable[[Path], Table]]] = [
+    (lambda start: start.startswith(b"TDSm"), _tdms),
+    (lambda start: start.startswith(b"MATLAB 5.0 MAT"), _mat),
+    (lambda start: start.startswith((b"MATLAB 7.3 MAT", _HDF5)), _hdf5),
+    (lambda start: start.startswith(b"PK\x03\x04"), _xlsx),
+]
+"""Readers of binary files by how these begin."""
