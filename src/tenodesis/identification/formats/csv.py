@@ -157,7 +157,7 @@ _UNITS_MISTAKEN = {
 _CHECKED = ("handle_angle", "measured_handle_angle", "measured_output_angle", "tension_agonist", "tension_antagonist")
 
 
-class _CellPlace(NamedTuple):
+class CellPlace(NamedTuple):
     """Position of a column in the file, its stated unit, and the factor from its numbers to SI."""
 
     at: int
@@ -175,11 +175,10 @@ def load(path: Path) -> InstrumentRun:
     """
     read = read_table(path)
     headings = read.headings
-    own, shared = path.with_name(path.name + MAP_SUFFIX), path.with_name(SHARED_MAP)
     notes: list[str] = []
-    beside = own if own.exists() else shared
-    if beside.exists():
-        places = _mapped(beside, headings)
+    beside = map_beside(path)
+    if beside is not None:
+        places = mapped(beside, headings, _UNITS)
         notes.append(f"columns by {beside.name}")
     else:
         places = _recognised(path, headings, notes)
@@ -191,8 +190,8 @@ def load(path: Path) -> InstrumentRun:
     if lacking:
         raise IdentificationError(
             f"{path} lacks {', '.join(lacking)}: its headings are {', '.join(map(repr, headings))}; they must be those "
-            f"of tenodesis export recording, or be explained by a map {own.name}, or {SHARED_MAP} for all files of the "
-            "folder.",
+            f"of tenodesis export recording, or be explained by a map {path.name}{MAP_SUFFIX}, or {SHARED_MAP} for all "
+            "files of the folder.",
             key="columns",
             value=lacking,
         )
@@ -204,9 +203,9 @@ def load(path: Path) -> InstrumentRun:
     return checked(path.name, time, columns, notes=notes, checksum=checksum(path))
 
 
-def _recognised(path: Path, headings: Sequence[str], notes: list[str]) -> dict[str, _CellPlace]:
+def _recognised(path: Path, headings: Sequence[str], notes: list[str]) -> dict[str, CellPlace]:
     """Return the columns that headings name: those of an export, of its first axis, or the columns' own names."""
-    places: dict[str, _CellPlace] = {}
+    places: dict[str, CellPlace] = {}
     axes: dict[str, None] = {}
     for at, text in enumerate(headings):
         name, unit = heading(text)
@@ -218,26 +217,35 @@ def _recognised(path: Path, headings: Sequence[str], notes: list[str]) -> dict[s
                 axes.setdefault(axis)
         if column is not None and column not in places:
             unit = unit or _UNITS[column]
-            places[column] = _CellPlace(at, unit, _scale(unit, column, str(path)))
+            places[column] = CellPlace(at, unit, _scale(unit, column, str(path)))
     if len(axes) > 1:
         notes.append(f"of the axes {' and '.join(axes)} the first is taken")
     return places
 
 
-def _mapped(path: Path, headings: Sequence[str]) -> dict[str, _CellPlace]:
-    """Return the columns that a map names."""
+def map_beside(path: Path) -> Path | None:
+    """Return the map of a file's columns: its own, or that of its folder; None if there is none."""
+    beside = (path.with_name(path.name + MAP_SUFFIX), path.with_name(SHARED_MAP))
+    return next((one for one in beside if one.exists()), None)
+
+
+def mapped(path: Path, headings: Sequence[str], units: Mapping[str, str]) -> dict[str, CellPlace]:
+    """Return the columns that a map names, of those that there may be, with their SI units.
+
+    Raises IdentificationError if the map cannot be read, or names what is not there.
+    """
     given = parse_toml(read_text(path, IdentificationError), IdentificationError, str(path))
     places = {}
     for name, entry in given.items():
         where = f"{path}: {name}"
-        if name not in _UNITS:
-            raise IdentificationError(f"{where} is no column; it must be one of {', '.join(_UNITS)}.", key=name)
+        if name not in units:
+            raise IdentificationError(f"{where} is no column; it must be one of {', '.join(units)}.", key=name)
         keys = {"column", "unit", "factor"}
         if not isinstance(entry, Mapping) or not {"column", "unit"} <= set(entry) <= keys:
             raise IdentificationError(
                 key=where,
                 value=entry,
-                allowed=f'a table like {{ column = "t", unit = "{_UNITS[name]}" }}, with a factor if wanted',
+                allowed=f'a table like {{ column = "t", unit = "{units[name]}" }}, with a factor if wanted',
             )
         if entry["column"] not in headings:
             raise IdentificationError(
@@ -247,7 +255,9 @@ def _mapped(path: Path, headings: Sequence[str]) -> dict[str, _CellPlace]:
         if isinstance(factor, bool) or not isinstance(factor, int | float) or not isfinite(factor) or not factor:
             raise IdentificationError(key=f"{where}.factor", value=factor, allowed="a finite number other than 0")
         unit = str(entry["unit"])
-        places[name] = _CellPlace(headings.index(entry["column"]), unit, factor * _scale(unit, name, str(path)))
+        places[name] = CellPlace(
+            headings.index(entry["column"]), unit, factor * scale_of(unit, units[name], f"{path}: the unit of {name}")
+        )
     return places
 
 
@@ -256,7 +266,7 @@ def _scale(unit: str, column: str, place: str) -> float:
     return scale_of(unit, _UNITS[column], f"{place}: the unit of {column}")
 
 
-def _in_si(path: Path, name: str, values: Array, place: _CellPlace, notes: list[str]) -> Array:
+def _in_si(path: Path, name: str, values: Array, place: CellPlace, notes: list[str]) -> Array:
     """Return a column in SI by its stated unit, or, if that is impossible, by the unit that its magnitude shows."""
     stated_values = place.scale * values
     spread = spread_of(stated_values[np.isfinite(stated_values)])
