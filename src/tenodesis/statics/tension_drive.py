@@ -24,6 +24,7 @@ def strokes_at_tensions(
     handle_angles: ArrayLike = 0.0,
     wrench: ArrayLike = 0.0,
     *,
+    grip_force: ArrayLike = 0.0,
     axes: Axes = "tip",
 ) -> Array:
     """Return the lengths that motors wind when they hold given tensions, without friction, (..., tendons), m.
@@ -33,7 +34,7 @@ def strokes_at_tensions(
     tensions
         Of all tendons, (..., tendons), N, not below zero; all tendons must have motors. At zero a tendon is let out
         until it just carries nothing.
-    handle_angles, wrench, axes
+    handle_angles, wrench, grip_force, axes
         As of :func:`tenodesis.statics.equilibrium`, which the strokes are for; NaN where they are not found.
 
     Raises
@@ -53,26 +54,31 @@ def strokes_at_tensions(
         "tensions": wanted,
         "handle_angles": chain.rows_of("handle_angles", handle_angles, len(whole.handle_joints)),
         "wrench": chain.rows_of("wrench", wrench, 6),
+        "grip_force": np.asarray(grip_force, float)[..., np.newaxis],
     }
     shape = common_shape({name: rows.shape[:-1] for name, rows in given.items()})
     total = math.prod(shape)
     flat = [np.broadcast_to(rows, (*shape, rows.shape[-1])).reshape(total, rows.shape[-1]) for rows in given.values()]
-    found = [_strokes(whole, *row, axes) for row in zip(*flat, strict=True)]
+    found = [
+        _strokes(whole, one, {"handle": held, "wrench": load, "grip": grip}, axes)
+        for one, held, load, grip in zip(*flat, strict=True)
+    ]
     return np.reshape(found, (*shape, len(whole.tendons)))
 
 
-def _strokes(inst: FullForm, wanted: Array, held: Array, wrench: Array, axes: Axes) -> Array:
+def _strokes(inst: FullForm, wanted: Array, given: dict[str, Array], axes: Axes) -> Array:
     """Return the strokes of one row, NaN if there are none."""
+    held, wrench, grip = given["handle"], given["wrench"], given["grip"]
     stiffness, arms = np.array(inst.stiffnesses), inst.tendon_arms("tip")
     at_rest = np.array(inst.pretensions)
     turned = inst.tendon_arms("handle") @ chain.coordinates(inst.handle_joints, held)[0]
 
     # The unknowns are lengths times stiffness; a slack tendon counts as what it is short of being taut.
     def missing(force: Array, goal: Array) -> tuple[Array, Array]:
-        # A row of two, for a single one raises where there is no equilibrium.
-        strokes = np.tile(force / stiffness, (2, 1))
-        angles = chain.output_angles(inst, held, wrench, strokes=strokes, axes=axes)[0]
-        by_stroke = chain.rates(inst, held, wrench, strokes=strokes, axes=axes).by_stroke[0]
+        # Two rows alike, for a single one raises where there is no equilibrium.
+        load: chain.ChainLoad = {"strokes": np.tile(force / stiffness, (2, 1)), "grip_force": grip[0], "axes": axes}
+        angles = chain.output_angles(inst, held, wrench, **load)[0]
+        by_stroke = chain.rates(inst, held, wrench, **load).by_stroke[0]
         bent, by_angle = chain.coordinates(inst.tip_joints, angles)
         tension = at_rest + force + stiffness * (turned - arms @ bent)
         slope = np.eye(len(goal)) - stiffness[:, np.newaxis] * (arms * by_angle) @ by_stroke / stiffness
