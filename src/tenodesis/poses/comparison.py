@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tenodesis import statics
 from tenodesis.errors import IdentificationError
@@ -162,10 +161,10 @@ def compare(
     grip = 0.0 if given.grip_force is None else given.grip_force
     if given.tensions is not None:
         strokes = statics.strokes_at_tensions(whole, given.tensions, handle, wrench, grip_force=grip, axes=axes)
-    known: NDArray[np.bool_] = np.isfinite(strokes).all(axis=1, keepdims=True)
+    known = np.asarray(np.isfinite(strokes).all(axis=1, keepdims=True))
     rest = chain.equilibrium(whole, handle, wrench, strokes=np.where(known, strokes, 0.0), grip_force=grip, axes=axes)
     angles = np.where(known, rest.output_angle, np.nan)
-    known = known & np.isfinite(angles).all(axis=1, keepdims=True)
+    known &= np.isfinite(angles).all(axis=1, keepdims=True)
     if not known.any():
         raise IdentificationError(
             f"{whole.name} has an equilibrium at none of the {count} poses of {given.name}; loads must be smaller, or "
