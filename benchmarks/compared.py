@@ -29,12 +29,12 @@ from tenodesis.statics import chain
 
 sys.path.append(str(Path(__file__).parents[1] / "studies"))
 
-import figures  # noqa: E402
+import figures
 
 PEERS = Path(__file__).parent / "peers"
 GRAVITY, MASSES, COEFFICIENTS = 9.81, (1.0, 3.0), (0.0, 0.2)
 MOMENT, FORCE = 0.02, 0.5
-"""At the backbone's end, N m and N across, in the stem's axes."""
+"""Of a tendon at the backbone's end, N m, and a force across in the stem's axes, N."""
 MANY, ROUNDS = 4096, 5
 ROPE = (
     figures.Heading("error_frictionless", "error without friction", "%", ".3g"),
@@ -49,6 +49,13 @@ TIP = (
     figures.Heading("solves", "equilibria a second", "1/s", ".3g"),
     figures.Heading("steps", "steps a second", "1/s", ".3g"),
     figures.Heading("version", "version"),
+)
+SEGMENTS = (
+    figures.Heading("x", "x of the end", "mm", ".4g"),
+    figures.Heading("z", "z", "mm", ".4g"),
+    figures.Heading("place", "difference of place", "% of length", ".3g"),
+    figures.Heading("angle", "of angle", "°", ".3g"),
+    figures.Heading("version", "version of PyElastica"),
 )
 Row = list[Any]
 
@@ -155,38 +162,90 @@ def backbone(python: str) -> dict[str, Row]:
         return [100 * apart / BACKBONE.length, math.degrees(abs(own - angle)), solves, steps, version]
 
     rows: dict[str, Row] = {}
-    wrench = [FORCE, 0.0, 0.0, 0.0, MOMENT, 0.0]
+    wrench, pulled = [FORCE, 0.0, 0.0, 0.0, 0.0, 0.0], [MOMENT / BACKBONE.offset, 0.0]
     for arcs in (1, 4, 8):
         inst = backbone_of(arcs)
         joints = [joint.model_dump(exclude_unset=True) for joint in inst.joints]
-        joints[-1]["end_effector_length"] = 1e-9
+        joints[-1]["end_effector_length"] = 2e-7
         inst = inst.replace(joints=joints)
-        strokes = statics.strokes_at_tensions(inst, [0.0, 0.0], wrench=wrench, axes="stem")
+        strokes = statics.strokes_at_tensions(inst, pulled, wrench=wrench, axes="stem")
         solve: Callable[..., Any] = partial(
             chain.output_angles, inst, 0.0, np.tile(wrench, (MANY, 1)), strokes=strokes, axes="stem"
         )
         angles = solve()[0]
         end = tn.kinematics.tip_pose(inst, angles).position[0]
         rate = MANY / min(repeat(solve, number=1, repeat=ROUNDS))
-        twin = tn.twin.Twin(inst, time_step=5e-4)
-        loads = np.tile([FORCE, 0, 0, 0, 0, 0], (MANY, 1))
+        twin = tn.twin.Twin(backbone_of(arcs), time_step=5e-4)
+        loads = np.zeros((MANY, 6))
+        loads[:, 0] = FORCE * np.sin(2 * np.pi * 5e-4 * np.arange(MANY))
         run = partial(twin.run, np.zeros((MANY, 0)), wrench=loads)
         steps = MANY / min(repeat(run, number=1, repeat=ROUNDS))
         name = f"Tenodesis, {arcs} arc{'s' * (arcs > 1)}"
         rows[name] = row((end[0], end[2]), float(angles.sum()), rate, steps, tn.__version__)
-    for elements in (20, 40, 80):
-        found = of_peer(
+    rods = {
+        elements: of_peer(
             python, "elastica_rod.py", "--length", BACKBONE.length, "--rigidity", BACKBONE.rigidity, "--moment", MOMENT,
             "--force", FORCE, 0.0, "--elements", elements,
-        )  # fmt: skip
+        )
+        for elements in (20, 40, 80)
+    }  # fmt: skip
+    for elements, found in rods.items():
         if found is not None:
             place = found["place"][0], found["place"][2]
             name = f"PyElastica, {elements} elements"
             rows[name] = row(place, found["angle"], 1 / found["seconds"], found["steps"], found["version"])
+    if (coarse := rods[40]) is not None and (fine := rods[80]) is not None:
+        x0, _, z0, angle0 = limit(coarse, fine)
+        rows["PyElastica, extrapolated from 40 and 80"] = row((x0, z0), angle0, None, None, fine["version"])
     rate = chain_dynamics.steps_per_second(backbone_of(4), [FORCE, 0, 0, 0, 0, 0], seconds=0.5)
     import mujoco  # noqa: PLC0415 - an extra
 
     rows["MuJoCo, four arcs as hinges, no friction"] = [None, None, None, rate, mujoco.__version__]
+    return rows
+
+
+def limit(coarse: dict[str, Any], fine: dict[str, Any]) -> Any:
+    """Return place (m) and angle (rad) of a rod of endlessly many elements, by two of which one has twice as many.
+
+    A clamp holds half an element too much, so that errors are in proportion to the length of an element.
+    """
+    one, two = (np.array([*found["place"], found["angle"]]) for found in (coarse, fine))
+    return 2 * two - one
+
+
+def segments(python: str) -> dict[str, Row]:
+    """Return how far two segments in one plane are from PyElastica's rod, by the tensions of their tendons."""
+    joints = [joint.model_dump(exclude_unset=True) for joint in tn.instrument.expanded("two-segment-continuum").joints]
+    for joint in joints:
+        joint["arcs"] = 4
+    joints[-1]["end_effector_length"] = 2e-7
+    whole = tn.instrument.in_arcs(tn.instrument.expanded("two-segment-continuum"), 1).replace(joints=joints)
+    inst = tn.instrument.in_arcs(whole, 4)
+    radius, rigidity, length = 1.8e-3, 1.2e-3, 50e-3
+    rows: dict[str, Row] = {}
+    for tensions, force in (
+        ((12.0, 2.0, 2.0, 10.0), 0.0),
+        ((2.0, 10.0, 14.0, 2.0), 0.0),
+        ((2.0, 12.0, 14.0, 2.0), 0.3),
+    ):
+        near, far = radius * (tensions[0] - tensions[1]), radius * (tensions[2] - tensions[3])
+        rods = [
+            of_peer(
+                python, "elastica_rod.py", "--length", length, "--rigidity", rigidity, "--moment", far,
+                "--middle", near, "--force", force, 0.0, "--elements", elements, "--seconds", 0.4,
+            )
+            for elements in (40, 80)
+        ]  # fmt: skip
+        if rods[0] is None or rods[1] is None:
+            return {}
+        x, _, z, angle = limit(rods[0], rods[1])
+        wrench = [force, 0, 0, 0, 0, 0]
+        strokes = statics.strokes_at_tensions(inst, tensions, wrench=wrench, axes="stem")
+        angles = chain.output_angles(inst, 0.0, wrench, strokes=strokes, axes="stem")
+        end = tn.kinematics.tip_pose(inst, angles).position[0]
+        apart = 100 * math.hypot(end[0] - x, end[2] - z) / length
+        name = f"{', '.join(f'{one:g}' for one in tensions)} N, {force:g} N across"
+        rows[name] = [1e3 * end[0], 1e3 * end[2], apart, math.degrees(abs(angles.sum() - angle)), rods[1]["version"]]
     return rows
 
 
@@ -195,14 +254,19 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--python", default=sys.executable, help="Python that has newton and pyelastica")
     parser.add_argument("--worlds", type=int, default=MANY)
+    parser.add_argument("--work", choices=("rope", "backbone", "segments"), action="append", help="by default all")
     parser.add_argument("--figures", type=Path, help="docs/results.json")
     given = parser.parse_args()
     tn.set_threads(1)
     command = "python benchmarks/compared.py --python PYTHON_WITH_THE_PEERS --figures docs/results.json"
-    for name, of, columns, rows in (
-        ("peers_rope", "simulator", ROPE, rope(given.python, given.worlds)),
-        ("peers_backbone", "simulator", TIP, backbone(given.python)),
-    ):
+    work: dict[str, tuple[Any, Callable[[], dict[str, Row]]]] = {
+        "rope": (ROPE, partial(rope, given.python, given.worlds)),
+        "backbone": (TIP, partial(backbone, given.python)),
+        "segments": (SEGMENTS, partial(segments, given.python)),
+    }
+    for of in given.work or work:
+        columns, measured = work[of]
+        name, rows = f"peers_{of}", measured()
         print(f"\n{name}: {', '.join(f'{one.heading} [{one.unit}]' for one in columns)}")
         for key, values in rows.items():
             shown = (f"{value:.4g}" if isinstance(value, float) else str(value or "-") for value in values)
@@ -210,7 +274,11 @@ def main() -> None:
         if given.figures is not None:
             before = figures.read(given.figures).get(name)
             kept = {} if before is None else dict(before.rows)
-            figures.keep(name, figures.Table(command, of, columns, kept | rows), given.figures)
+            figures.keep(
+                name,
+                figures.Table(command, "tensions and force" if of == "segments" else "simulator", columns, kept | rows),
+                given.figures,
+            )
 
 
 if __name__ == "__main__":

@@ -1,12 +1,13 @@
 """A backbone as a Cosserat rod in PyElastica, brought to rest: run as a program where PyElastica is installed.
 
-Prints JSON: place (m) and angle (rad) of the end under a moment about y and a force along x and z at the end, both in
+Prints JSON: place (m) and angle (rad) of the end under moments about y and a force along x and z at the end, all in
 the stem's axes, how long it takes, and steps a second.
 """
 
 import argparse
 import json
 import time
+from importlib.metadata import version
 from typing import Any
 
 import elastica as ea
@@ -17,15 +18,17 @@ class _Simulator(ea.BaseSystemCollection, ea.Constraints, ea.Forcing, ea.Damping
     pass
 
 
-class _EndMoment(ea.NoForces):
-    """A moment on the last element that does not turn with it, raised in time."""
+class _Moment(ea.NoForces):
+    """A moment about y, shared by elements, raised in time."""
 
-    def __init__(self, moment: float, ramp: float) -> None:
-        self.moment, self.ramp = moment, ramp
+    def __init__(self, moment: float, ramp: float, elements: tuple[int, ...]) -> None:
+        self.moment, self.ramp, self.elements = moment / len(elements), ramp, elements
 
     def apply_torques(self, system: Any, time: Any = 0.0) -> None:
         share = min(1.0, float(time) / self.ramp)
-        system.external_torques[:, -1] += system.director_collection[:, :, -1] @ (share * np.array([0, self.moment, 0]))
+        for at in self.elements:
+            about = system.director_collection[:, :, at] @ np.array([0.0, share * self.moment, 0.0])
+            system.external_torques[:, at] += about
 
 
 def rest(given: argparse.Namespace) -> dict[str, Any]:
@@ -43,7 +46,9 @@ def rest(given: argparse.Namespace) -> dict[str, Any]:
     ramp = 0.2 * given.seconds
     force = np.array([given.force[0], 0.0, given.force[1]])
     simulator.add_forcing_to(rod).using(ea.EndpointForces, np.zeros(3), force, ramp_up_time=ramp)
-    simulator.add_forcing_to(rod).using(_EndMoment, given.moment, ramp)
+    simulator.add_forcing_to(rod).using(_Moment, given.moment, ramp, (given.elements - 1,))
+    middle = given.elements // 2
+    simulator.add_forcing_to(rod).using(_Moment, given.middle, ramp, (middle - 1, middle))
     step = 0.3 * given.length / given.elements / np.sqrt(young / density)
     first = 3.516 / given.length**2 * np.sqrt(given.rigidity / (density * area))
     simulator.dampen(rod).using(ea.AnalyticalLinearDamper, uniform_damping_constant=2 * first, time_step=step)
@@ -64,7 +69,7 @@ def rest(given: argparse.Namespace) -> dict[str, Any]:
         "speed": float(np.abs(rod.velocity_collection).max()),
         "seconds": took,
         "steps": (steps - 10) / took,
-        "version": ea.__dict__.get("__version__", ""),
+        "version": version("pyelastica"),
     }
 
 
@@ -74,6 +79,7 @@ def main() -> None:
     parser.add_argument("--length", type=float, default=40e-3)
     parser.add_argument("--rigidity", type=float, default=1e-3)
     parser.add_argument("--moment", type=float, default=0.02)
+    parser.add_argument("--middle", type=float, default=0.0, help="moment at half of the length")
     parser.add_argument("--force", type=float, nargs=2, default=[0.5, 0.0])
     parser.add_argument("--elements", type=int, default=40)
     parser.add_argument("--seconds", type=float, default=0.2)

@@ -43,10 +43,11 @@ def rope(coefficient: float, masses: tuple[float, float]) -> newton.ModelBuilder
         ends.append(body)
     guide, kinds = newton.TendonGuide, newton.TendonGuideType
     stiff = {"compliance": 1e-5, "damping": 5.0, "rest_length": -1.0}
+    wound = {"guide_type": kinds.ROLLER, "radius": RADIUS, "orientation": 1, "mu": coefficient}
     builder.add_tendon(
         [
             guide(body=ends[0], guide_type=kinds.ANCHOR, axis=axis),
-            guide(body=pulley, guide_type=kinds.ROLLER, radius=RADIUS, orientation=1, mu=coefficient, axis=axis, **stiff),
+            guide(body=pulley, axis=axis, **wound, **stiff),
             guide(body=ends[1], guide_type=kinds.ANCHOR, axis=axis, **stiff),
         ]
     )  # fmt: skip
