@@ -12,8 +12,11 @@ import tenodesis as tn
 from tenodesis.control.one_arc import one_arc
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import FullForm
+from tenodesis.paper.subject import Subject
 from tenodesis.recording.replay import replay
 from tenodesis.recording.simulation import record
+from tenodesis.statics import chain
+from tenodesis.statics.bends import Bends, straight_arms
 from tests.peers import elastica
 
 ROOT = Path(__file__).parents[2]
@@ -233,3 +236,19 @@ def test_a_file_of_which_every_joint_is_wrong_gets_one_sentence_for_each() -> No
     assert all("arcs is 3" in sentence for sentence in sentences)
     with pytest.raises(InstrumentError, match="a list that is not empty"):
         two.replace(joints=[])
+
+
+def test_the_report_and_check_have_a_backbones_arcs_as_one_joint() -> None:
+    two = tn.instrument.expanded("two-segment-continuum")
+    arcs, one = tn.instrument.in_arcs(two, 4), tn.instrument.in_arcs(two, 1)
+    bends = Bends.of(arcs)
+    assert bends.names == Subject(arcs).joints == [joint.name for joint in one.tip_joints]
+    strokes = np.array([4e-4, -4e-4, 2e-4, -2e-4])
+    ours, theirs = (Subject(inst).rates(np.zeros(0), strokes) for inst in (arcs, one))
+    for name in ("stiffness", "by_stroke", "by_handle"):
+        assert getattr(ours, name) == pytest.approx(getattr(theirs, name), rel=1e-9)
+    # A force across bends arcs unlike; a couple does not.
+    assert ours.by_wrench[:, 3:] == pytest.approx(theirs.by_wrench[:, 3:], rel=1e-9, abs=1e-12)
+    assert straight_arms(arcs) == pytest.approx(tn.statics.straight_arms(one))
+    lost = chain.rates(arcs, np.zeros(0), strokes=np.full((2, 4), -5e-3))
+    assert np.isfinite(bends.rates(lost).stiffness).all() == np.isfinite(lost.stiffness).all()

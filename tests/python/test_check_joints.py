@@ -228,7 +228,7 @@ def test_a_grip_is_refused_where_there_is_none(declined: Callable[..., Error], t
 def test_other_commands_say_which_ones_take_such_files(tenodesis: Run) -> None:
     code, _, wrong = tenodesis("scale", "driver.toml")
     assert code == 1
-    takers = "check, loss, bench, record, replay, console, devices test, export controller"
+    takers = "check, loss, compare, bench, record, replay, console, devices test, export controller"
     assert f"takes planar instruments; tenodesis {takers}" in wrong
 
 

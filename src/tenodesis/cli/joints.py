@@ -12,8 +12,9 @@ from tenodesis import statics
 from tenodesis.cli.common import components, console, matrix, say, table
 from tenodesis.cli.loss import losses_as_json, print_losses
 from tenodesis.errors import NoSolutionError
-from tenodesis.instrument import FullForm, Tendon
+from tenodesis.instrument import FullForm, Tendon, in_arcs
 from tenodesis.statics import Loss, Rates
+from tenodesis.statics.bends import Bends, straight_arms
 
 
 def rates_at_rest(inst: FullForm) -> Rates | None:
@@ -50,24 +51,26 @@ def joints_as_json(inst: FullForm, found: Sequence[Loss]) -> dict[str, Any]:
 
 def print_joints(inst: FullForm, found: Sequence[Loss]) -> None:
     """Print joints, tendons and what follows from them."""
-    tips, handles = len(inst.tip_joints), len(inst.handle_joints)
+    bends, whole = Bends.of(inst), in_arcs(inst, 1)
+    tip_names, handle_names = bends.names, [joint.name for joint in inst.handle_joints]
     say(
-        f"{inst.name}: {_count(tips, 'joint')} at the tip, {handles or 'none'} at the handle, "
+        f"{inst.name}: {_count(len(tip_names), 'joint')} at the tip, {len(handle_names) or 'none'} at the handle, "
         f"{_count(len(inst.tendons), 'tendon')}" + (f". {inst.description}" * bool(inst.description))
     )
-    _print("Joints", _joints(inst))
-    _print("Tendons", _tendons(inst))
-    joints = (*inst.handle_joints[::-1], *inst.tip_joints)
-    arms = np.hstack([statics.straight_arms(inst, "handle")[:, ::-1], statics.straight_arms(inst)])
+    for name, arcs in zip(tip_names, bends.sums.sum(axis=1), strict=True):
+        if arcs > 1:
+            say(f"{name} bends in {arcs:g} arcs; angles are their sums.")
+    _print("Joints", _joints(whole))
+    _print("Tendons", _tendons(whole))
+    arms = np.hstack([statics.straight_arms(inst, "handle")[:, ::-1], straight_arms(inst)])
     names = [tendon.name for tendon in inst.tendons]
-    tip_names = [joint.name for joint in inst.tip_joints]
-    _print("Moment arms of the straight joints [mm]", matrix(names, [j.name for j in joints], 1e3 * arms))
-    per_mm = np.degrees(statics.coupling(inst)) * 1e-3
-    _print("Coupling: angles by drawn tendon, taut and without stretch [°/mm]", matrix(names, tip_names, per_mm.T))
-    if (rates := rates_at_rest(inst)) is not None:
+    _print("Moment arms of the straight joints [mm]", matrix(names, [*handle_names[::-1], *tip_names], 1e3 * arms))
+    per_mm = bends.summed(np.degrees(statics.coupling(inst)).T) * 1e-3
+    _print("Coupling: angles by drawn tendon, taut and without stretch [°/mm]", matrix(names, tip_names, per_mm))
+    if (at_rest := rates_at_rest(inst)) is not None:
+        rates = bends.rates(at_rest)
         _print("Stiffness at rest: moment by angle [N·m/rad]", matrix(tip_names, tip_names, rates.stiffness))
-        if handles:
-            handle_names = [joint.name for joint in inst.handle_joints]
+        if handle_names:
             _print("Angles by angles of the handle, at rest", matrix(tip_names, handle_names, rates.by_handle))
     print_losses(inst, found)
 

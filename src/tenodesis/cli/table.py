@@ -39,6 +39,7 @@ PANELS: dict[str, dict[str, Entry | EntryGroup]] = {
     "Analyse": {
         "loss": Entry("loss.loss"),
         "bench": Entry("bench.bench"),
+        "compare": Entry("compare.compare"),
         "vertices": Entry("vertices.study_vertices"),
     },
     "Record and control": {

@@ -136,7 +136,7 @@ def follow(subject: Subject, motion: FarMotion, load: Load, law: str) -> Trackin
     shown = done.run.rows(round((LOADED + RESTED) / TIME_STEP), None, DRAWN.step)
     last = shown.rows(len(shown) // 2)
     handle = last.by_column("handle_angle")
-    error = np.degrees(last.by_column("output_angle") - subject.angles(handle))[:, motion.follows]
+    error = np.degrees(subject.turned(last) - subject.angles(handle))[:, motion.follows]
     moved = np.degrees(handle[:, motion.driven[1]])
     return Tracking(moved, error, campaign.rms(error), campaign.farthest(error))
 

@@ -92,7 +92,8 @@ def served(subject: Subject) -> dict[str, int]:
     """Return the places of the joints that a controller serves, by the name among results."""
     if subject.plane is not None:
         return {"": 0}
-    return {subject.joints[pair.joint]: pair.joint for pair in control.pairs(subject.inst).values()}
+    bends = [subject.inst.tip_joints[pair.joint].bend for pair in control.pairs(subject.inst).values()]
+    return {bend: subject.joints.index(bend) for bend in bends}
 
 
 def section(context: Context) -> Section:
@@ -177,7 +178,7 @@ def _over_loads(subject: Subject) -> list[Trial]:
         if done is None:
             return None
         run = done.shown
-        off = np.degrees(run.by_column("output_angle") - subject.angles(run.by_column("handle_angle")))[:, joints]
+        off = np.degrees(subject.turned(run) - subject.angles(run.by_column("handle_angle")))[:, joints]
         final = off[-round(_JUDGED / np.diff(run.time[:2])[0]) :].mean(axis=0)
         faults = ", ".join(done.run.fault_times)
         time = run.time - run.time[0]

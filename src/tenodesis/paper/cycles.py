@@ -97,10 +97,10 @@ def cycle(subject: Subject, motion: FarMotion, load: Load | None) -> CycleRun | 
         return out, back
 
     theory, follows = subject.way(motion, WAYS, load), motion.follows
-    out, back = (angles - theory for angles in compared(run.by_column("output_angle")))
+    out, back = (angles - theory for angles in compared(subject.turned(run)))
     sign = float(np.sign(motion.angles[-1] - motion.angles[0])[follows])
     last = run.rows(first, None, DRAWN.step)
-    off = last.by_column("output_angle") - subject.target(last, load)
+    off = subject.turned(last) - subject.target(last, load)
     higher = np.subtract(*compared(run["tension"])).mean(axis=0)
     estimate, error, width = np.empty(0), np.nan, np.nan
     if subject.plane is not None:
@@ -300,7 +300,7 @@ def _angles(subject: Subject, found: list[CycleRun]) -> Plot:
         color, at = style.AGONIST if done.load else style.INK, f"{done.motion.name}, {done.words} [deg]"
         unloaded, theory, angle = (
             np.degrees(angles[:, follows])
-            for angles in (subject.target(shown), subject.target(shown, done.load), shown.by_column("output_angle"))
+            for angles in (subject.target(shown), subject.target(shown, done.load), subject.turned(shown))
         )
         chart.curve(axis, chart.keep(f"unloaded angle, {at}", unloaded), f"{joint} by {at}", angle, color=color, lw=1.1)
         order = np.argsort(unloaded)

@@ -37,9 +37,9 @@ def lost(subject: Subject, state: HeldState, load: Load) -> Lost:
         by_hand = statics.handle_angle(inst, state.angles, load.size) - state.handle
         return Lost(angles, statics.loss_of_dexterity(inst, state.angles, load.size), by_hand, np.zeros(2))
     found = statics.loss(subject.inst, state.angles, load.wrench, load.grip)
-    rates = chain.rates(subject.inst, state.handle, strokes=state.strokes)
+    rates = subject.rates(state.handle, state.strokes)
     first_order = -(rates.by_wrench @ load.wrench + rates.by_grip * load.grip)
-    return Lost(found.lost, first_order, found.handle_corrections, found.strokes)
+    return Lost(subject.bends.summed(found.lost), first_order, found.handle_corrections, found.strokes)
 
 
 def section(context: Context) -> Section:
@@ -131,7 +131,7 @@ def _plot(subject: Subject, held: list[HeldState], applied: list[Load]) -> Plot:
                 at = f"{name}, {state.name}, {load.direction} [deg]"
                 chart.curve(axis, forces, f"lost by {at}", np.degrees((free - angles)[:, n]), line, **look)
         # At the straight tip a slack tendon may tighten at once, and the rates there hold for no load.
-        rates = chain.rates(inst, held[-1].handle, strokes=held[-1].strokes)
+        rates = subject.rates(held[-1].handle, held[-1].strokes)
         first = -np.degrees(np.outer(multiples, rates.by_wrench @ load.wrench + rates.by_grip * load.grip))
         for (name, color, _), lost in zip(subject.legend, first.T, strict=True):
             chart.curve(axis, forces, f"first order of {name}, {load.direction} [deg]", lost, ":", color=color, lw=1.0)

@@ -76,7 +76,7 @@ def _kind(context: Context) -> str:
     """Return in words what joints the instrument has."""
     if context.short is not None:
         return f"{context.short.joint_type} joint, {' and '.join(context.short.axes)}"
-    *names, last = (joint.name for joint in context.whole.tip_joints)
+    *names, last = context.subject.joints
     return f"joints {', '.join(names)}{' and ' * bool(names)}{last} by {len(context.whole.tendons)} tendons"
 
 

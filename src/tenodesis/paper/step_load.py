@@ -109,7 +109,7 @@ def respond(
     held, last = run.rows(came - 1, came), run.rows(-1)
     theory = subject.target(held, load)[0]
     expected = subject.target(held)[0] - theory
-    before, at_end = (rows.by_column("output_angle")[0] for rows in (held, last))
+    before, at_end = (subject.turned(rows)[0] for rows in (held, last))
     return LoadResponse(state, load, recorded, came, before, at_end, expected, theory)
 
 
@@ -251,7 +251,7 @@ def _plot(subject: Subject, found: list[LoadResponse]) -> Plot:
     chart, axes = panels(len(found), 2.6, 3.5)
     for axis, done in zip(axes, found, strict=True):
         time = chart.keep(f"time, {done.load.name} [s]", done.shown.time - done.shown.time[0] - _SHOWN)
-        changes = np.degrees(done.shown.by_column("output_angle") - done.before)
+        changes = np.degrees(subject.turned(done.shown) - done.before)
         for (name, look), change, lost in zip(subject.looks.items(), changes.T, np.degrees(done.expected), strict=True):
             chart.curve(axis, time, f"{name}, {done.load.name} [deg]", change, **look)
             axis.plot(time[time >= 0], np.full((time >= 0).sum(), -lost), ":", color=look["color"], lw=1.1)

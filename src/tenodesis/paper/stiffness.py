@@ -8,7 +8,6 @@ from tenodesis.paper.context import Context
 from tenodesis.paper.subject import Subject
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, Section, Table, named, number
-from tenodesis.statics import chain
 
 _FORCES = ("x", "y", "z")
 _NOTHING = 1e-9
@@ -42,8 +41,8 @@ def matrix(  # noqa: PLR0917
         for column in by
     ]
     table = context.table(caption, "", *columns)
-    for joint, row in zip(context.whole.tip_joints, values, strict=True):
-        table.row(joint.name, *map(float, row), of=joint.name)
+    for joint, row in zip(Subject(context.whole).joints, values, strict=True):
+        table.row(joint, *map(float, row), of=joint)
     return table
 
 
@@ -54,7 +53,7 @@ def section(context: Context) -> Section:
     tables: list[Table] = []
     softest: list[float] = []
     for state in subject.states:
-        rates = chain.rates(inst, state.handle, strokes=state.strokes)
+        rates = subject.rates(state.handle, state.strokes)
         where = subject.described(state)
         compliance = np.degrees(np.column_stack([rates.by_wrench[:, :3], rates.by_grip]))
         by = (*_FORCES, "grip") if inst.jaws else _FORCES
@@ -93,7 +92,7 @@ def _plot(subject: Subject) -> Plot:
     inst = subject.inst
     bent = subject.states[-1]
     shares, handle, strokes = subject.along(bent)
-    rates = chain.rates(inst, handle, strokes=strokes)
+    rates = subject.rates(handle, strokes)
     chart, (left, right) = Chart.panels(2, width=8.6, height=3.6)
     percent = chart.keep("share of the bent state [%]", 100 * shares)
     for n, (name, look) in enumerate(subject.looks.items()):

@@ -20,7 +20,8 @@ from tenodesis.report.content import Array, Chart
 from tenodesis.report.curves import forces
 from tenodesis.run import Run
 from tenodesis.simulate import AnyPhase, Cycles, Hold, Ramp, Wrench
-from tenodesis.statics import chain
+from tenodesis.statics import Rates, chain
+from tenodesis.statics.bends import Bends
 
 HANDLE_SPEED = float(np.radians(10))
 """Of a planar instrument's handle, rad/s."""
@@ -151,8 +152,21 @@ class Subject:
 
     @cached_property
     def joints(self) -> list[str]:
-        """Names of the tip's joints."""
-        return list(self.plane.axes) if self.plane is not None else [joint.name for joint in self.inst.tip_joints]
+        """Names of the tip's joints, a backbone's arcs as one."""
+        return list(self.plane.axes) if self.plane is not None else self.bends.names
+
+    @cached_property
+    def bends(self) -> Bends:
+        """The tip's joints, a backbone's arcs as one."""
+        return Bends.of(self.inst)
+
+    def turned(self, run: Run) -> Array:
+        """Return the output angles of a run, (n, joints), rad."""
+        return self.bends.summed(run.by_column("output_angle"))
+
+    def rates(self, handle: Array, strokes: Array) -> Rates:
+        """Return how the joints answer at rest."""
+        return self.bends.rates(chain.rates(self.inst, handle, strokes=strokes))
 
     @property
     def labels(self) -> list[str]:
@@ -178,7 +192,7 @@ class Subject:
             force = 0.0 if load is None else load.size
             return np.asarray(statics.output_angle(self.plane, handle[..., 0], force))[..., np.newaxis]
         wrench, grip = (0.0, 0.0) if load is None else (load.wrench, load.grip)
-        return chain.output_angles(self.inst, handle, wrench, grip_force=grip, strokes=strokes)
+        return self.bends.summed(chain.output_angles(self.inst, handle, wrench, grip_force=grip, strokes=strokes))
 
     def way(self, motion: FarMotion, shares: Array, load: Load | None = None) -> Array:
         """Return the angles without friction at shares (n,) of a motion, (n, joints), rad."""
@@ -236,7 +250,7 @@ class Subject:
         if self.plane is not None:
             return [Load("", "", 1.0, np.empty(0), 0.0, tuple(forces(self.plane)[1:]))]
         bent = self.states[-1]
-        rates = chain.rates(self.inst, bent.handle, strokes=bent.strokes)
+        rates = self.rates(bent.handle, bent.strokes)
         by_force = rates.by_wrench[:, :3]
         most = np.abs(by_force).max(axis=0)
         given = sorted(self.inst.conditions.forces)
@@ -245,7 +259,7 @@ class Subject:
         found = []
         for n, axis in enumerate("xyz"):
             if most[n] >= _FELT * most.max():
-                sign = -1.0 if by_force[:, n] @ np.sign(bent.angles + 1e-12) > 0 else 1.0
+                sign = -1.0 if by_force[:, n] @ np.sign(self.bends.summed(bent.angles) + 1e-12) > 0 else 1.0
                 wrench = np.zeros(6)
                 wrench[n] = sign * size
                 found.append(Load(axis, f"along {'−' if sign < 0 else ''}{axis}", size, wrench, 0.0, multiples))
@@ -261,7 +275,7 @@ class Subject:
     def most_taking(self, joint: int) -> Load:
         """Return the load that takes most from a joint of the tip, by its place, in the bent state."""
         bent = self.states[-1]
-        rates = chain.rates(self.inst, bent.handle, strokes=bent.strokes)
+        rates = self.rates(bent.handle, bent.strokes)
 
         def taken(load: Load) -> float:
             return float(abs(rates.by_wrench[joint] @ load.wrench + rates.by_grip[joint] * load.grip))
@@ -297,7 +311,7 @@ class Subject:
     def _motion(self, name: str, handle: Array, strokes: Array) -> FarMotion | None:
         shares = np.linspace(0.0, 1.0, _POINTS)
         angles = self.angles(np.outer(shares, handle), strokes=np.outer(shares, strokes))
-        ranges = np.array([joint.range for joint in self.inst.tip_joints])
+        ranges = self.bends.summed(np.array([joint.range for joint in self.inst.tip_joints]))
         beyond = ~(np.abs(angles) <= ranges + 1e-6).all(axis=1)
         last = int(np.argmax(beyond)) - 1 if beyond.any() else _POINTS - 1
         if last < 1:
@@ -335,7 +349,7 @@ class Subject:
 
     def described(self, state: HeldState) -> str:
         """Return the angles of a state in words."""
-        angles = zip(self.joints, np.degrees(state.angles), strict=True)
+        angles = zip(self.joints, np.degrees(self.bends.summed(state.angles)), strict=True)
         return ", ".join(f"{joint} {angle + 0.0:.3g}°".replace("-", "−") for joint, angle in angles)
 
     @property

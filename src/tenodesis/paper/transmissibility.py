@@ -9,7 +9,7 @@ from tenodesis.paper.stiffness import matrix
 from tenodesis.report import curves
 from tenodesis.report.content import Array, Column, Section, Table, fixed, named
 from tenodesis.report.curves import forces, load_name
-from tenodesis.statics import chain
+from tenodesis.statics.bends import straight_arms
 
 _SHARES = (0.0, 0.5, 1.0)  # of the working range, where the table has values
 
@@ -30,7 +30,7 @@ def section(context: Context) -> Section:
             tables.append(matrix(context, caption, f"{name}.{at}", unit, f"{about}, {at}", by, values))
 
     for state in subject.states:
-        rates, where = chain.rates(inst, state.handle, strokes=state.strokes), subject.described(state)
+        rates, where = subject.rates(state.handle, state.strokes), subject.described(state)
         moments = np.where(np.abs(rates.by_handle).max(axis=0, initial=0.0) > 0, rates.transmissibility, np.nan)
 
         caption, about = f"Angles by angles of the handle, at {where} [°/°]", "Angle of {of} by the angle of {by}"
@@ -42,7 +42,7 @@ def section(context: Context) -> Section:
         caption, about = f"Angles by length wound, at {where} [°/mm]", "Angle of {of} by the length wound on {by}"
         add(caption, "by_stroke", "deg/mm", about, tendons, 1e-3 * np.degrees(rates.by_stroke), state.name)
     caption, about = "Moments about the straight joints by tension [N·mm/N]", "Moment about {of} by the tension of {by}"
-    arms = 1e3 * statics.straight_arms(inst).T
+    arms = 1e3 * straight_arms(inst).T
     tables.append(matrix(context, caption, "moment_by_tension", "N·mm/N", about, tendons, arms))
     text = (
         "<p>All is exact at rest, without a load and without friction, tendons’ stretch and springs of the joints "

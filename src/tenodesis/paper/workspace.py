@@ -76,10 +76,11 @@ def section(context: Context) -> Section:
 
 def _places(inst: FullForm) -> ReachedPlaces:
     random = np.random.default_rng(_SEED)
-    joints = inst.handle_joints or inst.tip_joints
-    ranges = np.array([joint.range for joint in joints])
-    drawn = random.uniform(-ranges, ranges, (_POSTURES, len(joints)))
+    handles = [joint.range for joint in inst.handle_joints]
+    ranges = np.array(handles) if handles else inst.bend_ranges
+    drawn = random.uniform(-ranges, ranges, (_POSTURES, len(ranges)))
     if not inst.handle_joints:
+        drawn = np.array([inst.bent(angles) for angles in drawn])
         # Jaws turn together, closed.
         drawn[:, inst.jaws[1:]] = drawn[:, inst.jaws[:1]]
     handle, strokes = np.zeros((_POSTURES, len(inst.handle_joints))), np.zeros((_POSTURES, len(inst.tendons)))
@@ -94,7 +95,9 @@ def _places(inst: FullForm) -> ReachedPlaces:
         strokes = strokes[np.isfinite(strokes).all(axis=1)]
         handle = handle[: len(strokes)]
     angles = chain.output_angles(inst, handle, strokes=strokes)
-    within = (np.abs(angles) <= [joint.range + 1e-6 for joint in inst.tip_joints]).all(axis=1)
+    summed = Subject(inst).bends.summed
+    most = summed(np.array([joint.range for joint in inst.tip_joints])) + 1e-6
+    within = (np.abs(summed(angles)) <= most).all(axis=1)
     return ReachedPlaces(handle[within], strokes[within], _tip(inst, angles[within]))
 
 

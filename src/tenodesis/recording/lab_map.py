@@ -110,7 +110,7 @@ def read(path: Path) -> Mapped:
 
 def by_map(table: Table, text: str, source: str) -> Mapped:
     """Return a table with its columns by the text of a map, named `source`; raises RecordingError if it is wrong."""
-    return Mapped(table, _mapped(text, source, table.headings), (f"columns by {Path(source).name}",), "yaw")
+    return Mapped(table, mapped(text, source, table.headings, UNITS), (f"columns by {Path(source).name}",), "yaw")
 
 
 def map_beside(path: Path) -> Path | None:
@@ -180,27 +180,31 @@ def recognised(source: str, headings: Sequence[str]) -> tuple[dict[str, list[Par
                 axes.setdefault(axis)
         if column is not None and column not in places:
             unit = unit or UNITS[column]
-            places[column] = [Part(at, unit, _scale(unit, column, source))]
+            scale = scale_of(unit, UNITS[column], f"{source}: the unit of {column}")
+            places[column] = [Part(at, unit, scale)]
     return places, list(axes)
 
 
-def _mapped(text: str, path: str, headings: Sequence[str]) -> dict[str, list[Part]]:
-    """Return the columns that a map names."""
+def mapped(text: str, path: str, headings: Sequence[str], units: Mapping[str, str]) -> dict[str, list[Part]]:
+    """Return the columns that a map names, of those that there may be, with their SI units.
+
+    Raises RecordingError if the map names what is not there.
+    """
     given = parse_toml(text, RecordingError, path)
     places = {}
     for name, entry in given.items():
         where = f"{path}: {name}"
-        if name not in UNITS:
-            raise RecordingError(f"{where} is no column; it must be one of {', '.join(UNITS)}.", key=name)
+        if name not in units:
+            raise RecordingError(f"{where} is no column; it must be one of {', '.join(units)}.", key=name)
         keys = {"column", "unit", "factor"}
         if not isinstance(entry, Mapping) or not {"column", "unit"} <= set(entry) <= keys:
             raise RecordingError(
                 key=where,
                 value=entry,
-                allowed=f'a table like {{ column = "t", unit = "{UNITS[name]}" }}, with a factor if wanted',
+                allowed=f'a table like {{ column = "t", unit = "{units[name]}" }}, with a factor if wanted',
             )
-        columns, units = (one if isinstance(one, list) else [one] for one in (entry["column"], entry["unit"]))
-        if len(columns) != len(units) or not columns:
+        columns, given_in = (one if isinstance(one, list) else [one] for one in (entry["column"], entry["unit"]))
+        if len(columns) != len(given_in) or not columns:
             raise RecordingError(key=f"{where}.unit", value=entry["unit"], allowed="one unit for each column")
         for column in columns:
             if column not in headings:
@@ -210,12 +214,11 @@ def _mapped(text: str, path: str, headings: Sequence[str]) -> dict[str, list[Par
         if isinstance(factor, bool) or not isinstance(factor, int | float) or not isfinite(factor) or not factor:
             raise RecordingError(key=f"{where}.factor", value=factor, allowed="a finite number other than 0")
         places[name] = [
-            Part(headings.index(column), str(unit), factor * _scale(str(unit), name, path))
-            for column, unit in zip(columns, units, strict=True)
+            Part(
+                headings.index(column),
+                str(unit),
+                factor * scale_of(str(unit), units[name], f"{path}: the unit of {name}"),
+            )
+            for column, unit in zip(columns, given_in, strict=True)
         ]
     return places
-
-
-def _scale(unit: str, column: str, place: str) -> float:
-    """Return the factor from a unit to the SI unit of a column."""
-    return scale_of(unit, UNITS[column], f"{place}: the unit of {column}")

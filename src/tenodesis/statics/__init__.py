@@ -25,6 +25,7 @@ from tenodesis.statics.loss import Loss, hold, loss, usual_states
 from tenodesis.statics.query import Equilibrium, Tensions
 from tenodesis.statics.slack import slack_load
 from tenodesis.statics.target import targets
+from tenodesis.statics.tension_drive import strokes_at_tensions
 from tenodesis.statics.wrench import TipWrench, load_matrix, tip_wrench
 
 __all__ = [
@@ -55,6 +56,7 @@ __all__ = [
     "slack_force",
     "slack_load",
     "straight_arms",
+    "strokes_at_tensions",
     "targets",
     "tensions",
     "tip_wrench",

@@ -273,9 +273,9 @@ def _prepare(  # noqa: PLR0917
             allowed="0 without a table [grip]",
         )
     given = {
-        key: _rows(key, held, len(inst.handle_joints if key == "handle_angles" else inst.tip_joints)),
-        "strokes": _rows("strokes", strokes, len(inst.tendons)),
-        "wrench": _rows("wrench", wrench, 6),
+        key: rows_of(key, held, len(inst.handle_joints if key == "handle_angles" else inst.tip_joints)),
+        "strokes": rows_of("strokes", strokes, len(inst.tendons)),
+        "wrench": rows_of("wrench", wrench, 6),
         "grip_force": grip[..., np.newaxis],
     }
     shape = common_shape({name: rows.shape[:-1] for name, rows in given.items()})
@@ -305,7 +305,7 @@ def _check_within_range(inst: FullForm, held: Array) -> None:
             )
 
 
-def _rows(key: str, value: ArrayLike, width: int) -> Array:
+def rows_of(key: str, value: ArrayLike, width: int) -> Array:
     """Return an argument with its last axis of a given length; a single 0 stands for all zeros."""
     array = numbers(key, value)
     if array.ndim == 0 and not array:

@@ -1,0 +1,285 @@
+"""Tenodesis beside public simulators on the same work, in one run: a rope over a pulley, and a backbone.
+
+A peer runs in a process of its own, by the Python that has it (``--python``), so that none is a dependency; one that is
+not installed there is skipped, and its figures of an earlier run stay. With ``--figures docs/results.json`` the tables
+of docs/peers.md are written anew.
+"""
+
+import argparse
+import json
+import math
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from timeit import repeat
+from typing import Any
+
+import numpy as np
+from backbones import BACKBONE
+from backbones import backbone as backbone_of
+from peers import chain_dynamics
+from scipy.integrate import solve_bvp
+
+import tenodesis as tn
+from tenodesis import statics, tendon
+from tenodesis.statics import chain
+
+sys.path.append(str(Path(__file__).parents[1] / "studies"))
+
+import figures
+
+PEERS = Path(__file__).parent / "peers"
+GRAVITY, MASSES, COEFFICIENTS = 9.81, (1.0, 3.0), (0.0, 0.2)
+MOMENT, FORCE = 0.02, 0.5
+"""Of a tendon at the backbone's end, N m, and a force across in the stem's axes, N."""
+MANY, ROUNDS = 4096, 5
+ROPE = (
+    figures.Heading("error_frictionless", "error without friction", "%", ".3g"),
+    figures.Heading("error_friction", "error with μ = 0.2", "%", ".3g"),
+    figures.Heading("steps", "steps a second, one world", "1/s", ".3g"),
+    figures.Heading("many", f"of {MANY} worlds together", "1/s", ".3g"),
+    figures.Heading("version", "version"),
+)
+TIP = (
+    figures.Heading("place", "error of the end's place", "% of length", ".3g"),
+    figures.Heading("angle", "of its angle", "°", ".3g"),
+    figures.Heading("solves", "equilibria a second", "1/s", ".3g"),
+    figures.Heading("steps", "steps a second", "1/s", ".3g"),
+    figures.Heading("version", "version"),
+)
+SEGMENTS = (
+    figures.Heading("x", "x of the end", "mm", ".4g"),
+    figures.Heading("z", "z", "mm", ".4g"),
+    figures.Heading("place", "difference of place", "% of length", ".3g"),
+    figures.Heading("angle", "of angle", "°", ".3g"),
+    figures.Heading("version", "version of PyElastica"),
+)
+Row = list[Any]
+
+
+def of_peer(python: str, program: str, *options: object) -> dict[str, Any] | None:
+    """Return what a peer's program prints, or None, with a sentence, where it is not installed."""
+    done = subprocess.run(
+        [python, "-P", str(PEERS / program), *map(str, options)], capture_output=True, text=True, check=False
+    )
+    if "ModuleNotFoundError" in done.stderr:
+        print(f"{program} is skipped, and its recorded figures stay: {done.stderr.strip().splitlines()[-1]}.")
+        return None
+    if done.returncode:
+        raise SystemExit(f"{program} failed: {done.stderr[-800:]}")
+    found: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
+    return found
+
+
+def exact_ratio(coefficient: float) -> float:
+    """Return the ratio of both tensions of a rope that slides over half of a pulley."""
+    return math.exp(coefficient * math.pi)
+
+
+def ratio_of(acceleration: float) -> float:
+    """Return the ratio of both tensions by the acceleration of the masses, m/s^2."""
+    light, heavy = MASSES
+    return heavy * (GRAVITY - acceleration) / (light * (GRAVITY + acceleration))
+
+
+def off(ratios: dict[float, float]) -> Row:
+    """Return the errors of ratios of tensions, %."""
+    return [100 * abs(ratios[one] / exact_ratio(one) - 1) for one in COEFFICIENTS]
+
+
+def rope(python: str, worlds: int) -> dict[str, Row]:
+    """Return the rows of the rope."""
+    pulled = np.linspace(0.0, 30.0, 100_001)
+    ratios = {one: 30.0 / float(tendon.transmit(pulled, one * math.pi)[-1]) for one in COEFFICIENTS}
+    took = min(repeat(partial(tendon.transmit, pulled, 0.2 * math.pi), number=1, repeat=ROUNDS))
+    rows: dict[str, Row] = {"Tenodesis, contact alone": [*off(ratios), len(pulled) / took, None, tn.__version__]}
+    found = of_peer(python, "newton_rope.py", "--worlds", worlds, "--masses", *MASSES)
+    for name in ("XPBD", "VBD") if found is not None else ():
+        assert found is not None
+        own = found[name]
+        by = {float(key): ratio_of(value) for key, value in own["acceleration"].items()}
+        rows[f"Newton {name}"] = [*off(by), own["steps"], own["steps of worlds"], found["version"]]
+    mujoco, by, rate = mujoco_rope()
+    rows["MuJoCo, which has no friction on tendons"] = [*off(by), rate, None, mujoco]
+    return rows
+
+
+def mujoco_rope() -> tuple[str, dict[float, float], float]:
+    """Return MuJoCo's version, ratios of tensions by coefficient, all without friction, and steps a second."""
+    import mujoco  # noqa: PLC0415 - an extra
+
+    light, heavy = (
+        f'<body name="{name}" pos="{x} 0 -1.5"><joint type="slide" axis="0 0 1"/><geom size=".05" mass="{mass}"/>'
+        f'<site name="{name}"/></body>'
+        for name, x, mass in (("light", -0.15, MASSES[0]), ("heavy", 0.15, MASSES[1]))
+    )
+    # The rope is a spring, as stiff as Newton's; its length at rest is that at the start.
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="{1 / 1920}" gravity="0 0 -{GRAVITY}"><flag contact="disable"/></option><worldbody>
+        <geom name="pulley" type="cylinder" size=".15 .04" euler="90 0 0" contype="0" conaffinity="0"/>
+        <site name="top" pos="0 0 .2"/>{light}{heavy}</worldbody><tendon><spatial stiffness="1e5" damping="200">
+        <site site="light"/><geom geom="pulley" sidesite="top"/><site site="heavy"/></spatial></tendon></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    count = 960
+    ways = np.empty(count)
+    for at in range(count):
+        mujoco.mj_step(model, data)
+        ways[at] = data.qpos[0]
+    times = model.opt.timestep * np.arange(1, count + 1)
+    late = times > 0.1
+    acceleration = 2 * float(np.polyfit(times[late], ways[late], 2)[0])
+    begun = time.perf_counter()
+    mujoco.mj_resetData(model, data)
+    mujoco.mj_step(model, data, count)
+    rate = count / (time.perf_counter() - begun)
+    return mujoco.__version__, dict.fromkeys(COEFFICIENTS, ratio_of(acceleration)), rate
+
+
+def exact_end() -> tuple[float, float, float]:
+    """Return angle (rad) and place along x and z (m) of the backbone's end, as an elastica."""
+    length, rigidity = BACKBONE.length, BACKBONE.rigidity
+    s = np.linspace(0.0, length, 41)
+    guess = np.array([MOMENT / rigidity * s, MOMENT + 0 * s, 0 * s, s])
+
+    def rates(_: Any, y: Any) -> Any:
+        return np.vstack([y[1] / rigidity, -FORCE * np.cos(y[0]), np.sin(y[0]), np.cos(y[0])])
+
+    found = solve_bvp(rates, lambda a, b: np.array([a[0], a[2], a[3], b[1] - MOMENT]), s, guess, tol=1e-9)
+    angle, _, x, z = map(float, found.y[:, -1])
+    return angle, x, z
+
+
+def backbone(python: str) -> dict[str, Row]:
+    """Return the rows of the backbone."""
+    angle, x, z = exact_end()
+
+    def row(place: tuple[float, float], own: float, solves: float | None, steps: float | None, version: str) -> Row:
+        apart = math.hypot(place[0] - x, place[1] - z)
+        return [100 * apart / BACKBONE.length, math.degrees(abs(own - angle)), solves, steps, version]
+
+    rows: dict[str, Row] = {}
+    wrench, pulled = [FORCE, 0.0, 0.0, 0.0, 0.0, 0.0], [MOMENT / BACKBONE.offset, 0.0]
+    for arcs in (1, 4, 8):
+        inst = backbone_of(arcs)
+        joints = [joint.model_dump(exclude_unset=True) for joint in inst.joints]
+        joints[-1]["end_effector_length"] = 2e-7
+        inst = inst.replace(joints=joints)
+        strokes = statics.strokes_at_tensions(inst, pulled, wrench=wrench, axes="stem")
+        solve: Callable[..., Any] = partial(
+            chain.output_angles, inst, 0.0, np.tile(wrench, (MANY, 1)), strokes=strokes, axes="stem"
+        )
+        angles = solve()[0]
+        end = tn.kinematics.tip_pose(inst, angles).position[0]
+        rate = MANY / min(repeat(solve, number=1, repeat=ROUNDS))
+        twin = tn.twin.Twin(backbone_of(arcs), time_step=5e-4)
+        loads = np.zeros((MANY, 6))
+        loads[:, 0] = FORCE * np.sin(2 * np.pi * 5e-4 * np.arange(MANY))
+        run = partial(twin.run, np.zeros((MANY, 0)), wrench=loads)
+        steps = MANY / min(repeat(run, number=1, repeat=ROUNDS))
+        name = f"Tenodesis, {arcs} arc{'s' * (arcs > 1)}"
+        rows[name] = row((end[0], end[2]), float(angles.sum()), rate, steps, tn.__version__)
+    rods = {
+        elements: of_peer(
+            python, "elastica_rod.py", "--length", BACKBONE.length, "--rigidity", BACKBONE.rigidity, "--moment", MOMENT,
+            "--force", FORCE, 0.0, "--elements", elements,
+        )
+        for elements in (20, 40, 80)
+    }  # fmt: skip
+    for elements, found in rods.items():
+        if found is not None:
+            place = found["place"][0], found["place"][2]
+            name = f"PyElastica, {elements} elements"
+            rows[name] = row(place, found["angle"], 1 / found["seconds"], found["steps"], found["version"])
+    if (coarse := rods[40]) is not None and (fine := rods[80]) is not None:
+        x0, _, z0, angle0 = limit(coarse, fine)
+        rows["PyElastica, extrapolated from 40 and 80"] = row((x0, z0), angle0, None, None, fine["version"])
+    rate = chain_dynamics.steps_per_second(backbone_of(4), [FORCE, 0, 0, 0, 0, 0], seconds=0.5)
+    import mujoco  # noqa: PLC0415 - an extra
+
+    rows["MuJoCo, four arcs as hinges, no friction"] = [None, None, None, rate, mujoco.__version__]
+    return rows
+
+
+def limit(coarse: dict[str, Any], fine: dict[str, Any]) -> Any:
+    """Return place (m) and angle (rad) of a rod of endlessly many elements, by two of which one has twice as many.
+
+    A clamp holds half an element too much, so that errors are in proportion to the length of an element.
+    """
+    one, two = (np.array([*found["place"], found["angle"]]) for found in (coarse, fine))
+    return 2 * two - one
+
+
+def segments(python: str) -> dict[str, Row]:
+    """Return how far two segments in one plane are from PyElastica's rod, by the tensions of their tendons."""
+    joints = [joint.model_dump(exclude_unset=True) for joint in tn.instrument.expanded("two-segment-continuum").joints]
+    for joint in joints:
+        joint["arcs"] = 4
+    joints[-1]["end_effector_length"] = 2e-7
+    whole = tn.instrument.in_arcs(tn.instrument.expanded("two-segment-continuum"), 1).replace(joints=joints)
+    inst = tn.instrument.in_arcs(whole, 4)
+    radius, rigidity, length = 1.8e-3, 1.2e-3, 50e-3
+    rows: dict[str, Row] = {}
+    for tensions, force in (
+        ((12.0, 2.0, 2.0, 10.0), 0.0),
+        ((2.0, 10.0, 14.0, 2.0), 0.0),
+        ((2.0, 12.0, 14.0, 2.0), 0.3),
+    ):
+        near, far = radius * (tensions[0] - tensions[1]), radius * (tensions[2] - tensions[3])
+        rods = [
+            of_peer(
+                python, "elastica_rod.py", "--length", length, "--rigidity", rigidity, "--moment", far,
+                "--middle", near, "--force", force, 0.0, "--elements", elements, "--seconds", 0.4,
+            )
+            for elements in (40, 80)
+        ]  # fmt: skip
+        if rods[0] is None or rods[1] is None:
+            return {}
+        x, _, z, angle = limit(rods[0], rods[1])
+        wrench = [force, 0, 0, 0, 0, 0]
+        strokes = statics.strokes_at_tensions(inst, tensions, wrench=wrench, axes="stem")
+        angles = chain.output_angles(inst, 0.0, wrench, strokes=strokes, axes="stem")
+        end = tn.kinematics.tip_pose(inst, angles).position[0]
+        apart = 100 * math.hypot(end[0] - x, end[2] - z) / length
+        name = f"{', '.join(f'{one:g}' for one in tensions)} N, {force:g} N across"
+        rows[name] = [1e3 * end[0], 1e3 * end[2], apart, math.degrees(abs(angles.sum() - angle)), rods[1]["version"]]
+    return rows
+
+
+def main() -> None:
+    """Print the tables, and write them into the file of figures."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--python", default=sys.executable, help="Python that has newton and pyelastica")
+    parser.add_argument("--worlds", type=int, default=MANY)
+    parser.add_argument("--work", choices=("rope", "backbone", "segments"), action="append", help="by default all")
+    parser.add_argument("--figures", type=Path, help="docs/results.json")
+    given = parser.parse_args()
+    tn.set_threads(1)
+    command = "python benchmarks/compared.py --python PYTHON_WITH_THE_PEERS --figures docs/results.json"
+    work: dict[str, tuple[Any, Callable[[], dict[str, Row]]]] = {
+        "rope": (ROPE, partial(rope, given.python, given.worlds)),
+        "backbone": (TIP, partial(backbone, given.python)),
+        "segments": (SEGMENTS, partial(segments, given.python)),
+    }
+    for of in given.work or work:
+        columns, measured = work[of]
+        name, rows = f"peers_{of}", measured()
+        print(f"\n{name}: {', '.join(f'{one.heading} [{one.unit}]' for one in columns)}")
+        for key, values in rows.items():
+            shown = (f"{value:.4g}" if isinstance(value, float) else str(value or "-") for value in values)
+            print(f"  {key:44s} {'  '.join(f'{one:>10s}' for one in shown)}")
+        if given.figures is not None:
+            before = figures.read(given.figures).get(name)
+            kept = {} if before is None else dict(before.rows)
+            figures.keep(
+                name,
+                figures.Table(command, "tensions and force" if of == "segments" else "simulator", columns, kept | rows),
+                given.figures,
+            )
+
+
+if __name__ == "__main__":
+    main()
