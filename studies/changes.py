@@ -15,7 +15,7 @@ from law import RATED, eased
 from tenodesis.control import Controller, OperatingState, Request
 from tenodesis.control.controller import fault_names, homing_failure
 from tenodesis.instrument import Instrument
-from tenodesis.run import Run
+from tenodesis.run import Run, concatenate
 from tenodesis.simulate import FaultInjection, campaign
 from tenodesis.simulate.campaign import Column, Rows
 from tenodesis.twin import TIME_STEP, Twin
@@ -46,6 +46,8 @@ class Scene(NamedTuple):
     let_out: Array | float = 0.0
     tissue: Array | None = None
     """Angle, stiffness and damping at each step"""
+    law_off: float = np.inf
+    """When the law is switched off, s"""
     ideal: bool = False
     """Whether a tip sensor is run, too"""
 
@@ -71,6 +73,7 @@ STOPS: dict[str, tuple[dict[float, Request], tuple[FaultInjection, ...]]] = {
     "cell stuck": ({}, (FaultInjection("tension.agonist", "hold", start=STOPPED),)),
     "handle lost": ({}, (FaultInjection("handle_angle", "set", 9.0, start=STOPPED),)),
     "stop in mid-stroke": ({1.6: Request.DISABLE}, ()),
+    "law off": ({}, ()),
 }
 
 
@@ -78,7 +81,14 @@ def stopped(inst: Instrument, angle: float, side: float, by: str) -> Scene:
     """Motors that are stopped while they are wound; then the load goes."""
     _, force = steps(GONE + AFTER + MEAN, side * RATED[inst.name], lambda t: (t > LOADED) & (t < GONE))
     requests, faults = STOPS[by]
-    return Scene(GONE + AFTER + MEAN, force, STOPPED, requests=requests, faults=faults)
+    return Scene(
+        GONE + AFTER + MEAN,
+        force,
+        STOPPED,
+        requests=requests,
+        faults=faults,
+        law_off=STOPPED if by == "law off" else np.inf,
+    )
 
 
 def rope(inst: Instrument, angle: float, side: float, longer: float, pretension: float) -> Scene:
@@ -128,7 +138,12 @@ def run(inst: Instrument, angle: float, scene: Scene, *, on: bool) -> Run:
         {"controller": controller, "request": request, "fault_injection": scene.faults} if on else {}
     )
     twin = law.MovingTissue(inst, scene.tissue, SEED) if scene.tissue is not None else Twin(inst, seed=SEED)
-    return twin.run(handle, scene.force, let_out=scene.let_out, **given)
+    if controller is None or scene.law_off > scene.seconds:
+        return twin.run(handle, scene.force, let_out=scene.let_out, **given)
+    at = round(scene.law_off / TIME_STEP)
+    first = twin.run(handle[:at], scene.force[:at], controller=controller)
+    controller.choose("off")
+    return concatenate([first, twin.run(handle[at:], scene.force[at:], controller=controller)])
 
 
 def trial(scene: str, instrument: str, angle: float, **how: Any) -> dict[str, Any]:

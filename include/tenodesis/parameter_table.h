@@ -17,6 +17,7 @@
   ROW(law, "TENODESIS_LAW_...")                                                    \
   ROW(actuation, "TENODESIS_ACTUATION_...")                                        \
   ROW(safe_state, "TENODESIS_SAFE_...")                                            \
+  ROW(stop, "TENODESIS_STOP_...")                                                  \
   ROW(own_clock, "1: ticks come once per period; 0: time is taken from the input") \
   ROW(homed, "1: at the start, spool angles are zero where tendons have pretension")
 
@@ -27,8 +28,8 @@
   ROW(acceleration_limit, "rad/s^2", positive, "largest acceleration of a spool")            \
   ROW(engage_time, "s", not_negative, "time over which motion is faded in")                  \
   ROW(tension_limit, "N", not_negative, "above it a tendon is only unwound; 0: no limit")    \
-  ROW(hold_time, "s", not_negative, "time in a fault before a motor creeps back to neutral") \
-  ROW(neutral_speed, "rad/s", not_negative, "speed of that motion")                          \
+  ROW(hold_time, "s", not_negative, "time for which motors that stop stand before they return")  \
+  ROW(neutral_speed, "rad/s", not_negative, "largest speed of a spool that returns")             \
   ROW(relief, "rad", not_negative, "unwinding past neutral allowed to a tendon above its limit")
 
 /* Parameters of one axis: name, unit, bound, meaning. */

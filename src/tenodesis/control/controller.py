@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core
 from tenodesis.control.pairs import compensated
-from tenodesis.control.parameters import FAULTS, HOMING_REASONS, parameters
+from tenodesis.control.parameters import FAULTS, HOMING_REASONS, parameters, safe_state
 from tenodesis.control.resolution import check_force_limit
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import InstrumentLike
@@ -154,7 +154,8 @@ class Controller:
         self.precision, self.own_clock = precision, bool(own_clock)
         self.homed_at_start, self.enabled_at_start = bool(homed), bool(enabled)
         self.parameters = parameters(inst, period)
-        safe_state = ("hold", "neutral").index(inst.control.safe_state)
+        after_fault = ("hold", "neutral").index(safe_state(inst))
+        stop = ("return", "hold").index(inst.control.stop)
         common, axes, limits = self.parameters.rows()
         try:
             self.core = _core.Controller(
@@ -162,7 +163,8 @@ class Controller:
                 chosen_observer,
                 chosen_law,
                 chosen_actuation,
-                safe_state,
+                after_fault,
+                stop,
                 own_clock,
                 homed,
                 common,
@@ -275,6 +277,20 @@ class Controller:
     def ask(self, request: Request | str) -> None:
         """Make a request with the next tick: a :class:`Request` or its name."""
         self._request = _request(request)
+
+    def choose(self, law: LawName, actuation: ActuationName | None = None) -> None:
+        """Change the law, and the actuation, from the next tick on; ``off`` lets the motors return home.
+
+        Raises
+        ------
+        ValueError
+            There is no such choice, or the law does not work with the observer.
+        """
+        actuation = self.actuation if actuation is None else actuation
+        chosen = _choice("law", law, LawName), _choice("actuation", actuation, ActuationName)
+        if not self.core.choose(*chosen):
+            raise ArgumentError(key="law", value=law, allowed="a law that works with the observer")
+        self.law, self.actuation = law, actuation
 
     def take_request(self) -> Request:
         """Return the request for the next tick, and forget it."""
