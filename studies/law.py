@@ -89,12 +89,19 @@ class MovingTissue(Twin):
 
 
 def tip_sensor(  # noqa: PLR0917
-    inst: Instrument, seed: int, handle: Array, force: Array, aim: Array, lasting: float = 0.0, tissue: Any = None
+    inst: Instrument,
+    seed: int,
+    handle: Array,
+    force: Array,
+    aim: Array,
+    lasting: float = 0.0,
+    tissue: Any = None,
+    stop: float = np.inf,
 ) -> Array:
     """Return the tip's angle, rad, whose motors give back what a sensor without error finds lost, for a time (s).
 
     The drives, the limit of their speed and the gain are the robust law's; aim: of the tip, rad; tissue: as
-    :class:`MovingTissue` takes it.
+    :class:`MovingTissue` takes it; stop: when the motors return home, s.
     """
     own = parameters(inst).axes[0]
     per_angle = own["distal_radius"] / own["spool_radius"]
@@ -112,7 +119,7 @@ def tip_sensor(  # noqa: PLR0917
         last = signals[now][-1]
         wound = -np.diff(last[spools])[0] / (2 * per_angle)
         lost[n % lost.size] = aim[now][-1] - last[tip] + wound
-        lasted = max(lost.min(), 0.0) + min(lost.max(), 0.0)
+        lasted = max(lost.min(), 0.0) + min(lost.max(), 0.0) if n * TICK * TIME_STEP < stop else 0.0
         speed = float(np.clip(own["gain"] * per_angle * (lasted - wound), -fastest, fastest))
         commands[following, motors] = speed, -speed
     return np.asarray(signals[:, tip])

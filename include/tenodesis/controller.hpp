@@ -92,6 +92,13 @@ struct AxisController {
     return counted;
   }
 
+  /// How far the motors hold the tip from where it would be with their spools at home, rad.
+  S wound(const Memory& memory) const {
+    const auto away = [&](int i) { return Supervisor<S>::away(i, memory.watch.trusted, memory.command); };
+    const S stroke = model().spool_radius * S(0.5) * (away(agonist) - away(antagonist));
+    return stroke / model().axis.distal.moment_arm(S(0));
+  }
+
   /// Corrects the tensions by what homing has found of the cells.
   static void correct(const Memory& memory, Measurement<S>& measured) {
     for (int i = 0; i < 2; ++i) measured.tension[i] = (measured.tension[i] - memory.offset[i]) * memory.correction[i];

@@ -1,6 +1,6 @@
 #pragma once
-// Records of the last ticks before a fault, and of a few after it. Whatever its memory holds, it reads and writes within
-// its records: memory may be damaged.
+// Records of the last ticks before a fault, and of a few after it. Whatever its memory holds, it reads and writes
+// within its records: memory may be damaged.
 
 namespace tenodesis {
 

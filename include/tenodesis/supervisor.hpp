@@ -255,7 +255,7 @@ struct Supervisor {
 
   // A return first goes below home by a common stroke, so that at last both tendons are wound alike: friction, which
   // would hold the tip where the motors had brought it, then acts on both alike.
-  S dip() const { return S(0.8) * relief; }
+  S dip() const { return S(1.2) * relief; }
   S hangs() const { return stretch > S(0) ? S(2) * hanging * relief / stretch : S(0); }
 
   void follow_return(const Measurement<S>& measured, const State& state, CommandState<S>& axis) const {
@@ -264,8 +264,9 @@ struct Supervisor {
     const bool fault = state.operating == OperatingState::fault;
     const Distrust distrust = distrusted(fault ? state.faults : state.present);
     const bool loose = smaller(measured.tension[0], measured.tension[1]) < hangs();
-    if ((axis.rising && at(S(0))) || distrust.spool) axis.returning = false;
-    if (at(-dip()) || (loose && !distrust.tension)) axis.rising = true;
+    const bool there = at(S(0));
+    if (there || distrust.spool) axis.returning = false;
+    if (there || at(-dip()) || (loose && !distrust.tension)) axis.rising = true;
   }
 
   // Both spools at the same time, the faster at most at neutral_speed. By tensions, where these are trusted, no tendon

@@ -186,8 +186,8 @@ typedef struct {
 /* Sets a controller up, disabled. After an error it cannot be stepped, whatever it was before. Every parameter must be
  * finite, keep its bound in parameter_table.h, be one of the choices above, and fit the others. */
 TENODESIS_API int tenodesis_init(tenodesis_controller* controller, const tenodesis_parameters* parameters);
-/* One tick. On any error except TENODESIS_BAD_REQUEST the output is all zero. A part of the parameters, as the controller
- * keeps them, is checked with each tick, and all of them within 128 ticks. */
+/* One tick. On any error except TENODESIS_BAD_REQUEST the output is all zero. A part of the parameters, as the
+ * controller keeps them, is checked with each tick, and all of them within 128 ticks. */
 TENODESIS_API int tenodesis_step(tenodesis_controller* controller, const tenodesis_input* input,
                                  tenodesis_output* output);
 /* Returns to the state after tenodesis_init. */
@@ -205,6 +205,8 @@ TENODESIS_API int tenodesis_read_counts(const tenodesis_controller* controller, 
 /* Phase of the robust law on an axis: 0 rest, 1 track, 2 pull, 3 release, 4 restrained (tracking, by less than the law
  * wants), 5 yielding (at the force limit); 0 without such a controller or axis. */
 TENODESIS_API uint32_t tenodesis_phase(const tenodesis_controller* controller, int axis);
+/* How far the motors hold the tip from where it would be with their spools at home, rad; 0 without such an axis. */
+TENODESIS_API tenodesis_real tenodesis_wound(const tenodesis_controller* controller, int axis);
 /* Tension, N, for an input without load cells: what a motor's current (A) stands for, at torque constant times gear
  * ratio over spool radius (N/A), up to the current's range (A). The drive's friction is still in it: of parameters that
  * `tenodesis export controller` has written for currents, it is a part of the sheath's. */

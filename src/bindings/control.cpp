@@ -147,14 +147,15 @@ std::vector<std::tuple<std::string, std::string>> homing_reason_rows() {
 void bind_control(nb::module_& m) {
   nb::class_<AnyController>(m, "Controller", "The controller of an instrument, with its state.")
       .def(nb::new_([](std::uint32_t joint_type, std::uint32_t observer, std::uint32_t law, std::uint32_t actuation,
-                       std::uint32_t safe_state, std::uint32_t stop, bool own_clock, bool homed, const std::vector<double>& common,
-                       const In<2>& axes, const In<3>& limits, bool single_precision) {
+                       std::uint32_t safe_state, std::uint32_t stop, bool own_clock, bool homed,
+                       const std::vector<double>& common, const In<2>& axes, const In<3>& limits,
+                       bool single_precision) {
              const ControlParameters p = parameters_of(
                  {joint_type, observer, law, actuation, safe_state, stop, own_clock, homed}, common, axes, limits);
              return single_precision ? make_controller<float>(p) : make_controller<double>(p);
            }),
-           "joint_type"_a, "observer"_a, "law"_a, "actuation"_a, "safe_state"_a, "stop"_a, "own_clock"_a, "homed"_a, "common"_a,
-           "axes"_a, "limits"_a, "single_precision"_a)
+           "joint_type"_a, "observer"_a, "law"_a, "actuation"_a, "safe_state"_a, "stop"_a, "own_clock"_a, "homed"_a,
+           "common"_a, "axes"_a, "limits"_a, "single_precision"_a)
       .def("step", &step, "time"_a, "request"_a, "measured"_a,
            nb::sig("def step(self, time: int, request: int, measured: NDArray[numpy.float64]) -> "
                    "tuple[NDArray[numpy.float64], list[int], int, bool, bool, int, int, bool]"),
@@ -178,6 +179,9 @@ void bind_control(nb::module_& m) {
             return nb::bytes(&controller.parameters(), sizeof(link::ControllerParameters));
           },
           "Its parameters as a board takes them: a tenodesis_parameters in float.")
+      .def(
+          "wound", &AnyController::wound, "axis"_a,
+          "How far the motors hold the tip from where it would be with their spools at home, rad; NaN where not known.")
       .def("counts", &counts, "axis"_a,
            "How often each fault was confirmed, bad samples of each sensor, number of late ticks.")
       .def("records", &records, nb::sig("def records(self) -> tuple[NDArray[numpy.float64], int]"),

@@ -312,6 +312,14 @@ uint32_t tenodesis_phase(const tenodesis_controller* controller, int axis) {
   });
 }
 
+tenodesis_real tenodesis_wound(const tenodesis_controller* controller, int axis) {
+  const Session* session = good(controller) ? session_of(controller) : nullptr;
+  if (session == nullptr) return 0;
+  return with(*session, [&](const auto& own) {
+    return axis < 0 || axis >= own.controller.count() ? S(0) : own.controller.axis[axis].wound(own.state.axis[axis]);
+  });
+}
+
 tenodesis_real tenodesis_tension_from_current(tenodesis_real current, tenodesis_real tension_per_current,
                                               tenodesis_real range) {
   return tension_from_current(current, tension_per_current, range);

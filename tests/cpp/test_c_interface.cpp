@@ -242,6 +242,7 @@ void parameters_that_make_no_controller_are_refused() {
   CLAIM(refused([](P& p) { p.law = 5; }));
   CLAIM(refused([](P& p) { p.actuation = 2; }));
   CLAIM(refused([](P& p) { p.safe_state = 2; }));
+  CLAIM(refused([](P& p) { p.stop = 2; }));
   CLAIM(refused([](P& p) { p.own_clock = 2; }));
   CLAIM(refused([](P& p) { p.homed = 2; }));
   CLAIM(refused([](P& p) { p.period = 0; }));
@@ -285,6 +286,76 @@ void a_request_that_is_none_takes_the_tick_without_it() {
   input.request = TENODESIS_REQUEST_CLEAR + 1;
   CLAIM(tenodesis_step(&controller, &input, &output) == TENODESIS_BAD_REQUEST);
   CLAIM(same(output, without));
+}
+
+/// Bytes from the controller's memory on that a session uses.
+std::size_t used_bytes(const tenodesis_controller& controller) {
+  const auto* const bytes = reinterpret_cast<const unsigned char*>(&controller);
+  std::size_t used = sizeof controller;
+  while (used > 0 && bytes[used - 1] == 0) --used;
+  return used;
+}
+
+// Whatever bit flips, and when.
+void a_bit_that_flips_never_crashes_and_sends_no_motor_what_is_no_number() {
+  for (const unsigned joint_type : {TENODESIS_TENDON_GEAR, TENODESIS_CONTINUUM}) {
+    tenodesis_parameters p = parameters(joint_type, two);
+    auto controller = std::make_unique<tenodesis_controller>();
+    std::memset(controller.get(), 0, sizeof *controller);
+    CLAIM(tenodesis_init(controller.get(), &p) == TENODESIS_OK);
+    Readings readings;
+    tenodesis_output output;
+    for (int tick = 0; tick < 300; ++tick) {
+      const tenodesis_input input = readings.at(tick);
+      tenodesis_step(controller.get(), &input, &output);
+    }
+    const std::size_t used = used_bytes(*controller);
+    std::mt19937 random(seed);  // NOLINT(cert-msc32-c,cert-msc51-cpp,bugprone-random-generator-seed)
+    auto damaged = std::make_unique<tenodesis_controller>();
+    for (int trial = 0; trial < 6000; ++trial) {
+      *damaged = *controller;
+      // Each byte of the head, where marks, check word and the recorder's places are, and others at random.
+      const std::size_t at = trial < 3000 ? std::size_t(trial) % 120 : random() % used;
+      reinterpret_cast<unsigned char*>(damaged.get())[at] ^= static_cast<unsigned char>(1U << (random() % 8));
+      Readings after = readings;
+      for (int tick = 300; tick < 305; ++tick) {
+        const tenodesis_input input = after.at(tick);
+        tenodesis_step(damaged.get(), &input, &output);
+        for (const auto& axis : output.axis)
+          for (const Number sent : axis.spool_velocity) CLAIM(std::isfinite(sent));
+        tenodesis_record record;
+        for (int n = 0; n < tenodesis_records(damaged.get()); n += 7) tenodesis_read_record(damaged.get(), n, &record);
+        tenodesis_phase(damaged.get(), 1);
+        tenodesis_wound(damaged.get(), 1);
+      }
+    }
+  }
+}
+
+void parameters_that_have_changed_in_memory_stop_the_motors() {
+  tenodesis_parameters p = parameters(TENODESIS_TENDON_GEAR, two);
+  const Number gain = p.axis[0].gain = Number(11.8125);
+  tenodesis_controller controller;
+  CLAIM(tenodesis_init(&controller, &p) == TENODESIS_OK);
+  CLAIM(tenodesis_choose(&controller, TENODESIS_LAW_ROBUST, TENODESIS_ACTUATION_DIFFERENTIAL) == TENODESIS_OK);
+  auto* const bytes = reinterpret_cast<unsigned char*>(&controller);
+  std::size_t at = 0;
+  while (std::memcmp(bytes + at, &gain, sizeof gain) != 0) ++at;
+  Readings readings;
+  tenodesis_output output;
+  int code = TENODESIS_OK, tick = 0;
+  for (; tick < 400 && code == TENODESIS_OK; ++tick) {
+    if (tick == 200) bytes[at] ^= 1U;
+    const tenodesis_input input = readings.at(tick);
+    code = tenodesis_step(&controller, &input, &output);
+  }
+  CLAIM(code == TENODESIS_DAMAGED && tick > 200 && tick <= 330);
+  const tenodesis_input input = readings.at(tick);
+  CLAIM(tenodesis_step(&controller, &input, &output) == TENODESIS_DAMAGED);
+  CLAIM(output.axis[0].spool_velocity[0] == 0 && output.state == TENODESIS_DISABLED);
+  CLAIM(tenodesis_reset(&controller) == TENODESIS_NOT_STARTED);
+  CLAIM(tenodesis_init(&controller, &p) == TENODESIS_OK);
+  CLAIM(tenodesis_step(&controller, &input, &output) == TENODESIS_OK);
 }
 
 void reset_is_a_fresh_start() {
@@ -410,12 +481,12 @@ void faults_have_names() {
 }
 
 // Parameters and headers that were written for this version must keep their meaning.
-void the_layout_of_version_3_is_unchanged() {
+void the_layout_of_version_4_is_unchanged() {
   constexpr std::size_t real = sizeof(tenodesis_real);
   using Axis = tenodesis_axis_parameters;
-  static_assert(TENODESIS_VERSION == 3);
-  CLAIM(offsetof(tenodesis_parameters, homed) == 36 && offsetof(tenodesis_parameters, relief) == 40 + 7 * real);
-  CLAIM(sizeof(tenodesis_parameters) == 40 + 250 * real);
+  static_assert(TENODESIS_VERSION == 4);
+  CLAIM(offsetof(tenodesis_parameters, homed) == 40 && offsetof(tenodesis_parameters, relief) == 48 + 7 * real);
+  CLAIM(sizeof(tenodesis_parameters) == 48 + 250 * real);
   CLAIM(offsetof(Axis, handle_range) == 6 * real && offsetof(Axis, sheath_bend_rate) == 18 * real);
   CLAIM(offsetof(Axis, slack_tension) == 33 * real && offsetof(Axis, still_time) == 59 * real);
   CLAIM(offsetof(Axis, homing_gain_error) == 82 * real && offsetof(Axis, watch_window) == 90 * real);
@@ -434,7 +505,7 @@ void a_current_stands_for_a_tension_up_to_its_range() {
 }
 
 int main() {
-  the_layout_of_version_3_is_unchanged();
+  the_layout_of_version_4_is_unchanged();
   sizes_are_those_that_the_header_promises();
   for (const unsigned axes : {1U, 2U}) {
     const auto check = [&](unsigned observer, unsigned law) {
@@ -451,6 +522,8 @@ int main() {
   bad_pointers_are_refused();
   parameters_that_make_no_controller_are_refused();
   a_request_that_is_none_takes_the_tick_without_it();
+  a_bit_that_flips_never_crashes_and_sends_no_motor_what_is_no_number();
+  parameters_that_have_changed_in_memory_stop_the_motors();
   reset_is_a_fresh_start();
   a_copy_goes_on_by_itself();
   the_watchdog_stops_the_motors_past_its_time();

@@ -311,14 +311,27 @@ class Controller:
         ValueError
             There is no such axis.
         """
-        if axis is not None and axis not in self.inst.axes:
-            raise ArgumentError(key="axis", value=axis, allowed=f"one of {', '.join(self.inst.axes)}")
-        faults, bad, late = self.core.counts(0 if axis is None else self.inst.axes.index(axis))
+        faults, bad, late = self.core.counts(self._number_of(axis))
         return {
             "faults": dict(zip(FAULTS, faults, strict=True)),
             "bad_samples": dict(zip(_CHANNELS, bad, strict=True)),
             "ticks": {"late": late},
         }
+
+    def wound(self, axis: str | None = None) -> float:
+        """Return how far motors hold the tip from where it is with spools at home, rad, by default of the first axis.
+
+        Raises
+        ------
+        ValueError
+            There is no such axis.
+        """
+        return self.core.wound(self._number_of(axis))
+
+    def _number_of(self, axis: str | None) -> int:
+        if axis is not None and axis not in self.inst.axes:
+            raise ArgumentError(key="axis", value=axis, allowed=f"one of {', '.join(self.inst.axes)}")
+        return 0 if axis is None else self.inst.axes.index(axis)
 
     def flight_record(self) -> FlightRecord:
         """Return the flight recorder's records: the last 200 ms at 2 kHz, frozen by a fault until it is cleared."""

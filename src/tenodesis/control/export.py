@@ -121,6 +121,7 @@ def header(
         f"    .stop = TENODESIS_STOP_{_constant(inst.control.stop)},",
         f"    .own_clock = {int(own_clock)},",
         f"    .homed = {int(homed)},",
+        "    .reserved = 0,",
         *(f"    .{key} = {_number(parameters.common[key])}, /* {text} */" for key, text in _COMMON.items()),
         "    .axis =",
         "        {",
