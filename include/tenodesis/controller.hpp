@@ -253,7 +253,8 @@ struct Controller {
   // can end must not prevent clearing.
   Request allowed(Request request, State& state) const {
     if (request == Request::clear && needs_homing(state.supervisor.faults)) forget_home(state);
-    if (request == Request::clear && distrusted(state.supervisor.faults).spool)
+    const std::uint32_t faults = state.supervisor.faults;
+    if (request == Request::clear && (distrusted(faults).spool || (faults & bit(Fault::tendon_break)) != 0))
       for (int n = 0; n < count(); ++n) state.axis[n].command.knows_home = false;
     const bool engages = request == Request::enable || request == Request::resume;
     return engages && !state.homed ? Request::none : request;

@@ -36,14 +36,12 @@ struct Distrust {
 /// The sensors that a mask of faults makes unusable.
 constexpr Distrust distrusted(std::uint32_t faults) {
   const auto any = [faults](auto... fault) { return (faults & (bit(fault) | ...)) != 0; };
-  // A dead load cell looks like a broken tendon, a slipped spool like a drifting cell; a cell that is known to stand
-  // still explains both.
-  const bool explained = any(Fault::load_cell_stuck, Fault::load_cell_range);
+  // A dead load cell looks like a broken tendon, a slipped spool like a drifting cell.
   return {any(Fault::tendon_break, Fault::load_cell_stuck, Fault::load_cell_range, Fault::load_cell_drift,
               Fault::stroke_unexplained, Fault::not_a_number),
           any(Fault::encoder_dropout, Fault::encoder_jump, Fault::not_a_number),
-          any(Fault::encoder_jump, Fault::motor_not_following, Fault::stroke_unexplained) ||
-              (any(Fault::load_cell_drift, Fault::spool_slip) && !explained)};
+          any(Fault::encoder_jump, Fault::load_cell_drift, Fault::spool_slip, Fault::motor_not_following,
+              Fault::stroke_unexplained)};
 }
 
 /// Whether what the spools have wound is in doubt, so that the instrument must be homed before the faults can clear.

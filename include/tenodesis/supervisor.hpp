@@ -344,7 +344,9 @@ struct Supervisor {
     if (axis.over_tension[i]) return !distrust.tension && angle > -relief ? -neutral_speed : S(0);
     // Where a tendon hangs, the motors press the tip against something: they let go of it.
     const bool hangs = state.faults == bit(Fault::tendon_slack);
-    if (!(safe_state == SafeState::neutral || hangs) || state.since < hold_time) return S(0);
+    // Where a tendon has broken, nothing is as it was at home.
+    const bool broken = (state.faults & bit(Fault::tendon_break)) != 0;
+    if (broken || !(safe_state == SafeState::neutral || hangs) || state.since < hold_time) return S(0);
     return return_velocity(i, measured, !distrust.tension && !hangs, axis);
   }
 };

@@ -255,7 +255,10 @@ struct Watch {
     std::uint32_t found = lasting(Fault::over_tension, i, over, step, state);
     const bool left = abs(tension - state.stuck_at[i]) > of(Fault::load_cell_stuck).threshold;
     if (left) state.stuck_at[i] = tension;
-    found |= lasting(Fault::load_cell_stuck, i, !left, step, state);
+    // A cell that stands still does not measure the tendon either.
+    const std::uint32_t stuck = lasting(Fault::load_cell_stuck, i, !left, step, state);
+    if (stuck != 0) in_range = false;
+    found |= stuck;
     found |= lasting(Fault::load_cell_range, i, outside, step, state);
     if (outside) {
       count_bad(agonist_cell, i, state);

@@ -320,7 +320,8 @@ void over_tension_is_relieved_to_well_below_the_limit_and_no_further() {
 }
 
 void a_distrusted_spool_moves_no_motor_and_a_distrusted_load_cell_does_not_keep_them_from_home() {
-  const Supervisor<double> over = supervisor<double>(SafeState::neutral);
+  Supervisor<double> over = supervisor<double>(SafeState::neutral);
+  over.stretch = 1 / (stiffness * spool_radius);
   for (int n = 0; n < fault_count; ++n) {
     const std::uint32_t fault = bit(static_cast<Fault>(n));
     for (const double tension : {0.5, 25.0, 95.0, 150.0}) {
@@ -340,9 +341,11 @@ void a_distrusted_spool_moves_no_motor_and_a_distrusted_load_cell_does_not_keep_
       }
       const Distrust distrust = distrusted(fault);
       const bool high = tension > 100, hangs = tension < 1;
+      const bool stands = distrust.spool || fault == bit(Fault::tendon_break);
       const bool lets_go = distrust.tension || fault == bit(Fault::tendon_slack);
-      const bool unwinds = !distrust.spool && !(high && distrust.tension) && (lets_go || !hangs);
-      const bool winds = !distrust.spool && !high && (lets_go || tension < 90);
+      const bool unwinds = (!stands || (high && !distrust.tension)) && !distrust.spool && !(high && distrust.tension) &&
+                           (lets_go || !hangs);
+      const bool winds = !stands && !high && (lets_go || tension < 90);
       CLAIM_NEAR(axis.sent[0], unwinds ? -0.2 : 0, 1e-12);
       CLAIM_NEAR(axis.sent[1], winds ? 0.2 : 0, 1e-12);
       const Measurement<double> blind{0, {tension, tension}, {NAN, NAN}};
@@ -382,6 +385,7 @@ Measurement<double> returned(const Supervisor<double>& over, Request request, st
 
 void what_stops_returns_home_from_below_unless_it_is_to_hold() {
   Supervisor<double> over = supervisor<double>(SafeState::neutral);
+  over.stretch = 1 / (stiffness * spool_radius);
   const auto home = [](const Measurement<double>& at) {
     return std::fabs(at.spool_angle[0]) < 1.1e-3 && std::fabs(at.spool_angle[1]) < 1.1e-3;
   };
@@ -399,7 +403,8 @@ void what_stops_returns_home_from_below_unless_it_is_to_hold() {
   over.stop = StopMode::hold;
   CLAIM(stays(returned(over, Request::pause, 0)));
   // Nobody knows where home is, or it is elsewhere.
-  over = supervisor<double>(SafeState::neutral);
+  over.stop = StopMode::back;
+  over.safe_state = SafeState::neutral;
   CommandState<double> axis{};
   axis.knows_home = false;
   CLAIM(stays(returned(over, Request::pause, 0, axis)) && stays(returned(over, Request::none, lost, axis)));

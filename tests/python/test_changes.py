@@ -38,7 +38,7 @@ def test_homing_that_is_refused_leaves_the_tendons_as_it_has_found_them(name: st
 @pytest.mark.parametrize("name", INSTRUMENTS)
 def test_a_return_moves_the_tip_by_no_more_than_10_degrees_a_second_and_wound_says_how_far_it_is(name: str) -> None:
     inst = changes.law.instrument(name)
-    time = changes.law.clock(9)
+    time = changes.law.clock(12)
     force = np.where(time > 1.0, changes.RATED[name], 0.0)
     controller = Controller(inst)
     twin = Twin(inst)
@@ -48,7 +48,7 @@ def test_a_return_moves_the_tip_by_no_more_than_10_degrees_a_second_and_wound_sa
     # The motors hold what the load had taken.
     assert wound == pytest.approx(-off, rel=0.35)
     controller.ask(Request.DISABLE)
-    run = twin.run(np.zeros(10000), force[8000:], controller=controller)
+    run = twin.run(np.zeros(16000), force[8000:], controller=controller)
     assert abs(controller.wound()) < np.radians(0.2)
     assert np.degrees(np.abs(run["output_angle"][-1] - off)) < 0.5
     spools = run["spool_angle"] * inst.drives.spool_radius
