@@ -59,6 +59,7 @@ struct CommandState {
   bool knows_home{true};
   bool returning{};  ///< motors that were stopped, or whose law is off, are to go there
   bool rising{};     ///< they have let out enough, and wind to it
+  bool kept{};       ///< they stand wherever they are, until the motors work again or the fault is cleared
 };
 
 /// The constants of states and ramps.
@@ -117,6 +118,7 @@ struct Supervisor {
     if (before == enabled || !stopped) axis.returning = stopped && stop == StopMode::back;
     if (before == fault) axis.returning = stopped && safe_state == SafeState::neutral;
     axis.rising = false;
+    if (before == fault || state.operating == enabled) axis.kept = false;
   }
 
   /// The same where a law has been changed while it works.
@@ -272,7 +274,7 @@ struct Supervisor {
   // Both spools at the same time, the faster at most at neutral_speed. By tensions, where these are trusted, no tendon
   // is wound above its limit, nor let out until it hangs: of what both still have to let out, neither is.
   S return_velocity(int i, const Measurement<S>& measured, bool by_tension, const CommandState<S>& axis) const {
-    if (!axis.knows_home || !all_finite(measured.spool_angle[0], measured.spool_angle[1])) return S(0);
+    if (axis.kept || !axis.knows_home || !all_finite(measured.spool_angle[0], measured.spool_angle[1])) return S(0);
     const S place = axis.rising ? S(0) : -dip();
     const S left[2]{place - away(0, measured, axis), place - away(1, measured, axis)};
     const S farther = abs(left[0]) > abs(left[1]) ? left[0] : left[1];

@@ -93,6 +93,8 @@ class AnyController {
   /// How far the motors hold the tip from where it would be with their spools at home, rad; NaN where not known.
   virtual double wound(int /*axis*/) const { return std::numeric_limits<double>::quiet_NaN(); }
   virtual bool watchdog(double since_last_step) const = 0;
+  /// Keeps stopped motors where they are, rather than let them return.
+  virtual void hold() {}
   /// Changes law and actuation while it runs; false where it cannot.
   virtual bool choose(ControlLaw /*law*/, Actuation /*actuation*/) { return false; }
 
@@ -184,6 +186,10 @@ class ControllerOf final : public AnyController {
 
   bool watchdog(double since_last_step) const override {
     return controller_.axis[0].watch.watchdog(S(since_last_step));
+  }
+
+  void hold() override {
+    for (int n = 0; n < controller_.count(); ++n) state_.axis[n].command.kept = true;
   }
 
   bool choose(ControlLaw law, Actuation actuation) override { return controller_.choose(law, actuation, state_); }

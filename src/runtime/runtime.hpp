@@ -234,6 +234,7 @@ class Runtime {
       // A second stop holds what returns.
       returns_ = !stopped_ && controller_.parameters().stop == TENODESIS_STOP_RETURN;
       stopped_ = true;
+      if (!returns_) controller_.hold();
       drop_played();
       request(Request::pause);
     }
@@ -403,6 +404,7 @@ class Runtime {
 
   void stop_for(Problem why) {
     returns_ = false;
+    controller_.hold();
     if (!stopped_) {
       stopped_ = true;
       request(Request::pause);

@@ -409,6 +409,9 @@ void what_stops_returns_home_from_below_unless_it_is_to_hold() {
   axis.knows_home = false;
   CLAIM(stays(returned(over, Request::pause, 0, axis)) && stays(returned(over, Request::none, lost, axis)));
   axis.knows_home = true;
+  axis.kept = true;
+  CLAIM(stays(returned(over, Request::pause, 0, axis)) && stays(returned(over, Request::none, lost, axis)));
+  axis.kept = false;
   axis.home[0] = axis.home[1] = 0.3;
   CLAIM_NEAR(returned(over, Request::disable, 0, axis).spool_angle[1], 0.3, 1.1e-3);
   // Under a load, no tendon is let out until it hangs.

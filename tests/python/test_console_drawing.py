@@ -172,7 +172,9 @@ def test_an_instrument_with_currents_is_not_said_to_have_load_cells(scaled: Inst
     # That they are too coarse is put right by load cells.
     failures = {f"axis{n}": reason for n, reason in enumerate(HOMING_REMEDIES) if reason != "too_coarse"}
     flags = dict.fromkeys(("homed", "homing", "stopped", "problem", "recorder_lost", "operator"))
-    status: Any = SimpleNamespace(state="FAULT", faults=FAULTS, first_faults=(), homing_failures=failures, wound={}, **flags)
+    status: Any = SimpleNamespace(
+        state="FAULT", faults=FAULTS, first_faults=(), homing_failures=failures, wound={}, **flags
+    )
     assert "load cell" in status_line(status, "")
     assert "load cell" not in status_line(status, "", currents=True)
     currents = {"sensors.kind": "current", "sensors.current_range": 6.0, "drives.torque_constant": 0.1}
