@@ -1,7 +1,7 @@
 /* The controller of scaled-up for tenodesis_init: yaw.
  *
  * Written by tenodesis 0.1.0 from scaled-up,
- * for version 3 of the C interface:
+ * for version 4 of the C interface:
  * observer friction, law robust, actuation differential, its own clock.
  *
  * It starts as homed: only where both tendons have the pretension, and spool angles count from there.
@@ -11,7 +11,7 @@
 
 #include "tenodesis/tenodesis.h"
 
-#if TENODESIS_VERSION != 3u
+#if TENODESIS_VERSION != 4u
 #error "written for another version of the C interface: export the instrument again"
 #endif
 
@@ -23,16 +23,18 @@ static const tenodesis_parameters scaled_up = {
     .observer = TENODESIS_OBSERVER_FRICTION,
     .law = TENODESIS_LAW_ROBUST,
     .actuation = TENODESIS_ACTUATION_DIFFERENTIAL,
-    .safe_state = TENODESIS_SAFE_HOLD,
+    .safe_state = TENODESIS_SAFE_NEUTRAL,
+    .stop = TENODESIS_STOP_RETURN,
     .own_clock = 1,
     .homed = 1,
+    .reserved = 0,
     .period = TENODESIS_C(0.0005), /* s: nominal time between ticks */
     .speed_limit = TENODESIS_C(20.0), /* rad/s: largest speed of a spool */
     .acceleration_limit = TENODESIS_C(400.0), /* rad/s^2: largest acceleration of a spool */
     .engage_time = TENODESIS_C(0.2), /* s: time over which motion is faded in */
     .tension_limit = TENODESIS_C(100.0), /* N: above it a tendon is only unwound; 0: no limit */
-    .hold_time = TENODESIS_C(0.5), /* s: time in a fault before a motor creeps back to neutral */
-    .neutral_speed = TENODESIS_C(0.2), /* rad/s: speed of that motion */
+    .hold_time = TENODESIS_C(0.5), /* s: time for which motors that stop stand before they return */
+    .neutral_speed = TENODESIS_C(0.2617993877991494), /* rad/s: largest speed of a spool that returns */
     .relief = TENODESIS_C(0.21831953784896477), /* rad: unwinding past neutral allowed to a tendon above its limit */
     .axis =
         {

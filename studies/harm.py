@@ -1,7 +1,10 @@
 """Whether the motors ever do harm: random work, random faults, and motors that run away.
 
 Peer: the same instrument with its motors standing at home, with the same hand, load and friction. Errors are distances
-of the tip from where the handle puts it without a load and without friction. For a fault, the hull of the peer, of this
+of the tip from where the handle puts it without a load and without friction. No law is never worse than that: a stroke
+is wrong by itself once the load has gone that it was wound for. So harmful is what is worse, too, than motors on the
+same drives that know the tip without error (ideal). Work that changes has steps, threads that snap, tissue that comes
+and goes, loads that end, and stops. For a fault, the hull of the peer, of this
 target, of the run without the fault, and of one whose motors stop when the fault is named, shows what it did itself.
 """
 
@@ -34,6 +37,7 @@ EASED, LOADED, FAULT, JUDGED = 1.2, 1.5, 1.8, 2.5  # s
 SECONDS, NAMED_WITHIN = 8.0, 3.0  # s
 MORE_RMS, MORE_PEAK, MORE_IN_FAULT, MORE_THAN_BOUND = 0.1, 1.0, 2.0, 1.2  # deg, deg, deg, ratio
 RELAY = 0.01  # s, that one takes to open
+CHANGES = ("steps", "snaps", "tissue", "ends", "stops")
 RUN_ON = 1.0  # s, for which a motor that runs away is judged
 
 
@@ -48,6 +52,10 @@ class Work(NamedTuple):
     hand: str
     load: str
     words: str
+    tissue: Array | None = None
+    """As :class:`law.MovingTissue` takes it"""
+    stop: float = np.inf
+    """When the motors are stopped, s"""
 
 
 def make_work(inst: Instrument, seed: int, number: int, trial: bool = False) -> Work:
@@ -83,18 +91,53 @@ def make_work(inst: Instrument, seed: int, number: int, trial: bool = False) -> 
     return Work((seed, number), plant, known, handle, force, hand, load, words)
 
 
+def changed(work: Work) -> Work:
+    """Return work with a load or tissue that changes in another way, or that is stopped."""
+    random = np.random.default_rng([*work.seed, 4])
+    time, rated, kind = law.clock(SECONDS), RATED[work.plant.name], str(random.choice(CHANGES))
+    at, period, size = random.uniform(JUDGED, SECONDS - 2), float(np.exp(random.uniform(*np.log([0.4, 4])))), rated
+    size *= float(random.choice([-1, 1]) * random.uniform(0.25, 0.9))
+    since = time - LOADED
+    force, tissue, stop = work.force, work.tissue, np.inf
+    if kind == "steps":
+        force = size * np.sign(np.sin(2 * np.pi * since / period)) * (since > 0)
+    elif kind == "snaps":
+        force = size * (since / period % 1) * (since > 0)
+    elif kind == "ends":
+        force = np.where(time < at, size * (since > 0), 0.0)
+    elif kind == "stops":
+        stop = at
+        force = np.where(time < at + random.uniform(0.2, 1.5), size * (since > 0), 0.0)
+    else:
+        side, stiffness, beat = np.sign(size), np.exp(random.uniform(*np.log([100, 1e4]))), since / period % 1
+        way = np.where(beat < 0.5, eased(beat, 0.1), 1 - eased(beat - 0.5, 0.1)) * (since > 0)
+        place = law.target(work.plant, work.handle) + side * np.radians(20 - random.uniform(20, 30) * way)
+        tissue = np.stack([place, np.full(time.size, side * stiffness), np.full(time.size, 5e-3 * stiffness)], 1)
+    words = f"{work.words}, then {kind}, {size:+.2f} N {period:.2f} s {at:.2f} s"
+    return work._replace(force=force, load=kind, words=words, tissue=tissue, stop=stop)
+
+
+def twin_of(work: Work) -> Twin:
+    seed = work.seed[1]
+    return Twin(work.plant, seed=seed) if work.tissue is None else law.MovingTissue(work.plant, work.tissue, seed)
+
+
 def run_off(work: Work) -> tuple[Run, Array]:
     """Return the run with standing motors, and the target, deg."""
-    off = Twin(work.plant, seed=work.seed[1]).run(work.handle, work.force)
+    off = twin_of(work).run(work.handle, work.force)
     return off, np.degrees(law.target(work.plant, off["handle_angle"]))
 
 
 def run_on(work: Work, faults: Faults = (), pause: float | None = None, relay: float = np.inf) -> Run:
     """Return the run with the law; pause: time from which on the motors stand, s; relay: as the twin takes it, s."""
     request = np.zeros(work.handle.size, int)
+    known = work.known
     if pause is not None:
         request[round(pause / TIME_STEP)] = Request.PAUSE
-    twin, controller = Twin(work.plant, seed=work.seed[1]), Controller(work.known)
+        known = known.replace(**{"control.stop": "hold"})
+    if work.stop < SECONDS:
+        request[round(work.stop / TIME_STEP)] = Request.DISABLE
+    twin, controller = twin_of(work), Controller(known)
     return twin.run(
         work.handle,
         work.force,
@@ -121,7 +164,17 @@ def compare(work: Work) -> Metrics:
     on = run_on(work)
     judged = on.time > JUDGED
     speed, speed_off = (float(np.degrees(np.abs(run["output_velocity"][judged]).max())) for run in (on, off))
-    return errors(on["output_angle"], off, target) | {
+    aim, seed = np.radians(target), work.seed[1]
+    tip = law.tip_sensor(work.plant, seed, work.handle, work.force, aim, tissue=work.tissue, stop=work.stop)
+    found, ideal = errors(on["output_angle"], off, target), errors(tip, off, target)
+    beyond_rms = min(found["more_rms"], found["rms"] - ideal["rms"])
+    beyond_peak = min(found["more_peak"], found["peak"] - ideal["peak"])
+    return found | {
+        "rms_ideal": ideal["rms"],
+        "worse_ideal": ideal["worse"],
+        "beyond_rms": beyond_rms,
+        "beyond_peak": beyond_peak,
+        "harmful": beyond_rms > MORE_RMS or beyond_peak > MORE_PEAK,
         "hand": work.hand,
         "load": work.load,
         "words": work.words,
@@ -294,19 +347,24 @@ def trial(  # noqa: PLR0917
     assistance: float | None,
     kind: str | None = None,
     relay: bool | None = None,
+    changing: bool = False,
 ) -> Metrics:
-    """Compare random work; with a kind of fault try that, with or without a relay a motor that runs away."""
+    """Compare random work, or with changes; try a kind of fault, or with or without a relay a motor that runs away."""
     work = make_work(law.instrument(instrument), seed, number, trial=kind is not None or relay is not None)
     known = work.plant if exact else work.known
     if assistance is not None:
         known = known.replace(**{"control.assistance": assistance})
     work = work._replace(known=known)
+    work = changed(work) if changing else work
     return try_fault(work, kind) if kind else compare(work) if relay is None else try_run_away(work, relay)
 
 
 WORKED = [
     Column("runs, ", len, form="d"),
     Column("worse, ", "worse", np.sum, "d"),
+    Column("harmful, ", "harmful", np.sum, "d"),
+    Column("worse by an ideal sensor, ", "worse_ideal", np.sum, "d"),
+    Column("mean RMS ideal", "rms_ideal"),
     *(
         Column(f"{words} {of or 'on'}", f"rms{of and '_' + of}", over)
         for words, over in (("mean RMS", np.mean), ("median", np.median))
@@ -345,11 +403,13 @@ def named_in(rows: Rows) -> Counter[str]:
     return Counter(",".join(row["names"]) for row in rows if row["named"])
 
 
-def report_work(options: Namespace, rows: Rows) -> None:
+def report_work(options: Namespace, rows: Rows, name: str = "harm") -> None:
     print("no faults, error of the tip in deg")
     in_order = Rows(sorted(rows, key=lambda row: (row["hand"], row["load"])))
     print(campaign.table(in_order.by("hand", "load"), WORKED, ("hand", "load")))
-    law.show(options, "harm", rows.by("instrument") | {"all": rows}, WORKED, "instrument")
+    law.show(options, name, rows.by("instrument") | {"all": rows}, WORKED, "instrument")
+    print(campaign.verdict(f"RMS beyond off and ideal by more than {MORE_RMS:g}°", rows, "beyond_rms", MORE_RMS))
+    print(campaign.verdict(f"peak beyond off and ideal by more than {MORE_PEAK:g}°", rows, "beyond_peak", MORE_PEAK))
     print(campaign.verdict(f"RMS beyond off by more than {MORE_RMS:g}°", rows, "more_rms", MORE_RMS))
     print(campaign.verdict(f"peak beyond off by more than {MORE_PEAK:g}°", rows, "more_peak", MORE_PEAK))
     print(campaign.verdict("faults raised", rows, lambda row: len(row["faults"])))
@@ -394,6 +454,9 @@ def main() -> None:
 
     if options.runs:
         report_work(options, rows("without faults", cases(options.runs)))
+        report_work(options, rows("changing", cases(options.runs, changing=True)), "harm_changing")
+    if not options.faults:
+        return
     # In pairs, so that each kind comes to each instrument.
     kinds = list(KINDS)
     faults = [case | {"kind": kinds[n // len(names) % len(kinds)]} for n, case in enumerate(cases(options.faults))]

@@ -14,13 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tenodesis as tn
+from tenodesis.control import parameters
 from tenodesis.errors import FaultWarning
 from tenodesis.instrument import Instrument
 from tenodesis.run import Run
 from tenodesis.simulate import campaign
 from tenodesis.simulate.campaign import Column, Rows
 from tenodesis.simulate.command import SMOOTH
-from tenodesis.twin import TIME_STEP
+from tenodesis.twin import TIME_STEP, Twin
+from tenodesis.twin.rows import columns_by_name
 
 Array = NDArray[np.float64]
 
@@ -28,6 +30,8 @@ RATED = {"scaled-up": 1.485, "real-size": 0.52}  # N; 0.15 N m on the large one,
 OUTPUTS = (0.0, 33.0, 67.0, 80.0)  # deg, Fig. 15
 ASSUMED = (0.7, 1.0, 1.3)
 """Friction that a controller assumes, over the truth."""
+TICK = 4
+"""Steps between two readings of a sensor at the tip"""
 COEFFICIENTS = ("vertex_coefficient", "sheath_coefficient")
 
 
@@ -57,12 +61,68 @@ def clock(seconds: float) -> Array:
 
 def eased(time: Array, span: float) -> Array:
     """Return the way of a hand that moves smoothly for a time, as a share."""
-    return np.asarray(SMOOTH.way(np.clip(time / span, 0, 1)))
+    return np.asarray(SMOOTH.way(np.clip(time / span, 0, 1)), np.float64)
 
 
 def target(inst: Instrument, handle: Array) -> Array:
     """Return where the handle puts the tip without load and friction, rad."""
     return np.clip(tn.statics.output_angle(inst, handle, 0.0), -inst.output_stop, inst.output_stop)
+
+
+def held(inst: Instrument, angle: float, time: Array, span: float) -> Array:
+    """Return a handle that moves smoothly, for a time, to where the tip is at an angle, deg, and stays."""
+    way = eased(time, span)
+    return way * float(tn.statics.handle_angle(inst, np.radians(angle)))
+
+
+class MovingTissue(Twin):
+    """A twin whose tissue moves: (n, 3), angle, stiffness (negative in extension) and damping at each step of a run."""
+
+    def __init__(self, inst: Instrument, tissue: Array, seed: int) -> None:
+        super().__init__(inst, seed=seed)
+        self._tissue = tissue
+
+    def _rows(self, handle_angle: Any, force: Any, **loads: Any) -> tuple[Array, int]:
+        rows, count = super()._rows(handle_angle, force, **loads)
+        rows[:, self._core.columns["contact"]] = self._tissue
+        return rows, count
+
+
+def tip_sensor(  # noqa: PLR0917
+    inst: Instrument,
+    seed: int,
+    handle: Array,
+    force: Array,
+    aim: Array,
+    lasting: float = 0.0,
+    tissue: Any = None,
+    stop: float = np.inf,
+) -> Array:
+    """Return the tip's angle, rad, whose motors give back what a sensor without error finds lost, for a time (s).
+
+    The drives, the limit of their speed and the gain are the robust law's; aim: of the tip, rad; tissue: as
+    :class:`MovingTissue` takes it; stop: when the motors return home, s.
+    """
+    own = parameters(inst).axes[0]
+    per_angle = own["distal_radius"] / own["spool_radius"]
+    fastest = own["tendon_speed"] / own["spool_radius"]
+    twin = Twin(inst, seed=seed).core
+    given, found = columns_by_name(twin.commands), columns_by_name(twin.signals)
+    commands, signals = (np.zeros((handle.size, sum(width for _, width in of))) for of in (twin.commands, twin.signals))
+    commands[:, given["handle_angle"].start], commands[:, given["force"].start] = handle, force
+    commands[:, given["contact"]] = 0.0 if tissue is None else tissue
+    motors, spools, tip = given["spool_velocity"], found["spool_angle"], found["output_angle"].start
+    lost = np.zeros(max(1, round(lasting / (TICK * TIME_STEP))))
+    for n in range(handle.size // TICK):
+        now, following = slice(n * TICK, (n + 1) * TICK), slice((n + 1) * TICK, (n + 2) * TICK)
+        twin.run(commands[now], signals[now])
+        last = signals[now][-1]
+        wound = -np.diff(last[spools])[0] / (2 * per_angle)
+        lost[n % lost.size] = aim[now][-1] - last[tip] + wound
+        lasted = max(lost.min(), 0.0) + min(lost.max(), 0.0) if n * TICK * TIME_STEP < stop else 0.0
+        speed = float(np.clip(own["gain"] * per_angle * (lasted - wound), -fastest, fastest))
+        commands[following, motors] = speed, -speed
+    return np.asarray(signals[:, tip])
 
 
 def faults(run: Run) -> list[str]:

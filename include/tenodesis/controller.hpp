@@ -92,6 +92,13 @@ struct AxisController {
     return counted;
   }
 
+  /// How far the motors hold the tip from where it would be with their spools at home, rad.
+  S wound(const Memory& memory) const {
+    const auto away = [&](int i) { return Supervisor<S>::away(i, memory.watch.trusted, memory.command); };
+    const S stroke = model().spool_radius * S(0.5) * (away(agonist) - away(antagonist));
+    return stroke / model().axis.distal.moment_arm(S(0));
+  }
+
   /// Corrects the tensions by what homing has found of the cells.
   static void correct(const Memory& memory, Measurement<S>& measured) {
     for (int i = 0; i < 2; ++i) measured.tension[i] = (measured.tension[i] - memory.offset[i]) * memory.correction[i];
@@ -171,7 +178,10 @@ struct Controller {
   bool choose(ControlLaw law, Actuation actuation, State& state) {
     for (int n = 0; n < count(); ++n)
       if (law == ControlLaw::robust && axis[n].observer != ObserverKind::friction) return false;
+    const bool works = state.supervisor.operating == OperatingState::enabled && !state.supervisor.homing;
     for (int n = 0; n < count(); ++n) {
+      if (works && law != axis[n].compensator.law)
+        supervisor.part_from_law(law == ControlLaw::off, state.axis[n].command);
       axis[n].compensator.law = law;
       axis[n].compensator.actuation = actuation;
       state.axis[n].compensator = {};
@@ -182,7 +192,7 @@ struct Controller {
   State start() const {
     State state{};
     state.homed = homed;
-    for (int n = 0; n < count(); ++n) state.axis[n].watch.homed = homed;
+    for (int n = 0; n < count(); ++n) state.axis[n].watch.homed = state.axis[n].command.knows_home = homed;
     return state;
   }
 
@@ -243,6 +253,9 @@ struct Controller {
   // can end must not prevent clearing.
   Request allowed(Request request, State& state) const {
     if (request == Request::clear && needs_homing(state.supervisor.faults)) forget_home(state);
+    const std::uint32_t faults = state.supervisor.faults;
+    if (request == Request::clear && (distrusted(faults).spool || (faults & bit(Fault::tendon_break)) != 0))
+      for (int n = 0; n < count(); ++n) state.axis[n].command.knows_home = false;
     const bool engages = request == Request::enable || request == Request::resume;
     return engages && !state.homed ? Request::none : request;
   }
@@ -256,6 +269,10 @@ struct Controller {
     forget_home(state);
     for (int n = 0; n < count(); ++n) {
       state.axis[n].homing = axis[n].homing.begin(state.axis[n].watch.trusted);
+      // Where it is refused, it leaves the spools as it has found them, or as they were before the law has wound them.
+      CommandState<S>& command = state.axis[n].command;
+      if (!command.knows_home)
+        for (int i = 0; i < 2; ++i) command.home[i] = state.axis[n].watch.trusted.spool_angle[i];
       state.axis[n].homing_failure = {};
       // Homing judges the cells themselves.
       for (int i = 0; i < 2; ++i) {
@@ -269,6 +286,7 @@ struct Controller {
   void begin_anew(OperatingState before, State& state) const {
     for (int n = 0; n < count(); ++n) {
       state.axis[n].compensator = {};
+      supervisor.part(before, state.supervisor, state.axis[n].command);
       for (int i = 0; i < 2; ++i) state.axis[n].command.ahead[i] = state.axis[n].watch.following[i].behind;
       // Estimates made during a fault are not trusted.
       if (before == OperatingState::fault) state.axis[n].friction = FrictionMemory<S>{};
@@ -299,7 +317,10 @@ struct Controller {
     }
     output.faults |= supervisor.command(wanted, measured, dt, state.supervisor, memory.command);
     for (int i = 0; i < 2; ++i) output.spool_velocity[i] = memory.command.sent[i];
+    memory.command.knows_home = memory.command.knows_home || memory.homing.proven;
     if (memory.homing.failed()) {
+      // By motors or encoders that are not wired as they should be, none finds home.
+      if (memory.homing.failure.of_wiring()) memory.command.knows_home = false;
       memory.failed = bit(Fault::homing_failed);
       memory.homing_failure = memory.homing.failure;
       if (memory.homing_failure.reason == HomingReason::tendon_broken) memory.failed |= bit(Fault::tendon_break);
@@ -337,7 +358,12 @@ struct Controller {
       }
       Measurement<S> measured = memory.watch.trusted;
       AxisController<A>::correct(memory, measured);
-      for (int i = 0; i < 2; ++i) memory.zero[i] = memory.zero[i] + axis[n].homing.zero(i, measured);
+      for (int i = 0; i < 2; ++i) {
+        const S zero = axis[n].homing.zero(i, measured);
+        memory.zero[i] = memory.zero[i] + zero;
+        memory.command.home[i] = measured.spool_angle[i] - zero;
+      }
+      memory.command.knows_home = true;
       Watch<S>::restart(memory.watch);
       memory.watch.homed = true;
       memory.friction.started = false;

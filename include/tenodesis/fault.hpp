@@ -41,7 +41,7 @@ constexpr Distrust distrusted(std::uint32_t faults) {
               Fault::stroke_unexplained, Fault::not_a_number),
           any(Fault::encoder_dropout, Fault::encoder_jump, Fault::not_a_number),
           any(Fault::encoder_jump, Fault::load_cell_drift, Fault::spool_slip, Fault::motor_not_following,
-              Fault::stroke_unexplained, Fault::not_a_number)};
+              Fault::stroke_unexplained)};
 }
 
 /// Whether what the spools have wound is in doubt, so that the instrument must be homed before the faults can clear.

@@ -1,5 +1,6 @@
 #pragma once
-// Records of the last ticks before a fault, and of a few after it.
+// Records of the last ticks before a fault, and of a few after it. Whatever its memory holds, it reads and writes
+// within its records: memory may be damaged.
 
 namespace tenodesis {
 
@@ -23,24 +24,24 @@ struct FlightRecorder {
       wait_ = 0;
     }
     Record* const at = wait_ == 0 ? next() : nullptr;
-    if (at != nullptr && failed_ && !starts) --left_;
-    wait_ = wait_ + 1 < stride ? wait_ + 1 : 0;
+    if (at != nullptr && failed_ && !starts) left_ = left() - 1;
+    wait_ = wait_ >= 0 && wait_ < stride - 1 ? wait_ + 1 : 0;
     return at;
   }
 
   /// Whether recording has ended.
-  bool frozen() const { return failed_ && left_ == 0; }
+  bool frozen() const { return failed_ && left() == 0; }
 
-  int size() const { return size_; }
+  int size() const { return size_ < 0 ? 0 : size_ < capacity ? size_ : capacity; }
 
   /// A record by its age: 0 is the oldest, size() - 1 the latest.
   const Record& operator[](int n) const {
-    const int at = next_ - size_ + n;
+    const int at = (place_of_next() - size() + n) % capacity;
     return record_[at < 0 ? at + capacity : at];
   }
 
   /// Place of the fault's first tick, -1 without one.
-  int fault_place() const { return failed_ ? size_ - 1 - (after - left_) : -1; }
+  int fault_place() const { return failed_ ? size() - 1 - (after - left()) : -1; }
 
   /// Discards all records and starts again.
   void rearm() {
@@ -50,11 +51,13 @@ struct FlightRecorder {
 
  private:
   Record* next() {
-    Record* const at = record_ + next_;
-    next_ = next_ + 1 < capacity ? next_ + 1 : 0;
-    if (size_ < capacity) ++size_;
-    return at;
+    const int at = place_of_next();
+    next_ = at + 1 < capacity ? at + 1 : 0;
+    size_ = size() < capacity ? size() + 1 : capacity;
+    return record_ + at;
   }
+  int left() const { return left_ < 0 ? 0 : left_ < after ? left_ : after; }
+  int place_of_next() const { return next_ >= 0 && next_ < capacity ? next_ : 0; }
 
   Record record_[capacity]{};
   int next_{};

@@ -223,7 +223,7 @@ struct Homing {
     auto& jogs = state.jogs;
     const S hold = wait + S(4) * settings.drive_time, stroke = turn + hold;
     const S since = state.time - listen;
-    const int i = jogs.motor;
+    const int i = jogs.motor != 0 ? 1 : 0;
     // Slack tendons are not to get tight by it.
     const S speed = (jogs.of == slacken ? -settings.jog : settings.jog) / turn;
     if (since < S(0)) {
@@ -427,7 +427,7 @@ struct Homing {
   }
 
   Winding<S> let_out_one(State& state) const {
-    const int i = state.jogs.motor;
+    const int i = state.jogs.motor != 0 ? 1 : 0;
     if (state.time < pause) return {};
     // At rest a free tip hardly resists; and a tendon that carried something before was not free.
     if (!state.paused &&

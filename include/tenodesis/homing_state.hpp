@@ -30,6 +30,11 @@ struct HomingFailure {
   HomingReason reason{HomingReason::none};
   int tendon{no_tendon};
 
+  /// Whether a motor or an encoder is not what it should be.
+  constexpr bool of_wiring() const {
+    return reason >= HomingReason::motor_dead && reason <= HomingReason::spool_reversed;
+  }
+
   /// As in the C interface: the reason, and 256 for the agonist, 512 for the antagonist.
   constexpr std::uint32_t word() const {
     return static_cast<std::uint32_t>(reason) | static_cast<std::uint32_t>(tendon + 1) << 8U;

@@ -8,27 +8,29 @@
 #define TENODESIS_PARAMETER_TABLE_H
 
 /* Integers at the head of tenodesis_parameters: name, meaning. */
-#define TENODESIS_CHOICES(ROW)                                                     \
-  ROW(size, "sizeof(tenodesis_parameters)")                                        \
-  ROW(version, "TENODESIS_VERSION")                                                \
-  ROW(joint_type, "TENODESIS_TENDON_GEAR, ...")                                    \
-  ROW(axes, "1 or 2")                                                              \
-  ROW(observer, "TENODESIS_OBSERVER_...")                                          \
-  ROW(law, "TENODESIS_LAW_...")                                                    \
-  ROW(actuation, "TENODESIS_ACTUATION_...")                                        \
-  ROW(safe_state, "TENODESIS_SAFE_...")                                            \
-  ROW(own_clock, "1: ticks come once per period; 0: time is taken from the input") \
-  ROW(homed, "1: at the start, spool angles are zero where tendons have pretension")
+#define TENODESIS_CHOICES(ROW)                                                       \
+  ROW(size, "sizeof(tenodesis_parameters)")                                          \
+  ROW(version, "TENODESIS_VERSION")                                                  \
+  ROW(joint_type, "TENODESIS_TENDON_GEAR, ...")                                      \
+  ROW(axes, "1 or 2")                                                                \
+  ROW(observer, "TENODESIS_OBSERVER_...")                                            \
+  ROW(law, "TENODESIS_LAW_...")                                                      \
+  ROW(actuation, "TENODESIS_ACTUATION_...")                                          \
+  ROW(safe_state, "TENODESIS_SAFE_...")                                              \
+  ROW(stop, "TENODESIS_STOP_...")                                                    \
+  ROW(own_clock, "1: ticks come once per period; 0: time is taken from the input")   \
+  ROW(homed, "1: at the start, spool angles are zero where tendons have pretension") \
+  ROW(reserved, "0")
 
 /* Parameters that all axes share: name, unit, bound, meaning. */
-#define TENODESIS_COMMON_PARAMETERS(ROW)                                                     \
-  ROW(period, "s", positive, "nominal time between ticks")                                   \
-  ROW(speed_limit, "rad/s", positive, "largest speed of a spool")                            \
-  ROW(acceleration_limit, "rad/s^2", positive, "largest acceleration of a spool")            \
-  ROW(engage_time, "s", not_negative, "time over which motion is faded in")                  \
-  ROW(tension_limit, "N", not_negative, "above it a tendon is only unwound; 0: no limit")    \
-  ROW(hold_time, "s", not_negative, "time in a fault before a motor creeps back to neutral") \
-  ROW(neutral_speed, "rad/s", not_negative, "speed of that motion")                          \
+#define TENODESIS_COMMON_PARAMETERS(ROW)                                                        \
+  ROW(period, "s", positive, "nominal time between ticks")                                      \
+  ROW(speed_limit, "rad/s", positive, "largest speed of a spool")                               \
+  ROW(acceleration_limit, "rad/s^2", positive, "largest acceleration of a spool")               \
+  ROW(engage_time, "s", not_negative, "time over which motion is faded in")                     \
+  ROW(tension_limit, "N", not_negative, "above it a tendon is only unwound; 0: no limit")       \
+  ROW(hold_time, "s", not_negative, "time for which motors that stop stand before they return") \
+  ROW(neutral_speed, "rad/s", not_negative, "largest speed of a spool that returns")            \
   ROW(relief, "rad", not_negative, "unwinding past neutral allowed to a tendon above its limit")
 
 /* Parameters of one axis: name, unit, bound, meaning. */

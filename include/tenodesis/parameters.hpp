@@ -142,14 +142,15 @@ template <class A, int most_axes, class P>
 bool configure(const P& p, Controller<A, most_axes>& controller) {
   using S = A::Scalar;
   if (p.axes < 1 || p.axes > static_cast<unsigned>(most_axes)) return false;
-  if (p.observer > 2 || p.law > 4 || p.actuation > 1 || p.safe_state > 1 || p.own_clock > 1 || p.homed > 1)
+  if (p.observer > 2 || p.law > 4 || p.actuation > 1 || p.safe_state > 1 || p.stop > 1 || p.own_clock > 1 ||
+      p.homed > 1)
     return false;
   controller.axes = static_cast<int>(p.axes);
   controller.own_clock = p.own_clock == 1;
   controller.homed = p.homed == 1;
   controller.supervisor = {
-      S(p.speed_limit), S(p.acceleration_limit), S(p.engage_time), S(p.tension_limit), SafeState(p.safe_state),
-      S(p.hold_time),   S(p.neutral_speed),      S(p.relief),      S(p.period)};
+      S(p.speed_limit), S(p.acceleration_limit), S(p.engage_time),   S(p.tension_limit), SafeState(p.safe_state),
+      StopMode(p.stop), S(p.hold_time),          S(p.neutral_speed), S(p.relief),        S(p.period)};
   if (!controller.supervisor.valid()) return false;
   constexpr bool continuum = requires(A a) { a.distal.backbone_length; };
   for (int n = 0; n < controller.axes; ++n) {

@@ -12,8 +12,8 @@ enum class OperatingState : std::uint8_t { disabled, enabled, paused, fault };
 enum class Request : std::uint8_t {
   none,
   enable,   ///< from disabled, unless a fault is present
-  disable,  ///< from enabled and paused
-  pause,    ///< from enabled: motors hold, estimation continues
+  disable,  ///< from enabled and paused: motors stop, then do what StopMode says
+  pause,    ///< from enabled: the same, to be resumed
   resume,   ///< from paused
   home,     ///< from disabled, enabled and paused: enabled and homing, until finish_homing
   clear,    ///< from fault to disabled, once no fault is present
@@ -22,7 +22,13 @@ enum class Request : std::uint8_t {
 /// What the motors do in a fault, after they have come to rest.
 enum class SafeState : std::uint8_t {
   hold,     ///< they stand: the tendons keep their lengths, and the instrument works by hand
-  neutral,  ///< they creep back to where both tendons had their pretension
+  neutral,  ///< they return home, to where both tendons had their pretension
+};
+
+/// What they do when they are stopped, after they have come to rest.
+enum class StopMode : std::uint8_t {
+  back,  ///< they return home
+  hold,  ///< they stand
 };
 
 template <class S>
@@ -49,6 +55,11 @@ struct CommandState {
   S before[2]{};             ///< spool angles of the last tick, rad
   S speed[2]{};              ///< of the spools, smoothed, rad/s
   std::uint32_t withheld{};  ///< ticks in which a wanted velocity was not finite
+  S home[2]{};               ///< spool angles without any stroke of the motors, rad
+  bool knows_home{true};
+  bool returning{};  ///< motors that were stopped, or whose law is off, are to go there
+  bool rising{};     ///< they have let out enough, and wind to it
+  bool kept{};       ///< they stand wherever they are, until the motors work again or the fault is cleared
 };
 
 /// The constants of states and ramps.
@@ -61,8 +72,9 @@ struct Supervisor {
   S engage_time{};         ///< time over which wanted velocities are faded in, s
   S tension_limit{};       ///< above it a tendon is only unwound, N; 0: no limit
   SafeState safe_state{SafeState::hold};
-  S hold_time{};      ///< before creeping back to neutral, s
-  S neutral_speed{};  ///< rad/s
+  StopMode stop{StopMode::back};
+  S hold_time{};      ///< before they return, s
+  S neutral_speed{};  ///< of a return, rad/s
   S relief{};         ///< unwinding past neutral allowed to a tendon above its limit, rad
   S period{};         ///< nominal, of ticks, s
   S stretch{};        ///< of a tendon per its tension, as rotation of its spool, rad/N
@@ -99,6 +111,27 @@ struct Supervisor {
     if (state.homing) turn(OperatingState::paused, state);
   }
 
+  /// Whether motors that have worked return, now that they are stopped or their law is off.
+  void part(OperatingState before, const State& state, CommandState<S>& axis) const {
+    using enum OperatingState;
+    const bool stopped = state.operating == disabled || state.operating == paused;
+    if (before == enabled || !stopped) axis.returning = stopped && stop == StopMode::back;
+    if (before == fault) axis.returning = stopped && safe_state == SafeState::neutral;
+    axis.rising = false;
+    if (before == fault || state.operating == enabled) axis.kept = false;
+  }
+
+  /// The same where a law has been changed while it works.
+  void part_from_law(bool off, CommandState<S>& axis) const {
+    axis.returning = off && stop == StopMode::back;
+    axis.rising = false;
+  }
+
+  /// How far a spool is from home, rad; zero where that is not known.
+  static S away(int i, const Measurement<S>& measured, const CommandState<S>& axis) {
+    return axis.knows_home ? measured.spool_angle[i] - axis.home[i] : S(0);
+  }
+
   /// Sets axis.sent, rad/s, which is finite whatever is wanted; returns the mask of faults found in doing so.
   ///
   /// wanted: rad/s; of measured, spool angles and tensions are used.
@@ -123,6 +156,7 @@ struct Supervisor {
       const S sent = clamp(ramped, -speed_limit, axis.over_tension[i] ? S(0) : speed_limit);
       axis.sent[i] = is_finite(sent) ? sent : S(0);
     }
+    if (state.operating == OperatingState::fault || axis.returning) follow_return(measured, state, axis);
     if (state.operating == OperatingState::fault)
       for (int i = 0; i < 2; ++i) state.cut_power = state.cut_power || runs_away(i, measured, state, axis);
     if (relaxes(state, axis)) axis.pressing = axis.pressing - crept(axis.pressing) * usable(dt);
@@ -132,6 +166,8 @@ struct Supervisor {
  private:
   // Time in a fault after which a motor that does not follow is not only slow to stop, s.
   static constexpr S time_to_obey = S(0.05);
+  // Of a spool, rad, and the share of the pretension below which a tendon hangs.
+  static constexpr S at_home = S(1e-3), hanging = S(0.05);
 
   // Whether a motor that does not follow goes on so fast that its partner comes too late: before the supply would be
   // cut, a tendon would get slack, or come to its limit.
@@ -207,6 +243,7 @@ struct Supervisor {
               const CommandState<S>& axis) const {
     switch (state.operating) {
       case OperatingState::enabled:
+        if (axis.returning) return return_velocity(i, measured, true, axis);
         return state.since < engage_time ? wanted * (state.since / engage_time) : wanted;
       case OperatingState::fault:
         return safe_velocity(i, measured, state, axis);
@@ -214,7 +251,42 @@ struct Supervisor {
       case OperatingState::paused:
         break;
     }
-    return S(0);
+    if (!axis.returning || state.since < hold_time) return S(0);
+    return return_velocity(i, measured, !distrusted(state.present).tension, axis);
+  }
+
+  // A return first goes below home by a common stroke, so that at last both tendons are wound alike: friction, which
+  // would hold the tip where the motors had brought it, then acts on both alike.
+  S dip() const { return S(1.2) * relief; }
+  S hangs() const { return stretch > S(0) ? S(2) * hanging * relief / stretch : S(0); }
+
+  void follow_return(const Measurement<S>& measured, const State& state, CommandState<S>& axis) const {
+    const S away0 = away(0, measured, axis), away1 = away(1, measured, axis);
+    const auto at = [&](const S& place) { return abs(away0 - place) < at_home && abs(away1 - place) < at_home; };
+    const bool fault = state.operating == OperatingState::fault;
+    const Distrust distrust = distrusted(fault ? state.faults : state.present);
+    const bool loose = smaller(measured.tension[0], measured.tension[1]) < hangs();
+    const bool there = at(S(0));
+    if (there || distrust.spool) axis.returning = false;
+    if (there || at(-dip()) || (loose && !distrust.tension)) axis.rising = true;
+  }
+
+  // Both spools at the same time, the faster at most at neutral_speed. By tensions, where these are trusted, no tendon
+  // is wound above its limit, nor let out until it hangs: of what both still have to let out, neither is.
+  S return_velocity(int i, const Measurement<S>& measured, bool by_tension, const CommandState<S>& axis) const {
+    if (axis.kept || !axis.knows_home || !all_finite(measured.spool_angle[0], measured.spool_angle[1])) return S(0);
+    const S place = axis.rising ? S(0) : -dip();
+    const S left[2]{place - away(0, measured, axis), place - away(1, measured, axis)};
+    const S farther = abs(left[0]) > abs(left[1]) ? left[0] : left[1];
+    if (!(abs(farther) > S(0))) return S(0);
+    const S pace = crept(farther) / farther;
+    const S speed = pace * left[i];
+    if (!by_tension) return speed;
+    const S common = pace * (left[0] + left[1]) * S(0.5);
+    const bool loose = smaller(measured.tension[0], measured.tension[1]) < hangs();
+    const S kept = loose && common < S(0) ? speed - common : speed;
+    if (kept > S(0)) return tension_limit > S(0) && !(measured.tension[i] < relaxed()) ? S(0) : kept;
+    return measured.tension[i] < hangs() ? S(0) : kept;
   }
 
   S crept(const S& left) const {
@@ -273,11 +345,11 @@ struct Supervisor {
     // Bounded, since a wrong load cell would have it unwound without end.
     if (axis.over_tension[i]) return !distrust.tension && angle > -relief ? -neutral_speed : S(0);
     // Where a tendon hangs, the motors press the tip against something: they let go of it.
-    const bool returns = safe_state == SafeState::neutral || state.faults == bit(Fault::tendon_slack);
-    if (!returns || state.since < hold_time) return S(0);
-    const S creep = -crept(angle);
-    const bool loose = tension_limit > S(0) ? measured.tension[i] < relaxed() : is_finite(measured.tension[i]);
-    return creep <= S(0) || (loose && !distrust.tension) ? creep : S(0);
+    const bool hangs = state.faults == bit(Fault::tendon_slack);
+    // Where a tendon has broken, nothing is as it was at home.
+    const bool broken = (state.faults & bit(Fault::tendon_break)) != 0;
+    if (broken || !(safe_state == SafeState::neutral || hangs) || state.since < hold_time) return S(0);
+    return return_velocity(i, measured, !distrust.tension && !hangs, axis);
   }
 };
 

@@ -43,7 +43,7 @@ typedef TENODESIS_REAL tenodesis_real;
 
 #define TENODESIS_C(value) ((tenodesis_real)(value)) /* a constant */
 
-#define TENODESIS_VERSION 3u /* of this interface: raised whenever a struct or a meaning changes */
+#define TENODESIS_VERSION 4u /* of this interface: raised whenever a struct or a meaning changes */
 #define TENODESIS_AXES 2
 #define TENODESIS_FAULTS 14
 #define TENODESIS_RECORDS 111    /* of the flight recorder: 100 before a fault, the fault's, 10 after */
@@ -58,7 +58,8 @@ enum {
   TENODESIS_NOT_STARTED = 2,   /* the controller was not initialised, or with another build */
   TENODESIS_BAD_VERSION = 3,   /* the parameters are of another version, size or precision */
   TENODESIS_BAD_PARAMETER = 4, /* a parameter, record or axis is out of range; see tenodesis_init */
-  TENODESIS_BAD_REQUEST = 5    /* there is no such request; the tick was taken without it */
+  TENODESIS_BAD_REQUEST = 5,   /* there is no such request; the tick was taken without it */
+  TENODESIS_DAMAGED = 6        /* the memory of the controller has changed: initialise it again */
 };
 
 enum { TENODESIS_TENDON_GEAR, TENODESIS_TENDON_PULLEY, TENODESIS_CONTINUUM };
@@ -71,7 +72,10 @@ enum {
   TENODESIS_LAW_ROBUST
 };
 enum { TENODESIS_ACTUATION_AGONIST, TENODESIS_ACTUATION_DIFFERENTIAL };
+/* After a fault the motors stand, or return home; stopped motors (disabled, paused, or their law off) return, or stand.
+ * They begin after hold_time, and never by spools that a fault makes doubtful. */
 enum { TENODESIS_SAFE_HOLD, TENODESIS_SAFE_NEUTRAL };
+enum { TENODESIS_STOP_RETURN, TENODESIS_STOP_HOLD };
 enum {
   TENODESIS_REQUEST_NONE,
   TENODESIS_REQUEST_ENABLE,
@@ -182,7 +186,8 @@ typedef struct {
 /* Sets a controller up, disabled. After an error it cannot be stepped, whatever it was before. Every parameter must be
  * finite, keep its bound in parameter_table.h, be one of the choices above, and fit the others. */
 TENODESIS_API int tenodesis_init(tenodesis_controller* controller, const tenodesis_parameters* parameters);
-/* One tick. On any error except TENODESIS_BAD_REQUEST the output is all zero. */
+/* One tick. On any error except TENODESIS_BAD_REQUEST the output is all zero. A part of the parameters, as the
+ * controller keeps them, is checked with each tick, and all of them within 128 ticks. */
 TENODESIS_API int tenodesis_step(tenodesis_controller* controller, const tenodesis_input* input,
                                  tenodesis_output* output);
 /* Returns to the state after tenodesis_init. */
@@ -200,6 +205,8 @@ TENODESIS_API int tenodesis_read_counts(const tenodesis_controller* controller, 
 /* Phase of the robust law on an axis: 0 rest, 1 track, 2 pull, 3 release, 4 restrained (tracking, by less than the law
  * wants), 5 yielding (at the force limit); 0 without such a controller or axis. */
 TENODESIS_API uint32_t tenodesis_phase(const tenodesis_controller* controller, int axis);
+/* How far the motors hold the tip from where it would be with their spools at home, rad; 0 without such an axis. */
+TENODESIS_API tenodesis_real tenodesis_wound(const tenodesis_controller* controller, int axis);
 /* Tension, N, for an input without load cells: what a motor's current (A) stands for, at torque constant times gear
  * ratio over spool radius (N/A), up to the current's range (A). The drive's friction is still in it: of parameters that
  * `tenodesis export controller` has written for currents, it is a part of the sheath's. */

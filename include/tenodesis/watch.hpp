@@ -114,9 +114,14 @@ struct Watch {
 
     std::uint32_t found = 0;
     S moved[2]{};
+    bool blind[2]{late, late};
     if (!readable(measured, commanded, state)) {
       // Without readings, nothing shows that a fault has gone.
       found = (state.confirmed & ~bit(Fault::tick_late)) | bit(Fault::not_a_number);
+      for (int i = 0; i < 2; ++i) {
+        blind[i] = late || !state.started || !(abs(measured.spool_angle[i]) < beyond_any_sensor);
+        if (!blind[i]) found |= check_spool(i, measured.spool_angle[i], step, state, moved[i]);
+      }
     } else {
       if (!state.started) start(measured, state);
       found |= check_handle(measured.handle_angle, step, state);
@@ -130,7 +135,7 @@ struct Watch {
       if (state.homed && cells_in_range) found |= check_pair(measured.tension, difference, step, state);
     }
     found |= lasting(Fault::tick_late, 0, late, step, state);
-    for (int i = 0; i < 2; ++i) found |= check_motor(i, commanded[i], moved[i], late, elapsed, step, state);
+    for (int i = 0; i < 2; ++i) found |= check_motor(i, commanded[i], moved[i], blind[i], elapsed, step, state);
     std::uint32_t fresh = found & ~state.confirmed;
     for (int n = 0; fresh != 0; ++n, fresh >>= 1U)
       if ((fresh & 1U) != 0) count(state.count[n]);
@@ -250,7 +255,10 @@ struct Watch {
     std::uint32_t found = lasting(Fault::over_tension, i, over, step, state);
     const bool left = abs(tension - state.stuck_at[i]) > of(Fault::load_cell_stuck).threshold;
     if (left) state.stuck_at[i] = tension;
-    found |= lasting(Fault::load_cell_stuck, i, !left, step, state);
+    // A cell that stands still does not measure the tendon either.
+    const std::uint32_t stuck = lasting(Fault::load_cell_stuck, i, !left, step, state);
+    if (stuck != 0) in_range = false;
+    found |= stuck;
     found |= lasting(Fault::load_cell_range, i, outside, step, state);
     if (outside) {
       count_bad(agonist_cell, i, state);
@@ -313,11 +321,11 @@ struct Watch {
 
   // Positions are compared rather than speeds, since an encoder's steps make speeds noisy; the window forgets the
   // model's long-term error.
-  std::uint32_t check_motor(int i, const S& commanded, const S& moved, bool late, const S& elapsed, const S& step,
+  std::uint32_t check_motor(int i, const S& commanded, const S& moved, bool blind, const S& elapsed, const S& step,
                             State& state) const {
     Following<S>& following = state.following[i];
     // After a gap the watchdog may have stopped the motor.
-    if (late) {
+    if (blind) {
       following = {};
       return lasting(Fault::motor_not_following, i, false, step, state);
     }

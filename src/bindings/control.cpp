@@ -17,7 +17,7 @@ using Requests = Array<const std::uint8_t, 1>;
 using Modes = Array<const std::uint8_t, 3>;
 
 struct Choices {
-  std::uint32_t joint_type, observer, law, actuation, safe_state;
+  std::uint32_t joint_type, observer, law, actuation, safe_state, stop;
   bool own_clock, homed;
 };
 
@@ -37,6 +37,7 @@ ControlParameters parameters_of(const Choices& choices, const std::vector<double
   p.law = choices.law;
   p.actuation = choices.actuation;
   p.safe_state = choices.safe_state;
+  p.stop = choices.stop;
   p.own_clock = choices.own_clock ? 1 : 0;
   p.homed = choices.homed ? 1 : 0;
   for (std::size_t k = 0; k < common.size(); ++k) p.*common_parameters[k].member = common[k];
@@ -146,19 +147,26 @@ std::vector<std::tuple<std::string, std::string>> homing_reason_rows() {
 void bind_control(nb::module_& m) {
   nb::class_<AnyController>(m, "Controller", "The controller of an instrument, with its state.")
       .def(nb::new_([](std::uint32_t joint_type, std::uint32_t observer, std::uint32_t law, std::uint32_t actuation,
-                       std::uint32_t safe_state, bool own_clock, bool homed, const std::vector<double>& common,
-                       const In<2>& axes, const In<3>& limits, bool single_precision) {
+                       std::uint32_t safe_state, std::uint32_t stop, bool own_clock, bool homed,
+                       const std::vector<double>& common, const In<2>& axes, const In<3>& limits,
+                       bool single_precision) {
              const ControlParameters p = parameters_of(
-                 {joint_type, observer, law, actuation, safe_state, own_clock, homed}, common, axes, limits);
+                 {joint_type, observer, law, actuation, safe_state, stop, own_clock, homed}, common, axes, limits);
              return single_precision ? make_controller<float>(p) : make_controller<double>(p);
            }),
-           "joint_type"_a, "observer"_a, "law"_a, "actuation"_a, "safe_state"_a, "own_clock"_a, "homed"_a, "common"_a,
-           "axes"_a, "limits"_a, "single_precision"_a)
+           "joint_type"_a, "observer"_a, "law"_a, "actuation"_a, "safe_state"_a, "stop"_a, "own_clock"_a, "homed"_a,
+           "common"_a, "axes"_a, "limits"_a, "single_precision"_a)
       .def("step", &step, "time"_a, "request"_a, "measured"_a,
            nb::sig("def step(self, time: int, request: int, measured: NDArray[numpy.float64]) -> "
                    "tuple[NDArray[numpy.float64], list[int], int, bool, bool, int, int, bool]"),
            "One tick, time in ns: control signals and faults by axis; state, homed, homing, faults, first faults, "
            "cut_power.")
+      .def(
+          "choose",
+          [](AnyController& controller, std::uint32_t law, std::uint32_t actuation) {
+            return controller.choose(ControlLaw(law), Actuation(actuation));
+          },
+          "law"_a, "actuation"_a, "Change law and actuation from the next tick on; whether it can.")
       .def("reset", &AnyController::reset, "Return to the initial state.")
       .def(
           "ask", [](AnyController& controller, int request) { controller.request = Request(request); }, "request"_a,
@@ -171,6 +179,9 @@ void bind_control(nb::module_& m) {
             return nb::bytes(&controller.parameters(), sizeof(link::ControllerParameters));
           },
           "Its parameters as a board takes them: a tenodesis_parameters in float.")
+      .def(
+          "wound", &AnyController::wound, "axis"_a,
+          "How far the motors hold the tip from where it would be with their spools at home, rad; NaN where not known.")
       .def("counts", &counts, "axis"_a,
            "How often each fault was confirmed, bad samples of each sensor, number of late ticks.")
       .def("records", &records, nb::sig("def records(self) -> tuple[NDArray[numpy.float64], int]"),

@@ -212,7 +212,8 @@ void bind_runtime(nb::module_& m) {
       .def(
           "lease", [](Runtime& loop, double seconds) { loop.lease(in_nanoseconds(seconds)); }, "seconds"_a,
           "The operator is present for so many seconds more; 0: is absent.")
-      .def("stop", &Runtime::stop, "Motors to zero with the next tick, until a request releases them.")
+      .def("stop", &Runtime::stop,
+           "Motors to zero with the next tick, until a request releases them, or they return home.")
       .def("forget_timing", &Runtime::forget_timing, "Reset the timing with the next tick.")
       .def_prop_ro("pending_rows", &Runtime::pending_ticks, "Ticks of a motion that are still to be played.")
       .def_prop_ro("running", &Runtime::running)
@@ -220,6 +221,8 @@ void bind_runtime(nb::module_& m) {
       .def_prop_ro("late", &Runtime::late)
       .def_prop_ro("missed", &Runtime::missed)
       .def_prop_ro("speed", &Runtime::speed)
+      .def("wound", &Runtime::wound, "axis"_a,
+           "How far the motors hold the tip from where it would be with their spools at home, rad.")
       .def_prop_ro("problem", &Runtime::problem, "The first problem since the motors were released.")
       .def_prop_ro("refused", &Runtime::refused)
       .def_prop_ro(

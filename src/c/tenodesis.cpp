@@ -19,6 +19,44 @@ constexpr int after_fault = 10;
 
 using Recorder = FlightRecorder<tenodesis_record, TENODESIS_RECORDS, TENODESIS_RECORD_TICKS, after_fault>;
 
+// Whether constants are what they were: their check word, of which each tick computes a part.
+struct CheckWord {
+  static constexpr std::uint32_t ticks = 64;
+
+  std::uint32_t kept{}, sum{}, at{};
+
+  template <class T>
+  static constexpr std::uint32_t words = sizeof(T) / sizeof(std::uint32_t);
+
+  template <class T>
+  void add(const T& constants, std::uint32_t count) {
+    const auto* const bytes = reinterpret_cast<const unsigned char*>(&constants);
+    for (std::uint32_t n = 0; n < count && at < words<T>; ++n, ++at) {
+      std::uint32_t word{};
+      std::memcpy(&word, bytes + at * sizeof word, sizeof word);
+      sum = sum * 0x9E3779B1U + word;
+    }
+  }
+
+  template <class T>
+  void keep(const T& constants) {
+    at = sum = 0;
+    add(constants, words<T>);
+    kept = sum;
+    at = sum = 0;
+  }
+
+  // False where a round has ended with another word.
+  template <class T>
+  bool holds(const T& constants) {
+    add(constants, words<T> / ticks + 1);
+    if (at < words<T>) return true;
+    const bool same = sum == kept;
+    at = sum = 0;
+    return same;
+  }
+};
+
 // Contents of the caller's memory.
 struct Session {
   template <class A>
@@ -31,6 +69,7 @@ struct Session {
 
   std::uint64_t mark{};
   std::uint32_t joint_type{};
+  CheckWord check{};
   Recorder recorder{};
   // Of the last tick: kept, since making them anew costs every tick more than a hundred bytes to clear.
   ControlInput<S, TENODESIS_AXES> in{};
@@ -53,6 +92,7 @@ static_assert(static_cast<int>(ObserverKind::friction) == TENODESIS_OBSERVER_FRI
 static_assert(static_cast<int>(Request::clear) == TENODESIS_REQUEST_CLEAR);
 static_assert(static_cast<int>(OperatingState::fault) == TENODESIS_FAULT);
 static_assert(static_cast<int>(SafeState::neutral) == TENODESIS_SAFE_NEUTRAL);
+static_assert(static_cast<int>(StopMode::hold) == TENODESIS_STOP_HOLD);
 static_assert(channel_count == 5);
 
 // Layouts that are the same for every compiler: no padding, in either precision.
@@ -74,6 +114,8 @@ static_assert(sizeof(tenodesis_counts) == words(0, TENODESIS_FAULTS + 6));
 // "tenodesi", with version, precision and size: memory of another build is not accepted.
 constexpr std::uint64_t mark = 0x74656e6f64657369U ^ (std::uint64_t(TENODESIS_VERSION) << 8U) ^ sizeof(S) ^
                                (std::uint64_t(sizeof(Session)) << 32U);
+// In its place once the parameters have changed.
+constexpr std::uint64_t damaged = ~mark;
 
 // Neither null nor misaligned.
 template <class... T>
@@ -81,18 +123,20 @@ bool good(const T*... pointer) {
   return ((pointer != nullptr && reinterpret_cast<std::uintptr_t>(pointer) % alignof(T) == 0) && ...);
 }
 
-// Whether tenodesis_init has made a session here; reads nothing but the mark.
-bool holds_session(const tenodesis_controller* controller) {
+// What tenodesis_init has left here: reads nothing else.
+std::uint64_t mark_of(const tenodesis_controller* controller) {
   std::uint64_t found{};
   static_assert(offsetof(Session, mark) == 0);
   std::memcpy(&found, controller, sizeof found);
-  return found == mark;
+  return found;
 }
 
+// The mark says which mechanism, too.
 Session* session_of(tenodesis_controller* controller) {
-  if (!holds_session(controller)) return nullptr;
+  const std::uint64_t joint_type = mark_of(controller) ^ mark;
+  if (joint_type > TENODESIS_CONTINUUM) return nullptr;
   auto* session = std::launder(reinterpret_cast<Session*>(controller));
-  return session->joint_type <= TENODESIS_CONTINUUM ? session : nullptr;
+  return session->joint_type == joint_type ? session : nullptr;
 }
 const Session* session_of(const tenodesis_controller* controller) {
   return session_of(const_cast<tenodesis_controller*>(controller));
@@ -108,6 +152,10 @@ auto with(Session& session, const Work& work) {
     default:
       return work(session.continuum);
   }
+}
+
+void keep_check(Session& session) {
+  with(session, [&](const auto& own) { session.check.keep(own.controller); });
 }
 
 template <class A>
@@ -166,7 +214,8 @@ int tenodesis_init(tenodesis_controller* controller, const tenodesis_parameters*
   if (parameters->joint_type > TENODESIS_CONTINUUM) return TENODESIS_BAD_PARAMETER;
   session->joint_type = parameters->joint_type;
   if (!with(*session, [&](auto& own) { return set_up(*parameters, own); })) return TENODESIS_BAD_PARAMETER;
-  session->mark = mark;
+  session->mark = mark ^ session->joint_type;
+  keep_check(*session);
   return TENODESIS_OK;
 }
 
@@ -175,14 +224,20 @@ int tenodesis_step(tenodesis_controller* controller, const tenodesis_input* inpu
   Session* session = usable ? session_of(controller) : nullptr;
   if (session == nullptr) {
     if (good(output)) *output = {};
-    return usable ? TENODESIS_NOT_STARTED : TENODESIS_BAD_POINTER;
+    if (!usable) return TENODESIS_BAD_POINTER;
+    return mark_of(controller) == damaged ? TENODESIS_DAMAGED : TENODESIS_NOT_STARTED;
+  }
+  if (!with(*session, [&](const auto& own) { return session->check.holds(own.controller); })) {
+    session->mark = damaged;
+    *output = {};
+    return TENODESIS_DAMAGED;
   }
   const bool known = input->request <= TENODESIS_REQUEST_CLEAR;
   ControlInput<S, TENODESIS_AXES>& in = session->in;
   ControlOutput<S, TENODESIS_AXES>& out = session->out;
   in.time = input->time;
   in.request = known ? Request(input->request) : Request::none;
-  const int axes = with(*session, [](const auto& own) { return own.controller.axes; });
+  const int axes = with(*session, [](const auto& own) { return own.controller.count(); });
   for (int n = 0; n < axes; ++n) in.axis[n] = measurement_as<Measurement<S>>(input->axis[n]);
   with(*session, [&](auto& own) { return own.controller.step(in, own.state, out); });
   put(out, *output);
@@ -206,6 +261,7 @@ int tenodesis_choose(tenodesis_controller* controller, uint32_t law, uint32_t ac
   if (law > TENODESIS_LAW_ROBUST || actuation > TENODESIS_ACTUATION_DIFFERENTIAL) return TENODESIS_BAD_PARAMETER;
   const bool taken = with(
       *session, [&](auto& own) { return own.controller.choose(ControlLaw(law), Actuation(actuation), own.state); });
+  keep_check(*session);
   return taken ? TENODESIS_OK : TENODESIS_BAD_PARAMETER;
 }
 
@@ -237,7 +293,7 @@ int tenodesis_read_counts(const tenodesis_controller* controller, int axis, teno
   const Session* session = session_of(controller);
   if (session == nullptr) return TENODESIS_NOT_STARTED;
   return with(*session, [&](const auto& own) -> int {
-    if (axis < 0 || axis >= own.controller.axes) return TENODESIS_BAD_PARAMETER;
+    if (axis < 0 || axis >= own.controller.count()) return TENODESIS_BAD_PARAMETER;
     const auto& watch = own.state.axis[axis].watch;
     for (int n = 0; n < fault_count; ++n) counts->faults[n] = watch.count[n];
     for (int n = 0; n < channel_count; ++n) counts->bad_samples[n] = watch.bad_samples[n];
@@ -251,8 +307,16 @@ uint32_t tenodesis_phase(const tenodesis_controller* controller, int axis) {
   const Session* session = session_of(controller);
   if (session == nullptr) return 0;
   return with(*session, [&](const auto& own) -> uint32_t {
-    if (axis < 0 || axis >= own.controller.axes) return 0;
+    if (axis < 0 || axis >= own.controller.count()) return 0;
     return static_cast<uint32_t>(own.state.axis[axis].compensator.shown());
+  });
+}
+
+tenodesis_real tenodesis_wound(const tenodesis_controller* controller, int axis) {
+  const Session* session = good(controller) ? session_of(controller) : nullptr;
+  if (session == nullptr) return 0;
+  return with(*session, [&](const auto& own) {
+    return axis < 0 || axis >= own.controller.count() ? S(0) : own.controller.axis[axis].wound(own.state.axis[axis]);
   });
 }
 

@@ -2,6 +2,7 @@
 // A controller of any mechanism and precision behind one interface, and its parameters by name.
 
 #include <array>
+#include <limits>
 #include <memory>
 #include <stdexcept>
 
@@ -89,7 +90,11 @@ class AnyController {
   virtual const link::ControllerParameters& parameters() const = 0;
   virtual tenodesis_counts counts(int axis) const = 0;
   virtual Phase phase(int axis) const = 0;
+  /// How far the motors hold the tip from where it would be with their spools at home, rad; NaN where not known.
+  virtual double wound(int /*axis*/) const { return std::numeric_limits<double>::quiet_NaN(); }
   virtual bool watchdog(double since_last_step) const = 0;
+  /// Keeps stopped motors where they are, rather than let them return.
+  virtual void hold() {}
   /// Changes law and actuation while it runs; false where it cannot.
   virtual bool choose(ControlLaw /*law*/, Actuation /*actuation*/) { return false; }
 
@@ -177,8 +182,14 @@ class ControllerOf final : public AnyController {
 
   Phase phase(int axis) const override { return state_.axis[axis].compensator.shown(); }
 
+  double wound(int axis) const override { return double(controller_.axis[axis].wound(state_.axis[axis])); }
+
   bool watchdog(double since_last_step) const override {
     return controller_.axis[0].watch.watchdog(S(since_last_step));
+  }
+
+  void hold() override {
+    for (int n = 0; n < controller_.count(); ++n) state_.axis[n].command.kept = true;
   }
 
   bool choose(ControlLaw law, Actuation actuation) override { return controller_.choose(law, actuation, state_); }

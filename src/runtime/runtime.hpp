@@ -98,6 +98,8 @@ class Runtime {
   std::uint64_t late() const { return late_.load(); }
   std::uint64_t missed() const { return missed_.load(); }
   Problem problem() const { return problem_.load(); }
+  /// How far the motors hold the tip from where it would be with their spools at home, rad, by axis.
+  double wound(std::size_t axis) const { return axis < wound_.size() ? wound_[axis].load() : 0; }
   double speed() const { return speed_.load(); }
   void forget_timing() { forget_.store(true); }
   /// A sentence for each thing that the operating system has refused.
@@ -229,7 +231,10 @@ class Runtime {
       request(Request::pause);
     }
     if (stops) {
+      // A second stop holds what returns.
+      returns_ = !stopped_ && controller_.parameters().stop == TENODESIS_STOP_RETURN;
       stopped_ = true;
+      if (!returns_) controller_.hold();
       drop_played();
       request(Request::pause);
     }
@@ -243,6 +248,7 @@ class Runtime {
     input_.request = given ? requests_.pop() : Request::none;
     const std::uint64_t asked = now();
     if (given) controller_.step(input_, controller_.last);
+    for (std::size_t n = 0; n < axes(); ++n) wound_[n].store(controller_.wound(int(n)), std::memory_order_relaxed);
     const std::uint64_t answered = now();
     control_.note(answered - asked);
     command_motors();
@@ -303,11 +309,21 @@ class Runtime {
     return !too_long(silent) && !controller_.watchdog(double(silent) * 1e-9);
   }
 
+  // Motors that were stopped stand first, and then return home as the controller has them.
+  bool returning() {
+    if (!returns_ || controller_.last.state == OperatingState::enabled) return false;
+    for (std::size_t n = 0; n < axes() && !halted_; ++n)
+      for (const double sent : controller_.last.axis[n].spool_velocity)
+        if (sent != 0) return false;
+    halted_ = true;
+    return true;
+  }
+
   // Motors without a controller move with those that have one: while it is enabled, and the zero of its spools known.
   void command_motors() {
     const engine::AnyOutput& said = controller_.last;
     const double silent = controller_.injector.silent();
-    const bool released = !stopped_ && (silent <= 0 || !controller_.watchdog(silent));
+    const bool released = (!stopped_ || returning()) && (silent <= 0 || !controller_.watchdog(silent));
     const bool free = released && said.state == OperatingState::enabled && !said.homing;
     const Problem problem = motors_.command(device_, free, played_now_, command_.data() + spools_);
     if (problem != Problem::none) stop_for(problem);
@@ -365,7 +381,7 @@ class Runtime {
   void obey(Request wanted) {
     if (wanted == Request::enable || wanted == Request::resume || wanted == Request::home || wanted == Request::clear) {
       if (operated_.load() && lease_.load() == 0) return;
-      stopped_ = false;
+      stopped_ = returns_ = halted_ = false;
       problem_.store(Problem::none);
     }
     request(wanted);
@@ -387,6 +403,8 @@ class Runtime {
   }
 
   void stop_for(Problem why) {
+    returns_ = false;
+    controller_.hold();
     if (!stopped_) {
       stopped_ = true;
       request(Request::pause);
@@ -468,7 +486,9 @@ class Runtime {
   bool played_now_{};
   TimedInjection injection_[most_axes][engine::injection_point_count]{};
   RequestQueue requests_;
-  bool stopped_{};
+  // Whether a stop is in force, lets the motors return once they stand, and whether they do.
+  bool stopped_{}, returns_{}, halted_{};
+  std::array<std::atomic<double>, most_axes> wound_{};
   std::uint64_t tick_{};
   std::uint64_t begun_{}, next_{}, last_fresh_{}, late_now_{}, measured_at_{};
 

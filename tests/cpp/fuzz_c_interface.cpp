@@ -152,6 +152,7 @@ class Fuzz {
     p.law = below(5U);
     p.actuation = below(2U);
     p.safe_state = below(2U);
+    p.stop = below(2U);
     p.own_clock = below(2U);
     p.homed = below(2U);
     p.axis[1] = p.axis[0];

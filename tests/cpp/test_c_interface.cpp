@@ -10,71 +10,12 @@
 #include <random>
 #include <type_traits>
 
+#include "c_readings.hpp"
 #include "claim.hpp"
-#include "scaled_up.h"
 #include "tenodesis/parameters.hpp"
 #include "tenodesis/tenodesis.h"
 
 using namespace tenodesis;
-using Number = tenodesis_real;
-
-constexpr int two = TENODESIS_AXES;
-constexpr auto seed = 1;
-
-tenodesis_parameters parameters(unsigned joint_type, unsigned axes) {
-  tenodesis_parameters p = scaled_up;
-  p.joint_type = joint_type;
-  p.axes = axes;
-  p.own_clock = 0;
-  if (joint_type == TENODESIS_CONTINUUM) {
-    p.axis[0].backbone_length = Number(0.03);
-    p.axis[0].backbone_rigidity = Number(5e-3);
-  }
-  p.axis[1] = p.axis[0];
-  p.axis[1].pretension = Number(20);
-  return p;
-}
-
-/// What the sensors of an instrument held against a load say; now and then what they cannot.
-class Readings {
- public:
-  tenodesis_input at(int tick) {
-    tenodesis_input input{};
-    input.time = 1000U + static_cast<std::uint64_t>(tick) * 500000U;
-    if (tick % 1000 == 0) input.request = TENODESIS_REQUEST_ENABLE;
-    if (tick % 1000 == 900) input.request = TENODESIS_REQUEST_CLEAR;
-    if (tick % 1000 == 700) input.request = TENODESIS_REQUEST_PAUSE;
-    for (int n = 0; n < two; ++n) {
-      auto& each = input.axis[n];
-      each.handle_angle = Number(0.5 * std::sin(tick * 0.002));
-      for (int i = 0; i < 2; ++i) {
-        const double load = i == 0 ? 3 : -3;
-        const double noise = std::uniform_real_distribution<>(-0.05, 0.05)(random_);
-        each.tension[i] = Number(25 - 5 * n + load + noise) + stiffness * radius * spool_[n][i];
-        each.spool_angle[i] = spool_[n][i];
-      }
-    }
-    if (tick % 1000 == bad_tick) input.axis[0].tension[1] = std::numeric_limits<Number>::quiet_NaN();
-    return input;
-  }
-
-  void follow(const tenodesis_output& output) {
-    for (int n = 0; n < two; ++n) {
-      for (int i = 0; i < 2; ++i) {
-        speed_[n][i] += (output.axis[n].spool_velocity[i] - speed_[n][i]) * Number(0.05);
-        spool_[n][i] += speed_[n][i] * Number(5e-4);
-      }
-    }
-  }
-
-  static constexpr int bad_tick = 800;
-
- private:
-  static constexpr Number stiffness = Number(11451), radius = Number(0.005);  // N/m, m
-
-  std::mt19937 random_{seed};  // NOLINT(cert-msc32-c,cert-msc51-cpp,bugprone-random-generator-seed)
-  Number spool_[two][2]{}, speed_[two][2]{};
-};
 
 using Bits = std::conditional_t<sizeof(Number) == 4, std::uint32_t, std::uint64_t>;
 bool same(Number a, Number b) {
@@ -157,7 +98,7 @@ void sizes_are_those_that_the_header_promises() {
   constexpr std::size_t real = sizeof(Number);
   CLAIM(tenodesis_version() == TENODESIS_VERSION);
   CLAIM(tenodesis_real_size() == real);
-  CLAIM(sizeof(tenodesis_parameters) == (real == 4 ? 1040 : 2040));
+  CLAIM(sizeof(tenodesis_parameters) == (real == 4 ? 1048 : 2048));
   CLAIM(sizeof(tenodesis_input) == (real == 4 ? 56 : 96));
   CLAIM(sizeof(tenodesis_output) == (real == 4 ? 104 : 168));
   CLAIM(sizeof(tenodesis_record) == (real == 4 ? 80 : 144));
@@ -242,6 +183,7 @@ void parameters_that_make_no_controller_are_refused() {
   CLAIM(refused([](P& p) { p.law = 5; }));
   CLAIM(refused([](P& p) { p.actuation = 2; }));
   CLAIM(refused([](P& p) { p.safe_state = 2; }));
+  CLAIM(refused([](P& p) { p.stop = 2; }));
   CLAIM(refused([](P& p) { p.own_clock = 2; }));
   CLAIM(refused([](P& p) { p.homed = 2; }));
   CLAIM(refused([](P& p) { p.period = 0; }));
@@ -410,12 +352,12 @@ void faults_have_names() {
 }
 
 // Parameters and headers that were written for this version must keep their meaning.
-void the_layout_of_version_3_is_unchanged() {
+void the_layout_of_version_4_is_unchanged() {
   constexpr std::size_t real = sizeof(tenodesis_real);
   using Axis = tenodesis_axis_parameters;
-  static_assert(TENODESIS_VERSION == 3);
-  CLAIM(offsetof(tenodesis_parameters, homed) == 36 && offsetof(tenodesis_parameters, relief) == 40 + 7 * real);
-  CLAIM(sizeof(tenodesis_parameters) == 40 + 250 * real);
+  static_assert(TENODESIS_VERSION == 4);
+  CLAIM(offsetof(tenodesis_parameters, homed) == 40 && offsetof(tenodesis_parameters, relief) == 48 + 7 * real);
+  CLAIM(sizeof(tenodesis_parameters) == 48 + 250 * real);
   CLAIM(offsetof(Axis, handle_range) == 6 * real && offsetof(Axis, sheath_bend_rate) == 18 * real);
   CLAIM(offsetof(Axis, slack_tension) == 33 * real && offsetof(Axis, still_time) == 59 * real);
   CLAIM(offsetof(Axis, homing_gain_error) == 82 * real && offsetof(Axis, watch_window) == 90 * real);
@@ -434,7 +376,7 @@ void a_current_stands_for_a_tension_up_to_its_range() {
 }
 
 int main() {
-  the_layout_of_version_3_is_unchanged();
+  the_layout_of_version_4_is_unchanged();
   sizes_are_those_that_the_header_promises();
   for (const unsigned axes : {1U, 2U}) {
     const auto check = [&](unsigned observer, unsigned law) {

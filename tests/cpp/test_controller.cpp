@@ -48,6 +48,7 @@ void an_unknown_choice_makes_no_controller() {
   refuses(&tenodesis_parameters::law, 5);
   refuses(&tenodesis_parameters::actuation, 2);
   refuses(&tenodesis_parameters::safe_state, 2);
+  refuses(&tenodesis_parameters::stop, 2);
   refuses(&tenodesis_parameters::own_clock, 2);
   refuses(&tenodesis_parameters::homed, 2);
 }

@@ -319,15 +319,17 @@ void over_tension_is_relieved_to_well_below_the_limit_and_no_further() {
   }
 }
 
-void a_distrusted_load_cell_or_spool_moves_no_motor() {
-  const Supervisor<double> over = supervisor<double>(SafeState::neutral);
+void a_distrusted_spool_moves_no_motor_and_a_distrusted_load_cell_does_not_keep_them_from_home() {
+  Supervisor<double> over = supervisor<double>(SafeState::neutral);
+  over.stretch = 1 / (stiffness * spool_radius);
   for (int n = 0; n < fault_count; ++n) {
     const std::uint32_t fault = bit(static_cast<Fault>(n));
-    for (const double tension : {25.0, 95.0, 150.0}) {
+    for (const double tension : {0.5, 25.0, 95.0, 150.0}) {
       SupervisorState<double> state{};
       state.operating = OperatingState::enabled;
       CommandState<double> axis{};
-      // The agonist's spool would creep by unwinding, the antagonist's by winding.
+      axis.rising = true;
+      // The agonist's spool would return by unwinding, the antagonist's by winding.
       const Measurement<double> seen{0, {tension, tension}, {0.5, -0.5}};
       const double rest[2] = {0, 0};
       over.command(rest, seen, period, state, axis);
@@ -338,9 +340,12 @@ void a_distrusted_load_cell_or_spool_moves_no_motor() {
         over.advance(Request::none, fault, period, state);
       }
       const Distrust distrust = distrusted(fault);
-      const bool high = tension > 100;
-      const bool unwinds = !distrust.spool && !(high && distrust.tension);
-      const bool winds = !distrust.spool && !distrust.tension && tension < 90;
+      const bool high = tension > 100, hangs = tension < 1;
+      const bool stands = distrust.spool || fault == bit(Fault::tendon_break);
+      const bool lets_go = distrust.tension || fault == bit(Fault::tendon_slack);
+      const bool unwinds = (!stands || (high && !distrust.tension)) && !distrust.spool && !(high && distrust.tension) &&
+                           (lets_go || !hangs);
+      const bool winds = !stands && !high && (lets_go || tension < 90);
       CLAIM_NEAR(axis.sent[0], unwinds ? -0.2 : 0, 1e-12);
       CLAIM_NEAR(axis.sent[1], winds ? 0.2 : 0, 1e-12);
       const Measurement<double> blind{0, {tension, tension}, {NAN, NAN}};
@@ -351,25 +356,84 @@ void a_distrusted_load_cell_or_spool_moves_no_motor() {
   }
 }
 
-void motors_creep_to_neutral_after_holding() {
-  const Supervisor<double> over = supervisor<double>(SafeState::neutral);
+/// Where the spools are 10 s after motors so far from home were stopped.
+Measurement<double> returned(const Supervisor<double>& over, Request request, std::uint32_t fault,
+                             CommandState<double> axis = {}, double load = 0) {
   SupervisorState<double> state{};
   state.operating = OperatingState::enabled;
-  CommandState<double> axis{};
-  Measurement<double> seen{0, {25, 25}, {0.6, -0.3}};
-  over.advance(Request::none, bit(Fault::encoder_dropout), period, state);
+  Measurement<double> seen{0, {}, {0.6, -0.3}};
   const double wanted[2] = {5, 5};
+  double lowest = 1;
   for (int n = 0; n * period < 10; ++n) {
+    for (int i = 0; i < 2; ++i)
+      seen.tension[i] = pretension + (i == agonist ? load : -load) +
+                        stiffness * spool_radius * (seen.spool_angle[0] + seen.spool_angle[1]) / 2;
+    const OperatingState before = state.operating;
+    over.advance(n == 0 ? request : Request::none, n == 0 ? fault : 0, period, state);
+    if (state.operating != before) over.part(before, state, axis);
     over.command(wanted, seen, period, state, axis);
-    over.advance(Request::none, 0, period, state);
     if (n * period < 0.499) CLAIM(axis.sent[0] == 0 && axis.sent[1] == 0);
     for (int i = 0; i < 2; ++i) {
       CLAIM(std::fabs(axis.sent[i]) <= 0.2 + 1e-12);
       seen.spool_angle[i] += axis.sent[i] * period;
     }
+    lowest = std::fmin(lowest, (seen.spool_angle[0] + seen.spool_angle[1]) / 2);
   }
-  CLAIM_NEAR(seen.spool_angle[0], 0, 1e-6);
-  CLAIM_NEAR(seen.spool_angle[1], 0, 1e-6);
+  seen.handle_angle = lowest;
+  return seen;
+}
+
+void what_stops_returns_home_from_below_unless_it_is_to_hold() {
+  Supervisor<double> over = supervisor<double>(SafeState::neutral);
+  over.stretch = 1 / (stiffness * spool_radius);
+  const auto home = [](const Measurement<double>& at) {
+    return std::fabs(at.spool_angle[0]) < 1.1e-3 && std::fabs(at.spool_angle[1]) < 1.1e-3;
+  };
+  const auto stays = [](const Measurement<double>& at) { return at.spool_angle[0] == 0.6; };
+  const std::uint32_t lost = bit(Fault::encoder_dropout);
+  for (const Request request : {Request::pause, Request::disable}) {
+    const Measurement<double> at = returned(over, request, 0);
+    CLAIM(home(at));
+    // Both tendons end wound alike: friction must not hold the tip where the motors had brought it.
+    CLAIM(at.handle_angle < -0.9 * 1.2 * over.relief);
+  }
+  CLAIM(home(returned(over, Request::none, lost)));
+  over.safe_state = SafeState::hold;
+  CLAIM(stays(returned(over, Request::none, lost)));
+  over.stop = StopMode::hold;
+  CLAIM(stays(returned(over, Request::pause, 0)));
+  // Nobody knows where home is, or it is elsewhere.
+  over.stop = StopMode::back;
+  over.safe_state = SafeState::neutral;
+  CommandState<double> axis{};
+  axis.knows_home = false;
+  CLAIM(stays(returned(over, Request::pause, 0, axis)) && stays(returned(over, Request::none, lost, axis)));
+  axis.knows_home = true;
+  axis.kept = true;
+  CLAIM(stays(returned(over, Request::pause, 0, axis)) && stays(returned(over, Request::none, lost, axis)));
+  axis.kept = false;
+  axis.home[0] = axis.home[1] = 0.3;
+  CLAIM_NEAR(returned(over, Request::disable, 0, axis).spool_angle[1], 0.3, 1.1e-3);
+  // Under a load, no tendon is let out until it hangs.
+  CLAIM(home(returned(over, Request::disable, 0, {}, 0.8 * pretension)));
+  CLAIM(returned(over, Request::disable, 0, {}, 0.8 * pretension).handle_angle > -0.9 * 1.2 * over.relief);
+}
+
+void motors_at_home_do_not_move_when_they_are_stopped() {
+  const Supervisor<double> over = supervisor<double>(SafeState::neutral);
+  for (const std::uint32_t fault : {0U, bit(Fault::encoder_dropout)}) {
+    SupervisorState<double> state{};
+    state.operating = OperatingState::enabled;
+    CommandState<double> axis{};
+    const double wanted[2] = {0, 0};
+    for (int n = 0; n < 4000; ++n) {
+      const OperatingState before = state.operating;
+      over.advance(n == 0 ? Request::pause : Request::none, n == 100 ? fault : 0, period, state);
+      if (state.operating != before) over.part(before, state, axis);
+      over.command(wanted, {0, {25, 25}, {5e-4, -5e-4}}, period, state, axis);
+      CLAIM(std::fabs(axis.sent[0]) < 3e-3 && std::fabs(axis.sent[1]) < 3e-3);
+    }
+  }
 }
 
 void faults_have_names_and_bits_of_their_own() {
@@ -493,8 +557,9 @@ int main() {
   motors_come_to_rest_within_the_stopping_time();
   settings_that_are_not_numbers_are_refused();
   over_tension_is_relieved_to_well_below_the_limit_and_no_further();
-  a_distrusted_load_cell_or_spool_moves_no_motor();
-  motors_creep_to_neutral_after_holding();
+  a_distrusted_spool_moves_no_motor_and_a_distrusted_load_cell_does_not_keep_them_from_home();
+  what_stops_returns_home_from_below_unless_it_is_to_hold();
+  motors_at_home_do_not_move_when_they_are_stopped();
   faults_have_names_and_bits_of_their_own();
   return claims::report();
 }

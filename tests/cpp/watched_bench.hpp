@@ -51,7 +51,7 @@ Watch<S> watch() {
 
 template <class S>
 Supervisor<S> supervisor(SafeState safe = SafeState::hold) {
-  return {S(20), S(400), S(0.2), S(100), safe, S(0.5), S(0.2), S(0.2), S(period)};
+  return {S(20), S(400), S(0.2), S(100), safe, StopMode::back, S(0.5), S(0.2), S(0.2), S(period)};
 }
 
 /// Signals of a working instrument, with faults to inject.

@@ -23,6 +23,7 @@ from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.errors import ProtocolError, RecordingError
 from tenodesis.instrument import Instrument
 from tenodesis.kinematics.chain import skeleton
+from tenodesis.live.status import RuntimeState
 
 from .conftest import refused
 
@@ -171,13 +172,28 @@ def test_an_instrument_with_currents_is_not_said_to_have_load_cells(scaled: Inst
     # That they are too coarse is put right by load cells.
     failures = {f"axis{n}": reason for n, reason in enumerate(HOMING_REMEDIES) if reason != "too_coarse"}
     flags = dict.fromkeys(("homed", "homing", "stopped", "problem", "recorder_lost", "operator"))
-    status: Any = SimpleNamespace(state="FAULT", faults=FAULTS, first_faults=(), homing_failures=failures, **flags)
+    status: Any = SimpleNamespace(
+        state="FAULT", faults=FAULTS, first_faults=(), homing_failures=failures, wound={}, **flags
+    )
     assert "load cell" in status_line(status, "")
     assert "load cell" not in status_line(status, "", currents=True)
     currents = {"sensors.kind": "current", "sensors.current_range": 6.0, "drives.torque_constant": 0.1}
     seen = shown_signals(scaled.replace(**currents), {"time": 0.0, "measured_tension": [20.0, 40.0]})
     assert seen.current == pytest.approx(np.array([1.0, 2.0]))
     assert np.isnan(shown_signals(scaled, {"time": 0.0, "measured_tension": [20.0, 40.0]}).current).all()
+
+
+@pytest.mark.parametrize(("state", "button"), [("PAUSED", "Resume"), ("DISABLED", "Enable"), ("FAULT", "Clear")])
+def test_the_page_says_how_far_stopped_motors_hold_the_tip_and_what_takes_it_back(state: str, button: str) -> None:
+    flags = dict.fromkeys(("homed", "homing", "stopped", "problem", "recorder_lost", "operator"))
+    given = {"faults": (), "first_faults": (), "homing_failures": {}, **flags}
+    wound = {"yaw": np.radians(-7.3), "pitch": np.radians(0.1)}
+    line = status_line(SimpleNamespace(state=RuntimeState(state), wound=wound, **given), "")  # type: ignore[arg-type]
+    assert "yaw: the motors hold the tip -7.3°" in line
+    assert button in line
+    assert "pitch" not in line
+    working: Any = SimpleNamespace(state=RuntimeState.ENABLED, wound=wound, **given)
+    assert "yaw" not in status_line(working, "")
 
 
 def test_every_fault_and_every_choice_has_its_words() -> None:

@@ -204,7 +204,10 @@ def check(inst: Instrument, deg: float, case: Case, choice: tuple[str, str, str]
     assert (jumps[(commanded[1:] != 0) | (not over)] <= most * (1 + 1e-9)).all()
     common = parameters(inst).common
     stopped = row + round(common["speed_limit"] / limit / TIME_STEP) + 1
-    assert np.abs(commanded[stopped:]).max() <= (common["neutral_speed"] if over else 0)
+    # They stand, and return thereafter.
+    standing = row + round(common["hold_time"] / TIME_STEP) - 1
+    assert np.abs(commanded[stopped:standing]).max() <= (common["neutral_speed"] if over else 0)
+    assert np.abs(commanded[standing:]).max(initial=0) <= common["neutral_speed"] * (1 + 1e-9)
 
     record = one.flight_record()
     assert record.fault_row is not None

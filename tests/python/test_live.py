@@ -145,6 +145,27 @@ def test_a_stop_sends_nothing_but_zero_from_its_tick_on_until_it_is_set_free(tmp
     assert np.abs(going.commanded_spool_velocity).max() > 0
 
 
+@pytest.mark.parametrize("again", [False, True])
+def test_after_a_stop_the_motors_stand_and_then_return_unless_it_is_pressed_once_more(tmp_path, again):
+    loop = looped(tmp_path)
+    reader = Reader(tmp_path)
+    handle, force = commands(2000)
+    loop.push(loop.commands.row({"handle_angle": handle, "force": force}, len(handle)))
+    loop.request("enable")
+    loop.core.run_ticks(2500)
+    wound = loop.core.wound(0)
+    assert abs(wound) > np.radians(1)
+    for _ in range(1 + again):
+        loop.stop()
+        loop.core.run_ticks(500)
+    reader.read(10**5)
+    loop.core.run_ticks(8000)
+    run, _ = reader.read(10**5)
+    assert run.operating_state[-1] == OperatingState.PAUSED
+    assert bool(run.commanded_spool_velocity.any()) is not again
+    assert abs(loop.core.wound(0)) == pytest.approx(abs(wound) if again else 0, abs=np.radians(0.3))
+
+
 def test_a_lease_that_runs_out_pauses_within_the_loop_whatever_python_does(tmp_path):
     loop = looped(tmp_path)
     reader = Reader(tmp_path)

@@ -1,5 +1,6 @@
 """The top of the panel: state, faults with advice, who operates, and the buttons that the state allows."""
 
+import math
 from collections.abc import Iterable, Mapping
 from functools import partial
 from html import escape
@@ -144,10 +145,19 @@ _COLOURS = {
 _MEANING = {
     RuntimeState.DISABLED: "The motors are off. Enable to let them move.",
     RuntimeState.ENABLED: "The controller moves the motors.",
-    RuntimeState.PAUSED: "The motors hold their positions. Resume to go on.",
-    RuntimeState.FAULT: "The motors hold their positions until the fault is cleared.",
+    RuntimeState.PAUSED: "The motors are stopped. Resume to go on.",
+    RuntimeState.FAULT: "The motors are stopped until the fault is cleared.",
     RuntimeState.GONE: "The motors are stopped by their own watchdogs.",
 }
+
+
+_RELEASED_BY = {
+    RuntimeState.DISABLED: "Enable takes it back.",
+    RuntimeState.PAUSED: "Resume takes it back.",
+    RuntimeState.FAULT: "Clear the fault, then enable, takes it back; where its zero is in doubt, home first.",
+}
+"""By which button a stroke is released, by the states in which the motors do not work."""
+_NOTICED = math.radians(0.5)
 
 
 def status_line(status: Status, origin: str, notes: Iterable[str] = (), *, currents: bool = False) -> str:
@@ -159,7 +169,7 @@ def status_line(status: Status, origin: str, notes: Iterable[str] = (), *, curre
     remedies = HOMING_REMEDIES | CURRENT_REMEDIES if currents else HOMING_REMEDIES
     words = "Homing: the motors wind the tendons to the pretension." if status.homing else _MEANING[status.state]
     if status.stopped and status.state != RuntimeState.GONE:
-        words = "Stopped: the motors hold their positions until you resume."
+        words = "Stopped. STOP once more holds the motors where they are; resume to go on."
     elif status.state in (RuntimeState.DISABLED, RuntimeState.PAUSED) and not status.homed and not status.homing:
         words = "Not homed: the zero of the spools is unknown, home first."
     lines = [
@@ -170,6 +180,8 @@ def status_line(status: Status, origin: str, notes: Iterable[str] = (), *, curre
         *(_fault(name, advice.get(name), name in status.first_faults) for name in status.faults),
         *(_homing_failure(axis, failed, remedies) for axis, failed in status.homing_failures.items() if status.faults),
     ]
+    if status.state in _RELEASED_BY:
+        lines += [_wound(axis, angle, _RELEASED_BY[status.state]) for axis, angle in status.wound.items()]
     lines += [_warning(sentence) for sentence in (status.problem, *_recorder(status), *notes) if sentence]
     if status.state != RuntimeState.GONE:
         lines.append(f"<div>{_operator(status, origin)}</div>")
@@ -201,6 +213,14 @@ def _homing_failure(axis: str, failure: str, remedies: Mapping[str, str]) -> str
     place = f"{axis}, {tendon}" if tendon else axis
     meaning, remedy = HOMING_REASONS.get(reason, ""), remedies.get(reason, "")
     return _warning(f"{place}: {meaning} ({reason}). {remedy}")
+
+
+def _wound(axis: str, angle: float, released_by: str) -> str:
+    """Return what is worth knowing of motors that are stopped while wound; nothing of less than half a degree."""
+    if abs(angle) < _NOTICED:
+        return ""
+    held = f"{axis}: the motors hold the tip {math.degrees(angle):+.1f}° from where it hangs without them"
+    return _warning(f"{held}; they return there by themselves unless the file says hold. {released_by}")
 
 
 def _warning(sentence: str) -> str:

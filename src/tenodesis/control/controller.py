@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core
 from tenodesis.control.pairs import compensated
-from tenodesis.control.parameters import FAULTS, HOMING_REASONS, parameters
+from tenodesis.control.parameters import FAULTS, HOMING_REASONS, parameters, safe_state
 from tenodesis.control.resolution import check_force_limit
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import InstrumentLike
@@ -154,7 +154,8 @@ class Controller:
         self.precision, self.own_clock = precision, bool(own_clock)
         self.homed_at_start, self.enabled_at_start = bool(homed), bool(enabled)
         self.parameters = parameters(inst, period)
-        safe_state = ("hold", "neutral").index(inst.control.safe_state)
+        after_fault = ("hold", "neutral").index(safe_state(inst))
+        stop = ("return", "hold").index(inst.control.stop)
         common, axes, limits = self.parameters.rows()
         try:
             self.core = _core.Controller(
@@ -162,7 +163,8 @@ class Controller:
                 chosen_observer,
                 chosen_law,
                 chosen_actuation,
-                safe_state,
+                after_fault,
+                stop,
                 own_clock,
                 homed,
                 common,
@@ -276,6 +278,20 @@ class Controller:
         """Make a request with the next tick: a :class:`Request` or its name."""
         self._request = _request(request)
 
+    def choose(self, law: LawName, actuation: ActuationName | None = None) -> None:
+        """Change the law, and the actuation, from the next tick on; ``off`` lets the motors return home.
+
+        Raises
+        ------
+        ValueError
+            There is no such choice, or the law does not work with the observer.
+        """
+        actuation = self.actuation if actuation is None else actuation
+        chosen = _choice("law", law, LawName), _choice("actuation", actuation, ActuationName)
+        if not self.core.choose(*chosen):
+            raise ArgumentError(key="law", value=law, allowed="a law that works with the observer")
+        self.law, self.actuation = law, actuation
+
     def take_request(self) -> Request:
         """Return the request for the next tick, and forget it."""
         asked, self._request = self._request, Request.NONE
@@ -295,14 +311,27 @@ class Controller:
         ValueError
             There is no such axis.
         """
-        if axis is not None and axis not in self.inst.axes:
-            raise ArgumentError(key="axis", value=axis, allowed=f"one of {', '.join(self.inst.axes)}")
-        faults, bad, late = self.core.counts(0 if axis is None else self.inst.axes.index(axis))
+        faults, bad, late = self.core.counts(self._number_of(axis))
         return {
             "faults": dict(zip(FAULTS, faults, strict=True)),
             "bad_samples": dict(zip(_CHANNELS, bad, strict=True)),
             "ticks": {"late": late},
         }
+
+    def wound(self, axis: str | None = None) -> float:
+        """Return how far motors hold the tip from where it is with spools at home, rad, by default of the first axis.
+
+        Raises
+        ------
+        ValueError
+            There is no such axis.
+        """
+        return self.core.wound(self._number_of(axis))
+
+    def _number_of(self, axis: str | None) -> int:
+        if axis is not None and axis not in self.inst.axes:
+            raise ArgumentError(key="axis", value=axis, allowed=f"one of {', '.join(self.inst.axes)}")
+        return 0 if axis is None else self.inst.axes.index(axis)
 
     def flight_record(self) -> FlightRecord:
         """Return the flight recorder's records: the last 200 ms at 2 kHz, frozen by a fault until it is cleared."""

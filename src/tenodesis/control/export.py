@@ -9,7 +9,7 @@ import numpy as np
 from tenodesis import _core
 from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
 from tenodesis.control.pairs import compensated
-from tenodesis.control.parameters import FAULTS
+from tenodesis.control.parameters import FAULTS, safe_state
 from tenodesis.errors import ArgumentError
 from tenodesis.files import atomic_file
 from tenodesis.instrument import InstrumentLike, ShortForm
@@ -117,9 +117,11 @@ def header(
         f"    .observer = TENODESIS_OBSERVER_{_constant(observer)},",
         f"    .law = TENODESIS_LAW_{_constant(law)},",
         f"    .actuation = TENODESIS_ACTUATION_{_constant(actuation)},",
-        f"    .safe_state = TENODESIS_SAFE_{_constant(inst.control.safe_state)},",
+        f"    .safe_state = TENODESIS_SAFE_{_constant(safe_state(inst))},",
+        f"    .stop = TENODESIS_STOP_{_constant(inst.control.stop)},",
         f"    .own_clock = {int(own_clock)},",
         f"    .homed = {int(homed)},",
+        "    .reserved = 0,",
         *(f"    .{key} = {_number(parameters.common[key])}, /* {text} */" for key, text in _COMMON.items()),
         "    .axis =",
         "        {",

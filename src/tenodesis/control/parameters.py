@@ -44,6 +44,8 @@ _UNDERSTATED = 1.3
 # the largest load that an instrument is meant for.
 _TISSUE = 1.25
 _OVER_LOAD = 5 / 3
+# Of the tip while its motors return, rad/s.
+_RETURN = np.radians(10)
 # Of the tip while homing, rad: moved by one motor's jog, by one tendon alone, and what a cell's error may cost.
 _JOG, _PULL, _TIP_ERROR = np.radians([0.8, 1.6, 0.5])
 # Of a drive's friction, by its current: what the file may state wrongly, and the angle over which it turns, rad.
@@ -81,6 +83,7 @@ def parameters(inst: InstrumentLike, period: float | None = None) -> Parameters:
     first = single[0]
     drives = first.drives
     speed = drives.motor_speed / drives.gear_ratio
+    arm = min(plant.parameters(one)["distal_radius"] for one in single)
     common = {
         "period": tick,
         "speed_limit": speed,
@@ -88,12 +91,17 @@ def parameters(inst: InstrumentLike, period: float | None = None) -> Parameters:
         "engage_time": 0.2,
         "tension_limit": min(_FAULT_OVER_LIMIT * tension_limit(one) for one in single),
         "hold_time": 0.5,
-        "neutral_speed": 0.01 * speed,
+        "neutral_speed": min(speed, _RETURN * arm / drives.spool_radius),
         "relief": first.pretension / (2 * first.tendon_stiffness * drives.spool_radius),
     }
     joint_type = int(_core.JointType[inst.joint_type.replace("-", "_").upper()].value)
     axes = tuple(_axis(one, tick, is_first=n == 0) for n, one in enumerate(single))
     return Parameters(joint_type, common, axes, tuple(_limits(one, tick) for one in single))
+
+
+def safe_state(inst: ShortForm) -> str:
+    """Return what motors do after a fault: ``hold`` or ``neutral``."""
+    return inst.control.safe_state or ("neutral" if inst.control.stop == "return" else "hold")
 
 
 def tension_from_current(inst: InstrumentLike, current: ArrayLike, axis: str | None = None) -> NDArray[np.float64]:

@@ -100,7 +100,7 @@ class Setup:
         lost = round(MISSED_HEARTBEATS * self._settings.heartbeat * 1e3)
         self._must_heed(node, 0x1016, 1, "I", self._settings.master << 16 | lost)
         self._must_heed(node, 0x6007, 0, "h", cia402.QUICK_STOP_ON_LOSS)
-        hold = self._inst.control.safe_state == "hold"
+        hold = self._inst.control.safe_state != "neutral"
         self._must_heed(node, 0x605A, 0, "h", cia402.STOP_AND_HOLD if hold else cia402.STOP_AND_LET_GO)
         self._write(node, 0x605E, 0, "h", cia402.STOP_AND_LET_GO, needed=False)
         # The time between SYNCs, in microseconds, and in steps of 100 of them or of 1 ms.

@@ -50,6 +50,7 @@ MOST_EXPONENT = 10.0
 """Largest friction exponent of a contact; above it, rounding of the tension ratio would violate the law."""
 
 SafeState: TypeAlias = Literal["hold", "neutral"]
+StopMode: TypeAlias = Literal["return", "hold"]
 FrictionLaw: TypeAlias = Literal["none", "capstan", "capstan-constant", "stribeck", "capstan-power"]
 ComplianceShare = Annotated[float, Field(gt=0, lt=1)]
 
@@ -319,7 +320,10 @@ class Control(FileTable):
     )
     mean_band: Share = Field(default=0.3, description="Share by which friction may change the mean tension")
     watchdog: Time = Field(default=0.025, description="Time without a tick after which the motors stop")
-    safe_state: SafeState = Field(default="hold", description="Motors after a fault: hold, or creep to neutral")
+    stop: StopMode = Field(default="return", description="Motors that are stopped: return home, or hold")
+    safe_state: SafeState | None = Field(
+        default=None, description="Motors after a fault: hold, or return home (neutral); without it as stop says"
+    )
     homing_speed: HomingSpeed = Field(default=5e-3, description="Largest speed at which slack tendons are wound")
     homing_stroke: Length = Field(default=0.03, description="Length wound after which a tendon counts as broken")
 

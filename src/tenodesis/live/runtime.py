@@ -1,6 +1,7 @@
 """A live loop with its operator's lease, its protocol, its recorder and its events."""
 
 import logging
+import math
 import threading
 import time
 from contextlib import suppress
@@ -129,6 +130,7 @@ class Runtime:
             speed=core.speed,
             problem=self._problem(),
             homing_failures=_homing_failures(tick, loop.axes),
+            wound={axis: wound for n, axis in enumerate(loop.axes) if math.isfinite(wound := core.wound(n))},
         )
 
     def _tick(self) -> dict[str, Any]:

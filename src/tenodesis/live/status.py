@@ -102,6 +102,8 @@ class Status:
     homing_failures: dict[str, str] = field(default_factory=dict)
     """Why the last homing failed, as of :func:`tenodesis.control.homing_failure`, by axis; without axes where it did
     not."""
+    wound: dict[str, float] = field(default_factory=dict)
+    """How far the motors hold the tip from where it would be with their spools at home, rad, by axis, where known."""
 
     @property
     def protocol_runs(self) -> bool:

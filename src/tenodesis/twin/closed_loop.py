@@ -98,7 +98,7 @@ def warn_of_faults(run: Run, inst: ShortForm, *, stacklevel: int = 3) -> None:
             "sensors.load_cell_noise, or make the controller for it"
         )
     warnings.warn(
-        f"the controller faulted at {run.time[row]:.6g} s: {', '.join(names)}; it held the motors from then on{hint}.",
+        f"the controller faulted at {run.time[row]:.6g} s: {', '.join(names)}; it stopped the motors then{hint}.",
         FaultWarning,
         stacklevel=stacklevel,
     )
