@@ -1,4 +1,4 @@
-"""Tenodesis beside public simulators on the same work, in one run: a rope over a pulley, and a backbone.
+"""Tenodesis beside public simulators on the same work: a rope over a pulley, and a backbone.
 
 A peer runs in a process of its own, by the Python that has it (``--python``), so that none is a dependency; one that is
 not installed there is skipped, and its figures of an earlier run stay. With ``--figures docs/results.json`` the tables
