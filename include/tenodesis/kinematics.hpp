@@ -92,7 +92,7 @@ Bent<S> bent(const Frame<S>& near, const ChainJoint<C>& joint, const S& angle, i
 /// Whether a joint of the tip bends within the one before it, or the one after it bends within this.
 template <class C, int N>
 bool is_within(const Chain<C, N>& chain, int i) {
-  return i < chain.joints && chain.tip[i].within;
+  return i > 0 && i < chain.joints && chain.tip[i].within;
 }
 template <class C, int N>
 bool is_around(const Chain<C, N>& chain, int i) {

@@ -348,7 +348,7 @@ struct Supervisor {
     const bool hangs = state.faults == bit(Fault::tendon_slack);
     // Where a tendon has broken, nothing is as it was at home.
     const bool broken = (state.faults & bit(Fault::tendon_break)) != 0;
-    if (broken || !(safe_state == SafeState::neutral || hangs) || state.since < hold_time) return S(0);
+    if (broken || (safe_state != SafeState::neutral && !hangs) || state.since < hold_time) return S(0);
     return return_velocity(i, measured, !distrust.tension && !hangs, axis);
   }
 };

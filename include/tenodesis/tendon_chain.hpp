@@ -31,11 +31,11 @@ struct Tie {
 template <class S>
 struct ChainJoint {
   Mechanism mechanism{};
+  bool within{};     ///< whether it bends, about an axis across, what the joint before it bends; its chord is then 1
   int parent{-1};    ///< the joint that it stands on; -1: the stem
   Vector<S> axis{};  ///< unit vector; a positive angle turns about it
   S offset{};        ///< from the far end of the joint that it stands on, m
   S chord{};         ///< of the straight joint: between a gear pair's centres, or a backbone's length, m
-  bool within{};     ///< whether it bends, about an axis across, what the joint before it bends; its chord is then 1
   S length{};        ///< from its far end to where its wrench acts, m
   S stiffness{};     ///< of its own spring, N m/rad
   Tie<S> tie{};      ///< to a joint before it

@@ -70,7 +70,7 @@ void chain_inertia(const ChainSpec& spec, const In<2>& links, const In<2>& angle
         }
         for (std::size_t p = 0; p < count; ++p) {
           double x[N]{}, speed[N]{}, mass[N][N], moment[N];
-          for (std::size_t i = 0; i < n; ++i) {
+          for (std::size_t i = 0; i < std::min(n, std::size_t(N)); ++i) {
             x[i] = coordinate_at(chain.joint[i].mechanism, angles.data()[p * n + i]);
             speed[i] = speeds.data()[p * n + i];
           }

@@ -39,11 +39,11 @@ ChainSpec::ChainSpec(const std::vector<int>& mechanism, const std::vector<int>& 
           require(row[bends_within] == 0 || parent[i] == int(i) - 1, "a joint bends within the one that it stands on");
           require(row[tied_to] >= -1 && row[tied_to] < double(i), "a joint is tied to one that comes after it");
           chain.joint[i] = {Mechanism(mechanism[i]),
+                            row[bends_within] != 0,
                             parent[i],
                             {row[axis_x], row[axis_y], row[axis_z]},
                             row[offset],
                             row[chord],
-                            row[bends_within] != 0,
                             row[length],
                             row[stiffness],
                             {row[tie_ratio], row[tie_stiffness], int(row[tied_to]), row[tie_is_rigid] != 0},

@@ -478,4 +478,12 @@ def test_results_have_the_keys_that_others_read() -> None:
 
 
 def test_formats_are_known_by_name() -> None:
-    assert list(FORMATS) == ["davinci-tool", "davinci-posture", "endoscope-pair", "tendon-sheath", "csv", "mcap"]
+    assert list(FORMATS) == [
+        "davinci-tool",
+        "davinci-posture",
+        "endoscope-pair",
+        "tendon-sheath",
+        "recording",
+        "csv",
+        "mcap",
+    ]

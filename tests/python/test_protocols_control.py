@@ -101,9 +101,9 @@ def test_what_was_not_homed_compensates_nothing(scaled: Instrument) -> None:
     assert not run["commanded_spool_velocity"].any()
 
 
-def test_a_fault_ends_nothing_and_the_motors_hold(scaled: Instrument) -> None:
+def test_a_fault_ends_nothing_and_the_motors_hold_where_the_file_has_them(scaled: Instrument) -> None:
     protocol = one(PUSHED, Hold(duration=0.5))
-    run = simulate.execute(Stuck(scaled), protocol, Controller(scaled))
+    run = simulate.execute(Stuck(scaled), protocol, Controller(scaled.replace(**{"control.stop": "hold"})))
     assert len(run) == protocol.commands(scaled, 5e-4)["force"].size
     assert states(run)[-1] == OperatingState.FAULT
     assert int(run["faults"][-1]) >> FAULTS.index("load_cell_stuck") & 1

@@ -124,7 +124,9 @@ def simulate_motion(
     sheath_bend: ArrayLike = 0.0,
     homed: int | None = None,
 ) -> Run:
-    """Run the twin with a controller that has a model of the instrument; paused: the motors stop when the load comes.
+    """Run the twin with a controller that has a model of the instrument.
+
+    If it is paused, the motors stand from when the load comes, wherever the file has motors that stop return.
 
     If `homed` is a step, the controller homes until then; if not, it has been homed before.
 
@@ -133,6 +135,7 @@ def simulate_motion(
     request = np.zeros(len(motion.force), int)
     if paused:
         request[motion.loaded] = Request.PAUSE
+        model = model.replace(**{"control.stop": "hold"})
     if homed is not None:
         request[0], request[homed] = Request.HOME, Request.RESUME
     return Twin(inst, seed=seed).run(

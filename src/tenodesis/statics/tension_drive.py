@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import root
 
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
@@ -68,6 +67,8 @@ def strokes_at_tensions(
 
 def _strokes(inst: FullForm, wanted: Array, given: dict[str, Array], axes: Axes) -> Array:
     """Return the strokes of one row, NaN if there are none."""
+    from scipy.optimize import root  # noqa: PLC0415 - takes long to load
+
     held, wrench, grip = given["handle"], given["wrench"], given["grip"]
     stiffness, arms = np.array(inst.stiffnesses), inst.tendon_arms("tip")
     at_rest = np.array(inst.pretensions)
