@@ -59,7 +59,7 @@ def print_joints(inst: FullForm, found: Sequence[Loss]) -> None:
     )
     for name, arcs in zip(tip_names, bends.sums.sum(axis=1), strict=True):
         if arcs > 1:
-            say(f"{name} bends in {arcs:g} arcs; angles are their sums.")
+            say(f"{name} is in {arcs:g} arcs; its angle is their sum.")
     _print("Joints", _joints(whole))
     _print("Tendons", _tendons(whole))
     arms = np.hstack([statics.straight_arms(inst, "handle")[:, ::-1], straight_arms(inst)])

@@ -213,11 +213,8 @@ class Crossing(FileTable):
     @model_validator(mode="after")
     def _on_a_side(self) -> Self:
         if (self.side is None) == (self.angle is None):
-            raise ArgumentError(
-                f"side and angle are {'both' if self.side else 'not'} given where joint is {self.joint!r}; give one of "
-                "them",
-                key="side",
-            )
+            found = "side and angle are both" if self.side else "neither side nor angle is"
+            raise ArgumentError(f"{found} given where joint is {self.joint!r}; give one of them", key="side")
         return self
 
 
