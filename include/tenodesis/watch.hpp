@@ -275,7 +275,8 @@ struct Watch {
     const S wound = drive.spool_radius * (spool[0] + spool[1]) * S(0.5);
     const S mean = larger(pretension + stiffness * wound, S(0));
     const S shortfall = mean - (tension[0] + tension[1]) * S(0.5);
-    const S band = mean_band * mean;
+    // Of what is let out, the stiffness is as uncertain as friction is of what pulls.
+    const S band = mean_band * larger(mean, pretension);
     const S empty = of(Fault::tendon_break).threshold;
     const S slack = of(Fault::tendon_slack).threshold;
     const S looser = smaller(tension[0], tension[1]);
