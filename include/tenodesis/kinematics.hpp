@@ -118,7 +118,7 @@ Bodies<S, N> bodies(const Chain<C, N>& chain, const Posture<S, N>& at) {
   for (int i = 0; i < chain.joints; ++i) {
     const ChainJoint<C>& joint = chain.tip[i];
     const Frame<S>& on = joint.parent < 0 ? found.stem : found.tip[joint.parent].far;
-    if (is_within(chain, i))
+    if (i > 0 && is_within(chain, i))
       found.tip[i] = bent_within(found.tip[i - 1], chain.tip[i - 1], at.bend[i - 1], joint, at.bend[i]);
     else
       found.tip[i] = bent(on.moved(S(joint.offset)), joint, at.bend[i], 1);
@@ -161,7 +161,7 @@ Jacobian<S, N> jacobian(const Chain<S, N>& chain, const Posture<S, N>& at, int e
   rates.linear[3] = stem;
   for (int i = end; i >= 0; i = chain.tip[i].parent) {
     const auto& [carrier, far] = found.tip[i];
-    if (is_within(chain, i)) {
+    if (i > 0 && is_within(chain, i)) {
       // The outer joint turns what is beyond its near end by half, and what is beyond the inner one by half.
       const int o = i - 1;
       const ChainJoint<S>&inner = chain.tip[i], &outer = chain.tip[o];

@@ -316,19 +316,19 @@ struct TendonChain {
   // A joint within the one before it.
   template <class T>
   struct Pair {
-    const Vector<S>&outer_given, &inner_given;  // as a bent joint asks for them
-    const Vector<T> outer, inner;
-    const Bend<T>&around, &inside;
     const T chord;
+    const Vector<T> outer, inner;
+    const Vector<S>&outer_given, &inner_given;  // as a bent joint asks for them
+    const Bend<T>&around, &inside;
 
     constexpr Pair(const TendonChain& chain, const Bend<T>* bend, int i)
-        : outer_given(chain.joint[i - 1].axis),
-          inner_given(chain.joint[i].axis),
+        : chord(bend[i - 1].chord * bend[i].chord),
           outer(chain.template axis<T>(i - 1)),
           inner(chain.template axis<T>(i)),
+          outer_given(chain.joint[i - 1].axis),
+          inner_given(chain.joint[i].axis),
           around(bend[i - 1]),
-          inside(bend[i]),
-          chord(around.chord * inside.chord) {}
+          inside(bend[i]) {}
 
     /// What passes both joints from their far end: the wrench where the far half of the outer joint ends, the middle
     /// before and after the chord, where the near half of the inner begins, and the near end; and moments about both.

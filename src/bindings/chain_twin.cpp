@@ -2,6 +2,8 @@
 
 #include "engine/chain_twin.hpp"
 
+#include <algorithm>
+
 #include "chain_spec.hpp"
 
 namespace tenodesis::bindings {
@@ -68,15 +70,16 @@ void chain_inertia(const ChainSpec& spec, const In<2>& links, const In<2>& angle
           const double* at = links.data() + std::size_t(i) * link_numbers;
           link[i] = {at[link_mass], at[link_centre], {at[inertia_x], at[inertia_y], at[inertia_z]}};
         }
+        const std::size_t own = std::min(n, std::size_t(N));
         for (std::size_t p = 0; p < count; ++p) {
           double x[N]{}, speed[N]{}, mass[N][N], moment[N];
-          for (std::size_t i = 0; i < std::min(n, std::size_t(N)); ++i) {
+          for (std::size_t i = 0; i < own; ++i) {
             x[i] = coordinate_at(chain.joint[i].mechanism, angles.data()[p * n + i]);
             speed[i] = speeds.data()[p * n + i];
           }
           inertia(chain, link, x, speed, mass, moment);
-          std::copy_n(moment, n, bias.data() + p * n);
-          for (std::size_t i = 0; i < n; ++i) std::copy_n(mass[i], n, matrix.data() + (p * n + i) * n);
+          std::copy_n(moment, own, bias.data() + p * n);
+          for (std::size_t i = 0; i < own; ++i) std::copy_n(mass[i], own, matrix.data() + (p * n + i) * n);
         }
       },
       spec.any());

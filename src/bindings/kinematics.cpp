@@ -200,8 +200,9 @@ struct Passed {
 /// Points along a tendon at one joint: both ends of a gear pair's, or enough of an arc to look like one; none at a
 /// joint with another within it.
 std::size_t points_over(const BoundChain& bound, bool at_tip, int i) {
-  if (at_tip && is_around(bound.chain, i)) return 0;
-  return (at_tip ? bound.chain.tip : bound.chain.handle)[i].mechanism == Mechanism::gear ? 2 : 9;
+  const ChainJoint<double>& joint = at_tip ? bound.chain.tip[i] : bound.chain.handle[i];
+  const std::size_t points = joint.mechanism == Mechanism::gear ? 2 : 9;
+  return at_tip && is_around(bound.chain, i) ? 0 : points;
 }
 
 /// Places the points of a line over a joint at an offset from its middle, outward.

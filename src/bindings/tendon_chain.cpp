@@ -164,7 +164,7 @@ class AnyTendonChain : public ChainSpec {
               double wrench[6]{}, moment[W::joints], rate[W::joints][W::joints];
               wrench[k] = 1;
               chain.load_moments(bend, load_of(wrench, 0.0, false), moment, rate);
-              for (std::size_t i = 0; i < joints(); ++i)
+              for (std::size_t i = 0; i < std::min(joints(), std::size_t(W::joints)); ++i)
                 out.data()[(p * joints() + i) * 6 + std::size_t(k)] = moment[i];
             }
           }

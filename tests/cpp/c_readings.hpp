@@ -13,7 +13,7 @@ using Number = tenodesis_real;
 constexpr int two = TENODESIS_AXES;
 constexpr auto seed = 1;
 
-tenodesis_parameters parameters(unsigned joint_type, unsigned axes) {
+inline tenodesis_parameters parameters(unsigned joint_type, unsigned axes) {
   tenodesis_parameters p = scaled_up;
   p.joint_type = joint_type;
   p.axes = axes;

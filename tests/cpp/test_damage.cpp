@@ -59,8 +59,13 @@ void parameters_that_have_changed_in_memory_stop_the_motors() {
   CLAIM(tenodesis_init(&controller, &p) == TENODESIS_OK);
   CLAIM(tenodesis_choose(&controller, TENODESIS_LAW_ROBUST, TENODESIS_ACTUATION_DIFFERENTIAL) == TENODESIS_OK);
   auto* const bytes = reinterpret_cast<unsigned char*>(&controller);
+  const auto number = [&](std::size_t place) {
+    Number found;
+    std::memcpy(&found, bytes + place, sizeof found);
+    return found;
+  };
   std::size_t at = 0;
-  while (std::memcmp(bytes + at, &gain, sizeof gain) != 0) ++at;
+  while (number(at) != gain) ++at;
   Readings readings;
   tenodesis_output output;
   int code = TENODESIS_OK, tick = 0;
