@@ -25,7 +25,7 @@ _UNITS = {
 
 
 @dataclass(frozen=True)
-class Comparison:
+class PoseComparison:
     """Poses of another solver, and the instrument's under the same; NaN where it has no equilibrium."""
 
     inst: FullForm
@@ -119,7 +119,7 @@ class Comparison:
 
 def compare(
     inst: InstrumentLike, poses: ReferencePoses | Path | str, *, arcs: int | None = None, axes: Axes = "tip"
-) -> Comparison:
+) -> PoseComparison:
     """Return an instrument at rest, without friction, against tip poses that another solver computed.
 
     Parameters
@@ -175,7 +175,7 @@ def compare(
     position, turns = _tip(whole, np.where(known, angles, 0.0))
     position = np.where(known, position, np.nan)
     error = _angle_error(whole, given, turns)
-    return Comparison(
+    return PoseComparison(
         whole,
         given,
         axes,

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from tenodesis.errors import ReportError
 from tenodesis.files import atomic_file, write_errors
-from tenodesis.poses.comparison import Comparison
+from tenodesis.poses.comparison import PoseComparison
 from tenodesis.report import style
 from tenodesis.report.content import Chart, Table, fixed
 from tenodesis.report.page import inline_svg, render
@@ -16,7 +16,7 @@ _MOST_ROWS = 40
 """Poses of the table; of more, those with the largest errors."""
 
 
-def plot(found: Comparison) -> Figure:
+def plot(found: PoseComparison) -> Figure:
     """Return the figure: tips of both seen from two sides, and the error of each pose."""
     with style.applied():
         chart, panels = Chart.panels(3, width=10.5, height=3.9)
@@ -34,7 +34,7 @@ def plot(found: Comparison) -> Figure:
     return chart.figure
 
 
-def table(found: Comparison, most: int = _MOST_ROWS) -> Table:
+def table(found: PoseComparison, most: int = _MOST_ROWS) -> Table:
     """Return the poses, of more than `most` those with the largest errors: place by the reference, and errors."""
     order = np.argsort(-np.nan_to_num(found.error, nan=np.inf), kind="stable")
     shown = range(len(order)) if len(order) <= most else order[:most].tolist()
@@ -49,7 +49,7 @@ def table(found: Comparison, most: int = _MOST_ROWS) -> Table:
     return Table(f"{of}: place of the tip by the reference, and errors of {found.inst.name}", columns, rows)
 
 
-def write(found: Comparison, path: Path) -> None:
+def write(found: PoseComparison, path: Path) -> None:
     """Write the page; raises ReportError if it cannot be written."""
     page = render(
         "tenodesis.poses",
