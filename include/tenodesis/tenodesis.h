@@ -187,7 +187,7 @@ typedef struct {
  * finite, keep its bound in parameter_table.h, be one of the choices above, and fit the others. */
 TENODESIS_API int tenodesis_init(tenodesis_controller* controller, const tenodesis_parameters* parameters);
 /* One tick. On any error except TENODESIS_BAD_REQUEST the output is all zero. A part of the parameters, as the
- * controller keeps them, is checked with each tick, and all of them within 128 ticks. */
+ * controller keeps them, is checked with each tick, and all of them within 1,024 ticks. */
 TENODESIS_API int tenodesis_step(tenodesis_controller* controller, const tenodesis_input* input,
                                  tenodesis_output* output);
 /* Returns to the state after tenodesis_init. */

@@ -21,7 +21,7 @@ using Recorder = FlightRecorder<tenodesis_record, TENODESIS_RECORDS, TENODESIS_R
 
 // Whether constants are what they were: their check word, of which each tick computes a part.
 struct CheckWord {
-  static constexpr std::uint32_t ticks = 64;
+  static constexpr std::uint32_t ticks = 512;  // such that a tick has few words to check
 
   std::uint32_t kept{}, sum{}, at{};
 

@@ -69,12 +69,12 @@ void parameters_that_have_changed_in_memory_stop_the_motors() {
   Readings readings;
   tenodesis_output output;
   int code = TENODESIS_OK, tick = 0;
-  for (; tick < 400 && code == TENODESIS_OK; ++tick) {
+  for (; tick < 1400 && code == TENODESIS_OK; ++tick) {
     if (tick == 200) bytes[at] ^= 1U;
     const tenodesis_input input = readings.at(tick);
     code = tenodesis_step(&controller, &input, &output);
   }
-  CLAIM(code == TENODESIS_DAMAGED && tick > 200 && tick <= 330);
+  CLAIM(code == TENODESIS_DAMAGED && tick > 200 && tick <= 200 + 1024 + 1);
   const tenodesis_input input = readings.at(tick);
   CLAIM(tenodesis_step(&controller, &input, &output) == TENODESIS_DAMAGED);
   CLAIM(output.axis[0].spool_velocity[0] == 0 && output.state == TENODESIS_DISABLED);
