@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 _Z = np.array([0.0, 0.0, 1.0])
-_STEPS = 64
+_STEPS = 32
 """Of the classical Runge-Kutta rule along the rod."""
 _BY = 1e-6
 """Difference by which slopes are taken; the rule's error is the same for both, so that only rounding is amplified."""
