@@ -80,6 +80,22 @@ def holds(inst: FullForm) -> bool:
     return bool(chain.equilibrium(inst, np.zeros((1, len(inst.handle_joints)))).status[0] == Status.OK)
 
 
+def brought_to_rest(inst: FullForm, wrench: list[float]) -> np.ndarray:
+    """Assert that a wrench on a wrist at rest does the work that is stored and lost, and ends where the statics say.
+
+    Returns the angles there.
+    """
+    still, loads = np.zeros((20000, len(inst.handle_joints))), np.tile(wrench, (20000, 1))
+    energy = tn.twin.Twin(inst, time_step=1e-4).energy(still[:8000], wrench=loads[:8000])
+    gained = energy.stored_after - energy.stored_before
+    assert energy.load > 1e-5
+    assert abs(gained - (energy.load + energy.spools - energy.friction - energy.damping)) <= 1e-5 * energy.load
+    run = tn.twin.Twin(inst, time_step=1e-4).run(still, wrench=loads)
+    rest = chain.output_angles(inst, still[0], wrench)
+    np.testing.assert_allclose(run["output_angle"][-1], rest, atol=1e-4)
+    return np.asarray(rest)
+
+
 class Point:
     """Random handle angles of a wrist and a load that bends every joint a little."""
 

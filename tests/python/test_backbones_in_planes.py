@@ -16,6 +16,8 @@ from tenodesis.plant import link_rows, mass_matrix
 from tenodesis.recording.replay import replay
 from tenodesis.recording.simulation import record
 
+from .chain_samples import brought_to_rest
+
 LENGTH, RIGIDITY, OFFSET, STIFFNESS, PRETENSION, BEYOND = 40e-3, 1e-3, 2e-3, 100e3, 20.0, 10e-3
 THIRDS = (0.0, 120.0, 240.0)
 
@@ -224,16 +226,7 @@ def test_mujoco_with_a_row_of_hinges_about_both_axes_settles_where_the_statics_s
 
 def test_in_motion_it_keeps_its_energy_and_comes_to_rest_where_the_statics_say() -> None:
     inst = bending(2, torsion=8e-4)
-    wrench = np.tile([0.4, -0.3, 0, 0, 0, 2e-3], (8000, 1))
-    energy = tn.twin.Twin(inst, time_step=1e-4).energy(np.zeros((8000, 0)), wrench=wrench)
-    gained = energy.stored_after - energy.stored_before
-    assert energy.load > 1e-5
-    assert gained == pytest.approx(
-        energy.load + energy.spools - energy.friction - energy.damping, abs=1e-5 * energy.load
-    )
-    run = tn.twin.Twin(inst, time_step=1e-4).run(np.zeros((20000, 0)), wrench=np.tile(wrench[0], (20000, 1)))
-    rest = tn.statics.chain.output_angles(inst, np.zeros(0), wrench[0])
-    np.testing.assert_allclose(run["output_angle"][-1], rest, atol=1e-4)
+    brought_to_rest(inst, [0.4, -0.3, 0, 0, 0, 2e-3])
 
 
 def test_friction_along_it_is_that_of_its_bend_in_whichever_plane() -> None:

@@ -129,10 +129,8 @@ def _crossed(crossing: Crossing, joint: Joint, parts: Sequence[Joint]) -> list[C
             own["base_wrap"] = crossing.base_wrap / arcs
         if crossing.angle is not None or crossing.far_radius is not None or len(names) > 1:
             radius = near + (far - near) * (max(part.arc, 1) - 0.5) / arcs
-            sign = SIGNS[crossing.side or "middle"]
-            turn = 0.0 if crossing.angle is None else crossing.angle
-            across = turn - math.pi / 2 * names.index(part.bend)
-            arm = radius * (math.cos(across) if crossing.angle is not None else sign * math.cos(across))
+            sign = 1.0 if crossing.side is None else SIGNS[crossing.side]
+            arm = sign * radius * math.cos((crossing.angle or 0.0) - math.pi / 2 * names.index(part.bend))
             in_middle = abs(arm) <= _MIDDLE * radius
             own["side"] = "middle" if in_middle else "agonist" if arm > 0 else "antagonist"
             own["radius"] = None if in_middle else abs(arm)

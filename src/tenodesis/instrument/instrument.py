@@ -85,14 +85,22 @@ class Instrument(FileTable, AnyForm):
         return tuple(joint for joint in self.joints if joint.place == "handle")
 
     @property
-    def bends(self) -> dict[str, list[int]]:
-        """Places among the tip's joints of what bends by itself, by name: joints not tied, arcs of a backbone."""
+    def arcs(self) -> dict[str, list[int]]:
+        """Places among the tip's joints of every joint by its name, of a backbone in arcs of all of these."""
         found: dict[str, list[int]] = {}
         for i, joint in enumerate(self.tip_joints):
-            if joint.tied_to is not None or joint.is_twist:
-                continue
             found.setdefault(joint.bend, []).append(i)
         return found
+
+    @property
+    def bends(self) -> dict[str, list[int]]:
+        """Places among the tip's joints of what bends by itself, by name: joints not tied, arcs of a backbone."""
+        joints = self.tip_joints
+        return {
+            name: places
+            for name, places in self.arcs.items()
+            if joints[places[0]].tied_to is None and not joints[places[0]].is_twist
+        }
 
     def bent(self, angles: ArrayLike) -> Array:
         """Return the angles of the tip's joints, (joints,), at those of what bends, (bends,).

@@ -19,9 +19,7 @@ class Bends(NamedTuple):
     @classmethod
     def of(cls, inst: FullForm) -> "Bends":
         """Return those of an instrument."""
-        arcs: dict[str, list[int]] = {}
-        for i, joint in enumerate(inst.tip_joints):
-            arcs.setdefault(joint.bend, []).append(i)
+        arcs = inst.arcs
         sums = np.zeros((len(arcs), len(inst.tip_joints)))
         for row, places in zip(sums, arcs.values(), strict=True):
             row[places] = 1.0
