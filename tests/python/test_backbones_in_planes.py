@@ -15,6 +15,7 @@ from tenodesis.instrument.text import to_toml
 from tenodesis.plant import link_rows, mass_matrix
 from tenodesis.recording.replay import replay
 from tenodesis.recording.simulation import record
+from tenodesis.report.space import draw
 
 from .chain_samples import brought_to_rest
 
@@ -257,6 +258,19 @@ def test_it_is_recorded_replayed_and_written_back_as_its_file_has_it(tmp_path: A
     assert back.instrument() == inst
     assert replay(back).exact
     assert np.isfinite(run["output_angle.bend_pitch"]).all()
+
+
+def test_it_is_drawn_as_one_line_between_its_ends() -> None:
+    inst = bending(2, torsion=8e-4)
+    angles = np.array([0.3, -0.2, 0.1, 0.25, 0.4])
+    bent = tn.kinematics.frames(inst, angles)
+    lines = list(bent.backbones.values())
+    assert len(lines) == 2
+    np.testing.assert_allclose(lines[0][0], 0, atol=1e-12)
+    np.testing.assert_allclose(lines[0][-1], lines[1][0], atol=1e-12)
+    np.testing.assert_allclose(lines[1][-1], bent.bodies["bend_yaw_arc2_far"].position, atol=1e-12)
+    picture = draw(inst, angles)
+    assert len(picture.axes[0].lines) == len(lines) + len(inst.tendons)
 
 
 @pytest.mark.parametrize(

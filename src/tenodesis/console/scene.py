@@ -259,6 +259,8 @@ class Scene:
         return True
 
     def _place_discs(self, frames: Frames) -> None:
+        if not self._discs:
+            return
         joint = self._inst.tip_joints[0]
         stem, far = frames.bodies["stem"], frames.bodies[f"{joint.name}_far"]
         for name, node in self._discs.items():

@@ -65,11 +65,12 @@ def _draw_end(axis: Any, inst: FullForm, end: _End, bent: Frames) -> None:
             start, stop, radius = cylinder
             solids.append((_placed(_cylinder(radius, start, stop), bent.bodies[name]), _METAL))
     for joint in joints:
-        far, carrier = bent.bodies[f"{joint.name}_far"], bent.bodies.get(f"{joint.name}_carrier")
         if joint.name in bent.backbones:
             axis.plot(*bent.backbones[joint.name].T, color=_BACKBONE, lw=5, zorder=1)
+        if joint.mechanism == "continuum" or joint.is_twist:
             continue
-        solids += [(_wheel(joint, frame), _WHEEL) for frame in (carrier, far) if frame is not None]
+        wheels = (bent.bodies.get(f"{joint.name}_{part}") for part in ("carrier", "far"))
+        solids += [(_wheel(joint, frame), _WHEEL) for frame in wheels if frame is not None]
     faces = [face for solid, _ in solids for face in solid]
     tints = [tint for solid, tint in solids for _ in solid]
     axis.add_collection3d(Poly3DCollection(faces, facecolors=tints, shade=True, alpha=0.55, lw=0, zorder=2))
