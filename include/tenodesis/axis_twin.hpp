@@ -104,7 +104,8 @@ template <class T, class S = T::S>
 void set_tip(T& twin, const S& inertia, const S& damping, const S& stop, const S& stop_stiffness) {
   twin.link[0] = {S(0), S(0), {inertia, inertia, S(0)}};
   twin.damping[0] = damping;
-  twin.stop[0] = stop;
+  twin.stop_low[0] = -stop;
+  twin.stop_high[0] = stop;
   twin.stop_stiffness[0] = stop_stiffness;
 }
 

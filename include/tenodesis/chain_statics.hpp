@@ -97,7 +97,9 @@ template <bool serial = false, class W, class T>
   for (int m = 0; m < M; ++m) {
     const T tension = chain.stretched(m, wound[m], excursion[m]);
     const T pull = larger(tension, T(0));
-    const T stiffness = if_above(tension, T(chain.stiffness[m]), T(chain.stiffness[m] * slack));
+    T taut(chain.stiffness[m]);
+    if constexpr (std::is_same_v<T, typename W::S>) taut = taut * chain.growth_at(m, pull);
+    const T stiffness = if_above(tension, taut, T(chain.stiffness[m] * slack));
     for (int i = 0; i < N; ++i) {
       const T arm(chain.arm[m][i]);
       at.residual[i] = at.residual[i] + arm * pull;
@@ -109,11 +111,11 @@ template <bool serial = false, class W, class T>
   for (int i = 0; i < N; ++i) {
     for (int j = 0; j < i; ++j) at.slope.at[j][i] = at.slope.at[i][j];
     const auto& joint = chain.joint[i];
-    const bool is_sprung = joint.stiffness > typename W::S(0);
+    const bool is_sprung = joint.stiffness > typename W::S(0) || joint.hardening > typename W::S(0);
     if (is_sprung || chain.has_ties()) angle[i] = angle_at(joint.mechanism, x[i]);
     if (!is_sprung) continue;
-    moment[i] = moment[i] - T(joint.stiffness) * angle[i];
-    rate[i][i] = rate[i][i] - T(joint.stiffness);
+    moment[i] = moment[i] - chain.spring(i, angle[i]);
+    rate[i][i] = rate[i][i] - chain.spring_rate(i, angle[i]);
   }
   if (chain.has_ties()) {
     chain.add_ties(angle, moment);
@@ -338,8 +340,9 @@ Status answer(const W& chain, const S* wound, const ChainLoad<S>& load, const S*
   S excursion[M];
   chain.excursions(x, excursion);
   for (int m = 0; m < M; ++m) {
-    const bool taut = chain.stretched(m, wound[m], excursion[m]) > S(0);
-    for (int i = 0; i < N; ++i) moment[i] = taut ? chain.stiffness[m] * chain.arm[m][i] * bend[i].turn : S(0);
+    const S tension = chain.stretched(m, wound[m], excursion[m]);
+    const S taut = if_above(tension, chain.stiffness[m] * chain.growth_at(m, tension), S(0));
+    for (int i = 0; i < N; ++i) moment[i] = taut * chain.arm[m][i] * bend[i].turn;
     rates(moment, [&](int i, const S& by) { out.by_stroke[i][m] = by; });
   }
   for (int h = 0; h < chain.handles; ++h) {
@@ -381,7 +384,7 @@ Status handle_angles(const W& chain, const S* angle, const ChainLoad<S>& load, c
       S wound = stroke[m];
       for (int h = 0; h < N; ++h) wound = wound + chain.handle_arm[m][h] * y[h];
       const S tension = chain.stretched(m, wound, excursion[m]);
-      const S share = tension > S(0) ? S(1) : detail::slack_stiffness<S>;
+      const S share = tension > S(0) ? chain.growth_at(m, tension) : detail::slack_stiffness<S>;
       for (int i = 0; i < N; ++i) {
         step[i] = step[i] + chain.arm[m][i] * larger(tension, S(0));
         for (int h = 0; h < N; ++h)
@@ -459,7 +462,7 @@ Status compensation_strokes(const W& chain, const S* wound, const ChainLoad<S>& 
       // A slack tendon is wound in only if it has to pull.
       const S wanted = held(m) + change[m];
       const bool moves = chain.stiffness[m] > S(0) && (wanted > S(0) || before[m] > S(0)) && change[m] != S(0);
-      stroke[m] = moves ? (wanted - before[m]) / chain.stiffness[m] : S(0);
+      stroke[m] = moves ? (chain.linear_at(m, wanted) - chain.linear_at(m, before[m])) / chain.stiffness[m] : S(0);
     }
     return Status::ok;
   }

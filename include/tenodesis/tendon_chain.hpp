@@ -12,6 +12,7 @@
 #include <cstdint>
 
 #include "tenodesis/chain_layout.hpp"
+#include "tenodesis/stretch_curve.hpp"
 
 namespace tenodesis {
 
@@ -38,6 +39,7 @@ struct ChainJoint {
   S chord{};         ///< of the straight joint: between a gear pair's centres, or a backbone's length, m
   S length{};        ///< from its far end to where its wrench acts, m
   S stiffness{};     ///< of its own spring, N m/rad
+  S hardening{};     ///< moment of the spring by the cube of the angle, N m/rad^3
   Tie<S> tie{};      ///< to a joint before it
   S share{};         ///< of the wrench that acts at its end
   S grip{};          ///< moment about its axis by a unit of grip force, m
@@ -70,12 +72,18 @@ struct TendonChain {
 
   ChainJoint<S> joint[N]{};  ///< each after the one that it stands on
   S arm[M][N]{};             ///< tendon drawn by a unit of each coordinate, m
-  S stiffness[M]{};          ///< N/m
+  S stiffness[M]{};          ///< of each tendon, at rest if it grows, N/m
   S pretension[M]{};         ///< at rest, N
   bool motor[M]{};           ///< whether a spool winds the tendon
   int handles{};             ///< joints of the handle, at most N
   Mechanism handle[N]{};
   S handle_arm[M][N]{};  ///< tendon wound by a unit of each of the handle's coordinates, m
+  /// Growth of the tendons' stiffness with tension; none where the layout is known.
+  struct Curves {
+    StretchCurve<S> at[known ? 1 : M]{};
+  };
+  struct NoCurves {};
+  [[no_unique_address]] std::conditional_t<known, NoCurves, Curves> curves{};
 
   /// Mechanism of a joint, of the handle from N on.
   constexpr Mechanism mechanism(int g) const {
@@ -143,8 +151,19 @@ struct TendonChain {
   /// Adds the moments of the joints' springs at angles (rad) to moments, N m.
   template <class T>
   constexpr void add_springs(const T* angle, T* moment) const {
-    for (int i = 0; i < N; ++i) moment[i] = moment[i] - T(joint[i].stiffness) * angle[i];
+    for (int i = 0; i < N; ++i) moment[i] = moment[i] - spring(i, angle[i]);
     add_ties(angle, moment);
+  }
+  /// Moment of a joint's spring at an angle (rad), N m, and its rate.
+  template <class T>
+  constexpr T spring(int i, const T& angle) const {
+    if constexpr (known) return T(joint[i].stiffness) * angle;
+    return (T(joint[i].stiffness) + T(joint[i].hardening) * angle * angle) * angle;
+  }
+  template <class T>
+  constexpr T spring_rate(int i, const T& angle) const {
+    if constexpr (known) return T(joint[i].stiffness);
+    return T(joint[i].stiffness) + T(3) * T(joint[i].hardening) * angle * angle;
   }
   /// The same of the ties alone.
   template <class T>
@@ -190,7 +209,48 @@ struct TendonChain {
   /// would have to push.
   template <class T>
   T stretched(int m, const T& wound, const T& excursion) const {
-    return T(pretension[m]) + T(stiffness[m]) * (wound - excursion);
+    const T linear = T(pretension[m]) + T(stiffness[m]) * (wound - excursion);
+    if constexpr (std::is_same_v<T, S>)
+      if (grows(m)) return tension_at(m, linear);
+    return linear;
+  }
+  /// Whether the stiffness of a tendon grows.
+  bool grows(int m) const {
+    if constexpr (known)
+      return false;
+    else
+      return curves.at[m].entries > 0;
+  }
+  /// Whether all tendons and springs are linear.
+  bool is_linear() const {
+    bool linear = true;
+    for (int m = 0; m < M; ++m) linear = linear && !grows(m);
+    for (int i = 0; i < N; ++i) linear = linear && joint[i].hardening == S(0);
+    return linear;
+  }
+  /// Tension of a tendon that a stretch gives, counted as the tension that the stiffness at rest would give, N.
+  S tension_at(int m, const S& linear) const {
+    if constexpr (!known)
+      if (grows(m)) return curves.at[m].tension_at(linear);
+    return linear;
+  }
+  /// The inverse.
+  S linear_at(int m, const S& tension) const {
+    if constexpr (!known)
+      if (grows(m)) return curves.at[m].stretch_at(tension);
+    return tension;
+  }
+  /// Twice the energy of a tendon of a unit of stiffness at rest, stretched from no tension to one, N^2.
+  S twice_energy(int m, const S& tension) const {
+    if constexpr (!known)
+      if (grows(m)) return S(2) * curves.at[m].energy_at(tension);
+    return tension * tension;
+  }
+  /// Stiffness of a tendon at a tension, over that at rest.
+  S growth_at(int m, const S& tension) const {
+    if constexpr (!known)
+      if (grows(m)) return curves.at[m].ratio_at(tension);
+    return S(1);
   }
 
   /// Whether every joint stands on the one before it, and none bends within another.

@@ -40,8 +40,9 @@ struct Twin {
   Link<S> link[N]{};
   S reach[N]{};    ///< of the tip from each joint's far end while the joints beyond are straight, m
   S damping[N]{};  ///< of the tip's joints, N m s/rad
-  S stop[N]{};     ///< angle of the mechanical stop, rad
+  S stop_low[N]{}, stop_high[N]{};  ///< angles of the mechanical stops, rad
   S stop_stiffness[N]{};
+  S tendon_damping[M]{};  ///< of each tendon by the rate of its stretch, N s/m; none where the layout is known
   S viscous{};           ///< friction of each joint and of the sheath, N s/m
   S sheath_bend_rate{};  ///< bend of a tendon's sheath per radian of each |angle| of the handle's joints that draw it
   S handle_range[N]{};   ///< largest |angle| of each joint of the handle, rad; 0: any below half a turn
@@ -180,6 +181,36 @@ struct Twin {
   Mechanism mechanism(int g) const { return chain.mechanism(g); }
   /// Joints of the handle.
   int handles() const { return known ? N : chain.handles; }
+  /// Beyond its nearer stop, an angle of a joint, rad.
+  S beyond_stop(int i, const S& angle) const { return angle - clamp(angle, stop_low[i], stop_high[i]); }
+  /// Whether a tendon's segments are more than springs of a constant stiffness.
+  bool is_nonlinear(int m) const {
+    if constexpr (known)
+      return false;
+    else
+      return chain.grows(m) || tendon_damping[m] > S(0);
+  }
+  /// Lengths by which a tendon's segments are stretched more than at rest, m; negative where they hang.
+  ///
+  /// x: coordinates of all joints; wound: by the spool, less what has been let out, m.
+  void stretches(int m, const S* x, const S& wound, const State& state, Rope::Lengths& by) const {
+    const int n = contacts(m);
+    const auto& slip = state.tendon[m].slip;
+    for (int i = 0; i <= n; ++i) by[i] = (i > 0 ? slip[i - 1] : wound) - (i < n ? slip[i] : S(0));
+    each_draw(m, [&](const Draw<S>& at) { by[at.segment] = by[at.segment] + at.arm * x[at.joint]; });
+  }
+  /// The same of a state.
+  void stretches(int m, const State& state, Rope::Lengths& by) const {
+    S x[joints];
+    for (int g = 0; g < joints; ++g) x[g] = coordinate_at(mechanism(g), state.angle[g]);
+    stretches(m, x, drive.spool_radius * state.drive[m].spool - state.command.let_out[m], state, by);
+  }
+  /// Tension of a segment without damping at a stretch (m), N; negative where it would have to push.
+  S elastic(int m, int i, const S& stretch) const {
+    return chain.tension_at(m, chain.pretension[m] + tendon[m].stiffness[i] * stretch);
+  }
+  /// Damping of a segment, N s/m.
+  S damping_of(int m, int i) const { return tendon_damping[m] * tendon[m].stiffness[i] / chain.stiffness[m]; }
   /// Whether a tendon is there.
   bool taut(int m) const {
     if constexpr (known)

@@ -15,7 +15,7 @@ struct Energy {
   S spools{};    ///< work of the spools on the tendons
   S load{};      ///< work of the load on the tip
   S friction{};  ///< lost at the contacts
-  S damping{};   ///< lost at the tip
+  S damping{};   ///< lost at the tip's joints and within tendons
   S tissue{};    ///< lost in tissue: to its damping, and what was stored in tissue that is taken away
   /// Lost at the contacts by the tensions at the step's end, where the friction law holds: not negative, except for
   /// rounding.
@@ -28,12 +28,21 @@ T::S stored_energy(const T& twin, const typename T::State& state) {
   using S = T::S;
   constexpr int N = T::N;
   S twice(0);
-  for (int m = 0; m < T::M; ++m)
-    for (int i = 0; i <= twin.contacts(m) && twin.chain.stiffness[m] > S(0); ++i)
-      twice = twice + state.tendon[m].tension[i] * state.tendon[m].tension[i] / twin.tendon[m].stiffness[i];
+  twin.each_tendon([&](int m) {
+    typename T::Rope::Lengths stretch;
+    const bool nonlinear = twin.is_nonlinear(m);
+    if (nonlinear) twin.stretches(m, state, stretch);
+    for (int i = 0; i <= twin.contacts(m); ++i) {
+      const S& held = state.tendon[m].tension[i];
+      const S twice_by = nonlinear ? twin.chain.twice_energy(m, larger(twin.elastic(m, i, stretch[i]), S(0))) : held * held;
+      twice = twice + twice_by / twin.tendon[m].stiffness[i];
+    }
+  });
   for (int i = 0; i < N; ++i) {
-    const S beyond = state.angle[i] - clamp(state.angle[i], -twin.stop[i], twin.stop[i]);
-    twice = twice + twin.chain.joint[i].stiffness * state.angle[i] * state.angle[i] +
+    const S beyond = twin.beyond_stop(i, state.angle[i]);
+    const S square = state.angle[i] * state.angle[i];
+    const auto& joint = twin.chain.joint[i];
+    twice = twice + (joint.stiffness + S(0.5) * joint.hardening * square) * square +
             twin.stop_stiffness[i] * beyond * beyond;
   }
   twin.chain.each_tie([&](int i, const Tie<S>& tie) {
@@ -84,6 +93,16 @@ Energy<typename T::S> twin_energy(const T& twin, const typename T::State& before
     const auto& now = after.tendon[m];
     const S wound = twin.drive.spool_radius * (after.drive[m].spool - before.drive[m].spool);
     energy.spools = energy.spools + mean(then.tension[0], now.tension[0]) * wound;
+    if (twin.is_nonlinear(m) && !twin.quasi_static) {
+      typename T::Rope::Lengths was_by, by;
+      twin.stretches(m, before, was_by);
+      twin.stretches(m, after, by);
+      const auto damped = [&](const auto& of, int i, const S& at) {
+        return of.tension[i] - larger(twin.elastic(m, i, at), S(0));
+      };
+      for (int i = 0; i <= twin.contacts(m); ++i)
+        energy.damping = energy.damping + mean(damped(then, i, was_by[i]), damped(now, i, by[i])) * (by[i] - was_by[i]);
+    }
     for (int j = 0; j < twin.contacts(m); ++j) {
       const S at_start = then.tension[j] - then.tension[j + 1];
       const S at_end = now.tension[j] - now.tension[j + 1];

@@ -110,7 +110,8 @@ template <class Many, class One, class Visit>
   visit(many.law.constant, one.law.constant);
   detail::pair_rows(many.reach, one.reach, visit);
   detail::pair_rows(many.damping, one.damping, visit);
-  detail::pair_rows(many.stop, one.stop, visit);
+  detail::pair_rows(many.stop_low, one.stop_low, visit);
+  detail::pair_rows(many.stop_high, one.stop_high, visit);
   detail::pair_rows(many.stop_stiffness, one.stop_stiffness, visit);
   visit(many.viscous, one.viscous);
   visit(many.sheath_bend_rate, one.sheath_bend_rate);

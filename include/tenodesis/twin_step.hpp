@@ -46,6 +46,10 @@ inline constexpr int loosening_rounds = 4;
 template <Real S>
 inline constexpr S loose_by = sizeof(S) == 4 ? S(1e-9) : S(1e-15);
 
+/// Error of a tension on a curve of stiffness, as a share of the tension scale.
+template <Real S>
+inline constexpr S curve_tolerance = sizeof(S) == 4 ? S(1e-5) : S(1e-10);
+
 /// Corrections after which a moment that is negligible may be left over, and its share of what tendons can hold.
 inline constexpr int patience = 8;
 template <Real S>
@@ -68,6 +72,14 @@ struct TwinStep {
   using Count = SideBySide<S>::Count;
   static constexpr bool alone = std::is_same_v<Flag<S>, bool>;  // not one of several in lanes
 
+  // Tendons that are not linear.
+  struct Linearised {
+    Rope rope[M];
+    Rope::Lengths shift[M];
+    Rope::Lengths begun[M];  // stretches at the step's beginning, m
+  };
+  struct Nothing {};
+
   const T& twin;
   const Command& command;
   const State& before;
@@ -81,6 +93,7 @@ struct TwinStep {
   Rope::template LineOf<Sum> line[M];
   Reaction<S> spool[M];
   Rope::Lengths known[M];
+  [[no_unique_address]] std::conditional_t<T::known, Nothing, Linearised> own;
   Rows::template PerSegment<Sum> pull[M];
   Sum moment[U];         // of the tendons by each coordinate, N m per unit
   Square<S, U> heavy{};  // 2 M / h^2
@@ -120,6 +133,7 @@ struct TwinStep {
       set_inertia();
       guess();
     }
+    if constexpr (!T::known) linearise();
     set_pulls();
     for (int g = 0; g < joints; ++g) next.band_angle[g] = angle[g];
     next.sweeps = Count(0);
@@ -143,6 +157,8 @@ struct TwinStep {
       if (n > 0) correct_bands(open, n, last, missed);
       set_bands();
       open = settle(open);
+      if constexpr (!T::known)
+        for (int k = 0; k < most_corrections && open && linearise_again(); ++k) open = settle(open);
       Flag<S> agreed = open;
       for (int u = first_exact(); u < U; ++u)
         agreed = agreed && abs(angle[u] - next.band_angle[u]) <= S(settled<ValueOf<S>>);
@@ -182,19 +198,23 @@ struct TwinStep {
     S pushed_by = abs(load.grip) + command.held.stiffness;
     for (const Vector<S>& by : {load.wrench.force, load.wrench.moment})
       pushed_by = pushed_by + abs(by.x) + abs(by.y) + abs(by.z);
-    for (int i = 0; i < N; ++i) pushed_by = pushed_by + twin.chain.joint[i].stiffness;
+    for (int i = 0; i < N; ++i)
+      pushed_by = pushed_by + twin.chain.joint[i].stiffness + twin.chain.joint[i].hardening;
     twin.chain.each_tie([&](int, const Tie<S>& tie) { pushed_by = pushed_by + tie.stiffness; });
     Flag<S> bare = pushed_by == S(0);
     if (!any(bare)) return bare;
     S stretched[M];
+    Flag<S> slack = bare;
     twin.each_tendon([&](int m) {
       const auto& tendon = twin.tendon[m];
-      stretched[m] = (spool[m].at_rest - tendon.rest_tension) / spool[m].stiffness;
+      const S none = tendon.rest_tension - twin.chain.linear_at(m, S(0));
+      stretched[m] = wound(m);
       for (int i = 0; i <= twin.contacts(m); ++i)
-        stretched[m] = stretched[m] + tendon.rest_tension / tendon.stiffness[i] + known[m][i];
+        stretched[m] = stretched[m] + none / tendon.stiffness[i] + known[m][i] - shift(m, i);
+      slack = slack && !pulls(m);
     });
     for (int i = 0; i < N; ++i) x[i] = coordinate_at(twin.mechanism(i), angle[i]);
-    Flag<S> slack = bare;
+    bare = slack;
     for (int round = 0; round < loosening_rounds; ++round) {
       slack = bare;
       twin.each_tendon([&](int m) {
@@ -294,7 +314,8 @@ struct TwinStep {
   void follow_tension(int m) {
     const Flag<S> held = command.spool_tension[m] > S(0);
     const auto& tendon = next.tendon[m];
-    const S stretch = (tendon.tension[0] - twin.tendon[m].rest_tension) / twin.tendon[m].stiffness[0];
+    const S linear = twin.chain.linear_at(m, tendon.tension[0]);
+    const S stretch = (linear - twin.tendon[m].rest_tension) / twin.tendon[m].stiffness[0];
     const S drawn = (stretch + tendon.slip[0] + command.let_out[m]) / twin.drive.spool_radius;
     auto& drive = next.drive[m];
     drive.speed = where(held, (drawn - before.drive[m].spool) * per_second, drive.speed);
@@ -302,15 +323,77 @@ struct TwinStep {
     drive.spool = where(held, drawn, drive.spool);
   }
 
+  // Length that a spool has wound in, m.
+  S wound(int m) const { return twin.drive.spool_radius * next.drive[m].spool - command.let_out[m]; }
+
+  // A tendon, as linear as it is about where it was last.
+  const Rope& rope(int m) const {
+    if constexpr (!T::known)
+      if (twin.is_nonlinear(m)) return own.rope[m];
+    return twin.tendon[m];
+  }
+  // By how much its segments are to be taken as longer drawn for that, m.
+  S shift(int m, int i) const {
+    if constexpr (!T::known)
+      if (twin.is_nonlinear(m)) return own.shift[m][i];
+    return S(0);
+  }
+
+  // Takes the segments of a tendon as linear about stretches, m.
+  void linearise(int m, const Rope::Lengths& about) {
+    const auto& tendon = twin.tendon[m];
+    own.rope[m] = tendon;
+    for (int i = 0; i <= twin.contacts(m); ++i) {
+      const S at = twin.elastic(m, i, about[i]);
+      const S elastic = tendon.stiffness[i] * twin.chain.growth_at(m, at);
+      const S viscous = twin.quasi_static ? S(0) : twin.damping_of(m, i) * per_second;
+      own.rope[m].stiffness[i] = elastic + viscous;
+      const S rest = at - elastic * about[i] - viscous * own.begun[m][i];
+      own.shift[m][i] = (rest - tendon.rest_tension) / own.rope[m].stiffness[i];
+    }
+  }
+
+  // Takes what is not linear about the step's beginning.
+  void linearise() {
+    twin.each_tendon([&](int m) {
+      if (!twin.is_nonlinear(m)) return;
+      twin.stretches(m, before, own.begun[m]);
+      linearise(m, own.begun[m]);
+    });
+  }
+
+  // Takes it about the stretches that were found, unless their tensions are right.
+  bool linearise_again() {
+    bool again = false;
+    twin.each_tendon([&](int m) {
+      if (!twin.is_nonlinear(m)) return;
+      S x[joints];
+      for (int g = 0; g < joints; ++g)
+        x[g] = g < U ? coordinate[g < U ? g : 0] : g - N < twin.handles() ? given[g - N] : S(0);
+      typename Rope::Lengths found;
+      twin.stretches(m, x, wound(m), next, found);
+      bool right = true;
+      for (int i = pulls(m) ? 1 : 0; i <= twin.contacts(m); ++i) {
+        const S viscous = twin.quasi_static ? S(0) : twin.damping_of(m, i) * per_second;
+        const S held = larger(twin.elastic(m, i, found[i]) + viscous * (found[i] - own.begun[m][i]), S(0));
+        right = right && abs(held - next.tendon[m].tension[i]) <= S(curve_tolerance<ValueOf<S>>) * twin.tension_scale[m];
+      }
+      if (right) return;
+      again = true;
+      linearise(m, found);
+    });
+    if (again) set_pulls();
+    return again;
+  }
+
   // What the joints, known or unknown, draw in each segment.
   void set_pulls() {
     for (int h = 0; h < N && h < twin.handles(); ++h) given[h] = coordinate_at(twin.mechanism(N + h), angle[N + h]);
     twin.each_tendon([&](int m) {
-      const auto& tendon = twin.tendon[m];
       const int n = twin.contacts(m);
-      for (int i = 0; i <= n; ++i) known[m][i] = S(0);
       first[m] = n;
-      spool[m] = tendon.held_by_spool(twin.drive.spool_radius * next.drive[m].spool - command.let_out[m]);
+      for (int i = 0; i <= n; ++i) known[m][i] = i > 0 ? shift(m, i) : S(0);
+      spool[m] = rope(m).held_by_spool(wound(m) + shift(m, 0));
       if (pulls(m)) hold_tension(m);
       twin.each_draw(m, [&](const Draw<S>& by) {
         // The sheath comes before: no joint draws the first segment.
@@ -341,7 +424,7 @@ struct TwinStep {
 
   // Tensions of a tendon as functions of the coordinates under its guess, as moments on the joints.
   void eliminate(int m) {
-    const auto& tendon = twin.tendon[m];
+    const auto& tendon = rope(m);
     const int n = twin.contacts(m);
     const auto& from = before.tendon[m].slip;
     auto& state = next.tendon[m];
@@ -381,7 +464,7 @@ struct TwinStep {
 
   // Slips and tensions at given coordinates.
   void substitute(int m) {
-    const auto& tendon = twin.tendon[m];
+    const auto& tendon = rope(m);
     const int n = twin.contacts(m);
     auto& state = next.tendon[m];
     if (ends_drawn(m)) {
@@ -425,9 +508,9 @@ struct TwinStep {
         substitute(m);
         const auto& from = before.tendon[m].slip;
         if constexpr (alone)
-          revised |= twin.tendon[m].revise(twin.contacts(m), band[m], from, tolerance(m), next.tendon[m]) > 0;
+          revised |= rope(m).revise(twin.contacts(m), band[m], from, tolerance(m), next.tendon[m]) > 0;
         else
-          revised = revised || twin.tendon[m].revise_all(twin.contacts(m), band[m], from, tolerance(m), next.tendon[m]);
+          revised = revised || rope(m).revise_all(twin.contacts(m), band[m], from, tolerance(m), next.tendon[m]);
       });
       found = found || (open && !revised);
       open = open && revised;
@@ -507,7 +590,7 @@ struct TwinStep {
     typename Rope::Line own{};
     next.tendon[m].slip = before.tendon[m].slip;
     next.sweeps +=
-        tenodesis::settle(twin.tendon[m], n, band[m], excursion, spool[m], tolerance(m), next.tendon[m], own);
+        tenodesis::settle(rope(m), n, band[m], excursion, spool[m], tolerance(m), next.tendon[m], own);
   }
 
   // Whether angles and coordinates are possible.
@@ -653,14 +736,13 @@ struct TwinStep {
       const S velocity = twin.quasi_static ? S(0) : speed_rate * (angle[u] - before.angle[u]) - before.velocity[u];
       if (u < N) {
         const int i = u < N ? u : 0;
-        const S beyond = angle[i] - clamp(angle[i], -twin.stop[i], twin.stop[i]);
-        const S spring = twin.chain.joint[i].stiffness;
+        const S beyond = twin.beyond_stop(i, angle[i]);
         // At rest there are no stops, as in statics: a load that the tendons cannot hold is lost.
         const S stop = twin.quasi_static ? S(0) : twin.stop_stiffness[i];
-        at[i] = at[i] + load[i] - spring * angle[i] - twin.damping[i] * velocity - stop * beyond;
+        at[i] = at[i] + load[i] - twin.chain.spring(i, angle[i]) - twin.damping[i] * velocity - stop * beyond;
         for (int j = 0; j < N; ++j) slope.at[i][j] = slope.at[i][j] + load_rate[i][j];
         slope.at[i][i] =
-            slope.at[i][i] - spring - twin.damping[i] * speed_rate - where(Flag<S>(beyond == S(0)), S(0), stop);
+            slope.at[i][i] - twin.chain.spring_rate(i, angle[i]) - twin.damping[i] * speed_rate - where(Flag<S>(beyond == S(0)), S(0), stop);
         // A joint that nothing holds stays where it is.
         if (twin.quasi_static)
           slope.at[i][i] = slope.at[i][i] - S(detail::slack_stiffness<ValueOf<S>>) * twin.stop_stiffness[i];

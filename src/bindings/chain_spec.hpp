@@ -24,6 +24,7 @@ enum JointNumber {
   chord,
   length,
   stiffness,
+  hardening,
   tied_to,
   tie_ratio,
   tie_stiffness,
@@ -46,7 +47,7 @@ class ChainSpec {
  public:
   ChainSpec(const std::vector<int>& mechanism, const std::vector<int>& parent, const In<2>& numbers, const In<2>& arm,
             const In<2>& tendon, const std::vector<int>& motor, const std::vector<int>& handle,
-            const In<2>& handle_arm);
+            const In<2>& handle_arm, const In<3>& growth);
 
   const Any& any() const { return any_; }
   std::size_t joints() const { return joints_; }

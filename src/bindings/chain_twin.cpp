@@ -13,6 +13,7 @@ using namespace engine;
 
 std::unique_ptr<AnyTwin> make_chain_twin(const ChainSpec& spec, const In<3>& passages, const std::vector<int>& contacts,
                                          const In<2>& segments, const In<2>& links, const In<2>& load_cells,
+                                         const std::vector<double>& damping,
                                          const std::array<double, wrench_components>& rig,
                                          const std::vector<double>& parameters, int law, int steps_per_sample,
                                          bool quasi_static, bool currents, std::uint64_t seed) {
@@ -20,7 +21,8 @@ std::unique_ptr<AnyTwin> make_chain_twin(const ChainSpec& spec, const In<3>& pas
   require(passages.shape(0) == tendons && passages.shape(2) == passage_numbers && contacts.size() == tendons &&
               tendons > 0 && segments.shape(0) == tendons && segments.shape(1) == passages.shape(1) + 1 &&
               links.shape(0) == spec.joints() && links.shape(1) == link_numbers && load_cells.shape(0) == tendons &&
-              load_cells.shape(1) == load_cell_numbers && parameters.size() == chain_twin_names.size() && law >= 0 &&
+              load_cells.shape(1) == load_cell_numbers && damping.size() == tendons &&
+              parameters.size() == chain_twin_names.size() && law >= 0 &&
               law <= int(ChainLaw::capstan_power),
           "the twin's rows do not fit the chain");
   const auto most = std::size_t(2 * most_vertices) * spec.joints() + std::size_t(most_long_sheath_contacts);
@@ -39,6 +41,7 @@ std::unique_ptr<AnyTwin> make_chain_twin(const ChainSpec& spec, const In<3>& pas
                       segments.data(),
                       links.data(),
                       load_cells.data(),
+                      damping.data(),
                       rig.data(),
                       parameters.data(),
                       ChainLaw(law),
@@ -89,11 +92,11 @@ void chain_inertia(const ChainSpec& spec, const In<2>& links, const In<2>& angle
 
 void bind_chain_twin(nb::module_& m) {
   m.def("chain_twin", &make_chain_twin, "chain"_a, "passages"_a, "contacts"_a, "segments"_a, "links"_a, "load_cells"_a,
-        "rig"_a, "parameters"_a, "law"_a, "steps_per_sample"_a, "quasi_static"_a, "currents"_a, "seed"_a,
+        "damping"_a, "rig"_a, "parameters"_a, "law"_a, "steps_per_sample"_a, "quasi_static"_a, "currents"_a, "seed"_a,
         "The twin of a chain, at rest. passages: by tendon and contact the joint (-1: the sheath; the handle's count "
         "on), friction coefficient, wrap in rad of the straight joint or in the sheath, share, arm in m; links: by "
-        "joint mass, its centre, inertia about x, y, z, damping, stop, its stiffness, reach of the tip; load_cells: "
-        "gain, bias, noise, range and resolution by tendon; rig: wrench on the tip by a newton of weight; law: 0 "
+        "joint mass, its centre, inertia about x, y, z, damping, its stops and their stiffness, reach of the tip; "
+        "load_cells: gain, bias, noise, range and resolution by tendon; damping: by tendon, N s/m; rig: wrench on the tip by a newton of weight; law: 0 "
         "capstan with a constant part, 1 Stribeck, 2 power.");
   m.def("chain_inertia", &chain_inertia, "chain"_a, "links"_a, "angles"_a, "speeds"_a, "matrix"_a, "bias"_a);
   m.def("chain_twin_parameters", [] { return list_of(chain_twin_names); });

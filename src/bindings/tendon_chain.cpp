@@ -19,14 +19,34 @@ void ChainSpec::make() {
   [&]<class... W>(std::variant<W...>*) { (pick.template operator()<W>(), ...); }(&any_);
 }
 
+namespace {
+
+// Rows of tension (N) and stiffness over that at rest; those after the last entry have a tension of NaN.
+StretchCurve<double> curve_of(const In<3>& growth, std::size_t m, double pretension) {
+  StretchCurve<double> curve{};
+  for (std::size_t k = 0; k < growth.shape(1); ++k) {
+    const double* row = growth.data() + (m * growth.shape(1) + k) * 2;
+    if (std::isnan(row[0])) break;
+    curve.tension[k] = row[0];
+    curve.ratio[k] = row[1];
+    curve.entries = int(k) + 1;
+  }
+  if (curve.entries > 0) curve.rest_at(pretension);
+  return curve;
+}
+
+}  // namespace
+
 ChainSpec::ChainSpec(const std::vector<int>& mechanism, const std::vector<int>& parent, const In<2>& numbers,
                      const In<2>& arm, const In<2>& tendon, const std::vector<int>& motor,
-                     const std::vector<int>& handle, const In<2>& handle_arm)
+                     const std::vector<int>& handle, const In<2>& handle_arm, const In<3>& growth)
     : joints_(mechanism.size()), tendons_(arm.shape(0)), handles_(handle.size()) {
   require(joints_ >= 1 && joints_ <= most_chain_joints && tendons_ <= most_chain_tendons && handles_ <= joints_ &&
               parent.size() == joints_ && numbers.shape(0) == joints_ && numbers.shape(1) == joint_numbers &&
               arm.shape(1) == joints_ && tendon.shape(0) == tendons_ && tendon.shape(1) == 2 &&
-              motor.size() == tendons_ && handle_arm.shape(0) == tendons_ && handle_arm.shape(1) == handles_,
+              motor.size() == tendons_ && handle_arm.shape(0) == tendons_ && handle_arm.shape(1) == handles_ &&
+              (growth.shape(0) == 0 || (growth.shape(0) == tendons_ && growth.shape(1) <= most_stretch_entries &&
+                                        growth.shape(2) == 2)),
           "joints, tendons and handle do not fit each other");
   make();
   std::visit(
@@ -46,6 +66,7 @@ ChainSpec::ChainSpec(const std::vector<int>& mechanism, const std::vector<int>& 
                             row[chord],
                             row[length],
                             row[stiffness],
+                            row[hardening],
                             {row[tie_ratio], row[tie_stiffness], int(row[tied_to]), row[tie_is_rigid] != 0},
                             row[share],
                             row[grip]};
@@ -56,6 +77,7 @@ ChainSpec::ChainSpec(const std::vector<int>& mechanism, const std::vector<int>& 
           chain.motor[m] = motor[m] != 0;
           for (std::size_t i = 0; i < joints_; ++i) chain.arm[m][i] = arm.data()[m * joints_ + i];
           for (std::size_t h = 0; h < handles_; ++h) chain.handle_arm[m][h] = handle_arm.data()[m * handles_ + h];
+          if (growth.shape(0) > 0) chain.curves.at[m] = curve_of(growth, m, chain.pretension[m]);
         }
         chain.handles = int(handles_);
         for (std::size_t h = 0; h < handles_; ++h) chain.handle[h] = Mechanism(handle[h]);
@@ -136,6 +158,17 @@ class AnyTendonChain : public ChainSpec {
       store(out, p, handles(), handle, found);
       return found;
     });
+  }
+
+  /// Lengths by which tendons are stretched more than at rest, m, at tensions, N.
+  void stretches(const In<2>& tension, const Out<2>& out) const {
+    each_tendon(tension, out, [](const auto& chain, int m, double at) {
+      return (chain.linear_at(m, at) - chain.pretension[m]) / chain.stiffness[m];
+    });
+  }
+  /// The inverse; negative where a tendon would have to push.
+  void tensions(const In<2>& stretch, const Out<2>& out) const {
+    each_tendon(stretch, out, [](const auto& chain, int m, double by) { return chain.stretched(m, by, 0.0); });
   }
 
   void compensation_strokes(const In<2>& handle, const In<2>& stroke, const In<2>& wrench, const In<2>& grip,
@@ -250,6 +283,7 @@ class AnyTendonChain : public ChainSpec {
 #if defined(__GNUC__)
     // Other sizes would cost more time to compile than they save.
     if constexpr (W::joints == 2 && W::tendons == 4) {
+      if (!chain.is_linear()) return decided;
       const bool serial = chain.is_serial() && !rows.in_stem_axes;
       engine::in_wide_lanes([&](auto width) {
         constexpr std::size_t lanes = decltype(width)::value;
@@ -297,7 +331,7 @@ class AnyTendonChain : public ChainSpec {
     if (joints() != 1 || tendons() != 2 || handles() != 1 || !opposite(chain.arm[0][0], chain.arm[1][0]) ||
         !opposite(chain.handle_arm[0][0], chain.handle_arm[1][0]) || chain.stiffness[0] != chain.stiffness[1] ||
         chain.pretension[0] != chain.pretension[1] || joint.axis.z != 0 || joint.share != 1 || joint.grip != 0 ||
-        handle != (bends ? Mechanism::pulley : joint.mechanism) || (joint.stiffness > 0) != bends)
+        handle != (bends ? Mechanism::pulley : joint.mechanism) || (joint.stiffness > 0) != bends || !chain.is_linear())
       return false;
     auto& p = spec.parameters;
     p.fill(nan);
@@ -313,6 +347,18 @@ class AnyTendonChain : public ChainSpec {
       p[engine::backbone_rigidity] = joint.stiffness * joint.chord;
     }
     return true;
+  }
+
+  template <class Work>
+  void each_tendon(const In<2>& given, const Out<2>& out, const Work& work) const {
+    require(given.shape(1) == tendons() && out.shape(0) == given.shape(0) && out.shape(1) == tendons(),
+            "rows do not fit the tendons");
+    std::visit(
+        [&](const auto& chain) {
+          for (std::size_t k = 0; k < given.shape(0) * tendons(); ++k)
+            out.data()[k] = work(chain, int(k % tendons()), given.data()[k]);
+        },
+        any());
   }
 
   void check(const Rows& rows, const Statuses& status) const {
@@ -341,11 +387,13 @@ class AnyTendonChain : public ChainSpec {
 }  // namespace
 
 void bind_tendon_chain(nb::module_& m) {
+  m.attr("MOST_STRETCH_ENTRIES") = most_stretch_entries;
   const nb::class_<ChainSpec> base(m, "ChainSpec");
   nb::class_<AnyTendonChain, ChainSpec>(m, "TendonChain")
       .def(nb::init<const std::vector<int>&, const std::vector<int>&, const In<2>&, const In<2>&, const In<2>&,
-                    const std::vector<int>&, const std::vector<int>&, const In<2>&>(),
-           "mechanism"_a, "parent"_a, "numbers"_a, "arm"_a, "tendon"_a, "motor"_a, "handle"_a, "handle_arm"_a)
+                    const std::vector<int>&, const std::vector<int>&, const In<2>&, const In<3>&>(),
+           "mechanism"_a, "parent"_a, "numbers"_a, "arm"_a, "tendon"_a, "motor"_a, "handle"_a, "handle_arm"_a,
+           "growth"_a)
       .def("solve", &AnyTendonChain::solve, "handle"_a, "stroke"_a, "wrench"_a, "grip"_a, "in_stem_axes"_a, "angle"_a,
            "tension"_a, "status"_a, "threads"_a)
       .def("answer", &AnyTendonChain::answer, "handle"_a, "stroke"_a, "wrench"_a, "grip"_a, "in_stem_axes"_a, "out"_a,
@@ -354,6 +402,8 @@ void bind_tendon_chain(nb::module_& m) {
            "in_stem_axes"_a, "out"_a, "status"_a, "threads"_a)
       .def("compensation_strokes", &AnyTendonChain::compensation_strokes, "handle"_a, "stroke"_a, "wrench"_a, "grip"_a,
            "in_stem_axes"_a, "out"_a, "status"_a, "threads"_a)
+      .def("stretches", &AnyTendonChain::stretches, "tension"_a, "out"_a)
+      .def("tensions", &AnyTendonChain::tensions, "stretch"_a, "out"_a)
       .def("load_matrix", &AnyTendonChain::load_matrix, "angle"_a, "out"_a)
       .def("closed_form", &AnyTendonChain::closed_form, "handle_length"_a, "handle_range"_a,
            nb::sig("def closed_form(self, handle_length: float, handle_range: float) -> Spec | None"));

@@ -26,7 +26,8 @@ enum LinkNumber {
   inertia_y,
   inertia_z,
   link_damping,
-  link_stop,
+  link_stop_low,
+  link_stop_high,
   link_stop_stiffness,
   link_reach,
   link_numbers
@@ -68,6 +69,7 @@ struct TwinRows {
   const double* segments;            ///< stiffness, tendons x (contacts + 1), N/m
   const double* links;
   const double* load_cells;
+  const double* damping;  ///< of each tendon, N s/m
   const double* rig;  ///< wrench on the tip by a newton on the load rig
   const double* parameters;
   ChainLaw law{};
@@ -93,6 +95,10 @@ void fill(T& twin, const TwinRows& rows, const ChainSizes& sizes) {
     twin.chain.stiffness[m] *= p(stiffness_ratio);
     twin.chain.pretension[m] *= p(pretension_ratio);
     tendon.rest_tension = twin.chain.pretension[m];
+    if constexpr (!T::known) {
+      twin.tendon_damping[m] = rows.damping[m];
+      if (twin.chain.grows(int(m))) twin.chain.curves.at[m].rest_at(tendon.rest_tension);
+    }
     if constexpr (requires { tendon.stiffness.length; }) tendon.stiffness.length = n + 1;
     for (int i = 0; i <= n; ++i)
       tendon.stiffness[i] = p(stiffness_ratio) * rows.segments[m * (rows.most_contacts + 1) + std::size_t(i)];
@@ -111,13 +117,15 @@ void fill(T& twin, const TwinRows& rows, const ChainSizes& sizes) {
     const double* at = rows.links + i * link_numbers;
     twin.link[i] = {at[link_mass], at[link_centre], {at[inertia_x], at[inertia_y], at[inertia_z]}};
     twin.damping[i] = at[link_damping];
-    twin.stop[i] = at[link_stop];
+    twin.stop_low[i] = at[link_stop_low];
+    twin.stop_high[i] = at[link_stop_high];
     twin.stop_stiffness[i] = at[link_stop_stiffness];
     twin.reach[i] = at[link_reach];
   }
   for (std::size_t i = sizes.joints; i < std::size_t(N); ++i) {
     twin.link[i] = inert_link<typename T::S>;
-    twin.stop[i] = pi;
+    twin.stop_low[i] = -pi;
+    twin.stop_high[i] = pi;
   }
   twin.viscous = p(viscous);
   twin.sheath_bend_rate = p(sheath_bend_rate);
@@ -278,6 +286,7 @@ To as(const W& chain) {
     to.stiffness[m] = chain.stiffness[m];
     to.pretension[m] = chain.pretension[m];
     to.motor[m] = chain.motor[m];
+    if constexpr (!To::known) to.curves.at[m] = chain.curves.at[m];
   }
   to.handles = chain.handles;
   std::ranges::copy(chain.handle, to.handle);
@@ -288,7 +297,7 @@ To as(const W& chain) {
 template <class Known, class W>
 bool fits(const W& chain, const TwinRows& rows) {
   constexpr auto& layout = Known::layout;
-  bool same = chain.handles == W::joints;
+  bool same = chain.handles == W::joints && chain.is_linear();
   for (int i = 0; i < W::joints; ++i) {
     const auto& joint = chain.joint[i];
     const bool across = (layout.axis[i] == Along::x ? joint.axis.y : joint.axis.x) == 0 && joint.axis.z == 0;
@@ -297,7 +306,7 @@ bool fits(const W& chain, const TwinRows& rows) {
   }
   for (int m = 0; m < W::tendons; ++m) {
     same = same && chain.stiffness[m] > 0 && std::size_t(m) < rows.contacts.size() &&
-           rows.contacts[std::size_t(m)] == layout.contacts[m];
+           rows.contacts[std::size_t(m)] == layout.contacts[m] && rows.damping[m] == 0;
     for (int j = 0; same && j < layout.contacts[m]; ++j) {
       const double* at = rows.passages + (std::size_t(m) * rows.most_contacts + std::size_t(j)) * passage_numbers;
       same = at[passage_joint] == layout.joint[m][j] && (at[passage_arm] != 0) == layout.draws[m][j];

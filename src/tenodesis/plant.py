@@ -274,7 +274,7 @@ def _check_compliance(inst: ShortForm) -> None:
 
 
 def link_rows(inst: FullForm) -> Array:
-    """Return mass, its centre, inertia about x, y, z, damping, stop, its stiffness, reach by joint of the tip, SI."""
+    """Return mass, its centre, inertia about x, y, z, damping, stops, their stiffness, reach by joint of the tip, SI."""
     stiffness = np.diag(stiffness_matrix(inst)).copy()
     for i, tie in enumerate(inst.ties):
         # What ties joints does not damp or stop them.
@@ -285,19 +285,19 @@ def link_rows(inst: FullForm) -> Array:
     density = (lowest / (2 * pi * inst.dynamics.natural_frequency)) ** 2
     links = _links(inst, density)
     inertia, _ = mass_matrix(inst, links, np.zeros(len(inst.tip_joints)))
-    rows = np.zeros((len(inst.tip_joints), 9))
+    rows = np.zeros((len(inst.tip_joints), 10))
     rows[:, :5] = links
     for i in reversed(range(len(inst.tip_joints))):
         beyond = [
-            other.offset + other.chord + rows[j, 8]
+            other.offset + other.chord + rows[j, 9]
             for j, (other, on) in enumerate(zip(inst.tip_joints, inst.parents, strict=True))
             if on == i
         ]
-        rows[i, 8] = max([inst.tip_joints[i].end_effector_length or 0.0, *beyond])
+        rows[i, 9] = max([inst.tip_joints[i].end_effector_length or 0.0, *beyond])
     for i, joint in enumerate(inst.tip_joints):
         critical = 2 * sqrt(stiffness[i] * inertia[i, i])
         damping = inst.dynamics.damping_ratio * critical if joint.damping is None else joint.damping
-        rows[i, 5:8] = damping, joint.outer_stop, STOP_STIFFNESS_RATIO * stiffness[i]
+        rows[i, 5:9] = damping, *joint.stops, STOP_STIFFNESS_RATIO * stiffness[i]
     return rows
 
 
@@ -350,7 +350,7 @@ def mass_matrix(inst: FullForm, links: Array, angles: Array, speeds: Array | Non
     Links as :func:`link_rows` has them, their first five columns; angles (rad) and rates (rad/s) of shape (joints,).
     """
     count = len(inst.tip_joints)
-    rows = np.zeros((count, 9))
+    rows = np.zeros((count, 10))
     rows[:, :5] = links[:, :5]
     matrix, bias = np.empty((1, count, count)), np.empty((1, count))
     moving = np.zeros(count) if speeds is None else speeds

@@ -118,6 +118,25 @@ def annotation(quantity: Quantity) -> tuple[BeforeValidator, WithJsonSchema, Qua
     return BeforeValidator(quantity.parse), WithJsonSchema(schema), quantity
 
 
+def either_side(quantity: Quantity, limit: Quantity) -> tuple[BeforeValidator, WithJsonSchema, Quantity]:
+    """Return the annotation of a field that holds an angle to either side, or a list of its two limits round zero."""
+
+    def parse(value: Any, info: ValidationInfo) -> float | tuple[float, float]:
+        if not isinstance(value, list | tuple):
+            return quantity.parse(value, info)
+        if len(value) != 2:  # noqa: PLR2004 - two limits
+            raise ValueError(f'it must be {quantity.allowed}, or two limits like ["{limit.example}", "{quantity.example}"]')
+        low, high = (limit.parse(one, info) for one in value)
+        if not (low <= 0 <= high and low < high):
+            raise ValueError("its limits must rise and have zero, the straight joint, between them")
+        return low, high
+
+    _, schema, _ = annotation(quantity)
+    _, one, _ = annotation(limit)
+    either = {"anyOf": [schema.json_schema, {"type": "array", "items": one.json_schema, "minItems": 2, "maxItems": 2}]}
+    return BeforeValidator(parse), WithJsonSchema(either), quantity
+
+
 def quantity_of(field: FieldInfo) -> Quantity | None:
     """Return the kind of quantity of a pydantic field, or None; for an optional field or a list, that of its values."""
     return _quantity_of(field.annotation, field.metadata)
@@ -201,11 +220,17 @@ Moment = Annotated[float, *annotation(Quantity("moment", "N*m", "0.15 N*m", abov
 SignedMoment = Annotated[float, *annotation(Quantity("moment", "N*m", "0.15 N*m", above=-1e5, below=1e5))]
 
 Angle = Annotated[float, *annotation(Quantity("angle", "rad", "20 deg"))]
-AngleRange = Annotated[float, *annotation(Quantity("angle", "rad", "45 deg", above=0, below=math.pi))]
+RANGE = Quantity("angle", "rad", "45 deg", above=0, below=math.pi)
+AngleRange = Annotated[float, *annotation(RANGE)]
 AngleError = Annotated[float, *annotation(Quantity("angle", "rad", "0.5 deg", at_least=0, below=math.pi))]
 SimilarityError = Annotated[float, *annotation(Quantity("angle", "rad", "2 deg", above=0, below=4))]
+LIMIT = Quantity("angle", "rad", "-20 deg", above=-math.pi, below=math.pi)
+"""One end of a range that is not the same to either side."""
+AngleRanges = Annotated[float | tuple[float, float], *either_side(RANGE, LIMIT)]
 SheathBend = Annotated[float, *annotation(Quantity("angle", "rad", "60 deg", at_least=0, below=1e3))]
-StopAngle = Annotated[float, *annotation(Quantity("angle", "rad", "100 deg", above=0, below=3.0))]
+STOP = Quantity("angle", "rad", "100 deg", above=0, below=3.0)
+StopAngle = Annotated[float, *annotation(STOP)]
+StopAngles = Annotated[float | tuple[float, float], *either_side(STOP, Quantity("angle", "rad", "-30 deg", above=-3.0, below=3.0))]
 EncoderRange = Annotated[float, *annotation(Quantity("angle", "rad", "360 deg", above=0, below=1e3))]
 PivotRange = Annotated[float, *annotation(Quantity("angle", "rad", "60 deg", above=0, below=math.pi / 2))]
 TurnRange = Annotated[float, *annotation(Quantity("angle", "rad", "180 deg", above=0, below=100))]
@@ -249,6 +274,8 @@ BendingStiffness = Annotated[
 ]
 HandStiffness = Annotated[float, *annotation(Quantity("stiffness", "N*m", "20 N*m", at_least=0, below=1e6))]
 Damping = Annotated[float, *annotation(Quantity("damping", "N*m*s", "1e-3 N*m*s", at_least=0, below=1e3))]
+CubicStiffness = Annotated[float, *annotation(Quantity("stiffness", "N*m", "0.1 N*m", at_least=0, below=1e6))]
+TendonDamping = Annotated[float, *annotation(Quantity("damping", "N*s/m", "2 N*s/m", at_least=0, below=1e6))]
 Viscosity = Annotated[float, *annotation(Quantity("viscous friction", "N*s/m", "5 N*s/m", at_least=0, below=1e6))]
 Inertia = Annotated[float, *annotation(Quantity("inertia", "kg*m^2", "4e-4 kg*m^2", above=1e-12, below=1e3))]
 Mass = Annotated[float, *annotation(Quantity("mass", "kg", "500 g", at_least=0, below=1e3))]

@@ -250,11 +250,12 @@ def _check_reached(inst: ShortForm, angles: Sequence[float]) -> None:
 def _check_within_range(inst: FullForm, states: Iterable[Array]) -> None:
     for state in states:
         for joint, angle in zip(inst.tip_joints, state, strict=True):
-            if abs(angle) > joint.range + 1e-9:
+            low, high = joint.limits
+            if not low - 1e-9 <= angle <= high + 1e-9:
                 raise CommandError(
                     key=f"--angle of {joint.name}",
                     value=f"{degrees(angle):.6g} deg",
-                    allowed=f"within its range of ±{degrees(joint.range):.4g} deg",
+                    allowed=f"within its range from {degrees(low):.4g} to {degrees(high):.4g} deg",
                 )
 
 

@@ -57,11 +57,13 @@ def _parts(joint: Joint) -> list[Joint]:
     count = joint.arcs
     if joint.arc or (count == 1 and joint.planes == 1 and joint.torsional_rigidity is None):
         return [joint]
+    low, high = joint.stops
+    limits = joint.limits[0] / count, joint.limits[1] / count
     common: dict[str, Any] = {
         "backbone_length": (joint.backbone_length or 0.0) / count,
-        "range": joint.range / count,
+        "given_range": limits if isinstance(joint.given_range, tuple) else limits[1],
         # Under a force across, an arc bends further than its share; a file's stops are below the farthest.
-        "stop": min(joint.outer_stop, 0.99 * FARTHEST_STOP),
+        "stop": (max(low, -0.99 * FARTHEST_STOP), min(high, 0.99 * FARTHEST_STOP)),
         "planes": 1,
         "torsional_rigidity": None,
     }

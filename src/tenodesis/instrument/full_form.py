@@ -180,7 +180,7 @@ class FullForm(Instrument):
     def _check_held(self) -> None:
         """Refuse joints that nothing holds, and tendons that leave a motion of several joints free."""
         arms = self.tendon_arms("tip")
-        sprung = np.array([joint.own_stiffness > 0 for joint in self.tip_joints])
+        sprung = np.array([joint.is_sprung for joint in self.tip_joints])
         for joint, column, spring in zip(self.tip_joints, arms.T, sprung, strict=True):
             missing = [side for side, pulls in (("agonist", column > 0), ("antagonist", column < 0)) if not pulls.any()]
             if missing and not spring and joint.tied_to is None:
@@ -248,10 +248,11 @@ def _check_route(inst: FullForm, tendon: Tendon) -> None:
 
         if name not in known:
             raise wrong(f": joint = {name!r}; it must be one of {', '.join(known)}")
-        if name in sides:
-            how = f", as {sides[name]} and as {crossing.side}" if sides[name] != crossing.side else ""
-            raise wrong(f" crosses joint {name} twice{how}; it must cross a joint once")
-        sides[name] = crossing.side
+        if sides.setdefault(name, crossing.side) != crossing.side:
+            raise wrong(
+                f" crosses joint {name} twice, as {sides[name]} and as {crossing.side}; where it runs back over a pulley "
+                "that moves it must be on one side"
+            )
         joint = known[name]
         if crossing.angle is not None and joint.mechanism != "continuum":
             raise wrong(f" crosses joint {name} at an angle, but it is a {joint.mechanism}; give its side instead")

@@ -1,7 +1,7 @@
 """The instrument from which everything is computed: joints and tendons, in either form that a file may have."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
@@ -15,7 +15,7 @@ from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.instrument.conditions import Conditions
 from tenodesis.instrument.devices import Devices
 from tenodesis.instrument.hardware import Control, Drives, Friction, Geometry, Sensors
-from tenodesis.instrument.joints import MECHANISMS, SIGNS, Joint, Tendon
+from tenodesis.instrument.joints import MECHANISMS, SIGNS, Crossing, Joint, Tendon
 from tenodesis.instrument.tension import TensionSensor, tension_sensor
 from tenodesis.instrument.ties import Tie, own_stiffness, ties
 from tenodesis.toml import FileTable, validated
@@ -40,6 +40,12 @@ def _printable(name: str) -> str:
 
 Name = Annotated[str, AfterValidator(_printable)]
 """Name of an instrument or a protocol."""
+
+
+def arm_of(crossing: Crossing, joint: Joint) -> float:
+    """Return the length by which a joint draws a tendon at a crossing, per unit of its coordinate, m."""
+    radius = joint.radius if crossing.radius is None else crossing.radius
+    return SIGNS[crossing.side or "middle"] * _core.joint_excursion(MECHANISMS[joint.mechanism], radius)
 
 
 class Instrument(FileTable, AnyForm):
@@ -162,10 +168,7 @@ class Instrument(FileTable, AnyForm):
         for row, tendon in zip(arms, self.tendons, strict=True):
             for crossing in tendon.route:
                 if crossing.joint in index:
-                    joint = joints[index[crossing.joint]]
-                    radius = joint.radius if crossing.radius is None else crossing.radius
-                    arm = _core.joint_excursion(MECHANISMS[joint.mechanism], radius)
-                    row[index[crossing.joint]] += SIGNS[crossing.side or "middle"] * arm
+                    row[index[crossing.joint]] += arm_of(crossing, joints[index[crossing.joint]])
         return arms
 
     @property
@@ -197,6 +200,20 @@ class Instrument(FileTable, AnyForm):
         own = (self.pretension if tendon.pretension is None else tendon.pretension for tendon in self.tendons)
         return np.array(list(own))
 
+    def stretches(self, tensions: ArrayLike) -> Array:
+        """Return the lengths by which tendons at tensions, (..., tendons), N, are stretched more than at rest, m."""
+        return self._by_tendon(self.core.stretches, tensions)
+
+    def tensions_at(self, stretches: ArrayLike) -> Array:
+        """Return the inverse of :meth:`stretches`, N; negative where a tendon would have to push."""
+        return self._by_tendon(self.core.tensions, stretches)
+
+    def _by_tendon(self, work: Callable[[Array, Array], None], given: ArrayLike) -> Array:
+        rows = np.ascontiguousarray(given, float)
+        out = np.empty_like(rows)
+        work(rows.reshape(-1, len(self.tendons)), out.reshape(-1, len(self.tendons)))
+        return out
+
     @cached_property
     def own_drives(self) -> Drives:
         """The drives, with the spools that the instrument has."""
@@ -211,12 +228,12 @@ class Instrument(FileTable, AnyForm):
     def core(self) -> _core.TendonChain:
         """The instrument in the core's form."""
         joints, bearing = self.tip_joints, self.bearing
-        numbers = np.zeros((len(joints), 14))
+        numbers = np.zeros((len(joints), 15))
         for i, joint in enumerate(joints):
             length = joint.end_effector_length or 0.0
             share = 1 / len(bearing) if i in bearing else 0.0
             arm = self.grip_arms[i]
-            spring = (own_stiffness(joint), *self.ties[i])
+            spring = (own_stiffness(joint), joint.cubic_stiffness, *self.ties[i])
             chord = 1.0 if joint.within else joint.chord
             numbers[i] = (
                 *joint.axis_vector,
@@ -237,7 +254,19 @@ class Instrument(FileTable, AnyForm):
             [int(tendon.start == "spool") for tendon in self.tendons],
             [MECHANISMS[joint.mechanism] for joint in self.handle_joints],
             np.ascontiguousarray(self.tendon_arms("handle")),
+            self._growth,
         )
+
+    @property
+    def _growth(self) -> Array:
+        """Tension (N) and stiffness over that at rest of the tendons' tables, (tendons, entries, 2); none: no rows."""
+        tables = [tendon.stiffness_by_tension for tendon in self.tendons]
+        longest = max((len(table.tension) for table in tables if table is not None), default=0)
+        rows = np.full((len(tables) if longest else 0, longest, 2), np.nan)
+        for row, table, at_rest in zip(rows, tables, self.stiffnesses, strict=False):
+            if table is not None:
+                row[: len(table.tension)] = np.column_stack([table.tension, np.divide(table.stiffness, at_rest)])
+        return rows
 
     def __eq__(self, other: object) -> bool:
         # What is computed from the fields and kept may hold arrays, which have no single truth.
@@ -308,7 +337,9 @@ class Instrument(FileTable, AnyForm):
         return {key: value for key, value in values.items() if value is not None}
 
     def stiffness_of(self, tendon: Tendon) -> float:
-        """Return the stiffness of a tendon, N/m: as given, or E A / L; raises ValueError if neither is there."""
+        """Return the stiffness of a tendon at rest, N/m: as given, or E A / L; raises ValueError if neither is there."""
+        if tendon.stiffness_by_tension is not None:
+            return tendon.stiffness_by_tension.at(self.pretension if tendon.pretension is None else tendon.pretension)
         if tendon.stiffness is not None:
             return tendon.stiffness
         if self.given_stiffness is not None and tendon.length is None:

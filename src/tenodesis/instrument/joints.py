@@ -2,8 +2,10 @@
 
 import math
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from tenodesis import _core
@@ -12,8 +14,9 @@ from tenodesis.instrument.hardware import Hand
 from tenodesis.toml import FileTable
 from tenodesis.units import (
     Angle,
-    AngleRange,
+    AngleRanges,
     Coefficient,
+    CubicStiffness,
     Damping,
     FlexuralRigidity,
     Force,
@@ -25,7 +28,8 @@ from tenodesis.units import (
     SheathBend,
     Spacing,
     Stiffness,
-    StopAngle,
+    StopAngles,
+    TendonDamping,
 )
 
 Mechanism = Literal["tendon-gear", "pulley", "continuum"]
@@ -93,7 +97,14 @@ class Joint(FileTable):
     tied_to: str | None = Field(default=None, description="Joint before it at the tip that it turns with, by tie_ratio")
     tie_ratio: TieRatio = Field(default=1.0, description="Its angle over that of the joint that it is tied to")
     stiffness: HandStiffness | None = Field(default=None, description="Of a spring in the joint")
-    range: AngleRange = Field(default=math.radians(80), description="Working range of its angle to either side")
+    cubic_stiffness: CubicStiffness = Field(
+        default=0.0, description="Moment of the spring by the cube of the angle, in rad, beside that by the angle"
+    )
+    given_range: AngleRanges = Field(
+        default=math.radians(80),
+        alias="range",
+        description="Working range of its angle to either side; at the tip also a list of its two limits",
+    )
     end_effector_length: Length | None = Field(
         default=None, description="From the far end of the last joint to where forces act; at the handle, the hand"
     )
@@ -105,8 +116,8 @@ class Joint(FileTable):
         default=None, description="About axes through the joint's far end across the link; by default that of a rod"
     )
     damping: Damping | None = Field(default=None, description="Viscous damping of the joint's angle")
-    stop: StopAngle | None = Field(
-        default=None, description="Angle of its mechanical stop; by default a third beyond its range"
+    stop: StopAngles | None = Field(
+        default=None, description="Angle of its mechanical stop, or of both; by default a third beyond its range"
     )
 
     @property
@@ -140,13 +151,33 @@ class Joint(FileTable):
 
     @property
     def own_stiffness(self) -> float:
-        """Stiffness of spring and backbone, N m/rad."""
+        """Stiffness of spring and backbone about the straight joint, N m/rad."""
         return (self.stiffness or 0.0) + self.backbone_stiffness
 
     @property
-    def outer_stop(self) -> float:
-        """Angle of its mechanical stop, rad."""
-        return min(4 / 3 * self.range, FARTHEST_STOP) if self.stop is None else self.stop
+    def is_sprung(self) -> bool:
+        """Whether a spring or a backbone holds it."""
+        return self.own_stiffness > 0 or self.cubic_stiffness > 0
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Ends of its working range, rad."""
+        given = self.given_range
+        return given if isinstance(given, tuple) else (-given, given)
+
+    @property
+    def range(self) -> float:
+        """Largest angle of its working range to either side, rad."""
+        return max(map(abs, self.limits))
+
+    @property
+    def stops(self) -> tuple[float, float]:
+        """Angles of its mechanical stops, rad."""
+        if self.stop is not None:
+            return self.stop if isinstance(self.stop, tuple) else (-self.stop, self.stop)
+        low, high = self.limits
+        beyond = (high - low) / 6
+        return max(low - beyond, -FARTHEST_STOP), min(high + beyond, FARTHEST_STOP)
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -162,6 +193,12 @@ class Joint(FileTable):
             )
         if self.arc > self.arcs:
             raise ArgumentError(f"arc is {self.arc}; it must be at most arcs, {self.arcs}", key="arc")
+        if self.place == "handle" and isinstance(self.given_range, tuple):
+            raise ArgumentError("range is a list; at the handle it must be one angle, to either side", key="range")
+        if self.planes == 2 and isinstance(self.given_range, tuple):
+            raise ArgumentError("range is a list; in two planes it must be one angle, to either side", key="range")
+        if self.cubic_stiffness and is_continuum:
+            raise ArgumentError("cubic_stiffness is given, but a backbone bends by its rigidity; leave it out", key="cubic_stiffness")
         for key, default in (("planes", 1), ("within", None), ("torsional_rigidity", None)):
             if getattr(self, key) != default and not bends:
                 raise ArgumentError(f"{key} is given; only a continuum at the tip has it; leave it out", key=key)
@@ -218,6 +255,35 @@ class Crossing(FileTable):
         return self
 
 
+class GrowingStiffness(FileTable):
+    """Stiffness of a tendon by its tension: straight between the entries, and constant beyond the last."""
+
+    tension: tuple[Force, ...] = Field(
+        min_length=2, max_length=_core.MOST_STRETCH_ENTRIES, description="Tensions, from 0 N, rising"
+    )
+    stiffness: tuple[Stiffness, ...] = Field(description="Stiffness at each, not falling")
+
+    @model_validator(mode="after")
+    def _grows(self) -> Self:
+        if len(self.tension) != len(self.stiffness):
+            found = f"stiffness has {len(self.stiffness)} values and tension {len(self.tension)}"
+            raise ArgumentError(f"{found}; there must be one for each tension", key="stiffness")
+        if self.tension[0] != 0 or any(b <= a for a, b in pairwise(self.tension)):
+            raise ArgumentError("tension must begin at 0 N and rise", key="tension")
+        fall = next((i for i, (a, b) in enumerate(pairwise(self.stiffness)) if b < a), None)
+        if fall is not None:
+            raise ArgumentError(
+                f"stiffness falls from {self.stiffness[fall]:g} to {self.stiffness[fall + 1]:g} N/m as the tension rises "
+                f"from {self.tension[fall]:g} N; it must not fall",
+                key="stiffness",
+            )
+        return self
+
+    def at(self, tension: float) -> float:
+        """Return the stiffness at a tension, N/m."""
+        return float(np.interp(tension, self.tension, self.stiffness))
+
+
 class Tendon(FileTable):
     """A tendon and its route from the handle's end to the tip."""
 
@@ -225,8 +291,18 @@ class Tendon(FileTable):
     start: Literal["spool", "anchor"] = Field(default="spool", description="Its near end: a motor's spool, or fixed")
     route: tuple[Crossing, ...] = Field(min_length=1, description="Joints that it crosses, from handle to tip")
     stiffness: Stiffness | None = Field(default=None, description="By default E A / L")
+    stiffness_by_tension: GrowingStiffness | None = Field(
+        default=None, description="Stiffness that grows with the tension, instead of stiffness"
+    )
+    damping: TendonDamping = Field(default=0.0, description="Force by the rate at which the tendon stretches")
     length: Length | None = Field(default=None, description="By default the instrument's tendon_length")
     pretension: Force | None = Field(default=None, description="Tension at rest; by default the instrument's")
+
+    @model_validator(mode="after")
+    def _one_stiffness(self) -> Self:
+        if self.stiffness is not None and self.stiffness_by_tension is not None:
+            raise ArgumentError("stiffness and stiffness_by_tension are both given; give one of them", key="stiffness")
+        return self
 
 
 class Grip(FileTable):

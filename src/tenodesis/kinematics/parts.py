@@ -134,14 +134,14 @@ def moving(of: Skeleton, joint: Joint, format: Format) -> list[str]:
 def _hinge(of: Skeleton, name: str, joint: Joint, format: Format) -> PartJoint:
     """Return the hinge by which a part turns with a joint."""
     turning = moving(of, joint, format)
-    share = _limit(joint) / len(turning)
+    low, high = (limit / len(turning) for limit in _limits(joint))
     first = None if name == turning[0] or (joint.arc and format == "mjcf") else turning[0]
     ratio = 1.0
     if name == turning[0] and joint.tied_to is not None:
         other = next(one for one in of.inst.tip_joints if one.name == joint.tied_to)
         others = moving(of, other, format)
         first, ratio = others[0], joint.tie_ratio * len(others) / len(turning)
-    return PartJoint(name, "hinge", joint.axis_vector, -share, share, same_as=first, ratio=ratio)
+    return PartJoint(name, "hinge", joint.axis_vector, low, high, same_as=first, ratio=ratio)
 
 
 def _chord(of: Skeleton, joint: Joint) -> float:
@@ -182,9 +182,9 @@ def _end(of: Skeleton, joint: Joint, reach: float, free: float, thick: float) ->
     ]
 
 
-def _limit(joint: Joint) -> float:
-    """Return the angle of a joint's mechanical stop, rad: as given, or the end of its working range."""
-    return joint.range if joint.stop is None else joint.stop
+def _limits(joint: Joint) -> tuple[float, float]:
+    """Return the angles of a joint's mechanical stops, rad: as given, or the ends of its working range."""
+    return joint.limits if joint.stop is None else joint.stops
 
 
 def _pieces(of: Skeleton, joint: Joint, format: Format) -> list[_Piece]:
@@ -194,7 +194,7 @@ def _pieces(of: Skeleton, joint: Joint, format: Format) -> list[_Piece]:
     carrier, far = f"{joint.name}_carrier", f"{joint.name}_far"
     chord, around = _chord(of, joint), of.around(joint)
     if joint.mechanism == "pulley":
-        halves = format == "mjcf" and _limit(joint) > _WIDEST_WRAP
+        halves = format == "mjcf" and max(map(abs, _limits(joint))) > _WIDEST_WRAP
         return [_Piece(carrier, 0.0, joint), _Piece(far, 0.0, joint)] if halves else [_Piece(far, 0.0, joint)]
     if joint.mechanism == "tendon-gear" or format == "urdf":
         slides = joint.mechanism == "continuum"

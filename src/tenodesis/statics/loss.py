@@ -81,15 +81,18 @@ def hold(inst: InstrumentLike, output_angles: ArrayLike) -> tuple[Array, Array]:
     at, turns = coordinates(inst.tip_joints, angles)
     arms = inst.tendon_arms("tip")
     motors = np.array([tendon.start == "spool" for tendon in inst.tendons])
-    springs = inst.springs @ angles / turns
+    cubic = np.array([joint.cubic_stiffness for joint in inst.tip_joints])
+    springs = (inst.springs @ angles + cubic * angles**3) / turns
     drawn, rest = arms @ at, inst.pretensions
-    fixed = rest[~motors] - inst.stiffnesses[~motors] * drawn[~motors]
+    fixed = inst.tensions_at(-drawn)[~motors]
     needed = springs - arms[~motors].T @ np.maximum(fixed, 0.0)
     # Tensions nearest to those at rest, none negative; the balance outweighs their change.
     weight = _WEIGHT / np.abs(arms).max()
     rows = np.vstack([weight * arms[motors].T, np.eye(motors.sum())])
     tensions, _ = nnls(rows, np.concatenate([weight * needed, rest[motors]]))
-    strokes[motors] = drawn[motors] + (tensions - rest[motors]) / inst.stiffnesses[motors]
+    wanted = rest.copy()
+    wanted[motors] = tensions
+    strokes[motors] = (drawn + inst.stretches(wanted))[motors]
     return handle, strokes
 
 

@@ -87,7 +87,8 @@ def _strokes(inst: FullForm, wanted: Array, given: dict[str, Array], axes: Axes)
 
     force = np.zeros(len(wanted))
     for share in np.linspace(0.0, 1.0, _PARTS + 1):
-        goal = at_rest + share * (wanted - at_rest)
+        # As tensions that the stiffness at rest would give.
+        goal = at_rest + stiffness * inst.stretches(at_rest + share * (wanted - at_rest))
         try:
             found = root(missing, force, (goal,), jac=True, tol=1e-12)
         except ValueError:

@@ -30,6 +30,7 @@ class ChainCore(TwinCore):
             rows.segments,
             rows.links,
             rows.load_cells,
+            [tendon.damping for tendon in inst.tendons],
             _rig(inst),
             rows.parameters,
             rows.law,

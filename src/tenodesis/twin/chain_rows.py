@@ -10,6 +10,7 @@ from tenodesis import _core, plant
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import FullForm, Joint, Tendon
 from tenodesis.instrument.hardware import Friction
+from tenodesis.instrument.instrument import arm_of
 from tenodesis.instrument.joints import Crossing
 
 Array = NDArray[np.float64]
@@ -93,7 +94,6 @@ class _Route:
         friction = inst.friction
         places = {joint.name: i for i, joint in enumerate((*inst.tip_joints, *inst.handle_joints))}
         joints = {joint.name: joint for joint in inst.joints}
-        arms = dict(zip(places, (*_row(inst, tendon, "tip"), *_row(inst, tendon, "handle")), strict=True))
         length = inst.tendon_length if tendon.length is None else tendon.length
         held = [joint.end_effector_length for joint in inst.handle_joints if joint.end_effector_length is not None]
 
@@ -120,7 +120,7 @@ class _Route:
                 span = 0.0 if inside else given / joint.arcs if given is not None else _share(joint, length)
                 spans += span
                 name = crossing.joint
-                arm = arms[name] if place == "handle" else -arms[name]
+                arm = arm_of(crossing, joint) * (1.0 if place == "handle" else -1.0)
                 coefficient = _coefficient(friction, crossing, joint, before)
                 before = before if inside else joint
                 one = (float(places[name]), coefficient, crossing.base_wrap / vertices, 0.0 if inside else part)
@@ -159,11 +159,6 @@ def _rest(inst: FullForm, tendon: Tendon, taken: float) -> float:
         value=taken,
         allowed="shares below 1 together",
     )
-
-
-def _row(inst: FullForm, tendon: Tendon, place: str) -> Array:
-    arms = inst.tendon_arms("tip" if place == "tip" else "handle")
-    return np.asarray(arms[inst.tendons.index(tendon)])
 
 
 def _coefficient(friction: Friction, crossing: Crossing, joint: Joint, before: Joint | None) -> float:
