@@ -274,7 +274,7 @@ def _check_compliance(inst: ShortForm) -> None:
 
 
 def link_rows(inst: FullForm) -> Array:
-    """Return mass, its centre, inertia about x, y, z, damping, stops, their stiffness, reach by joint of the tip, SI."""
+    """Return mass, its centre, inertia about x, y, z, damping, stops, their stiffness, reach of the tip's joints."""
     stiffness = np.diag(stiffness_matrix(inst)).copy()
     for i, tie in enumerate(inst.ties):
         # What ties joints does not damp or stop them.

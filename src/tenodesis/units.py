@@ -124,8 +124,9 @@ def either_side(quantity: Quantity, limit: Quantity) -> tuple[BeforeValidator, W
     def parse(value: Any, info: ValidationInfo) -> float | tuple[float, float]:
         if not isinstance(value, list | tuple):
             return quantity.parse(value, info)
-        if len(value) != 2:  # noqa: PLR2004 - two limits
-            raise ValueError(f'it must be {quantity.allowed}, or two limits like ["{limit.example}", "{quantity.example}"]')
+        if len(value) != 2:
+            example = f'["{limit.example}", "{quantity.example}"]'
+            raise ValueError(f"it must be {quantity.allowed}, or two limits like {example}")
         low, high = (limit.parse(one, info) for one in value)
         if not (low <= 0 <= high and low < high):
             raise ValueError("its limits must rise and have zero, the straight joint, between them")
@@ -220,17 +221,17 @@ Moment = Annotated[float, *annotation(Quantity("moment", "N*m", "0.15 N*m", abov
 SignedMoment = Annotated[float, *annotation(Quantity("moment", "N*m", "0.15 N*m", above=-1e5, below=1e5))]
 
 Angle = Annotated[float, *annotation(Quantity("angle", "rad", "20 deg"))]
-RANGE = Quantity("angle", "rad", "45 deg", above=0, below=math.pi)
-AngleRange = Annotated[float, *annotation(RANGE)]
+_RANGE = Quantity("angle", "rad", "45 deg", above=0, below=math.pi)
+AngleRange = Annotated[float, *annotation(_RANGE)]
 AngleError = Annotated[float, *annotation(Quantity("angle", "rad", "0.5 deg", at_least=0, below=math.pi))]
 SimilarityError = Annotated[float, *annotation(Quantity("angle", "rad", "2 deg", above=0, below=4))]
-LIMIT = Quantity("angle", "rad", "-20 deg", above=-math.pi, below=math.pi)
-"""One end of a range that is not the same to either side."""
-AngleRanges = Annotated[float | tuple[float, float], *either_side(RANGE, LIMIT)]
+_LIMIT = Quantity("angle", "rad", "-20 deg", above=-math.pi, below=math.pi)
+AngleRanges = Annotated[float | tuple[float, float], *either_side(_RANGE, _LIMIT)]
 SheathBend = Annotated[float, *annotation(Quantity("angle", "rad", "60 deg", at_least=0, below=1e3))]
-STOP = Quantity("angle", "rad", "100 deg", above=0, below=3.0)
-StopAngle = Annotated[float, *annotation(STOP)]
-StopAngles = Annotated[float | tuple[float, float], *either_side(STOP, Quantity("angle", "rad", "-30 deg", above=-3.0, below=3.0))]
+_STOP = Quantity("angle", "rad", "100 deg", above=0, below=3.0)
+StopAngle = Annotated[float, *annotation(_STOP)]
+_STOP_LIMIT = Quantity("angle", "rad", "-30 deg", above=-3.0, below=3.0)
+StopAngles = Annotated[float | tuple[float, float], *either_side(_STOP, _STOP_LIMIT)]
 EncoderRange = Annotated[float, *annotation(Quantity("angle", "rad", "360 deg", above=0, below=1e3))]
 PivotRange = Annotated[float, *annotation(Quantity("angle", "rad", "60 deg", above=0, below=math.pi / 2))]
 TurnRange = Annotated[float, *annotation(Quantity("angle", "rad", "180 deg", above=0, below=100))]

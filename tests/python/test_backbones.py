@@ -142,7 +142,7 @@ def test_a_backbone_in_motion_keeps_its_energy_and_comes_to_rest_where_statics_s
 def test_segments_in_arcs_are_asked_for_recorded_and_compensated_by_the_names_of_their_file(tmp_path: Path) -> None:
     inst = tn.instrument.in_arcs("two-segment-continuum", 4)
     assert inst.bends == {"near": [0, 1, 2, 3], "far": [4, 5, 6, 7]}
-    np.testing.assert_allclose(inst.bend_ranges, np.radians(60))
+    np.testing.assert_allclose(inst.bend_ends, np.radians(60))
     run = record(inst, tn.simulate.default_protocol(inst), tmp_path / "run.mcap", time_step=2e-3, quasi_static=True)
     for name in ("near", "far"):
         assert np.abs(run[f"output_angle.{name}"]).max() > np.radians(8)

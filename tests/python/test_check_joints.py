@@ -75,8 +75,8 @@ WRONG = {
     "twice": (
         LAST,
         f'{LAST}, {{ joint = "pitch", side = "agonist" }}',
-        "tendon two_down crosses joint pitch twice, as antagonist and as agonist; where it runs back over a pulley that moves it must "
-        "be on one side",
+        "tendon two_down crosses joint pitch twice, as antagonist and as agonist; where it runs back over a pulley "
+        "that moves it must be on one side",
     ),
     "unknown": (LAST, '{ joint = "claw", side = "antagonist" }', "tendon two_down: joint = 'claw'; it must be one of"),
     "alone": (LAST, '{ joint = "jaw_2", side = "agonist" }', "joint jaw_2 has no antagonist"),

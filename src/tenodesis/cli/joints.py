@@ -92,7 +92,7 @@ def _joints(inst: FullForm) -> Table:
     shown = table(None, "joint", "stands on", "mechanism", "axis", ">radius\n[mm]", ">range\n[°]")
     for joint in (*inst.handle_joints[::-1], *inst.tip_joints):
         axis = joint.axis if isinstance(joint.axis, str) else components(joint.axis_vector)
-        radius, most = f"{1e3 * joint.radius:.4g}", f"±{degrees(joint.range):.4g}"
+        radius, most = f"{1e3 * joint.radius:.4g}", joint.range_text
         shown.add_row(*map(escape, (joint.name, bases[joint.name], joint.mechanism, axis, radius, most)))
     return shown
 

@@ -1,7 +1,7 @@
 """The tab of the motion: handle angles, recorded motions, and the load at the tip."""
 
 import time
-from math import degrees, floor, log10
+from math import copysign, degrees, floor, log10
 from typing import Any, Literal
 
 import numpy as np
@@ -49,11 +49,11 @@ class MoveTab:
         most = largest_force(inst)
         fine = 10.0 ** floor(log10(most / 50))
         self._hand: list[Any] = []
-        ranges = {joint.name: joint.range for joint in inst.handle_joints}
-        for name, most_angle in (ranges or dict(zip(inst.bends, inst.bend_ranges, strict=True))).items():
-            reach = floor(10 * degrees(most_angle) + 1e-6) / 10
+        limits = {joint.name: joint.limits for joint in inst.handle_joints}
+        for name, ends in (limits or dict(zip(inst.bends, inst.bend_limits.tolist(), strict=True))).items():
+            low, high = (copysign(floor(10 * degrees(abs(end)) + 1e-6) / 10, end) for end in ends)
             label = f"{name.replace('_', ' ').capitalize()}, °"
-            self._hand.append(gui.add_slider(label, min=-reach, max=reach, step=0.1, initial_value=0.0))
+            self._hand.append(gui.add_slider(label, min=low, max=high, step=0.1, initial_value=0.0))
         places = Places.of(inst)
         self._by_axis = places.takes_forces
         named = tuple(places.axes) if self._by_axis else tuple("xyz")

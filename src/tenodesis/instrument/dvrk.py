@@ -53,7 +53,7 @@ _JAW_MEANING: dict[JawAngle, str] = {"between": "that between the jaws", "each":
 _COMMENT = re.compile(r'("(?:[^"\\\n]|\\.)*")|//[^\n]*|/\*.*?\*/', re.DOTALL)
 _OURS = {
     "joints.radius": "ours: the file has ratios of radii only; the largest one about the pitch axis is given",
-    "joints.range": "the larger of the file's limits, at most 179 deg; of a jaw, yaw's and what the jaw angle adds",
+    "joints.range": "the file's limits, with zero, at most 179 deg; of a jaw, yaw's and what the jaw angle adds",
     "spool_radius": "ours: one for all disks; it follows from the pitch pulley's radius",
     "joints.end_effector_length": "ours: the file has none",
     "tendon_stiffness": "ours: at 2.5 mm near the compliance of a da Vinci grasper, docs/identification.md",
@@ -113,14 +113,19 @@ def dvrk_text(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS, jaw_ang
     names = _SNAKE if is_snake else ("roll", "pitch", "jaw_1", "jaw_2") if jaws else _NAMES
     turns = np.linalg.inv(_with_jaws(matrix, jaw_angle) if jaws and not is_snake else matrix)
     share = _JAW_SHARE[jaw_angle]
-    ranges = [min(limit, _MOST) for limit in limits]
+    ranges = [_both_sides(*limit) for limit in limits]
     if is_snake:
         # Half of a tendon's excursion at either of two tied joints; the jaws turn against each other.
         half = turns[:, 1:3] / 2
         turns = np.column_stack([turns[:, 0], half, half[:, ::-1], turns[:, 3:] * (np.array([1, -1]) / (2 * share))])
-        ranges = [*ranges[:3], ranges[2], ranges[1], *[min(share * ranges[3], _MOST)] * 2]
+        closed, opened = (share * limit for limit in ranges[3])
+        ranges = [*ranges[:3], ranges[2], ranges[1], (closed, opened), (-opened, -closed)]
     elif jaws:
-        ranges[2:] = [min(ranges[2] + ranges[3] * share, _MOST)] * 2
+        (low, high), (closed, opened) = ranges[2:]
+        ranges[2:] = [
+            _both_sides(low + share * closed, high + share * opened),
+            _both_sides(low - share * opened, high - share * closed),
+        ]
     pulleys = np.abs(turns).max(axis=0)
     spool = pulley_radius / pulleys[1]
     values: dict[str, Any] = {
@@ -182,8 +187,14 @@ def _reading(matrix: Array, jaw_angle: JawAngle) -> str:
     )
 
 
-def _joint(name: str, radius: float, limit: float, offset: tuple[str | None, float]) -> dict[str, Any]:
+def _both_sides(low: float, high: float) -> tuple[float, float]:
+    """Return a range that has zero within it, rad."""
+    return max(min(low, 0.0), -_MOST), min(max(high, 0.0), _MOST)
+
+
+def _joint(name: str, radius: float, limits: tuple[float, float], offset: tuple[str | None, float]) -> dict[str, Any]:
     jaws, (on, before) = name.startswith("jaw"), offset
+    low, high = (f"{math.degrees(limit):.9g} deg" for limit in limits)
     joint = {
         "name": name,
         "mechanism": "pulley",
@@ -191,7 +202,7 @@ def _joint(name: str, radius: float, limit: float, offset: tuple[str | None, flo
         "on": on,
         "radius": _mm(radius),
         "offset": _mm(before) if before else None,
-        "range": f"{math.degrees(limit):.9g} deg",
+        "range": high if low == f"-{high}" else [low, high],
         "end_effector_length": _mm(_JAW) if jaws or name == "yaw" else None,
     }
     return {key: value for key, value in joint.items() if value is not None}
@@ -261,14 +272,14 @@ def _matrix(content: dict[str, Any], path: Path) -> Array:
     return matrix
 
 
-def _couplings(content: dict[str, Any], path: Path) -> tuple[Array, list[float]]:
+def _couplings(content: dict[str, Any], path: Path) -> tuple[Array, list[tuple[float, float]]]:
     """Return the matrix and the larger limits of roll, pitch, yaw and jaw, rad; no jaw where no torque moves it."""
     matrix = _matrix(content, path)
-    limits = [_limit(_dh_joint(content, place), f"DH.joints, {name}", path) for place, name in enumerate(_NAMES)]
+    limits = [_limits(_dh_joint(content, place), f"DH.joints, {name}", path) for place, name in enumerate(_NAMES)]
     jaw = content.get("jaw")
     if isinstance(jaw, dict) and jaw.get("ftmax") == 0:
         return _without_jaws(matrix, path), limits
-    return matrix, [*limits, _limit(jaw, "jaw", path)]
+    return matrix, [*limits, _limits(jaw, "jaw", path)]
 
 
 def _dh_joint(content: dict[str, Any], place: int) -> Any:
@@ -277,7 +288,7 @@ def _dh_joint(content: dict[str, Any], place: int) -> Any:
     return joints[place] if isinstance(joints, list) and len(joints) > place else None
 
 
-def _limit(joint: Any, key: str, path: Path) -> float:
+def _limits(joint: Any, key: str, path: Path) -> tuple[float, float]:
     values = [joint.get(bound) for bound in ("qmin", "qmax")] if isinstance(joint, dict) else []
     numbers = [one for one in values if _is_number(one)]
     if not any(numbers) or len(numbers) < len(values):
@@ -289,7 +300,7 @@ def _limit(joint: Any, key: str, path: Path) -> float:
             value=found,
             allowed=needed,
         )
-    return float(max(map(abs, numbers)))
+    return float(min(numbers)), float(max(numbers))
 
 
 def _is_number(value: Any) -> TypeGuard[float]:

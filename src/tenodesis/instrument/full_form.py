@@ -250,8 +250,8 @@ def _check_route(inst: FullForm, tendon: Tendon) -> None:
             raise wrong(f": joint = {name!r}; it must be one of {', '.join(known)}")
         if sides.setdefault(name, crossing.side) != crossing.side:
             raise wrong(
-                f" crosses joint {name} twice, as {sides[name]} and as {crossing.side}; where it runs back over a pulley "
-                "that moves it must be on one side"
+                f" crosses joint {name} twice, as {sides[name]} and as {crossing.side}; where it runs back over a "
+                "pulley that moves it must be on one side"
             )
         joint = known[name]
         if crossing.angle is not None and joint.mechanism != "continuum":

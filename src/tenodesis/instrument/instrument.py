@@ -122,9 +122,17 @@ class Instrument(FileTable, AnyForm):
         return found
 
     @property
-    def bend_ranges(self) -> Array:
-        """Working ranges to either side of what bends, (bends,), rad."""
-        return np.array([sum(self.tip_joints[i].range for i in arcs) for arcs in self.bends.values()])
+    def bend_limits(self) -> Array:
+        """Ends of the working ranges of what bends, (bends, 2), rad."""
+        limits = np.array([joint.limits for joint in self.tip_joints])
+        return np.array([limits[arcs].sum(axis=0) for arcs in self.bends.values()])
+
+    @property
+    def bend_ends(self) -> Array:
+        """The ends to which a jaw opens and others bend farther, (bends,), rad; of equal ones the positive."""
+        low, high = self.bend_limits.T
+        opens = self.grip_arms[[arcs[0] for arcs in self.bends.values()]]
+        return np.asarray(np.where(np.where(opens == 0, high >= -low, opens > 0), high, low))
 
     @property
     def parents(self) -> tuple[int, ...]:
@@ -337,7 +345,7 @@ class Instrument(FileTable, AnyForm):
         return {key: value for key, value in values.items() if value is not None}
 
     def stiffness_of(self, tendon: Tendon) -> float:
-        """Return the stiffness of a tendon at rest, N/m: as given, or E A / L; raises ValueError if neither is there."""
+        """Return the stiffness of a tendon at rest, N/m, as given or E A / L; raises ArgumentError if neither is."""
         if tendon.stiffness_by_tension is not None:
             return tendon.stiffness_by_tension.at(self.pretension if tendon.pretension is None else tendon.pretension)
         if tendon.stiffness is not None:

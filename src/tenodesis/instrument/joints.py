@@ -6,7 +6,7 @@ from itertools import pairwise
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from tenodesis import _core
 from tenodesis.errors import ArgumentError
@@ -65,6 +65,9 @@ def arc_suffix(arc: int) -> str:
 
 class Joint(FileTable):
     """A joint at the tip or at the handle."""
+
+    # A table that is written out, as a dictionary too, has the file's keys.
+    model_config = ConfigDict(serialize_by_alias=True)
 
     name: ShortName = Field(description="Name of the joint")
     place: Literal["tip", "handle"] = Field(default="tip", description="End of the instrument that it is at")
@@ -171,6 +174,12 @@ class Joint(FileTable):
         return max(map(abs, self.limits))
 
     @property
+    def range_text(self) -> str:
+        """Working range as people write it, in degrees: ±80, or -20 to 80."""
+        low, high = map(math.degrees, self.limits)
+        return f"±{high:.4g}" if isinstance(self.given_range, float) else f"{low:.4g} to {high:.4g}"
+
+    @property
     def stops(self) -> tuple[float, float]:
         """Angles of its mechanical stops, rad."""
         if self.stop is not None:
@@ -198,7 +207,9 @@ class Joint(FileTable):
         if self.planes == 2 and isinstance(self.given_range, tuple):
             raise ArgumentError("range is a list; in two planes it must be one angle, to either side", key="range")
         if self.cubic_stiffness and is_continuum:
-            raise ArgumentError("cubic_stiffness is given, but a backbone bends by its rigidity; leave it out", key="cubic_stiffness")
+            raise ArgumentError(
+                "cubic_stiffness is given, but a backbone bends by its rigidity; leave it out", key="cubic_stiffness"
+            )
         for key, default in (("planes", 1), ("within", None), ("torsional_rigidity", None)):
             if getattr(self, key) != default and not bends:
                 raise ArgumentError(f"{key} is given; only a continuum at the tip has it; leave it out", key=key)
@@ -273,8 +284,8 @@ class GrowingStiffness(FileTable):
         fall = next((i for i, (a, b) in enumerate(pairwise(self.stiffness)) if b < a), None)
         if fall is not None:
             raise ArgumentError(
-                f"stiffness falls from {self.stiffness[fall]:g} to {self.stiffness[fall + 1]:g} N/m as the tension rises "
-                f"from {self.tension[fall]:g} N; it must not fall",
+                f"stiffness falls from {self.stiffness[fall]:g} to {self.stiffness[fall + 1]:g} N/m as the tension "
+                f"rises from {self.tension[fall]:g} N; it must not fall",
                 key="stiffness",
             )
         return self

@@ -40,6 +40,7 @@ What this format does not contain:
 - where tendons run between joints: one that passes a joint which its route does not name has a gap there;
 - masses and inertias: parts are drawn, and weigh, as solid steel, and joints have the inertia and damping that suit
   the time step, so that the model settles where the instrument does but not as fast;
+- stiffness of tendons that grows with tension, of which that at rest is taken, and tendons' own damping;
 - contact: jaws pass through each other and grip no object;
 - limits by tendons and loads: joint ranges are mechanical stops, or working ranges where none are given.{more}"""
 _CONTINUUM = """
@@ -192,7 +193,11 @@ def _motion(of: Skeleton, stiffness: Mapping[str, float]) -> dict[str, dict[str,
         values = {"armature": about / _RATE**2, "damping": _LAG * (joint.own_stiffness if at_tip else about)}
         if at_tip:
             values["stiffness"] = joint.own_stiffness
-        found |= {name: {key: text(len(names) * value) for key, value in values.items()} for name in names}
+        own = {key: text(len(names) * value) for key, value in values.items()}
+        if joint.cubic_stiffness:
+            # The sum of the parts' moments at their shares of the angle.
+            own["stiffness"] += f" 0 {text(len(names) ** 3 * joint.cubic_stiffness)}"
+        found |= dict.fromkeys(names, own)
     return found
 
 
@@ -216,24 +221,28 @@ def _branches(of: Skeleton, tendon: Tendon, tree: Mapping[str, RigidPart]) -> li
         start = passed[0][1] - _along(of.stem_length)
         found[0].append(_Guide("stem", f"{tendon.name}_start", start, start))
     for joint, offset in passed:
-        steps = list(_guides(of, joint, offset, tendon, tree))
-        if joint.place == "handle":
-            steps = [step[::-1] for step in reversed(steps)]
-        for step in steps:
-            if found[-1] and found[-1][-1].body != step[0].body:
-                found.append([])
-            found[-1] += step
+        radii = [one.radius or joint.radius for one in tendon.route if one.joint == joint.name]
+        for time, radius in enumerate(radii):
+            name = f"{tendon.name}_again_{time}" if time else tendon.name
+            steps = list(_guides(of, joint, offset * radius / radii[-1], name, tree))
+            if joint.place == "handle":
+                steps = [step[::-1] for step in reversed(steps)]
+            for step in steps:
+                # Where it runs back over a pulley, another part of it does.
+                if time or (found[-1] and found[-1][-1].body != step[0].body):
+                    found.append([])
+                found[-1] += step
     return found
 
 
 def _guides(
-    of: Skeleton, joint: Joint, out: Array, tendon: Tendon, tree: Mapping[str, RigidPart]
+    of: Skeleton, joint: Joint, out: Array, tendon: str, tree: Mapping[str, RigidPart]
 ) -> Iterator[list[_Guide]]:
     """Yield what leads a tendon over each part of a joint at an offset from its middle, outward."""
     chain = [tree[name] for name in moving(of, joint, "mjcf")]
 
     def guide(body: str, name: str, local: Array, cylinder: _Cylinder | None = None) -> _Guide:
-        return _Guide(body, f"{tendon.name}_{name}", local, local + _along(_height(tree, body)), cylinder)
+        return _Guide(body, f"{tendon}_{name}", local, local + _along(_height(tree, body)), cylinder)
 
     if joint.mechanism == "tendon-gear":
         first = guide(str(chain[0].parent), f"{joint.name}_near", out + _along(chain[0].offset))

@@ -269,7 +269,7 @@ class LiveLoop:
         if inst.handle_joints:
             self._each("hand", enumerate(array.tolist()))
             return
-        within = inst.bent(array.clip(-inst.bend_ranges, inst.bend_ranges))
+        within = inst.bent(array.clip(*inst.bend_limits.T))
         arms = inst.tendon_arms("tip") @ coordinates(inst.tip_joints, within)[0]
         self._each("motor", ((tendon, float(arms[tendon]) / self._spool_radius) for tendon in self.motors))
 

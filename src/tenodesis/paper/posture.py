@@ -49,7 +49,7 @@ def _joints(context: Context) -> Table:
             joint.mechanism,
             joint.axis if isinstance(joint.axis, str) else " ".join(f"{value:.3g}" for value in joint.axis_vector),
             f"{1e3 * joint.radius:.4g}",
-            f"±{np.degrees(joint.range):.4g}",
+            joint.range_text,
         ]
         for joint in inst.joints
     ]

@@ -298,11 +298,9 @@ class Subject:
             for joint, row in zip(handles, np.eye(len(handles)), strict=True)
         ]
         if not handles:
-            for (name, bend), far in zip(self.inst.bends.items(), np.diag(self.inst.bend_ranges), strict=True):
+            for name, far in zip(self.inst.bends, np.diag(self.inst.bend_ends), strict=True):
                 try:
-                    # A jaw opens.
-                    sign = -1 if self.inst.grip_arms[bend[0]] < 0 else 1
-                    ends.append((name, *statics.hold(self.inst, sign * self.inst.bent(far))))
+                    ends.append((name, *statics.hold(self.inst, self.inst.bent(far))))
                 except NoSolutionError:
                     continue
         found = (self._motion(*end) for end in ends)
@@ -311,8 +309,8 @@ class Subject:
     def _motion(self, name: str, handle: Array, strokes: Array) -> FarMotion | None:
         shares = np.linspace(0.0, 1.0, _POINTS)
         angles = self.angles(np.outer(shares, handle), strokes=np.outer(shares, strokes))
-        ranges = self.bends.summed(np.array([joint.range for joint in self.inst.tip_joints]))
-        beyond = ~(np.abs(angles) <= ranges + 1e-6).all(axis=1)
+        low, high = self.bends.summed(np.array([joint.limits for joint in self.inst.tip_joints]).T)
+        beyond = ~((angles >= low - 1e-6) & (angles <= high + 1e-6)).all(axis=1)
         last = int(np.argmax(beyond)) - 1 if beyond.any() else _POINTS - 1
         if last < 1:
             return None

@@ -76,9 +76,8 @@ def section(context: Context) -> Section:
 
 def _places(inst: FullForm) -> ReachedPlaces:
     random = np.random.default_rng(_SEED)
-    handles = [joint.range for joint in inst.handle_joints]
-    ranges = np.array(handles) if handles else inst.bend_ranges
-    drawn = random.uniform(-ranges, ranges, (_POSTURES, len(ranges)))
+    limits = np.array([joint.limits for joint in inst.handle_joints]) if inst.handle_joints else inst.bend_limits
+    drawn = random.uniform(limits[:, 0], limits[:, 1], (_POSTURES, len(limits)))
     if not inst.handle_joints:
         drawn = np.array([inst.bent(angles) for angles in drawn])
         # Jaws turn together, closed.
@@ -96,8 +95,8 @@ def _places(inst: FullForm) -> ReachedPlaces:
         handle = handle[: len(strokes)]
     angles = chain.output_angles(inst, handle, strokes=strokes)
     summed = Subject(inst).bends.summed
-    most = summed(np.array([joint.range for joint in inst.tip_joints])) + 1e-6
-    within = (np.abs(summed(angles)) <= most).all(axis=1)
+    low, high = summed(np.array([joint.limits for joint in inst.tip_joints]).T)
+    within = ((summed(angles) >= low - 1e-6) & (summed(angles) <= high + 1e-6)).all(axis=1)
     return ReachedPlaces(handle[within], strokes[within], _tip(inst, angles[within]))
 
 

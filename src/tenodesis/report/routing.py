@@ -4,7 +4,6 @@ import textwrap
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from math import degrees
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -335,7 +334,7 @@ def _column_width(joint: Joint) -> float:
 
 def _about(joint: Joint) -> str:
     axis = joint.axis if isinstance(joint.axis, str) else f"axis {', '.join(f'{x:.2g}' for x in joint.axis_vector)}"
-    return f"{joint.mechanism}\n{axis}, ±{degrees(joint.range):.3g}°"
+    return f"{joint.mechanism}\n{axis}, {joint.range_text}°"
 
 
 def _mm(length: float) -> str:

@@ -52,10 +52,9 @@ def default_protocol(inst: InstrumentLike) -> Protocol:
 
 def _there_and_back(inst: FullForm, number: int) -> list[AnyPhase]:
     """Return phases in which the spools drive what bends at the tip through half of its range and back."""
-    bends, half = np.zeros(len(inst.bends)), inst.bend_ranges[number] / 2
-    # A jaw opens.
-    bends[number] = (-1 if inst.grip_arms[list(inst.bends.values())[number][0]] < 0 else 1) * half
-    angles, seconds = inst.bent(bends), float(half / _SPEED)
+    bends = np.zeros(len(inst.bends))
+    bends[number] = inst.bend_ends[number] / 2
+    angles, seconds = inst.bent(bends), float(abs(bends[number]) / _SPEED)
     return [*_driven(inst, angles, seconds), Hold(duration=_RISE), *_driven(inst, -angles, seconds)]
 
 

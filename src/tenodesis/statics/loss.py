@@ -103,7 +103,7 @@ def usual_states(inst: InstrumentLike) -> list[Array]:
     for place in ("tip", "handle"):
         try:
             if place == "tip":
-                bent = inst.bent(_HALF * inst.bend_ranges)
+                bent = inst.bent(_HALF * inst.bend_ends)
             else:
                 bent = equilibrium(inst, [_HALF * joint.range for joint in inst.handle_joints]).output_angle
             hold(inst, bent)
