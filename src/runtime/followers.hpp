@@ -30,8 +30,9 @@ class Motors {
   }
 
   /// Replaces the velocities of such motors, of all tendons, by those that they are sent; where a motor is in trouble,
-  /// all rest, and the problem is returned. They rest where they are not free, too.
-  Problem command(const Device& device, bool free, bool played, double* velocity) {
+  /// all rest, and the problem is returned. They rest where they are not free, too. A played motion may have a motor
+  /// hold a tension instead; without a column of them there is no such motor.
+  Problem command(const Device& device, bool free, bool played, double* velocity, double* held) {
     if (free) point();
     Problem found = Problem::none;
     for (const std::size_t m : settings_.motors) {
@@ -39,16 +40,22 @@ class Motors {
       const double tension = read.tension[0], at = read.spool_angle[0];
       if (!played) velocity[m] = point_[m].speed + settings_.motor_gain * (point_[m].at - at);
       if (!free || played) point_[m] = {at, at, 0};
+      if (held != nullptr) held[m] = free && played ? std::clamp(held[m], 0.0, settings_.motor_tension) : 0;
       if (!free) {
         velocity[m] = 0;
         continue;
       }
       velocity[m] = std::clamp(velocity[m], -settings_.motor_speed, settings_.motor_speed);
-      if (!std::isfinite(tension) || !std::isfinite(at) || !std::isfinite(velocity[m])) found = Problem::not_a_number;
+      if (!std::isfinite(tension) || !std::isfinite(at) || !std::isfinite(velocity[m]) ||
+          (held != nullptr && !std::isfinite(held[m])))
+        found = Problem::not_a_number;
       if (tension > settings_.motor_tension && velocity[m] > 0) found = Problem::overload;
     }
     if (found != Problem::none)
-      for (const std::size_t m : settings_.motors) velocity[m] = 0;
+      for (const std::size_t m : settings_.motors) {
+        velocity[m] = 0;
+        if (held != nullptr) held[m] = 0;
+      }
     return found;
   }
 

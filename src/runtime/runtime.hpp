@@ -325,7 +325,9 @@ class Runtime {
     const double silent = controller_.injector.silent();
     const bool released = (!stopped_ || returning()) && (silent <= 0 || !controller_.watchdog(silent));
     const bool free = released && said.state == OperatingState::enabled && !said.homing;
-    const Problem problem = motors_.command(device_, free, played_now_, command_.data() + spools_);
+    const auto [held, count] = device_.commands.find("spool_tension");
+    double* const tensions = count != 0 ? command_.data() + held : nullptr;
+    const Problem problem = motors_.command(device_, free, played_now_, command_.data() + spools_, tensions);
     if (problem != Problem::none) stop_for(problem);
     for (std::size_t n = 0; n < axes(); ++n) {
       std::array<double, 2> sent{};
@@ -334,6 +336,8 @@ class Runtime {
                                               [&](std::size_t point) { return injected(n, point); });
       velocity(settings_.axes[n].agonist) = sent[0];
       velocity(settings_.axes[n].antagonist) = sent[1];
+      // A controller's motors follow its velocities.
+      if (tensions != nullptr) tensions[settings_.axes[n].agonist] = tensions[settings_.axes[n].antagonist] = 0;
     }
   }
 

@@ -160,6 +160,9 @@ class Run:
     commanded_spool_velocity: Array | None = _signal(
         "command", "rad/s", "tendons", "Spool velocity commanded to the drives; positive winds"
     )
+    commanded_spool_tension: Array | None = _signal(
+        "command", "N", "tendons", "Tension that the drives hold whatever their spools do; 0: they follow the velocity"
+    )
     measured_handle_angle: Array | None = _signal("measured", "rad", "handle_joints", "Handle angle by its encoder")
     measured_output_angle: Array | None = _signal(
         "measured", "rad", "joints", "Output angle by the distal encoder, which only a bench has"

@@ -97,3 +97,16 @@ def test_what_makes_no_environment_is_refused(scaled: Instrument, real: Instrume
     with refused("actions"):
         many.step(np.full((2, 2), np.nan, np.float32))
     assert gym.randomised(scaled, 1, tolerance.default(scaled))
+
+
+def test_drives_may_hold_tensions_instead(scaled: Instrument) -> None:
+    task = gym.Task(drive="tension", tissue=0.0)
+    many = gym.TendonVectorEnv(scaled, 4, task)
+    many.reset(seed=3)
+    for _ in range(200):
+        observed, _, ended, _, _ = many.step(np.tile([0.2, 0.0], (4, 1)).astype(np.float32))
+    assert not ended.any()
+    expected = [0.2 * (many.tension_limit / scaled.pretension - 1), 0.0]
+    np.testing.assert_allclose(observed[:, 1:3], np.tile(expected, (4, 1)), atol=0.02)
+    with refused("drive", "torque"):
+        gym.Task(drive="torque")  # type: ignore[arg-type]

@@ -1,14 +1,19 @@
 """Claims about drives that hold a tension that is commanded, whatever their spools do for it."""
 
 from math import exp
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import tomli_w
 
 import tenodesis as tn
-from tenodesis.errors import ArgumentError
+from tenodesis.errors import ArgumentError, ProtocolError
 from tenodesis.instrument import FullForm
+from tenodesis.recording.replay import replay
+from tenodesis.recording.simulation import record
+from tenodesis.simulate import Protocol
 
 REAL = tn.load("real-size").replace(axes=("yaw",))
 
@@ -70,8 +75,9 @@ def test_in_motion_it_follows_with_the_drives_lag_and_the_energy_is_balanced() -
     run = tn.twin.Twin(inst, time_step=step).run(still, spool_tension=tensions)
     lag = inst.own_drives.time_constant
     at = round(lag / step) - 1
-    share = (run["tension"][at] - inst.pretensions) / (tensions - inst.pretensions)
-    assert share[np.abs(tensions / inst.pretensions - 1) > 0.01] == pytest.approx(1 - exp(-1), abs=0.02)
+    changed = np.abs(tensions / inst.pretensions - 1) > 0.01
+    share = (run["tension"][at] - inst.pretensions)[changed] / (tensions - inst.pretensions)[changed]
+    assert share == pytest.approx(1 - exp(-1), abs=0.02)
 
 
 def test_of_a_pair_one_drive_may_hold_its_tension_while_the_other_stands() -> None:
@@ -88,7 +94,7 @@ def test_of_a_pair_one_drive_may_hold_its_tension_while_the_other_stands() -> No
     [
         ({"spool_tension": [-1.0, 30.0]}, "spool_tension"),
         ({"spool_tension": [np.nan, 30.0]}, "a finite number"),
-        ({"spool_tension": [30.0, 30.0], "controller": "robust"}, "with a controller"),
+        ({"spool_tension": [30.0, 30.0], "controller": "robust"}, "and a controller are both given"),
     ],
 )
 def test_what_no_drive_can_hold_is_refused_and_nothing_moves(change: dict[str, Any], problem: str) -> None:
@@ -107,3 +113,53 @@ def test_a_tendon_without_a_spool_holds_no_tension() -> None:
     fixed = inst.replace(tendons=[first.model_copy(update={"start": "anchor"}), *rest])
     with pytest.raises(ArgumentError, match="which has no spool"):
         tn.twin.Twin(fixed).run(np.zeros((3, len(inst.handle_joints))), spool_tension=10.0)
+
+
+def pulled(inst: FullForm) -> Protocol:
+    """Return a protocol in which the first tendon's drive holds 1.3 times its pretension and then stands again."""
+    name, tension = inst.tendons[0].name, 1.3 * float(inst.pretensions[0])
+    phases = [
+        {"kind": "ramp", "duration": "0.2 s", "spool_tensions": {name: f"{tension!r} N"}},
+        {"kind": "hold", "duration": "0.1 s"},
+        {"kind": "ramp", "duration": "0.1 s", "spool_velocities": {name: "0 rad/s"}},
+    ]
+    return tn.simulate.parse(tomli_w.dumps({"name": "pull", "phases": phases}))
+
+
+def test_a_protocol_has_drives_hold_tensions_and_its_recording_replays_to_the_last_bit(tmp_path: Path) -> None:
+    inst = two_segments()
+    rest, tension = inst.pretensions[0], 1.3 * inst.pretensions[0]
+    run = record(inst, pulled(inst), tmp_path / "run.mcap")
+    given = run["commanded_spool_tension"][:, 0]
+    held, ended = np.searchsorted(run.time, [0.29, 0.31])
+    assert (given[held], given[ended]) == (pytest.approx(tension), 0.0)
+    assert given[0] == pytest.approx(rest, rel=0.01)
+    assert run["tension"][held, 0] == pytest.approx(tension, rel=1e-3)
+    assert not run["commanded_spool_tension"][:, 1:].any()
+    back = tn.Recording.open(tmp_path / "run.mcap")
+    np.testing.assert_array_equal(back.run["commanded_spool_tension"], run["commanded_spool_tension"])
+    assert replay(back).exact
+
+
+def test_many_runs_hold_tensions_as_one_does_to_the_last_bit() -> None:
+    given = np.tile([40.0, 0.0], (100, 1))
+    alone = tn.twin.Twin(REAL).run(np.zeros(100), spool_tension=given)
+    many = tn.twin.run_many(REAL, np.zeros((9, 100)), spool_tension=given, seeds=np.zeros(9, int))
+    np.testing.assert_array_equal(many["output_angle"], np.tile(alone["output_angle"].ravel(), (9, 1)))
+    with pytest.raises(ArgumentError, match="spool_tension"):
+        tn.twin.run_many(REAL, np.zeros((2, 100)), spool_tension=-given)
+
+
+@pytest.mark.parametrize(
+    ("tensions", "problem"),
+    [({"nobody": "3 N"}, "names nobody"), ({"near_agonist": "0 N"}, "force"), ({"near_agonist": "-1 N"}, "force")],
+)
+def test_tensions_that_no_drive_of_a_protocol_can_hold_are_refused(tensions: dict[str, str], problem: str) -> None:
+    phases = [{"kind": "ramp", "duration": "0.2 s", "spool_tensions": tensions}]
+    with pytest.raises(ProtocolError, match=problem):
+        tn.simulate.parse(tomli_w.dumps({"name": "wrong", "phases": phases})).plan(two_segments(), 1e-3)
+
+
+def test_a_phase_leaves_the_motors_of_a_controller_to_it() -> None:
+    with pytest.raises(ProtocolError, match="must leave its motors to it"):
+        tn.simulate.execute(tn.twin.Twin(REAL), pulled(REAL.expanded), controller=tn.control.Controller(REAL))

@@ -24,6 +24,8 @@ _READINGS = 5
 _BOUNDS = np.array([2, 50, 50, 100, 100, 1, 1], np.float32)
 """Of an observation, which is cut there."""
 _OBSERVED = _BOUNDS.size
+_LEAST_TENSION = 0.01
+"""Tension that an action of -1 commands, over that at rest: a spool with none would run on."""
 _LOST = -10.0
 """Reward of a step that the instrument does not survive."""
 
@@ -36,7 +38,8 @@ class TendonVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
 
     An observation has what the proximal sensors say, and what was done: handle angle over its range, tension over
     pretension less 1 and spool angle in rad of agonist and antagonist, and the last action; shape (7,). An action has
-    the spool velocities of both, -1 to 1 of the drives' limit. The reward of a period is minus the distance of the tip,
+    the spool velocities of both, -1 to 1 of the drives' limit; or, where the task's drives hold tensions, these, from
+    next to none by that at rest to the controller's limit. The reward of a period is minus the distance of the tip,
     in degrees, from where the first instrument, if rigid and without friction, would have it, less the action's cost.
     An episode is terminated, with a reward of -10, where the tip finds no equilibrium or a tension passes the
     controller's limit, and truncated after the task's duration. An environment that is done begins its next episode in
@@ -118,7 +121,7 @@ class TendonVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
             allowed = f"finite, of shape ({self.num_envs}, 2)"
             raise ArgumentError(key="actions", value=action.shape, allowed=allowed)
         self._episodes.commands(self._tick, self._commands)
-        self._commands[:, :, COMMANDS["spool_velocity"]] = action[:, np.newaxis] * self._speed
+        self._commands[:, :, COMMANDS[f"spool_{self.task.drive}"]] = self._driven(action)[:, np.newaxis]
         self._out.fill(np.nan)
         self._twins.advance(
             self._commands,
@@ -154,6 +157,14 @@ class TendonVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]
             self._begin(np.flatnonzero(done))
             observed[done] = 0.0
         return observed, rewards, terminated, truncated, info
+
+    def _driven(self, action: Array) -> Array:
+        """Return what actions (num_envs, 2) command the spools: rad/s, or N."""
+        if self.task.drive == "velocity":
+            return action * self._speed
+        rest = self._pretension[self._which, np.newaxis]
+        room = np.where(action > 0, self.tension_limit - rest, rest)
+        return np.asarray(np.maximum(rest + action * room, _LEAST_TENSION * rest))
 
     def _observed(self, values: Array, action: Array) -> Observations:
         observed = np.empty((self.num_envs, _OBSERVED), np.float32)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from tenodesis.run import Array
 from tenodesis.tolerance.parameters import resolve
 from tenodesis.twin.rows import columns_by_name
 
-_WIDTHS = (("handle_angle", 1), ("spool_velocity", 2), ("force", 1), ("contact", 3))
+_WIDTHS = (("handle_angle", 1), ("spool_velocity", 2), ("force", 1), ("contact", 3), ("spool_tension", 2))
 COMMANDS = columns_by_name(_WIDTHS)
 """Columns of a row of commands, by name."""
 WIDTH = sum(width for _, width in _WIDTHS)
@@ -51,9 +51,13 @@ class Task:
     tissue_stiffness: tuple[float, float] = (100.0, 5000.0)
     """Range of its stiffness, drawn uniformly in the logarithm, N/m."""
     action_cost: float = 0.01
-    """Reward lost by full speed of both spools in one period."""
+    """Reward lost by full speed of both spools, or by their tensions' largest change, in one period."""
+    drive: Literal["velocity", "tension"] = "velocity"
+    """What an action commands of a spool: its velocity, or the tension that it holds."""
 
     def __post_init__(self) -> None:
+        if self.drive not in ("velocity", "tension"):
+            raise ArgumentError(key="drive", value=self.drive, allowed="velocity or tension")
         positive = {"period": self.period, "duration": self.duration, "move_time": self.move_time}
         for key, value in positive.items():
             if not (np.isfinite(value) and value > 0):

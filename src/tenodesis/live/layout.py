@@ -77,7 +77,7 @@ class RowLayout:
         tick, commands, signals, control = np.split(rows, self._parts, axis=1)
         commanded = self.commands.named(commands)
         grip = self._grips and "held" in commanded
-        found = signals_of_commands(commanded, tissue="contact" in commanded, grip=grip)
+        found = signals_of_commands(commanded, tissue="contact" in commanded, grip=grip, tension=True)
         found |= {name: signals[:, columns] for name, columns in self._signals.items()}
         axes = len(self.names.compensated)
         if axes:

@@ -289,7 +289,9 @@ class Player:
         """Return rows (n, width) from the present commands to others (width,), with their tissue; spools rest."""
         target, there = self._columns.named(end), self._tick["commands"]
         begin = {name: target[name] if name in _CONSTANT else there.get(name, target[name]) for name in target}
-        begin["spool_velocity"] = target["spool_velocity"] = np.zeros_like(target["spool_velocity"])
+        for name in ("spool_velocity", "spool_tension"):
+            if name in target:
+                begin[name] = target[name] = np.zeros_like(target[name])
         start, last = (np.concatenate([row[name] for name in self._columns.columns]) for row in (begin, target))
         if (start == last).all():
             return np.empty((0, self._columns.width))

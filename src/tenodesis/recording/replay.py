@@ -189,6 +189,8 @@ def _run_in(twin: Twin, recorded: Run, controller: Controller | None) -> Run:
     if velocity is not None:
         own = [] if controller is None else [m for pair in pairs(twin.inst).values() for m in pair[2:]]
         commands["spool_velocity"] = np.where(np.isin(np.arange(velocity.shape[1]), own), 0.0, velocity)
+    if recorded.commanded_spool_tension is not None:
+        commands["spool_tension"] = np.nan_to_num(recorded.by_column("commanded_spool_tension"))
     if controller is None:
         return twin.run(handle, **commands)
     request = np.zeros(len(recorded))

@@ -178,6 +178,7 @@ def _joint_topics(names: Names) -> list[Topic]:
         ("/handle/setpoint_js", handle, {"position": "commanded_handle_angle"}),
         ("/motors/measured_js", tendons, {"position": "measured_spool_angle"}),
         ("/motors/setpoint_js", tendons, {"velocity": "commanded_spool_velocity"}),
+        ("/tendons/setpoint_js", tendons, {"effort": "commanded_spool_tension"}),
         ("/motors/current", tendons, {"effort": "measured_current"}),
         ("/tendons/measured_js", tendons, {"effort": "measured_tension"}),
         ("/tip/measured2_js", tip, {"position": "measured_output_angle"}),

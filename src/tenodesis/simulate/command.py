@@ -70,12 +70,21 @@ class Command(NamedTuple):
     contact: tuple[Contact | None, ...] | None = None
     """Tissue by joint of the tip."""
     between: Between | None = None
+    spool_tension: Array | None = None
+    """That the drives hold whatever their spools do for it, N; 0: a drive follows its spool's velocity."""
 
     @classmethod
-    def rest(cls, places: Places, *, tissue: bool = False) -> Self:
-        """Return the command of an instrument that is straight, unloaded and not driven; tissue: it may get some."""
-        joints, axes = len(places.inst.tip_joints), len(places.axes)
-        still = cls(np.zeros(len(places.inst.handle_joints)), np.zeros(len(places.inst.tendons)))
+    def rest(cls, places: Places, *, tissue: bool = False, tension: bool = False) -> Self:
+        """Return the command of an instrument that is straight, unloaded and not driven.
+
+        tissue, tension: it may get tissue, and drives that hold tensions.
+        """
+        joints, axes, tendons = len(places.inst.tip_joints), len(places.axes), len(places.inst.tendons)
+        still = cls(
+            np.zeros(len(places.inst.handle_joints)),
+            np.zeros(tendons),
+            spool_tension=np.zeros(tendons) if tension else None,
+        )
         contact = (None,) * joints if tissue else None
         if places.takes_forces:
             return still._replace(force=np.zeros(axes), radial_force=np.zeros(axes), contact=contact)
@@ -84,7 +93,7 @@ class Command(NamedTuple):
     @property
     def values(self) -> dict[str, Array]:
         """What may change along a segment, by name."""
-        named = {name: getattr(self, name) for name in ("handle_angle", *LOADS, "spool_velocity")}
+        named = {name: getattr(self, name) for name in ("handle_angle", *LOADS, *_OF_SPOOLS)}
         return {name: values for name, values in named.items() if values is not None}
 
     @property
@@ -124,6 +133,7 @@ class Command(NamedTuple):
 
 
 LOADS = ("force", "radial_force", "wrench", "grip_force")
+_OF_SPOOLS = ("spool_velocity", "spool_tension")
 
 
 @dataclass(frozen=True)
@@ -149,7 +159,7 @@ class Segment:
         for name, path in self.paths.items():
             where = self.place.where(name)
             columns[where.field][:, where.columns] = where.sign * path(done)[:, np.newaxis]
-        single = [name for name, values in columns.items() if values.shape[1] == 1 and name != "spool_velocity"]
+        single = [name for name, values in columns.items() if values.shape[1] == 1 and name not in _OF_SPOOLS]
         return columns | {name: columns[name][:, 0] for name in single}
 
 
@@ -208,6 +218,6 @@ class Plant(Protocol):
         """Continue from the present state by as many time steps as there are commands, and return what is measured.
 
         It takes those of :class:`Command` that the instrument or the protocol has, as :meth:`tenodesis.twin.Twin.run`
-        does: handle_angle and spool_velocity, loads, tissue or what the jaws hold; and a controller with its requests
-        if there is one.
+        does: handle_angle, spool_velocity and spool_tension, loads, tissue or what the jaws hold; and a controller with
+        its requests if there is one.
         """

@@ -175,10 +175,13 @@ def check_controllable(plan: Sequence[Planned], inst: Instrument, assumed: Short
                 _check_homing(planned.phase, planned.initial, assumed)
                 continue
             commands = [command for part in planned.segments for command in (part.start, part.end)]
-            moved = next((m for m in own if any(command.spool_velocity[m] for command in commands)), None)
+            tensions = [command.spool_tension for command in commands if command.spool_tension is not None]
+            driven = np.any([command.spool_velocity for command in commands] + tensions, axis=0)
+            moved = next((m for m in own if driven[m]), None)
             if moved is not None:
                 name = inst.tendons[moved].name
-                key = "spool_velocities" if getattr(planned.phase, "spool_velocities", None) else "spool_velocity"
+                of_tendons = ("spool_velocities", "spool_tensions")
+                key = next((key for key in of_tendons if name in getattr(planned.phase, key, ())), "spool_velocity")
                 raise ProtocolError(
                     f"{key} is given for {name}; with a controller a phase must leave its motors to it",
                     key=key,

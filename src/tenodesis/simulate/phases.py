@@ -35,6 +35,7 @@ from tenodesis.units import (
     Delay,
     Duration,
     HandleSpeed,
+    PositiveForce,
     SignedForce,
     Spacing,
     SpoolVelocity,
@@ -217,13 +218,22 @@ class Ramp(NamedLoad, OpenLoop):
     spool_velocities: Mapping[str, SpoolVelocity] = Field(
         default={}, description="Spool velocities at the end by tendon, several at once"
     )
+    spool_tensions: Mapping[str, PositiveForce] = Field(
+        default={},
+        description="Tensions at the end by tendon, which their drives hold until a ramp gives them spool_velocities",
+    )
 
     @model_validator(mode="after")
     def _check_given(self) -> Self:
         of_axis = (self.handle_angle, self.force, self.radial_force, self.spool_velocity)
-        if of_axis == (None,) * 4 and not (self.names_load or self.handle_angles or self.spool_velocities):
+        of_tendons = (self.handle_angles, self.spool_velocities, self.spool_tensions)
+        if of_axis == (None,) * 4 and not self.names_load and not any(of_tendons):
             raise ArgumentError(
                 "nothing is ramped; give handle_angle, force, radial_force or spool_velocity", key="handle_angle"
+            )
+        if both := sorted(self.spool_velocities.keys() & self.spool_tensions.keys()):
+            raise ArgumentError(
+                f"spool_velocities and spool_tensions are given for {both[0]}; give one of them", key="spool_tensions"
             )
         for one, several in (("handle_angle", "handle_angles"), ("spool_velocity", "spool_velocities")):
             if getattr(self, one) is not None and getattr(self, several):
@@ -251,10 +261,23 @@ class Ramp(NamedLoad, OpenLoop):
         for name, angle in self.handle_angles.items():
             place = start.places.listed("handle_angles", name)
             end = end.on(place, handle_angle=check_handle_angle(place, f"handle_angles.{name}", angle))
+        begin = start.command
         velocities = end.spool_velocity.copy()
+        tensions = None if begin.spool_tension is None else begin.spool_tension.copy()
         for name, velocity in self.spool_velocities.items():
-            velocities[start.places.tendon("spool_velocities", name)] = velocity
-        yield start.segment(start.command, end._replace(spool_velocity=velocities), self.duration)
+            m = start.places.tendon("spool_velocities", name)
+            velocities[m] = velocity
+            if tensions is not None:
+                tensions[m] = 0.0
+        if tensions is not None:
+            # A drive begins to hold with the tension at rest, and ceases at once.
+            held = tensions.copy()
+            for name, tension in self.spool_tensions.items():
+                m = start.places.tendon("spool_tensions", name)
+                held[m] = held[m] or start.places.inst.pretensions[m]
+                tensions[m], velocities[m] = tension, 0.0
+            begin = begin._replace(spool_tension=held)
+        yield start.segment(begin, end._replace(spool_velocity=velocities, spool_tension=tensions), self.duration)
 
 
 class Cycles(Loaded):

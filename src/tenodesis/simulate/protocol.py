@@ -85,8 +85,9 @@ class Protocol(ProtocolModel):
         """Return the commands of all time steps (s), by name.
 
         For n steps: handle_angle (rad) by joint of the handle, (n, joints), and spool_velocity (rad/s) by tendon,
-        (n, tendons). Loads (N, N m) are force and radial_force by axis, (n, axes), where the axes do not act on each
-        other; else wrench (n, 6), and grip_force (n,). With a single joint its angle and forces have shape (n,).
+        (n, tendons), with spool_tension (N) where drives hold some. Loads (N, N m) are force and radial_force by axis,
+        (n, axes), where the axes do not act on each other; else wrench (n, 6), and grip_force (n,). With a single joint
+        its angle and forces have shape (n,).
 
         Raises ProtocolError if a phase is closed-loop or has tissue or an object, whose force is not known before, the
         instrument cannot run it, or not within an hour.
@@ -111,6 +112,11 @@ class Protocol(ProtocolModel):
         return commands
 
     @property
+    def has_tension_drives(self) -> bool:
+        """Whether drives hold tensions in it."""
+        return any(isinstance(phase, Ramp) and phase.spool_tensions for phase in self.phases)
+
+    @property
     def has_tissue(self) -> bool:
         """Whether the tip meets tissue in it."""
         return any(isinstance(phase, TissueContact) for phase in self.phases)
@@ -123,7 +129,7 @@ class Protocol(ProtocolModel):
         places = Places.of(as_instrument(inst))
         block_size(time_step, time_step)
         plan: list[Planned] = []
-        command, total = Command.rest(places, tissue=self.has_tissue), 0.0
+        command, total = Command.rest(places, tissue=self.has_tissue, tension=self.has_tension_drives), 0.0
         before, before_at = REST, Place()
         for number, (phase, following) in enumerate(zip(self.phases, (*self.phases[1:], None), strict=True), 1):
             label = f"{self.name}: phase {number} ({phase.kind})"

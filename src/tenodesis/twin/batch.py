@@ -63,6 +63,7 @@ def run_many(
     weight: ArrayLike = 0.0,
     wrench: ArrayLike = 0.0,
     spool_velocity: ArrayLike = 0.0,
+    spool_tension: ArrayLike = 0.0,
     contact: Contacts | None = None,
     controllers: Sequence[LoopController] | None = None,
     vary: Mapping[str, ArrayLike] | None = None,
@@ -89,6 +90,8 @@ def run_many(
         On an instrument that lists joints and tendons, as for :meth:`Twin.run`, or (runs, n, 6).
     spool_velocity
         Spool velocities, rad/s, shape (n, tendons) for all runs or (runs, n, tendons).
+    spool_tension
+        Tensions that drives hold instead, N, likewise; 0 for a drive that follows its velocity.
     contact
         Tissue at the tip, for all runs or one per run, None where there is none; with several joints for all runs, one
         per joint.
@@ -123,6 +126,7 @@ def run_many(
         "weight": weight,
         "wrench": wrench,
         "spool_velocity": spool_velocity,
+        "spool_tension": spool_tension,
     }
     steps = Steps(time_step, quasi_static)
     if any(one.short_form is None for one in chosen):
@@ -182,9 +186,10 @@ def _loops(controllers: Sequence[LoopController] | None, many: Many, plant_: obj
     if len(controllers) != runs or len({id(one) for one in controllers}) != runs:
         problem = f"controllers has {len(controllers)} entries; it must have one of its own for each of {runs} runs."
         raise ArgumentError(problem, key="controllers", value=len(controllers), allowed="one controller per run")
-    spools = many.first.columns["spool_velocity"].start
-    if {spools + tendon for tendon in many.first.own_tendons}.intersection(many.given):
-        raise ArgumentError("spool_velocity and controllers are both given; give one of them.", key="spool_velocity")
+    for name in ("spool_velocity", "spool_tension"):
+        spools = many.first.columns[name].start
+        if {spools + tendon for tendon in many.first.own_tendons}.intersection(many.given):
+            raise ArgumentError(f"{name} and controllers are both given; give one of them.", key=name)
     for controller, inst in zip(controllers, many.insts, strict=True):
         controller.check_instrument(compensated(inst))
         controller.begin(plant_, 0.0)

@@ -56,10 +56,10 @@ def run_closed_loop(
     """Step a twin of the core with the controller in the loop."""
     if not relay >= 0:
         raise ArgumentError(key="relay", value=relay, allowed="a time in s, 0 or more")
-    velocity = core.commanded(rows, tissue=False)["commanded_spool_velocity"]
-    count = len(velocity)
-    if velocity[:, list(core.own_tendons)].any():
-        raise ArgumentError("spool_velocity and a controller are both given; give one of them.", key="spool_velocity")
+    count = len(rows)
+    for name in ("spool_velocity", "spool_tension"):
+        if rows[:, core.columns[name]][:, list(core.own_tendons)].any():
+            raise ArgumentError(f"{name} and a controller are both given; give one of them.", key=name)
     values = modes = None
     if faults:
         values = np.zeros((len(core.axes), count, len(_core.fault_injection_points())))

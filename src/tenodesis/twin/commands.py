@@ -88,17 +88,18 @@ def as_columns(given: Mapping[str, ArrayLike], widths: Mapping[str, int], inst: 
 
 
 def check_spool_tension(tension: Array, inst: Instrument) -> None:
-    """Raise ArgumentError for tensions (steps, tendons) that no drive can hold."""
+    """Raise ArgumentError for tensions (..., tendons) that no drive can hold; one number is for all."""
     if (tension < 0).any():
         at = int(np.argmax(tension < 0))
         allowed = "above 0 N, or 0 N for a drive that follows spool_velocity"
         raise ArgumentError(
             key=f"spool_tension{place(at, tension.shape)}", value=float(tension.flat[at]), allowed=allowed
         )
-    for tendon, column in zip(inst.tendons, tension.T, strict=True):
-        if tendon.start != "spool" and column.any():
+    for m, tendon in enumerate(inst.tendons):
+        held = tension[..., m if tension.shape[-1] > 1 else 0]
+        if tendon.start != "spool" and held.any():
             allowed = f"0 N for {tendon.name}, which has no spool"
-            raise ArgumentError(key="spool_tension", value=float(column[np.argmax(column > 0)]), allowed=allowed)
+            raise ArgumentError(key="spool_tension", value=float(held.max()), allowed=allowed)
 
 
 def check_finite(name: str, array: Array) -> None:

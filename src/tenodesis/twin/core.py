@@ -120,10 +120,10 @@ class TwinCore(ABC):
         rows[:, self.columns["contact"]] = np.ravel(tissue)
         return rows
 
-    def commanded(self, rows: Array, *, tissue: bool) -> dict[str, Array]:
+    def commanded(self, rows: Array, *, tissue: bool, tension: bool) -> dict[str, Array]:
         """Return the commands that are signals of a run."""
         commands = {name: rows[:, columns] for name, columns in self.columns.items()}
-        return signals_of_commands(commands, tissue=tissue, grip=self.grips)
+        return signals_of_commands(commands, tissue=tissue, grip=self.grips, tension=tension)
 
     def run(self, rows: Array) -> Outcome:
         """Step over commands."""

@@ -13,11 +13,13 @@ from tenodesis.run import Array
 from tenodesis.statics.query import common_shape
 from tenodesis.twin.axes_core import AxesCore
 from tenodesis.twin.chain_core import ChainCore
-from tenodesis.twin.commands import as_columns, check_finite, check_no_wrench
+from tenodesis.twin.commands import as_columns, check_finite, check_no_wrench, check_spool_tension
 from tenodesis.twin.contact import Contact, Contacts, by_axis, rows_of
 from tenodesis.twin.core import Constant, TwinCore
 from tenodesis.twin.rows import check_handle_range, check_rig, check_seed
 
+_BY_TENDON = ("spool_velocity", "spool_tension")
+"""Arguments whose last axis is that of the tendons."""
 _PER_RUN = 3
 """Dimensions of an argument that has an axis of runs."""
 
@@ -101,6 +103,7 @@ def axes(
         narrowest = min(prescribed, key=lambda one: one.handle_range)
         for row in np.atleast_2d(arrays["handle_angle"]):
             check_handle_range(narrowest, row)
+    check_spool_tension(np.atleast_1d(arrays["spool_tension"]), insts[0].expanded)
     if arrays["weight"].any():
         for one in insts:
             check_rig(one)
@@ -114,7 +117,7 @@ def axes(
     twins = [_core.axes_twin([specs[id(one)]], [seed]) for one, seed in zip(insts, own, strict=True)]
     # Of what is zero throughout, only the handle angle has a column.
     blocks = [
-        (name, array if array.ndim and name == "spool_velocity" else array[..., np.newaxis])
+        (name, array if array.ndim and name in _BY_TENDON else array[..., np.newaxis])
         for name, array in arrays.items()
         if name == "handle_angle" or array.any()
     ]
@@ -148,12 +151,13 @@ def _rows(twin: ChainCore, inst: Instrument, arrays: Mapping[str, Array], tissue
     given = {name: array[run] if array.ndim == _PER_RUN else array for name, array in arrays.items()}
     commands = as_columns(dict.fromkeys(twin.widths, 0.0) | given, twin.widths, inst)
     twin.check(commands)
+    check_spool_tension(commands["spool_tension"], inst)
     return twin.rows(commands, Constant(tissue, None, "tip"))
 
 
 def _shape(runs: int, arrays: Mapping[str, Array]) -> tuple[int, int]:
     """Return the runs that commands are for, 1 if all share them, and their steps."""
-    by_step = {name: array.shape[:-1] if name == "spool_velocity" else array.shape for name, array in arrays.items()}
+    by_step = {name: array.shape[:-1] if name in _BY_TENDON else array.shape for name, array in arrays.items()}
     shape = common_shape(by_step)
     shape = (1,) * (2 - len(shape)) + shape
     if len(shape) != 2 or (shape[0] not in (1, runs) and runs != 1):

@@ -16,6 +16,7 @@ CONTROL = _core.control_signals()
 _COMMANDED = {
     "handle_angle": "commanded_handle_angle",
     "spool_velocity": "commanded_spool_velocity",
+    "spool_tension": "commanded_spool_tension",
     "radial_force": "radial_force",
     "wrench": "wrench",
     "grip_force": "applied_grip_force",
@@ -29,9 +30,14 @@ def columns_by_name(columns: Sequence[tuple[str, int]]) -> dict[str, slice]:
     return {name: slice(end - width, end) for (name, width), end in zip(columns, ends, strict=True)}
 
 
-def signals_of_commands(commands: Mapping[str, Array], *, tissue: bool, grip: bool) -> dict[str, Array]:
-    """Return the signals of a run in commands by name, (n, columns), with or without tissue and what jaws hold."""
+def signals_of_commands(commands: Mapping[str, Array], *, tissue: bool, grip: bool, tension: bool) -> dict[str, Array]:
+    """Return the signals of a run in commands by name, (n, columns), with or without some of them.
+
+    tissue: that at the tip; grip: what jaws hold; tension: tensions that drives hold.
+    """
     signals = {signal: commands[name] for name, signal in _COMMANDED.items() if name in commands}
+    if not tension:
+        signals.pop("commanded_spool_tension", None)
     if tissue:
         signals |= {name: commands["contact"][:, n :: len(TISSUE)] for n, name in enumerate(TISSUE)}
     if grip:

@@ -249,9 +249,6 @@ class Twin:
         FaultWarning
             The controller faulted.
         """
-        if controller is not None and np.any(spool_tension):
-            problem = "spool_tension is given with a controller, which commands velocities; give one of them."
-            raise ArgumentError(problem, key="spool_tension", allowed="0 with a controller")
         before = self.state
         rows, count = self._rows(
             handle_angle,
@@ -269,7 +266,7 @@ class Twin:
             axes=axes,
         )
         core, first = self._core, self._steps
-        signals = core.commanded(rows, tissue=contact is not None)
+        signals = core.commanded(rows, tissue=contact is not None, tension=np.ndim(spool_tension) > 0)
         if controller is None:
             done = core.run(rows)
         else:
