@@ -2,8 +2,8 @@
 // Tendons whose stiffness grows with tension: tension by stretch, from a table of stiffness by tension.
 //
 // Between two entries the stiffness k = dT/ds is linear in the tension T, so that T is exponential in the stretch s;
-// beyond the last entry k is constant, and a tendon that is slack has the first one's. Stretch is counted as the tension
-// that the stiffness at rest would give, so that one curve holds for every segment of a tendon.
+// beyond the last entry k is constant, and a tendon that is slack has the first one's. Stretch is counted as the
+// tension that the stiffness at rest would give, so that one curve holds for every segment of a tendon.
 
 #include "tenodesis/scalar.hpp"
 
@@ -20,8 +20,7 @@ inline constexpr double small_argument = 1e-3;
 /// (exp(y) - 1) / y.
 template <class S>
 S exp_quotient(const S& y) {
-  if (abs(value_of(y)) < ValueOf<S>(small_argument))
-    return S(1) + y * (S(0.5) + y * (S(1.0 / 6) + y * S(1.0 / 24)));
+  if (abs(value_of(y)) < ValueOf<S>(small_argument)) return S(1) + y * (S(0.5) + y * (S(1.0 / 6) + y * S(1.0 / 24)));
   return (exp(y) - S(1)) / y;
 }
 
@@ -38,7 +37,7 @@ S log_quotient(const S& y) {
 /// Stiffness by tension, over the stiffness at rest.
 template <class S>
 struct StretchCurve {
-  int entries{};  ///< 0: the stiffness is constant
+  int entries{};                      ///< 0: the stiffness is constant
   S tension[most_stretch_entries]{};  ///< rising from 0, N
   S ratio[most_stretch_entries]{};    ///< not falling
   S stretch[most_stretch_entries]{};  ///< see rest_at(), N
@@ -83,8 +82,8 @@ struct StretchCurve {
         // Simpson's rule, whose error is of the fourth order in the argument.
         const S middle = tension[k] + S(0.5) * more;
         const S at_middle = ratio[k] + S(0.5) * growing * more;
-        sum = sum + more / S(6) *
-                        (tension[k] / ratio[k] + S(4) * middle / at_middle + end / (ratio[k] + growing * more));
+        sum =
+            sum + more / S(6) * (tension[k] / ratio[k] + S(4) * middle / at_middle + end / (ratio[k] + growing * more));
       } else {
         const S logarithm = log(S(1) + growing * more / ratio[k]);
         sum = sum + (more - (ratio[k] - growing * tension[k]) * logarithm / growing) / growing;

@@ -38,15 +38,15 @@ struct Twin {
   Draw<S> draw[M][joints]{};  ///< where the layout is unknown, by the passages, see prepare()
   int draw_count[M]{};
   Link<S> link[N]{};
-  S reach[N]{};    ///< of the tip from each joint's far end while the joints beyond are straight, m
-  S damping[N]{};  ///< of the tip's joints, N m s/rad
+  S reach[N]{};                     ///< of the tip from each joint's far end while the joints beyond are straight, m
+  S damping[N]{};                   ///< of the tip's joints, N m s/rad
   S stop_low[N]{}, stop_high[N]{};  ///< angles of the mechanical stops, rad
   S stop_stiffness[N]{};
   S tendon_damping[M]{};  ///< of each tendon by the rate of its stretch, N s/m; none where the layout is known
-  S viscous{};           ///< friction of each joint and of the sheath, N s/m
-  S sheath_bend_rate{};  ///< bend of a tendon's sheath per radian of each |angle| of the handle's joints that draw it
-  S handle_range[N]{};   ///< largest |angle| of each joint of the handle, rad; 0: any below half a turn
-  Hand<S> hand{};        ///< on each joint of the handle
+  S viscous{};            ///< friction of each joint and of the sheath, N s/m
+  S sheath_bend_rate{};   ///< bend of a tendon's sheath per radian of each |angle| of the handle's joints that draw it
+  S handle_range[N]{};    ///< largest |angle| of each joint of the handle, rad; 0: any below half a turn
+  Hand<S> hand{};         ///< on each joint of the handle
   Drive<S> drive{};
   Wrench<S> rig{};  ///< on the tip by a newton on the load rig, in the axes of the load
   Sensor<S> handle_encoder{};

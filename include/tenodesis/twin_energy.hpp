@@ -34,7 +34,8 @@ T::S stored_energy(const T& twin, const typename T::State& state) {
     if (nonlinear) twin.stretches(m, state, stretch);
     for (int i = 0; i <= twin.contacts(m); ++i) {
       const S& held = state.tendon[m].tension[i];
-      const S twice_by = nonlinear ? twin.chain.twice_energy(m, larger(twin.elastic(m, i, stretch[i]), S(0))) : held * held;
+      const S twice_by =
+          nonlinear ? twin.chain.twice_energy(m, larger(twin.elastic(m, i, stretch[i]), S(0))) : held * held;
       twice = twice + twice_by / twin.tendon[m].stiffness[i];
     }
   });

@@ -198,8 +198,7 @@ struct TwinStep {
     S pushed_by = abs(load.grip) + command.held.stiffness;
     for (const Vector<S>& by : {load.wrench.force, load.wrench.moment})
       pushed_by = pushed_by + abs(by.x) + abs(by.y) + abs(by.z);
-    for (int i = 0; i < N; ++i)
-      pushed_by = pushed_by + twin.chain.joint[i].stiffness + twin.chain.joint[i].hardening;
+    for (int i = 0; i < N; ++i) pushed_by = pushed_by + twin.chain.joint[i].stiffness + twin.chain.joint[i].hardening;
     twin.chain.each_tie([&](int, const Tie<S>& tie) { pushed_by = pushed_by + tie.stiffness; });
     Flag<S> bare = pushed_by == S(0);
     if (!any(bare)) return bare;
@@ -376,7 +375,8 @@ struct TwinStep {
       for (int i = pulls(m) ? 1 : 0; i <= twin.contacts(m); ++i) {
         const S viscous = twin.quasi_static ? S(0) : twin.damping_of(m, i) * per_second;
         const S held = larger(twin.elastic(m, i, found[i]) + viscous * (found[i] - own.begun[m][i]), S(0));
-        right = right && abs(held - next.tendon[m].tension[i]) <= S(curve_tolerance<ValueOf<S>>) * twin.tension_scale[m];
+        right =
+            right && abs(held - next.tendon[m].tension[i]) <= S(curve_tolerance<ValueOf<S>>) * twin.tension_scale[m];
       }
       if (right) return;
       again = true;
@@ -589,8 +589,7 @@ struct TwinStep {
     if (ends_drawn(m)) excursion[n] = twin.last_draw(m).arm * coordinate[twin.last_draw(m).joint];
     typename Rope::Line own{};
     next.tendon[m].slip = before.tendon[m].slip;
-    next.sweeps +=
-        tenodesis::settle(rope(m), n, band[m], excursion, spool[m], tolerance(m), next.tendon[m], own);
+    next.sweeps += tenodesis::settle(rope(m), n, band[m], excursion, spool[m], tolerance(m), next.tendon[m], own);
   }
 
   // Whether angles and coordinates are possible.
@@ -741,8 +740,8 @@ struct TwinStep {
         const S stop = twin.quasi_static ? S(0) : twin.stop_stiffness[i];
         at[i] = at[i] + load[i] - twin.chain.spring(i, angle[i]) - twin.damping[i] * velocity - stop * beyond;
         for (int j = 0; j < N; ++j) slope.at[i][j] = slope.at[i][j] + load_rate[i][j];
-        slope.at[i][i] =
-            slope.at[i][i] - twin.chain.spring_rate(i, angle[i]) - twin.damping[i] * speed_rate - where(Flag<S>(beyond == S(0)), S(0), stop);
+        slope.at[i][i] = slope.at[i][i] - twin.chain.spring_rate(i, angle[i]) - twin.damping[i] * speed_rate -
+                         where(Flag<S>(beyond == S(0)), S(0), stop);
         // A joint that nothing holds stays where it is.
         if (twin.quasi_static)
           slope.at[i][i] = slope.at[i][i] - S(detail::slack_stiffness<ValueOf<S>>) * twin.stop_stiffness[i];

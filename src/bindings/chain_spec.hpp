@@ -46,8 +46,8 @@ using Any = std::variant<Paired<1>, Many<1>, Paired<2>, Many<2>, Paired<3>, Many
 class ChainSpec {
  public:
   ChainSpec(const std::vector<int>& mechanism, const std::vector<int>& parent, const In<2>& numbers, const In<2>& arm,
-            const In<2>& tendon, const std::vector<int>& motor, const std::vector<int>& handle,
-            const In<2>& handle_arm, const In<3>& growth);
+            const In<2>& tendon, const std::vector<int>& motor, const std::vector<int>& handle, const In<2>& handle_arm,
+            const In<3>& growth);
 
   const Any& any() const { return any_; }
   std::size_t joints() const { return joints_; }

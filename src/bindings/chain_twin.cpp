@@ -22,8 +22,7 @@ std::unique_ptr<AnyTwin> make_chain_twin(const ChainSpec& spec, const In<3>& pas
               tendons > 0 && segments.shape(0) == tendons && segments.shape(1) == passages.shape(1) + 1 &&
               links.shape(0) == spec.joints() && links.shape(1) == link_numbers && load_cells.shape(0) == tendons &&
               load_cells.shape(1) == load_cell_numbers && damping.size() == tendons &&
-              parameters.size() == chain_twin_names.size() && law >= 0 &&
-              law <= int(ChainLaw::capstan_power),
+              parameters.size() == chain_twin_names.size() && law >= 0 && law <= int(ChainLaw::capstan_power),
           "the twin's rows do not fit the chain");
   const auto most = std::size_t(2 * most_vertices) * spec.joints() + std::size_t(most_long_sheath_contacts);
   for (std::size_t m = 0; m < tendons; ++m) {
@@ -35,20 +34,13 @@ std::unique_ptr<AnyTwin> make_chain_twin(const ChainSpec& spec, const In<3>& pas
           passages(m, j, passage_joint) >= -1 && passages(m, j, passage_joint) < double(spec.joints() + spec.handles()),
           "a tendon crosses a joint that is not there");
   }
-  const TwinRows rows{passages.data(),
-                      passages.shape(1),
-                      contacts,
-                      segments.data(),
-                      links.data(),
-                      load_cells.data(),
-                      damping.data(),
-                      rig.data(),
-                      parameters.data(),
-                      ChainLaw(law),
-                      steps_per_sample,
-                      quasi_static,
-                      currents,
-                      seed};
+  const TwinRows rows{passages.data(),   passages.shape(1),
+                      contacts,          segments.data(),
+                      links.data(),      load_cells.data(),
+                      damping.data(),    rig.data(),
+                      parameters.data(), ChainLaw(law),
+                      steps_per_sample,  quasi_static,
+                      currents,          seed};
   const ChainSizes sizes{spec.joints(), spec.handles(), tendons};
   return std::visit([&](const auto& chain) { return make_twin<int(most_chain_tendons)>(chain, rows, sizes); },
                     spec.any());
@@ -96,7 +88,8 @@ void bind_chain_twin(nb::module_& m) {
         "The twin of a chain, at rest. passages: by tendon and contact the joint (-1: the sheath; the handle's count "
         "on), friction coefficient, wrap in rad of the straight joint or in the sheath, share, arm in m; links: by "
         "joint mass, its centre, inertia about x, y, z, damping, its stops and their stiffness, reach of the tip; "
-        "load_cells: gain, bias, noise, range and resolution by tendon; damping: by tendon, N s/m; rig: wrench on the tip by a newton of weight; law: 0 "
+        "load_cells: gain, bias, noise, range and resolution by tendon; damping: by tendon, N s/m; rig: wrench on the "
+        "tip by a newton of weight; law: 0 "
         "capstan with a constant part, 1 Stribeck, 2 power.");
   m.def("chain_inertia", &chain_inertia, "chain"_a, "links"_a, "angles"_a, "speeds"_a, "matrix"_a, "bias"_a);
   m.def("chain_twin_parameters", [] { return list_of(chain_twin_names); });

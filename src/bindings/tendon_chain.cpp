@@ -45,8 +45,8 @@ ChainSpec::ChainSpec(const std::vector<int>& mechanism, const std::vector<int>& 
               parent.size() == joints_ && numbers.shape(0) == joints_ && numbers.shape(1) == joint_numbers &&
               arm.shape(1) == joints_ && tendon.shape(0) == tendons_ && tendon.shape(1) == 2 &&
               motor.size() == tendons_ && handle_arm.shape(0) == tendons_ && handle_arm.shape(1) == handles_ &&
-              (growth.shape(0) == 0 || (growth.shape(0) == tendons_ && growth.shape(1) <= most_stretch_entries &&
-                                        growth.shape(2) == 2)),
+              (growth.shape(0) == 0 ||
+               (growth.shape(0) == tendons_ && growth.shape(1) <= most_stretch_entries && growth.shape(2) == 2)),
           "joints, tendons and handle do not fit each other");
   make();
   std::visit(

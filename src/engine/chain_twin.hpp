@@ -70,7 +70,7 @@ struct TwinRows {
   const double* links;
   const double* load_cells;
   const double* damping;  ///< of each tendon, N s/m
-  const double* rig;  ///< wrench on the tip by a newton on the load rig
+  const double* rig;      ///< wrench on the tip by a newton on the load rig
   const double* parameters;
   ChainLaw law{};
   int steps_per_sample{1};
