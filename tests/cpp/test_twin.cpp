@@ -28,7 +28,8 @@ T<S> twin(bool quasi_static, double hand = 0) {
     t.chain.handle[i] = Mechanism::gear;
     t.link[i] = {S(0.01), S(0.02), {S(8e-6), S(8e-6), S(1e-7)}};
     t.damping[i] = S(1e-4);
-    t.stop[i] = S(1.8);
+    t.stop_low[i] = S(-1.8);
+    t.stop_high[i] = S(1.8);
     t.stop_stiffness[i] = S(1);
   }
   t.chain.handles = 2;

@@ -234,3 +234,33 @@ def test_a_doubled_rope_and_a_growing_spring_settle_as_in_mujoco() -> None:
         theirs = peer.settle(np.zeros(0), wrench, strokes=strokes)
         assert abs(ours[0]) > 0.005
         assert np.degrees(np.abs(ours - theirs.angles)).max() < 0.05
+
+
+def compound() -> FullForm:
+    """Return a wrist whose flexor runs over a block that a rope from a spool carries, away from the flexor's anchor."""
+    block = {"name": "block", "mechanism": "pulley", "axis": "yaw", "on": "stem", "radius": 4e-3, "mass": 1e-3}
+    wrist = {"name": "wrist", "mechanism": "pulley", "axis": "yaw", "on": "stem", "radius": RADIUS}
+    crossing = {"joint": "block", "side": "antagonist"}
+    flexor = {"name": "flexor", "start": "anchor", "route": [crossing, crossing, *PAIR[0]["route"]]}
+    carrier = {"name": "carrier", "pretension": 2 * REST, "route": [{"joint": "block", "side": "agonist"}]}
+    joints = [block, wrist | {"end_effector_length": REACH}]
+    return pulley(joints=joints, tendons=[flexor, carrier, PAIR[1]])
+
+
+def test_a_rope_over_a_block_has_half_the_tension_of_the_rope_that_carries_it() -> None:
+    inst = compound()
+    for force, wound in ((0.0, 0.0), (-0.5, 1e-3), (0.3, 2e-3)):
+        strokes = np.array([0.0, wound, 0.0])
+        rest = chain.equilibrium(inst, np.zeros(0), [force, 0, 0, 0, 0, 0], strokes=strokes)
+        flexor, carrier, extensor = rest.tensions
+        assert carrier == pytest.approx(2 * flexor, rel=1e-9)
+        assert RADIUS * (flexor - extensor) == pytest.approx(-REACH * force, rel=1e-6, abs=1e-12)
+        # The carrier winds 1 : 2 on the flexor, less what each of them stretches.
+        stretched = (rest.tensions - inst.pretensions) / inst.stiffnesses
+        wrist = rest.output_angle[1] * RADIUS
+        assert 2 * (wound - stretched[1]) == pytest.approx(stretched[0] + wrist, abs=1e-12)
+    run = tn.twin.Twin(inst, quasi_static=True).run(
+        np.zeros((300, 0)), spool_velocity=np.tile([0.0, 0.5, 0.0], (300, 1))
+    )
+    assert run["tension"][-1][1] == pytest.approx(2 * run["tension"][-1][0], rel=1e-9)
+    assert run["output_angle"][-1][1] > 0.01

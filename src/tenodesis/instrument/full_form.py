@@ -146,7 +146,9 @@ class FullForm(Instrument):
             _check_tie(joint, [other.name for other in tips[:place] if not other.arc] if place < len(tips) else [])
         held = self.grip.jaws if self.grip is not None and self.grip.length is not None and self.bearing else ()
         for i in self.ends:
-            if tips[i].end_effector_length is None and tips[i].name not in held:
+            # A block that a rope carries stands on the stem and bears nothing.
+            is_block = tips[i].on == "stem" and bool(self.bearing)
+            if tips[i].end_effector_length is None and tips[i].name not in held and not is_block:
                 raise ArgumentError(
                     f"joint {tips[i].name} is the last; its end_effector_length must be given",
                     key="end_effector_length",
