@@ -118,7 +118,7 @@ void post(MailboxDevice& box, std::uint64_t time, const std::vector<double>& han
   box.post(sensed);
 }
 
-std::tuple<bool, std::vector<double>> take(MailboxDevice& box, double timeout) {
+std::tuple<bool, std::vector<double>, std::vector<double>> take(MailboxDevice& box, double timeout) {
   const std::uint64_t most = in_nanoseconds(timeout);
   MailboxDevice::Answer answer;
   bool came = false;
@@ -126,7 +126,8 @@ std::tuple<bool, std::vector<double>> take(MailboxDevice& box, double timeout) {
     const nb::gil_scoped_release release;
     came = box.take(answer, most);
   }
-  return {came, {answer.speed, answer.speed + (came ? box.sizes.tendons : 0)}};
+  const std::size_t count = came ? box.sizes.tendons : 0;
+  return {came, {answer.speed, answer.speed + count}, {answer.tension, answer.tension + count}};
 }
 
 std::vector<std::pair<std::string, std::size_t>> named(const runtime::Columns& columns) {
@@ -180,13 +181,14 @@ void bind_runtime(nb::module_& m) {
   nb::class_<MotorSwitch, AnyController>(m, "MotorSwitch", "In place of a controller where no joint has a law.")
       .def(nb::init<>());
   nb::class_<MailboxDevice, runtime::Device>(m, "MailboxDevice", "A device that another thread serves.")
-      .def(nb::new_([](std::size_t joints, std::size_t handles, std::size_t tendons, bool distal_encoder) {
+      .def(nb::new_([](std::size_t joints, std::size_t handles, std::size_t tendons, bool distal_encoder,
+                       bool holds_tension) {
              require(
                  joints <= runtime::most_joints && handles <= runtime::most_joints && tendons <= runtime::most_tendons,
                  "there are too many joints or tendons");
-             return new MailboxDevice({joints, handles, tendons}, distal_encoder);
+             return new MailboxDevice({joints, handles, tendons}, distal_encoder, holds_tension);
            }),
-           "joints"_a, "handles"_a, "tendons"_a, "distal_encoder"_a, nb::rv_policy::take_ownership)
+           "joints"_a, "handles"_a, "tendons"_a, "distal_encoder"_a, "holds_tension"_a, nb::rv_policy::take_ownership)
       .def("post", &post, "time"_a, "handle_angle"_a, "tension"_a, "spool_angle"_a, "output_angle"_a,
            "Post a measurement: its time in ns, and its values by joint or tendon.")
       .def("take", &take, "timeout"_a,

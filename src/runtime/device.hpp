@@ -82,7 +82,11 @@ class Device {
 };
 
 /// Columns that a bench of real motors takes and has.
-inline std::vector<Column> bench_commands(const Sizes& of) { return {{"spool_velocity", of.tendons}}; }
+inline std::vector<Column> bench_commands(const Sizes& of, bool holds_tension) {
+  std::vector<Column> columns{{"spool_velocity", of.tendons}};
+  if (holds_tension) columns.emplace_back("spool_tension", of.tendons);
+  return columns;
+}
 inline std::vector<Column> bench_signals(const Sizes& of, bool distal_encoder) {
   std::vector<Column> columns{
       {"measured_handle_angle", of.handles}, {"measured_tension", of.tendons}, {"measured_spool_angle", of.tendons}};

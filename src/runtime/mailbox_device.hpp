@@ -85,12 +85,14 @@ class MailboxDevice final : public Device {
     double tension[most_tendons]{}, spool_angle[most_tendons]{};
   };
   struct Answer {
-    std::uint64_t measurement{};  ///< number of the measurement that it answers, from 1
-    double speed[most_tendons]{};
+    std::uint64_t measurement{};     ///< number of the measurement that it answers, from 1
+    double speed[most_tendons]{};    ///< of the spools, rad/s
+    double tension[most_tendons]{};  ///< that drives hold instead, N; 0: they follow the speed
   };
 
-  MailboxDevice(const Sizes& sizes, bool distal_encoder)
-      : Device(sizes, bench_commands(sizes), bench_signals(sizes, distal_encoder)) {}
+  MailboxDevice(const Sizes& sizes, bool distal_encoder, bool holds_tension)
+      : Device(sizes, bench_commands(sizes, holds_tension), bench_signals(sizes, distal_encoder)),
+        holds_tension_(holds_tension) {}
 
   // For the thread that serves the hardware.
   void post(const Sensed& sensed) {
@@ -135,8 +137,9 @@ class MailboxDevice final : public Device {
   std::uint64_t overtaken() const override { return overtaken_; }
 
   bool write(const double* row) override {
-    Answer answer{read_, {}};
+    Answer answer{read_, {}, {}};
     std::copy_n(row, sizes.tendons, answer.speed);
+    if (holds_tension_) std::copy_n(row + sizes.tendons, sizes.tendons, answer.tension);
     answer_.set(answer);
     answered_.notify();
     return true;
@@ -152,7 +155,7 @@ class MailboxDevice final : public Device {
   void cut_power() noexcept override { power_cut_.store(true, std::memory_order_release); }
 
   void stop() noexcept override {
-    const Answer rest{std::numeric_limits<std::uint64_t>::max(), {}};
+    const Answer rest{std::numeric_limits<std::uint64_t>::max(), {}, {}};
     answer_.set(rest);
     stopped_.store(true, std::memory_order_release);
     answered_.notify();
@@ -161,6 +164,7 @@ class MailboxDevice final : public Device {
  private:
   SharedValue<Sensed> sensed_;
   SharedValue<Answer> answer_;
+  bool holds_tension_;
   Wakeup came_, answered_;
   std::uint64_t posted_{};              // by the serving thread
   std::uint64_t read_{}, overtaken_{};  // by the loop

@@ -151,7 +151,7 @@ class StreamedController final : public BoardController {
 class StreamedDevice final : public Device {
  public:
   explicit StreamedDevice(StreamedController& board)
-      : Device(sizes_of(board), bench_commands(sizes_of(board)), bench_signals(sizes_of(board), false)),
+      : Device(sizes_of(board), bench_commands(sizes_of(board), false), bench_signals(sizes_of(board), false)),
         board_(board) {}
 
   bool simulated() const override { return false; }

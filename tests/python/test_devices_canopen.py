@@ -334,3 +334,47 @@ def _need_multicast(settings: CanOpen) -> None:
             bus.shutdown()
     if came is None:
         pytest.skip("no UDP multicast here: frames do not come back")
+
+
+def test_drives_hold_tensions_by_their_torques_and_follow_speeds_again(inst: Instrument) -> None:
+    settings = table(inst, rated_torque=0.2, tension_drives=True)
+    wanted = np.array([[1.3, 1.2]]) * inst.pretension
+    with served(inst, settings) as (device, bench, clock):
+        assert device.capabilities.holds_tension
+        for _ in range(10):
+            device.hold(wanted)
+            tick(device, clock, 0.0)
+        # To half a thousandth of the rated torque.
+        step = 0.5e-3 * 0.2 * inst.drives.gear_ratio * inst.drives.gear_efficiency / inst.drives.spool_radius
+        np.testing.assert_allclose(bench.tension, wanted, atol=step)
+        for _ in range(round(10 * inst.drives.time_constant * RATE)):
+            tick(device, clock, 0.0)
+        clock.pass_time(1 / RATE)
+        measured = device.read(TIMEOUT)
+        assert measured is not None
+        np.testing.assert_allclose(measured.tension, wanted, rtol=0.01)
+        device.hold(np.zeros((1, 2)))
+        for _ in range(3):
+            tick(device, clock, SPEED)
+        assert not bench.tension.any()
+        assert moves(bench)
+
+
+def test_a_stop_finds_drives_that_hold_tensions_and_others_hold_none(inst: Instrument) -> None:
+    settings = table(inst, rated_torque=0.2, tension_drives=True)
+    with served(inst, settings) as (device, bench, clock):
+        device.hold(np.full((1, 2), np.nan))
+        tick(device, clock, 0.0)
+        assert not bench.tension.any()
+        device.hold(np.full((1, 2), inst.pretension))
+        for _ in range(3):
+            tick(device, clock, 0.0)
+        assert bench.tension.all()
+        bench.drives[AGONIST].fault(0x2310)
+        stops(device, bench, "overcurrent", lambda: [tick(device, clock, 0.0) for _ in range(9)])
+        assert until(lambda: not bench.tension.any())
+    with served(inst) as (device, _, _), refused("spool_tension"):
+        device.hold(np.full((1, 2), 10.0))
+    for wrong in ({}, {"rated_torque": 0.2, "mode": "cyclic-position"}):
+        with pytest.raises(ValueError, match="rated_torque and the mode cyclic-velocity"):
+            table(inst, tension_drives=True, **wrong)

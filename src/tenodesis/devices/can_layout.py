@@ -1,10 +1,12 @@
 """What the frames on the CAN bus carry, from an instrument and its table devices.canopen."""
 
+import math
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import floor, isfinite, nan, pi
 
+from tenodesis.devices import cia402
 from tenodesis.devices.cia402 import wrapped
 from tenodesis.devices.wiring import Plug, Wiring, wiring
 from tenodesis.errors import InstrumentError
@@ -18,10 +20,15 @@ _MOST_LOAD = 0.9
 _LEAST_UNITS, _MOST_UNITS = 10, 2**31 - 1  # of target velocity, in the motor's speed
 _STATUS_AND_POSITION = "<Hi"
 _CONTROL_AND_TARGET = struct.Struct("<Hi")
+TORQUE_OBJECTS = ((0x6060, 0, 8), (0x6071, 0, 16))
+"""Mode of operation and target torque, of a drive that may hold a tension."""
 _MEASURED_OBJECTS = ((0x6041, 0, 16), (0x6064, 0, 32))
 LEAD = 0.05
 """Largest lag of a motor, as time at full speed, s; a blocked motor must not jump when it is released."""
 _TARGET_VELOCITY, _TARGET_POSITION = 0x60FF, 0x607A
+_MODE_AND_TORQUE = struct.Struct("<bh")
+_MOST_TORQUE = 1000
+"""Largest target torque, in thousandths of the rated one."""
 _TORQUE, _CURRENT = 0x6077, 0x6078
 """Actual values of a drive, in thousandths of its rated ones."""
 
@@ -79,6 +86,18 @@ class DriveFrames:
     """Of the spool, rad/s; negative where positive turns unwind."""
     most_units: int
     """Largest target velocity that is within the motor's speed."""
+    torque_per_tension: float = 0.0
+    """Thousandths of the rated torque by a newton; negative where positive turns unwind, 0 where it holds none."""
+
+    @property
+    def torque_id(self) -> int:
+        """Of the PDO with mode and target torque."""
+        return 0x300 + self.node
+
+    def pull(self, tension: float, mode: int) -> bytes:
+        """Return the frame that has it hold a tension, N; at 0 it is in a mode in which it follows speeds."""
+        torque = min(max(round(tension * self.torque_per_tension), -_MOST_TORQUE), _MOST_TORQUE)
+        return _MODE_AND_TORQUE.pack(cia402.TORQUE_MODE if tension > 0 else mode, torque)
 
     @property
     def aims(self) -> bool:
@@ -212,7 +231,14 @@ def _drive(inst: Instrument, settings: CanOpen, plug: Plug, unit: float) -> Driv
         turn * 2 * pi / inst.drives.encoder_counts,
         turn * unit,
         floor(inst.drives.motor_speed / unit * (1 + 1e-12)),
+        _torque_per_tension(inst, settings) * (-1 if drive.reversed else 1) if settings.tension_drives else 0.0,
     )
+
+
+def _torque_per_tension(inst: Instrument, settings: CanOpen) -> float:
+    drives = inst.own_drives
+    per_newton = drives.spool_radius / drives.gear_ratio / drives.gear_efficiency
+    return 1000 * per_newton / (settings.rated_torque or math.inf)
 
 
 def _sensor_frames(sensors: Sequence[Plug], drives: set[int]) -> list[SensorFrame]:
@@ -287,6 +313,7 @@ def _load(
         return nan
     cyclic = _bits(0) + sum(_bits(drive.measured.size) + _bits(_CONTROL_AND_TARGET.size) for drive in drives)
     cyclic += sum(_bits(frame.format.size) for frame in sensors)
+    cyclic += sum(_bits(_MODE_AND_TORQUE.size) for drive in drives if drive.torque_per_tension)
     nodes = {drive.node for drive in drives} | {frame.node for frame in sensors}
     heartbeats = (1 + len(nodes)) * _bits(1) / settings.heartbeat
     return (cyclic * inst.sensors.sampling_rate + heartbeats) / settings.bitrate

@@ -1,5 +1,6 @@
 """How the nodes of a CANopen bench are prepared and its drives enabled, before the first SYNC."""
 
+import math
 import struct
 import time
 from collections.abc import Callable, Iterable
@@ -9,7 +10,7 @@ from canopen import Network, ObjectDictionary, RemoteNode, SdoAbortedError
 from canopen.sdo.exceptions import SdoError
 
 from tenodesis.devices import cia402
-from tenodesis.devices.can_layout import DriveFrames, Layout
+from tenodesis.devices.can_layout import TORQUE_OBJECTS, DriveFrames, Layout
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import CanOpen
@@ -117,13 +118,19 @@ class Setup:
         # Commands that do not come any more, though our heartbeat does, are to be an emergency.
         self._write(node, 0x1400, 5, "H", lost, needed=False)
         self._map(node, 0x1400, 0x1600, drive.commanded_id, drive.commanded_objects)
+        if drive.torque_per_tension:
+            # A rope that breaks lets the motor run: its speed has a limit, in turns a minute, in this mode, too.
+            self._write(node, 0x6080, 0, "I", max(1, round(limit.motor_speed * 30 / math.pi)))
+            self._map(node, 0x1401, 0x1601, drive.torque_id, TORQUE_OBJECTS)
         self._map(node, 0x1800, 0x1A00, drive.measured_id | _NO_REMOTE_REQUEST, drive.measured_objects)
 
     def _silence(self, node: int, taken: Iterable[int]) -> None:
         """Switch a node's other PDOs off: none may move a motor, or fill the bus."""
+        pulls = {drive.torque_id for drive in self._plan.drives if drive.torque_per_tension}
         for number in range(1, 4):
             commanded, measured = (first + 0x100 * number + node for first in (0x200, 0x180))
-            self._write(node, 0x1400 + number, 1, "I", _INVALID | commanded, needed=False)
+            if commanded not in pulls:
+                self._write(node, 0x1400 + number, 1, "I", _INVALID | commanded, needed=False)
             if measured not in taken:
                 self._write(node, 0x1800 + number, 1, "I", _INVALID | measured, needed=False)
 

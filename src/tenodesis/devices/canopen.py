@@ -163,8 +163,10 @@ class CanOpenDevice(Bench):
             latency=self._period / 1e9,
             stops_alone=self._loss / 1e9,
             tendons=plan.wiring.tendons,
+            holds_tension=settings.tension_drives,
         )
         super().__init__(capabilities, plan.speed_limit)
+        self._tension = np.zeros(capabilities.spools)
         self._can = CanBus(settings, bus)
         self._beat: PeriodicMessageTask | None = None
         self._frames: dict[int, DriveFrames | SensorFrame] = {drive.measured_id: drive for drive in plan.drives}
@@ -196,6 +198,7 @@ class CanOpenDevice(Bench):
         # The library logs an answer that does not come; here an error reports it.
         logging.getLogger("canopen").setLevel(logging.CRITICAL)
         self._stopping = False
+        self._tension.fill(0.0)
         self._can.open()
         ours = False
         try:
@@ -356,8 +359,19 @@ class CanOpenDevice(Bench):
         except BusError as problem:
             self._fail(str(problem))
 
+    def hold(self, spool_tension: Array) -> None:
+        """Have drives hold tensions by their torques, from the next `write` on; one that is not finite is none."""
+        if not self.capabilities.holds_tension:
+            super().hold(spool_tension)
+            return
+        tension = np.asarray(spool_tension, float).reshape(self._tension.shape)
+        self._tension = np.where(np.isfinite(tension), np.maximum(tension, 0.0), 0.0)
+
     def _command(self, speeds: Array) -> None:
         for drive in self._plan.drives:
+            if drive.torque_per_tension:
+                pull = drive.pull(float(self._tension.flat[drive.spool]), cia402.MODES[self._settings.mode])
+                self._send(drive.torque_id, pull)
             speed = float(speeds.flat[drive.spool])
             aim = self._aims.get(drive.node)
             target = drive.velocity(speed) if aim is None else aim.go_on(speed, self._turned.get(drive.node))

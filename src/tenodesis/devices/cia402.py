@@ -16,6 +16,8 @@ HOMING_ATTAINED = 1 << 12
 HOMING_ERROR = 1 << 13
 
 HOMING_MODE = 6
+TORQUE_MODE = 10
+"""Cyclic synchronous torque."""
 MODES = MappingProxyType({"cyclic-velocity": 9, "profile-velocity": 3, "cyclic-position": 8})
 HOME_HERE = (37, 35)
 """Methods that take the present position for zero: that of today's profile, and that of older drives."""

@@ -34,6 +34,9 @@ class Capabilities:
     tendons: tuple[str, ...] = ()
     """Tendons, where the device names them; otherwise every axis has an agonist and an antagonist."""
 
+    holds_tension: bool = False
+    """Whether its drives may hold tensions instead of following speeds."""
+
     @property
     def spools(self) -> tuple[int, ...]:
         """Shape of what it has per spool: (tendons,), or (axes, 2) where it does not name them."""
@@ -79,6 +82,14 @@ class Device(ABC):
 
         A speed that is not finite stops its motor; one beyond the device's limit is cut to it.
         """
+
+    def hold(self, spool_tension: Array) -> None:
+        """Have drives hold tensions, N, in the shape of the measurements, from the next `write` on.
+
+        0 is a drive that follows its speed. Raises ArgumentError where the device has no such drives.
+        """
+        if np.any(spool_tension):
+            raise ArgumentError(key="spool_tension", value=spool_tension, allowed="0: its drives follow speeds")
 
     def cut_power(self) -> None:
         """Take the motors' supply away, since one of them does not obey, and let go of the hardware.

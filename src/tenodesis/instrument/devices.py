@@ -141,6 +141,11 @@ class CanOpen(FileTable):
     rated_torque: Moment | None = Field(
         default=None, description="Instead: object 6076h, of which 6077h gives thousandths"
     )
+    tension_drives: bool = Field(
+        default=False,
+        description="Whether drives may hold tensions, by torque (mode 10, objects 6060h and 6071h in a second PDO); "
+        "takes rated_torque and the mode cyclic-velocity",
+    )
     counter: CanCounter | None = Field(default=None, description="Counter of a drive's measurements")
     master: NodeId = Field(default=127, description="Node id of this computer")
     heartbeat: Annotated[Time, Field(ge=1e-3, le=1.0)] = Field(
@@ -159,6 +164,12 @@ class CanOpen(FileTable):
             raise ArgumentError(
                 "rated_current and rated_torque are both given; a drive reports its current by one of them",
                 key="rated_current",
+            )
+        if self.tension_drives and (self.rated_torque is None or self.mode != "cyclic-velocity"):
+            wrong = "rated_torque is missing" if self.rated_torque is None else f"mode is {self.mode}"
+            raise ArgumentError(
+                f"tension_drives is true, but {wrong}; give rated_torque and the mode cyclic-velocity",
+                key="tension_drives",
             )
         seen: dict[int, str] = {self.master: "master"}
         for place, drive in self.drives():

@@ -8,6 +8,7 @@ import numpy as np
 from tenodesis import _core
 from tenodesis.devices.device import Device
 from tenodesis.errors import DeviceError
+from tenodesis.run import Array
 
 _log = logging.getLogger(__name__)
 
@@ -58,11 +59,11 @@ class DeviceThread:
             while not self._ending.is_set() and not self._box.stopped:
                 measured = self._device.read(4 * self._period)
                 if measured is None:
-                    self._device.write(rest)
+                    self._command(rest, rest)
                     continue
                 values = (measured.handle_angle, measured.tension, measured.spool_angle, measured.output_angle)
                 self._box.post(measured.time, *(np.ravel(value).tolist() for value in values))
-                answered, velocity = self._box.take(4 * self._period)
+                answered, velocity, tension = self._box.take(4 * self._period)
                 self.unanswered += not answered
                 if self._box.power_cut:
                     self.problem = (
@@ -71,8 +72,9 @@ class DeviceThread:
                     )
                     self._device.cut_power()
                     break
-                sound = answered and np.isfinite(velocity).all()
-                self._device.write(np.reshape(velocity, rest.shape) if sound else rest)
+                sound = answered and np.isfinite([velocity, tension]).all()
+                said = (np.reshape(velocity, rest.shape), np.reshape(tension, rest.shape)) if sound else (rest, rest)
+                self._command(*said)
         except DeviceError as problem:
             self.problem = str(problem)
         except Exception as problem:
@@ -85,3 +87,8 @@ class DeviceThread:
             except Exception as problem:
                 _log.exception("the device could not be closed")
                 self.problem = self.problem or f"the device could not be closed: {problem}"
+
+    def _command(self, velocity: Array, tension: Array) -> None:
+        if self._device.capabilities.holds_tension:
+            self._device.hold(tension)
+        self._device.write(velocity)

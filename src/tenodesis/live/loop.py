@@ -193,7 +193,7 @@ class LiveLoop:
             has = self._device.capabilities
             _check_device(has, inst)
             sizes = len(inst.tip_joints), len(inst.handle_joints), len(inst.tendons)
-            box = _core.MailboxDevice(*sizes, has.distal_encoder)
+            box = _core.MailboxDevice(*sizes, has.distal_encoder, has.holds_tension)
             self._device_thread = DeviceThread(self._device, box, self.period)
             return box, has
         if isinstance(self.controller, StreamedController):

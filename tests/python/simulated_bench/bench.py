@@ -37,8 +37,8 @@ _IDLE = 1e-3  # s
 class Plant(Protocol):
     """What the simulated drives turn, and the simulated sensors measure."""
 
-    def step(self, spool_velocity: Array) -> Measurement:
-        """Go on by a sampling period with spool velocities (rad/s), and return what is measured."""
+    def step(self, spool_velocity: Array, spool_tension: Array | None = None) -> Measurement:
+        """Go on by a sampling period with spool velocities (rad/s) or tensions (N); return what is measured."""
 
 
 class TwinPlant:
@@ -56,14 +56,15 @@ class TwinPlant:
         self.latest: Run | None = None
         """The twin's steps of the last sampling period, truth included."""
 
-    def step(self, spool_velocity: Array) -> Measurement:
+    def step(self, spool_velocity: Array, spool_tension: Array | None = None) -> Measurement:
         """Go on by a sampling period."""
         names, shape = self.twin.names, spool_velocity.shape
         motion, load = self._motion(self.twin.time)
         handle = np.broadcast_to(motion, (self._steps, len(names.handle_joints)))
         by_axis = self.twin.inst.short_form is not None
         loaded = {"force": np.broadcast_to(load, handle.shape)} if by_axis else {"wrench": np.asarray(load)}
-        self.latest = run = self.twin.run(handle, spool_velocity=spool_velocity.ravel(), **loaded)  # type: ignore[arg-type]
+        held = {} if spool_tension is None else {"spool_tension": spool_tension.ravel()}
+        self.latest = run = self.twin.run(handle, spool_velocity=spool_velocity.ravel(), **held, **loaded)  # type: ignore[arg-type]
 
         def measured(name: str) -> Array:
             values: Array = run.by_column(f"measured_{name}")[-1]
@@ -124,6 +125,8 @@ class SimulatedBench:
         """How many were answered."""
         self.velocity = np.zeros(self._wiring.spools)
         """Spool velocities in force, rad/s."""
+        self.tension = np.zeros(self._wiring.spools)
+        """Tensions that drives hold by their torques, N; 0: a drive follows its speed."""
         self.fastest = 0.0
         """Largest of them so far."""
         self.fixed: dict[tuple[int, int, int], float] = {}
@@ -184,7 +187,7 @@ class SimulatedBench:
                 node.started()
 
     def _sync(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        measured = self.plant.step(self.velocity)
+        measured = self.plant.step(self.velocity, *([self.tension] if self.settings.tension_drives else []))
         per_count = 2 * pi / self.inst.drives.encoder_counts / self.inst.drives.gear_ratio
         for plug in self._wiring.drives:
             turned = round(measured.spool_angle.flat[plug.place] / per_count)
@@ -214,6 +217,10 @@ class SimulatedBench:
             follows = drive.pursuit(self.inst.sensors.sampling_rate) * 2 * pi / gears.encoder_counts
             speed = (drive.velocity * self._unit + follows) / gears.gear_ratio
             self.velocity.flat[plug.place] = -speed if plug.part.reversed else speed
+            pull = -drive.pull if plug.part.reversed else drive.pull
+            torque = pull / 1000 * (self.settings.rated_torque or 0.0)
+            force = gears.gear_ratio * gears.gear_efficiency / self.inst.own_drives.spool_radius
+            self.tension.flat[plug.place] = torque * force
         self.fastest = max(self.fastest, float(np.abs(self.velocity).max()))
 
 

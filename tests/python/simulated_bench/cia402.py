@@ -24,6 +24,8 @@ _DRIVE_OBJECTS: tuple[tuple[int, str, int, str], ...] = (
     (0x607C, "Home offset", od.INTEGER32, "rw"),
     (0x6098, "Homing method", od.INTEGER8, "rw"),
     (0x60FF, "Target velocity", od.INTEGER32, "rw"),
+    (0x6071, "Target torque", od.INTEGER16, "rw"),
+    (0x6080, "Max motor speed", od.UNSIGNED32, "rw"),
     *((index, f"Limit {index:04X}", od.UNSIGNED32, "rw") for index in _RAMPS),
 )
 _MODES = (3, 6, 8, 9)
@@ -178,6 +180,8 @@ class Drive(Node):
         self.target = 0
         """Target velocity in force."""
         self._aim = self._aim_step = 0  # target position, and by how much it went on with the last SYNC
+        self.torque = 0
+        """Target torque, in thousandths of the rated one; in force in mode 10."""
         self._start = position
         self._turned = 0
         self._offset = 0
@@ -215,6 +219,11 @@ class Drive(Node):
         """Speed of the motor, in units of the target velocity."""
         return self.target if self.state == ENABLED and self.operational and self.get(0x6061) in (3, 9) else 0
 
+    @property
+    def pull(self) -> int:
+        """Torque in force, in thousandths of the rated one."""
+        return self.torque if self.state == ENABLED and self.operational and self.get(0x6061) == 10 else 0
+
     def started(self) -> None:
         """Take the PDOs as they are mapped."""
         super().started()
@@ -245,6 +254,9 @@ class Drive(Node):
                 if 0x607A in values:
                     self._aim_step, self._aim = wrapped(values[0x607A] - self._aim), values[0x607A]
                     aimed = True
+                if 0x6071 in values:
+                    self.set(0x6061, 0, values[0x6060])
+                    self.torque = values[0x6071]
                 if 0x6040 in values:
                     self._obey(values[0x6040])
             pdo.data = bytearray()
