@@ -273,7 +273,7 @@ struct TendonChain {
     // At the far end of every joint, in its axes: the wrench, and its rates by the angles of the joints beyond.
     Wrench<T> at[N]{};
     Wrench<T> by[N][N]{};
-    std::uint32_t beyond[N]{};
+    std::uint64_t beyond[N]{};
     const bool turns = !serial && load.in_stem_axes;
     if (turns) turn_with_stem(bend, load.wrench, at, by, beyond);
     each_joint([&](int i) {
@@ -325,7 +325,7 @@ struct TendonChain {
       own.moment = own.moment + T(0.5) * cross(axis, whole.moment);
       if (parent >= 0) {
         hand_on(T(on.offset), by[parent][i], own);
-        beyond[parent] |= beyond[i] | std::uint32_t(1) << i;
+        beyond[parent] |= beyond[i] | std::uint64_t(1) << i;
       }
       each_joint([&](int j) {
         if (j == i) return;
@@ -341,7 +341,7 @@ struct TendonChain {
   // Two joints, i within the one before it, as load_moments has them one by one.
   template <bool rates, class T>
   [[gnu::noinline]] constexpr void load_pair_moments(int i, const Bend<T>* bend, const T& grip, bool turns,
-                                                     Wrench<T>* at, Wrench<T> (*by)[N], std::uint32_t* beyond,
+                                                     Wrench<T>* at, Wrench<T> (*by)[N], std::uint64_t* beyond,
                                                      T* moment, T (*rate)[N]) const {
     const int o = i - 1;
     const Pair<T> pair(*this, bend, i);
@@ -363,7 +363,7 @@ struct TendonChain {
       rate[i][j] = turned.about_inner;
       if (on >= 0) hand_on(offset, by[on][j], turned.near);
     }
-    if (on >= 0) beyond[on] |= beyond[i] | std::uint32_t(3) << o;
+    if (on >= 0) beyond[on] |= beyond[i] | std::uint64_t(3) << o;
   }
 
   // Hands the wrench at a joint's near end on to the far end of what it stands on.
@@ -484,11 +484,11 @@ struct TendonChain {
   // A wrench in the stem's axes, in those of every joint's far end; its rates by the angles that turn these.
   template <class T>
   constexpr void turn_with_stem(const Bend<T>* bend, const Wrench<T>& wrench, Wrench<T>* at, Wrench<T> (*by)[N],
-                                std::uint32_t* before) const {
+                                std::uint64_t* before) const {
     each_joint([&](auto i) {
       const int on = parent(i);
       const Wrench<T>& base = on < 0 ? wrench : at[on];
-      for (int j = on; j >= 0; j = parent(j)) before[i] |= std::uint32_t(1) << j;
+      for (int j = on; j >= 0; j = parent(j)) before[i] |= std::uint64_t(1) << j;
       if (is_around(i)) {
         // The joint within it turns for both.
         at[i] = base;

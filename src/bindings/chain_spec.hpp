@@ -3,15 +3,13 @@
 
 #include <variant>
 
+#include "engine/chain_rows.hpp"
 #include "module.hpp"
 #include "tenodesis/tendon_chain.hpp"
 
 namespace tenodesis::bindings {
 
-/// Most joints and tendons of a chain; a chain of a number of joints that is not built has the next larger one, whose
-/// further joints are inert.
-inline constexpr std::size_t most_chain_joints = 24;
-inline constexpr std::size_t most_chain_tendons = 12;
+using engine::most_joints, engine::most_tendons;
 /// Components of a load: force, moment, grip.
 inline constexpr std::size_t load_components = 7;
 
@@ -38,10 +36,11 @@ enum JointNumber {
 template <int N>
 using Paired = TendonChain<double, N, 2 * N>;
 template <int N>
-using Many = TendonChain<double, N, int(most_chain_tendons)>;
-// Most chains have two tendons a joint or fewer; their loops are short.
+using Many = TendonChain<double, N, int(most_tendons)>;
+// A chain of a number of joints that is not built has the next larger one, whose further joints are inert. Most chains
+// have two tendons a joint or fewer; their loops are short.
 using Any = std::variant<Paired<1>, Many<1>, Paired<2>, Many<2>, Paired<3>, Many<3>, Paired<4>, Many<4>, Paired<5>,
-                         Many<5>, Many<6>, Many<7>, Many<8>, Many<12>, Many<16>, Many<int(most_chain_joints)>>;
+                         Many<5>, Many<6>, Many<7>, Many<8>, Many<12>, Many<16>, Many<int(most_joints)>>;
 
 class ChainSpec {
  public:

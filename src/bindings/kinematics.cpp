@@ -19,7 +19,7 @@ namespace {
 
 using namespace engine;
 
-constexpr int most_joints = most_chain_joints;
+constexpr int most_joints = int(engine::most_joints);
 using AnyChain = Chain<double, most_joints>;
 using At = Posture<double, most_joints>;
 

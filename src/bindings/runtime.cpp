@@ -20,8 +20,6 @@ using namespace engine;
 using runtime::TwinDevice, runtime::MailboxDevice, runtime::MotorSwitch, runtime::OrderKind, runtime::Problem,
     runtime::RingReader, runtime::Runtime;
 
-static_assert(runtime::most_joints >= most_chain_joints && runtime::most_tendons >= most_chain_tendons);
-
 constexpr double nanoseconds = 1e9;
 
 std::uint64_t in_nanoseconds(double seconds) {

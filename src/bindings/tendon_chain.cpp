@@ -41,7 +41,7 @@ ChainSpec::ChainSpec(const std::vector<int>& mechanism, const std::vector<int>& 
                      const In<2>& arm, const In<2>& tendon, const std::vector<int>& motor,
                      const std::vector<int>& handle, const In<2>& handle_arm, const In<3>& growth)
     : joints_(mechanism.size()), tendons_(arm.shape(0)), handles_(handle.size()) {
-  require(joints_ >= 1 && joints_ <= most_chain_joints && tendons_ <= most_chain_tendons && handles_ <= joints_ &&
+  require(joints_ >= 1 && joints_ <= most_joints && tendons_ <= most_tendons && handles_ <= joints_ &&
               parent.size() == joints_ && numbers.shape(0) == joints_ && numbers.shape(1) == joint_numbers &&
               arm.shape(1) == joints_ && tendon.shape(0) == tendons_ && tendon.shape(1) == 2 &&
               motor.size() == tendons_ && handle_arm.shape(0) == tendons_ && handle_arm.shape(1) == handles_ &&
@@ -388,6 +388,8 @@ class AnyTendonChain : public ChainSpec {
 
 void bind_tendon_chain(nb::module_& m) {
   m.attr("MOST_STRETCH_ENTRIES") = most_stretch_entries;
+  m.attr("MOST_JOINTS") = most_joints;
+  m.attr("MOST_TENDONS") = most_tendons;
   const nb::class_<ChainSpec> base(m, "ChainSpec");
   nb::class_<AnyTendonChain, ChainSpec>(m, "TendonChain")
       .def(nb::init<const std::vector<int>&, const std::vector<int>&, const In<2>&, const In<2>&, const In<2>&,

@@ -17,6 +17,16 @@ struct Progress {
 
 inline constexpr std::size_t wrench_components = 6;
 
+#ifndef TENODESIS_MOST_JOINTS
+#define TENODESIS_MOST_JOINTS 24
+#endif
+#ifndef TENODESIS_MOST_TENDONS
+#define TENODESIS_MOST_TENDONS 12
+#endif
+/// Most joints at a chain's tip, and at its handle, and most tendons; chosen when it is built.
+inline constexpr std::size_t most_joints = TENODESIS_MOST_JOINTS, most_tendons = TENODESIS_MOST_TENDONS;
+static_assert(most_joints > 16 && most_joints <= 64 && most_tendons >= 12, "sizes that the core is not built for");
+
 /// Sizes of a chain.
 struct ChainSizes {
   std::size_t joints{}, handles{}, tendons{};

@@ -15,10 +15,12 @@ using engine::Column, engine::CompensatedAxis;
 using Sizes = engine::ChainSizes;
 
 inline constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
-/// Room that the loop's queues and mailboxes have.
-inline constexpr std::size_t most_joints = 24, most_tendons = 12, most_commands = 144;
+using engine::most_joints, engine::most_tendons;
 /// Columns of tissue per joint: angle, stiffness, damping.
 inline constexpr std::size_t contact_columns = 3;
+/// Room for a row of commands (chain_rows.hpp): what joints and tendons have, the wrench, and single ones.
+inline constexpr std::size_t most_commands =
+    (1 + contact_columns) * most_joints + 3 * most_tendons + engine::wrench_components + 7;
 
 /// Columns of a row, by name.
 class Columns {

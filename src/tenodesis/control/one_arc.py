@@ -4,10 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tenodesis import kinematics, statics
+from tenodesis import _core, kinematics, statics
 from tenodesis.errors import Error
 from tenodesis.instrument import FullForm, InstrumentLike, expanded, in_arcs
-from tenodesis.instrument.full_form import MOST_JOINTS
 from tenodesis.run import ACROSS, COMPONENTS
 
 _SMALL = 5e-3
@@ -38,7 +37,7 @@ def one_arc(inst: InstrumentLike) -> OneArc | None:
     single = [joint for joint in whole.tip_joints if joint.mechanism == "continuum" and not joint.arc]
     if not single or single[0].axis not in ACROSS:
         return None
-    room = (MOST_JOINTS - len(whole.tip_joints)) // len(single) + 1
+    room = (_core.MOST_JOINTS - len(whole.tip_joints)) // len(single) + 1
     arcs = 4 if room >= 4 else 2
     force = max(whole.conditions.forces, default=1.0)
     wrench = np.zeros(6)

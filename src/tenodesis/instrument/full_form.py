@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
-from tenodesis import notebook
+from tenodesis import _core, notebook
 from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.instrument.backbones import cut
 from tenodesis.instrument.hardware import Drives, Friction
@@ -16,8 +16,7 @@ from tenodesis.instrument.joints import Grip, Joint, LinkDynamics, Tendon
 from tenodesis.instrument.short_form import ShortForm
 from tenodesis.units import Length
 
-MOST_JOINTS = 24
-MOST_TENDONS = 12
+_BUILD = "build it with -C cmake.define.TENODESIS_MOST_{}={} for more"
 
 
 class RouteError(ValueError):
@@ -44,7 +43,7 @@ class FullForm(Instrument):
     stem_length: Length | None = Field(default=None, description="Of the stem, for drawings and models")
     spool_radius: Length | None = Field(default=None, description="Radius of the motors' spools")
     joints: tuple[Joint, ...] = Field(min_length=1, description="From the stem outward at either end")
-    tendons: tuple[Tendon, ...] = Field(min_length=1, max_length=MOST_TENDONS, description="All tendons")
+    tendons: tuple[Tendon, ...] = Field(min_length=1, description="All tendons")
     grip: Grip | None = Field(default=None, description="Jaws that grip")
     dynamics: LinkDynamics = LinkDynamics()
     _given: dict[str, Any] = PrivateAttr()
@@ -126,8 +125,14 @@ class FullForm(Instrument):
 
     def _check_joints(self) -> None:
         tips, handles = self.tip_joints, self.handle_joints
-        if not 1 <= len(tips) <= MOST_JOINTS:
-            raise ArgumentError(f"joints has {len(tips)} at the tip; there must be 1 to {MOST_JOINTS}", key="joints")
+        for key, what, count, most in (
+            ("joints", "joints has {} at the tip", len(tips), _core.MOST_JOINTS),
+            ("tendons", "tendons has {}", len(self.tendons), _core.MOST_TENDONS),
+        ):
+            if not 1 <= count <= most:
+                more = f" in this build of the core; {_BUILD.format(key.upper(), count)}" if count > most else ""
+                problem = f"{what.format(count)}; there must be 1 to {most}{more}"
+                raise ArgumentError(problem, key=key, value=count, allowed=f"1 to {most}")
         if len(handles) > len(tips):
             raise ArgumentError(
                 f"joints has {len(handles)} at the handle; there must be at most {len(tips)}, as at the tip",
