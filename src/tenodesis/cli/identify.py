@@ -13,7 +13,7 @@ from rich.markup import escape
 from tenodesis.cli.command import Answer, command
 from tenodesis.cli.common import ProgressBar, check_choice, console, load_instrument, note, quantity, say, table, warn
 from tenodesis.cli.outputs import JSON, Outputs, check_suffix, write_text
-from tenodesis.errors import CommandError
+from tenodesis.errors import CommandError, IdentificationError
 from tenodesis.identification import report
 from tenodesis.identification.comparison import (
     LEAST_EXCESS,
@@ -24,18 +24,22 @@ from tenodesis.identification.comparison import (
 )
 from tenodesis.identification.fit import LEAST_REPLICATES, STARTS, fit
 from tenodesis.identification.formats import MeasuredRun, load_all
+from tenodesis.identification.kinematic.model import chosen_laws, is_kinematic, joints_of
 from tenodesis.identification.problem import Problem
 from tenodesis.identification.registry import FORMATS, Format
 from tenodesis.identification.report import axis_label
 from tenodesis.identification.results import Fit, to_json, unexplained, worse_held_out
 from tenodesis.identification.split import LEAST_LENGTH, LEAST_SHARE, LONGEST, FittedPart, shortened, split
 from tenodesis.identification.uncertainty import LossName
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.units import Duration
 
 _HELD = {"sheath_bend": "sheath bend", "wrist_pitch": "pitch"}
 """Angles that are held through a recording, by column."""
 _TEXTS = (".txt", ".csv")
+_JOINTS = "joints"
+_OF_INSTRUMENTS = ("recording", "csv", "mcap")
+"""Formats whose recordings may lack the tensions."""
 _LONGEST = f"{LONGEST:g} s"
 ArrangementChoice: TypeAlias = Literal["auto", "compare", "file"]
 
@@ -101,20 +105,20 @@ def identify(  # noqa: PLR0917
     with outputs.folder(out, (report.PAGE, report.NUMBERS, report.INSTRUMENT), json_out=json_file):
         check_suffix("--json-out", json_file, JSON)
         check_choice("--format", format_name, FORMATS)
-        if law is not None:
-            check_choice("--law", law, FORMATS[format_name].laws)
         if 0 < bootstrap < LEAST_REPLICATES:
             raise CommandError(
                 key="--bootstrap", value=bootstrap, allowed=f"0 for none, or at least {LEAST_REPLICATES}"
             )
         share, part = _split(train_until, train_from)
         seconds = _longest(longest, is_split=share is not None)
-        inst = None if instrument_file is None else load_instrument(instrument_file, planar=True)
+        files = recordings_of(logs, tests, format_name)
+        format_name, measured = _loaded(format_name, [*files, *tests])
         kind = FORMATS[format_name]
+        if law is not None:
+            check_choice("--law", law, kind.laws)
+        inst = _starting_from(instrument_file, format_name, measured)
         _check_arrangement(kind, format_name, arrangement)
         chosen = law or kind.law
-        files = recordings_of(logs, tests, format_name)
-        measured = load_all(kind.load, [*files, *tests])
         _check_different(measured)
         count = len(files)
         measured, tries = _stretches(measured, count, chosen, inst, parameters, seconds, starts)
@@ -153,7 +157,7 @@ def identify(  # noqa: PLR0917
             compared, problem, found = _arranged(
                 kind, measured, Fitted(problem, found), problem_of, fitted, law=chosen, inst=inst, train=range(count)
             )
-        found = replace(found, warnings=(*found.warnings, *_doubts(problem, found)))
+        found = replace(found, warnings=(*found.warnings, *_doubts(problem, found), *chosen_laws(problem)))
         extrapolated = {one.name: _extrapolated(one, measured[:count]) for one in measured[count:]}
         notes = {one.name: (*one.notes, *extrapolated.get(one.name, ())) for one in measured}
         runs = range(len(problem.runs))
@@ -176,6 +180,40 @@ def identify(  # noqa: PLR0917
         _print_fit(found, written, notes)
 
     return Answer(lambda: numbers, show)
+
+
+def _loaded(format_name: str, files: Sequence[Path]) -> tuple[str, list[MeasuredRun]]:
+    """Return recordings and their format: that of joints where an instrument's recording holds no tensions."""
+    try:
+        return format_name, load_all(FORMATS[format_name].load, files)
+    except IdentificationError as lacking:
+        if format_name not in _OF_INSTRUMENTS or "tension" not in str(lacking.value):
+            raise
+        try:
+            found = load_all(FORMATS[_JOINTS].load, files)
+        except IdentificationError as problem:
+            # a table that names neither tensions nor joints is told what it lacks first
+            raise (problem if problem.key == "time" else lacking) from None
+        note("No tensions were recorded: coupling, play and offset of the joints are identified (--format joints).")
+        return _JOINTS, found
+
+
+def _starting_from(name: str | None, format_name: str, measured: Sequence[MeasuredRun]) -> ShortForm | None:
+    """Return the instrument that a search starts from; recordings of joints only name those of theirs."""
+    if name is None:
+        return None
+    if format_name != _JOINTS:
+        return load_instrument(name, planar=True)
+    _check_joints(load_instrument(name), measured)
+    return None
+
+
+def _check_joints(inst: Instrument, measured: Sequence[MeasuredRun]) -> None:
+    """Warn of joints that a recording names and an instrument does not have."""
+    known = [joint.name for joint in inst.tip_joints] + ["yaw", "jaw"] * (inst.grip is not None)
+    unknown = [name for name in joints_of(measured) if name not in known]
+    if unknown:
+        warn(f"{inst.name} has no joint {', '.join(unknown)}; it has {', '.join(known)}.")
 
 
 def _doubts(problem: Problem, found: Fit) -> tuple[str, ...]:
@@ -205,7 +243,8 @@ def _stretches(  # noqa: PLR0917
         note(
             f"Of a long recording one start is tried, the file's or the model's values; --starts {STARTS} tries others."
         )
-    return [*train, *measured[count:]], starts or (1 if cut else STARTS)
+    # a model of joints has searched from several starts of its own
+    return [*train, *measured[count:]], starts or (1 if cut or is_kinematic(measured[0]) else STARTS)
 
 
 def _arranged(

@@ -3,6 +3,7 @@
 from tenodesis.identification.fit import fit
 from tenodesis.identification.formats.instrument_run import measured
 from tenodesis.identification.identifiability import Combination, Identifiability
+from tenodesis.identification.kinematic import Kinematic, recorded
 from tenodesis.identification.problem import Parameter, Problem, Trace, jacobian_error
 from tenodesis.identification.registry import FORMATS, Format
 from tenodesis.identification.results import Fit, RunErrors, to_json
@@ -14,6 +15,7 @@ __all__ = [
     "Fit",
     "Format",
     "Identifiability",
+    "Kinematic",
     "Parameter",
     "Problem",
     "RunErrors",
@@ -22,6 +24,7 @@ __all__ = [
     "fit",
     "jacobian_error",
     "measured",
+    "recorded",
     "to_json",
 ]
 

@@ -23,6 +23,7 @@ OURS = {
     "davinci-posture": "tenodesis.identification.datasets.davinci_posture:FORMAT",
     "endoscope-pair": "tenodesis.identification.datasets.endoscope_pair:FORMAT",
     "tendon-sheath": "tenodesis.identification.datasets.tendon_sheath:FORMAT",
+    "joints": "tenodesis.identification.kinematic.recordings:FORMAT",
     "recording": "tenodesis.identification.twin_model.formats:RECORDING",
     "csv": "tenodesis.identification.twin_model.formats:CSV",
     "mcap": "tenodesis.identification.twin_model.formats:MCAP",

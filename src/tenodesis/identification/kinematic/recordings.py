@@ -1,0 +1,109 @@
+"""Recordings of commanded and measured joint angles without tensions, of any instrument: tables and MCAP files.
+
+A heading names what it is and its joint, in any order: ``setpoint_js.yaw [rad]``, ``yaw_measured [deg]``,
+``measured_output_angle.yaw [rad]``. Angles without a unit are in rad.
+"""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tenodesis.errors import IdentificationError
+from tenodesis.identification.formats.csv import as_identification, read_table, scale_of
+from tenodesis.identification.formats.measured import MeasuredRun, checksum
+from tenodesis.identification.kinematic.model import COMMAND, EFFORT, LAWS, MEASURED, Kinematic, recorded
+from tenodesis.identification.registry import Format
+from tenodesis.instrument import ShortForm
+from tenodesis.recording import Recording, lab_map, lab_tables
+from tenodesis.run import Array, Run
+
+_WORDS = {
+    EFFORT: {"effort", "torque", "current"},
+    COMMAND: {"commanded", "command", "cmd", "desired", "setpoint", "goal", "reference", "target", "handle"},
+    MEASURED: {"measured", "actual", "encoder", "tracked", "camera"},
+}
+"""Words of a heading by what they say, the first that is found counts."""
+_BESIDE = {"angle", "joint", "jp", "js", "position", "q", "output", "state", "motor", "drive"}
+"""Words that say neither what it is nor the joint."""
+_OTHERS = {"force", "tension", "velocity", "spool", "estimated", "torsion", "contact", "std"}
+_CLOCKS = ("time", "t", "stamp", "timestamp")
+
+
+def load(path: Path) -> MeasuredRun:
+    """Return a recording of joints; raises IdentificationError if it cannot be read, or has no joint with both."""
+    if lab_tables.is_table(path):
+        return _of_table(path)
+    with as_identification():
+        recording = Recording.open(path)
+    notes = [] if recording.damage is None else [recording.damage]
+    return of_run(recording.run, name=path.name, notes=notes, checksum=checksum(path))
+
+
+def of_run(run: Run, *, name: str = "run", notes: list[str] | None = None, checksum: str = "") -> MeasuredRun:
+    """Return a run's angles of the handle, commanded if known, and the measured ones of its tip; raises as `load`."""
+    signals = run.signals()
+    handle = "commanded_handle_angle" if "commanded_handle_angle" in signals else "measured_handle_angle"
+    angles = [
+        dict(zip(joints, run.by_column(signal).T, strict=True)) if signal in signals else {}
+        for signal, joints in ((handle, run.handle_joints), ("measured_output_angle", run.joints))
+    ]
+    return recorded(run.time, *angles, name=name, notes=notes or (), checksum=checksum)
+
+
+def _of_table(path: Path) -> MeasuredRun:
+    table = read_table(path)
+    groups: dict[str, dict[str, Array]] = {COMMAND: {}, MEASURED: {}, EFFORT: {}}
+    encoders: dict[str, Array] = {}
+    clock: Array | None = None
+    for at, text in enumerate(table.headings):
+        name, unit = lab_map.heading(text)
+        if clock is None and name.lower() in _CLOCKS:
+            clock = table.column(at) * scale_of(unit or "s", "s", f"{path.name}: the unit of {name}")
+            continue
+        kind, joint = _meaning(name)
+        values = table.column(at)
+        if kind is None or not joint or not np.isfinite(values).any():
+            continue
+        if kind != EFFORT:
+            values = values * scale_of(unit or "rad", "rad", f"{path.name}: the unit of {name}")
+        is_encoder = kind == COMMAND and "commanded" not in name.lower() and "handle" in name.lower()
+        (encoders if is_encoder else groups[kind]).setdefault(joint, values)
+    if clock is None:
+        raise IdentificationError(
+            f"{path.name} has no column of the time; its headings are {', '.join(map(repr, table.headings))}.",
+            key="time",
+            allowed=f"a heading of {', '.join(_CLOCKS)}, with its unit in brackets",
+        )
+    notes = [f"{joint}: the command is the angle of the handle" for joint in encoders if joint not in groups[COMMAND]]
+    return recorded(
+        clock,
+        encoders | groups[COMMAND],
+        groups[MEASURED],
+        effort=groups[EFFORT],
+        name=path.name,
+        notes=notes,
+        checksum=checksum(path),
+    )
+
+
+def _meaning(heading: str) -> tuple[str | None, str]:
+    """Return what a heading says that a column is, None if nothing, and the joint."""
+    words = [word for word in re.split(r"[^a-z0-9]+", heading.lower()) if word]
+    # a joint's number belongs to its name: jaw_1
+    if set(words) & _OTHERS:
+        return None, ""
+    said = [kind for kind, known in _WORDS.items() if set(words) & known]
+    known = set().union(*_WORDS.values()) | _BESIDE
+    return (said[0] if said else None), "_".join(word for word in words if word not in known)
+
+
+def problem(
+    train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: ShortForm | None
+) -> Kinematic:
+    """Return the model with its recordings, those of train first; raises as `Kinematic`."""
+    return Kinematic(train, test, law=law)
+
+
+FORMAT = Format(load, problem, LAWS, LAWS[0])
