@@ -31,7 +31,7 @@ from tenodesis.identification.report import axis_label
 from tenodesis.identification.results import Fit, to_json, unexplained, worse_held_out
 from tenodesis.identification.split import LEAST_LENGTH, LEAST_SHARE, LONGEST, FittedPart, shortened, split
 from tenodesis.identification.uncertainty import LossName
-from tenodesis.instrument import Instrument, ShortForm
+from tenodesis.instrument import ShortForm
 from tenodesis.units import Duration
 
 _HELD = {"sheath_bend": "sheath bend", "wrist_pitch": "pitch"}
@@ -116,7 +116,7 @@ def identify(  # noqa: PLR0917
         kind = FORMATS[format_name]
         if law is not None:
             check_choice("--law", law, kind.laws)
-        inst = _starting_from(instrument_file, format_name, measured)
+        inst = _starting_from(instrument_file, format_name)
         _check_arrangement(kind, format_name, arrangement)
         chosen = law or kind.law
         _check_different(measured)
@@ -157,7 +157,7 @@ def identify(  # noqa: PLR0917
             compared, problem, found = _arranged(
                 kind, measured, Fitted(problem, found), problem_of, fitted, law=chosen, inst=inst, train=range(count)
             )
-        found = replace(found, warnings=(*found.warnings, *_doubts(problem, found), *chosen_laws(problem)))
+        found = replace(found, warnings=(*found.warnings, *_doubts(problem, found, instrument_file, measured)))
         extrapolated = {one.name: _extrapolated(one, measured[:count]) for one in measured[count:]}
         notes = {one.name: (*one.notes, *extrapolated.get(one.name, ())) for one in measured}
         runs = range(len(problem.runs))
@@ -198,28 +198,28 @@ def _loaded(format_name: str, files: Sequence[Path]) -> tuple[str, list[Measured
         return _JOINTS, found
 
 
-def _starting_from(name: str | None, format_name: str, measured: Sequence[MeasuredRun]) -> ShortForm | None:
+def _starting_from(name: str | None, format_name: str) -> ShortForm | None:
     """Return the instrument that a search starts from; recordings of joints only name those of theirs."""
-    if name is None:
-        return None
-    if format_name != _JOINTS:
-        return load_instrument(name, planar=True)
-    _check_joints(load_instrument(name), measured)
-    return None
+    return None if name is None or format_name == _JOINTS else load_instrument(name, planar=True)
 
 
-def _check_joints(inst: Instrument, measured: Sequence[MeasuredRun]) -> None:
-    """Warn of joints that a recording names and an instrument does not have."""
+def _unknown_joints(name: str | None, measured: Sequence[MeasuredRun]) -> tuple[str, ...]:
+    """Return which joints of a recording an instrument does not have."""
+    inst = None if name is None else load_instrument(name)
+    if inst is None or not is_kinematic(measured[0]):
+        return ()
     known = [joint.name for joint in inst.tip_joints] + ["yaw", "jaw"] * (inst.grip is not None)
-    unknown = [name for name in joints_of(measured) if name not in known]
-    if unknown:
-        warn(f"{inst.name} has no joint {', '.join(unknown)}; it has {', '.join(known)}.")
+    unknown = [one for one in joints_of(measured) if one not in known]
+    return (f"{inst.name} has no joint {', '.join(unknown)}; it has {', '.join(known)}.",) if unknown else ()
 
 
-def _doubts(problem: Problem, found: Fit) -> tuple[str, ...]:
-    """Return what held-out recordings say against a fit."""
+def _doubts(
+    problem: Problem, found: Fit, instrument_file: str | None, measured: Sequence[MeasuredRun]
+) -> tuple[str, ...]:
+    """Return what held-out recordings say against a fit, and of joints their laws and those an instrument lacks."""
     held_out = [one for one in found.files if one.split == "test"]
-    return (*unexplained(problem, found.vector, held_out), *worse_held_out(found.files))
+    against = (*unexplained(problem, found.vector, held_out), *worse_held_out(found.files))
+    return (*against, *chosen_laws(problem), *_unknown_joints(instrument_file, measured))
 
 
 def _stretches(  # noqa: PLR0917

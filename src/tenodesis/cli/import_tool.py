@@ -7,7 +7,7 @@ import typer
 
 from tenodesis import instrument
 from tenodesis.cli.command import command
-from tenodesis.cli.common import quantity, say
+from tenodesis.cli.common import console, quantity, say, table
 from tenodesis.cli.outputs import INSTRUMENT, Outputs, output, write_text
 from tenodesis.units import Length
 
@@ -33,5 +33,9 @@ def import_dvrk(
         write_text(path, text)
     joints = ", ".join(joint.name for joint in inst.tip_joints)
     say(f"{path}: {inst.name}, {len(inst.tendons)} tendons, angles {joints}; [sources] lists what is assumed.")
+    unknown = table("what a tool file does not say", "unknown", "assumed", "told by")
+    for row in instrument.DVRK_UNKNOWN:
+        unknown.add_row(*row)
+    console.print(unknown)
     if reading := instrument.jaw_reading(file, jaw_angle):
         say(reading)

@@ -1,6 +1,6 @@
 """Instruments: a file describes an instrument, and everything else is computed from it."""
 
-from tenodesis.instrument.dvrk import PULLEY_RADIUS, JawAngle, dvrk_text, from_dvrk, jaw_reading
+from tenodesis.instrument.dvrk import DVRK_UNKNOWN, PULLEY_RADIUS, JawAngle, dvrk_text, from_dvrk, jaw_reading
 from tenodesis.instrument.full_form import FullForm, RouteError
 from tenodesis.instrument.instrument import Instrument, Name
 from tenodesis.instrument.joints import Crossing, Grip, Joint, Tendon
@@ -20,6 +20,7 @@ from tenodesis.instrument.reading import (
 from tenodesis.instrument.short_form import PARAMETERS, AxisName, ShortForm
 
 __all__ = [
+    "DVRK_UNKNOWN",
     "JOINT_TYPES",
     "PARAMETERS",
     "PULLEY_RADIUS",

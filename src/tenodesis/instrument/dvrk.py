@@ -31,6 +31,16 @@ JawAngle: TypeAlias = Literal["between", "each"]
 PULLEY_RADIUS = 2.5e-3
 """Radius of the largest pulley about the pitch axis that is assumed, m: it fits into a stem of 8 mm."""
 
+DVRK_UNKNOWN = (
+    ("size of pulleys and spools", "--pulley-radius", "a caliper"),
+    ("stiffness of the tendons", "100 N/mm", "a known load at the locked tip"),
+    ("pretension", "20 N", "a load cell, or the load at slack"),
+    ("friction", "none", "currents or tensions both ways"),
+    ("play, offsets, coupling as built", "none, zero, the file's matrix", "identify, command and angle"),
+    ("length of the end-effector", "10 mm", "a caliper"),
+)
+"""What a tool file does not say, what is assumed for it, and what would tell."""
+
 _LARGEST = 1_000_000
 """Largest tool file, bytes."""
 _MOST = math.radians(179)

@@ -43,7 +43,7 @@ _LEAST_MOTION = float(np.radians(1))
 """Spread of a command below which a joint stands still, rad."""
 _LEAST_NOISE = 1e-5
 """Of a sensor that shows no noise, rad."""
-_MOST_PLAY = 1.0
+_MOST_PLAY = 3.0
 """rad."""
 _HARDLY = 0.04
 """Share of the mean square by which a law hardly differs from a simpler one: 2 % of the error."""
@@ -111,9 +111,8 @@ def is_kinematic(run: MeasuredRun) -> bool:
 
 def joints_of(runs: Sequence[MeasuredRun]) -> tuple[str, ...]:
     """Return the joints that were measured and commanded in all recordings, and moved in one of them."""
-    names = [name.removeprefix(f"{MEASURED}.") for name in runs[0].columns if name.startswith(f"{MEASURED}.")]
-    found = [one for one in names if all({f"{COMMAND}.{one}", f"{MEASURED}.{one}"} <= set(run.columns) for run in runs)]
-    return tuple(one for one in found if _moves(runs, one))
+    common = set.intersection(*(set(_both(run)) for run in runs))
+    return tuple(one for one in _both(runs[0]) if one in common and _moves(runs, one))
 
 
 class _Series(NamedTuple):
@@ -138,6 +137,11 @@ class _Joint(NamedTuple):
     movers: tuple[str, ...]
     before: tuple[str, ...]
     effort: bool
+
+    @property
+    def label(self) -> str:
+        """The law, and whether the effort counts."""
+        return f"{self.law} and effort" if self.effort else self.law
 
     def parameters(self) -> list[Parameter]:
         """Return its unknowns."""
@@ -203,9 +207,9 @@ class Kinematic(Problem):
             raise IdentificationError("train is empty; it must hold at least one recording.", key="train")
         recordings = [*train, *test]
         names = joints_of(train)
-        lacking = [one for one in recordings if not set(names) <= set(joints_of([one]) if one in train else _both(one))]
+        lacking = [one.name for one in recordings if not set(names) <= set(_both(one))]
         if not names or lacking:
-            where = lacking[0].name if lacking else train[0].name
+            where = lacking[0] if lacking else train[0].name
             raise IdentificationError(
                 f"{where} lacks command and measured angle of one of {', '.join(names) or 'its joints'}.",
                 key="columns",
@@ -223,12 +227,12 @@ class Kinematic(Problem):
         """Error in parts left out, rad, by joint and law, where laws were compared."""
         behind: list[dict[str, Values]] = [{} for _ in train]
         for name in names:
+            laws = [one for one in (LAWS[1:] if law == "auto" else (law,)) if one != "passed" or self.joints]
+            efforts = [False, True] if law == "auto" and name in with_effort else [name in with_effort]
+            before_it = tuple(before.name for before in self.joints)
             options = [
-                _Joint(name, one, tuple(movers), tuple(before.name for before in self.joints), name in with_effort)
-                for one in (LAWS[1:] if law == "auto" else (law,))
-                if one != "passed" or self.joints
+                _Joint(name, one, tuple(movers), before_it, effort) for effort in efforts for one in laws or ["play"]
             ]
-            options = options or [_Joint(name, "play", tuple(movers), (), name in with_effort)]
             joint = self._chosen(options, self.fitted[: len(train)], behind) if options[1:] else options[0]
             found = _solved(joint, self.fitted[: len(train)], behind)
             for one, before in zip(self.fitted, behind, strict=False):
@@ -256,15 +260,17 @@ class Kinematic(Problem):
         ]
         folds = [parts[fold::FOLDS] for fold in range(min(FOLDS, len(parts)))]
         errors = {}
+        whole: dict[str, float] = {}
         for option in options:
-            whole = _solved(option, train, behind)
+            near = whole if option.law in ("soft", "passed") and f"play.{option.name}" in whole else None
+            whole = _solved(option, train, behind, near=near)
             squares = []
             for number, fold in enumerate(folds):
                 rest = [part for other, one in enumerate(folds) if other != number for part in one]
                 found = _solved(option, [one for one, _ in rest], [before for _, before in rest], near=whole)
                 left = [one.measured[option.name] - option.angle(found, one, before) for one, before in fold]
                 squares.append(float(np.mean(np.concatenate(left) ** 2)))
-            errors[option.law] = np.array(squares)
+            errors[option.label] = np.array(squares)
         self.compared[options[0].name] = {name: float(np.sqrt(one.mean())) for name, one in errors.items()}
         best = min(errors, key=lambda name: errors[name].mean())
 
@@ -273,7 +279,7 @@ class Kinematic(Problem):
             more = errors[name] - errors[best]
             return bool(more.mean() <= max(more.std() / np.sqrt(more.size - 1), _HARDLY * errors[best].mean()))
 
-        return next(one for one in options if no_worse(one.law))
+        return next(one for one in options if no_worse(one.label))
 
     def model(self, values: Values, series: _Series) -> dict[str, Values]:
         """Return the angles by joint, each (n,), rad."""
@@ -295,13 +301,20 @@ class Kinematic(Problem):
 
     def jacobian(self, values: Array, run: int) -> Array:
         """Return the exact derivatives of the residuals, (n, parameters)."""
-        columns = []
-        for place in range(values.size):
-            at = values.astype(np.complex128)
-            at[place] += 1e-30j
-            found = self.model(at, self.fitted[run])
-            columns.append(np.concatenate([-np.imag(one) / 1e-30 / self.noise[name] for name, one in found.items()]))
-        return np.column_stack(columns)
+        series = self.fitted[run]
+        given = dict(zip(self._places, values.tolist(), strict=True))
+        base = self.model(values, series)
+        size = series.time.size
+        slopes = np.zeros((len(self.joints) * size, values.size))
+        for name, place in self._places.items():
+            changed = given | {name: given[name] + 1e-30j}
+            found: dict[str, Values] = {}
+            for row, joint in enumerate(self.joints):
+                # a joint that passes nothing on depends on its own parameters alone
+                if name.split(".")[1] == joint.name or (joint.law == "passed" and found):
+                    found[joint.name] = joint.angle(changed, series, base | found)
+                    slopes[row * size : (row + 1) * size, place] = -np.imag(found[joint.name]) / self.noise[joint.name]
+        return slopes / 1e-30
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus modelled angle of each joint at all samples, deg."""
@@ -355,7 +368,7 @@ def chosen_laws(problem: Problem) -> tuple[str, ...]:
     for joint in problem.joints:
         compared = problem.compared.get(joint.name, {})
         left = ", ".join(f"{law} {np.degrees(error):.3g}" for law, error in compared.items())
-        said.append(f"{joint.name}: {joint.law}" + (f" (deg left in parts not fitted: {left})." if left else "."))
+        said.append(f"{joint.name}: {joint.label}" + (f" (deg left in parts not fitted: {left})." if left else "."))
     return tuple(said)
 
 
@@ -398,7 +411,7 @@ def _solved(
     spread = 2 * np.sqrt(3) * float(np.std(reference - columns @ first[:count]))
     starts = [np.where(np.arange(first.size) == play, share * spread, first) for share in _STARTS]
     if near is not None:
-        starts = [np.array([near[name] for name in names])]
+        starts = [np.array([near.get(one.name, one.start) for one in parameters])]
     ends = [
         optimize.least_squares(
             lambda at: np.real(angle(at)) - reference,  # type: ignore[misc]
