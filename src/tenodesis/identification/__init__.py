@@ -1,5 +1,6 @@
 """Identification from recordings: parameters, with their uncertainty, and which are not identifiable."""
 
+from tenodesis.identification.any_instrument import AtRest, Estimate, RestFit, fit_at_rest
 from tenodesis.identification.fit import fit
 from tenodesis.identification.formats.instrument_run import measured
 from tenodesis.identification.identifiability import Combination, Identifiability
@@ -11,17 +12,21 @@ from tenodesis.identification.uncertainty import Whiteness
 
 __all__ = [
     "FORMATS",
+    "AtRest",
     "Combination",
+    "Estimate",
     "Fit",
     "Format",
     "Identifiability",
     "Kinematic",
     "Parameter",
     "Problem",
+    "RestFit",
     "RunErrors",
     "Trace",
     "Whiteness",
     "fit",
+    "fit_at_rest",
     "jacobian_error",
     "measured",
     "recorded",
