@@ -22,9 +22,12 @@ from backbones import BACKBONE
 from backbones import backbone as backbone_of
 from peers import chain_dynamics
 from scipy.integrate import solve_bvp
+from scipy.special import lambertw
 
 import tenodesis as tn
 from tenodesis import statics, tendon
+from tenodesis.instrument import FullForm
+from tenodesis.kinematics.chain import rotated
 from tenodesis.statics import chain
 
 sys.path.append(str(Path(__file__).parents[1] / "studies"))
@@ -36,9 +39,20 @@ GRAVITY, MASSES, COEFFICIENTS = 9.81, (1.0, 3.0), (0.0, 0.2)
 MOMENT, FORCE = 0.02, 0.5
 """Of a tendon at the backbone's end, N m, and a force across in the stem's axes, N."""
 MANY, ROUNDS = 4096, 5
+"""Worlds together; runs of which the fastest counts."""
+ARCS = 4
+FEW, MORE = 10, 210
+"""Steps of worlds together, by whose difference their rate is taken without the time to build them."""
 ROPE = (
     figures.Heading("error_frictionless", "error without friction", "%", ".3g"),
     figures.Heading("error_friction", "error with μ = 0.2", "%", ".3g"),
+    figures.Heading("steps", "steps a second, one world", "1/s", ".3g"),
+    figures.Heading("many", f"of {MANY} worlds together", "1/s", ".3g"),
+    figures.Heading("version", "version"),
+)
+FINGER = (
+    figures.Heading("error_frictionless", "error without friction", "°", ".3g"),
+    figures.Heading("error_friction", "error with μ = 0.2", "°", ".3g"),
     figures.Heading("steps", "steps a second, one world", "1/s", ".3g"),
     figures.Heading("many", f"of {MANY} worlds together", "1/s", ".3g"),
     figures.Heading("version", "version"),
@@ -47,8 +61,15 @@ TIP = (
     figures.Heading("place", "error of the end's place", "% of length", ".3g"),
     figures.Heading("angle", "of its angle", "°", ".3g"),
     figures.Heading("solves", "equilibria a second", "1/s", ".3g"),
-    figures.Heading("steps", "steps a second", "1/s", ".3g"),
+    figures.Heading("steps", "steps a second, one world", "1/s", ".3g"),
+    figures.Heading("many", f"of {MANY} worlds together", "1/s", ".3g"),
     figures.Heading("version", "version"),
+)
+SPACE = (
+    figures.Heading("place", "difference of place", "% of length", ".3g"),
+    figures.Heading("angle", "of the end's axis", "°", ".3g"),
+    figures.Heading("bend", "bend of the end", "°", ".3g"),
+    figures.Heading("version", "version of PyElastica"),
 )
 SEGMENTS = (
     figures.Heading("x", "x of the end", "mm", ".4g"),
@@ -139,6 +160,67 @@ def mujoco_rope() -> tuple[str, dict[float, float], float]:
     return mujoco.__version__, dict.fromkeys(COEFFICIENTS, ratio_of(acceleration)), rate
 
 
+def of_worlds(inst: FullForm, time_step: float, **acting: Row) -> float:
+    """Return the steps a second of worlds together, under what acts all the time."""
+    took = []
+    for count in (FEW, MORE):
+        given: dict[str, Any] = {name: np.tile(values, (count, 1)) for name, values in acting.items()}
+        begun = time.perf_counter()
+        tn.twin.run_many(inst, np.zeros((MANY, count, 0)), time_step=time_step, **given)
+        took.append(time.perf_counter() - begun)
+    return MANY * (MORE - FEW) / (took[1] - took[0])
+
+
+def finger(_: str) -> dict[str, Row]:
+    """Return the rows of a finger of three sprung pulleys, one tendon over all, pulled by a tension."""
+    from peers.chain_peer import ChainPeer  # noqa: PLC0415 - an extra
+
+    radius, spring, most = 5e-3, 0.05, 8.0
+    names = ("first", "second", "third")
+    pulleys: list[dict[str, Any]] = [
+        {"name": name, "mechanism": "pulley", "axis": "yaw", "radius": radius, "stiffness": spring, "offset": 30e-3}
+        for name in names
+    ]
+    pulleys[-1]["end_effector_length"] = 20e-3
+    route = [{"joint": name, "side": "agonist"} for name in names]
+    pulled = np.concatenate([np.linspace(0.0, most, 400), np.full(100, most)])[:, np.newaxis]
+
+    def made(coefficient: float) -> Any:
+        friction = {"law": "capstan", "vertex_coefficient": coefficient, "sheath_coefficient": 0.0, "sheath_bend": 0.0}
+        like = tn.instrument.expanded("two-segment-continuum")
+        tendons = [{"name": "flexor", "route": route, "stiffness": 3e4, "pretension": 0.0}]
+        return like.replace(joints=pulleys, tendons=tendons, friction=friction, sources=None)
+
+    def exact(coefficient: float) -> Any:
+        """Return the angles where each spring balances the tension beyond its pulley, which its own wrap takes from."""
+        tension, angles = most, []
+        for _ in names:
+            free = radius * tension / spring
+            angles.append(float(lambertw(coefficient * free).real) / coefficient if coefficient else free)
+            tension = spring * angles[-1] / radius
+        return np.array(angles)
+
+    own = []
+    for one in COEFFICIENTS:
+        slow = tn.twin.Twin(made(one), time_step=1e-4, quasi_static=True)
+        angles = np.asarray(slow.run(np.zeros((len(pulled), 0)), spool_tension=pulled).output_angle)[-1]
+        own.append(float(np.degrees(np.abs(angles - exact(one)).max())))
+    twin = tn.twin.Twin(made(0.2), time_step=1e-4)
+    begun = np.zeros((len(pulled), 0))
+    steps = len(pulled) / min(repeat(partial(twin.run, begun, spool_tension=pulled), number=1, repeat=ROUNDS))
+    many = of_worlds(made(0.2), 1e-4, spool_velocity=[5.0])
+    rows: dict[str, Row] = {"Tenodesis": [*own, steps, many, tn.__version__]}
+    import mujoco  # noqa: PLC0415 - an extra
+
+    smooth = made(0.0)
+    strokes = statics.strokes_at_tensions(smooth, [most])
+    angles = ChainPeer(smooth).settle([], strokes=strokes).angles
+    off_by = [float(np.degrees(np.abs(angles - exact(one)).max())) for one in COEFFICIENTS]
+    rate = chain_dynamics.steps_per_second(smooth, [0.0] * 6, time_step=1e-4, seconds=0.5)
+    rows["MuJoCo, no friction"] = [*off_by, rate, None, mujoco.__version__]
+    return rows
+
+
 def exact_end() -> tuple[float, float, float]:
     """Return angle (rad) and place along x and z (m) of the backbone's end, as an elastica."""
     length, rigidity = BACKBONE.length, BACKBONE.rigidity
@@ -157,9 +239,9 @@ def backbone(python: str) -> dict[str, Row]:
     """Return the rows of the backbone."""
     angle, x, z = exact_end()
 
-    def row(place: tuple[float, float], own: float, solves: float | None, steps: float | None, version: str) -> Row:
+    def row(place: tuple[float, float], own: float, *rates: float | str | None) -> Row:
         apart = math.hypot(place[0] - x, place[1] - z)
-        return [100 * apart / BACKBONE.length, math.degrees(abs(own - angle)), solves, steps, version]
+        return [100 * apart / BACKBONE.length, math.degrees(abs(own - angle)), *rates]
 
     rows: dict[str, Row] = {}
     wrench, pulled = [FORCE, 0.0, 0.0, 0.0, 0.0, 0.0], [MOMENT / BACKBONE.offset, 0.0]
@@ -180,12 +262,13 @@ def backbone(python: str) -> dict[str, Row]:
         loads[:, 0] = FORCE * np.sin(2 * np.pi * 5e-4 * np.arange(MANY))
         run = partial(twin.run, np.zeros((MANY, 0)), wrench=loads)
         steps = MANY / min(repeat(run, number=1, repeat=ROUNDS))
+        many = of_worlds(backbone_of(arcs), 5e-4, wrench=[FORCE, 0, 0, 0, 0, 0]) if arcs == ARCS else None
         name = f"Tenodesis, {arcs} arc{'s' * (arcs > 1)}"
-        rows[name] = row((end[0], end[2]), float(angles.sum()), rate, steps, tn.__version__)
+        rows[name] = row((end[0], end[2]), float(angles.sum()), rate, steps, many, tn.__version__)
     rods = {
         elements: of_peer(
             python, "elastica_rod.py", "--length", BACKBONE.length, "--rigidity", BACKBONE.rigidity, "--moment", MOMENT,
-            "--force", FORCE, 0.0, "--elements", elements,
+            "--force", FORCE, 0.0, 0.0, "--elements", elements,
         )
         for elements in (20, 40, 80)
     }  # fmt: skip
@@ -193,14 +276,23 @@ def backbone(python: str) -> dict[str, Row]:
         if found is not None:
             place = found["place"][0], found["place"][2]
             name = f"PyElastica, {elements} elements"
-            rows[name] = row(place, found["angle"], 1 / found["seconds"], found["steps"], found["version"])
+            rows[name] = row(place, found["angle"], 1 / found["seconds"], found["steps"], None, found["version"])
     if (coarse := rods[40]) is not None and (fine := rods[80]) is not None:
         x0, _, z0, angle0 = limit(coarse, fine)
-        rows["PyElastica, extrapolated from 40 and 80"] = row((x0, z0), angle0, None, None, fine["version"])
+        rows["PyElastica, extrapolated from 40 and 80"] = row((x0, z0), angle0, None, None, None, fine["version"])
+    for parts in (4, 8):
+        found = of_peer(
+            python, "soromox_rod.py", "--length", BACKBONE.length, "--rigidity", BACKBONE.rigidity, "--offset",
+            BACKBONE.offset, "--tensions", *(MOMENT / BACKBONE.offset, 0.0), "--force", FORCE, "--segments", parts,
+            "--worlds", MANY,
+        )  # fmt: skip
+        if found is not None:
+            rates = [found[key] for key in ("solves", "steps", "steps of worlds", "version")]
+            rows[f"SoRoMoX, {parts} segments"] = row(found["place"], found["angle"], *rates)
     rate = chain_dynamics.steps_per_second(backbone_of(4), [FORCE, 0, 0, 0, 0, 0], seconds=0.5)
     import mujoco  # noqa: PLC0415 - an extra
 
-    rows["MuJoCo, four arcs as hinges, no friction"] = [None, None, None, rate, mujoco.__version__]
+    rows["MuJoCo, four arcs as hinges, no friction"] = [None, None, None, rate, None, mujoco.__version__]
     return rows
 
 
@@ -232,7 +324,7 @@ def segments(python: str) -> dict[str, Row]:
         rods = [
             of_peer(
                 python, "elastica_rod.py", "--length", length, "--rigidity", rigidity, "--moment", far,
-                "--middle", near, "--force", force, 0.0, "--elements", elements, "--seconds", 0.4,
+                "--middle", near, "--force", force, 0.0, 0.0, "--elements", elements, "--seconds", 0.4,
             )
             for elements in (40, 80)
         ]  # fmt: skip
@@ -249,20 +341,61 @@ def segments(python: str) -> dict[str, Row]:
     return rows
 
 
+def space(python: str) -> dict[str, Row]:
+    """Return how far a backbone in two planes that twists is from PyElastica's rod, by tensions and what acts."""
+    shown = tn.load(Path(__file__).parents[1] / "examples" / "three_tendons.toml")
+    joint = shown.expanded.as_given("joints")[0].model_copy(update={"end_effector_length": 2e-7})
+    inst = shown.expanded.replace(joints=[joint], tendons=list(shown.expanded.as_given("tendons")))
+    rows: dict[str, Row] = {}
+    around = np.radians([0.0, 120.0, 240.0])
+    for tensions, wrench in (
+        ((12.0, 4.0, 2.0), [0.0] * 6),
+        ((10.0, 4.0, 2.0), [0.0, 0.3, 0.0, 0.0, 0.0, 0.0]),
+        ((10.0, 2.0, 5.0), [-0.2, 0.3, 0.0, 0.0, 0.0, 4e-3]),
+    ):
+        moment = joint.radius * np.array([-np.sin(around), np.cos(around)]) @ tensions
+        rods = [
+            of_peer(
+                python, "elastica_rod.py", "--length", joint.backbone_length, "--rigidity", joint.backbone_rigidity,
+                "--torsion", joint.torsional_rigidity, "--moment", 0.0, "--tendons", *moment, "--force", *wrench[:3],
+                "--twist", wrench[5], "--elements", elements, "--seconds", 0.4,
+            )
+            for elements in (20, 40)
+        ]  # fmt: skip
+        coarse, fine = rods
+        if coarse is None or fine is None:
+            return {}
+        place = 2 * np.array(fine["place"]) - coarse["place"]
+        axis = 2 * np.array(fine["axis"]) - coarse["axis"]
+        strokes = statics.strokes_at_tensions(inst, tensions, wrench=wrench, axes="stem")
+        pose = tn.kinematics.tip_pose(inst, chain.output_angles(inst, 0.0, wrench, strokes=strokes, axes="stem"))
+        own = rotated(pose.quaternion[0], np.array([0.0, 0.0, 1.0]))
+        apart = 100 * float(np.linalg.norm(pose.position[0] - place)) / joint.backbone_length
+        off = math.degrees(math.atan2(float(np.linalg.norm(np.cross(own, axis))), float(own @ axis)))
+        across, twist = math.hypot(*wrench[:2]), 1e3 * wrench[5]
+        name = f"{', '.join(f'{one:g}' for one in tensions)} N, {across:.2g} N across, {twist:g} mN m about"
+        rows[name] = [apart, off, math.degrees(math.acos(float(own[2]))), fine["version"]]
+    return rows
+
+
 def main() -> None:
     """Print the tables, and write them into the file of figures."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--python", default=sys.executable, help="Python that has newton and pyelastica")
     parser.add_argument("--worlds", type=int, default=MANY)
-    parser.add_argument("--work", choices=("rope", "backbone", "segments"), action="append", help="by default all")
+    parser.add_argument(
+        "--work", choices=("rope", "finger", "backbone", "segments", "space"), action="append", help="by default all"
+    )
     parser.add_argument("--figures", type=Path, help="docs/results.json")
     given = parser.parse_args()
     tn.set_threads(1)
     command = "python benchmarks/compared.py --python PYTHON_WITH_THE_PEERS --figures docs/results.json"
     work: dict[str, tuple[Any, Callable[[], dict[str, Row]]]] = {
         "rope": (ROPE, partial(rope, given.python, given.worlds)),
+        "finger": (FINGER, partial(finger, given.python)),
         "backbone": (TIP, partial(backbone, given.python)),
         "segments": (SEGMENTS, partial(segments, given.python)),
+        "space": (SPACE, partial(space, given.python)),
     }
     for of in given.work or work:
         columns, measured = work[of]
@@ -276,7 +409,9 @@ def main() -> None:
             kept = {} if before is None else dict(before.rows)
             figures.keep(
                 name,
-                figures.Table(command, "tensions and force" if of == "segments" else "simulator", columns, kept | rows),
+                figures.Table(
+                    command, "tensions and force" if of in ("segments", "space") else "simulator", columns, kept | rows
+                ),
                 given.figures,
             )
 
