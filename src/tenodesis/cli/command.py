@@ -24,6 +24,8 @@ class Answer(NamedTuple):
     """Returns it for JSON."""
     show: Callable[[], None]
     """Prints it for people."""
+    exit_code: int = 0
+    """1 where something must be corrected, though there is an answer."""
 
 
 def command(*reads: str, json: str = "") -> Callable[[Callable[..., Answer | None]], Callable[..., None]]:
@@ -67,6 +69,8 @@ def command(*reads: str, json: str = "") -> Callable[[Callable[..., Answer | Non
                 _print_json(answer.content())
             elif answer is not None:
                 answer.show()
+            if answer is not None and answer.exit_code:
+                raise typer.Exit(answer.exit_code)
 
         added = [
             inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)

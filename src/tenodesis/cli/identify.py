@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 import typer
@@ -14,7 +15,7 @@ from tenodesis.cli.command import Answer, command
 from tenodesis.cli.common import ProgressBar, check_choice, console, load_instrument, note, quantity, say, table, warn
 from tenodesis.cli.outputs import JSON, Outputs, check_suffix, write_text
 from tenodesis.errors import CommandError, IdentificationError
-from tenodesis.identification import report
+from tenodesis.identification import mistakes, report
 from tenodesis.identification.comparison import (
     LEAST_EXCESS,
     ArrangementComparison,
@@ -24,6 +25,7 @@ from tenodesis.identification.comparison import (
 )
 from tenodesis.identification.fit import LEAST_REPLICATES, STARTS, fit
 from tenodesis.identification.formats import MeasuredRun, load_all
+from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.identification.kinematic.model import chosen_laws, is_kinematic, joints_of
 from tenodesis.identification.problem import Problem
 from tenodesis.identification.registry import FORMATS, Format
@@ -150,20 +152,28 @@ def identify(  # noqa: PLR0917
                     progress=bar,
                 )
 
-        problem = problem_of(inst)
+        explain = partial(_explained, measured[:count], kind, chosen, inst, parameters)
+        problem = _built(problem_of, inst, explain)
         found = fitted(problem)
+        explained = explain() if mistakes.unexplained_excess(problem, found, range(count)) else None
         compared = None
-        if arrangement == "compare" or (arrangement == "auto" and excess(problem, found, range(count)) > LEAST_EXCESS):
+        if _asks_for_arrangements(arrangement, problem, found, range(count), explained):
             compared, problem, found = _arranged(
                 kind, measured, Fitted(problem, found), problem_of, fitted, law=chosen, inst=inst, train=range(count)
             )
-        found = replace(found, warnings=(*found.warnings, *_doubts(problem, found, instrument_file, measured)))
+        found, ratio = _doubted(problem, found, range(count), explained, _unknown_joints(instrument_file, measured))
         extrapolated = {one.name: _extrapolated(one, measured[:count]) for one in measured[count:]}
         notes = {one.name: (*one.notes, *extrapolated.get(one.name, ())) for one in measured}
-        runs = range(len(problem.runs))
         rows = [] if compared is None else compared.to_json()
         written = report.write(
-            problem, found, out, runs=runs, format=format_name, law=chosen, notes=notes, arrangements=rows
+            problem,
+            found,
+            out,
+            runs=range(len(problem.runs)),
+            format=format_name,
+            law=chosen,
+            notes=notes,
+            arrangements=rows,
         )
         numbers = to_json(found, format=format_name, law=chosen, notes=notes, arrangements=rows)
         if json_file is not None:
@@ -179,7 +189,7 @@ def identify(  # noqa: PLR0917
             note(f"{word}: {', '.join(names)}.")
         _print_fit(found, written, notes)
 
-    return Answer(lambda: numbers, show)
+    return Answer(lambda: numbers, show, 1 if ratio else 0)
 
 
 def _loaded(format_name: str, files: Sequence[Path]) -> tuple[str, list[MeasuredRun]]:
@@ -213,13 +223,69 @@ def _unknown_joints(name: str | None, measured: Sequence[MeasuredRun]) -> tuple[
     return (f"{inst.name} has no joint {', '.join(unknown)}; it has {', '.join(known)}.",) if unknown else ()
 
 
-def _doubts(
-    problem: Problem, found: Fit, instrument_file: str | None, measured: Sequence[MeasuredRun]
-) -> tuple[str, ...]:
-    """Return what held-out recordings say against a fit, and of joints their laws and those an instrument lacks."""
+def _explained(
+    runs: Sequence[MeasuredRun], kind: Format, law: str, inst: ShortForm | None, parameters: str | None
+) -> mistakes.Explanation | None:
+    """Return the mistake that explains recordings of an instrument, None if none does or there is no instrument."""
+    known = inst is not None or any(isinstance(run, InstrumentRun) and run.instrument is not None for run in runs)
+    if not known or kind.arrangements is None:
+        return None
+
+    def build(changed: Sequence[MeasuredRun], other: ShortForm | None) -> Problem:
+        return kind.problem(changed, [], law=law, instrument=other or inst)
+
+    def free(problem: Problem) -> list[str]:
+        return (
+            [one.name for one in problem.parameters] if parameters is None else chosen_parameters(problem, parameters)
+        )
+
+    with ProgressBar("likely mistakes") as bar:
+        return mistakes.explain(runs, build, free, instruments=mistakes.shipped_planar(), progress=bar)
+
+
+def _built(
+    problem_of: Callable[[ShortForm | None], Problem],
+    inst: ShortForm | None,
+    explain: Callable[[], mistakes.Explanation | None],
+) -> Problem:
+    """Return the model of recordings; where they are refused, the error names the mistake that explains it."""
+    try:
+        return problem_of(inst)
+    except IdentificationError as refusal:
+        explained = explain()
+        if explained is None:
+            raise
+        about: dict[str, Any] = {"key": refusal.key, "value": refusal.value, "allowed": refusal.allowed}
+        raise IdentificationError(f"{refusal} {explained.statement}", **about) from None
+
+
+def _asks_for_arrangements(
+    arrangement: str, problem: Problem, found: Fit, train: Sequence[int], explained: mistakes.Explanation | None
+) -> bool:
+    """Return whether other arrangements are to be fitted; a mistake in the recordings makes all of them wrong."""
+    return arrangement == "compare" or (
+        arrangement == "auto" and explained is None and excess(problem, found, train) > LEAST_EXCESS
+    )
+
+
+def _doubted(
+    problem: Problem,
+    found: Fit,
+    train: Sequence[int],
+    explained: mistakes.Explanation | None,
+    unknown: Sequence[str],
+) -> tuple[Fit, float]:
+    """Return a fit with what is said against it, of joints their laws too, and how many times the noise it leaves, 0 if it is explained."""
+    ratio = mistakes.unexplained_excess(problem, found, train)
+    found = mistakes.doubted(found, ratio, explained) if ratio else found
     held_out = [one for one in found.files if one.split == "test"]
-    against = (*unexplained(problem, found.vector, held_out), *worse_held_out(found.files))
-    return (*against, *chosen_laws(problem), *_unknown_joints(instrument_file, measured))
+    said = (
+        *unexplained(problem, found.vector, held_out),
+        *worse_held_out(found.files),
+        *chosen_laws(problem),
+        *unknown,
+    )
+    return replace(found, warnings=(*found.warnings, *said)), ratio
 
 
 def _stretches(  # noqa: PLR0917

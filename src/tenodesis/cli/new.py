@@ -14,7 +14,7 @@ from tenodesis.cli.command import command
 from tenodesis.cli.common import check_choice, note, quantity, say, warn
 from tenodesis.cli.outputs import Outputs, write_text
 from tenodesis.control.plausibility import implausible, solid_tip_inertia
-from tenodesis.errors import CommandError, InstrumentError
+from tenodesis.errors import CommandError, InstrumentError, NoSolutionError
 from tenodesis.instrument import JOINT_TYPES, ShortForm
 from tenodesis.instrument.template import ASSUMED, QUESTIONS, ROPES, Question, sketch, text
 from tenodesis.units import Force, Length, PositiveForce, annotation, quantity_of
@@ -328,8 +328,11 @@ def _assume_handle_range(draft: _Draft) -> None:
             raise
         break
     needed = math.degrees(_SPARE * statics.reach(inst))
-    # The unloaded tip stays off its mechanical stop.
-    stop = math.degrees(float(statics.handle_angle(inst, _OFF_STOP * inst.output_stop)))
+    try:
+        # The unloaded tip stays off its mechanical stop.
+        stop = math.degrees(float(statics.handle_angle(inst, _OFF_STOP * inst.output_stop)))
+    except NoSolutionError:  # the mechanism cannot bend as far
+        stop = degrees
     within = min(_STEP * math.ceil(needed / _STEP), degrees, math.floor(stop))
     del draft.values["handle_range"]
     draft.assume("handle_range", f"{within} deg", "bends the unloaded tip through its working range, with room")

@@ -107,6 +107,8 @@ def load(path: Path) -> InstrumentRun:
     # a column without a number was not recorded
     known = {name: values for name, values in stated.items() if name in needed or np.isfinite(values).any()}
     columns = {name: _in_si(path, name, values, places[name], notes) for name, values in known.items()}
+    if "handle_angle" in known and not np.array_equal(columns["handle_angle"], known["handle_angle"], equal_nan=True):
+        _as_the_handle(columns, known, places, notes)
     time = columns.pop(lab_map.TIME)
     return checked(path.name, time, columns, notes=notes, checksum=checksum(path))
 
@@ -134,3 +136,18 @@ def _in_si(path: Path, name: str, stated_values: Array, parts: list[lab_map.Part
         key=name,
         value=place.unit,
     )
+
+
+def _as_the_handle(
+    columns: dict[str, Array], stated: dict[str, Array], places: dict[str, list[lab_map.Part]], notes: list[str]
+) -> None:
+    """Convert angles under the handle's heading as its angle was, whose unit was not the stated one."""
+    known = np.isfinite(stated["handle_angle"]) & (stated["handle_angle"] != 0)
+    factor = float(np.median(columns["handle_angle"][known] / stated["handle_angle"][known]))
+    for name in ("measured_handle_angle", "measured_output_angle"):
+        if name not in columns or places[name][0].unit != places["handle_angle"][0].unit or places[name][1:]:
+            continue
+        spread = spread_of(stated[name][np.isfinite(stated[name])])
+        if np.array_equal(columns[name], stated[name], equal_nan=True) and factor * spread <= _MOST["rad"]:
+            columns[name] = factor * stated[name]
+            notes.append(f"{name} taken in the unit of handle_angle, not {places[name][0].unit} as its heading says")
