@@ -10,13 +10,13 @@ from tenodesis.cli.common import note, say
 from tenodesis.cli.outputs import FIGURE, Outputs, output, write_text
 from tenodesis.errors import RecordingError
 from tenodesis.files import write_errors
-from tenodesis.recording import lab_guess, lab_map, lab_tables
+from tenodesis.recording import lab_guess, lab_map
 
 
 @command("file")
 def write_map(
     outputs: Outputs,
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="File of a laboratory: text, .lvm, .tdms, .mat, .xlsx.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="File of a laboratory: text, .lvm, .tdms, .mat, .xlsx, bag.")],
     out: Annotated[
         Path | None, output({".toml": "a map of columns"}, "The map. Default: FILE.columns.toml beside FILE.")
     ] = None,
@@ -28,7 +28,7 @@ def write_map(
     path = file.with_name(file.name + lab_map.MAP_SUFFIX) if out is None else out
     figure = file.with_name(file.name + ".columns.png") if plot_out is None else plot_out
     with outputs.files(out=path, plot_out=figure):
-        table = lab_tables.read_table(file)
+        table = lab_map.numbers_in(file)
         guesses = lab_guess.guess(table)
         text = lab_guess.as_toml(table, guesses)
         mapped = lab_map.by_map(table, text, str(path))

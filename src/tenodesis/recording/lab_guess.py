@@ -15,11 +15,12 @@ _TENDON, _SPOOL = r"(tension|cable|tendon|seil|zug|kraft|loadcell|lc)", r"(spool
 _FIRST, _SECOND = r"(1|a|ago|agonist|left)", r"(2|b|anta|antagonist|right)"
 _WORDS = {
     TIME: r"time|t|zeit|temps|x_value|timestamp|seconds?|clock",
-    "handle_angle": r".*(handle|griff|theta_?h|input|master|command|setpoint).*|q_?in",
-    "measured_output_angle": r".*(output|tip_?angle|spitze|theta_?[eo]|distal|jaw|wrist|camera).*|q_?out",
+    "handle_angle": r".*(handle|griff|theta_?h|input|master|mtm|command|setpoint).*|q_?in",
+    "measured_handle_angle": r".*(handle|master|mtm).*measured.*",
+    "measured_output_angle": r".*(output|tip_?(angle|measured)|spitze|theta_?[eo]|distal|jaw|wrist|camera).*|q_?out",
     "tension_agonist": rf".*{_TENDON}.*_?{_FIRST}|[ft]_?(1|a)",
     "tension_antagonist": rf".*{_TENDON}.*_?{_SECOND}|[ft]_?(2|b)",
-    "force": r"f|force|kraft|load|last|tip_?force|f_?tip|fx",
+    "force": r"f|force|kraft|load|last|tip_?force|f_?tip|fx|.*_cf_force_?x",
     "spool_agonist": rf".*{_SPOOL}.*_?{_FIRST}",
     "spool_antagonist": rf".*{_SPOOL}.*_?{_SECOND}",
 }
@@ -56,6 +57,7 @@ def guess(table: Table) -> dict[str, Guess]:
         found[TIME] = clock
     used = {name for one in found.values() for name in one.columns}
     free = [name for name in values if name not in used]
+    free.sort(key=lambda name: "setpoint" not in name)  # of a bag, what was commanded is taken for the handle first
     for column, si in COLUMNS.items():
         if column in _WORDS and column not in found:
             name = next((one for one in free if _is(column, one, si)), None)
@@ -106,13 +108,18 @@ def repr_toml(texts: Sequence[str]) -> str:
 def _is(column: str, name: str, si: str) -> bool:
     """Return whether a heading can be a column: by its words, unless its unit says otherwise."""
     unit = heading(name).unit
+    if name.startswith("/") and si == "rad" and unit is None:
+        return False  # of a bag only angles have the unit of one
     word = re.sub(r"[^a-z0-9_]", "", _word(name).replace(" ", "_"))
     return bool(re.fullmatch(_WORDS[column], word)) and (unit is None or _kind(unit) in (si, ""))
 
 
 def _word(name: str) -> str:
-    """Return a heading's name, of a structure or group the last part of it, in lower case."""
-    return re.split(r"[./]", heading(name).name)[-1].lower()
+    """Return a heading's name in lower case: of a structure or group the last part, of a bag topic and joint."""
+    name = heading(name).name
+    if name.startswith("/"):
+        return re.sub(r"[./]", "_", re.sub(r"\.(position|velocity|effort|data)$", "", name.lower()).strip("/"))
+    return re.split(r"[./]", name)[-1].lower()
 
 
 def _kind(unit: str) -> str:

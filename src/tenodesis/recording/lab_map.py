@@ -20,7 +20,7 @@ import numpy as np
 import pint
 
 from tenodesis.errors import RecordingError
-from tenodesis.recording.lab_tables import Table, read_table
+from tenodesis.recording.lab_tables import MAP_SUFFIX, Table, read_table
 from tenodesis.run import TENDONS, Array, Names, Run
 from tenodesis.toml import parse_toml, read_text
 from tenodesis.units import in_unit
@@ -41,7 +41,6 @@ TIME = "time"
 UNITS = {TIME: "s"} | COLUMNS
 _LEAST_ROWS = 0.5
 """Share of the rows that have a number, below which a text is no table."""
-MAP_SUFFIX = ".columns.toml"
 SHARED_MAP = "columns.toml"
 
 _SIGNALS = {
@@ -91,6 +90,17 @@ def read(path: Path) -> Mapped:
 
     Raises RecordingError if file or map cannot be read, or if the map is wrong.
     """
+    table = numbers_in(path)
+    beside = map_beside(path)
+    if beside is not None:
+        return by_map(table, read_text(beside, RecordingError), str(beside))
+    places, axes = recognised(str(path), table.headings)
+    notes = [f"of the axes {' and '.join(axes)} the first is taken"] if axes[1:] else []
+    return Mapped(table, places, tuple(notes), axes[0] if axes else "yaw")
+
+
+def numbers_in(path: Path) -> Table:
+    """Return the table in a file; raises RecordingError if that cannot be read, or holds no rows of numbers."""
     table = read_table(path)
     known = np.logical_or.reduce([np.isfinite(column) for column in table.columns])
     if not known.size or known.mean() < _LEAST_ROWS:
@@ -100,12 +110,7 @@ def read(path: Path) -> Mapped:
             value=path,
             allowed="a recording: an MCAP file, or a table of numbers under headings",
         )
-    beside = map_beside(path)
-    if beside is not None:
-        return by_map(table, read_text(beside, RecordingError), str(beside))
-    places, axes = recognised(str(path), table.headings)
-    notes = [f"of the axes {' and '.join(axes)} the first is taken"] if axes[1:] else []
-    return Mapped(table, places, tuple(notes), axes[0] if axes else "yaw")
+    return table
 
 
 def by_map(table: Table, text: str, source: str) -> Mapped:

@@ -13,13 +13,16 @@ import numpy as np
 from tenodesis.errors import Error, RecordingError
 from tenodesis.extras import require
 from tenodesis.files import read_regular
+from tenodesis.recording import lab_bags
 from tenodesis.run import Array
 
 _LARGEST = 1_000_000_000
 """Largest file, and largest content of a spreadsheet, bytes."""
 _MOST_COLUMNS = 1_000
 _LVM, _LVM_HEADER = "LabVIEW Measurement", "***End_of_Header***"
+_MCAP = b"\x89MCAP0\r\n"
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+MAP_SUFFIX = ".columns.toml"
 TIME = "time [s]"
 """Heading of a clock that the file states otherwise than as a column."""
 
@@ -30,8 +33,6 @@ class Table(NamedTuple):
     kind: str
     headings: list[str]
     columns: list[Array]
-    merged: bool = False
-    """Whether columns of other clocks were brought to one, so that a row may lack what the others have."""
 
     def column(self, at: int) -> Array:
         """Return a column by its number."""
@@ -39,7 +40,7 @@ class Table(NamedTuple):
 
 
 def read_table(path: Path) -> Table:
-    """Return the table in a file: text with headings, LabVIEW (.lvm, .tdms), MATLAB (.mat), HDF5 or Excel (.xlsx).
+    """Return the table in a file: text with headings, LabVIEW (.lvm, .tdms), MATLAB (.mat), HDF5, Excel (.xlsx), a bag of ROS.
 
     Text is separated by commas, semicolons or tabs, with a decimal comma if they are no commas; lines of # or % are
     left out. An array of several columns has a heading for each, ``F[1]`` and on.
@@ -52,6 +53,8 @@ def read_table(path: Path) -> Table:
         The library that reads it is not installed.
     """
     try:
+        if lab_bags.is_bag(path):
+            return _whole(path, _bag(path))
         start = _start(path)
         reader = next((read for known, read in _READERS if known(start)), None)
         if reader is None:
@@ -69,11 +72,18 @@ def read_table(path: Path) -> Table:
 
 
 def is_table(path: Path) -> bool:
-    """Return whether a file can hold a table: text, or what a library reads; False where it cannot be read."""
+    """Return whether a file can hold a table: text, or what a library reads; False where it cannot be read.
+
+    An MCAP file is a recording, unless a map explains its topics.
+    """
+    if lab_bags.is_bag(path):
+        return True
     try:
         start = _start(path)
     except OSError:
         return False
+    if start.startswith(_MCAP):
+        return path.with_name(path.name + MAP_SUFFIX).exists()
     return any(known(start) for known, _ in _READERS) or not (b"\0" in start or start.startswith(b"\x89"))
 
 
@@ -225,6 +235,11 @@ def _xlsx(path: Path) -> Table:
     return Table("Excel", headings, [column.copy() for column in numbers.T[: len(headings)]])
 
 
+def _bag(path: Path) -> Table:
+    time, found = lab_bags.columns(path)
+    return Table("bag of ROS", [TIME, *found], [time, *found.values()])
+
+
 def _table(kind: str, found: Mapping[str, Any]) -> Table:
     """Return arrays as columns: of those with the length that most values have."""
     named = list(_named(found))
@@ -263,5 +278,6 @@ _READERS: list[tuple[Callable[[bytes], bool], Callable[[Path], Table]]] = [
     (lambda start: start.startswith(b"MATLAB 5.0 MAT"), _mat),
     (lambda start: start.startswith((b"MATLAB 7.3 MAT", _HDF5)), _hdf5),
     (lambda start: start.startswith(b"PK\x03\x04"), _xlsx),
+    (lambda start: start.startswith((lab_bags.ROS1, lab_bags.SQLITE, _MCAP)), _bag),
 ]
 """Readers of binary files by how these begin."""

@@ -1,8 +1,8 @@
 """Recordings of an instrument: files of ROS 2 messages, as ``tenodesis record`` and a bench write them.
 
 A file is MCAP or SQLite; a bag of ROS 2 is a folder of such files, whose topics may each have a clock of their own.
-``rosbags`` reads a whole folder with its ``metadata.yaml``; a file of SQLite is read here alone, also damaged, within
-bounds.
+SQLite is read here, also damaged, within bounds.
+Topics and joints of other names need a map, with which :mod:`tenodesis.recording.lab_bags` reads them.
 """
 
 import sqlite3
@@ -232,7 +232,8 @@ def _merged(path: Path, files: Sequence[Path]) -> _Signals:
     if _CLOCK not in topics:
         raise RecordingError(
             f"{path} lacks measured_tension; its topics are {', '.join(topics) or 'none of these'}"
-            f"{''.join(f'; {note}' for note in notes)}.",
+            f"{''.join(f'; {note}' for note in notes)}; for topics and joints of "
+            f"other names tenodesis map {path} writes a map.",
             key="signals",
             value=["measured_tension"],
         )

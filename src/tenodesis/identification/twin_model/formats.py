@@ -60,9 +60,11 @@ def _load_mcap(path: Path) -> InstrumentRun:
 
 def _load(path: Path) -> InstrumentRun:
     """Return a recording of any kind, as its content shows."""
-    from tenodesis.recording import lab_tables  # noqa: PLC0415 - slow to load
+    from tenodesis.identification.formats import mcap  # noqa: PLC0415 - slow to load
+    from tenodesis.recording import lab_map, lab_tables  # noqa: PLC0415 - slow to load
 
-    return csv.load(path) if lab_tables.is_table(path) else _load_mcap(path)
+    recorded = (path.is_dir() or mcap.is_sqlite(path)) and lab_map.map_beside(path) is None
+    return mcap.load(path) if recorded or not lab_tables.is_table(path) else csv.load(path)
 
 
 RECORDING = Format(_load, problem, LAWS, DEFAULT_LAW, arrangements=arrangements)
