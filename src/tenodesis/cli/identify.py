@@ -275,7 +275,7 @@ def _doubted(
     explained: mistakes.Explanation | None,
     unknown: Sequence[str],
 ) -> tuple[Fit, float]:
-    """Return a fit with what is said against it, of joints their laws too, and how many times the noise it leaves, 0 if it is explained."""
+    """Return a fit with what is said against it, and how many times the noise it leaves, 0 if explained."""
     ratio = mistakes.unexplained_excess(problem, found, train)
     found = mistakes.doubted(found, ratio, explained) if ratio else found
     held_out = [one for one in found.files if one.split == "test"]
