@@ -134,14 +134,17 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=3.0)
-    seconds = parser.parse_args().seconds
+    parser.add_argument("--kinds", nargs="+", choices=MISTAKES, default=list(MISTAKES))
+    given = parser.parse_args()
+    seconds = given.seconds
     files = instruments()
     named = excluded = total = 0
     for place, (name, inst) in enumerate(files.items()):
-        for kind, (sentence, change) in MISTAKES.items():
-            given = list(files.values())[(place + 1) % len(files)] if kind == "wrong instrument" else inst
+        for kind in given.kinds:
+            sentence, change = MISTAKES[kind]
+            file = list(files.values())[(place + 1) % len(files)] if kind == "wrong instrument" else inst
             free = [one for one in TRUTH if kind != "stiffness held wrong" or one != "stiffness_ratio"]
-            said, held = one(change(recorded(inst, seconds)), given, files, free)
+            said, held = one(change(recorded(inst, seconds)), file, files, free)
             total += 1
             named += sentence in said
             excluded += sum(not inside for inside in held.values())

@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Tag, ValidationError
 
-from tenodesis.errors import Error
+from tenodesis.errors import ArgumentError, Error
 from tenodesis.files import read_regular
 
 _LARGEST = 16_000_000
@@ -33,6 +33,15 @@ class FileTable(BaseModel):
     """A table of a TOML file: read-only, without unknown keys or numbers that are not finite."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Refuse a change: what is derived from a value would not follow it."""
+        if name in type(self).model_fields:
+            way = (
+                f"make a changed copy: inst.replace({name}={value!r})" if hasattr(self, "replace") else "make a new one"
+            )
+            raise ArgumentError(f"{name} cannot be set, for the table is read-only; {way}.", key=name, value=value)
+        super().__setattr__(name, value)
 
 
 _LIKE = 0.75

@@ -1,7 +1,7 @@
 """Identification from recordings: parameters, with their uncertainty, and which are not identifiable."""
 
 from tenodesis.identification.any_instrument import AtRest, Estimate, RestFit, fit_at_rest
-from tenodesis.identification.fit import fit
+from tenodesis.identification.arrays import fit
 from tenodesis.identification.formats.instrument_run import measured
 from tenodesis.identification.identifiability import Combination, Identifiability
 from tenodesis.identification.kinematic import Kinematic, recorded

@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from tenodesis.errors import Error
+from tenodesis.errors import Error, IdentificationError
 from tenodesis.identification.comparison import MOST_EXCESS, excess
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.problem import Problem
@@ -33,6 +33,10 @@ _MOST_SECONDS = 6.0
 """Duration of a recording that mistakes are judged by: its first."""
 MOST_SEARCHED = 6
 """Mistakes, those that leave the least before a search, after which no further one is searched."""
+_MOST_HELD = 2
+"""Held parameters, those that leave the least by the derivatives, that are tried."""
+_FINEST = 2e-5
+"""Shortest plausible time between samples, s."""
 _TENSIONS = tuple(f"tension_{tendon}" for tendon in TENDONS)
 _HANDLE = ("handle_angle", "measured_handle_angle")
 _TIP = ("measured_output_angle",)
@@ -88,6 +92,8 @@ def _swapped(run: MeasuredRun) -> MeasuredRun:
 
 
 def _clock(run: MeasuredRun) -> MeasuredRun:
+    if run.sample_time < 1e3 * _FINEST:
+        raise IdentificationError(key="time", value=run.sample_time, allowed=f"{1e3 * _FINEST:g} s or more apart")
     return replace(run, time=1e-3 * run.time)
 
 
@@ -133,7 +139,7 @@ def shipped_planar() -> dict[str, ShortForm]:
     for name in shipped():
         try:
             found[name] = as_short_form(load(name)).planar[0].replace(mismatch=None)
-        except Error:
+        except (Error, np.linalg.LinAlgError):
             continue  # no planar file
     return found
 
@@ -220,10 +226,10 @@ def explain(
             _Try(left, f"{name} is held at a wrong value", problem, (*names, name))
             for name, left in _predicted(problem, names, at)
         ]
-    except Error:
+    except (Error, np.linalg.LinAlgError):
         pass  # as they were given, recordings may be out of every range
     options: list[tuple[str, Callable[[], Problem]]] = [
-        (one.sentence, partial(build, [_shortened(one.undo(run)) for run in runs], None))
+        (one.sentence, lambda one=one: build([_shortened(one.undo(run)) for run in runs], None))  # type: ignore[misc]
         for one in MISTAKES
         if any(name in run.columns for run in runs for name in one.columns)
     ]
@@ -236,14 +242,14 @@ def explain(
         try:
             other = built()
             tries.append(_Try(_rms(other, _start(other)), sentence, other, tuple(free(other))))
-        except Error:
+        except (Error, np.linalg.LinAlgError):
             continue
     best: Explanation | None = None
     for number, one in enumerate(sorted(tries, key=lambda one: one.left)[:MOST_SEARCHED]):
         progress(len(options) + number, len(options) + MOST_SEARCHED)
         try:
             left, at = _searched(one.problem, one.free)
-        except Error:
+        except (Error, np.linalg.LinAlgError):
             continue
         if left * EXPLAINS < min(own, _REFUSED) and left < (best.left if best else inf):
             values = dict(zip((parameter.name for parameter in one.problem.parameters), at.tolist(), strict=True))
@@ -302,7 +308,7 @@ def _predicted(problem: Problem, free: Sequence[str], at: Array) -> list[tuple[s
             rows = jacobian[:, [*indices, n]]
             rest = residuals - rows @ np.linalg.lstsq(rows, residuals)[0]
             found.append((one.name, float(np.sqrt(np.mean(rest**2)))))
-    return found
+    return sorted(found, key=lambda one: one[1])[:_MOST_HELD]
 
 
 def _shortened(run: MeasuredRun) -> MeasuredRun:

@@ -2,19 +2,24 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, TypeAlias
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from tenodesis import notebook
 from tenodesis.errors import IdentificationError
+from tenodesis.extras import require
 from tenodesis.identification.identifiability import Identifiability
-from tenodesis.identification.problem import Parameter, Problem
+from tenodesis.identification.problem import Parameter, Problem, Trace
 from tenodesis.identification.search import LEAST_PER_PARAMETER, MOST_STEPS, SearchEnd
 from tenodesis.identification.uncertainty import LossName, Uncertainty, Whiteness
+from tenodesis.instrument import ShortForm
 from tenodesis.report.page import about, json_number
 from tenodesis.run import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 LIBRARIES = ("scipy",)
 """Packages whose versions a result names in addition to NumPy's."""
@@ -23,6 +28,7 @@ RESULTS_SCHEMA = 1
 
 _AS_THEY_ARE = ("samples", "loss", "starts", "same_optimum", "seed", "bootstrap", "evaluations", "jacobians", "seconds")
 
+_DRAWN = ("measured", "model")
 _MOST_NAMED = 6
 """Parameters and errors that a short description names."""
 Interval: TypeAlias = tuple[float, float]
@@ -83,6 +89,10 @@ class Fit:
     """How often the model's own derivatives were."""
     warnings: tuple[str, ...]
     seconds: float
+    traces: Mapping[str, Trace] = field(default_factory=dict, repr=False)
+    """Of a fit of arrays: measured and modelled signals by name with the unit last."""
+    instrument: ShortForm | None = None
+    """Of a fit of arrays: the instrument with the values in place."""
 
     def __repr__(self) -> str:
         fitted = ", ".join(f"{name} {self.values[name]:.4g} ± {self.std[name]:.2g}" for name in self.free[:_MOST_NAMED])
@@ -117,6 +127,43 @@ class Fit:
             "" if known is None else ("yes" if known else "no"),
             one.meaning,
         )
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return a DataFrame of the fitted parameters: value, standard deviation, interval, unit, identifiable.
+
+        Raises
+        ------
+        MissingExtraError
+            pandas is not installed.
+        """
+        rows = {
+            one.name: {
+                "value": self.values[one.name],
+                "std": self.std[one.name],
+                "low_95": self.interval_95[one.name][0],
+                "high_95": self.interval_95[one.name][1],
+                "unit": one.unit,
+                "identifiable": self.identifiability.identifiable[one.name],
+            }
+            for one in self.parameters
+            if one.name in self.free
+        }
+        table: pd.DataFrame = require("pandas", "tables").DataFrame.from_dict(rows, orient="index")
+        return table
+
+    def curves(self) -> "pd.DataFrame":
+        """Return a DataFrame of measured and modelled signals over time, s, of a fit of arrays.
+
+        Raises
+        ------
+        MissingExtraError
+            pandas is not installed.
+        """
+        pandas = require("pandas", "tables")
+        time: Array | list[float] = next(iter(self.traces.values())).time if self.traces else []
+        columns = {f"{key}.{name}": getattr(one, name) for key, one in self.traces.items() for name in _DRAWN}
+        table: pd.DataFrame = pandas.DataFrame(columns, index=pandas.Index(time, name="time [s]"))
+        return table
 
     @property
     def vector(self) -> Array:

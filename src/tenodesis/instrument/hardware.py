@@ -300,7 +300,11 @@ class Control(FileTable):
         default=None, description="Largest speed of a tendon at its spool; without it half of the drive's"
     )
     tension_limit: Force | None = Field(
-        default=None, description="Tension above which no tendon is wound; without it 80 N, or 3 pretensions if more"
+        default=None,
+        description=(
+            "Tension above which no tendon is wound; without it 80 N, or 3 pretensions if more, but no more than rope "
+            "and load cells bear with a margin"
+        ),
     )
     force_limit: Force | None = Field(
         default=None,

@@ -255,12 +255,12 @@ def _cycles(context: Context, cases: Sequence[Case], found: Found, used: Sequenc
     as_printed = "" if context.is_own else " as in the paper,"
     text = (
         "<p>The handle moves back and forth under a constant load with the controller enabled. The robust law’s RMSE "
-        f"is {_span(ratios[OFF])} times smaller than without compensation"
+        f"is {_smaller(ratios[OFF])} without compensation"
     )
     if planar:
         text += (
-            f", {_span(ratios[ONE_MOTOR])} times smaller than with the law “paper” (eq. 22){as_printed} by the "
-            f"agonist’s motor, and {_span(ratios[BOTH_MOTORS])} times smaller than with it by both motors"
+            f", {_smaller(ratios[ONE_MOTOR])} with the law “paper” (eq. 22){as_printed} by the "
+            f"agonist’s motor, and {_smaller(ratios[BOTH_MOTORS])} with it by both motors"
         )
     text += ".</p>"
     missed = any(min(ratios[rival]) < least for rival, (_, _, least) in rivals.items())
@@ -319,6 +319,16 @@ def _fast_wrist(context: Context, loads: Sequence[float]) -> tuple[Table, str]:
 def _span(values: Sequence[float]) -> str:
     low, high = (f"{value:.1f}" for value in (min(values), max(values)))
     return low if low == high else f"{low} to {high}"
+
+
+def _smaller(ratios: Sequence[float]) -> str:
+    """Return how many times smaller an error is than others, or larger, from the ratios of those to it."""
+    inverse = [1 / ratio for ratio in ratios]
+    if min(ratios) >= 1:
+        return f"{_span(ratios)} times smaller than"
+    if max(ratios) <= 1:
+        return f"{_span(inverse)} times larger than"
+    return f"from {max(inverse):.1f} times larger to {max(ratios):.1f} times smaller than"
 
 
 def _plot(context: Context, cases: Sequence[Case], found: Found, used: Sequence[Compensation]) -> Plot:

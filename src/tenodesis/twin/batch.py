@@ -48,6 +48,13 @@ class Batch:
         values, of = self.signals[signal], self.names.arcs(signal, column)
         return values[:, :, of].sum(axis=-1) if values.ndim > 2 else values
 
+    def __getattr__(self, name: str) -> Array:
+        """Return a kept signal by the name that it has in a run: ``batch.output_angle``."""
+        if name in SIGNALS and name in self.signals:
+            return self.signals[name]
+        kept = f"; kept are {', '.join(self.signals)}" if name in SIGNALS else ""
+        raise AttributeError(f"a Batch has no {name}{kept}", name=name, obj=self)
+
     def __repr__(self) -> str:
         early = int(np.count_nonzero(self.status))
         kept = f"{', '.join(self.signals)} at {self.time.size} times"
@@ -145,7 +152,14 @@ def run_many(
     kept = _kept(signals, first, controlled=bool(loops))
     # The core has the twin's signals before the controller's.
     ordered = sorted({column for columns in kept.values() for column in columns})
-    out = np.full((runs, len(ordered), count // every), np.nan)
+    try:
+        out = np.full((runs, len(ordered), count // every), np.nan)
+    except MemoryError:
+        size = 8e-9 * runs * len(ordered) * (count // every)
+        raise MemoryError(
+            f"{runs} runs x {len(ordered)} columns x {count // every} samples need {size:.3g} GB; keep fewer signals, "
+            "a larger every, or run fewer at a time."
+        ) from None
     ends = np.zeros((runs, 2), np.int64)
     twins.advance(
         many.rows, many.given, ordered, every, out, ends, threads(), loops, first.pairs, first.steps_per_tick, time_step

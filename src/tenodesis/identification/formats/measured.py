@@ -42,7 +42,10 @@ class Source:
         place = f"{self.repository} at {self.commit[:10]}"
         name = self.published(checksum)
         if name is None:
-            return f"none of the files published in {place}: another recording, or a changed one"
+            return (
+                f"none of the {len(self.checksums)} files of {place} whose checksums are known here: another file of "
+                "it, another recording, or a changed one"
+            )
         return f"as published: {self.folder}/{name} of {place}; licence: {self.licence}"
 
 

@@ -1,0 +1,109 @@
+"""Mistakes of a laboratory in recordings of twins: named, and no interval that is called identifiable lies."""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import tenodesis as tn
+from tenodesis.errors import ArgumentError
+from tenodesis.identification import mistakes
+from tenodesis.identification.formats import csv
+from tenodesis.identification.formats.instrument_run import InstrumentRun
+from tenodesis.identification.formats.measured import MeasuredRun
+from tenodesis.identification.problem import Problem
+from tenodesis.instrument import ShortForm
+
+from .twin_recordings import NOMINAL, TRUE, TRUTH, problem, recorded
+
+FREE = list(TRUTH)
+
+
+def scaled(run: InstrumentRun, factor: float, *columns: str) -> InstrumentRun:
+    return dataclasses.replace(run, columns={**run.columns, **{name: factor * run[name] for name in columns}})
+
+
+def explained(run: InstrumentRun, free: Sequence[str] = FREE) -> mistakes.Explanation | None:
+    def build(runs: Sequence[MeasuredRun], other: ShortForm | None) -> Problem:
+        return problem([one for one in runs if isinstance(one, InstrumentRun)], other or NOMINAL)
+
+    return mistakes.explain([run], build, lambda _: free)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("factor", "columns", "named"),
+    [
+        (-1.0, ("force",), "the force has its sign reversed"),
+        (np.radians(1), ("measured_output_angle",), "the output angle is in radians, read as degrees"),
+    ],
+)
+def test_a_mistake_is_named_with_what_it_would_give(factor: float, columns: tuple[str, ...], named: str) -> None:
+    found = explained(scaled(recorded(TRUE, seconds=1.0), factor, *columns))
+    assert found is not None
+    assert found.sentence == named
+    assert found.values["pretension_ratio"] == pytest.approx(1.1, abs=0.01)
+    assert found.left * mistakes.EXPLAINS < found.left_as_given
+
+
+@pytest.mark.slow
+def test_a_parameter_held_at_a_wrong_value_is_named() -> None:
+    held = [name for name in FREE if name != "stiffness_ratio"]
+    found = explained(recorded(TRUE, seconds=1.0), held)
+    assert found is not None
+    assert found.sentence == "stiffness_ratio is held at a wrong value"
+
+
+@pytest.mark.slow
+def test_arrays_are_fitted_and_nothing_is_identifiable_of_swapped_tensions() -> None:
+    run = recorded(TRUE, seconds=1.0)
+    table = pd.DataFrame(dict(run.columns))
+    pair = ["tension_agonist", "tension_antagonist"]
+
+    def fitted(order: list[str]) -> tn.identification.Fit:
+        return tn.identification.fit(
+            time=pd.Series(run.time),
+            handle_angle=table.handle_angle,
+            tension=table[order],
+            output_angle=table.measured_output_angle,
+            force=table.force,
+            instrument=TRUE,
+            free=FREE,
+            starts=1,
+        )
+
+    wrong = fitted(pair[::-1])
+    assert not any(wrong.identifiability.identifiable.values())
+    assert "swapped" in wrong.warnings[1]
+    low, high = wrong.interval_95["friction.vertex_coefficient"]
+    assert low <= 0.13 <= high
+    assert list(wrong.to_pandas().index) == list(wrong.free)
+    assert len(wrong.curves()) == next(iter(wrong.traces.values())).time.size
+
+
+def test_arrays_of_other_lengths_are_refused_by_name() -> None:
+    with pytest.raises(ArgumentError, match="tension has shape") as caught:
+        tn.identification.fit(time=[0, 1, 2], handle_angle=[0, 1, 2], tension=[1, 2], instrument="scaled-up")
+    assert caught.value.key == "tension"
+
+
+def test_radians_under_degrees_are_found_in_both_columns_of_angles(tmp_path: Path) -> None:
+    run = recorded(TRUE, seconds=1.0)
+    path = tmp_path / "log.csv"
+    columns = ("handle_angle", "measured_output_angle", "tension_agonist", "tension_antagonist")
+    small = run["handle_angle"], run["measured_output_angle"]
+    data = np.column_stack([run.time, *small, *(run[name] for name in columns[2:])])
+    headings = "time [s],handle_angle [deg],measured_output_angle [deg],tension_agonist [N],tension_antagonist [N]"
+    np.savetxt(path, data, delimiter=",", header=headings, comments="")
+    read = csv.load(path)
+    for name in columns[:2]:
+        assert np.ptp(read[name]) == pytest.approx(np.ptp(run[name]), rel=1e-6)
+
+
+def test_a_value_of_an_instrument_cannot_be_set() -> None:
+    with pytest.raises(ArgumentError, match="replace") as caught:
+        NOMINAL.pretension = 3  # type: ignore[misc]
+    assert caught.value.key == "pretension"
