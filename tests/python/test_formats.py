@@ -38,8 +38,8 @@ def test_a_source_is_that_of_published_files_only(tmp_path: Path) -> None:
     run = load(write(tmp_path, table()))
     place = "MRDLab/mis-tool-characterization at 03658b2cce"
     assert run.notes == (
-        f"none of the {len(davinci_tool.SOURCE.checksums)} files of {place} whose checksums are known here: another file of it, "
-        "another recording, or a changed one",
+        f"none of the {len(davinci_tool.SOURCE.checksums)} files of {place} whose checksums are known here: another "
+        "file of it, another recording, or a changed one",
     )
     assert run.source is None
     known = Source("owner/name", "0123456789ab", "data", "ODbL 1.0", "", {"a.txt": run.checksum})
