@@ -67,6 +67,25 @@ def test_a_new_file_is_the_instrument_that_was_described(tenodesis: Run, joint_t
     assert tenodesis("check", "mine.toml")[0] == 0
 
 
+def test_a_stiff_continuum_that_bends_less_than_its_stop_is_written(tenodesis: Run) -> None:
+    given = {
+        "distal-radius": "2.1 mm",
+        "proximal-radius": "5 mm",
+        "backbone-length": "42 mm",
+        "backbone-rigidity": "0.004 N*m^2",
+        "end-effector-length": "8 mm",
+        "overall-length": "710 mm",
+        "tendon-diameter": "0.45 mm",
+        "pretension": "15 N",
+        "rope": "steel",
+        "stem-diameter": "6 mm",
+    }
+    stated = [part for option, value in given.items() for part in (f"--{option}", value)]
+    code, _, wrong = tenodesis("new", "stiff", "--mechanism", "continuum", *stated)
+    assert (code, wrong) == (0, "")
+    assert tn.load("stiff.toml").sources["backbone_rigidity"] == "yours"
+
+
 @pytest.mark.parametrize("joint_type", JOINT_TYPES)
 def test_the_defaults_are_an_instrument_without_warnings_that_can_be_run(tenodesis: Run, joint_type: str) -> None:
     assert tenodesis("new", "mine", "--mechanism", joint_type, "--defaults")[0] == 0

@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 import typer
@@ -14,7 +14,7 @@ from rich.markup import escape
 from tenodesis.cli.command import Answer, command
 from tenodesis.cli.common import ProgressBar, check_choice, console, load_instrument, note, quantity, say, table, warn
 from tenodesis.cli.outputs import JSON, Outputs, check_suffix, write_text
-from tenodesis.errors import CommandError, IdentificationError
+from tenodesis.errors import CommandError
 from tenodesis.identification import mistakes, report
 from tenodesis.identification.comparison import (
     LEAST_EXCESS,
@@ -153,7 +153,7 @@ def identify(  # noqa: PLR0917
                 )
 
         explain = partial(_explained, measured[:count], kind, chosen, inst, parameters)
-        problem = _built(problem_of, inst, explain)
+        problem = mistakes.built(partial(problem_of, inst), explain)
         found = fitted(problem)
         explained = explain() if mistakes.unexplained_excess(problem, found, range(count)) else None
         compared = None
@@ -241,22 +241,6 @@ def _explained(
 
     with ProgressBar("likely mistakes") as bar:
         return mistakes.explain(runs, build, free, instruments=mistakes.shipped_planar(), progress=bar)
-
-
-def _built(
-    problem_of: Callable[[ShortForm | None], Problem],
-    inst: ShortForm | None,
-    explain: Callable[[], mistakes.Explanation | None],
-) -> Problem:
-    """Return the model of recordings; where they are refused, the error names the mistake that explains it."""
-    try:
-        return problem_of(inst)
-    except IdentificationError as refusal:
-        explained = explain()
-        if explained is None:
-            raise
-        about: dict[str, Any] = {"key": refusal.key, "value": refusal.value, "allowed": refusal.allowed}
-        raise IdentificationError(f"{refusal} {explained.statement}", **about) from None
 
 
 def _asks_for_arrangements(

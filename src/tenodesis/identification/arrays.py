@@ -96,11 +96,16 @@ def fit(
     def build(runs: Sequence[MeasuredRun], other: ShortForm | None) -> Problem:
         return TwinProblem(runs, law, other or inst)
 
-    model = build([run], None)
+    def free_of(of: Problem) -> Sequence[str]:
+        return [one.name for one in of.parameters] if free is None else free
+
+    def explain() -> mistakes.Explanation | None:
+        return mistakes.explain([run], build, free_of, instruments=mistakes.shipped_planar())
+
+    model = mistakes.built(lambda: build([run], None), explain)
     found = fit_problem(model, free, train=[0], progress=progress, **options)
     if ratio := mistakes.unexplained_excess(model, found, [0]):
-        explained = mistakes.explain([run], build, lambda _: found.free, instruments=mistakes.shipped_planar())
-        found = mistakes.doubted(found, ratio, explained)
+        found = mistakes.doubted(found, ratio, explain())
     return replace(found, traces=model.traces(found.vector, 0), instrument=model.instrument(found.vector))
 
 

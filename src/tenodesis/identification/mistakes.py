@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import degrees, inf, sqrt
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -257,6 +257,18 @@ def explain(
         if best and best.left <= MOST_EXCESS:
             break
     return best
+
+
+def built(build: Callable[[], Problem], explain: Callable[[], Explanation | None]) -> Problem:
+    """Return a model of recordings; where they are refused, the IdentificationError names the likely mistake."""
+    try:
+        return build()
+    except IdentificationError as refusal:
+        explained = explain()
+        if explained is None:
+            raise
+        about: dict[str, Any] = {"key": refusal.key, "value": refusal.value, "allowed": refusal.allowed}
+        raise IdentificationError(f"{refusal} {explained.statement}", **about) from None
 
 
 class _Try(NamedTuple):
