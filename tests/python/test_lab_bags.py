@@ -93,11 +93,11 @@ def test_a_bag_of_other_names_is_shown_mapped_and_read_as_the_recording(
 
 
 def test_topics_of_another_clock_are_interpolated(columns: dict[str, Array], tmp_path: Path) -> None:
-    path = bag(tmp_path / "run.bag", columns, shifted=0.25e-3)
+    path = bag(tmp_path / "run.bag", columns, shifted=0.2e-3)
     found = lab_map.numbers_in(path)
     force = found.columns[found.headings.index(f"{WRENCH}.force.x [N]")]
     assert np.isnan(force[0])
-    expected = np.interp(columns["time"], columns["time"] + 0.25e-3, columns["force"])
+    expected = np.interp(columns["time"], columns["time"] + 0.2e-3, columns["force"])
     assert force[1:] == pytest.approx(expected[1:], abs=1e-6)
 
 
@@ -109,9 +109,7 @@ def test_a_torn_bag_and_a_bag_without_numbers_are_one_sentence(columns: dict[str
     assert "\n" not in str(raised.value)
 
 
-def test_a_missing_library_is_named(
-    columns: dict[str, Array], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_library_is_named(columns: dict[str, Array], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = bag(tmp_path / "run.bag", {name: values[:5] for name, values in columns.items()})
     monkeypatch.setitem(__import__("sys").modules, "rosbags.highlevel", None)
     with pytest.raises(MissingExtraError) as raised:
@@ -124,8 +122,6 @@ def test_a_text_without_rows_of_numbers_gets_no_map(
 ) -> None:
     (tmp_path / "README.md").write_text("# Bench, notes\nOne, two\nand three\n")
     code, _, errors = tenodesis("map", "README.md")
-    assert code == 2
+    assert code == 1
     assert "holds no rows of numbers" in errors.replace("\n", " ")
     assert [one.name for one in tmp_path.iterdir()] == ["README.md"]
-
-

@@ -23,6 +23,7 @@ import tenodesis as tn
 from tenodesis.cli import live as live_commands
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
+from tenodesis.live import joined
 from tenodesis.live.foxglove import FoxgloveServer, serve, warning
 from tenodesis.recording import Recorder
 from tenodesis.recording.schemas import flat_columns, messages_of, topics
@@ -312,9 +313,9 @@ def test_the_command_listens_on_loopback_alone_and_says_so(
 def test_the_one_instrument_that_runs_is_found(
     scaled: Instrument, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(live_commands, "_PLACES", (tmp_path, tmp_path / "none"))
+    monkeypatch.setattr(joined, "_PLACES", (tmp_path, tmp_path / "none"))
     with refused("FOLDER", kind=LiveError, allowed="of a live instrument that runs"):
-        live_commands._running()
+        joined.running()
     (tmp_path / "tenodesis-0" / "1").mkdir(parents=True)
     (tmp_path / "tenodesis-0" / "1" / "ring").write_bytes(b"left over")
     loops = []
@@ -323,8 +324,8 @@ def test_the_one_instrument_that_runs_is_found(
         loops.append(LiveLoop(tmp_path / name / "1", scaled, ring="ring"))
         loops[-1].describe_folder()
     loops[0].ticks(1)
-    assert live_commands._running() == tmp_path / "tenodesis-1" / "1"
+    assert joined.running() == tmp_path / "tenodesis-1" / "1"
     for loop in loops:
         loop.ticks(1)
     with refused("FOLDER", kind=LiveError, allowed="one folder"):
-        live_commands._running()
+        joined.running()

@@ -192,7 +192,7 @@ def test_the_twin_alone_may_run_twice() -> None:
 def test_the_link_of_the_page_is_printed_again(
     host: Host, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(live, "_running", lambda: host.folder)
+    monkeypatch.setattr(live, "running", lambda: host.folder)
     with refused("FOLDER", kind=LiveError, allowed="of a live instrument with a page"):
         live.link()
     folders.write_link(host.home, "http://127.0.0.1:1/?token=x", "")

@@ -1,7 +1,6 @@
 """The commands about a live instrument: the page in the browser, and Foxglove."""
 
 import os
-import tempfile
 import threading
 import webbrowser
 from pathlib import Path
@@ -16,12 +15,11 @@ from tenodesis.errors import CommandError, LiveError
 from tenodesis.live import folder as folders
 from tenodesis.live import foxglove as live_foxglove
 from tenodesis.live.host import Host
+from tenodesis.live.joined import running
 from tenodesis.live.loop import Choices, DeviceName
 from tenodesis.live.shutdown import on_signal
 from tenodesis.live.ticks import Reader
 
-_PLACES = (Path("/dev/shm"), Path(tempfile.gettempdir()))
-"""Where folders of runtimes are."""
 ListenOn: TypeAlias = Annotated[
     str, typer.Option(help="Address to listen on; by default only this computer can connect.")
 ]
@@ -115,7 +113,7 @@ def foxglove(
     all_rows: Annotated[bool, typer.Option("--all", help="Send every row instead.")] = False,
 ) -> None:
     """Show a live instrument to Foxglove: the recordings' topics over a WebSocket, read-only."""
-    folder = _running() if folder is None else folder
+    folder = running() if folder is None else folder
     stop = threading.Event()
     with on_signal(stop.set):
         reader = Reader(folder)
@@ -134,7 +132,7 @@ def foxglove(
 @command()
 def link() -> None:
     """Print the link that opens the page of the console that runs here, its token included."""
-    url = folders.read_link(_running().parent)
+    url = folders.read_link(running().parent)
     if url is None:
         raise LiveError(
             "the live instrument that runs here has no page; start one with `tenodesis console`.",
@@ -142,29 +140,3 @@ def link() -> None:
             allowed="of a live instrument with a page",
         )
     say(url)
-
-
-def _running() -> Path:
-    """Return the folder of the only runtime that this user runs."""
-    found = []
-    for place in _PLACES:
-        for ring in place.glob(f"tenodesis-*/*/{folders.RING}"):
-            try:
-                if Reader(ring.parent).alive:
-                    found.append(ring.parent)
-            except LiveError:
-                continue
-    if not found:
-        raise LiveError(
-            "no live instrument runs here; start one with `tenodesis console`, or give its FOLDER.",
-            key="FOLDER",
-            allowed="of a live instrument that runs",
-        )
-    if found[1:]:
-        raise LiveError(
-            f"several live instruments run: {', '.join(map(str, sorted(found)))}; give one as FOLDER.",
-            key="FOLDER",
-            value=sorted(found),
-            allowed="one folder",
-        )
-    return found[0]

@@ -16,7 +16,9 @@ from tenodesis.recording import lab_guess, lab_map
 @command("file")
 def write_map(
     outputs: Outputs,
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="File of a laboratory: text, .lvm, .tdms, .mat, .xlsx, bag.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="File of a laboratory: text, .lvm, .tdms, .mat, .xlsx, bag.")
+    ],
     out: Annotated[
         Path | None, output({".toml": "a map of columns"}, "The map. Default: FILE.columns.toml beside FILE.")
     ] = None,

@@ -73,7 +73,9 @@ def _topics(path: Path) -> dict[str, list[Decoded]]:
         _plain(file)
     found: dict[str, list[Decoded]] = defaultdict(list)
     factory = DecoderFactory()
-    numbers = {kind: Schema(at, schemas.definition(kind).encode(), "ros2msg", kind) for at, kind in enumerate(_KINDS, 1)}
+    numbers = {
+        kind: Schema(at, schemas.definition(kind).encode(), "ros2msg", kind) for at, kind in enumerate(_KINDS, 1)
+    }
     with anyreader.AnyReader([path], default_typestore=humble) as reader:
         wanted = [one for one in reader.connections if one.msgtype in _KINDS]
         for topic, messages in _parts(reader, humble, wanted) if wanted else ():
@@ -91,8 +93,8 @@ def _parts(reader: Any, store: Any, wanted: list[Any]) -> Iterator[tuple[Any, li
     taken = 0
     for one, stamp, raw in reader.messages(wanted):
         if not reader.is2:
-            # a header of ROS 1 begins with a number of its own, which ROS 2 has not
-            raw = store.ros1_to_cdr(raw if one.msgtype == schemas.FLOAT64 else raw[4:], one.msgtype)  # noqa: PLW2901
+            # the types of ROS 2 leave out the number that a header of ROS 1 begins with
+            raw = store.ros1_to_cdr(raw, one.msgtype)  # noqa: PLW2901
         data = bytes(raw)
         taken += len(data)
         if taken > _MOST_BYTES:
@@ -152,7 +154,8 @@ def _own(topic: str, joints: tuple[str, ...]) -> Mapping[tuple[str, str], str]:
 def _interpolated(clock: NDArray[np.int64], stamps: NDArray[np.int64], values: Array) -> Array:
     if np.array_equal(clock, stamps):
         return values
-    found = np.interp(clock, stamps, values, left=np.nan, right=np.nan)
+    # counted from the first, for a float has no digits for nanoseconds since 1970
+    found = np.interp(clock - clock[0], stamps - clock[0], values, left=np.nan, right=np.nan)
     step = np.diff(stamps)
     if step.size:
         after = np.clip(np.searchsorted(stamps, clock, side="right") - 1, 0, step.size - 1)

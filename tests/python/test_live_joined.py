@@ -1,0 +1,39 @@
+"""A script joins a live instrument: it moves, loads, switches, reads and records, and leaves a pause."""
+
+import runpy
+from pathlib import Path
+
+import pytest
+
+import tenodesis as tn
+from tenodesis.errors import LiveError
+from tenodesis.live.client import Client
+from tenodesis.recording import Recording
+
+from .conftest import EXAMPLES, refused
+from .test_live import until
+from .test_live_operator import served
+
+__all__ = ["served"]
+pytestmark = pytest.mark.process
+
+
+def test_the_example_repeats_records_and_leaves_a_pause(served, capsys):
+    folder, _ = served
+    run = runpy.run_path(str(EXAMPLES / "ten_repetitions.py"))["main"]
+    found = run(str(folder), repetitions=2, settle=0.05)
+    assert [set(one) for one in found] == [{"off", "robust"}] * 2
+    path = Path(capsys.readouterr().out.split("Recorded to ")[1].strip().removesuffix("."))
+    until(path.exists)
+    assert {event.content.get("origin") for event in Recording.open(path).events} & {"ten repetitions"}
+    until(lambda: Client(folder, "other").status().operator is None)
+
+
+def test_it_takes_over_by_force_only(served):
+    folder, _ = served
+    with tn.live.connect(folder, "one") as one:
+        with refused("operator", "one", kind=LiveError, allowed="force"):
+            tn.live.connect(folder, "two")
+        with tn.live.connect(folder, "two", force=True) as two:
+            assert two.status().operator == "two"
+        assert not one.heartbeat()
