@@ -17,9 +17,12 @@ _LARGEST = 16_000_000
 _MCAP = b"\x89MCAP"
 _MOST_PARTS, _MOST_BITS = 100, 64
 """Parts that a dotted key may have, whose cost grows with their square, and bits of an integer."""
-_LONG_KEY = re.compile(
-    rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}""", re.ASCII
+_LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}", re.ASCII)
+_TEXT = re.compile(
+    r'''"""(?:[^\\]|\\.)*?(?:"""|\Z)|\'{3}.*?(?:\'{3}|\Z)|"(?:[^"\\\n]|\\[^\n])*+"?|'[^'\n]*+'?|(?P<comment>\#[^\n]*+)''',
+    re.DOTALL,
 )
+"""Strings, also without an end, and comments, in which a dotted text is no key."""
 _MARKS = {
     "an instrument": {"joint_type", "joints", "tendons"},
     "a protocol": {"phases"},
@@ -145,7 +148,8 @@ def parse_toml(text: str, error: type[Error], source: str, kind: str = "") -> di
 
 def _loads(text: str) -> dict[str, Any]:
     """Return the values of a TOML text; raises ValueError for one that is none, or that takes too much to read."""
-    if _LONG_KEY.search(text):
+    # a string may be a part of a key
+    if _LONG_KEY.search(_TEXT.sub(lambda one: "" if one["comment"] else "_", text)):
         raise ValueError(f"a key has more than {_MOST_PARTS} parts")
     too_large = f"an integer has more than {_MOST_BITS} bits"
     try:

@@ -183,3 +183,22 @@ def test_a_missing_library_is_named(
     with pytest.raises(MissingExtraError) as raised:
         Recording.open(tmp_path / kind)
     assert (raised.value.value, raised.value.extra) == (module, "formats")
+
+
+@pytest.mark.parametrize("kind", ["bomb.mat", "bomb.h5", "bomb.tdms"])
+def test_what_expands_to_too_much_is_refused_before_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    path, nothing = tmp_path / kind, np.zeros(200_000)
+    if kind.endswith("mat"):
+        scipy.io.savemat(path, {"a": {"b": nothing}}, do_compression=True)
+    elif kind.endswith("h5"):
+        with h5py.File(path, "w") as file:
+            file.create_dataset("a", data=nothing, compression="gzip")
+    else:
+        tdms(path, {"t": nothing[:50_000], "a": nothing[:50_000]}, waveform=False)
+    monkeypatch.setattr(lab_tables, "_LARGEST", 700_000)
+    if kind.endswith("tdms"):
+        monkeypatch.setattr(lab_tables, "_start", lambda path: path.read_bytes()[:4096])
+    with pytest.raises(RecordingError, match=r"holds more than 0\.7 MB"):
+        lab_tables.read_table(path)

@@ -39,7 +39,7 @@ def is_bag(path: Path) -> bool:
 
 
 def columns(path: Path) -> tuple[Array, dict[str, Array]]:
-    """Return the times (n,), s from the first, and columns (n,) under headings such as ``/psm/measured_js.yaw.position``.
+    """Return the times (n,), s from the first, and columns (n,) by heading, ``/psm/measured_js.yaw.position``.
 
     What this package would record has the headings of its export. Columns are interpolated to the times, NaN outside
     of a topic's messages and in its gaps.

@@ -2,7 +2,8 @@
 
 import csv
 import zipfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from math import prod
 from pathlib import Path
@@ -17,7 +18,9 @@ from tenodesis.recording import lab_bags
 from tenodesis.run import Array
 
 _LARGEST = 1_000_000_000
-"""Largest file, and largest content of a spreadsheet, bytes."""
+"""Largest file, and largest content that one may expand to, bytes."""
+_COMPRESSED, _PART = 15, 1 << 20
+"""Kind of a compressed variable of a MATLAB file, and bytes that are unpacked at once."""
 _MOST_COLUMNS = 1_000
 _LVM, _LVM_HEADER = "LabVIEW Measurement", "***End_of_Header***"
 _MCAP = b"\x89MCAP0\r\n"
@@ -40,7 +43,7 @@ class Table(NamedTuple):
 
 
 def read_table(path: Path) -> Table:
-    """Return the table in a file: text with headings, LabVIEW (.lvm, .tdms), MATLAB (.mat), HDF5, Excel (.xlsx), a bag of ROS.
+    """Return the table in a file: text, LabVIEW (.lvm, .tdms), MATLAB (.mat), HDF5, Excel (.xlsx), a bag of ROS.
 
     Text is separated by commas, semicolons or tabs, with a decimal comma if they are no commas; lines of # or % are
     left out. An array of several columns has a heading for each, ``F[1]`` and on.
@@ -184,7 +187,10 @@ def _number(cell: str) -> float | None:
 def _tdms(path: Path) -> Table:
     found: dict[str, Any] = {}
     clock: Array | None = None
-    for group in require("nptdms", "formats").TdmsFile.read(path).groups():
+    library = require("nptdms", "formats").TdmsFile
+    described = library.read_metadata(path)
+    _check_expanded(path, (8 * len(channel) for group in described.groups() for channel in group.channels()))
+    for group in library.read(path).groups():
         for channel in group.channels():
             if not np.issubdtype(channel.dtype, np.number):
                 continue
@@ -199,17 +205,46 @@ def _tdms(path: Path) -> Table:
 def _mat(path: Path) -> Table:
     from scipy.io import loadmat  # noqa: PLC0415 - slow to load
 
+    _check_expanded(path, _mat_sizes(path))
     read = loadmat(path, simplify_cells=True)
     return _table("MATLAB", {name: values for name, values in read.items() if not name.startswith("__")})
+
+
+def _mat_sizes(path: Path) -> Iterator[int]:
+    """Yield the sizes of a MATLAB file's variables, of a compressed one in parts as it is unpacked, bytes."""
+    with path.open("rb") as file:
+        order = "big" if file.read(128)[126:128] == b"MI" else "little"
+        while len(tag := file.read(8)) == 8:
+            kind, size = (int.from_bytes(part, order) for part in (tag[:4], tag[4:]))
+            if kind != _COMPRESSED:
+                yield size
+                file.seek(size, 1)
+                continue
+            unpack, packed = zlib.decompressobj(), file.read(size)
+            while packed and not unpack.eof:
+                yield len(unpack.decompress(packed, _PART))
+                packed = unpack.unconsumed_tail
+
+
+def _check_expanded(path: Path, sizes: Iterable[int]) -> None:
+    """Check how much a file's content takes before it is read; a reader of it would take all the memory there is."""
+    total = 0
+    for size in sizes:
+        total += size
+        if total > _LARGEST:
+            raise RecordingError(f"{path} holds more than {_LARGEST / 1e6:g} MB of numbers.", key="path", value=path)
 
 
 def _hdf5(path: Path) -> Table:
     h5py = require("h5py", "formats")
     found: dict[str, Array] = {}
+    taken: list[int] = []
 
     def take(name: str, one: Any) -> None:
         plain = isinstance(one, h5py.Dataset) and one.dtype.kind in "fiu" and not name.startswith("#")
-        if plain and one.size * one.dtype.itemsize <= _LARGEST:
+        if plain:
+            taken.append(one.size * one.dtype.itemsize)
+            _check_expanded(path, taken)
             # MATLAB's order of dimensions is the other one
             found[name.replace("/", ".")] = np.asarray(one).T
 
@@ -221,9 +256,7 @@ def _hdf5(path: Path) -> Table:
 def _xlsx(path: Path) -> Table:
     openpyxl = require("openpyxl", "formats")
     with zipfile.ZipFile(path) as packed:
-        size = sum(one.file_size for one in packed.infolist())
-    if size > _LARGEST:
-        raise RecordingError(f"{path} holds {size / 1e6:.3g} MB, more than {_LARGEST / 1e6:g} MB.", key="path")
+        _check_expanded(path, (one.file_size for one in packed.infolist()))
     book = openpyxl.load_workbook(path, read_only=True, data_only=True)
     try:
         rows = book.worksheets[0].iter_rows(values_only=True)
