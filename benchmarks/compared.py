@@ -26,8 +26,8 @@ from scipy.special import lambertw
 
 import tenodesis as tn
 from tenodesis import statics, tendon
+from tenodesis.identification.any_instrument import AtRest, at_rest
 from tenodesis.instrument import FullForm
-from tenodesis.kinematics.chain import rotated
 from tenodesis.statics import chain
 
 sys.path.append(str(Path(__file__).parents[1] / "studies"))
@@ -41,7 +41,7 @@ MOMENT, FORCE = 0.02, 0.5
 MANY, ROUNDS = 4096, 5
 """Worlds together; runs of which the fastest counts."""
 ARCS = 4
-FEW, MORE = 10, 210
+FEW, MORE = 10, 1010
 """Steps of worlds together, by whose difference their rate is taken without the time to build them."""
 ROPE = (
     figures.Heading("error_frictionless", "error without friction", "%", ".3g"),
@@ -166,7 +166,7 @@ def of_worlds(inst: FullForm, time_step: float, **acting: Row) -> float:
     for count in (FEW, MORE):
         given: dict[str, Any] = {name: np.tile(values, (count, 1)) for name, values in acting.items()}
         begun = time.perf_counter()
-        tn.twin.run_many(inst, np.zeros((MANY, count, 0)), time_step=time_step, **given)
+        tn.twin.run_many([inst] * MANY, np.zeros((count, 0)), time_step=time_step, every=count, **given)
         took.append(time.perf_counter() - begun)
     return MANY * (MORE - FEW) / (took[1] - took[0])
 
@@ -247,9 +247,9 @@ def backbone(python: str) -> dict[str, Row]:
     wrench, pulled = [FORCE, 0.0, 0.0, 0.0, 0.0, 0.0], [MOMENT / BACKBONE.offset, 0.0]
     for arcs in (1, 4, 8):
         inst = backbone_of(arcs)
-        joints = [joint.model_dump(exclude_unset=True) for joint in inst.joints]
+        joints = [joint.model_dump(exclude_unset=True) for joint in inst.as_given("joints")]
         joints[-1]["end_effector_length"] = 2e-7
-        inst = inst.replace(joints=joints)
+        inst = inst.replace(joints=joints, tendons=list(inst.as_given("tendons")))
         strokes = statics.strokes_at_tensions(inst, pulled, wrench=wrench, axes="stem")
         solve: Callable[..., Any] = partial(
             chain.output_angles, inst, 0.0, np.tile(wrench, (MANY, 1)), strokes=strokes, axes="stem"
@@ -358,19 +358,18 @@ def space(python: str) -> dict[str, Row]:
             of_peer(
                 python, "elastica_rod.py", "--length", joint.backbone_length, "--rigidity", joint.backbone_rigidity,
                 "--torsion", joint.torsional_rigidity, "--moment", 0.0, "--tendons", *moment, "--force", *wrench[:3],
-                "--twist", wrench[5], "--elements", elements, "--seconds", 0.4,
+                "--twist", wrench[5], "--elements", elements,
             )
-            for elements in (20, 40)
+            for elements in (16, 32)
         ]  # fmt: skip
         coarse, fine = rods
         if coarse is None or fine is None:
             return {}
         place = 2 * np.array(fine["place"]) - coarse["place"]
         axis = 2 * np.array(fine["axis"]) - coarse["axis"]
-        strokes = statics.strokes_at_tensions(inst, tensions, wrench=wrench, axes="stem")
-        pose = tn.kinematics.tip_pose(inst, chain.output_angles(inst, 0.0, wrench, strokes=strokes, axes="stem"))
-        own = rotated(pose.quaternion[0], np.array([0.0, 0.0, 1.0]))
-        apart = 100 * float(np.linalg.norm(pose.position[0] - place)) / joint.backbone_length
+        found = at_rest(inst, AtRest(tensions=np.array([tensions]), wrench=np.array([wrench])), "stem")
+        own = found["direction"][0]
+        apart = 100 * float(np.linalg.norm(found["position"][0] - place)) / joint.backbone_length
         off = math.degrees(math.atan2(float(np.linalg.norm(np.cross(own, axis))), float(own @ axis)))
         across, twist = math.hypot(*wrench[:2]), 1e3 * wrench[5]
         name = f"{', '.join(f'{one:g}' for one in tensions)} N, {across:.2g} N across, {twist:g} mN m about"
