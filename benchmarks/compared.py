@@ -405,7 +405,7 @@ def main() -> None:
             print(f"  {key:44s} {'  '.join(f'{one:>10s}' for one in shown)}")
         if given.figures is not None:
             before = figures.read(given.figures).get(name)
-            kept = {} if before is None else dict(before.rows)
+            kept = {} if before is None else {key: row for key, row in before.rows.items() if len(row) == len(columns)}
             figures.keep(
                 name,
                 figures.Table(
