@@ -14,7 +14,7 @@ from rich.markup import escape
 from tenodesis.cli.command import Answer, command
 from tenodesis.cli.common import ProgressBar, check_choice, console, load_instrument, note, quantity, say, table, warn
 from tenodesis.cli.outputs import JSON, Outputs, check_suffix, write_text
-from tenodesis.errors import CommandError
+from tenodesis.errors import CommandError, IdentificationError
 from tenodesis.identification import mistakes, report
 from tenodesis.identification.comparison import (
     LEAST_EXCESS,

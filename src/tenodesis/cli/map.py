@@ -27,7 +27,7 @@ def write_map(
     ] = None,
 ) -> None:
     """Write a map of a file's columns to signals, guessed from headings, units and ranges, and a figure to check it."""
-    path = file.with_name(file.name + lab_map.MAP_SUFFIX) if out is None else out
+    path = file.with_name(file.name + lab_tables.MAP_SUFFIX) if out is None else out
     figure = file.with_name(file.name + ".columns.png") if plot_out is None else plot_out
     with outputs.files(out=path, plot_out=figure):
         table = lab_map.numbers_in(file)

@@ -168,7 +168,7 @@ def _lacking(path: Path, key: str, names: object, places: Mapping[str, list[lab_
     lacking = ", ".join(map(str, names))  # type: ignore[call-overload]
     return IdentificationError(
         f"{path} lacks {lacking} of the {key}; it must have all, by headings such as 'x [mm]' or by a map "
-        f"{path.name}{lab_map.MAP_SUFFIX} (found: {', '.join(places) or 'none'}).",
+        f"{path.name}{lab_tables.MAP_SUFFIX} (found: {', '.join(places) or 'none'}).",
         key=key,
         value=lacking,
     )

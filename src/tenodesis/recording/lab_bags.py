@@ -54,7 +54,7 @@ def columns(path: Path) -> tuple[Array, dict[str, Array]]:
     series = {topic: _joined(topic, parts) for topic, parts in _topics(path).items()}
     if not series:
         raise RecordingError(
-            f"{path} holds no joint states, no wrenches and no numbers.", key="path", value=path, allowed=_KINDS
+            f"{path} holds no joint states, no wrenches and no numbers.", key="path", value=path, allowed=", ".join(_KINDS)
         )
     clock = max((stamps for stamps, _ in series.values()), key=len)
     found = {}
@@ -160,4 +160,4 @@ def _interpolated(clock: NDArray[np.int64], stamps: NDArray[np.int64], values: A
     if step.size:
         after = np.clip(np.searchsorted(stamps, clock, side="right") - 1, 0, step.size - 1)
         found[(step[after] > _GAP * np.median(step)) & ~np.isin(clock, stamps)] = np.nan
-    return found
+    return np.asarray(found, np.float64)

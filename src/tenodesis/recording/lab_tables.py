@@ -213,7 +213,7 @@ def _mat(path: Path) -> Table:
 def _mat_sizes(path: Path) -> Iterator[int]:
     """Yield the sizes of a MATLAB file's variables, of a compressed one in parts as it is unpacked, bytes."""
     with path.open("rb") as file:
-        order = "big" if file.read(128)[126:128] == b"MI" else "little"
+        order: Literal["big", "little"] = "big" if file.read(128)[126:128] == b"MI" else "little"
         while len(tag := file.read(8)) == 8:
             kind, size = (int.from_bytes(part, order) for part in (tag[:4], tag[4:]))
             if kind != _COMPRESSED:
