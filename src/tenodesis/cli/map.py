@@ -10,7 +10,7 @@ from tenodesis.cli.common import note, say
 from tenodesis.cli.outputs import FIGURE, Outputs, output, write_text
 from tenodesis.errors import RecordingError
 from tenodesis.files import write_errors
-from tenodesis.recording import lab_guess, lab_map
+from tenodesis.recording import lab_guess, lab_map, lab_tables
 
 
 @command("file")

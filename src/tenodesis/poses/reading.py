@@ -16,7 +16,7 @@ import numpy as np
 from tenodesis.errors import IdentificationError, RecordingError
 from tenodesis.identification.formats import csv
 from tenodesis.instrument import FullForm
-from tenodesis.recording import lab_map
+from tenodesis.recording import lab_map, lab_tables
 from tenodesis.recording.lab_tables import Table
 from tenodesis.run import COMPONENTS, Array
 from tenodesis.toml import read_text

@@ -54,7 +54,10 @@ def columns(path: Path) -> tuple[Array, dict[str, Array]]:
     series = {topic: _joined(topic, parts) for topic, parts in _topics(path).items()}
     if not series:
         raise RecordingError(
-            f"{path} holds no joint states, no wrenches and no numbers.", key="path", value=path, allowed=", ".join(_KINDS)
+            f"{path} holds no joint states, no wrenches and no numbers.",
+            key="path",
+            value=path,
+            allowed=", ".join(_KINDS),
         )
     clock = max((stamps for stamps, _ in series.values()), key=len)
     found = {}
