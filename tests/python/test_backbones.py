@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
+from scipy.integrate import solve_bvp
 
 import tenodesis as tn
 from tenodesis.control.one_arc import one_arc
@@ -80,6 +81,26 @@ def test_under_a_force_across_the_end_goes_where_the_elastica_goes(arcs: int, sh
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("tension", [2.0, 7.0, 12.0])
+def test_its_own_weight_is_half_of_it_at_the_end_and_a_moment(tension: float) -> None:
+    length, weight, held = CASE.length, 0.4, CASE.offset * (tension - 2.0)
+
+    def rates(s: np.ndarray, y: np.ndarray) -> np.ndarray:
+        across = weight * (1 - s / length) * np.cos(y[0])
+        return np.vstack([y[1] / CASE.rigidity, -across, np.sin(y[0]), np.cos(y[0])])
+
+    s = np.linspace(0.0, length, 41)
+    guess = np.array([held / CASE.rigidity * s, np.full_like(s, held), 0 * s, s])
+    exact = solve_bvp(rates, lambda a, b: np.array([a[0], a[2], a[3], b[1] - held]), s, guess, tol=1e-8).y[:, -1]
+    inst = single(4, CASE._replace(end_effector_length=1e-6))
+    moment = -weight * length / 12 * np.cos(exact[0])
+    wrench = [weight / 2, 0, 0, 0, moment, 0]
+    wound = tn.statics.strokes_at_tensions(inst, [tension, 2.0], wrench=wrench, axes="stem")
+    end = end_of(inst, chain.output_angles(inst, 0.0, wrench, strokes=wound, axes="stem"))
+    assert np.hypot(end.x - exact[2], end.z - exact[3]) < 1e-3 * length
+    assert end.angle == pytest.approx(exact[0], abs=np.radians(0.07))
+
+
 def test_the_end_is_within_half_a_percent_of_the_length_of_any_elastica() -> None:
     rng = np.random.default_rng(37)
     offs, turns, slack = [], [], 0
