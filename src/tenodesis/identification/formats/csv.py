@@ -141,10 +141,13 @@ def _in_si(path: Path, name: str, stated_values: Array, parts: list[lab_map.Part
 def _as_the_handle(
     columns: dict[str, Array], stated: dict[str, Array], places: dict[str, list[lab_map.Part]], notes: list[str]
 ) -> None:
-    """Convert angles under the handle's heading as its angle was, whose unit was not the stated one."""
+    """Convert angles under the handle's heading as its angle was, if its numbers were too small for the stated unit.
+
+    Too large ones show in every column by themselves.
+    """
     known = np.isfinite(stated["handle_angle"]) & (stated["handle_angle"] != 0)
     factor = float(np.median(columns["handle_angle"][known] / stated["handle_angle"][known]))
-    for name in ("measured_handle_angle", "measured_output_angle"):
+    for name in ("measured_handle_angle", "measured_output_angle") if factor > 1 else ():
         if name not in columns or places[name][0].unit != places["handle_angle"][0].unit or places[name][1:]:
             continue
         spread = spread_of(stated[name][np.isfinite(stated[name])])
