@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import tenodesis as tn
-from tenodesis.errors import ArgumentError
+from tenodesis.errors import ArgumentError, IdentificationError
 from tenodesis.identification import mistakes
 from tenodesis.identification.formats import csv
 from tenodesis.identification.formats.instrument_run import InstrumentRun
@@ -107,3 +107,15 @@ def test_a_value_of_an_instrument_cannot_be_set() -> None:
     with pytest.raises(ArgumentError, match="replace") as caught:
         NOMINAL.pretension = 3  # type: ignore[misc]
     assert caught.value.key == "pretension"
+
+
+def test_recordings_that_are_refused_name_the_mistake_and_keep_the_reason() -> None:
+    def refuse() -> Problem:
+        raise IdentificationError("time ends at 1000 s.", key="time", value=1000.0)
+
+    said = mistakes.Explanation("the time is in ms, not in s", 1.0, np.inf, {"stiffness_ratio": 0.85})
+    with pytest.raises(IdentificationError, match=r"ends at 1000 s\. Most likely the time is in ms") as caught:
+        mistakes.built(refuse, lambda: said)
+    assert caught.value.key == "time"
+    with pytest.raises(IdentificationError, match=r"1000 s\.$"):
+        mistakes.built(refuse, lambda: None)

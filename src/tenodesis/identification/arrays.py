@@ -36,7 +36,7 @@ def fit(
 ) -> Fit:
     """Return the parameters of a model fitted to recordings, or of an instrument fitted to arrays.
 
-    Arrays are of NumPy, lists, pandas or xarray, all over the same time. Where residuals are far above the sensors'
+    Arrays are of NumPy, lists or pandas, all over the same time. Where residuals are far above the sensors'
     noise, the likely mistake is among the warnings, and nothing is identifiable.
 
     Parameters
