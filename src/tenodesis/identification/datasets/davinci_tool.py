@@ -292,10 +292,10 @@ class Tool(ReferenceProblem[ToolSeries]):
         pretension = given.get("pretension", 0.0)
         bearing = {"constant": given.get("spindle_friction", 0.0)}
         # the tendon reaches from the bearing to the last contact: a half of its pieces' length at either end
-        passed = [_behind("coulomb", bearing, torque + pretension, given["start"], series.speed, slack=slack)]
+        passed = [behind("coulomb", bearing, torque + pretension, given["start"], series.speed, slack=slack)]
         along = self._along(given)
         for _ in range(self.contacts):
-            passed.append(_behind(self.law, along, passed[-1], given["start"], series.speed, slack=slack))
+            passed.append(behind(self.law, along, passed[-1], given["start"], series.speed, slack=slack))
         return np.asarray(sum(one + other for one, other in pairwise(passed)) * (0.5 / self.contacts) - pretension)
 
     def _along(self, given: Given) -> dict[str, Any]:
@@ -315,7 +315,7 @@ def problem(
     return Tool(train, test, law=law)
 
 
-def _behind(law: str, friction: Given, tension: Values, start: Any, speed: Array, *, slack: bool) -> Values:
+def behind(law: str, friction: Given, tension: Values, start: Any, speed: Array, *, slack: bool) -> Values:
     """Return the tension behind a contact whose run begins somewhere in its band."""
     lower, upper = band(law, friction, tension, speed=speed, slack=slack)
     return held(lower, upper, lower[0] + start * (upper[0] - lower[0]))
