@@ -35,7 +35,6 @@ TRUTH = {
     "stribeck_speed": 0.15,
     "coupling": -0.63,
     "wrist_friction": 0.8,
-    "far_share": 0.45,
 }
 
 
@@ -115,7 +114,7 @@ def test_pitch_moves_the_jaw_by_the_coupling_and_less_where_the_wrist_rubs() -> 
 
 def test_recordings_at_one_pitch_have_neither_coupling_nor_wrist() -> None:
     names = [one.name for one in Wrist([posture(60), posture(60, 0.12)]).parameters]
-    assert not {"coupling", "wrist_friction", "far_share"} & set(names)
+    assert not {"coupling", "wrist_friction"} & set(names)
 
 
 @pytest.mark.slow
@@ -124,7 +123,7 @@ def test_simulated_postures_give_back_the_wrists_parameters() -> None:
     wrist = Wrist(runs)
     exact = [with_jaw(run, wrist.predict(values(wrist), n)) for n, run in enumerate(runs)]
     found = fit(Wrist(exact), train=range(6), starts=4)
-    for name in ("coupling", "wrist_friction", "far_share", "compliance", "friction_exponent"):
+    for name in ("coupling", "wrist_friction", "compliance", "friction_exponent"):
         assert found.values[name] == pytest.approx(TRUTH[name], rel=0.02), name
 
 

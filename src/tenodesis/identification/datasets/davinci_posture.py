@@ -10,11 +10,11 @@ much as the pitch draws the tendon. With u the torque at the spindle, u[1] and u
 
     wrap = max(0, pi/2 -+ pitch)                                 - where pitch draws the loaded tendon
     u[1] = u behind friction_exponent,  u[2] = u[1] behind wrist_friction wrap
-    jaw  = offset + coupling pitch + own offset +- (ratio spindle + compliance ((1 - far_share) u[1] + far_share u[2]))
+    jaw  = offset + coupling pitch + own offset +- (ratio spindle + compliance (u[1] + u[2]) / 2)
 
 Where less is held back at the wrist, the stretch beyond it follows more of the load: at small loads the jaw lags more.
-The right angle and the sign are what recordings at three pitches show when both are free (1.57 +- 0.06 rad); the way of
-the tendons in this tool is not published.
+The right angle and the sign are what recordings at three pitches show when both are free (1.57 +- 0.06 rad), as is the
+half of the compliance beyond the wrist; the way of the tendons in this tool is not published.
 
 A recording starts at a stop of the jaw, which leaves it an offset of its own. That is taken out of its errors; a small
 share of it counts in the fit, by which offset and coupling are known.
@@ -70,7 +70,8 @@ _PITCH = re.compile(r"pitch[\s_=]*([+-]?\d+(?:\.\d+)?)", re.IGNORECASE)
 _COUPLING = Parameter("coupling", "1", 0.0, -2.0, 2.0, "Jaw angle by pitch, the spindle held", "kinematics")
 _RUBS = "Friction exponent at the wrist by the angle of the loaded tendon's wrap"
 _FRICTION = Parameter("wrist_friction", "1/rad", 1.0, 0.0, 4.0, _RUBS, "friction")
-_SHARE = Parameter("far_share", "1", 0.5, 0.0, 1.0, "Share of the compliance beyond the wrist", "stiffness")
+FAR_SHARE = 0.5
+"""Share of the compliance beyond the wrist: 0.49 +- 0.02 where it is fitted to recordings at three pitches."""
 _FIRST = {"friction_exponent": 0.2, "pretension": 0.04, "spindle_friction": 0.005}
 """Where the search begins."""
 
@@ -119,7 +120,7 @@ class Wrist(Tool):
             raise IdentificationError(key="law", value=law, allowed=f"one of {', '.join(LAWS)}")
         super().__init__(train, test, law=law, contacts=contacts)
         several = len({one.pitch for one in self.fitted[: len(train)]}) > 1
-        own = (_COUPLING, _FRICTION, _SHARE) if several else ()
+        own = (_COUPLING, _FRICTION) if several else ()
         starts = self._lines(self.fitted[: len(train)], several=several)
         if several:
             # less torque reaches what stretches than the line through the spindle's has
@@ -146,7 +147,7 @@ class Wrist(Tool):
 
     def advice(self, names: Sequence[str]) -> str | None:
         """Return which recording would make these parameters identifiable."""
-        if {"coupling", "wrist_friction", "far_share"} & set(names):
+        if {"coupling", "wrist_friction"} & set(names):
             return "Record the same motion at three or more pitch angles, far apart to either side."
         return super().advice(names)
 
@@ -168,7 +169,7 @@ class Wrist(Tool):
         wound = behind("coulomb", bearing, series.torque + pretension, start, speed, slack=True)
         shaft = behind(self.law, near, wound, start, speed, slack=True)
         jaw = behind(self.law, far, shaft, start, speed, slack=True)
-        return np.asarray(shaft + given["far_share"] * (jaw - shaft) - pretension)
+        return np.asarray(shaft + FAR_SHARE * (jaw - shaft) - pretension)
 
     def _lines(self, train: Sequence[ToolSeries], *, several: bool) -> dict[str, float]:
         """Return where the parameters that act without friction start: by a line for each run, side by side."""
