@@ -12,6 +12,7 @@ import pytest
 
 from tenodesis.errors import ArgumentError, IdentificationError
 from tenodesis.identification import Kinematic, fit, jacobian_error, recorded
+from tenodesis.identification.datasets.reference import held
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.kinematic import of_run
 from tenodesis.identification.kinematic.recordings import load
@@ -172,3 +173,16 @@ def test_a_real_joint_is_predicted_by_its_command_ten_times_as_well_as_without_p
         errors[law] = found.test_rmse["pitch_angle_deg"]
     assert errors["auto"] < 1.3
     assert errors["none"] > 5 * errors["auto"]
+
+
+def test_a_joint_that_is_late_is_given_a_delay_and_its_own_play() -> None:
+    time: Array = np.arange(600) / 30
+    late = time - 0.08
+    moved = 0.4 * np.sin(1.3 * late) + 0.2 * np.sin(3.1 * late)
+    angle = held(moved - 0.05, moved + 0.05, moved[0]) + np.random.default_rng(0).normal(0, 2e-3, time.size)
+    command = 0.4 * np.sin(1.3 * time) + 0.2 * np.sin(3.1 * time)
+    model = Kinematic([recorded(time, {"pitch": command}, {"pitch": angle})])
+    found = fit(model, train=[0], starts=1)
+    assert model.joints[0].delay
+    assert found.values["delay.pitch"] == pytest.approx(0.08, abs=2e-3)
+    assert found.values["play.pitch"] == pytest.approx(0.1, abs=2e-3)

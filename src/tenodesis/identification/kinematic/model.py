@@ -13,7 +13,8 @@ Of joint i, with the commands c, the effort e of its drive if it was recorded, a
 | passed | one play; joints before pass on what their own plays keep: c[j] + follow[i, j] (q[j] - c[j]) for c[j] | |
 
 `auto` takes for each joint the law that predicts parts of the recordings which it was not fitted to best, the simplest
-within a standard error, or 2 %, of that (Breiman et al. 1984).
+within a standard error, or 2 %, of that (Breiman et al. 1984). Then it adds a
+delay of the commands, c(t - delay[i]), where that is better in the same way.
 """
 
 from collections.abc import Mapping, Sequence
@@ -43,6 +44,8 @@ _LEAST_MOTION = float(np.radians(1))
 """Spread of a command below which a joint stands still, rad."""
 _LEAST_NOISE = 1e-5
 """Of a sensor that shows no noise, rad."""
+_MOST_DELAY = 0.5
+"""s."""
 _MOST_PLAY = 3.0
 """rad."""
 _HARDLY = 0.04
@@ -137,11 +140,12 @@ class _Joint(NamedTuple):
     movers: tuple[str, ...]
     before: tuple[str, ...]
     effort: bool
+    delay: bool = False
 
     @property
     def label(self) -> str:
-        """The law, and whether the effort counts."""
-        return f"{self.law} and effort" if self.effort else self.law
+        """The law, and whether the effort and a delay count."""
+        return " and ".join([self.law] + ["effort"] * self.effort + ["delay"] * self.delay)
 
     def parameters(self) -> list[Parameter]:
         """Return its unknowns."""
@@ -168,15 +172,19 @@ class _Joint(NamedTuple):
                 Parameter(f"follow.{name}.{other}", "1", 0.0, -5.0, 5.0, f"Angle by what {other} lags", "coupling")
                 for other in self.before
             ]
+        if self.delay:
+            meaning = "Time by which it is later than its commands"
+            found.append(Parameter(f"delay.{name}", "s", 0.02, 0.0, _MOST_DELAY, meaning, "delay"))
         return found
 
     def angle(self, given: Mapping[str, Any], series: _Series, behind: Mapping[str, Values]) -> Values:
         """Return the joint's angle, (n,), given those of the joints before it; raises KeyError without them."""
-        name = self.name
-        moved = given[f"offset.{name}"] + given[f"gain.{name}"] * series.command[name]
+        name, late = self.name, given.get(f"delay.{self.name}", 0.0)
+        command = {other: _delayed(series.time, series.command[other], late) for other in self.movers}
+        moved = given[f"offset.{name}"] + given[f"gain.{name}"] * command[name]
         for other in self.movers:
             if other != name:
-                moved = moved + given[f"coupling.{name}.{other}"] * series.command[other]
+                moved = moved + given[f"coupling.{name}.{other}"] * command[other]
         if self.effort:
             moved = moved + given[f"compliance.{name}"] * series.effort[name]
         if self.law == "passed":
@@ -234,6 +242,9 @@ class Kinematic(Problem):
                 _Joint(name, one, tuple(movers), before_it, effort) for effort in efforts for one in laws or ["play"]
             ]
             joint = self._chosen(options, self.fitted[: len(train)], behind) if options[1:] else options[0]
+            if law == "auto" and joint.law != "none":
+                late = joint._replace(delay=True)
+                joint = self._chosen([joint, late], self.fitted[: len(train)], behind)
             found = _solved(joint, self.fitted[: len(train)], behind)
             for one, before in zip(self.fitted, behind, strict=False):
                 before[name] = joint.angle(found, one, before)
@@ -262,7 +273,9 @@ class Kinematic(Problem):
         errors = {}
         whole: dict[str, float] = {}
         for option in options:
-            near = whole if option.law in ("soft", "passed") and f"play.{option.name}" in whole else None
+            near = (
+                whole if (option.delay or option.law in ("soft", "passed")) and f"play.{option.name}" in whole else None
+            )
             whole = _solved(option, train, behind, near=near)
             squares = []
             for number, fold in enumerate(folds):
@@ -271,7 +284,9 @@ class Kinematic(Problem):
                 left = [one.measured[option.name] - option.angle(found, one, before) for one, before in fold]
                 squares.append(float(np.mean(np.concatenate(left) ** 2)))
             errors[option.label] = np.array(squares)
-        self.compared[options[0].name] = {name: float(np.sqrt(one.mean())) for name, one in errors.items()}
+        self.compared.setdefault(options[0].name, {}).update(
+            {name: float(np.sqrt(one.mean())) for name, one in errors.items()}
+        )
         best = min(errors, key=lambda name: errors[name].mean())
 
         def no_worse(name: str) -> bool:
@@ -372,6 +387,16 @@ def chosen_laws(problem: Problem) -> tuple[str, ...]:
     return tuple(said)
 
 
+def _delayed(time: Array, values: Array, late: Any) -> Values:
+    """Return a signal as it was a time before, complex where that time is."""
+    if not late:
+        return values
+    at = time - np.real(late)
+    place = np.clip(np.searchsorted(time, at, side="right") - 1, 0, time.size - 2)
+    slope = np.where(at < time[0], 0.0, (np.diff(values) / np.diff(time))[place])
+    return np.asarray(np.interp(at, time, values) - (1j * np.imag(late) * slope if np.imag(late) else 0.0))
+
+
 def _behind_play(moved: Values, half: Any, start: float) -> Values:
     lower, upper = moved - half, moved + half
     return held(np.asarray(lower), np.asarray(upper), start)
@@ -399,7 +424,7 @@ def _solved(
         return np.column_stack([np.imag(angle(one)) / 1e-30 for one in steps])
 
     # without play the model is a sum of columns
-    linear = joint._replace(law="none")
+    linear = joint._replace(law="none", delay=False)
     count = len(linear.parameters())
     units = [dict(zip(names, row, strict=False)) for row in np.eye(count)]
     columns = np.concatenate([np.column_stack([linear.angle(unit, one, {}) for unit in units]) for one in runs])
