@@ -64,6 +64,7 @@ def test_a_published_file_is_known_by_its_bytes_not_by_its_name(tmp_path: Path) 
     assert run.notes[0].startswith("as published: test_mhe/loadcell_measurements.csv of jerluenn/RAL2024-GIRAFFE")
     assert other.source is None
     assert other.notes[0].startswith("none of the ")
+    assert "jerluenn/RAL2024-GIRAFFE" in other.notes[0]
 
 
 def test_rows_that_cannot_be_read_or_are_corrupt_are_dropped_and_said(tmp_path: Path) -> None:
