@@ -93,7 +93,7 @@ struct TwinStep {
   Rope::template LineOf<Sum> line[M];
   Reaction<S> spool[M];
   Rope::Lengths known[M];
-  [[no_unique_address]] std::conditional_t<T::known, Nothing, Linearised> own;
+  [[no_unique_address]] std::conditional_t<T::known, Nothing, Linearised> linearised;
   Rows::template PerSegment<Sum> pull[M];
   Sum moment[U];         // of the tendons by each coordinate, N m per unit
   Square<S, U> heavy{};  // 2 M / h^2
@@ -328,27 +328,27 @@ struct TwinStep {
   // A tendon, as linear as it is about where it was last.
   const Rope& rope(int m) const {
     if constexpr (!T::known)
-      if (twin.is_nonlinear(m)) return own.rope[m];
+      if (twin.is_nonlinear(m)) return linearised.rope[m];
     return twin.tendon[m];
   }
   // By how much its segments are to be taken as longer drawn for that, m.
   S shift(int m, int i) const {
     if constexpr (!T::known)
-      if (twin.is_nonlinear(m)) return own.shift[m][i];
+      if (twin.is_nonlinear(m)) return linearised.shift[m][i];
     return S(0);
   }
 
   // Takes the segments of a tendon as linear about stretches, m.
   void linearise(int m, const Rope::Lengths& about) {
     const auto& tendon = twin.tendon[m];
-    own.rope[m] = tendon;
+    linearised.rope[m] = tendon;
     for (int i = 0; i <= twin.contacts(m); ++i) {
       const S at = twin.elastic(m, i, about[i]);
       const S elastic = tendon.stiffness[i] * twin.chain.growth_at(m, at);
       const S viscous = twin.quasi_static ? S(0) : twin.damping_of(m, i) * per_second;
-      own.rope[m].stiffness[i] = elastic + viscous;
-      const S rest = at - elastic * about[i] - viscous * own.begun[m][i];
-      own.shift[m][i] = (rest - tendon.rest_tension) / own.rope[m].stiffness[i];
+      linearised.rope[m].stiffness[i] = elastic + viscous;
+      const S rest = at - elastic * about[i] - viscous * linearised.begun[m][i];
+      linearised.shift[m][i] = (rest - tendon.rest_tension) / linearised.rope[m].stiffness[i];
     }
   }
 
@@ -356,8 +356,8 @@ struct TwinStep {
   void linearise() {
     twin.each_tendon([&](int m) {
       if (!twin.is_nonlinear(m)) return;
-      twin.stretches(m, before, own.begun[m]);
-      linearise(m, own.begun[m]);
+      twin.stretches(m, before, linearised.begun[m]);
+      linearise(m, linearised.begun[m]);
     });
   }
 
@@ -374,7 +374,7 @@ struct TwinStep {
       bool right = true;
       for (int i = pulls(m) ? 1 : 0; i <= twin.contacts(m); ++i) {
         const S viscous = twin.quasi_static ? S(0) : twin.damping_of(m, i) * per_second;
-        const S held = larger(twin.elastic(m, i, found[i]) + viscous * (found[i] - own.begun[m][i]), S(0));
+        const S held = larger(twin.elastic(m, i, found[i]) + viscous * (found[i] - linearised.begun[m][i]), S(0));
         right =
             right && abs(held - next.tendon[m].tension[i]) <= S(curve_tolerance<ValueOf<S>>) * twin.tension_scale[m];
       }
