@@ -57,6 +57,12 @@ FINGER = (
     figures.Heading("many", f"of {MANY} worlds together", "1/s", ".3g"),
     figures.Heading("version", "version"),
 )
+PLANAR = (
+    figures.Heading("error", "error of the output angle", "°", ".2g"),
+    figures.Heading("steps", "steps a second, one world", "1/s", ".3g"),
+    figures.Heading("many", f"of {MANY} worlds together", "1/s", ".3g"),
+    figures.Heading("version", "version"),
+)
 TIP = (
     figures.Heading("place", "error of the end's place", "% of length", ".3g"),
     figures.Heading("angle", "of its angle", "°", ".3g"),
@@ -218,6 +224,30 @@ def finger(_: str) -> dict[str, Row]:
     off_by = [float(np.degrees(np.abs(angles - exact(one)).max())) for one in COEFFICIENTS]
     rate = chain_dynamics.steps_per_second(smooth, [0.0] * 6, time_step=1e-4, seconds=0.5)
     rows["MuJoCo, no friction"] = [*off_by, rate, None, mujoco.__version__]
+    return rows
+
+
+def planar(_: str) -> dict[str, Row]:
+    """Return the rows of the real-size instrument, one axis, held at a handle angle under a force across its tip."""
+    from peers import scipy_peer  # noqa: PLC0415
+    from peers.chain_peer import ChainPeer  # noqa: PLC0415 - an extra
+
+    handle, force, step = np.radians(20.0), 1.0, 5e-4
+    inst = tn.load("real-size").axis("yaw")
+    exact = float(scipy_peer.output_angle(inst, handle, force))
+    smooth = inst.replace(friction={"law": "none"}, mismatch=None)
+    moved, loads = np.linspace(0.0, handle, 2000), np.linspace(0.0, force, 2000)
+    twin = tn.twin.Twin(inst, time_step=step)
+    steps = 2000 / min(repeat(partial(twin.run, moved, force=loads), number=1, repeat=ROUNDS))
+    few = partial(tn.twin.run_many, inst, np.tile(moved[:200], (MANY, 1)), force=loads[:200], every=200)
+    many = MANY * 200 / min(repeat(few, number=1, repeat=3))
+    own = abs(float(tn.statics.output_angle(smooth, handle, force)) - exact)
+    rows: dict[str, Row] = {"Tenodesis, friction in the steps": [math.degrees(own), steps, many, tn.__version__]}
+    import mujoco  # noqa: PLC0415 - an extra
+
+    settled = ChainPeer(smooth.expanded).settle([handle], [-force, 0, 0, 0, 0, 0]).angles[0]
+    rate = chain_dynamics.steps_per_second(smooth.expanded, [-force, 0, 0, 0, 0, 0], time_step=step, seconds=0.5)
+    rows["MuJoCo, no friction"] = [math.degrees(abs(settled - exact)), rate, None, mujoco.__version__]
     return rows
 
 
@@ -383,7 +413,10 @@ def main() -> None:
     parser.add_argument("--python", default=sys.executable, help="Python that has newton and pyelastica")
     parser.add_argument("--worlds", type=int, default=MANY)
     parser.add_argument(
-        "--work", choices=("rope", "finger", "backbone", "segments", "space"), action="append", help="by default all"
+        "--work",
+        choices=("rope", "finger", "planar", "backbone", "segments", "space"),
+        action="append",
+        help="by default all",
     )
     parser.add_argument("--figures", type=Path, help="docs/results.json")
     given = parser.parse_args()
@@ -392,6 +425,7 @@ def main() -> None:
     work: dict[str, tuple[Any, Callable[[], dict[str, Row]]]] = {
         "rope": (ROPE, partial(rope, given.python, given.worlds)),
         "finger": (FINGER, partial(finger, given.python)),
+        "planar": (PLANAR, partial(planar, given.python)),
         "backbone": (TIP, partial(backbone, given.python)),
         "segments": (SEGMENTS, partial(segments, given.python)),
         "space": (SPACE, partial(space, given.python)),
