@@ -483,6 +483,7 @@ def test_formats_are_known_by_name() -> None:
         "davinci-posture",
         "endoscope-pair",
         "tendon-sheath",
+        "joints",
         "recording",
         "csv",
         "mcap",

@@ -114,12 +114,12 @@ def identify(  # noqa: PLR0917
         share, part = _split(train_until, train_from)
         seconds = _longest(longest, is_split=share is not None)
         files = recordings_of(logs, tests, format_name)
+        _check_given(format_name, arrangement, instrument_file)
         format_name, measured = _loaded(format_name, [*files, *tests])
         kind = FORMATS[format_name]
         if law is not None:
             check_choice("--law", law, kind.laws)
         inst = _starting_from(instrument_file, format_name)
-        _check_arrangement(kind, format_name, arrangement)
         chosen = law or kind.law
         _check_different(measured)
         count = len(files)
@@ -487,6 +487,13 @@ def _print_fit(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, 
         f"{found.seconds:.3g} s."
     )
     say(f"Written: {', '.join(str(path) for path in written)}")
+
+
+def _check_given(format_name: str, arrangement: str, instrument_file: str | None) -> None:
+    """Refuse what is wrong whatever the recordings hold."""
+    _check_arrangement(FORMATS[format_name], format_name, arrangement)
+    if instrument_file is not None:
+        load_instrument(instrument_file)
 
 
 def _check_arrangement(kind: Format, format_name: str, arrangement: str) -> None:

@@ -83,11 +83,11 @@ class Joint(FileTable):
     arcs: int = Field(
         default=1,
         ge=1,
-        le=12,
+        le=24,
         strict=True,
         description="Arcs that a backbone bends in, 1 or an even number; an S under a force across takes 2 or more",
     )
-    arc: int = Field(default=0, ge=0, le=12, strict=True, description="Number of this arc, from the stem; 0: no part")
+    arc: int = Field(default=0, ge=0, le=24, strict=True, description="Number of this arc, from the stem; 0: no part")
     planes: Literal[1, 2] = Field(
         default=1, description="Planes that a backbone bends in: that of its axis, or also the one across, 90 deg on"
     )

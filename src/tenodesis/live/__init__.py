@@ -8,6 +8,10 @@ if TYPE_CHECKING:
 __all__ = ["Joined", "connect"]
 
 
+def __dir__() -> list[str]:
+    return list(__all__)
+
+
 def __getattr__(name: str) -> Any:
     """Import what joins a runtime when it is first used: other systems than Linux have none."""
     if name in __all__:

@@ -53,6 +53,7 @@ QUANTITY = {
     "measured_spool_angle": "spool_angle",
     "spool_angle": "spool_angle",
     "commanded_spool_velocity": "spool_velocity",
+    "commanded_spool_tension": "tension",
     "spool_velocity": "spool_velocity",
     "output_velocity": "output_velocity",
 }
