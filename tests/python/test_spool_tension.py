@@ -11,6 +11,8 @@ import tomli_w
 import tenodesis as tn
 from tenodesis.errors import ArgumentError, ProtocolError
 from tenodesis.instrument import FullForm
+from tenodesis.live.layout import CommandColumns
+from tenodesis.live.protocol_feed import Player
 from tenodesis.recording.replay import replay
 from tenodesis.recording.simulation import record
 from tenodesis.simulate import Protocol
@@ -163,3 +165,13 @@ def test_tensions_that_no_drive_of_a_protocol_can_hold_are_refused(tensions: dic
 def test_a_phase_leaves_the_motors_of_a_controller_to_it() -> None:
     with pytest.raises(ProtocolError, match="must leave its motors to it"):
         tn.simulate.execute(tn.twin.Twin(REAL), pulled(REAL.expanded), controller=tn.control.Controller(REAL))
+
+
+def test_a_bench_whose_drives_follow_speeds_runs_no_such_protocol() -> None:
+    inst = two_segments()
+    bench = [("spool_velocity", len(inst.tendons))]
+    given = {"inst": inst, "assumed": None, "time_step": 1e-3}
+    plan = pulled(inst).plan(inst, 1e-3)
+    with pytest.raises(ProtocolError, match="follow speeds"):
+        Player(plan, Any, print, dict, columns=CommandColumns(bench), **given)
+    Player(plan, Any, print, dict, columns=CommandColumns([*bench, ("spool_tension", len(inst.tendons))]), **given)

@@ -9,13 +9,14 @@ import numpy as np
 
 from tenodesis.control import OperatingState
 from tenodesis.control.controller import fault_names
+from tenodesis.errors import ProtocolError
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.live.layout import CommandColumns
 from tenodesis.run import Array
 from tenodesis.simulate import Pretension
 from tenodesis.simulate.command import SMOOTH, Between, between, sampled
 from tenodesis.simulate.execution import check_controllable
-from tenodesis.simulate.protocol import Planned, block_size
+from tenodesis.simulate.protocol import Planned, block_size, errors_of
 from tenodesis.twin import Held
 
 _AHEAD = 0.1
@@ -88,7 +89,8 @@ class Player:
     Raises
     ------
     ProtocolError
-        A controller cannot run it: it moves the spools, or requires of homing what that does not do.
+        A controller cannot run it: it moves the spools, or requires of homing what that does not do. Or its drives are
+        to hold tensions, and follow speeds alone.
     """
 
     def __init__(
@@ -105,6 +107,8 @@ class Player:
     ) -> None:
         if assumed is not None:
             check_controllable(plan, inst, assumed)
+        if "spool_tension" not in columns:
+            _check_follows_speeds(plan)
         self._plan, self._queue, self._ask, self._latest = tuple(plan), queue, ask, latest
         self._inst, self._columns, self._time_step = inst, columns, time_step
         self._total = math.fsum(planned.seconds for planned in plan)
@@ -322,3 +326,16 @@ class _Homing(Enum):
     UNDER_WAY = auto()
     OUT_OF_TIME = auto()
     FAILED = auto()
+
+
+def _check_follows_speeds(plan: Sequence[Planned]) -> None:
+    """Refuse a phase in which drives are to hold tensions."""
+    for planned in plan:
+        if getattr(planned.phase, "spool_tensions", None):
+            with errors_of(planned.label):
+                raise ProtocolError(
+                    "spool_tensions is given, but the drives of this bench follow speeds; it must have drives that "
+                    "hold tensions, such as devices.canopen.tension_drives",
+                    key="spool_tensions",
+                    allowed="drives that hold tensions",
+                )
