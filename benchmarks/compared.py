@@ -43,26 +43,20 @@ MANY, ROUNDS = 4096, 5
 ARCS = 4
 FEW, MORE = 10, 1010
 """Steps of worlds together, by whose difference their rate is taken without the time to build them."""
-ROPE = (
-    figures.Heading("error_frictionless", "error without friction", "%", ".3g"),
-    figures.Heading("error_friction", "error with μ = 0.2", "%", ".3g"),
+RATES = (
     figures.Heading("steps", "steps a second, one world", "1/s", ".3g"),
     figures.Heading("many", f"of {MANY} worlds together", "1/s", ".3g"),
     figures.Heading("version", "version"),
 )
-FINGER = (
-    figures.Heading("error_frictionless", "error without friction", "°", ".3g"),
-    figures.Heading("error_friction", "error with μ = 0.2", "°", ".3g"),
-    figures.Heading("steps", "steps a second, one world", "1/s", ".3g"),
-    figures.Heading("many", f"of {MANY} worlds together", "1/s", ".3g"),
-    figures.Heading("version", "version"),
+ROPE, FINGER = (
+    (
+        figures.Heading("error_frictionless", "error without friction", unit, ".3g"),
+        figures.Heading("error_friction", "error with μ = 0.2", unit, ".3g"),
+        *RATES,
+    )
+    for unit in ("%", "°")
 )
-PLANAR = (
-    figures.Heading("error", "error of the output angle", "°", ".2g"),
-    figures.Heading("steps", "steps a second, one world", "1/s", ".3g"),
-    figures.Heading("many", f"of {MANY} worlds together", "1/s", ".3g"),
-    figures.Heading("version", "version"),
-)
+PLANAR = (figures.Heading("error", "error of the output angle", "°", ".2g"), *RATES)
 TIP = (
     figures.Heading("place", "error of the end's place", "% of length", ".3g"),
     figures.Heading("angle", "of its angle", "°", ".3g"),

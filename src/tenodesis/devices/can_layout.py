@@ -1,10 +1,9 @@
 """What the frames on the CAN bus carry, from an instrument and its table devices.canopen."""
 
-import math
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import floor, isfinite, nan, pi
+from math import floor, inf, isfinite, nan, pi
 
 from tenodesis.devices import cia402
 from tenodesis.devices.cia402 import wrapped
@@ -238,7 +237,7 @@ def _drive(inst: Instrument, settings: CanOpen, plug: Plug, unit: float) -> Driv
 def _torque_per_tension(inst: Instrument, settings: CanOpen) -> float:
     drives = inst.own_drives
     per_newton = drives.spool_radius / drives.gear_ratio / drives.gear_efficiency
-    return 1000 * per_newton / (settings.rated_torque or math.inf)
+    return 1000 * per_newton / (settings.rated_torque or inf)
 
 
 def _sensor_frames(sensors: Sequence[Plug], drives: set[int]) -> list[SensorFrame]:

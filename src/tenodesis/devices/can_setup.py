@@ -1,10 +1,9 @@
 """How the nodes of a CANopen bench are prepared and its drives enabled, before the first SYNC."""
 
-import math
 import struct
 import time
 from collections.abc import Callable, Iterable
-from math import inf
+from math import inf, pi
 
 from canopen import Network, ObjectDictionary, RemoteNode, SdoAbortedError
 from canopen.sdo.exceptions import SdoError
@@ -120,7 +119,7 @@ class Setup:
         self._map(node, 0x1400, 0x1600, drive.commanded_id, drive.commanded_objects)
         if drive.torque_per_tension:
             # A rope that breaks lets the motor run: its speed has a limit, in turns a minute, in this mode, too.
-            self._write(node, 0x6080, 0, "I", max(1, round(limit.motor_speed * 30 / math.pi)))
+            self._write(node, 0x6080, 0, "I", max(1, round(limit.motor_speed * 30 / pi)))
             self._map(node, 0x1401, 0x1601, drive.torque_id, TORQUE_OBJECTS)
         self._map(node, 0x1800, 0x1A00, drive.measured_id | _NO_REMOTE_REQUEST, drive.measured_objects)
 

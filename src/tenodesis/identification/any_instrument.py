@@ -152,10 +152,9 @@ def at_rest(inst: FullForm, data: AtRest, axes: Axes = "tip") -> dict[str, Array
     known = np.isfinite(angles)
     pose = tip_pose(inst, np.where(known, angles, 0.0), port=Port(insertion=0.0))
     lost = np.where(known.all(axis=-1, keepdims=True), 0.0, np.nan)
-    bends = list(dict.fromkeys(joint.bend for joint in inst.tip_joints))
-    summed = np.array([[joint.bend == bend for bend in bends] for joint in inst.tip_joints], float)
+    summed = np.stack([angles[..., arcs].sum(axis=-1) for arcs in inst.arcs.values()], axis=-1)
     direction = rotated(pose.quaternion[..., 0, :], np.array([0.0, 0.0, 1.0]))
-    return {"position": pose.position[..., 0, :] + lost, "direction": direction + lost, "angles": angles @ summed}
+    return {"position": pose.position[..., 0, :] + lost, "direction": direction + lost, "angles": summed}
 
 
 def _under_tensions(inst: FullForm, tensions: Array, held: Any, wrench: Any, axes: Axes) -> Array:
