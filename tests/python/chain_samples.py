@@ -46,6 +46,7 @@ def drawn(seed: int) -> FullForm:
         joint["offset"] = random.uniform(0, 0.01)
         if mechanism == "continuum":
             joint |= {"backbone_length": random.uniform(0.01, 0.03), "backbone_rigidity": random.uniform(1e-4, 1e-3)}
+            joint["arcs"] = 1
         if random.random() < 0.3:
             joint["stiffness"] = random.uniform(0.01, 0.1)
         if is_jaw:
@@ -239,6 +240,7 @@ axis = "yaw"
 radius = "3 mm"
 backbone_length = "20 mm"
 backbone_rigidity = "300 N*mm^2"
+arcs = 1
 
 [[joints]]
 name = "far"
@@ -247,6 +249,7 @@ axis = "pitch"
 radius = "3 mm"
 backbone_length = "15 mm"
 backbone_rigidity = "300 N*mm^2"
+arcs = 1
 end_effector_length = "12 mm"
 
 [[tendons]]

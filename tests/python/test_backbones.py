@@ -205,9 +205,47 @@ def test_a_law_that_knows_one_arc_brings_the_end_of_four_back() -> None:
     )
 
 
-def test_one_arc_is_said_to_leave_the_s_out_and_four_are_not() -> None:
+@pytest.mark.parametrize(("bend", "arcs"), [(20, 2), (36, 2), (60, 4), (105, 4), (120, 6), (150, 6)])
+def test_without_arcs_in_its_file_it_bends_in_as_many_as_half_a_percent_of_its_deflection_takes(
+    bend: float, arcs: int
+) -> None:
+    finest, given = single(16), single(4).as_given("joints")[0]
+    chosen = finest.replace(joints=[given.model_copy(update={"arcs": None, "given_range": np.radians(bend)})])
+    assert len(chosen.tip_joints) == arcs
+    wound = np.array([1.0, -1.0]) * CASE.offset * np.radians(bend)
+    across = [0.5 * CASE.rigidity / CASE.length**2, 0, 0, 0, 0, 0]
+    ways = []
+    for inst in (chosen, finest):
+        loaded = chain.output_angles(inst, 0.0, [[0.0] * 6, across], strokes=wound, axes="stem")
+        start, end = (end_of(inst, angles) for angles in loaded)
+        ways.append(np.array([end.x - start.x, end.z - start.z]))
+    assert np.linalg.norm(ways[0] - ways[1]) < 5e-3 * np.linalg.norm(ways[1])
+
+
+def test_backbones_that_do_not_fit_have_fewer_arcs_than_their_ranges_take() -> None:
+    near = single(4).as_given("joints")[0].model_copy(update={"arcs": None, "end_effector_length": None})
+    names = [f"bend{i}" for i in range(8)]
+    joints = [near.model_copy(update={"name": name}) for name in names]
+    joints[-1] = joints[-1].model_copy(update={"end_effector_length": CASE.end_effector_length})
+    routes = [(side, [{"joint": name, "side": side} for name in names]) for side in ("agonist", "antagonist")]
+    inst = single(4).replace(joints=joints, tendons=[{"name": side, "route": route} for side, route in routes])
+    assert len(inst.tip_joints) == 24
+    assert {joint.arcs for joint in inst.as_given("joints")} == {None}
+
+
+def test_the_short_form_of_several_arcs_is_joints_and_tendons() -> None:
+    text = (ROOT / "examples" / "continuum.toml").read_text("utf-8")
+    arcs = tn.parse(text.replace("handle_range", "arcs = 4\nhandle_range"))
+    assert arcs == tn.instrument.in_arcs(ROOT / "examples" / "continuum.toml", 4)
+    with pytest.raises(InstrumentError, match="arcs is 3"):
+        tn.parse(text.replace("handle_range", "arcs = 3\nhandle_range"))
+    with pytest.raises(InstrumentError, match="in_arcs"):
+        tn.load(ROOT / "examples" / "continuum.toml").replace(arcs=2)
+
+
+def test_one_arc_is_said_to_leave_the_s_out_and_several_are_not() -> None:
     of_single = [one for one in tn.control.implausible(single(1)) if one.key == "joints.arcs"]
-    assert len(of_single) == 1 and "give arcs = 4" in of_single[0].sentence
+    assert len(of_single) == 1 and "give arcs = 6" in of_single[0].sentence
     assert not [one for one in tn.control.implausible(single(4)) if one.key == "joints.arcs"]
     left_out = one_arc(single(1))
     assert left_out is not None
@@ -224,11 +262,8 @@ def test_one_arc_is_said_to_leave_the_s_out_and_four_are_not() -> None:
     ],
 )
 def test_numbers_of_arcs_that_no_backbone_has_are_refused(change: dict[str, Any], problem: str) -> None:
-    joint = {
-        key: value
-        for key, value in (tn.load("two-segment-continuum").joints[0].model_dump(exclude_none=True) | change).items()
-        if value is not None
-    }
+    given = tn.instrument.expanded("two-segment-continuum").as_given("joints")[0].model_dump(exclude_none=True)
+    joint = {key: value for key, value in (given | change).items() if value is not None}
     with pytest.raises(InstrumentError, match=problem):
         tn.load("two-segment-continuum").replace(
             joints=[
@@ -240,7 +275,7 @@ def test_numbers_of_arcs_that_no_backbone_has_are_refused(change: dict[str, Any]
 
 def test_a_file_of_which_every_joint_is_wrong_gets_one_sentence_for_each() -> None:
     two = tn.load("two-segment-continuum")
-    joints = [joint.model_dump(exclude_unset=True, exclude_none=True) | {"arcs": 3} for joint in two.joints]
+    joints = [joint.model_dump(exclude_unset=True, exclude_none=True) | {"arcs": 3} for joint in two.as_given("joints")]
     with pytest.raises(InstrumentError) as refused:
         two.replace(joints=joints)
     sentences = str(refused.value).splitlines()

@@ -110,7 +110,7 @@ def test_an_object_between_the_jaws_presses_them_apart_evenly(name: str) -> None
 
 def test_the_far_segments_tendons_bend_the_near_one_too() -> None:
     # Wound by one stroke, a rigid near segment would stay straight only if its own pair held it.
-    inst = instrument.expanded("two-segment-continuum")
+    inst = instrument.in_arcs("two-segment-continuum", 1)
     near, far = chain.output_angles(inst, 0, strokes=[0, 0, 1e-3, -1e-3])
     assert near > 0.01 and far > near
     arms = inst.tendon_arms("tip")

@@ -40,8 +40,8 @@ def ran(loop: LiveLoop, reader: Reader, seconds: float) -> Run:
 
 def angles(loop: LiveLoop) -> np.ndarray:
     """Return angles to ask for."""
-    joints = loop.inst.handle_joints or loop.inst.tip_joints
-    return np.radians([12.0, -8.0, 15.0])[: len(joints)]
+    count = len(loop.inst.handle_joints) or len(loop.inst.bends)
+    return np.radians([12.0, -8.0, 15.0])[:count]
 
 
 @pytest.mark.parametrize("actuation", ["differential", "agonist"])

@@ -65,9 +65,10 @@ def test_strokes_are_met(tmp_path: Path) -> None:
 
 
 def test_two_planes_are_compared_in_space(tmp_path: Path) -> None:
-    joints = [joint.model_dump(exclude_unset=True) for joint in tn.instrument.expanded("two-segment-continuum").joints]
+    two = tn.instrument.expanded("two-segment-continuum")
+    joints = [joint.model_dump(exclude_unset=True) for joint in two.as_given("joints")]
     joints[1]["axis"] = "pitch"
-    inst = tn.instrument.in_arcs(tn.instrument.expanded("two-segment-continuum").replace(joints=joints), 4)
+    inst = two.replace(joints=joints)
     strokes = np.array([4e-4, -4e-4, 7e-4, -7e-4])
     angles = np.asarray(chain.equilibrium(inst, 0.0, strokes=strokes).output_angle)
     where = tn.kinematics.tip_pose(inst, angles)

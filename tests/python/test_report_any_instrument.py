@@ -18,6 +18,7 @@ from tenodesis.paper.run import CHAPTERS, chosen, left_out, steps
 from tenodesis.paper.subject import Subject
 from tenodesis.report import style
 from tenodesis.statics import chain
+from tenodesis.statics.bends import Bends
 
 from .chain_samples import backbone, drawn, jaws, two_axes
 
@@ -73,20 +74,21 @@ def test_only_joints_with_a_pair_of_their_own_are_compensated() -> None:
 def test_the_statics_of_any_instrument_get_a_report(name: str) -> None:
     context, text = computed(sample(name), *STATICS)
     assert ">nan" not in text
-    for joint in context.whole.tip_joints:
-        assert joint.name in text
-        assert any(f".{joint.name}." in key or key.endswith(f".{joint.name}") for key in context.results)
+    for joint in context.subject.joints:
+        assert joint in text
+        assert any(f".{joint}." in key or key.endswith(f".{joint}") for key in context.results)
 
 
 @pytest.mark.parametrize("name", ["needle-driver", "two-segment-continuum", "hybrid-real-size"])
 def test_losses_and_slack_are_those_of_the_statics(name: str) -> None:
     inst = tn.load(name)
     context, _ = computed(inst, "loss", "slack")
+    bends = Bends.of(context.whole)
     for state, angles in zip(("straight", "bent"), statics.usual_states(inst), strict=True):
         for load in context.subject.loads:
             expected = statics.loss(inst, angles, load.wrench, load.grip)
-            for joint, lost in zip(context.whole.tip_joints, expected.lost, strict=True):
-                shown = context.results[f"loss.{joint.name}.{state}.{load.name}.{load.size:.3g}N"]
+            for joint, lost in zip(bends.names, bends.summed(expected.lost), strict=True):
+                shown = context.results[f"loss.{joint}.{state}.{load.name}.{load.size:.3g}N"]
                 assert shown.value == pytest.approx(np.degrees(lost), abs=1e-9)
             for joint, more in zip(context.subject.handles, expected.handle_corrections, strict=False):
                 shown = context.results[f"loss.compensation_angle.{joint}.{state}.{load.name}.{load.size:.3g}N"]
@@ -101,18 +103,18 @@ def test_losses_and_slack_are_those_of_the_statics(name: str) -> None:
 def test_matrices_are_the_rates_at_rest(name: str) -> None:
     inst = tn.load(name)
     context, _ = computed(inst, "stiffness", "transmissibility")
-    whole = context.whole
+    whole, bends = context.whole, Bends.of(context.whole)
     for state in context.subject.states:
-        rates = chain.rates(inst, state.handle, strokes=state.strokes)
-        for i, joint in enumerate(whole.tip_joints):
-            for j, other in enumerate(whole.tip_joints):
-                shown = context.results[f"stiffness.{state.name}.{joint.name}.{other.name}"].value
+        rates = bends.rates(chain.rates(inst, state.handle, strokes=state.strokes))
+        for i, joint in enumerate(bends.names):
+            for j, other in enumerate(bends.names):
+                shown = context.results[f"stiffness.{state.name}.{joint}.{other}"].value
                 assert shown == pytest.approx(rates.stiffness[i, j], rel=1e-12)
             for j, tendon in enumerate(whole.tendons):
-                shown = context.results[f"by_stroke.{state.name}.{joint.name}.{tendon.name}"].value
+                shown = context.results[f"by_stroke.{state.name}.{joint}.{tendon.name}"].value
                 assert shown == pytest.approx(1e-3 * np.degrees(rates.by_stroke[i, j]), abs=1e-12)
             for j, axis in enumerate("xyz"):
-                shown = context.results[f"compliance.{state.name}.{joint.name}.{axis}"].value
+                shown = context.results[f"compliance.{state.name}.{joint}.{axis}"].value
                 assert shown == pytest.approx(np.degrees(rates.by_wrench[i, j]), abs=1e-12)
 
 
@@ -153,7 +155,7 @@ def test_motions_stay_within_all_ranges_and_turn_their_joint_most(name: str) -> 
     for motion in found:
         turned = np.abs(motion.angles[-1] - motion.angles[0])
         assert motion.follows == np.argmax(turned)
-        assert (np.abs(motion.angles) <= [joint.range + 1e-5 for joint in inst.tip_joints]).all()
+        assert (np.abs(motion.angles) <= inst.bend_limits[:, 1] + 1e-5).all()
 
 
 def test_friction_opens_the_loops_of_a_motion_and_nothing_else_does() -> None:

@@ -120,10 +120,11 @@ def test_a_handle_joint_is_not_tied_and_arcs_take_no_name_that_is_there() -> Non
     with pytest.raises(InstrumentError, match=r"tied_to = .*; it must be one before it: none is"):
         inst.replace(joints=joints)
     two = tn.instrument.expanded("two-segment-continuum")
-    near, far = (joint.model_dump(exclude_unset=True, exclude_none=True) for joint in two.joints)
+    given = two.as_given("joints")
+    near, far = (joint.model_dump(exclude_unset=True, exclude_none=True) for joint in given)
     tendons = [
         {"name": n, "route": [{"joint": j, "side": s} for j in ("near", "near_arc1")]}
         for n, j, s in (("a", "near", "agonist"), ("b", "near", "antagonist"))
     ]
     with pytest.raises(InstrumentError, match="near_arc1 twice"):
-        two.replace(joints=[near | {"arcs": 2}, far | {"name": "near_arc1"}], tendons=tendons)
+        two.replace(joints=[near | {"arcs": 2}, far | {"name": "near_arc1", "arcs": 1}], tendons=tendons)

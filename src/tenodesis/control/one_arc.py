@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tenodesis import _core, kinematics, statics
+from tenodesis import kinematics, statics
 from tenodesis.errors import Error
 from tenodesis.instrument import FullForm, InstrumentLike, expanded, in_arcs
 from tenodesis.run import ACROSS, COMPONENTS
@@ -37,16 +37,15 @@ def one_arc(inst: InstrumentLike) -> OneArc | None:
     single = [joint for joint in whole.tip_joints if joint.mechanism == "continuum" and not joint.arc]
     if not single or single[0].axis not in ACROSS:
         return None
-    room = (_core.MOST_JOINTS - len(whole.tip_joints)) // len(single) + 1
-    arcs = 4 if room >= 4 else 2
+    in_several = in_arcs(whole)
     force = max(whole.conditions.forces, default=1.0)
     wrench = np.zeros(6)
     wrench[COMPONENTS.index(ACROSS[str(single[0].axis)])] = force
     try:
-        given, finer = (_deflection(one, wrench) for one in (whole, in_arcs(whole, arcs)))
+        given, finer = (_deflection(one, wrench) for one in (whole, in_several))
     except Error:
         return None
-    return OneArc(single[0].name, force, given, finer, arcs)
+    return OneArc(single[0].name, force, given, finer, max(joint.arcs or 1 for joint in in_several.tip_joints))
 
 
 def _deflection(inst: FullForm, wrench: np.ndarray) -> float:

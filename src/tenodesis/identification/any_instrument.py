@@ -152,7 +152,7 @@ def at_rest(inst: FullForm, data: AtRest, axes: Axes = "tip") -> dict[str, Array
     known = np.isfinite(angles)
     pose = tip_pose(inst, np.where(known, angles, 0.0), port=Port(insertion=0.0))
     lost = np.where(known.all(axis=-1, keepdims=True), 0.0, np.nan)
-    summed = np.stack([angles[..., arcs].sum(axis=-1) for arcs in inst.arcs.values()], axis=-1)
+    summed = np.stack([angles[..., arcs].sum(axis=-1) for arcs in inst.arc_places.values()], axis=-1)
     direction = rotated(pose.quaternion[..., 0, :], np.array([0.0, 0.0, 1.0]))
     return {"position": pose.position[..., 0, :] + lost, "direction": direction + lost, "angles": summed}
 

@@ -42,6 +42,7 @@ def expand(inst: "ShortForm") -> FullForm:
             }
             if joint["mechanism"] == "continuum":
                 joint |= {"backbone_length": planar.backbone_length, "backbone_rigidity": planar.backbone_rigidity}
+                joint["arcs"] = 1
             if at_tip:
                 motion = {"inertia": tip_inertia(planar), "damping": tip_damping(planar), "stop": planar.output_stop}
                 joint |= motion

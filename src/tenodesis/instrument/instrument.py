@@ -91,7 +91,7 @@ class Instrument(FileTable, AnyForm):
         return tuple(joint for joint in self.joints if joint.place == "handle")
 
     @property
-    def arcs(self) -> dict[str, list[int]]:
+    def arc_places(self) -> dict[str, list[int]]:
         """Places among the tip's joints of every joint by its name, of a backbone in arcs of all of these."""
         found: dict[str, list[int]] = {}
         for i, joint in enumerate(self.tip_joints):
@@ -104,7 +104,7 @@ class Instrument(FileTable, AnyForm):
         joints = self.tip_joints
         return {
             name: places
-            for name, places in self.arcs.items()
+            for name, places in self.arc_places.items()
             if joints[places[0]].tied_to is None and not joints[places[0]].is_twist
         }
 

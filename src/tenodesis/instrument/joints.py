@@ -80,12 +80,12 @@ class Joint(FileTable):
     offset: Spacing = Field(default=0.0, description="From the far end of what it stands on")
     backbone_length: Length | None = Field(default=None, description="Length of a continuum's backbone")
     backbone_rigidity: FlexuralRigidity | None = Field(default=None, description="Flexural rigidity of a backbone")
-    arcs: int = Field(
-        default=1,
+    arcs: int | None = Field(
+        default=None,
         ge=1,
         le=24,
         strict=True,
-        description="Arcs that a backbone bends in, 1 or an even number; an S under a force across takes 2 or more",
+        description="Arcs that a backbone bends in, 1 or an even number; by default as many as its range takes",
     )
     arc: int = Field(default=0, ge=0, le=24, strict=True, description="Number of this arc, from the stem; 0: no part")
     planes: Literal[1, 2] = Field(
@@ -196,12 +196,13 @@ class Joint(FileTable):
                 needed = "is missing" if is_continuum else f"is given, but a {self.mechanism} has no backbone"
                 raise ArgumentError(f"{key} {needed}; it must be {'given' if is_continuum else 'left out'}", key=key)
         bends = is_continuum and self.place == "tip"
-        if self.arcs > 1 and not (bends and self.arcs % 2 == 0) and not self.is_twist:
+        arcs = self.arcs or 1
+        if arcs > 1 and not (bends and arcs % 2 == 0) and not self.is_twist:
             raise ArgumentError(
-                f"arcs is {self.arcs}; it must be 1 or an even number, for a continuum at the tip", key="arcs"
+                f"arcs is {arcs}; it must be 1 or an even number, for a continuum at the tip", key="arcs"
             )
-        if self.arc > self.arcs:
-            raise ArgumentError(f"arc is {self.arc}; it must be at most arcs, {self.arcs}", key="arc")
+        if self.arc > arcs:
+            raise ArgumentError(f"arc is {self.arc}; it must be at most arcs, {arcs}", key="arc")
         if self.place == "handle" and isinstance(self.given_range, tuple):
             raise ArgumentError("range is a list; at the handle it must be one angle, to either side", key="range")
         if self.planes == 2 and isinstance(self.given_range, tuple):

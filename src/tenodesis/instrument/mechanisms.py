@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, model_validator
 
+from tenodesis.errors import ArgumentError
 from tenodesis.instrument.expansion import expand
 from tenodesis.instrument.full_form import FullForm
 from tenodesis.instrument.joints import Joint, Tendon
@@ -84,6 +85,13 @@ class Continuum(Expandable):
     proximal_pulley_radius: Length = Field(description="Radius of the proximal pulley")
     backbone_length: Length = Field(description="Length of the backbone that bends")
     backbone_rigidity: FlexuralRigidity = Field(description="Flexural rigidity E I of the backbone")
+    arcs: int = Field(
+        default=1,
+        ge=1,
+        le=24,
+        strict=True,
+        description="Arcs that the backbone bends in; more than one makes the file one of joints and tendons",
+    )
 
     parameter_fields: ClassVar[Mapping[str, str]] = _SHARED_FIELDS | {
         "proximal_pulley_radius": "proximal_radius",
@@ -91,6 +99,14 @@ class Continuum(Expandable):
         "backbone_length": "backbone_length",
         "backbone_rigidity": "backbone_rigidity",
     }
+
+    @model_validator(mode="after")
+    def _one_arc(self, info: ValidationInfo) -> Self:
+        if self.arcs > 1 and not (info.context and info.context.get("file")):
+            raise ArgumentError(
+                f"arcs is {self.arcs}; equations 1 to 22 know one arc; use tenodesis.instrument.in_arcs", key="arcs"
+            )
+        return self
 
 
 JOINT_TYPES: dict[str, type[ShortForm]] = {

@@ -71,10 +71,11 @@ def expanded(given: InstrumentLike, argument: str = "inst") -> FullForm:
     return as_instrument(given, argument).expanded
 
 
-def in_arcs(given: InstrumentLike, arcs: int = 4) -> FullForm:
+def in_arcs(given: InstrumentLike, arcs: int | None = None) -> FullForm:
     """Return an instrument, given as such, by name or by path, as joints and tendons with its backbones in arcs.
 
-    Errors as :func:`expanded`, and InstrumentError for an odd number above 1.
+    By default in as many as an error of half a percent of a deflection takes. Errors as :func:`expanded`, and
+    InstrumentError for an odd number above 1.
     """
     inst = expanded(given)
     joints = [
@@ -115,7 +116,9 @@ def parse(text: str, source: str = "instrument") -> Instrument:
         raise InstrumentError(
             f"{source}: joint_type {found}; it must be {allowed}.", key="joint_type", value=joint_type, allowed=allowed
         )
-    return validated(JOINT_TYPES[joint_type], values, InstrumentError, source, context={"file": True})
+    short = validated(JOINT_TYPES[joint_type], values, InstrumentError, source, context={"file": True})
+    arcs = getattr(short, "arcs", 1)
+    return in_arcs(short, arcs) if arcs > 1 else short
 
 
 def misrouted(name_or_path: str | Path) -> RouteError | None:

@@ -19,7 +19,7 @@ class Bends(NamedTuple):
     @classmethod
     def of(cls, inst: FullForm) -> "Bends":
         """Return those of an instrument."""
-        arcs = inst.arcs
+        arcs = inst.arc_places
         sums = np.zeros((len(arcs), len(inst.tip_joints)))
         for row, places in zip(sums, arcs.values(), strict=True):
             row[places] = 1.0
