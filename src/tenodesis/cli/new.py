@@ -109,12 +109,13 @@ def new(  # noqa: PLR0917
 
         asked = [one for one in QUESTIONS[joint_type] if not defaults and given[one.option] is None]
         _ask_again(joint_type, asked, answers, drafted)
-        own = {one.key: one.option for one in QUESTIONS[joint_type]} | {key: key.replace("_", "-") for key in more}
-        own |= {"conditions.forces": "load"}
+        own = {one.key: one.option for one in QUESTIONS[joint_type]}
+        own |= {key: key.replace("_", "-") for key, value in more.items() if value is not None}
+        own |= {"conditions.forces": "load"} if load else {}
         try:
             draft, inst = drafted()
         except InstrumentError as problem:
-            raise _named(problem, own, {key for key, one in answers.items() if one.given}) from None
+            raise _named(problem, own, [key for key in own if key not in answers or answers[key].given]) from None
         write_text(path, draft.text())
     assumed = sum(source.startswith(ASSUMED) for source in draft.sources.values())
     say(f"{path}: {inst.name}, {joint_type}; yours: {len(draft.sources) - assumed} values, assumed: {assumed}.")

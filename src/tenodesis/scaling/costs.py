@@ -243,20 +243,20 @@ class Tally:
                         key=other.key,
                         allowed=other.requires,
                     )
-        alone = [(best[0], n) for n, best in enumerate(self._alone) if np.isfinite(best[0])]
+        nearly = [(best[0], n) for n, best in enumerate(self._alone) if np.isfinite(best[0])]
         scarce = [n for n in range(len(self._limits)) if met[n] < self._examined]
         values = "; ".join(self._best(n, self._nearest) for n in scarce)
-        if alone:
-            n = min(alone)[1]
-            other = max((one for one in scarce if one != n), key=lambda one: self._examined - met[one])
+        if nearly:
+            n = min(nearly)[1]
+            rival = max((one for one in scarce if one != n), key=lambda one: self._examined - met[one])
             remedy = (
                 f"with all the others kept, {self._best(n, self._alone)}: {self._limits[n].key} conflicts most with "
-                f"{self._limits[other].key}; relax {_option(self._limits[n].key)}"
+                f"{self._limits[rival].key}; relax {_option(self._limits[n].key)}"
             )
         else:
-            i, j = np.unravel_index(int(np.triu(self._failed, 1).argmax()), self._failed.shape)
-            remedy = " and ".join(self._limits[n].key for n in (i, j)) + " keep most models out together; relax "
-            remedy += " and ".join(_option(self._limits[n].key) for n in (i, j))
+            pair = divmod(int(np.triu(self._failed, 1).argmax()), len(self._limits))
+            remedy = " and ".join(self._limits[n].key for n in pair) + " keep most models out together; relax "
+            remedy += " and ".join(_option(self._limits[n].key) for n in pair)
         return DesignError(
             f"no scale model of {self._examined} meets all limits, though any two can be met. Best value of each, "
             f"whatever the others: {values}. {remedy[0].upper()}{remedy[1:]}.",
