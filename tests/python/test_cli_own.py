@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 import tenodesis as tn
-from tenodesis.cli import common
+from tenodesis.cli import common, new
 from tenodesis.control.plausibility import implausible
+from tenodesis.errors import InstrumentError
 from tenodesis.instrument import JOINT_TYPES, Instrument
 from tenodesis.instrument.template import ASSUMED, QUESTIONS, ROPES, sketch
 from tenodesis.instrument.text import to_toml
@@ -181,6 +182,14 @@ def test_without_an_answer_it_says_which_option_gives_it(
     assert code == 1
     assert "give --proximal-radius, or --defaults" in wrong
     assert not list(tmp_path.iterdir())
+
+
+def test_a_number_that_nobody_gave_is_refused_with_the_options_it_follows_from(tenodesis: Run) -> None:
+    code, _, said = tenodesis("new", "own", "--defaults", "--distal-radius", "50 m")
+    assert code and "stem_diameter = '100001 mm'" in said.replace("\n", " ")
+    assert "it follows from --distal-radius." in " ".join(said.split())
+    refusal = InstrumentError("pretension is 9 N; it must be less.", key="pretension", value=9.0, allowed="less")
+    assert str(new._named(refusal, {"pretension": "pretension"}, [])).startswith("--pretension: pretension is 9 N")
 
 
 def test_the_sketch_fits_a_terminal() -> None:

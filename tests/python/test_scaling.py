@@ -13,7 +13,7 @@ from tenodesis.instrument import Continuum, Instrument, TendonGear
 from tenodesis.instrument.text import to_file
 from tenodesis.paper.published import SCALE_FACTORS, STIFFNESS
 from tenodesis.scaling.catalogue import Catalogue
-from tenodesis.scaling.costs import FINDINGS, forces_of, limits, working_range
+from tenodesis.scaling.costs import FINDINGS, Limit, Tally, forces_of, limits, working_range
 from tenodesis.scaling.scale_model import weights_for
 from tenodesis.scaling.sweep import ERROR_STEP, RELATIVE_STEP, exact_costs, levels
 
@@ -269,6 +269,25 @@ def test_progress_runs_to_its_end() -> None:
 def test_what_cannot_be_had_is_named(constraints: dict[str, Any], pins: dict[str, Any], message: str) -> None:
     with pytest.raises(DesignError, match=message):
         scaling.design(tn.load("real-size"), changed(scaling.load(), **constraints), pins=pins, combinations=20_000)
+
+
+def test_limits_of_which_any_two_can_be_met_are_named_with_their_best_values_and_the_option() -> None:
+    asked = {
+        "tension_margin": ("tension", "N", 5.0),
+        "overall_length": ("length", "m", 1.0),
+        "print_bed": ("wheel", "m", 0.1),
+    }
+    bounds = tuple(
+        Limit(key, "", what, unit, lambda c, what=what, bound=bound: (c[what], bound))
+        for key, (what, unit, bound) in asked.items()
+    )
+    tally = Tally(bounds)
+    columns = {"tension": [6.0, 1, 1, 9], "length": [0.5, 3, 0.5, 9], "wheel": [0.05, 0.05, 0.3, 9]}
+    assert not tally.feasible({key: np.array(values) for key, values in columns.items()}).any()
+    message = str(tally.contradiction())
+    assert "tension_margin, tension 1 N (bound 5 N); overall_length, length 500 mm (bound 1000 mm)" in message
+    assert "With all the others kept, tension_margin, tension 6 N (bound 5 N): tension_margin conflicts" in message
+    assert message.endswith("relax tension_margin in [constraints] of a file given to --catalogue.")
 
 
 def test_a_rope_that_would_break_is_named_with_what_it_would_take() -> None:

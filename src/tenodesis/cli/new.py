@@ -3,7 +3,7 @@
 import math
 import shlex
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
@@ -109,7 +109,13 @@ def new(  # noqa: PLR0917
 
         asked = [one for one in QUESTIONS[joint_type] if not defaults and given[one.option] is None]
         _ask_again(joint_type, asked, answers, drafted)
-        draft, inst = drafted()
+        own = {one.key: one.option for one in QUESTIONS[joint_type]}
+        own |= {key: key.replace("_", "-") for key, value in more.items() if value is not None}
+        own |= {"conditions.forces": "load"} if load else {}
+        try:
+            draft, inst = drafted()
+        except InstrumentError as problem:
+            raise _named(problem, own, [key for key in own if key not in answers or answers[key].given]) from None
         write_text(path, draft.text())
     assumed = sum(source.startswith(ASSUMED) for source in draft.sources.values())
     say(f"{path}: {inst.name}, {joint_type}; yours: {len(draft.sources) - assumed} values, assumed: {assumed}.")
@@ -117,6 +123,20 @@ def new(  # noqa: PLR0917
         warn(one.sentence)
     file = shlex.quote(str(path))
     note(f"Next: tenodesis check {file}, tenodesis loss {file}, tenodesis bench {file}")
+
+
+def _named(problem: InstrumentError, options: Mapping[str, str], given: Iterable[str]) -> CommandError:
+    """Return the refusal of an instrument with the option of the number refused, or the options that lead to it."""
+    if problem.key in options:
+        option = f"--{options[problem.key]}"
+        return CommandError(f"{option}: {problem}", key=option, value=problem.value, allowed=problem.allowed)
+    led = ", ".join(f"--{options[key]}" for key in options if key in given)
+    return CommandError(
+        f"{problem} No option gave that value; it follows from {led or 'what is assumed'}.",
+        key=problem.key,
+        value=problem.value,
+        allowed=problem.allowed,
+    )
 
 
 class _Answer(NamedTuple):

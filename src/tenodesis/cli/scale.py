@@ -307,13 +307,14 @@ def _print_written(out: Path, pack: workshop.Pack | None, *, pins: bool) -> None
 
 def _print_objectives(practical: PracticalFront, taken: Objective | None) -> None:
     title = "similar to 0.3°, by what a workshop asks"
-    found = table(title, "", ">cost", ">length", ">weeks", ">as built", "made of")
+    found = table(title, "", ">cost", ">length", ">weeks", ">as designed", ">as built", "made of")
     for objective in PRACTICAL_OBJECTIVES:
         index = practical.best(objective)
         one = practical.practical[index]
         row = (
             f"{one.cost:.3g}", f"{1e3 * one.overall_length:.4g} mm", str(int(one.waiting + 1e-9)),
-            f"{one.as_built:.2g}°", escape(practical.described(index)),
+            f"{practical.exact[index].similarity_error:.2g}°", f"{one.as_built:.2g}°",
+            escape(practical.described(index)),
         )  # fmt: skip
         found.add_row(objective, *row, style="bold" if objective == taken else None)
     console.print(found)
@@ -327,10 +328,11 @@ def _print_objectives(practical: PracticalFront, taken: Objective | None) -> Non
 def _print_built(pack: workshop.Pack) -> None:
     budget = pack.budget
     forces = budget.forces or tuple(budget.by_force)
-    keeps = "keep" if budget.is_kept else "keep, with the finest grades,"
+    keeps = "keep" if budget.is_kept else "keep, with every grade that lowers it by 1 % for a cost of 1,"
     dearest = max(budget.dimensions.values(), key=lambda one: one.cost)
     say(
-        f"As built to the tolerances of the plan, up to {max(forces):.3g} N: median {budget.built.median:.2g}°, "
+        f"As designed {budget.designed:.2g}°, with friction; as built to the tolerances of the plan, up to "
+        f"{max(forces):.3g} N: median {budget.built.median:.2g}°, "
         f"{100 * budget.share:g} % {keeps} {budget.built.kept:.2g}° ({budget.samples} drawn); cost {budget.cost:.3g}, "
         f"most of it {dearest.key} ({dearest.cost:.2g}). With the cheapest grades {budget.coarsest.kept:.2g}°."
     )

@@ -14,7 +14,7 @@ from tenodesis.errors import DesignError
 from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.scaling.candidates import Candidates, Wheel
-from tenodesis.scaling.catalogue import Catalogue
+from tenodesis.scaling.catalogue import Catalogue, Constraints
 from tenodesis.scaling.parts import LoadCell, Spool, Weight
 from tenodesis.scaling.weights import least_difference
 from tenodesis.similarity import GRID
@@ -179,7 +179,10 @@ class Tally:
     def __init__(self, limits: tuple[Limit, ...]) -> None:
         self._limits = limits
         self._both = np.zeros((len(limits), len(limits)), np.int64)
-        self._nearest: list[tuple[float, float, float]] = [(np.inf, np.nan, np.nan)] * len(limits)
+        nowhere = (np.inf, np.nan, np.nan)
+        self._nearest: list[tuple[float, float, float]] = [nowhere] * len(limits)
+        self._alone: list[tuple[float, float, float]] = [nowhere] * len(limits)
+        self._failed = np.zeros_like(self._both)
         self._examined = 0
 
     def feasible(self, columns: Columns) -> NDArray[np.bool_]:
@@ -188,13 +191,25 @@ class Tally:
         counted = met.astype(np.float64)  # exact up to 2**53, and a product that BLAS does
         self._both += (counted @ counted.T).astype(np.int64)
         self._examined += met.shape[1]
+        failures = (~met).sum(axis=0)
+        if failures.size and failures.min() > 0:
+            self._fall_short(columns, met, failures)
+        return np.asarray(failures == 0)
+
+    def _fall_short(self, columns: Columns, met: NDArray[np.bool_], failures: NDArray[np.int64]) -> None:
+        """Keep how close scale models of which none meets every limit come to each, and which pairs they fail."""
+        two = (~met[:, failures == 2]).astype(np.float64)
+        self._failed += (two @ two.T).astype(np.int64)
         for n, limit in enumerate(self._limits):
-            if not met[n].any():
-                amount, bound = np.broadcast_arrays(*limit.compute(columns))
-                short = amount / np.maximum(np.abs(bound), np.finfo(float).tiny)
-                at = int(np.argmin(short))
-                self._nearest[n] = min(self._nearest[n], (float(short[at]), float(amount[at]), float(bound[at])))
-        return np.asarray(met.all(axis=0))
+            amount, bound = np.broadcast_arrays(*limit.compute(columns))
+            short = amount / np.maximum(np.abs(bound), np.finfo(float).tiny)
+            for kept, allowed in (
+                (self._nearest, np.isfinite(short)),
+                (self._alone, np.isfinite(short) & (failures == ~met[n])),
+            ):
+                if allowed.any():
+                    at = int(np.argmin(np.where(allowed, short, np.inf)))
+                    kept[n] = min(kept[n], (float(short[at]), float(amount[at]), float(bound[at])))
 
     def unmeetable(self) -> Limit | None:
         """Return the first limit that no scale model meets, whatever the others do."""
@@ -228,12 +243,39 @@ class Tally:
                         key=other.key,
                         allowed=other.requires,
                     )
-        scarce = sorted(range(len(self._limits)), key=lambda n: met[n])[:3]
-        counts = ", ".join(f"{self._limits[n].key} ({met[n]})" for n in scarce)
+        nearly = [(best[0], n) for n, best in enumerate(self._alone) if np.isfinite(best[0])]
+        scarce = [n for n in range(len(self._limits)) if met[n] < self._examined]
+        values = "; ".join(self._best(n, self._nearest) for n in scarce)
+        if nearly:
+            n = min(nearly)[1]
+            rival = max((one for one in scarce if one != n), key=lambda one: self._examined - met[one])
+            remedy = (
+                f"with all the others kept, {self._best(n, self._alone)}: {self._limits[n].key} conflicts most with "
+                f"{self._limits[rival].key}; relax {_option(self._limits[n].key)}"
+            )
+        else:
+            pair = divmod(int(np.triu(self._failed, 1).argmax()), len(self._limits))
+            remedy = " and ".join(self._limits[n].key for n in pair) + " keep most models out together; relax "
+            remedy += " and ".join(_option(self._limits[n].key) for n in pair)
         return DesignError(
-            f"no scale model of {self._examined} meets all limits, though any two can be met; fewest meet {counts}.",
+            f"no scale model of {self._examined} meets all limits, though any two can be met. Best value of each, "
+            f"whatever the others: {values}. {remedy[0].upper()}{remedy[1:]}.",
             key="limits",
         )
+
+    def _best(self, n: int, among: list[tuple[float, float, float]]) -> str:
+        """Return a phrase on the best amount of a limit, and its bound."""
+        limit, (_, amount, bound) = self._limits[n], among[n]
+        return f"{limit.key}, {limit.amount_is} {_text(amount, limit.unit)} (bound {_text(bound, limit.unit)})"
+
+
+def _option(key: str) -> str:
+    """Return a phrase on the option that relaxes a limit."""
+    if key in Constraints.model_fields:
+        return f"{key} in [constraints] of a file given to --catalogue"
+    if key == "lengths":
+        return "overall_length, by --pin or in [constraints] of a file given to --catalogue"
+    return "handle_range of the instrument" if key == "handle_range" else f"{key} of a file given to --catalogue"
 
 
 def _text(amount: float, unit: str) -> str:

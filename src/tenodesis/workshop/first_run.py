@@ -23,7 +23,8 @@ FIRST_RUN, CONTROLLED = "first-run.toml", "first-run-controlled.toml"
 UNCERTAIN = (0.5, 2.0)
 """Share of the guessed friction between which a reading must lie."""
 MARGIN = 1.5
-"""Of the motors' torque and speed over what the twin's runs need."""
+"""Of the motors' speed over what the twin's runs need; and of their torque for a moment over what they hold."""
+_OF_LIMIT = 0.9  # of the controller's limit: the largest tension of the first ten minutes without friction
 _OF_SLACK = 0.8  # of the load at which a tendon goes slack: the largest load of the first ten minutes
 _SMALL = np.radians(20)  # rad, output
 _SPEED = np.radians(10)  # rad/s, handle
@@ -58,7 +59,7 @@ class Demand(NamedTuple):
     seen: float
     """N, largest in the runs."""
     largest_tension: float
-    """N, the same with a margin, or the controller's limit if that is more."""
+    """N, the controller's limit, below which the first run stays."""
     torque: float
     """N*m at the spool, at that tension."""
     rms_torque: float
@@ -266,11 +267,17 @@ def _tolerance(inst: ShortForm) -> float:
 
 
 def _loads(design: Design) -> list[TestLoad]:
-    """Return the test loads that no tendon goes slack under; at least the smallest."""
+    """Return the test loads under which no tendon goes slack or near the controller's limit; at least the smallest."""
     inst = design.scaled_up.planar[0]
-    bound = _OF_SLACK * float(statics.slack_force(inst, 0.0))
+    bound, limit = _OF_SLACK * float(statics.slack_force(inst, 0.0)), _OF_LIMIT * tension_limit(inst)
     tests = sorted((test for test in design.tests if test.force > 0), key=lambda test: test.force)
-    return [test for test in tests if test.force <= bound] or tests[:1]
+    bends = np.array([statics.handle_angle(inst, share * inst.output_range) for share in (0.0, 0.5, -0.5)])
+    allowed = []
+    for test in tests:
+        strained = statics.tensions(inst, bends, test.force)
+        if test.force <= bound and max(np.max(strained.agonist), np.max(strained.antagonist)) <= limit:
+            allowed.append(test)
+    return allowed or tests[:1]
 
 
 def rehearse(design: Design, *, brief: bool = False) -> FirstRun:
@@ -421,7 +428,7 @@ def _demand(inst: ShortForm, runs: Sequence[Run]) -> Demand:
     time = np.concatenate([run.time for run in runs])
     step = float(np.median(np.diff(time)))
     seen = float(tension.max())
-    largest = max(MARGIN * seen, tension_limit(inst))
+    largest = max(seen, tension_limit(inst))
     return Demand(
         seen,
         largest,

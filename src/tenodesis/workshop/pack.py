@@ -236,8 +236,9 @@ def _warnings(budget: Budget, faults: int) -> list[str]:
         )
     if not budget.is_kept:
         found.append(
-            f"No set of grades keeps {angle(budget.target)} for {keeps}: the finest leaves {angle(budget.built.kept)}, "
-            f"of which {angle(budget.designed)} is designed. Take a more similar design, or give a larger --as-built."
+            f"No set of grades keeps {angle(budget.target)} for {keeps}: all that lower the error by 1 % for a cost of "
+            f"1 leave {angle(budget.built.kept)}, of which {angle(budget.designed)} is designed. Take a more similar "
+            "design, or give a larger --as-built."
         )
     elif len(budget.forces) < len(budget.by_force):
         worst = max(budget.by_force)
@@ -326,7 +327,8 @@ def _tolerances(budget: Budget) -> PlanTable:
     rows.append(("all", "", "", "", "100", "", fixed(budget.cost, 1)))
     return PlanTable(
         f"Tolerances: the cheapest set found that keeps {angle(budget.target)} for {100 * budget.share:g} % of the "
-        f"instruments, {_up_to(budget)}" if budget.is_kept else "Tolerances: the finest set",
+        f"instruments, {_up_to(budget)}" if budget.is_kept
+        else "Tolerances: each that lowers the error by 1 % for a cost of 1",
         ("dimension or setting", "grade", "nominal", "tolerance", "of error [%]", "alone [°]", "cost"),
         tuple(rows),
         texts=2,
