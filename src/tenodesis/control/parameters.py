@@ -52,6 +52,8 @@ _JOG, _PULL, _TIP_ERROR = np.radians([0.8, 1.6, 0.5])
 _UNSURE, _TURNS = _core.UNKNOWN_DRIVE_FRICTION, 3e-3
 # A load cell's gain may be twice as far off as its data sheet says: strokes show it.
 _GAIN_DOUBT = 2.0
+# Where the file has a law of friction, however little it states.
+_LEAST_COEFFICIENT = 0.05
 _NONE = 1e-9  # m; the core wants a positive stroke
 # Of a tip that one tendon alone pulls: it coasts when the motor stops, rad/s.
 _PULL_SPEED = 1.0
@@ -154,6 +156,10 @@ def _friction(inst: ShortForm) -> float:
     return friction.sheath_coefficient * bend + friction.vertex_coefficient * wrap
 
 
+def _least_coefficient(inst: ShortForm) -> float:
+    return 0.0 if inst.friction.law == "none" else _LEAST_COEFFICIENT
+
+
 def _axis(inst: ShortForm, period: float, *, is_first: bool) -> dict[str, float]:
     numbers = plant.parameters(inst, period)
     drives, control = inst.drives, inst.control
@@ -192,7 +198,9 @@ def _axis(inst: ShortForm, period: float, *, is_first: bool) -> dict[str, float]
         "share_handle": shares.handle - before + shares.handle_joint,
         "share_stem": shares.stem,
         "share_tip": shares.tip_joint + shares.anchor,
-        "vertex_coefficient": inst.friction.vertex_coefficient * inst.friction.vertex_factor * at_pretension,
+        "vertex_coefficient": max(
+            inst.friction.vertex_coefficient * inst.friction.vertex_factor * at_pretension, _least_coefficient(inst)
+        ),
         "base_wrap": inst.friction.base_wrap,
         "sheath_coefficient": coefficient,
         "sheath_bend": bend,
@@ -299,7 +307,7 @@ def _before_handle(inst: ShortForm, share: float, at_pretension: float) -> tuple
     friction, drive = inst.friction, inst.tension_sensor.friction
     coefficient, bend = friction.sheath_coefficient * at_pretension, friction.sheath_bend
     if not drive:
-        return coefficient, bend, share
+        return max(coefficient, _least_coefficient(inst)), bend, share
     own = coefficient * bend
     if not coefficient:
         return 1.0, drive, _LEAST_SHARE * share
