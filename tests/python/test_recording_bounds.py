@@ -44,7 +44,7 @@ def chunk(content: bytes, size: int | None = None, compression: str = "zstd") ->
 def with_chunk(whole: Path, path: Path, record: bytes) -> Path:
     """Write a recording whose first chunk is replaced, and followed by nothing."""
     data = whole.read_bytes()
-    start = next(start for opcode, start, _ in container._records(data, 8) if opcode == Opcode.CHUNK)
+    start = next(start for opcode, start, _ in container.records(data, 8) if opcode == Opcode.CHUNK)
     path.write_bytes(data[: start - 9] + record)
     return path
 

@@ -122,8 +122,6 @@ class RegularBlocks:
         self._every = every
         self._progress = progress
         self._infos = Infos()
-        self._events: list[Event] = []
-        self._torn: str | None = None
         self._names: Names | None = None
         self._decoders: dict[int, Decoder] = {}
         self._others: set[int] = set()
@@ -136,6 +134,7 @@ class RegularBlocks:
     def __iter__(self) -> Iterator[Run]:
         gap: str | None = None
         time = -1.0
+        events = Messages()
         with opened(self.path) as (file, size):
             scan = Scan(file, size)
             waiting: dict[int, Messages] = {}
@@ -146,7 +145,7 @@ class RegularBlocks:
                 for number, new in found.items():
                     channel = scan.channels.get(number)
                     if channel is not None and channel.topic == schemas.EVENTS:
-                        self._add_events(new)
+                        events.parts += new.parts
                     elif number not in self._others:
                         waiting.setdefault(number, Messages()).parts.extend(new.parts)
                 if max(map(len, waiting.values()), default=0) >= _ROWS:
@@ -165,8 +164,8 @@ class RegularBlocks:
             raise IrregularError("it has no rows")
         self.metadata = scan.metadata.get(schemas.METADATA, {})
         self.topics = self._infos.of(scan)
-        self.events = tuple(self._events)
-        damage = gap or scan.damage or self._torn or None
+        self.events, torn = as_events(events)
+        damage = gap or scan.damage or torn
         if damage is not None:
             until = f"{time:.6g} s ({self._rows} rows)" if self._rows else "before its first row"
             self.damage = f"{self.path} is read up to {until} only: {damage}."
@@ -251,18 +250,18 @@ class RegularBlocks:
                 self._decoders[number] = decoder(channel)
         self._others = channels.keys() - self._decoders.keys()
 
-    def _add_events(self, messages: Messages) -> None:
-        """Add events up to the first that is missing or cannot be read."""
-        for message in messages if self._torn is None else ():
-            number = len(self._events)
-            if message.sequence != number % 2**32:
-                self._torn = ""
-                return
-            event = as_event(message.data)
-            if event is None:
-                self._torn = f"event {number + 1} cannot be read"
-                return
-            self._events.append(event)
+
+def as_events(messages: Messages) -> tuple[tuple[Event, ...], str | None]:
+    """Return messages as events up to the first that is missing, and what is wrong with one that cannot be read."""
+    found: list[Event] = []
+    for number, message in enumerate(messages):
+        if message.sequence != number % 2**32:
+            break
+        event = as_event(message.data)
+        if event is None:
+            return tuple(found), f"event {number + 1} cannot be read"
+        found.append(event)
+    return tuple(found), None
 
 
 def as_event(data: bytes) -> Event | None:

@@ -53,7 +53,7 @@ class Part(NamedTuple):
 
     def rows(self, first: int, last: int) -> "Part":
         """Return some of them."""
-        return Part(*(values[first:last] for values in self))
+        return Part(self.sequences[first:last], self.stamps[first:last], self.data[first:last])
 
 
 class Messages(Sequence[Message]):
@@ -184,7 +184,7 @@ class Scan:
         except _DamageError as damage:
             self.damage = str(damage)
 
-    def _chunks(self) -> Iterator[dict[int, Messages]]:
+    def _chunks(self) -> Iterator[dict[int, Messages]]:  # noqa: PLR0912
         self._read(len(MCAP0_MAGIC))
         outside = _Loose()
         while self.position < self.size:
@@ -217,7 +217,7 @@ class Scan:
                 if opcode == Opcode.CHUNK:
                     found = self._chunk(body)
                 elif opcode == Opcode.METADATA:
-                    record = Metadata.read(_stream(body))
+                    record = Metadata.read(record_stream(body))
                     self.metadata[record.name] = record.metadata
                 elif opcode == Opcode.MESSAGE:
                     outside.add(body, 0, len(body))
@@ -266,16 +266,26 @@ class Scan:
 
     def _chunk(self, body: bytes) -> dict[int, Messages]:
         """Return a chunk's messages, and add its other records, all or none."""
-        chunk = Chunk.read(_stream(body))
-        data = inflate(chunk.data, chunk.compression, chunk.uncompressed_size, self._allowance)
-        if chunk.uncompressed_crc and chunk.uncompressed_crc != zlib.crc32(data):
-            raise ValueError("its checksum differs")
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
-        messages = _split(data, schemas, channels, self._allowance)
+        messages = chunk_messages(body, self._allowance, schemas, channels)
         self.schemas |= schemas
         self.channels |= channels
         return messages
+
+
+def chunk_messages(
+    body: bytes,
+    allowance: Allowance,
+    schemas: dict[int, Schema] | None = None,
+    channels: dict[int, Channel] | None = None,
+) -> dict[int, Messages]:
+    """Return the messages by channel of a chunk's record, and add its schemas and channels; raises what may be."""
+    chunk = Chunk.read(record_stream(body))
+    data = inflate(chunk.data, chunk.compression, chunk.uncompressed_size, allowance)
+    if chunk.uncompressed_crc and chunk.uncompressed_crc != zlib.crc32(data):
+        raise ValueError("its checksum differs")
+    return _split(data, {} if schemas is None else schemas, {} if channels is None else channels, allowance)
 
 
 class _Loose:
@@ -394,14 +404,14 @@ def _record_at(data: bytes, position: int) -> tuple[int, int, int]:
 def _define(opcode: int, body: bytes, schemas: dict[int, Schema], channels: dict[int, Channel]) -> None:
     """Add a schema or channel."""
     if opcode == Opcode.CHANNEL:
-        channel = Channel.read(_stream(body))
+        channel = Channel.read(record_stream(body))
         channels[channel.id] = channel
     elif opcode == Opcode.SCHEMA:
-        schema = Schema.read(_stream(body))
+        schema = Schema.read(record_stream(body))
         schemas[schema.id] = schema
 
 
-def _records(data: bytes, position: int) -> Iterator[tuple[int, int, int]]:
+def records(data: bytes, position: int) -> Iterator[tuple[int, int, int]]:
     """Yield the opcode of each record, and where its body starts and ends."""
     while position < len(data):
         found = _record_at(data, position)
@@ -409,5 +419,6 @@ def _records(data: bytes, position: int) -> Iterator[tuple[int, int, int]]:
         position = found[2]
 
 
-def _stream(body: bytes) -> ReadDataStream:
+def record_stream(body: bytes) -> ReadDataStream:
+    """Return the body of a record as ``mcap`` reads it."""
     return ReadDataStream(BytesIO(body))

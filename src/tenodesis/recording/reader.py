@@ -1,7 +1,9 @@
 """Read recordings, complete or damaged."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -19,7 +21,7 @@ from tenodesis.recording.blocks import (
     Progress,
     RegularBlocks,
     TopicInfo,
-    as_event,
+    as_events,
     assembled,
     carried,
     joined,
@@ -278,14 +280,58 @@ def _without_gap(run: Run, contents: Contents) -> tuple[Run, str | None]:
 
 def _events(contents: Contents) -> tuple[tuple[Event, ...], str | None]:
     """Return the events up to the first that is missing, and what is wrong with one that cannot be read."""
-    found: list[Event] = []
-    for channel, messages in _channels(contents):
-        if channel.topic == schemas.EVENTS:
-            for number, message in enumerate(messages):
-                if message.sequence != number % 2**32:
-                    break
-                event = as_event(message.data)
-                if event is None:
-                    return tuple(found), f"event {number + 1} cannot be read"
-                found.append(event)
-    return tuple(found), None
+    own = [messages for channel, messages in _channels(contents) if channel.topic == schemas.EVENTS]
+    return as_events(Messages(part for messages in own for part in messages.parts))
+
+
+class Blocks(RegularBlocks):
+    """The rows of a recording as runs, block by block, so that an hour needs no more memory than a minute.
+
+    A file whose topics do not go together row by row, as those of other programs, is read as a whole, and so is a
+    table. Parameters as for :meth:`Recording.open`; `metadata` is known with the first block, `topics`, `left_out`,
+    `damage` and `events` with the last.
+
+    Raises
+    ------
+    RecordingError, MissingExtraError
+        As :meth:`Recording.open`, and if topics part later on.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        *,
+        signals: Collection[str] | None = None,
+        every: int = 1,
+        progress: Progress | None = None,
+    ) -> None:
+        super().__init__(Path(path), signals, every, progress)
+        self._given = (signals, every)
+
+    def __iter__(self) -> Iterator[Run]:
+        runs = super().__iter__()
+        first, time = None, 0.0
+        if not lab_tables.is_table(self.path):
+            with suppress(IrregularError):
+                first = next(runs, None)
+        if first is None:
+            whole = Recording.open(self.path, signals=self._given[0], every=self._given[1])
+            for name in ("metadata", "topics", "left_out", "damage", "events"):
+                setattr(self, name, getattr(whole, name))
+            yield whole.run
+            return
+        try:
+            for run in chain([first], runs):
+                time = float(run.time[-1]) if len(run) else time
+                yield run
+        except IrregularError as problem:
+            raise RecordingError(
+                f"{self.path} cannot be read in parts: {problem}, after {time:.6g} s. "
+                "tn.recording.Recording.open reads it as a whole.",
+                key="path",
+                value=self.path,
+            ) from None
+
+    def recording(self, run: Run) -> Recording:
+        """Return a recording with some of the rows, and what is known so far."""
+        return Recording(self.path, run, self.metadata, self.topics, self.left_out, self.damage, self.events)
