@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import IO
 
 from tenodesis.errors import Error
 
@@ -31,13 +32,24 @@ def read_regular(path: Path, most: int | None = None) -> bytes:
     OSError
         It cannot be read, is no regular file, or is larger; `strerror` states which.
     """
+    file, size = open_regular(path)
+    with file:
+        if most is not None and size > most:
+            raise OSError(errno.EFBIG, f"it has {size / 1e6:.3g} MB, more than {most / 1e6:g} MB", str(path))
+        return file.read(size)
+
+
+def open_regular(path: Path) -> tuple[IO[bytes], int]:
+    """Return a regular file, open to be read, and its size, bytes; raises as :func:`read_regular`."""
     _refuse_irregular(path, path.stat().st_mode)
-    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
-        found = os.fstat(file.fileno())
+    file = os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb")
+    found = os.fstat(file.fileno())
+    try:
         _refuse_irregular(path, found.st_mode)
-        if most is not None and found.st_size > most:
-            raise OSError(errno.EFBIG, f"it has {found.st_size / 1e6:.3g} MB, more than {most / 1e6:g} MB", str(path))
-        return file.read(found.st_size)
+    except OSError:
+        file.close()
+        raise
+    return file, found.st_size
 
 
 def _refuse_irregular(path: Path, mode: int) -> None:

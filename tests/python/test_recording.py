@@ -16,11 +16,11 @@ from mcap_ros2.writer import Writer as StockWriter
 from rich.console import Console
 
 from tenodesis.errors import MissingExtraError, RecordingError
-from tenodesis.recording import Recorder, Recording
+from tenodesis.recording import Blocks, Recorder, Recording
 from tenodesis.recording.decode import Misfit
 from tenodesis.recording.schemas import JOINT_STATE, WRENCH, definition
 from tenodesis.recording.summary import describe
-from tenodesis.run import SIGNALS, Run
+from tenodesis.run import SIGNALS, Run, concatenate
 
 from .conftest import refused
 from .recording_samples import a_run, bits, recorded
@@ -355,3 +355,18 @@ def test_a_description_says_what_is_in_the_file(tmp_path: Path) -> None:
         "cut.mcap is read up to",
     ):
         assert said in text
+
+
+@pytest.mark.parametrize("every", [1, 7])
+def test_blocks_are_the_recording(every: int, tmp_path: Path) -> None:
+    run = a_run(9000)
+    path = recorded(tmp_path / "run.mcap", run)
+    whole = Recording.open(path).run
+    blocks = Blocks(path, every=every)
+    parts = list(blocks)
+    assert len(parts) > 1
+    assert bits(concatenate(parts)) == bits(run.rows(step=every))
+    assert blocks.damage is None
+    some = Recording.open(path, signals=["measured_tension"], every=every).run
+    assert set(some.signals()) == {"measured_tension"}
+    assert some["measured_tension"].tobytes() == whole.rows(step=every)["measured_tension"].tobytes()

@@ -17,7 +17,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from tenodesis.errors import IdentificationError, RecordingError
 from tenodesis.identification.formats import mcap
-from tenodesis.recording import Recording, container, reader
+from tenodesis.recording import Recording, blocks, container
 from tenodesis.recording.inflate import LARGEST_CHUNK, Allowance, InflationError, inflate
 
 from .conftest import refused
@@ -44,7 +44,7 @@ def chunk(content: bytes, size: int | None = None, compression: str = "zstd") ->
 def with_chunk(whole: Path, path: Path, record: bytes) -> Path:
     """Write a recording whose first chunk is replaced, and followed by nothing."""
     data = whole.read_bytes()
-    start = next(start for opcode, start, _ in container._records(data, 8) if opcode == Opcode.CHUNK)
+    start = next(start for opcode, start, _ in container.records(data, 8) if opcode == Opcode.CHUNK)
     path.write_bytes(data[: start - 9] + record)
     return path
 
@@ -100,7 +100,7 @@ def test_what_recordings_hold_is_well_within_the_allowance() -> None:
     allowance = Allowance(1_000_000)
     allowance.take_bytes(30_000_000 + 32_000_000)
     for _ in range(250_000):
-        allowance.take_record()
+        allowance.take_records(1)
     rows = np.zeros(100_000).tobytes()
     assert inflate(zstandard.compress(rows), "zstd", len(rows), allowance) == rows
     with pytest.raises(InflationError, match="48 times"):
@@ -123,7 +123,7 @@ def test_messages_of_a_channel_that_is_not_described_are_left_out_and_named(whol
     [b'{{"event": "x", "time": 0.1}', b'{"event": "x", "tine": 0.1}', b'{"event": "x", "time": "a"}', b"[]", b"\xff"],
 )
 def test_an_event_that_cannot_be_read_is_none(event: bytes) -> None:
-    assert reader._event(struct.pack("<4sI", b"\0\1\0\0", len(event) + 1) + event + b"\0") is None
+    assert blocks.as_event(struct.pack("<4sI", b"\0\1\0\0", len(event) + 1) + event + b"\0") is None
 
 
 @pytest.mark.parametrize("name", ["pipe.mcap", "folder.mcap", "absent.mcap"])

@@ -31,7 +31,7 @@ from tenodesis.errors import CommandError, CommandInterruptedError, Error, Proto
 from tenodesis.files import write_errors
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.live import event_summary
-from tenodesis.recording import Recording, tables
+from tenodesis.recording import Blocks, Recording, summary, tables
 from tenodesis.recording.replay import Replay
 from tenodesis.recording.replay import replay as run_again
 from tenodesis.recording.simulation import record as record_run
@@ -110,17 +110,21 @@ def record(  # noqa: PLR0917
 def info(files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings.")]) -> Answer:
     """Print the contents of recordings: origin, topics, ranges of the signals, and events."""
 
+    def read(file: Path) -> summary.Summary:
+        with ProgressBar(f"reading {file.name}", None) as bar:
+            return summary.read(file, bar)
+
     def show() -> None:
         for file in files:
-            recording = Recording.open(file)
+            found = read(file)
             if files[1:]:
                 console.rule(escape(str(file)))
-            console.print(describe(recording))
-            events = event_summary.describe(recording)
+            console.print(describe(found))
+            events = event_summary.describe(found)
             if events is not None:
                 console.print(events)
 
-    return Answer(lambda: [{"file": str(file), **contents(Recording.open(file))} for file in files], show)
+    return Answer(lambda: [{"file": str(file), **contents(read(file))} for file in files], show)
 
 
 @command("file", "instrument_file")
@@ -164,13 +168,14 @@ def export_recording(
 ) -> None:
     """Write a recording's signals as a table, with a column for each signal of each axis or tendon, in SI units."""
     path = Path(file.with_suffix(".csv").name) if out is None else out
-    writer = {".csv": tables.to_csv, ".parquet": tables.to_parquet}[path.suffix]
+    write = {".csv": tables.write_csv, ".parquet": tables.write_parquet}[path.suffix]
     with outputs.files(out=path):
-        recording = Recording.open(file)
-        writer(recording.run, path)
-        if recording.damage is not None:
-            say(recording.damage)
-        say(f"{path}: {len(recording.run)} rows, {file_size(path)}.")
+        with ProgressBar(f"reading {file.name}", None) as bar:
+            blocks = Blocks(file, progress=bar)
+            rows = write(blocks, path)
+        if blocks.damage is not None:
+            say(blocks.damage)
+        say(f"{path}: {rows} rows, {file_size(path)}.")
 
 
 def _inputs(instrument_file: str, protocol_file: str | None) -> tuple[Instrument, simulate.Protocol]:

@@ -1,33 +1,31 @@
 """Summary of the events of a live recording: commands with their origins, faults, and losses."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 from rich import box
 from rich.console import Group
 from rich.table import Column, Table
 from rich.text import Text
 
-from tenodesis.control import FAULTS
 from tenodesis.live.events import LIVE
-from tenodesis.recording import Recording
-from tenodesis.recording.reader import Event
-from tenodesis.run import Run
+from tenodesis.recording.blocks import Event
+from tenodesis.recording.summary import Summary
 
 _SHOWN = 5
 """Times of a kind that are listed."""
 
 
-def describe(recording: Recording) -> Group | None:
+def describe(summary: Summary) -> Group | None:
     """Return the events of a recording, for a rich console; None if it is not live and has no events."""
+    recording = summary.recording
     if not recording.events and recording.metadata.get("mode") != LIVE:
         return None
     before = [event for event in recording.events if "since" in event.content]
     events = [event for event in recording.events if "since" not in event.content]
     facts = {
         "in force": ", ".join(f"{_kind(event)} by {_origin(event)}" for event in before) or "unknown",
-        "faults": _faults(recording.run, recording.events),
+        "faults": _faults(summary.seen.rises, recording.events),
         "lost rows": _missing(events, "rows_lost", "rows", "after"),
         "given up": _missing(events, "ticks_missed", "ticks", "until"),
         "lost events": _missing(recording.events, "events_lost", "events", "until"),
@@ -41,21 +39,14 @@ def describe(recording: Recording) -> Group | None:
     return Group(table, _by_kind(events)) if events else Group(table)
 
 
-def _faults(run: Run, events: Sequence[Event]) -> str:
+def _faults(came: Mapping[str, tuple[float, int]], events: Sequence[Event]) -> str:
     """List the faults in the rows with their counts, and those only in events, whose rows are missing."""
-    came: dict[str, list[float]] = {}
-    if run.faults is not None and len(run):
-        masks = np.bitwise_or.reduce(np.nan_to_num(run.faults).astype(np.int64).reshape(len(run), -1), axis=1)
-        for bit, name in enumerate(FAULTS):
-            there = masks >> bit & 1
-            came[name] = run.time[np.flatnonzero(np.diff(there, prepend=0) == 1)].tolist()
     announced: dict[str, list[float]] = {}
     for event in events:
         names = event.content.get("faults")
         for name in names if isinstance(names, list | tuple) else ():
             announced.setdefault(str(name), []).append(event.time)
-    found = {name: (times[0], len(times)) for name, times in came.items() if times}
-    found |= {name: (times[0], 1) for name, times in announced.items() if name not in found}
+    found = {name: (times[0], 1) for name, times in announced.items()} | dict(came)
     return (
         ", ".join(
             f"{name} from {first:.6g} s" + (f" ({count} times)" if count > 1 else "")

@@ -69,19 +69,21 @@ class MessageLayout:
             rows[name] = values
         return bytes(buffer)
 
-    def decode(self, messages: Sequence[bytes]) -> NDArray[np.void] | None:
-        """Return the open fields of messages (n,), or None if a message has another layout."""
-        if any(len(message) != self.size for message in messages):
+    def decode(self, messages: NDArray[np.uint8]) -> NDArray[np.void] | None:
+        """Return the open fields of messages, bytes (n, size), as (n,), or None if a message has another layout."""
+        if messages.shape[1] != self.size:
             return None
-        joined = b"".join(messages)
-        fixed = np.ones(self.size, bool)
-        for name in self._fields:
-            kind, offset = self.dtype.fields[name][:2]  # type: ignore[index]
-            fixed[offset : offset + kind.itemsize] = False
-        found = np.frombuffer(joined, np.uint8).reshape(-1, self.size)[:, fixed]
-        if (found != np.frombuffer(self._template, np.uint8)[fixed]).any():
+        same = np.frombuffer(self._template, np.uint8)
+        if any((messages[:, part] != same[part]).any() for part in self._closed):
             return None
-        return np.frombuffer(joined, self.dtype)
+        return np.ascontiguousarray(messages).view(self.dtype)[:, 0]
+
+    @cached_property
+    def _closed(self) -> list[slice]:
+        """Where the bytes are that are the same in every message."""
+        begins = [0, *(offset + self.dtype[name].itemsize for name, (_, offset) in self._fields.items())]
+        ends = [*(offset for _, offset in self._fields.values()), self.size]
+        return [slice(begin, end) for begin, end in zip(begins, ends, strict=True) if end > begin]
 
     def _align(self, size: int) -> None:
         self._template.extend(bytes(-(self.size - len(_HEADER)) % size))

@@ -1,27 +1,39 @@
-"""Read an MCAP file from its start up to the first damage.
+"""Read an MCAP file from its start up to the first damage, chunk by chunk.
 
-On one core and 22 topics this reads 21,000 rows/s, the reader of ``mcap`` 4,600, and that does not say where a file is
-damaged.
+The messages of a chunk that come in rows, as ours do, are taken together: on one core and 14 topics this reads 220,000
+rows/s, the reader of ``mcap`` 4,600, and that does not say where a file is damaged.
 """
 
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from io import BytesIO
-from typing import NamedTuple
+from typing import IO, NamedTuple, overload
 
+import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
+from numpy.typing import NDArray
 
 from tenodesis.recording.inflate import Allowance, InflationError, inflate
 
 _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
+_HEAD = [("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"), ("log", "<u8"), ("sent", "<u8")]
+"""Fields of a message before its bytes."""
+LONGEST_MAGIC = len(MCAP0_MAGIC)
+"""Bytes that a file begins with."""
 _INVALID = 0
 """Opcode that no record has."""
+_LONGEST_ROW = 4096
+"""Messages after which those of a chunk are not searched for a row that repeats."""
+_PIECE = 2**24
+"""Bytes of a file that are read at once where they are not kept, and of messages outside chunks that are."""
+_KEPT = {Opcode.CHUNK, Opcode.METADATA, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.DATA_END}
 
 
 class Message(NamedTuple):
@@ -32,6 +44,89 @@ class Message(NamedTuple):
     data: bytes
 
 
+class Part(NamedTuple):
+    """Successive messages of a topic that are equally long: numbers (n,), stamps (n,) in ns, and bytes (n, size)."""
+
+    sequences: NDArray[np.uint32]
+    stamps: NDArray[np.uint64]
+    data: NDArray[np.uint8]
+
+    def rows(self, first: int, last: int) -> "Part":
+        """Return some of them."""
+        return Part(self.sequences[first:last], self.stamps[first:last], self.data[first:last])
+
+
+class Messages(Sequence[Message]):
+    """Messages of a topic, in parts."""
+
+    def __init__(self, parts: Iterable[Part] = ()) -> None:
+        self.parts = list(parts)
+
+    @classmethod
+    def of(cls, messages: Sequence[Message]) -> "Messages":
+        """Return messages in parts."""
+        if isinstance(messages, cls):
+            return messages
+        found = cls()
+        first = 0
+        for last in range(1, len(messages) + 1):
+            if last == len(messages) or len(messages[last].data) != len(messages[first].data):
+                same = messages[first:last]
+                data = np.frombuffer(b"".join(one.data for one in same), np.uint8)
+                found.parts.append(
+                    Part(
+                        np.array([one.sequence % 2**32 for one in same], np.uint32),
+                        np.array([one.stamp for one in same]).astype(np.uint64),
+                        data.reshape(len(same), -1 if data.size else 0),
+                    )
+                )
+                first = last
+        return found
+
+    def __len__(self) -> int:
+        return sum(part.stamps.size for part in self.parts)
+
+    def __iter__(self) -> Iterator[Message]:
+        for part in self.parts:
+            numbers = zip(part.sequences.tolist(), part.stamps.tolist(), part.data, strict=True)
+            yield from (Message(sequence, stamp, data.tobytes()) for sequence, stamp, data in numbers)
+
+    @overload
+    def __getitem__(self, at: int) -> Message: ...
+    @overload
+    def __getitem__(self, at: slice) -> list[Message]: ...
+    def __getitem__(self, at: int | slice) -> Message | list[Message]:
+        """Return a message, or some."""
+        if isinstance(at, slice):
+            return list(self)[at]
+        at += len(self) if at < 0 else 0
+        for part in self.parts if at >= 0 else ():
+            if at < part.stamps.size:
+                return Message(int(part.sequences[at]), int(part.stamps[at]), part.data[at].tobytes())
+            at -= part.stamps.size
+        raise IndexError(at)
+
+    @property
+    def sequences(self) -> NDArray[np.int64]:
+        """Their numbers (n,)."""
+        return np.concatenate([np.empty(0, np.int64), *(part.sequences for part in self.parts)]).astype(np.int64)
+
+    @property
+    def stamps(self) -> NDArray[np.int64]:
+        """Their stamps (n,), ns."""
+        return np.concatenate([np.empty(0, np.uint64), *(part.stamps for part in self.parts)]).astype(np.int64)
+
+    def take(self, count: int) -> "Messages":
+        """Take the first messages away, and return them."""
+        taken = Messages()
+        while count and self.parts:
+            first = self.parts[0]
+            taken.parts.append(first.rows(0, count))
+            self.parts[:1] = [first.rows(count, first.stamps.size)] if count < first.stamps.size else []
+            count -= taken.parts[-1].stamps.size
+        return taken
+
+
 @dataclass
 class Contents:
     """Records of an MCAP file, and the reason if not all of them could be read."""
@@ -39,7 +134,7 @@ class Contents:
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
-    messages: dict[int, list[Message]] = field(default_factory=dict)
+    messages: dict[int, Messages] = field(default_factory=dict)
     damage: str | None = None
 
 
@@ -54,94 +149,276 @@ def is_mcap(data: bytes) -> bool:
 
 def scan(data: bytes) -> Contents:
     """Read the bytes of an MCAP file up to the first damage."""
-    contents = Contents()
-    try:
-        _scan(data, contents)
-    except _DamageError as damage:
-        contents.damage = str(damage)
-    return contents
+    scanned = Scan(BytesIO(data), len(data))
+    messages: dict[int, Messages] = {}
+    for more in scanned:
+        for number, new in more.items():
+            messages.setdefault(number, Messages()).parts.extend(new.parts)
+    return Contents(scanned.metadata, scanned.schemas, scanned.channels, messages, scanned.damage)
 
 
-def _scan(data: bytes, contents: Contents) -> None:
-    summary = False
-    allowance = Allowance(len(data))
-    for opcode, start, end in _records(data, len(MCAP0_MAGIC)):
-        if opcode == Opcode.FOOTER:
-            if data[end:] != MCAP0_MAGIC:
-                raise _DamageError("the end of the file is cut off or corrupted")
-            return
-        # The summary only repeats what came before, and has no checksum of its own where it is cut off.
-        if summary:
-            continue
+class Scan:
+    """Messages of an MCAP file by channel, chunk after chunk, up to the first damage; what else it has by then.
+
+    Parameters
+    ----------
+    file, size
+        The file, at its start, and its size, bytes.
+    """
+
+    def __init__(self, file: IO[bytes], size: int) -> None:
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, Channel] = {}
+        self.damage: str | None = None
+        self.position = 0
+        """Bytes that are read."""
+        self.size = size
+        self._file = file
+        self._allowance = Allowance(size)
+        self._checksum = 0
+
+    def __iter__(self) -> Iterator[dict[int, Messages]]:
         try:
-            checksum = _record(opcode, data[start:end], contents, allowance)
-        except InflationError as problem:
-            raise _DamageError(f"the chunk at byte {start - _RECORD.size} {problem}") from None
-        # zstandard and lz4 have errors of their own, which have nothing but Exception in common.
-        except Exception as problem:
-            kind = "chunk" if opcode == Opcode.CHUNK else "record"
-            raise _DamageError(f"the {kind} at byte {start - _RECORD.size} is corrupted") from problem
-        if checksum and checksum != zlib.crc32(data[: start - _RECORD.size]):
-            raise _DamageError("bytes outside its chunks are corrupted, maybe among the metadata")
-        summary = opcode == Opcode.DATA_END
-    raise _DamageError("the file ends before it was closed")
+            yield from self._chunks()
+        except _DamageError as damage:
+            self.damage = str(damage)
+
+    def _chunks(self) -> Iterator[dict[int, Messages]]:  # noqa: PLR0912
+        self._read(len(MCAP0_MAGIC))
+        outside = _Loose()
+        while self.position < self.size:
+            start, checksum = self.position, self._checksum
+            if start + _RECORD.size > self.size:
+                yield outside.taken()
+                raise _DamageError(f"the record at byte {start} is cut off")
+            opcode, length = _RECORD.unpack(self._read(_RECORD.size))
+            if self.position + length > self.size or opcode == _INVALID:
+                yield outside.taken()
+                raise _DamageError(f"the record at byte {start} is cut off or corrupted")
+            if opcode == Opcode.CHUNK or outside.size > _PIECE or opcode in {Opcode.DATA_END, Opcode.FOOTER}:
+                yield outside.taken()
+            if opcode == Opcode.DATA_END:
+                # the summary only repeats what came before, and has no checksum of its own where it is cut off
+                stated = int.from_bytes(self._read(length), "little")
+                if stated and stated != checksum:
+                    raise _DamageError("bytes outside its chunks are corrupted, maybe among the metadata")
+                self._skip_summary()
+                return
+            if opcode == Opcode.FOOTER:
+                self._read(length)
+                self._check_end()
+                return
+            if opcode not in _KEPT:
+                self._skip(length)
+                continue
+            body = self._read(length)
+            try:
+                if opcode == Opcode.CHUNK:
+                    found = self._chunk(body)
+                elif opcode == Opcode.METADATA:
+                    record = Metadata.read(record_stream(body))
+                    self.metadata[record.name] = record.metadata
+                elif opcode == Opcode.MESSAGE:
+                    outside.add(body, 0, len(body))
+                else:
+                    _define(opcode, body, self.schemas, self.channels)
+            except InflationError as problem:
+                raise _DamageError(f"the chunk at byte {start} {problem}") from None
+            # zstandard and lz4 have errors of their own, which have nothing but Exception in common
+            except Exception as problem:
+                yield outside.taken()
+                kind = "chunk" if opcode == Opcode.CHUNK else "record"
+                raise _DamageError(f"the {kind} at byte {start} is corrupted") from problem
+            if opcode == Opcode.CHUNK:
+                yield found
+        yield outside.taken()
+        raise _DamageError("the file ends before it was closed")
+
+    def _skip_summary(self) -> None:
+        """Read up to the footer, whose end must be that of the file."""
+        while self.position < self.size:
+            start = self.position
+            if start + _RECORD.size > self.size:
+                raise _DamageError(f"the record at byte {start} is cut off")
+            opcode, length = _RECORD.unpack(self._read(_RECORD.size))
+            if self.position + length > self.size or opcode == _INVALID:
+                raise _DamageError(f"the record at byte {start} is cut off or corrupted")
+            self._skip(length)
+            if opcode == Opcode.FOOTER:
+                self._check_end()
+                return
+        raise _DamageError("the file ends before it was closed")
+
+    def _check_end(self) -> None:
+        if self._read(len(MCAP0_MAGIC) + 1) != MCAP0_MAGIC:
+            raise _DamageError("the end of the file is cut off or corrupted")
+
+    def _read(self, count: int) -> bytes:
+        data = self._file.read(count)
+        self._checksum = zlib.crc32(data, self._checksum)
+        self.position += len(data)
+        return data
+
+    def _skip(self, count: int) -> None:
+        while count > 0 and (data := self._read(min(count, _PIECE))):
+            count -= len(data)
+
+    def _chunk(self, body: bytes) -> dict[int, Messages]:
+        """Return a chunk's messages, and add its other records, all or none."""
+        schemas: dict[int, Schema] = {}
+        channels: dict[int, Channel] = {}
+        messages = chunk_messages(body, self._allowance, schemas, channels)
+        self.schemas |= schemas
+        self.channels |= channels
+        return messages
 
 
-def _record(opcode: int, body: bytes, contents: Contents, allowance: Allowance) -> int:
-    """Add a record; return the checksum of all records before it if the record contains it, or else 0."""
-    if opcode == Opcode.DATA_END:
-        return int.from_bytes(body, "little")
-    if opcode == Opcode.CHUNK:
-        _chunk(body, contents, allowance)
-    elif opcode == Opcode.METADATA:
-        record = Metadata.read(_stream(body))
-        contents.metadata[record.name] = record.metadata
-    else:
-        _content(opcode, body, 0, len(body), contents)
-    return 0
-
-
-def _chunk(body: bytes, contents: Contents, allowance: Allowance) -> None:
-    """Add a chunk's records, all or none."""
-    chunk = Chunk.read(_stream(body))
+def chunk_messages(
+    body: bytes,
+    allowance: Allowance,
+    schemas: dict[int, Schema] | None = None,
+    channels: dict[int, Channel] | None = None,
+) -> dict[int, Messages]:
+    """Return the messages by channel of a chunk's record, and add its schemas and channels; raises what may be."""
+    chunk = Chunk.read(record_stream(body))
     data = inflate(chunk.data, chunk.compression, chunk.uncompressed_size, allowance)
     if chunk.uncompressed_crc and chunk.uncompressed_crc != zlib.crc32(data):
         raise ValueError("its checksum differs")
-    new = Contents()
-    for opcode, start, end in _records(data, 0):
-        allowance.take_record()
-        _content(opcode, data, start, end, new)
-    contents.schemas |= new.schemas
-    contents.channels |= new.channels
-    for channel, messages in new.messages.items():
-        contents.messages.setdefault(channel, []).extend(messages)
+    return _split(data, {} if schemas is None else schemas, {} if channels is None else channels, allowance)
 
 
-def _content(opcode: int, data: bytes, start: int, end: int, contents: Contents) -> None:
-    if opcode == Opcode.MESSAGE:
-        channel_id, sequence, stamp, _ = _MESSAGE.unpack_from(data, start)
-        message = Message(sequence, stamp, data[start + _MESSAGE.size : end])
-        contents.messages.setdefault(channel_id, []).append(message)
-    elif opcode == Opcode.CHANNEL:
-        channel = Channel.read(_stream(data[start:end]))
-        contents.channels[channel.id] = channel
+class _Loose:
+    """Messages that are gathered one by one."""
+
+    def __init__(self) -> None:
+        self._found: dict[int, list[Message]] = {}
+        self._parts: dict[int, Messages] = {}
+        self.size = 0
+
+    def add(self, data: bytes, start: int, end: int) -> None:
+        channel, sequence, stamp, _ = _MESSAGE.unpack_from(data, start)
+        self._found.setdefault(channel, []).append(Message(sequence, stamp, data[start + _MESSAGE.size : end]))
+        self.size += end - start
+
+    def add_part(self, channel: int, part: Part) -> None:
+        """Add several at once."""
+        messages = self._parts.setdefault(channel, Messages())
+        messages.parts += Messages.of(self._found.pop(channel, [])).parts
+        messages.parts.append(part)
+
+    def taken(self) -> dict[int, Messages]:
+        """Take all of them."""
+        for channel, messages in self._found.items():
+            self._parts.setdefault(channel, Messages()).parts.extend(Messages.of(messages).parts)
+        found, self._parts, self._found, self.size = self._parts, {}, {}, 0
+        return found
+
+
+def _split(
+    data: bytes, schemas: dict[int, Schema], channels: dict[int, Channel], allowance: Allowance
+) -> dict[int, Messages]:
+    """Return the messages of a chunk's content, and add its schemas and channels."""
+    found = _Loose()
+    row: list[tuple[int, int]] = []
+    """Channel and length of the messages since one came twice on its channel, or something else came."""
+    seen: set[int] = set()
+    begin = position = 0
+    skip = patience = 0
+    """How many rows are taken singly before the next try to find one that repeats, which doubles."""
+    while position < len(data):
+        opcode, start, end = _record_at(data, position)
+        channel = int.from_bytes(data[start : start + 2], "little") if opcode == Opcode.MESSAGE else -1
+        if (channel in seen or channel < 0) and row:
+            taken = 0 if skip or channel < 0 else _rows(data, begin, row, found)
+            if skip:
+                skip -= 1
+            elif channel >= 0:
+                patience = skip = 0 if taken else min(2 * patience + 1, _LONGEST_ROW)
+            if not taken:
+                _take_singly(data, begin, position, found)
+            allowance.take_records(max(taken, 1) * len(row))
+            begin = position = begin + max(taken, 1) * (position - begin)
+            row, seen = [], set()
+            continue
+        if channel < 0:
+            allowance.take_records(1)
+            _define(opcode, data[start:end], schemas, channels)
+            begin = end
+        else:
+            row.append((channel, end - start))
+            seen.add(channel)
+        position = end
+    _take_singly(data, begin, position, found)
+    allowance.take_records(len(row))
+    return found.taken()
+
+
+def _rows(data: bytes, begin: int, row: Sequence[tuple[int, int]], found: _Loose) -> int:
+    """Add the rows that begin somewhere and repeat these channels and lengths; return how many, 0 for fewer than 2."""
+    if len(row) > _LONGEST_ROW or any(length < _MESSAGE.size for _, length in row):
+        return 0
+    kind = _row_of(tuple(length - _MESSAGE.size for _, length in row))
+    count = (len(data) - begin) // kind.itemsize
+    if count < 2:
+        return 0
+    rows = np.frombuffer(data, kind, count, begin)
+    same = np.ones(count, bool)
+    for n, (channel, length) in enumerate(row):
+        head = rows[f"head{n}"]
+        same &= (head["opcode"] == Opcode.MESSAGE) & (head["length"] == length) & (head["channel"] == channel)
+    count = count if same.all() else int(np.argmin(same))
+    if count < 2:
+        return 0
+    for n, (channel, _) in enumerate(row):
+        head = rows[f"head{n}"][:count]
+        found.add_part(channel, Part(head["sequence"], head["log"], rows[f"data{n}"][:count]))
+    return count
+
+
+@lru_cache(16)
+def _row_of(sizes: tuple[int, ...]) -> "np.dtype[np.void]":
+    """Return messages with so many bytes each, as a type."""
+    return np.dtype(
+        [part for n, size in enumerate(sizes) for part in ((f"head{n}", _HEAD), (f"data{n}", f"({size},)u1"))]
+    )
+
+
+def _take_singly(data: bytes, position: int, end: int, found: _Loose) -> None:
+    while position < end:
+        _, start, position = _record_at(data, position)
+        found.add(data, start, position)
+
+
+def _record_at(data: bytes, position: int) -> tuple[int, int, int]:
+    """Return a record's opcode, and where its body starts and ends."""
+    if position + _RECORD.size > len(data):
+        raise _DamageError(f"the record at byte {position} is cut off")
+    opcode, length = _RECORD.unpack_from(data, position)
+    start: int = position + _RECORD.size
+    if start + length > len(data) or opcode == _INVALID:
+        raise _DamageError(f"the record at byte {position} is cut off or corrupted")
+    return opcode, start, start + length
+
+
+def _define(opcode: int, body: bytes, schemas: dict[int, Schema], channels: dict[int, Channel]) -> None:
+    """Add a schema or channel."""
+    if opcode == Opcode.CHANNEL:
+        channel = Channel.read(record_stream(body))
+        channels[channel.id] = channel
     elif opcode == Opcode.SCHEMA:
-        schema = Schema.read(_stream(data[start:end]))
-        contents.schemas[schema.id] = schema
+        schema = Schema.read(record_stream(body))
+        schemas[schema.id] = schema
 
 
-def _records(data: bytes, position: int) -> Iterator[tuple[int, int, int]]:
+def records(data: bytes, position: int) -> Iterator[tuple[int, int, int]]:
     """Yield the opcode of each record, and where its body starts and ends."""
     while position < len(data):
-        if position + _RECORD.size > len(data):
-            raise _DamageError(f"the record at byte {position} is cut off")
-        opcode, length = _RECORD.unpack_from(data, position)
-        start = position + _RECORD.size
-        position = start + length
-        if position > len(data) or opcode == _INVALID:
-            raise _DamageError(f"the record at byte {start - _RECORD.size} is cut off or corrupted")
-        yield opcode, start, position
+        found = _record_at(data, position)
+        yield found
+        position = found[2]
 
 
-def _stream(body: bytes) -> ReadDataStream:
+def record_stream(body: bytes) -> ReadDataStream:
+    """Return the body of a record as ``mcap`` reads it."""
     return ReadDataStream(BytesIO(body))

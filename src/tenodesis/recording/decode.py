@@ -12,7 +12,7 @@ from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from tenodesis.recording import cdr
-from tenodesis.recording.container import Message
+from tenodesis.recording.container import Message, Messages
 from tenodesis.recording.schemas import FLOAT64, JOINT_STATE, WRENCH
 from tenodesis.run import Array
 
@@ -49,40 +49,68 @@ class LeftOut(NamedTuple):
         return self.text
 
 
-def decode(factory: DecoderFactory, schema: Schema, encoding: str, messages: Sequence[Message]) -> Decoded | LeftOut:
-    """Return a topic's messages as arrays, or the reason why they do not fit a recording.
+class Decoder:
+    """Messages of a topic to arrays; the layout of the first is tried on all.
 
-    The topics of a file share the factory, which keeps its decoders.
+    Parameters
+    ----------
+    factory
+        Keeps its decoders; the topics of a file share it.
+    schema, encoding
+        Of the messages.
     """
-    if schema.name not in {JOINT_STATE, WRENCH, FLOAT64}:
-        return LeftOut(Misfit.TYPE, f"its messages are {schema.name}")
-    try:
-        # The library prints what it then raises.
-        with redirect_stderr(io.StringIO()):
-            return _decoded(factory, schema, encoding, messages)
-    # The definition is the other program's, so that anything can go wrong with it.
-    except Exception:
-        return LeftOut(Misfit.TYPE, f"its messages cannot be decoded as {schema.name}")
 
+    def __init__(self, factory: DecoderFactory, schema: Schema, encoding: str) -> None:
+        self._factory, self._schema, self._encoding = factory, schema, encoding
+        self._known: tuple[tuple[str, ...], cdr.MessageLayout] | None = None
 
-def _decoded(factory: DecoderFactory, schema: Schema, encoding: str, messages: Sequence[Message]) -> Decoded | LeftOut:
-    decoder = factory.decoder_for(encoding, schema)
-    if decoder is None:
-        return LeftOut(Misfit.TYPE, f"its messages are encoded as {encoding}, {schema.encoding}")
-    first = decoder(messages[0].data)
-    joints = tuple(first.name) if schema.name == JOINT_STATE else ()
-    rows = _layout(schema.name, first).decode([message.data for message in messages])
-    if rows is None:
+    def __call__(self, messages: Sequence[Message]) -> Decoded | LeftOut:
+        """Return messages, one or more, as arrays, or the reason why they do not fit a recording."""
+        kind = self._schema.name
+        if kind not in {JOINT_STATE, WRENCH, FLOAT64}:
+            return LeftOut(Misfit.TYPE, f"its messages are {kind}")
+        given = Messages.of(messages)
+        try:
+            found = None if self._known is None else _together(kind, given, *self._known)
+            if found is not None:
+                return found
+            # The library prints what it then raises.
+            with redirect_stderr(io.StringIO()):
+                return self._decoded(given)
+        # The definition is the other program's, so that anything can go wrong with it.
+        except Exception:
+            return LeftOut(Misfit.TYPE, f"its messages cannot be decoded as {kind}")
+
+    def _decoded(self, messages: Messages) -> Decoded | LeftOut:
+        schema = self._schema
+        decoder = self._factory.decoder_for(self._encoding, schema)
+        if decoder is None:
+            return LeftOut(Misfit.TYPE, f"its messages are encoded as {self._encoding}, {schema.encoding}")
+        first = decoder(messages[0].data)
+        joints = tuple(first.name) if schema.name == JOINT_STATE else ()
+        self._known = (joints, _layout(schema.name, first))
+        found = _together(schema.name, messages, *self._known)
+        if found is not None:
+            return found
         return _decoded_singly(schema.name, joints, [decoder(message.data) for message in messages], messages)
-    numbers = {name: rows[name].copy() for name in rows.dtype.names or () if name not in {"sec", "nanosec"}}
-    if schema.name == FLOAT64:
-        return Decoded(_logged(messages), joints, numbers)
-    return Decoded(rows["sec"] * np.int64(cdr.SECOND) + rows["nanosec"], joints, numbers)
 
 
-def _decoded_singly(
-    kind: str, joints: tuple[str, ...], decoded: list[Any], messages: Sequence[Message]
-) -> Decoded | LeftOut:
+def _together(kind: str, messages: Messages, joints: tuple[str, ...], layout: cdr.MessageLayout) -> Decoded | None:
+    """Return messages that all have one layout, None if they do not."""
+    parts = [layout.decode(part.data) for part in messages.parts]
+    rows = [part for part in parts if part is not None]
+    if len(rows) < len(parts):
+        return None
+    names = [name for name in layout.dtype.names or () if name not in {"sec", "nanosec"}]
+    numbers = {name: np.concatenate([part[name] for part in rows]) for name in names}
+    if kind == FLOAT64:
+        return Decoded(messages.stamps, joints, numbers)
+    return Decoded(
+        np.concatenate([part["sec"] * np.int64(cdr.SECOND) + part["nanosec"] for part in rows]), joints, numbers
+    )
+
+
+def _decoded_singly(kind: str, joints: tuple[str, ...], decoded: list[Any], messages: Messages) -> Decoded | LeftOut:
     rows = [_numbers(kind, message) for message in decoded]
     counts = {name: len(values) for name, values in rows[0].items()}
     same = all({name: len(values) for name, values in row.items()} == counts for row in rows)
@@ -90,7 +118,7 @@ def _decoded_singly(
         return LeftOut(Misfit.JOINTS, "its messages are not all about the same joints")
     numbers = {name: np.array([row[name] for row in rows], np.float64) for name, count in counts.items() if count}
     if kind == FLOAT64:
-        return Decoded(_logged(messages), joints, numbers)
+        return Decoded(messages.stamps, joints, numbers)
     stamps = [message.header.stamp for message in decoded]
     nanoseconds = np.array([stamp.sec * cdr.SECOND + stamp.nanosec for stamp in stamps], np.int64)
     return Decoded(nanoseconds, joints, numbers)
@@ -110,7 +138,3 @@ def _numbers(kind: str, message: Any) -> dict[str, list[float]]:
         vectors = {"force": message.wrench.force, "torque": message.wrench.torque}
         return {f"{name}.{axis}": [getattr(vector, axis)] for name, vector in vectors.items() for axis in "xyz"}
     return {"data": [message.data]}
-
-
-def _logged(messages: Sequence[Message]) -> NDArray[np.int64]:
-    return np.array([message.stamp for message in messages], np.uint64).astype(np.int64)

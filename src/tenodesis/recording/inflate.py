@@ -38,9 +38,9 @@ class Allowance:
         if self._bytes < 0:
             raise InflationError(f"inflates the file to more than {_RATIO} times its size, which no recording does")
 
-    def take_record(self) -> None:
-        """Take a record; raises InflationError where there are too many."""
-        self._records -= 1
+    def take_records(self, count: int) -> None:
+        """Take so many records; raises InflationError where they are too many."""
+        self._records -= count
         if self._records < 0:
             raise InflationError(f"holds records of less than {_BYTES_PER_RECORD} bytes each, which no recording does")
 

@@ -16,7 +16,7 @@ from tenodesis.errors import RecordingError
 from tenodesis.extras import require
 from tenodesis.recording import cdr, schemas
 from tenodesis.recording.container import Message
-from tenodesis.recording.decode import Decoded, LeftOut, decode
+from tenodesis.recording.decode import Decoded, Decoder, LeftOut
 from tenodesis.run import SIGNALS, Array, Names
 
 ROS1 = b"#ROSBAG V"
@@ -82,7 +82,7 @@ def _topics(path: Path) -> dict[str, list[Decoded]]:
     with anyreader.AnyReader([path], default_typestore=humble) as reader:
         wanted = [one for one in reader.connections if one.msgtype in _KINDS]
         for topic, messages in _parts(reader, humble, wanted) if wanted else ():
-            part = decode(factory, numbers[topic.msgtype], "cdr", messages)
+            part = Decoder(factory, numbers[topic.msgtype], "cdr")(messages)
             earlier = found[topic.topic]
             if not isinstance(part, LeftOut) and (not earlier or part.joints == earlier[0].joints):
                 earlier.append(part)

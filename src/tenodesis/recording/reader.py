@@ -1,42 +1,38 @@
 """Read recordings, complete or damaged."""
 
-import json
-import struct
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from mcap.records import Channel
 from mcap_ros2.decoder import DecoderFactory
-from numpy.typing import NDArray
 
 from tenodesis.errors import RecordingError
-from tenodesis.files import read_regular
 from tenodesis.instrument import Instrument, parse
-from tenodesis.recording import cdr, container, lab_map, lab_tables, schemas, tables
-from tenodesis.recording.container import Contents, Message
-from tenodesis.recording.decode import Decoded, LeftOut, Misfit, decode
+from tenodesis.recording import container, lab_map, lab_tables, schemas, tables
+from tenodesis.recording.blocks import (
+    Event,
+    Infos,
+    IrregularError,
+    Progress,
+    RegularBlocks,
+    TopicInfo,
+    as_events,
+    assembled,
+    carried,
+    joined,
+    opened,
+)
+from tenodesis.recording.container import Contents, Messages
+from tenodesis.recording.decode import Decoded, Decoder, LeftOut, Misfit
 from tenodesis.run import Array, Names, Run
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-class TopicInfo(NamedTuple):
-    """A topic of a file: its message type, its number of messages, and their rate in Hz (NaN for fewer than two)."""
-
-    type: str
-    messages: int
-    rate: float
-
-
-class Event(NamedTuple):
-    """What happened beside the signals: the time on the run's clock, s, and values by name."""
-
-    time: float
-    content: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -72,22 +68,77 @@ class Recording:
     events: tuple[Event, ...] = field(default=(), repr=False)
 
     @classmethod
-    def open(cls, path: str | Path) -> Self:
+    def open(
+        cls,
+        path: str | Path,
+        *,
+        signals: Collection[str] | None = None,
+        every: int = 1,
+        progress: Progress | None = None,
+    ) -> Self:
         """Read a recording, up to the first damage if there is any.
 
-        A table (:mod:`tenodesis.recording.lab_map`) has the signals of one axis, and its columns as topics.
+        A table (:mod:`tenodesis.recording.lab_map`) has the signals of one axis, and its columns as topics. An hour at
+        2 kHz does not fit into 1 GB as a whole: ask for some signals or rows, or take :class:`Blocks`.
+
+        Parameters
+        ----------
+        path
+            The file.
+        signals
+            Signals to read by name; all by default.
+        every
+            Of how many rows one is taken.
+        progress
+            Is told how many bytes of how many are read.
 
         Raises
         ------
         RecordingError
-            The file cannot be read, is no recording and no table, or contains no topic of a recording.
+            The file cannot be read, is no recording and no table, contains no topic of a recording, or does not fit
+            into memory.
         MissingExtraError
             The library that reads the file is not installed.
         """
         path = Path(path)
-        if lab_tables.is_table(path):
-            return cls._of_table(path)
-        contents = container.scan(_bytes(path))
+        if every < 1:
+            raise RecordingError(key="every", value=every, allowed="1 or more")
+        try:
+            if lab_tables.is_table(path):
+                return cls._of_table(path)._selected(signals, every)
+            try:
+                blocks = RegularBlocks(path, signals, every, progress)
+                run = joined(iter(blocks))
+                if run is not None:
+                    return cls(path, run, blocks.metadata, blocks.topics, blocks.left_out, blocks.damage, blocks.events)
+            except IrregularError:
+                pass
+            return cls._as_a_whole(path)._selected(signals, every)
+        except MemoryError:
+            raise RecordingError(
+                f"{path} does not fit into memory as a whole; read some of its signals (signals=[...]), one of so many "
+                "rows (every=10), or block by block (tn.recording.Blocks).",
+                key="path",
+                value=path,
+                allowed="read in parts",
+            ) from None
+
+    def _selected(self, signals: Collection[str] | None, every: int) -> Self:
+        """Return it with some of its signals and one of so many rows."""
+        if signals is None and every == 1:
+            return self
+        dropped: dict[str, Any] = (
+            {} if signals is None else dict.fromkeys(self.run.signals().keys() - set(signals), None)
+        )
+        return replace(self, run=replace(self.run, **dropped).rows(step=every))
+
+    @classmethod
+    def _as_a_whole(cls, path: Path) -> Self:
+        """Read a file of any program, whose topics may not go together row by row."""
+        with opened(path) as (file, _):
+            contents = container.scan(file.read())
+        infos = Infos()
+        infos.add(contents.messages)
         metadata = contents.metadata.get(schemas.METADATA, {})
         decoded, left_out = _decoded(contents, schemas.JOINT_TOPICS)
         names = schemas.names_in(metadata, {name: topic.joints for name, topic in decoded.items()})
@@ -99,7 +150,7 @@ class Recording:
         names = names or _paired(decoded)
         if names is None:
             raise RecordingError(f"{path} contains no topic of a recording: {_found(contents)}.", key="topics")
-        run, misfits = _run(names, decoded, _carried(contents))
+        run, misfits = assembled(schemas.topics(names), names, decoded, carried(contents.channels))
         left_out |= misfits
         if left_out and not any(values.size for values in run.signals().values()):
             reasons = "; ".join(f"{topic}: {reason}" for topic, reason in left_out.items())
@@ -115,7 +166,7 @@ class Recording:
         if damage is not None:
             until = f"{run.time[-1]:.6g} s ({len(run)} rows)" if len(run) else "before its first row"
             damage = f"{path} is read up to {until} only: {damage}."
-        return cls(path, run, metadata, _infos(contents), left_out, damage, events)
+        return cls(path, run, metadata, infos.of(contents), left_out, damage, events)
 
     @classmethod
     def _of_table(cls, path: Path) -> Self:
@@ -183,19 +234,6 @@ def _paired(decoded: Mapping[str, Decoded]) -> Names | None:
     return Names.paired(axes or ("yaw",)) if decoded else None
 
 
-def _bytes(path: Path) -> bytes:
-    try:
-        data = read_regular(path)
-    except FileNotFoundError:
-        raise RecordingError(f"{path} cannot be read: there is no such file.", key="path", value=path) from None
-    except OSError as problem:
-        raise RecordingError(f"{path} cannot be read: {problem.strerror}.", key="path", value=path) from None
-    if not container.is_mcap(data):
-        found = "it is empty" if not data else f"it begins with {data[:8].decode(errors='replace')!r}"
-        raise RecordingError(f"{path} is no MCAP file: {found}.", key="path", value=path, allowed="an MCAP file")
-    return data
-
-
 def _found(contents: Contents) -> str:
     if contents.damage is not None:
         return contents.damage
@@ -212,7 +250,7 @@ def _decoded(contents: Contents, wanted: Collection[str]) -> tuple[dict[str, Dec
         schema = contents.schemas.get(channel.schema_id)
         if channel.topic not in wanted or schema is None:
             continue
-        found = decode(factory, schema, channel.message_encoding, messages)
+        found = Decoder(factory, schema, channel.message_encoding)(messages)
         if isinstance(found, LeftOut):
             left_out[channel.topic] = found
         else:
@@ -220,7 +258,7 @@ def _decoded(contents: Contents, wanted: Collection[str]) -> tuple[dict[str, Dec
     return decoded, left_out
 
 
-def _channels(contents: Contents) -> list[tuple[Channel, list[Message]]]:
+def _channels(contents: Contents) -> list[tuple[Channel, Messages]]:
     return [
         (contents.channels[number], messages)
         for number, messages in contents.messages.items()
@@ -228,65 +266,12 @@ def _channels(contents: Contents) -> list[tuple[Channel, list[Message]]]:
     ]
 
 
-def _carried(contents: Contents) -> dict[str, list[str]]:
-    """Return the signals that topics carry by definition, by topic."""
-    return {
-        channel.topic: channel.metadata["signals"].split()
-        for channel in contents.channels.values()
-        if "signals" in channel.metadata
-    }
-
-
-def _run(
-    names: Names, decoded: Mapping[str, Decoded], carried: Mapping[str, list[str]]
-) -> tuple[Run, dict[str, LeftOut]]:
-    """Return the run of the topics that fit together, and the reasons why others do not."""
-    left_out: dict[str, LeftOut] = {}
-    stamps = max((topic.stamps for topic in decoded.values()), key=len, default=np.empty(0, np.int64))
-    rows = stamps.size
-    columns: dict[str, list[Array]] = {}
-    for topic in schemas.topics(names):
-        name = topic.before if topic.before in decoded and topic.name not in decoded else topic.name
-        found = decoded.get(name)
-        if found is None:
-            continue
-        given = carried.get(name, list(topic.signals.values()) if name == topic.name else [])
-        if not set(given) & set(topic.signals.values()):
-            continue
-        if (found.stamps != stamps[: found.stamps.size]).any():
-            left_out[name] = LeftOut(Misfit.STAMPS, "its stamps are not those of the other topics")
-            continue
-        joints = found.joints or topic.joints
-        order = schemas.places(topic.joints, joints)
-        if order is None:
-            left_out[name] = LeftOut(Misfit.JOINTS, f"its joints are {', '.join(joints)}")
-            continue
-        for array, signal in topic.signals.items():
-            values = found.numbers.get(array)
-            if values is None or signal not in given:
-                continue
-            if topic.joints and values.shape[1] != len(joints):
-                why = f"it has {values.shape[1]} values of {array} for {len(joints)} joints"
-                left_out[name] = LeftOut(Misfit.JOINTS, why)
-                continue
-            columns.setdefault(signal, []).append(values[:, order] if topic.joints else values)
-        rows = min(rows, found.stamps.size)
-    signals = {signal: np.concatenate([part[:rows] for part in parts], axis=1) for signal, parts in columns.items()}
-    time = signals.pop("time", None)
-    return schemas.run_of(names, _seconds(stamps[:rows]) if time is None else time[:, 0], signals), left_out
-
-
-def _seconds(stamps: NDArray[np.int64]) -> Array:
-    seconds: Array = (stamps - stamps[:1].sum()) / cdr.SECOND
-    return seconds
-
-
 def _without_gap(run: Run, contents: Contents) -> tuple[Run, str | None]:
     """Return a run up to its first missing row, and whether a row is missing."""
     for channel, messages in _channels(contents):
         if channel.topic == schemas.EVENTS:
             continue
-        sequence = np.array([message.sequence for message in messages[: len(run)]], np.int64)
+        sequence = messages.sequences[: len(run)]
         missing = np.flatnonzero(sequence != np.arange(sequence.size) % 2**32)
         if missing.size:
             return run.rows(0, int(missing[0])), "rows are missing after that"
@@ -295,33 +280,58 @@ def _without_gap(run: Run, contents: Contents) -> tuple[Run, str | None]:
 
 def _events(contents: Contents) -> tuple[tuple[Event, ...], str | None]:
     """Return the events up to the first that is missing, and what is wrong with one that cannot be read."""
-    found: list[Event] = []
-    for channel, messages in _channels(contents):
-        if channel.topic == schemas.EVENTS:
-            for number, message in enumerate(messages):
-                if message.sequence != number % 2**32:
-                    break
-                event = _event(message.data)
-                if event is None:
-                    return tuple(found), f"event {number + 1} cannot be read"
-                found.append(event)
-    return tuple(found), None
+    own = [messages for channel, messages in _channels(contents) if channel.topic == schemas.EVENTS]
+    return as_events(Messages(part for messages in own for part in messages.parts))
 
 
-def _event(data: bytes) -> Event | None:
-    try:
-        content = json.loads(cdr.content(data))
-        return Event(float(content.pop("time")), content)
-    except (ValueError, LookupError, TypeError, AttributeError, RecursionError, struct.error):
-        return None
+class Blocks(RegularBlocks):
+    """The rows of a recording as runs, block by block, so that an hour needs no more memory than a minute.
 
+    A file whose topics do not go together row by row, as those of other programs, is read as a whole, and so is a
+    table. Parameters as for :meth:`Recording.open`; `metadata` is known with the first block, `topics`, `left_out`,
+    `damage` and `events` with the last.
 
-def _infos(contents: Contents) -> dict[str, TopicInfo]:
-    infos = {}
-    for number, channel in sorted(contents.channels.items(), key=lambda item: item[1].topic):
-        messages = contents.messages.get(number, [])
-        span = (messages[-1].stamp - messages[0].stamp) / cdr.SECOND if messages else 0.0
-        rate = (len(messages) - 1) / span if span > 0 else float("nan")
-        schema = contents.schemas.get(channel.schema_id)
-        infos[channel.topic] = TopicInfo("" if schema is None else schema.name, len(messages), rate)
-    return infos
+    Raises
+    ------
+    RecordingError, MissingExtraError
+        As :meth:`Recording.open`, and if topics part later on.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        *,
+        signals: Collection[str] | None = None,
+        every: int = 1,
+        progress: Progress | None = None,
+    ) -> None:
+        super().__init__(Path(path), signals, every, progress)
+        self._given = (signals, every)
+
+    def __iter__(self) -> Iterator[Run]:
+        runs = super().__iter__()
+        first, time = None, 0.0
+        if not lab_tables.is_table(self.path):
+            with suppress(IrregularError):
+                first = next(runs, None)
+        if first is None:
+            whole = Recording.open(self.path, signals=self._given[0], every=self._given[1])
+            for name in ("metadata", "topics", "left_out", "damage", "events"):
+                setattr(self, name, getattr(whole, name))
+            yield whole.run
+            return
+        try:
+            for run in chain([first], runs):
+                time = float(run.time[-1]) if len(run) else time
+                yield run
+        except IrregularError as problem:
+            raise RecordingError(
+                f"{self.path} cannot be read in parts: {problem}, after {time:.6g} s. "
+                "tn.recording.Recording.open reads it as a whole.",
+                key="path",
+                value=self.path,
+            ) from None
+
+    def recording(self, run: Run) -> Recording:
+        """Return a recording with some of the rows, and what is known so far."""
+        return Recording(self.path, run, self.metadata, self.topics, self.left_out, self.damage, self.events)

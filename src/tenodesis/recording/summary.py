@@ -1,52 +1,96 @@
 """Summaries: the contents of a recording, and the outcome of a run."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from math import degrees, isnan
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from rich import box
 from rich.console import Group
 from rich.table import Column, Table
 from rich.text import Text
 
-from tenodesis import statics
-from tenodesis.control import FAULTS, OperatingState, Request
+from tenodesis.control import FAULTS
 from tenodesis.errors import InstrumentError, RecordingError
-from tenodesis.instrument import Instrument
+from tenodesis.recording.blocks import Progress
 from tenodesis.recording.metadata import CONTROLLER, controller_choices, controller_instrument, in_words
-from tenodesis.recording.reader import Recording
-from tenodesis.recording.tables import columns
-from tenodesis.run import COMMANDS, CONTROL, MEASURED, Array, Run
+from tenodesis.recording.outcome import Outcome, Seen, outcome, tip_error
+from tenodesis.recording.reader import Blocks, Recording
+from tenodesis.run import Run
 from tenodesis.toml import parse_toml
 
-_RANGED = ({**COMMANDS, **MEASURED, **CONTROL}.keys() | {"grip_force"}) - {
-    "operating_state",
-    "faults",
-    "phase",
-    "homing_failure",
-    "request",
-}
-"""Signals whose ranges are shown; those of states have no meaning."""
+__all__ = ["Outcome", "Summary", "contents", "describe", "facts", "of", "outcome", "read", "tip_error"]
 
 _VERSIONS = ("tenodesis", "python", "numpy")
 
 
-def describe(recording: Recording) -> Group:
+class Summary(NamedTuple):
+    """What a recording holds: the recording without its rows, and what is said about them."""
+
+    recording: Recording
+    seen: Seen
+
+
+def read(path: str | Path, progress: Progress | None = None) -> Summary:
+    """Return what a recording holds, read block by block.
+
+    Parameters
+    ----------
+    path
+        The file.
+    progress
+        Is told how many bytes of how many are read.
+
+    Raises
+    ------
+    RecordingError, MissingExtraError
+        As :meth:`Recording.open`.
+    """
+    blocks = Blocks(path, progress=progress)
+    seen, names = None, None
+    for run in blocks:
+        seen = _seen(blocks.recording(run)) if seen is None else seen
+        names = run.names
+        seen.add(run)
+    if seen is None or names is None:
+        return of(Recording.open(path))
+    return Summary(blocks.recording(Run(np.empty(0), *names)), seen.done())
+
+
+def of(recording: Recording) -> Summary:
+    """Return what a recording holds."""
+    seen = _seen(recording)
+    seen.add(recording.run)
+    return Summary(recording, seen.done())
+
+
+def _seen(recording: Recording) -> Seen:
+    try:
+        choices = controller_choices(recording) or {}
+        return Seen(recording.instrument(), [str(name) for name in choices.get("faults", [])] or FAULTS)
+    except (InstrumentError, RecordingError):
+        return Seen()
+
+
+def describe(about: Recording | Summary) -> Group:
     """Return a recording's contents, for a rich console: its origin, its topics, and the ranges of its signals."""
+    summary = of(about) if isinstance(about, Recording) else about
+    recording = summary.recording
     parts: list[Text | Table] = []
     if recording.damage is not None:
         parts.append(Text(recording.damage, style="bold red"))
-    parts += [_facts(recording), _topics(recording), _ranges(recording.run)]
+    parts += [_facts(summary), _topics(recording), _ranges(summary.seen)]
     return Group(*parts)
 
 
-def contents(recording: Recording) -> dict[str, Any]:
+def contents(about: Recording | Summary) -> dict[str, Any]:
     """Return a recording's contents as plain values: origin, topics, ranges of the signals, and number of events."""
+    summary = of(about) if isinstance(about, Recording) else about
+    recording = summary.recording
     signals = {
         name: {"least": least, "greatest": greatest, "unit": unit}
-        for name, least, greatest, unit in _ends(recording.run)
+        for name, least, greatest, unit in _ends(summary.seen)
     }
     topics = {
         name: {
@@ -58,9 +102,9 @@ def contents(recording: Recording) -> dict[str, Any]:
         for name, topic in recording.topics.items()
     }
     return {
-        "origin": facts(recording),
-        "duration": recording.duration,
-        "rows": len(recording.run),
+        "origin": facts(summary),
+        "duration": summary.seen.last - summary.seen.first,
+        "rows": summary.seen.rows,
         "damage": recording.damage,
         "topics": topics,
         "signals": signals,
@@ -68,27 +112,27 @@ def contents(recording: Recording) -> dict[str, Any]:
     }
 
 
-def facts(recording: Recording) -> dict[str, str]:
+def facts(about: Recording | Summary) -> dict[str, str]:
     """Return a recording's origin in words, by what is said; empty where nothing is recorded."""
-    run, metadata = recording.run, recording.metadata
-    steps = np.diff(run.time)
+    recording, seen = of(about) if isinstance(about, Recording) else about
+    metadata = recording.metadata
     return {
         **({"file": metadata["kind"]} if "kind" in metadata else {}),
         "instrument": _instrument(recording),
-        **_named(run),
+        **_named(recording.run),
         "protocol": _protocol_name(metadata.get("protocol", "")),
         "seed": metadata.get("seed", ""),
         "made with": ", ".join(f"{name} {metadata[name]}" for name in _VERSIONS if name in metadata),
-        "duration": f"{recording.duration:.6g} s",
-        "rows": f"{len(run)}",
-        "rate": f"{1 / np.median(steps):.6g} Hz" if steps.size else "",
-        **_controller(recording),
+        "duration": f"{seen.last - seen.first:.6g} s",
+        "rows": f"{seen.rows}",
+        "rate": f"{1 / seen.step:.6g} Hz" if seen.step > 0 else "",
+        **_controller(recording, seen),
     }
 
 
-def _facts(recording: Recording) -> Table:
+def _facts(summary: Summary) -> Table:
     table = Table.grid(padding=(0, 2))
-    for name, fact in facts(recording).items():
+    for name, fact in facts(summary).items():
         table.add_row(name, Text(fact or "not recorded"))
     return table
 
@@ -101,7 +145,7 @@ def _named(run: Run) -> dict[str, str]:
     }
 
 
-def _controller(recording: Recording) -> dict[str, str]:
+def _controller(recording: Recording, seen: Seen) -> dict[str, str]:
     """Return the controller's choices and the outcome of the run; empty without a controller."""
     try:
         choices = controller_choices(recording)
@@ -110,11 +154,10 @@ def _controller(recording: Recording) -> dict[str, str]:
     except (InstrumentError, RecordingError) as problem:
         return {"controller": str(problem)} if CONTROLLER in recording.metadata else {}
     if choices is None or assumed is None:
-        return outcome(recording.run, inst)
-    names = [str(name) for name in choices.get("faults", [])]
+        return seen.outcome
     run = recording.run
     served = f", of {' and '.join(run.compensated)}" if run.compensated != run.joints else ""
-    return {"controller": f"{in_words(choices, assumed, inst)}{served}", **outcome(run, inst, names)}
+    return {"controller": f"{in_words(choices, assumed, inst)}{served}", **seen.outcome}
 
 
 def _instrument(recording: Recording) -> str:
@@ -154,147 +197,20 @@ def _topics(recording: Recording) -> Table:
     return table
 
 
-def _ranges(run: Run) -> Table:
+def _ranges(seen: Seen) -> Table:
     table = Table("Signal", "Least", "Greatest", "Unit", box=box.SIMPLE_HEAD)
-    for name, *ends, unit in _ends(run):
+    for name, *ends, unit in _ends(seen):
         table.add_row(name, *("" if end is None else f"{end:.4g}" for end in ends), unit)
     return table
 
 
-def _ends(run: Run) -> Iterator[tuple[str, float | None, float | None, str]]:
+def _ends(seen: Seen) -> Iterator[tuple[str, float | None, float | None, str]]:
     """Yield signals with their smallest and largest value, None without one, and their unit; angles in deg."""
-    for heading, values in columns(run).items():
+    for heading, ends in seen.ranges.items():
         name, unit = heading.removesuffix("]").split(" [")
-        if name.partition(".")[0] not in _RANGED:
-            continue
-        seen = np.degrees(values) if unit == "rad" else values
-        seen, unit = seen[~np.isnan(seen)], "deg" if unit == "rad" else unit
-        if seen.size:
-            yield name, float(seen.min()), float(seen.max()), unit
+        shown = "deg" if unit == "rad" else unit
+        if ends is None:
+            yield name, None, None, shown
         else:
-            yield name, None, None, unit
-
-
-def tip_error(run: Run, inst: Instrument) -> Array:
-    """Return the tip's angles less its unloaded ones (:func:`tenodesis.statics.targets`), rad, shape (n, joints).
-
-    Angles that only the encoders have are taken from there.
-
-    Raises
-    ------
-    KeyError
-        The run has no handle angle, or no output angle.
-    """
-    handle, output = (
-        run.by_column(name if name in run.signals() else f"measured_{name}")
-        for name in ("handle_angle", "output_angle")
-    )
-    return output - statics.targets(inst, handle)
-
-
-def outcome(run: Run, inst: Instrument, names: Sequence[str] = FAULTS) -> dict[str, str]:
-    """Return the outcome of a run in words: its controller's state and faults, the tip's deviation, and tensions.
-
-    Parameters
-    ----------
-    run
-        The run.
-    inst
-        The instrument that ran.
-    names
-        Names of the faults, in the order of their bits.
-    """
-    if not len(run):
-        return {}
-    signals = run.signals().keys()
-    angles = {"handle_angle", "measured_handle_angle"} & signals and {"output_angle", "measured_output_angle"} & signals
-    error = tip_error(run, inst) if angles and inst.handle_joints else None
-    if run.operating_state is None or run.faults is None:
-        tip = {} if error is None else {"tip": _deviation(run, error)}
-        return tip | _tensions(run)
-    state = run.by_column("operating_state")[:, 0]
-    facts = {"state": _states(state, run.time), "faults": _faults(run.by_column("faults"), run.time, names)}
-    if error is not None:
-        facts["tip"] = _tip(run, error, _compensating(run, state))
-    return facts | _tip_force(run) | _tensions(run)
-
-
-def _compensating(run: Run, state: Array) -> NDArray[np.bool_]:
-    """Return the rows (n,) in which the controller was enabled, other than to home."""
-    enabled: NDArray[np.bool_] = state == OperatingState.ENABLED
-    if run.request is not None:
-        for row in np.flatnonzero(run.by_column("request")[:, 0] == Request.HOME):
-            rest = np.flatnonzero(~enabled[row + 1 :])
-            enabled[row : row + 1 + rest[0] if rest.size else None] = False
-    return enabled
-
-
-def _tip(run: Run, error: Array, during: NDArray[np.bool_]) -> str:
-    parts = []
-    for name, off in zip(run.joints, error.T, strict=True):
-        rms = f", {degrees(np.sqrt(np.mean(off[during] ** 2))):.2f} deg RMS while enabled" if during.any() else ""
-        parts.append(f"{name} {degrees(off[-1]):+.2f} deg off the unloaded angle at the end{rms}")
-    return "; ".join(parts)
-
-
-def _tip_force(run: Run) -> dict[str, str]:
-    """Return the observer's last force at the tip; empty where it knows no deviation of it."""
-    if run.estimated_force is None or run.estimated_force_std is None:
-        return {}
-    forces = (run.by_column(name)[-1] for name in ("estimated_force", "estimated_force_std"))
-    last = zip(run.compensated, *forces, strict=True)
-    parts = [f"{name} {force:+.2f} ± {2 * std:.2f} N" for name, force, std in last if np.isfinite(std)]
-    return {"tip force": f"{', '.join(parts)} at the end, by the observer (two standard deviations)"} if parts else {}
-
-
-def _deviation(run: Run, error: Array) -> str:
-    parts = []
-    for name, off in zip(run.joints, error.T, strict=True):
-        if np.isnan(off).all():
-            continue
-        worst = int(np.nanargmax(np.abs(off)))
-        parts.append(
-            f"{name} {degrees(off[worst]):+.2f} deg off the unloaded angle at most, at "
-            f"{run.time[worst]:.4g} s, {degrees(off[-1]):+.2f} deg at the end"
-        )
-    return "; ".join(parts)
-
-
-def _tensions(run: Run) -> dict[str, str]:
-    """Return the ranges of the tensions beside the spools, and for how long tendons were slack at the tip."""
-    tension = run.measured_tension if run.tension is None else run.tension
-    if tension is None:
-        return {}
-    columns = zip(run.tendons, tension.T, strict=True)
-    facts = {"tensions": ", ".join(f"{name} {np.nanmin(one):.3g} to {np.nanmax(one):.3g} N" for name, one in columns)}
-    if run.distal_tension is not None:
-        step = float(np.median(np.diff(run.time))) if len(run) > 1 else 0.0
-        slack = [
-            f"{name} for {np.count_nonzero(loose) * step:.3g} s, first at {run.time[loose.argmax()]:.4g} s"
-            for name, loose in zip(run.tendons, run.distal_tension.T <= 0, strict=True)
-            if loose.any()
-        ]
-        facts["slack"] = ", ".join(slack) or "no tendon"
-    return facts
-
-
-def _states(state: Array, time: Array) -> str:
-    """Return the state at the end and how long each state lasted, in order of their first rows."""
-    step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
-    known = state[~np.isnan(state)]
-    seen = dict.fromkeys(known.tolist())
-    lasted = ", ".join(f"{_state_name(value)} {np.count_nonzero(known == value) * step:.3g} s" for value in seen)
-    end = _state_name(state[-1]) if known.size else "not running"
-    return f"{end} at the end" + (f" ({lasted})" if len(seen) > 1 else "")
-
-
-def _state_name(state: float) -> str:
-    return OperatingState(int(state)).name if state in set(OperatingState) else f"state {state:g}"
-
-
-def _faults(faults: Array, time: Array, names: Sequence[str]) -> str:
-    """Return the faults, and when each came first."""
-    masks = np.bitwise_or.reduce(np.nan_to_num(faults).astype(np.int64), axis=1)
-    found = {name: np.flatnonzero(masks >> bit & 1) for bit, name in enumerate(names)}
-    first = sorted((int(rows[0]), name) for name, rows in found.items() if rows.size)
-    return ", ".join(f"{name} from {time[row]:.6g} s" for row, name in first) or "none"
+            least, greatest = map(degrees, ends) if unit == "rad" else ends
+            yield name, least, greatest, shown

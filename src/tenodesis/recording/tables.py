@@ -2,6 +2,8 @@
 
 import csv
 import math
+from collections.abc import Iterable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -50,16 +52,29 @@ def to_csv(run: Run, path: str | Path) -> None:
     RecordingError
         The file cannot be written; an existing file stays as it was.
     """
-    table = {TIME: run.time, **columns(run)}
+    write_csv([run], path)
+
+
+def write_csv(runs: Iterable[Run], path: str | Path) -> int:
+    """Write consecutive runs as :func:`to_csv`, one at a time; return the number of rows."""
+    rows = 0
     with (
         write_errors(Path(path), RecordingError),
         atomic_file(Path(path)) as new,
         new.open("w", newline="", encoding="utf-8") as file,
     ):
         writer = csv.writer(file)
-        writer.writerow(table)
-        for row in np.column_stack([*table.values()]).tolist():
-            writer.writerow("" if math.isnan(value) else value for value in row)
+        for run in runs:
+            table = {TIME: run.time, **columns(run)}
+            if file.tell() == 0:
+                writer.writerow(table)
+            values = np.column_stack([*table.values()])
+            if np.isnan(values).any():
+                writer.writerows(["" if math.isnan(value) else value for value in row] for row in values.tolist())
+            else:
+                writer.writerows(values.tolist())
+            rows += len(run)
+    return rows
 
 
 def to_parquet(run: Run, path: str | Path) -> None:
@@ -72,6 +87,19 @@ def to_parquet(run: Run, path: str | Path) -> None:
     RecordingError
         The file cannot be written; an existing file stays as it was.
     """
-    require("pyarrow", "tables")
-    with write_errors(Path(path), RecordingError), atomic_file(Path(path)) as new:
-        to_pandas(run).to_parquet(new)
+    write_parquet([run], path)
+
+
+def write_parquet(runs: Iterable[Run], path: str | Path) -> int:
+    """Write consecutive runs as :func:`to_parquet`, one at a time; return the number of rows."""
+    pyarrow, parquet = require("pyarrow", "tables"), require("pyarrow.parquet", "tables")
+    rows = 0
+    with write_errors(Path(path), RecordingError), atomic_file(Path(path)) as new, ExitStack() as stack:
+        writer = None
+        for run in runs:
+            table = pyarrow.Table.from_pandas(to_pandas(run))
+            if writer is None:
+                writer = stack.enter_context(parquet.ParquetWriter(new, table.schema))
+            writer.write_table(table)
+            rows += len(run)
+    return rows

@@ -30,8 +30,8 @@ from tenodesis.identification.formats.instrument_run import (
 from tenodesis.identification.formats.measured import WIDE, Raw, checksum
 from tenodesis.instrument import ShortForm, as_short_form
 from tenodesis.recording import Recording, cdr, container, schemas
-from tenodesis.recording.container import Contents, Message
-from tenodesis.recording.decode import Decoded, LeftOut, Misfit, decode
+from tenodesis.recording.container import Contents, Message, Messages
+from tenodesis.recording.decode import Decoded, Decoder, LeftOut, Misfit
 from tenodesis.run import SIGNALS, TENDONS, Array, Names
 
 SUFFIX = ".db3"
@@ -124,6 +124,7 @@ def _read_topics(bag: sqlite3.Connection, contents: Contents) -> None:
 def _read(bag: sqlite3.Connection, number: int, contents: Contents, most: int) -> int:
     """Add the messages of a topic, up to where the file is damaged; return their size, bytes, at most `most`."""
     taken = 0
+    found: list[Message] = []
     try:
         rows = bag.execute("SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY id", (number,))
         for at, (stamp, data) in enumerate(rows):
@@ -134,9 +135,11 @@ def _read(bag: sqlite3.Connection, number: int, contents: Contents, most: int) -
             if taken > most:
                 contents.damage = "its messages are larger than the file"
                 break
-            contents.messages.setdefault(number, []).append(Message(at, stamp, data))
+            found.append(Message(at, stamp, data))
     except (sqlite3.Error, ValueError, OverflowError) as problem:
         contents.damage = str(problem)
+    if found:
+        contents.messages[number] = Messages.of(found)
     return min(taken, most)
 
 
@@ -278,7 +281,7 @@ def _decoded(files: Sequence[Path], notes: list[str]) -> dict[str, list[Decoded]
             schema = contents.schemas.get(channel.schema_id)
             if channel.topic not in schemas.TOPICS or schema is None:
                 continue
-            found = decode(factory, schema, channel.message_encoding, messages)
+            found = Decoder(factory, schema, channel.message_encoding)(messages)
             if isinstance(found, LeftOut):
                 notes.append(f"{channel.topic} is left out of {file.name}: {found}")
                 continue
