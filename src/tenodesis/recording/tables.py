@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +18,8 @@ from tenodesis.run import Array, Run
 if TYPE_CHECKING:
     import pandas as pd
 
+_ROW_GROUP = 50_000
+"""Rows of a group in a Parquet file: of a few thousand it is a third larger."""
 TIME = "time [s]"
 """Heading of the time."""
 
@@ -96,10 +98,22 @@ def write_parquet(runs: Iterable[Run], path: str | Path) -> int:
     rows = 0
     with write_errors(Path(path), RecordingError), atomic_file(Path(path)) as new, ExitStack() as stack:
         writer = None
-        for run in runs:
-            table = pyarrow.Table.from_pandas(to_pandas(run))
+        for gathered in _gathered(runs):
+            table = pyarrow.concat_tables(pyarrow.Table.from_pandas(to_pandas(run)) for run in gathered)
             if writer is None:
                 writer = stack.enter_context(parquet.ParquetWriter(new, table.schema))
             writer.write_table(table)
-            rows += len(run)
+            rows += len(table)
     return rows
+
+
+def _gathered(runs: Iterable[Run]) -> Iterator[list[Run]]:
+    """Yield runs in lists of the rows of a group, or more."""
+    found: list[Run] = []
+    for run in runs:
+        found.append(run)
+        if sum(map(len, found)) >= _ROW_GROUP:
+            yield found
+            found = []
+    if found:
+        yield found
