@@ -364,7 +364,7 @@ NEW, LOSS, MANY, HEADER = "new mine --defaults", "loss real-size", "loss needle-
         (f"{NEW} --backbone-length '20 mm'", "--backbone-length"),
         *((f"{NEW} --handle-range '{one}'", "--handle-range") for one in ("90 mm", "200 deg")),
         (f"{NEW} --stem-diameter 5", "--stem-diameter"),
-        (f"{NEW} --tendon-diameter '1 um' --pretension '3000 N'", "pretension"),
+        (f"{NEW} --tendon-diameter '1 um' --pretension '3000 N'", "--pretension"),
         *((f"new '{name}'", "NAME") for name in ("", ".toml", "absent/mine")),
         *((f"{LOSS} --load '{one}'", "--load") for one in ("2", "2 mm", "-2 N", "nan N")),
         *((f"{LOSS} --angle '{one}'", "--angle") for one in ("60", "170 deg")),

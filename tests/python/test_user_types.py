@@ -22,6 +22,7 @@ EXPECTED = {
     "inst.distal_tendon_offset": "float",
     "inst.backbone_length": "float",
     "inst.backbone_rigidity": "float",
+    "inst.arcs": "int",
     "inst.friction.vertex_coefficient": "float",
     "inst.replace(pretension=20.0)": "Instrument",
     "run": "Run",
