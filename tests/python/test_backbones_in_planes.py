@@ -284,10 +284,15 @@ def test_it_is_drawn_as_one_line_between_its_ends() -> None:
         ),
         ({"crossing": {"side": "agonist"}}, "tendons", "side and angle are both given"),
         ({"crossing": {"radius": 20e-3}}, "tendons", "nothing would be left of it on the inner side"),
-        ({"arcs": 1, "crossing": {"far_radius": 1e-3}}, "tendons", "give it arcs = 2 or more"),
         ({"arcs": 12, "torsion": 1e-3}, "joints", "there must be 1 to 24"),
     ],
 )
 def test_what_no_backbone_is_is_refused(changes: dict[str, Any], key: str, problem: str) -> None:
     with pytest.raises(InstrumentError, match=problem):
         bending(**changes)
+
+
+def test_in_one_arc_tendons_that_come_nearer_run_at_their_mean_distance() -> None:
+    tapered = tn.instrument.in_arcs(bending(4, crossing={"far_radius": OFFSET / 2}), 1)
+    mean = bending(1, crossing={"radius": 0.75 * OFFSET})
+    assert tapered.tendon_arms("tip") == pytest.approx(mean.tendon_arms("tip"), rel=1e-12)

@@ -264,8 +264,6 @@ def _check_route(inst: FullForm, tendon: Tendon) -> None:
         joint = known[name]
         if crossing.angle is not None and joint.mechanism != "continuum":
             raise wrong(f" crosses joint {name} at an angle, but it is a {joint.mechanism}; give its side instead")
-        if crossing.far_radius is not None and joint.arcs == 1:
-            raise wrong(f" has a far_radius at joint {name}, which has one arc; give it arcs = 2 or more")
         near = joint.radius if crossing.radius is None else crossing.radius
         widest = max(near, crossing.far_radius or 0.0)
         if joint.mechanism == "continuum" and widest * joint.range >= (joint.backbone_length or 0.0):
