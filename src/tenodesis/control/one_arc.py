@@ -45,7 +45,7 @@ def one_arc(inst: InstrumentLike) -> OneArc | None:
         given, finer = (_deflection(one, wrench) for one in (whole, in_several))
     except Error:
         return None
-    return OneArc(single[0].name, force, given, finer, max(joint.arcs or 1 for joint in in_several.tip_joints))
+    return OneArc(single[0].name, force, given, finer, max(joint.arc_count for joint in in_several.tip_joints))
 
 
 def _deflection(inst: FullForm, wrench: np.ndarray) -> float:

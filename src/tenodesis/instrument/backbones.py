@@ -68,8 +68,8 @@ def _with_arcs(joints: Sequence[Joint]) -> list[Joint]:
     for i in free:
         found[i] = joints[i].model_copy(update={"arcs": _needed(joints[i], held)})
     while sum(_size(joint) for joint in found if joint.place == "tip") > _core.MOST_JOINTS:
-        most = max(free, key=lambda i: found[i].arcs or 1, default=None)
-        if most is None or (arcs := found[most].arcs or 1) == 1:
+        most = max(free, key=lambda i: found[i].arc_count, default=None)
+        if most is None or (arcs := found[most].arc_count) == 1:
             break
         found[most] = found[most].model_copy(update={"arcs": arcs - 2 or 1})
     return found
@@ -84,13 +84,13 @@ def _needed(joint: Joint, held: Container[str | None]) -> int:
 
 def _size(joint: Joint) -> int:
     """Return how many joints one with a number of arcs is written out to."""
-    arcs = joint.arcs or 1
+    arcs = joint.arc_count
     return 1 if joint.arc else arcs * joint.planes + (joint.torsional_rigidity is not None) * math.ceil(arcs / 2)
 
 
 def _parts(joint: Joint) -> list[Joint]:
     """Return the arcs of a backbone in its planes, from the stem outward; any other joint alone."""
-    count = joint.arcs or 1
+    count = joint.arc_count
     if joint.arc or (count == 1 and joint.planes == 1 and joint.torsional_rigidity is None):
         return [joint]
     low, high = joint.stops
@@ -135,7 +135,7 @@ def _planes(joint: Joint) -> list[tuple[str, Any]]:
 
 def _twist(joint: Joint, place: int) -> Joint:
     """Return the joint that turns a backbone about itself between the arcs of a pair, of which place is the number."""
-    pairs = max((joint.arcs or 1) // 2, 1)
+    pairs = max(joint.arc_count // 2, 1)
     return Joint(
         name=f"{joint.name}_twist{arc_suffix(place)}",
         mechanism="pulley",
@@ -153,7 +153,7 @@ def _crossed(crossing: Crossing, joint: Joint, parts: Sequence[Joint]) -> list[C
     """Return a tendon's passages over the parts of a joint."""
     if crossing.angle is None and len(parts) == 1:
         return [crossing]
-    arcs = joint.arcs or 1
+    arcs = joint.arc_count
     near = joint.radius if crossing.radius is None else crossing.radius
     far = near if crossing.far_radius is None else crossing.far_radius
     names = [name for name, _ in _planes(joint)]

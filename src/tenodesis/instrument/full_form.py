@@ -238,7 +238,7 @@ def _check_tie(joint: Joint, before: Sequence[str]) -> None:
         allowed = ", ".join(before) or "none is, so it must be left out"
         problem = f"joint {joint.name}: tied_to = {joint.tied_to!r}; it must be one before it: {allowed}"
         raise ArgumentError(problem, key="tied_to", value=joint.tied_to)
-    in_several = (joint.arcs or 1) > 1
+    in_several = joint.arc_count > 1
     if in_several or joint.within is not None or not joint.tie_ratio:
         problem = "has several arcs" if in_several else "has a tie_ratio of 0"
         raise ArgumentError(

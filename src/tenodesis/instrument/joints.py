@@ -138,6 +138,11 @@ class Joint(FileTable):
         return _core.joint_straight_chord(MECHANISMS[self.mechanism], self.radius, self.backbone_length or 0.0)
 
     @property
+    def arc_count(self) -> int:
+        """Arcs that it bends in: one where its file does not say, until the default is found."""
+        return self.arcs or 1
+
+    @property
     def bend(self) -> str:
         """Name of what bends: of the backbone that it is an arc of, or its own."""
         return self.name.removesuffix(arc_suffix(self.arc)) if self.arc else self.name
@@ -196,7 +201,7 @@ class Joint(FileTable):
                 needed = "is missing" if is_continuum else f"is given, but a {self.mechanism} has no backbone"
                 raise ArgumentError(f"{key} {needed}; it must be {'given' if is_continuum else 'left out'}", key=key)
         bends = is_continuum and self.place == "tip"
-        arcs = self.arcs or 1
+        arcs = self.arc_count
         if arcs > 1 and not (bends and arcs % 2 == 0) and not self.is_twist:
             raise ArgumentError(
                 f"arcs is {arcs}; it must be 1 or an even number, for a continuum at the tip", key="arcs"

@@ -126,7 +126,7 @@ class Outcome:
         self._known += known.size
         for value in dict.fromkeys(known.tolist()):
             self._states[value] = self._states.get(value, 0) + int(np.count_nonzero(known == value))
-        masks = np.bitwise_or.reduce(np.nan_to_num(run.by_column("faults")).astype(np.int64), axis=1)
+        masks = _fault_bits(run)
         if masks.any():
             for bit, name in enumerate(self._names):
                 rows = np.flatnonzero(masks >> bit & 1)
@@ -257,7 +257,7 @@ class Seen:
         return self
 
     def _add_faults(self, run: Run) -> None:
-        masks = np.bitwise_or.reduce(np.nan_to_num(run.by_column("faults")).astype(np.int64), axis=1)
+        masks = _fault_bits(run)
         if self._bits or masks.any():
             for bit, name in enumerate(FAULTS):
                 rises = np.flatnonzero(np.diff(masks >> bit & 1, prepend=self._bits >> bit & 1) == 1)
@@ -265,6 +265,12 @@ class Seen:
                     time, count = self.rises.get(name, (float(run.time[rises[0]]), 0))
                     self.rises[name] = (time, count + rises.size)
         self._bits = int(masks[-1])
+
+
+def _fault_bits(run: Run) -> NDArray[np.int64]:
+    """Return the faults of all axes in each row, as bits, (n,)."""
+    bits: NDArray[np.int64] = np.bitwise_or.reduce(np.nan_to_num(run.by_column("faults")).astype(np.int64), axis=1)
+    return bits
 
 
 def _tip_force(run: Run) -> dict[str, str]:

@@ -1,6 +1,7 @@
 """Summaries: the contents of a recording, and the outcome of a run."""
 
 from collections.abc import Iterator
+from itertools import chain
 from math import degrees, isnan
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -48,21 +49,21 @@ def read(path: str | Path, progress: Progress | None = None) -> Summary:
         As :meth:`Recording.open`.
     """
     blocks = Blocks(path, progress=progress)
-    seen, names = None, None
-    for run in blocks:
-        seen = _seen(blocks.recording(run)) if seen is None else seen
-        names = run.names
+    runs = iter(blocks)
+    first = next(runs)
+    seen = _seen(blocks.recording(first))
+    for run in chain([first], runs):
         seen.add(run)
-    if seen is None or names is None:
-        return of(Recording.open(path))
-    return Summary(blocks.recording(Run(np.empty(0), *names)), seen.done())
+    return Summary(blocks.recording(Run(np.empty(0), *first.names)), seen.done())
 
 
-def of(recording: Recording) -> Summary:
-    """Return what a recording holds."""
-    seen = _seen(recording)
-    seen.add(recording.run)
-    return Summary(recording, seen.done())
+def of(about: Recording | Summary) -> Summary:
+    """Return what a recording holds; a summary as it is."""
+    if isinstance(about, Summary):
+        return about
+    seen = _seen(about)
+    seen.add(about.run)
+    return Summary(about, seen.done())
 
 
 def _seen(recording: Recording) -> Seen:
@@ -75,7 +76,7 @@ def _seen(recording: Recording) -> Seen:
 
 def describe(about: Recording | Summary) -> Group:
     """Return a recording's contents, for a rich console: its origin, its topics, and the ranges of its signals."""
-    summary = of(about) if isinstance(about, Recording) else about
+    summary = of(about)
     recording = summary.recording
     parts: list[Text | Table] = []
     if recording.damage is not None:
@@ -86,7 +87,7 @@ def describe(about: Recording | Summary) -> Group:
 
 def contents(about: Recording | Summary) -> dict[str, Any]:
     """Return a recording's contents as plain values: origin, topics, ranges of the signals, and number of events."""
-    summary = of(about) if isinstance(about, Recording) else about
+    summary = of(about)
     recording = summary.recording
     signals = {
         name: {"least": least, "greatest": greatest, "unit": unit}
@@ -114,7 +115,7 @@ def contents(about: Recording | Summary) -> dict[str, Any]:
 
 def facts(about: Recording | Summary) -> dict[str, str]:
     """Return a recording's origin in words, by what is said; empty where nothing is recorded."""
-    recording, seen = of(about) if isinstance(about, Recording) else about
+    recording, seen = of(about)
     metadata = recording.metadata
     return {
         **({"file": metadata["kind"]} if "kind" in metadata else {}),

@@ -117,7 +117,7 @@ class _Route:
                     continue
                 # Of two joints of which one bends within the other, the outer one has friction and compliance of both.
                 inside = joint.within is not None
-                span = 0.0 if inside else given / (joint.arcs or 1) if given is not None else _share(joint, length)
+                span = 0.0 if inside else given / joint.arc_count if given is not None else _share(joint, length)
                 spans += span
                 name = crossing.joint
                 arm = arm_of(crossing, joint) * (1.0 if place == "handle" else -1.0)
