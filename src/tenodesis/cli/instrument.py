@@ -74,7 +74,7 @@ def check(
             raise
         values, found = _values(instrument_file, inst), implausible(inst)
         if picture:
-            _draw(picture, inst.expanded)
+            _draw(picture, instrument.in_arcs(inst, 1))
 
     def show() -> None:
         values.show()

@@ -3,6 +3,7 @@
 import numpy as np
 
 from tenodesis import kinematics, statics
+from tenodesis.instrument import FullForm, in_arcs
 from tenodesis.paper.context import Context
 from tenodesis.paper.subject import HeldState
 from tenodesis.report import routing, space
@@ -10,8 +11,8 @@ from tenodesis.report.content import Plot, Section, Table, named
 
 
 def section(context: Context) -> Section:
-    """Draw routes and postures, and list joints and tendons."""
-    inst = context.whole
+    """Draw routes and postures, and list joints and tendons, a backbone's arcs as one joint."""
+    inst = in_arcs(context.whole, 1)
     text = (
         "<p>Angles are about the axes named; yaw bends the tip toward x, pitch toward y, z points along the stem. All "
         "chapters that follow go by these joints and tendons.</p>"
@@ -22,7 +23,7 @@ def section(context: Context) -> Section:
     }
     routes = Plot("routing", f"Routes of the tendons from handle to tip, {named(inst)}.", routing.draw(inst), arms)
     plots = [routes, *(_posture(context, state) for state in context.subject.states[-1:])]
-    return Section("posture", "Joints, tendons and posture", text, plots, [_joints(context), _tendons(context)])
+    return Section("posture", "Joints, tendons and posture", text, plots, [_joints(inst), _tendons(inst)])
 
 
 def _posture(context: Context, state: HeldState) -> Plot:
@@ -37,8 +38,7 @@ def _posture(context: Context, state: HeldState) -> Plot:
     return Plot("posture", f"{named(inst)} at {context.subject.described(state)}.", figure, curves)
 
 
-def _joints(context: Context) -> Table:
-    inst = context.whole
+def _joints(inst: FullForm) -> Table:
     tips = inst.tip_joints
     on = {joint.name: "stem" if at < 0 else tips[at].name for joint, at in zip(tips, inst.parents, strict=True)}
     rows = [
@@ -56,8 +56,7 @@ def _joints(context: Context) -> Table:
     return Table("Joints", ["joint", "at", "stands on", "mechanism", "axis", "radius [mm]", "range [°]"], rows)
 
 
-def _tendons(context: Context) -> Table:
-    inst = context.whole
+def _tendons(inst: FullForm) -> Table:
     rows = [
         [tendon.name, tendon.start, " → ".join(f"{one.joint} {one.side}" for one in tendon.route),
          f"{1e-3 * stiffness:.4g}", f"{tension:.4g}"]
