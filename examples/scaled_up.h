@@ -1,7 +1,7 @@
 /* The controller of scaled-up for tenodesis_init: yaw.
  *
  * Written by tenodesis 0.1.0 from scaled-up,
- * for version 4 of the C interface:
+ * for version 5 of the C interface:
  * observer friction, law robust, actuation differential, its own clock.
  *
  * It starts as homed: only where both tendons have the pretension, and spool angles count from there.
@@ -11,7 +11,7 @@
 
 #include "tenodesis/tenodesis.h"
 
-#if TENODESIS_VERSION != 4u
+#if TENODESIS_VERSION != 5u
 #error "written for another version of the C interface: export the instrument again"
 #endif
 
@@ -48,6 +48,7 @@ static const tenodesis_parameters scaled_up = {
                 .backbone_rigidity = TENODESIS_C(0.0), /* N m^2: flexural rigidity of the backbone */
                 .handle_range = TENODESIS_C(0.7853981633974483), /* rad: largest absolute handle angle */
                 .output_stop = TENODESIS_C(1.861684535460618), /* rad: output angle at the tip's mechanical stop */
+                .tip_frequency = TENODESIS_C(56.75053606602903), /* rad/s: natural angular frequency of the straight, unloaded tip */
                 .stiffness = TENODESIS_C(11451.105222334798), /* N/m: axial stiffness of one tendon */
                 .pretension = TENODESIS_C(25.0), /* N: tension of either tendon at rest */
                 .share_sheath = TENODESIS_C(0.08), /* 1: share of a tendon's compliance from the spool to the sheath's friction */
@@ -61,68 +62,35 @@ static const tenodesis_parameters scaled_up = {
                 .sheath_bend_rate = TENODESIS_C(0.0), /* rad/rad: bend added per unit of absolute handle angle */
                 .passing_coefficient = TENODESIS_C(0.0), /* 1: friction coefficient at the joints of the axes before */
                 .spool_radius = TENODESIS_C(0.005), /* m: radius of a spool */
-                .drive_speed = TENODESIS_C(20.0), /* rad/s: largest speed at the spool */
-                .drive_acceleration = TENODESIS_C(400.0), /* rad/s^2: largest acceleration at the spool */
                 .drive_time_constant = TENODESIS_C(0.01), /* s: time constant of the speed loop */
                 .hand_play = TENODESIS_C(0.0010737865515199488), /* rad: half the play that rejects the handle encoder's noise */
                 .sheath_play = TENODESIS_C(3e-06), /* m: slip in the sheath that stands out from noise */
                 .play = TENODESIS_C(1.035437031822808e-05), /* m: slip at the handle's joint that stands out from noise */
-                .length_noise = TENODESIS_C(1.5339807878856413e-05), /* m: noise of the difference of two tendon lengths */
-                .smoothing = TENODESIS_C(0.003), /* s: time constant of the measurement filter */
                 .friction_scale_std = TENODESIS_C(0.4), /* 1: initial standard deviation of the friction scale */
                 .reference_std = TENODESIS_C(5e-06), /* m: initial standard deviation of the tendons' reference length */
                 .compliance_std = TENODESIS_C(0.25), /* 1: initial standard deviation of the compliance */
-                .forgetting = TENODESIS_C(0.05), /* 1/s^0.5: growth of these deviations, share per root second */
                 .slack_tension = TENODESIS_C(0.25), /* N: tension below which a tendon counts as slack */
                 .cell_gain_std = TENODESIS_C(0.01), /* 1: standard deviation of half the difference of the load cells' gains */
                 .bias_std = TENODESIS_C(1.6176927175975965e-05), /* m: of the tip's position by what slip does not show: constant errors of sensors, play */
-                .tremor_half_period = TENODESIS_C(0.1), /* s: longest time between two reversals of tremor */
-                .tremor_limit = TENODESIS_C(0.020943951023931952), /* rad: largest amplitude of tremor, at the handle; 0: none */
-                .tremor_memory = TENODESIS_C(1.0), /* s: time constant with which that amplitude is forgotten */
-                .tremor_smoothing = TENODESIS_C(0.004), /* s: time constant of tremor's speed */
                 .tremor_delay = TENODESIS_C(0.020475), /* s: by which the motors follow late */
                 .tremor_gain = TENODESIS_C(1.05), /* 1: gain of the speed at which they take it away */
                 .gain = TENODESIS_C(12.0), /* 1/s: gain of the tracking error */
-                .breakaway_time = TENODESIS_C(0.025), /* s: time in which friction is overcome after the hand reverses */
-                .breakaway_speed = TENODESIS_C(0.5942902239743979), /* rad/s: largest speed of the tip that breaks away */
                 .position_gain = TENODESIS_C(4.0), /* 1/s: gain of a spool's set point */
                 .dead_band = TENODESIS_C(0.0017453292519943296), /* rad: dead band of the output angle */
                 .tendon_speed = TENODESIS_C(0.05), /* m/s: largest speed of a tendon */
-                .common_speed = TENODESIS_C(0.0034931126055834367), /* m/s: least speed of a common stroke */
                 .common_stroke = TENODESIS_C(0.0008732781513958592), /* m: largest common stroke to either side */
-                .common_stroke_share = TENODESIS_C(0.4), /* 1: growth of it per stroke that keeps the tendons tight */
-                .far_lag = TENODESIS_C(15.0), /* 1: lag that is corrected first without a common stroke, in dead bands */
-                .patience = TENODESIS_C(0.3), /* s: time for which that is tried */
-                .settle_time = TENODESIS_C(0.03), /* s: time within the dead band before the motors rest */
                 .least_tension = TENODESIS_C(3.75), /* N: tension that either tendon is to keep in the stem */
                 .tension_limit = TENODESIS_C(80.0), /* N: tension above which no tendon is wound */
                 .force_limit = TENODESIS_C(2.5), /* N: tip force that the motors do not go beyond; 0: none */
                 .assistance = TENODESIS_C(1.0), /* 1: share of the lost angle that is given back */
-                .hand_travel = TENODESIS_C(0.005368932757599744), /* rad: handle travel above which the hand counts as moving */
-                .still_time = TENODESIS_C(0.1), /* s: time without motion after which it counts as still */
-                .envelope_margin = TENODESIS_C(0.017453292519943295), /* rad: output angle by which a stroke may exceed what a load explains */
-                .envelope_friction = TENODESIS_C(2.0), /* 1: largest plausible friction over the observer's */
-                .envelope_compliance = TENODESIS_C(1.3), /* 1: largest plausible compliance over the observer's */
-                .envelope_smoothing = TENODESIS_C(0.1), /* s: time constant of the bounds of a stroke */
-                .least_swing = TENODESIS_C(2.0), /* 1: tracking error by which its reversal stands out, in dead bands */
-                .stroke_swing = TENODESIS_C(2.0), /* 1: the same during a common stroke */
-                .swing_time = TENODESIS_C(0.07196531932165241), /* s: least time between two reversals: the tip itself oscillates faster */
-                .swing_memory = TENODESIS_C(2.0), /* s: time constant with which reversals are forgotten */
-                .swing_hand_travel = TENODESIS_C(0.03490658503988659), /* rad: handle travel between reversals above which the hand made them */
-                .return_rate = TENODESIS_C(4.0), /* 1/s: rate of return to the least necessary stroke, while the law may do nothing */
                 .homing_speed = TENODESIS_C(0.005), /* m/s: speed of a slack tendon */
-                .homing_gain = TENODESIS_C(8.0), /* 1/s: gain of a tight tendon's missing stretch */
                 .homing_stroke = TENODESIS_C(0.03), /* m: largest stroke before a tendon must be tight */
                 .homing_overshoot = TENODESIS_C(0.15), /* 1: overshoot before the last approach, share of the pretension */
                 .homing_tolerance = TENODESIS_C(0.004), /* 1: tolerance of the pretension, share of it */
-                .homing_settle_time = TENODESIS_C(0.1), /* s: time for which the mean tension must be within it */
-                .homing_time = TENODESIS_C(16.0), /* s: longest time of each stage */
-                .homing_least_stretch = TENODESIS_C(0.4), /* 1: share of an elastic tendon's stretch below which it is jammed */
                 .homing_jog = TENODESIS_C(0.00010471975511965977), /* m: stroke of one motor to and fro, by which the wiring is proven */
                 .homing_travel = TENODESIS_C(0.00020943951023931953), /* m: stroke by which one tendon alone may pull the tip */
                 .homing_offset = TENODESIS_C(1.4989461684154464), /* N: largest error of a cell, and difference of the tensions of a free tip */
                 .homing_notice = TENODESIS_C(0.15), /* N: change of a tension that stands out from noise */
-                .homing_gain_error = TENODESIS_C(0.12), /* 1: largest difference of the load cells' gains, share */
                 .homing_efficiency = TENODESIS_C(1.0), /* 1: of drives whose currents measure tension; 1 with load cells */
                 .homing_friction = TENODESIS_C(0.0), /* N: of such drives, beside what grows with the load */
                 .homing_play = TENODESIS_C(0.0), /* m: stroke over which that friction turns */
@@ -130,7 +98,6 @@ static const tenodesis_parameters scaled_up = {
                 .load_cell_range = TENODESIS_C(199.993896484375), /* N: largest reading of a load cell */
                 .handle_noise = TENODESIS_C(0.009203884727313847), /* rad: largest difference of two readings of a handle at rest */
                 .spool_noise = TENODESIS_C(0.003834951969714103), /* rad: the same of a spool */
-                .watch_window = TENODESIS_C(0.1), /* s: window in which slip and a motor's lag are judged */
                 .spool_jump = {TENODESIS_C(60.0), TENODESIS_C(0.0006)}, /* rad/s, s */
                 .limit =
                     {

@@ -42,7 +42,7 @@ Plant plant() {
     for (int i = 0; i < 4; ++i) tendon.stiffness[i] = own.stiffness / double(share[i]);
   set_tip(plant, 4e-4, 9e-3, 1.86, 25.8);
   set_rig(plant, 0.015, own.distal.rig_arm());
-  plant.drive = {axis.spool_radius, axis.drive_speed, axis.drive_acceleration, axis.drive_time_constant, 0};
+  plant.drive = {axis.spool_radius, scaled_up.speed_limit, scaled_up.acceleration_limit, axis.drive_time_constant, 0};
   plant.handle_encoder = plant.output_encoder = {1, 0, 0.03 * degree, -pi, pi, 2 * pi / 4096};
   for (auto& cell : plant.load_cell) cell = {1, 0, 0.03, -200, 200, 200.0 / 32768};
   plant.motor_encoder = {1, 0, 0, -1e9, 1e9, 2 * pi / 4096};

@@ -20,7 +20,7 @@ import numpy as np
 from law import RATED, differing, eased
 
 import tenodesis as tn
-from tenodesis.control import Controller, OperatingState, Request, parameters
+from tenodesis.control import TUNING, Controller, OperatingState, Request, parameters
 from tenodesis.control.controller import fault_names
 from tenodesis.instrument import Instrument
 from tenodesis.run import Run
@@ -295,12 +295,13 @@ def bound_of(work: Work, fault: FaultInjection, cut: Run | None) -> float:
     cut: the run in which a relay ends it; None: there is no relay.
     """
     own, limits = parameters(work.known).axes[0], parameters(work.known).limits[0]
+    window = TUNING["watch_window"].value
     common, speed = parameters(work.known).common, abs(fault.value)
     threshold, persistence = limits["motor_not_following"]
     # Unwound, since this has the drive alone.
     alone = Twin(work.known).run(np.zeros(round((RUN_ON + 0.1) / TIME_STEP)), spool_velocity=np.array([-speed, 0.0]))
     path = -alone["spool_angle"][:, 0]
-    strayed, kept = np.zeros(path.size), own["watch_window"] / (own["watch_window"] + TIME_STEP)
+    strayed, kept = np.zeros(path.size), window / (window + TIME_STEP)
     for n in range(1, path.size):
         strayed[n] = (strayed[n - 1] + path[n] - path[n - 1]) * kept
     late = int(np.argmax(strayed > threshold)) + round(persistence / TIME_STEP)

@@ -25,7 +25,6 @@ enum class ControlLaw : unsigned char {
 template <class S>
 struct CompensatorSettings {
   S gain{};             ///< of the tracking error, 1/s
-  S breakaway_time{};   ///< time in which friction is overcome after the hand reverses, s
   S breakaway_speed{};  ///< largest speed of the tip that breaks away, rad/s
   S position_gain{};    ///< of a spool's set point, 1/s
   S dead_band{};        ///< of the output angle, rad
@@ -33,15 +32,11 @@ struct CompensatorSettings {
   S common_speed{};     ///< least speed of a common stroke, m/s
   S common_stroke{};    ///< largest common stroke to either side of the one that keeps the tendons tight, m
   S stroke_share{};     ///< growth of it per stroke that keeps them tight
-  S far{};              ///< tracking error that is corrected first without a common stroke, in dead bands
-  S patience{};         ///< time for which that is tried, s
-  S settle_time{};      ///< time for which the tip must stay within the dead band before the motors rest, s
   S least_tension{};    ///< tension that either tendon is to keep in the stem, N
   S tension_limit{};    ///< tension above which no tendon is wound, N
   S force_limit{};      ///< tip force that the motors do not go beyond, N; 0: none
   S assistance{1};      ///< share of the lost angle that is given back
   S hand_travel{};      ///< handle travel above which the hand counts as moving, rad
-  S still_time{};       ///< time without motion after which it counts as still, s
   S tremor_delay{};     ///< by which the motors follow late, s
   S tremor_gain{};      ///< of the speed at which they take the tremor away
 };
@@ -122,35 +117,34 @@ struct Compensator {
   // at all. Where the hand goes on, against the joint's own spring, the motor lets out what it has wound.
   Winding<S> guarded(const Measurement<S>& measured, const Winding<S>& wanted) const {
     const auto guard = [&](int i, const S& speed) {
-      const S spare = S(0.97) * settings.tension_limit - measured.tension[i];
+      const S spare = (S(1) + S(tuning::near_limit)) * S(0.5) * settings.tension_limit - measured.tension[i];
       const S allowed = speed > S(0) ? speed * clamp(spare / (S(0.1) * settings.tension_limit), S(0), S(1)) : speed;
       if (!model.springs() || spare >= S(0) || wound(measured, i) <= S(0)) return allowed;
-      return smaller(allowed, limited(approach_rate / model.axis.stiffness * spare));
+      return smaller(allowed, limited(S(tuning::approach_rate) / model.axis.stiffness * spare));
     };
     return {guard(agonist, wanted.agonist), guard(antagonist, wanted.antagonist)};
   }
 
   Winding<S> within_envelope(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
                              State& state) const {
-    const bool strokes = state.phase == Phase::pull || state.phase == Phase::release;
-    const S swing = strokes ? envelope.settings.stroke_swing : envelope.settings.least_swing;
-    envelope.update(observer.tracking_error(memory),
-                    swing * (settings.dead_band * memory.arm) + S(0.5) * observer.tremor_length(memory), observer,
-                    memory, dt, state.envelope);
+    envelope.update(
+        observer.tracking_error(memory),
+        S(tuning::least_swing) * (settings.dead_band * memory.arm) + S(0.5) * observer.tremor_length(memory), observer,
+        memory, dt, state.envelope);
     const S stroke = differential_stroke(observer, memory);
     if (actuation == Actuation::agonist) {
       const Winding<S> wanted = one_motor(stroke, observer, memory, state);
       // The other motor winds only to keep its tendon tight, and lets that out again.
       const S spare = larger(wound(memory.smooth, antagonist) - dead_stroke(memory.arm), S(0));
       return {S(2) * limited(envelope.within(wanted.agonist * S(0.5), stroke, state.envelope)),
-              -smaller(envelope.settings.return_rate * spare, settings.common_speed)};
+              -smaller(S(tuning::return_rate) * spare, settings.common_speed)};
     }
     const Winding<S> wanted = two_motors(stroke, observer, memory, dt, state);
     const S allowed = envelope.within((wanted.agonist - wanted.antagonist) * S(0.5), stroke, state.envelope);
     const S common = (wanted.agonist + wanted.antagonist) * S(0.5);
     // Where one tendon is at its limit, tightening the other would take the stroke further beyond its bounds.
-    const bool at_limit =
-        larger(memory.smooth.tension[agonist], memory.smooth.tension[antagonist]) > S(0.94) * settings.tension_limit;
+    const bool at_limit = larger(memory.smooth.tension[agonist], memory.smooth.tension[antagonist]) >
+                          S(tuning::near_limit) * settings.tension_limit;
     const S along = at_limit && state.envelope.excess > S(0) ? smaller(common, S(0)) : common;
     // The motors take the hand's tremor away, as far as it is known when they follow.
     const S against = observer.trembles(memory) ? settings.tremor_gain * observer.tremor_arm() *
@@ -247,9 +241,9 @@ struct Compensator {
     state.yielding = error != missing;
     // Some of the tremor is left.
     const S tremor = observer.tremor_length(memory);
-    const S dead = dead_stroke(memory.arm) * state.tolerance + S(0.15) * tremor;
+    const S dead = dead_stroke(memory.arm) * state.tolerance + S(tuning::tremor_in_band) * tremor;
     // A tip at rest is held by friction, which strokes would break: it must be further off to be worth them.
-    const S waking = S(2) * dead + S(0.5) * tremor;
+    const S waking = S(tuning::waking) * dead + S(0.5) * tremor;
     // A tremor turns the contacts at the handle to and fro, whatever the strokes do.
     const bool trembles = observer.trembles(memory);
     const bool moving = detect_hand_motion(memory.intent.angle, trembles, dt, state);
@@ -268,12 +262,13 @@ struct Compensator {
     if (moving && error * state.hand > dead) {
       // The hand has reversed and friction holds the tip: the friction is overcome before the tip stays behind, but not
       // so fast that the tip leaps.
-      const S speed = observer.breakaway(memory, state.hand) / settings.breakaway_time;
+      const S speed = observer.breakaway(memory, state.hand) / S(tuning::breakaway_time);
       differential = differential + state.hand * gain_factor * smaller(speed, settings.breakaway_speed * memory.arm);
     }
-    if (state.correcting) differential = differential + gain_factor / correction_time * (state.goal - stroke);
+    if (state.correcting)
+      differential = differential + gain_factor / S(tuning::correction_time) * (state.goal - stroke);
     // Into what is left of the force as fast as the tip may break away, out of it as the error is corrected.
-    const S inward = S(1) / settings.breakaway_time;
+    const S inward = S(1) / S(tuning::breakaway_time);
     differential = clamp(differential, (room.least < S(0) ? inward : settings.gain) * room.least,
                          (room.most > S(0) ? inward : settings.gain) * room.most);
     if (begins) begin(strokes, stroke, missing, dead, observer, memory, state);
@@ -281,8 +276,9 @@ struct Compensator {
       // A load may still grow.
       if (strokes) state.reach = larger(state.reach, abs(missing) + dead);
       const S left = state.goal - stroke;
-      differential = differential > S(0) ? smaller(differential, approach_rate * larger(left + state.reach, S(0)))
-                                         : larger(differential, approach_rate * smaller(left - state.reach, S(0)));
+      differential = differential > S(0)
+                         ? smaller(differential, S(tuning::approach_rate) * larger(left + state.reach, S(0)))
+                         : larger(differential, S(tuning::approach_rate) * smaller(left - state.reach, S(0)));
     }
     if (!strokes) {
       // A moving hand may need more tension to keep the looser tendon tight, and must not wait for it until it rests.
@@ -296,22 +292,14 @@ struct Compensator {
       differential = differential + uneven;
       state.goal = state.goal + uneven * dt;
     }
-    differential = clamp(differential, -most_share * settings.speed, most_share * settings.speed);
+    differential = clamp(differential, -S(tuning::differential_share) * settings.speed,
+                         S(tuning::differential_share) * settings.speed);
     // On target a stroke continues slowly until the tip has come to rest there.
-    const S least = state.near > S(0) ? settings.common_speed * S(0.25) : settings.common_speed;
-    const S along = larger(least, abs(differential) / most_share) * (state.phase == Phase::pull ? S(1) : S(-1));
+    const S least = state.near > S(0) ? settings.common_speed * S(tuning::slow_stroke) : settings.common_speed;
+    const S along =
+        larger(least, abs(differential) / S(tuning::differential_share)) * (state.phase == Phase::pull ? S(1) : S(-1));
     return {along + differential, along - differential};
   }
-
-  static constexpr S long_rest = S(1);        // s
-  static constexpr S correction_time = S(1);  // s, at most
-  // At which the differential stroke may approach its bounds, 1/s.
-  static constexpr S approach_rate = S(30);
-  static constexpr int most_turns = 4, few_turns = 2;
-  static constexpr S growth = S(1.5), most_tolerance = S(3);
-
-  // Largest share of the differential speed in the common one: neither tendon may reverse.
-  static constexpr S most_share = S(0.8);
 
   // A hand counts as moving once it has travelled further than noise does, until it has been still for a while.
   bool detect_hand_motion(const S& handle_angle, bool trembles, const S& dt, State& state) const {
@@ -324,9 +312,9 @@ struct Compensator {
       state.stepped_angle = handle_angle;
       state.still = S(0);
     } else {
-      state.still = smaller(state.still + dt, settings.still_time);
+      state.still = smaller(state.still + dt, S(tuning::still_time));
     }
-    if (state.still >= settings.still_time) {
+    if (state.still >= S(tuning::still_time)) {
       state.held_angle = handle_angle;
       state.moving = false;
     } else if (abs(handle_angle - state.held_angle) > settings.hand_travel) {
@@ -365,15 +353,15 @@ struct Compensator {
     const bool loose =
         settings.least_tension > smaller(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]);
     const bool tight = larger(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]) >
-                       S(0.94) * settings.tension_limit;
+                       S(tuning::near_limit) * settings.tension_limit;
     // Noise that crosses the band's edge for a tick must not begin the time anew.
-    state.near =
-        abs(error) < dead ? smaller(state.near + dt, settings.settle_time + dt) : larger(state.near - S(3) * dt, S(0));
-    const bool near = state.near > settings.settle_time;
+    state.near = abs(error) < dead ? smaller(state.near + dt, S(tuning::settle_time) + dt)
+                                   : larger(state.near - S(3) * dt, S(0));
+    const bool near = state.near > S(tuning::settle_time);
     // What no stroke can show must not keep the motors awake.
-    const bool sure =
-        near && (share * share * memory.position_variance < S(9) * dead * dead || state.turns > most_turns);
-    const bool far = abs(error) > settings.far * dead;
+    const bool sure = near && (share * share * memory.position_variance < square(S(tuning::outlier) * dead) ||
+                               S(state.turns) > S(tuning::most_turns));
+    const bool far = abs(error) > S(tuning::far) * dead;
     const bool steady = Envelope<A>::steady(state.envelope);
     state.since = smaller(state.since + dt, S(10));
     if (moving || (far && state.phase == Phase::rest && abs(error) > waking)) return turn(Phase::track, state);
@@ -382,16 +370,16 @@ struct Compensator {
         if (state.correcting) {
           const S left = state.goal - differential;
           const bool there = error * left < S(0) || abs(left) < S(0.5) * dead || state.near > S(0.01);
-          if (state.since > (there ? S(0.002) : correction_time)) turn(Phase::pull, state);
+          if (state.since > (there ? S(0.002) : S(tuning::correction_time))) turn(Phase::pull, state);
           return;
         }
-        if (near && (trembles || (sure && unseen < S(4) * dead))) return turn(Phase::rest, state);
+        if (near && (trembles || (sure && unseen < S(tuning::unseen) * dead))) return turn(Phase::rest, state);
         if (loose && tight) return;
-        if (steady && (!far || state.since > settings.patience))
+        if (steady && (!far || state.since > S(tuning::patience)))
           turn(above > S(0) && !loose ? Phase::release : Phase::pull, state);
         return;
       case Phase::rest:
-        if (steady && (abs(error) > waking || (!trembles && unseen > S(4) * dead)))
+        if (steady && (abs(error) > waking || (!trembles && unseen > S(tuning::unseen) * dead)))
           turn(next_stroke(above, stroke, loose, state), state);
         return;
       case Phase::pull:
@@ -417,7 +405,7 @@ struct Compensator {
   // An error soon after a stroke is its remainder: continuing the same way spares the tip a reversal of its friction.
   Phase next_stroke(const S& above, const S& stroke, bool loose, const State& state) const {
     if (loose) return Phase::pull;
-    const bool soon = state.since < settings.patience;
+    const bool soon = state.since < S(tuning::patience);
     if (soon && abs(above) < stroke) return state.stroke;
     return above > S(0) ? Phase::release : Phase::pull;
   }
@@ -427,8 +415,9 @@ struct Compensator {
   void turn_back(Phase phase, const S& short_of, bool close, State& state) const {
     turn(phase, state);
     state.short_of = short_of;
-    if (++state.turns > (close ? few_turns : most_turns))
-      state.tolerance = smaller(state.tolerance * growth, most_tolerance);
+    ++state.turns;
+    if (S(state.turns) > (close ? S(tuning::few_turns) : S(tuning::most_turns)))
+      state.tolerance = smaller(state.tolerance * S(tuning::tolerance_growth), S(tuning::most_tolerance));
   }
 
   // The tip is known, and friction at its joint is least at the end of a release: it is overcome without a stroke, and
@@ -448,7 +437,8 @@ struct Compensator {
       state.goal = stroke;
       state.reach = abs(missing) + dead + S(0.5) * observer.breakaway(memory, way);
     } else if (state.correcting) {
-      state.goal = stroke + missing + way * S(1.3) * settings.assistance * observer.breakaway(memory, way);
+      state.goal = stroke + missing +
+                   way * S(tuning::correction_over_breakaway) * settings.assistance * observer.breakaway(memory, way);
       state.reach = S(0);
     }
   }
@@ -456,7 +446,7 @@ struct Compensator {
   static void turn(Phase phase, State& state) {
     state.correcting = false;
     // A new load has woken the motors, rather than their own last stroke: the full accuracy applies again.
-    if (phase == Phase::track || (state.phase == Phase::rest && state.since > long_rest)) {
+    if (phase == Phase::track || (state.phase == Phase::rest && state.since > S(tuning::long_rest))) {
       state.tolerance = S(1);
       state.turns = 0;
     }

@@ -10,29 +10,24 @@
 
 namespace tenodesis {
 
-/// Standard deviation of the share before the handle's joint, at the start.
-template <Real S>
-inline constexpr S share_std = S(0.25);
-
 /// Corrects the shares by a measurement; moved: what a tendon seems to have moved at the handle's joint, where it
 /// sticks, m.
 template <class A, class S>
 void correct_shares(const ControlModel<A>& model, const FrictionSettings<S>& settings, const TendonMemory<S>& one,
                     const S& moved, FrictionMemory<S>& memory) {
-  // Standard deviation of a measurement, relative.
-  const auto error = S(0.05);
   const S first = one.tension[0] - one.reversal.tension[0];
-  if (abs(first) < S(2.5) * settings.slack_below) return;
+  if (abs(first) < S(tuning::share_tension) * settings.slack_below) return;
   S* const share = memory.share;
   const S before = share[0] + share[1];
   const S stretched = memory.compliance * (share[0] * first + share[1] * (one.tension[1] - one.reversal.tension[1]));
   const S by = stretched / before;
-  const S unsure = memory.covariance[2][2] / (memory.compliance_scale * memory.compliance_scale) + error * error;
+  const S unsure =
+      memory.covariance[2][2] / (memory.compliance_scale * memory.compliance_scale) + square(S(tuning::share_error));
   const S noise = settings.length_noise * settings.length_noise + stretched * stretched * unsure;
   const S spread = by * by * memory.share_variance + noise;
-  if (moved * moved > S(9) * spread) return;
+  if (moved * moved > square(S(tuning::outlier)) * spread) return;
   const S least = S(0.5) * (model.share[0] + model.share[1]);
-  const S most = S(2) * least + S(0.6) * model.share[2];
+  const S most = S(2) * least + S(0.5) * model.share[2];
   // So steep only where the tendon slips at the joint, friction being less than assumed.
   if (before + moved / by > most) return;
   const S found = clamp(before + by * memory.share_variance * moved / spread, least, most);
@@ -54,9 +49,6 @@ void correct_shares(const ControlModel<A>& model, const FrictionSettings<S>& set
 template <class A, class S>
 void learn_shares(const ControlModel<A>& model, const FrictionSettings<S>& settings, const S* position,
                   FrictionMemory<S>& memory) {
-  // Exponent of the change of tension since a reversal, over the contacts' own: from where the sheath slips, even if
-  // its friction is assumed too low, up to where the handle's joint does not slip yet, even if its is assumed too high.
-  const auto from_sheath = S(3), to_handle = S(1.2);
   for (int i = 0; i < 2; ++i) {
     auto& one = memory.tendon[i];
     auto& since = one.reversal;
@@ -67,8 +59,8 @@ void learn_shares(const ControlModel<A>& model, const FrictionSettings<S>& setti
     }
     // Before the sheath slips, the tension beyond it is not known well enough.
     if ((one.tension[0] - one.tension[1]) * since.direction < S(0)) continue;
-    const S begin = from_sheath * memory.nominal[0];
-    const S end = to_handle * smaller(memory.scale, S(1)) * (memory.nominal[0] + memory.nominal[1]);
+    const S begin = S(tuning::from_sheath) * memory.nominal[0];
+    const S end = S(tuning::to_handle) * smaller(memory.scale, S(1)) * (memory.nominal[0] + memory.nominal[1]);
     if (since.stick == Stick::all) {
       if (!since.beyond(one.tension[0], small_exp(begin))) continue;
       const bool late = begin > end || since.beyond(one.tension[0], small_exp(end));

@@ -16,16 +16,8 @@ namespace tenodesis {
 
 template <class S>
 struct EnvelopeSettings {
-  S margin{};        ///< of the differential stroke beyond its bounds, m
-  S friction{};      ///< largest plausible friction over the observer's
-  S compliance{};    ///< largest plausible compliance over the observer's
-  S smoothing{};     ///< time constant of the bounds, s
-  S least_swing{};   ///< tracking error by which a reversal stands out, in dead bands
-  S stroke_swing{};  ///< the same during a common stroke
-  S swing_time{};    ///< least time between two reversals, s: the tip itself oscillates faster
-  S forgetting{};    ///< rate at which reversals are forgotten, 1/s
-  S hand_travel{};   ///< handle travel between two reversals above which the hand has made them, rad
-  S return_rate{};   ///< rate at which spools return while the law's gain is zero, 1/s
+  S margin{};      ///< of the differential stroke beyond its bounds, m
+  S swing_time{};  ///< least time between two reversals, s: the tip itself oscillates faster
 };
 
 /// What the law may do at present.
@@ -68,45 +60,38 @@ struct Envelope {
   }
 
   /// Whether the tracking error is steady enough for common strokes, which free what friction holds.
-  static bool steady(const State& state) { return state.reversals <= few_reversals; }
+  static bool steady(const State& state) { return state.reversals <= S(tuning::few_reversals); }
 
   /// Differential speed that leads a law back whose gain is zero, m/s; differential: the present differential stroke,
   /// m; assistance: share of a loss that is given back.
   S returning(const S& differential, const S& assistance, const FrictionObserver<A>& observer,
               const FrictionMemory<S>& memory) const {
     const S lost = observer.measured_loss(memory);
-    const S hidden = observer.hidden_loss(memory, proven_friction);
+    const S hidden = observer.hidden_loss(memory, S(tuning::proven_friction));
     const S proven = lost > S(0) ? larger(lost - hidden, S(0)) : smaller(lost + hidden, S(0));
-    return settings.return_rate * (assistance * proven - differential);
+    return S(tuning::return_rate) * (assistance * proven - differential);
   }
 
   /// A differential speed within the bounds, m/s.
   S within(const S& speed, const S& differential, State& state) const {
-    const S allowed =
-        clamp(speed, approach_rate * (state.low - differential), approach_rate * (state.high - differential));
+    const S allowed = clamp(speed, S(tuning::approach_rate) * (state.low - differential),
+                            S(tuning::approach_rate) * (state.high - differential));
     state.bounded = allowed != speed;
     state.excess = state.loose ? S(0) : larger(larger(differential - state.high, state.low - differential), S(0));
     return allowed;
   }
 
  private:
-  // Reversals after which the law begins to lose its gain, and after which it has none.
-  static constexpr S few_reversals = S(3), many_reversals = S(5);
-  // Over that of the observer: friction that such a return does not rely on.
-  static constexpr S proven_friction = S(1.5);
-  // At which the differential stroke may approach its bounds, 1/s.
-  static constexpr S approach_rate = S(30);
-
   void follow_bounds(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
                      State& state) const {
     const S lost = observer.measured_loss(memory);
     // What a slack tendon would have to let out does not show in its tension.
     state.loose = observer.loose(memory);
     const S slack = state.loose ? model.axis.pretension / model.axis.stiffness : S(0);
-    const S hidden = observer.hidden_loss(memory, settings.friction) + slack;
-    const S high = settings.compliance * larger(lost + hidden, S(0)) + settings.margin;
-    const S low = settings.compliance * smaller(lost - hidden, S(0)) - settings.margin;
-    const S share = state.started ? dt / (settings.smoothing + dt) : S(1);
+    const S hidden = observer.hidden_loss(memory, S(tuning::envelope_friction)) + slack;
+    const S high = S(tuning::envelope_compliance) * larger(lost + hidden, S(0)) + settings.margin;
+    const S low = S(tuning::envelope_compliance) * smaller(lost - hidden, S(0)) - settings.margin;
+    const S share = state.started ? dt / (S(tuning::envelope_smoothing) + dt) : S(1);
     state.started = true;
     state.high = state.high + (high - state.high) * share;
     state.low = state.low + (low - state.low) * share;
@@ -114,15 +99,15 @@ struct Envelope {
 
   void count_reversals(const S& threshold, const S& handle_angle, const S& dt, State& state) const {
     const S& error = state.error;
-    state.reversals = state.reversals - state.reversals * dt * settings.forgetting;
+    state.reversals = state.reversals - state.reversals * dt / S(tuning::swing_memory);
     state.since = smaller(state.since + dt, S(100));
     if ((error - state.extreme) * state.direction > S(0)) {
       state.extreme = error;
     } else if ((state.extreme - error) * state.direction > threshold) {
       // A tip that friction holds stays behind by what the hand has drawn, and by no more.
       const S excursion = abs(model.excursion(handle_angle) - model.excursion(state.handle_angle));
-      const bool by_hand = abs(handle_angle - state.handle_angle) >= settings.hand_travel &&
-                           abs(state.extreme - state.reversed) <= S(1.25) * excursion;
+      const bool by_hand = abs(handle_angle - state.handle_angle) >= S(tuning::swing_hand_travel) &&
+                           abs(state.extreme - state.reversed) <= S(tuning::swing_of_hand) * excursion;
       if (!by_hand && state.since >= settings.swing_time) state.reversals = state.reversals + S(1);
       state.since = S(0);
       state.direction = -state.direction;
@@ -130,8 +115,8 @@ struct Envelope {
       state.extreme = error;
       state.handle_angle = handle_angle;
     }
-    state.gain_factor =
-        clamp((many_reversals - state.reversals) * (S(1) / (many_reversals - few_reversals)), S(0), S(1));
+    state.gain_factor = clamp(
+        (S(tuning::many_reversals) - state.reversals) / S(tuning::many_reversals - tuning::few_reversals), S(0), S(1));
   }
 };
 

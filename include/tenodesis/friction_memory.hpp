@@ -7,13 +7,6 @@
 
 namespace tenodesis {
 
-/// Bounds of the friction scale: there may be hardly any friction; a sheath may be bent ten times as far as assumed,
-/// and a drifting load cell looks like more.
-template <Real S>
-inline constexpr S least_scale = S(0.05);
-template <Real S>
-inline constexpr S most_scale = S(12);
-
 /// State of the friction observer for one tendon.
 template <class S>
 struct TendonMemory {
@@ -66,11 +59,10 @@ struct FrictionSettings {
   S scale_std{};       ///< of the friction scale at the start
   S reference_std{};   ///< m
   S compliance_std{};  ///< of the compliance at the start
-  S forgetting{};      ///< growth of the three deviations, share of their start per root second
   S slack_below{};     ///< tension below which a tendon counts as slack, N
   S gain_std{};        ///< of the gain error at the start
   S bias_std{};        ///< of the tip's position by constant errors of cells and handle encoder, and the play, m
-  IntentSettings<S> intent{};
+  S tremor_play{};     ///< half the width of the handle encoder's noise, rad
 };
 
 }  // namespace tenodesis

@@ -10,6 +10,7 @@
 
 #include "tenodesis/fault.hpp"
 #include "tenodesis/homing_state.hpp"
+#include "tenodesis/tuning.hpp"
 
 namespace tenodesis {
 
@@ -99,15 +100,7 @@ struct Homing {
  private:
   // Times, s: in which jogs listen, turn, and wait in addition to the drive's own time; in which a tip comes to rest.
   static constexpr S listen = S(0.02), turn = S(0.025), wait = S(0.015), pause = S(0.15);
-  // Shares of the pretension: the tension by which the wiring is proven, and at which the stretch is judged; the fall
-  // of the mean tension, and what is left, when a tendon breaks.
-  static constexpr S proof = S(0.25), judged_at = S(0.8), sudden = S(0.07), empty = S(0.05);
-  // Share of the noticed tension that an answer to a jog must exceed: it is a mean over many readings.
-  static constexpr S answer_share = S(0.25);
-  // Smallest slope of tension by stroke, over the nominal one; the largest follows from least_stretch.
-  static constexpr S least_slope = S(0.45);
-
-  S flat() const { return answer_share * settings.notice; }
+  S flat() const { return S(tuning::homing_answer) * settings.notice; }
   // Speeds: of tight tendons, by their stretch, and of one that may pull the tip or is almost slack.
   S brisk() const { return S(2) * model.axis.pretension / model.axis.stiffness; }
   S creep() const { return smaller(settings.travel * S(5), settings.speed * S(0.5)); }
@@ -130,7 +123,7 @@ struct Homing {
   // Both spools at one speed; what separates them nevertheless is wound back.
   Winding<S> together(const S& speed, const State& state) const {
     const S apart = (wound(0, state) - wound(1, state)) * S(0.5);
-    const S back = abs(apart) > settings.jog * S(0.25) ? settings.gain * apart : S(0);
+    const S back = abs(apart) > settings.jog * S(0.25) ? S(tuning::homing_gain) * apart : S(0);
     return {speed - back, speed + back};
   }
 
@@ -180,7 +173,8 @@ struct Homing {
     const S fallen = state.before - now, out = state.before_at - common(state);
     state.before = state.before - fallen * quick;
     state.before_at = state.before_at - out * quick;
-    return fallen > sudden * model.axis.pretension + S(2) * settings.drive.uncertainty(model.axis.pretension) +
+    return fallen > S(tuning::homing_sudden) * model.axis.pretension +
+                        S(2) * settings.drive.uncertainty(model.axis.pretension) +
                         S(2) * larger(out, S(0)) * model.axis.stiffness / model.share[0];
   }
 
@@ -319,7 +313,8 @@ struct Homing {
       return {};
     }
     // A reading that no longer falls is not its tendon's: that is slack, and the other may hold a load alone.
-    const S noticed = settings.drive.has_friction() ? settings.notice / (model.axis.stiffness * least_slope) : S(0);
+    const S noticed =
+        settings.drive.has_friction() ? settings.notice / (model.axis.stiffness * S(tuning::homing_least_slope)) : S(0);
     const S silent = larger(S(0.6) * settings.travel, noticed);
     for (int i = 0; i < 2; ++i) {
       if (!state.eased || state.tension[i] < state.fallen[i] - settings.notice) {
@@ -329,7 +324,7 @@ struct Homing {
       if (state.fallen_at[i] - common(state) > silent) return start_jogs(slacken, state);
     }
     state.eased = true;
-    const S fast = settings.gain * (least - settings.offset * S(0.5)) / model.axis.stiffness;
+    const S fast = S(tuning::homing_gain) * (least - settings.offset * S(0.5)) / model.axis.stiffness;
     return together(-clamp(fast, creep() * S(0.1), brisk()), state);
   }
 
@@ -348,7 +343,7 @@ struct Homing {
       const HomingFailure failure = state.failure;
       return stop(failure.reason, failure.tendon, state);
     }
-    return together(clamp(settings.gain * missing, creep() * S(0.1), brisk()), state);
+    return together(clamp(S(tuning::homing_gain) * missing, creep() * S(0.1), brisk()), state);
   }
 
   void begin_to_tighten(State& state) const {
@@ -361,7 +356,7 @@ struct Homing {
     const S at = common(state);
     // A tight tendon would be noticed within this stroke: one that is not was slack, and what its cell read is its
     // offset.
-    const S silent = S(2) * settings.notice / (model.axis.stiffness * least_slope);
+    const S silent = S(2) * settings.notice / (model.axis.stiffness * S(tuning::homing_least_slope));
     for (int i = 0; i < 2; ++i) {
       if (state.tension[i] < -settings.offset) return stop(cell_reversed, i, state);
       if (state.tight[i] || state.tension[i] - state.base[i] < settings.notice) continue;
@@ -375,7 +370,8 @@ struct Homing {
     }
     if (!state.tight[0] || !state.tight[1]) return pull_one(at - state.stroke, state);
     if (!state.taut) mark_taut(state);
-    if (state.tension[looser(state)] > S(0.8) * proof * pretension || mean(state) > S(2) * proof * pretension) {
+    if (state.tension[looser(state)] > S(0.8) * S(tuning::homing_proof) * pretension ||
+        mean(state) > S(2) * S(tuning::homing_proof) * pretension) {
       state.mean_before = mean(state);
       state.imbalance_before = imbalance(state);
       if (!state.proven) return start_jogs(tighten, state);
@@ -383,9 +379,10 @@ struct Homing {
       return {};
     }
     const S stretched = at - state.stroke - settings.travel - reach(state);
-    if (stretched * model.axis.stiffness * least_slope > proof * pretension)
+    if (stretched * model.axis.stiffness * S(tuning::homing_least_slope) > S(tuning::homing_proof) * pretension)
       return stop(tendon_broken, looser(state), state);
-    const S fast = settings.gain * (S(1.5) * proof * pretension - mean(state)) / model.axis.stiffness;
+    const S fast =
+        S(tuning::homing_gain) * (S(1.5) * S(tuning::homing_proof) * pretension - mean(state)) / model.axis.stiffness;
     return together(clamp(fast, smaller(creep(), brisk()), brisk()), state);
   }
 
@@ -451,13 +448,13 @@ struct Homing {
   Winding<S> regulate(const S& dt, State& state) const {
     const S pretension = model.axis.pretension;
     for (int i = 0; i < 2; ++i)
-      if (state.tension[i] < empty * pretension) return stop(tendon_broken, i, state);
-    if (!state.judged && mean(state) > judged_at * pretension) judge_stretch(state);
+      if (state.tension[i] < S(tuning::hanging) * pretension) return stop(tendon_broken, i, state);
+    if (!state.judged && mean(state) > S(tuning::homing_judged) * pretension) judge_stretch(state);
     const S load = imbalance(state) - state.gain_difference * mean(state);
     if (state.judged && abs(load) > S(2) * settings.offset) fail(tip_loaded, no_tendon, state);
     if (state.stage == failed) return {};
     const S missing = goal(state) - mean(state);
-    S speed = clamp(settings.gain * missing / model.axis.stiffness, -brisk(), brisk());
+    S speed = clamp(S(tuning::homing_gain) * missing / model.axis.stiffness, -brisk(), brisk());
     bool near = abs(missing) <= settings.tolerance * pretension;
     // By currents, a drive that turns back shows nothing at first, and may wind too much meanwhile.
     if (settings.drive.has_friction()) {
@@ -473,7 +470,7 @@ struct Homing {
     }
     state.settled = near ? state.settled + dt : S(0);
     // Of two axes, the first one done holds its tension until the other is.
-    if (state.stage != done && state.settled >= settings.settle_time)
+    if (state.stage != done && state.settled >= S(tuning::homing_settle_time))
       go(HomingStage(static_cast<unsigned char>(state.stage) + 1), state);
     return together(speed, state);
   }
@@ -489,10 +486,11 @@ struct Homing {
     state.gain_difference = (imbalance(state) - state.imbalance_before) / (mean(state) - state.mean_before);
     const S constant = imbalance(state) - state.gain_difference * mean(state);
     const int steeper = slope[0] > slope[1] ? 0 : 1;
-    if (abs(state.gain_difference) > settings.gain_error) return fail(cell_gains_apart, 1 - steeper, state);
-    if (slope[steeper] * settings.least_stretch > S(1)) return fail(tendon_jammed, steeper, state);
+    if (abs(state.gain_difference) > S(tuning::homing_gain_error)) return fail(cell_gains_apart, 1 - steeper, state);
+    if (slope[steeper] * S(tuning::homing_least_stretch) > S(1)) return fail(tendon_jammed, steeper, state);
     if (abs(constant) > S(1.5) * settings.offset) return fail(tip_loaded, no_tendon, state);
-    if (slope[0] < least_slope || slope[1] < least_slope) return fail(stiffness_wrong, no_tendon, state);
+    if (slope[0] < S(tuning::homing_least_slope) || slope[1] < S(tuning::homing_least_slope))
+      return fail(stiffness_wrong, no_tendon, state);
   }
 };
 

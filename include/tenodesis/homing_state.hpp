@@ -46,21 +46,17 @@ struct HomingFailure {
 
 template <class S>
 struct HomingSettings {
-  S speed{};          ///< of slack tendons, m/s
-  S gain{};           ///< of a missing stretch, 1/s
-  S most_stroke{};    ///< largest stroke before a tendon must be tight, m
-  S overshoot{};      ///< before the last approach, share of the pretension
-  S tolerance{};      ///< of the mean tension, share of the pretension
-  S settle_time{};    ///< time for which it must be within the tolerance, s
-  S most_time{};      ///< of each stage, s
-  S least_stretch{};  ///< share of an elastic tendon's stretch below which it is jammed
-  S jog{};            ///< stroke of one motor to and fro, m
-  S travel{};         ///< stroke by which one tendon alone may pull the tip, m
-  S offset{};         ///< largest error of a cell, and difference of the tensions of a free tip, N
-  S notice{};         ///< change of a tension that stands out from noise, N
-  S gain_error{};     ///< largest difference of the cells' gains, share
-  S hand_travel{};    ///< handle travel above which the hand counts as moving, rad
-  S drive_time{};     ///< time constant of the drives, s
+  S speed{};        ///< of slack tendons, m/s
+  S most_stroke{};  ///< largest stroke before a tendon must be tight, m
+  S overshoot{};    ///< before the last approach, share of the pretension
+  S tolerance{};    ///< of the mean tension, share of the pretension
+  S most_time{};    ///< of each stage, s
+  S jog{};          ///< stroke of one motor to and fro, m
+  S travel{};       ///< stroke by which one tendon alone may pull the tip, m
+  S offset{};       ///< largest error of a cell, and difference of the tensions of a free tip, N
+  S notice{};       ///< change of a tension that stands out from noise, N
+  S hand_travel{};  ///< handle travel above which the hand counts as moving, rad
+  S drive_time{};   ///< time constant of the drives, s
   HomingDrive<S> drive{};
   S rest_time{};  ///< for which readings are averaged at first, s
 

@@ -6,18 +6,9 @@
 // large the tremor is, and a play as wide as that takes it away. A play, unlike a filter, does not delay slow motion:
 // by as much as it is wide, and by nothing when there is no tremor.
 
-#include "tenodesis/scalar.hpp"
+#include "tenodesis/tuning.hpp"
 
 namespace tenodesis {
-
-template <class S>
-struct IntentSettings {
-  S half_period{};  ///< longest time between two reversals of tremor, s
-  S limit{};        ///< largest amplitude of tremor, rad
-  S play{};         ///< half the width of the noise, rad
-  S memory{};       ///< time constant with which the amplitude is forgotten, s
-  S smoothing{};    ///< time constant of tremor's speed, s
-};
 
 template <class S>
 struct IntentState {
@@ -51,41 +42,39 @@ struct IntentState {
   }
 };
 
-/// Follows the handle, whose angle's noise is within the play.
+/// Follows the handle; play: half the width of its angle's noise, rad.
 template <class S>
-void follow(const IntentSettings<S>& settings, const S& handle_angle, const S& dt, IntentState<S>& state) {
+void follow(const S& play, const S& handle_angle, const S& dt, IntentState<S>& state) {
   // Nothing that a hand does reverses more quickly, and motors could not follow it.
-  const S quickest = S(0.36) * settings.half_period;
-  // Successive swings of a hand differ.
-  const auto spare = S(1.2);
-  const bool fast = state.since < settings.half_period;
+  const S quickest = S(tuning::tremor_quickest) * S(tuning::tremor_half_period);
+  const bool fast = state.since < S(tuning::tremor_half_period);
   state.since = smaller(state.since + dt, S(10));
-  state.amplitude = state.amplitude - state.amplitude * (dt / settings.memory);
+  state.amplitude = state.amplitude - state.amplitude * (dt / S(tuning::tremor_memory));
   const S onward = (handle_angle - state.extreme) * state.direction;
   if (onward > S(0)) {
     state.extreme = handle_angle;
-  } else if (-onward > settings.play) {
+  } else if (-onward > play) {
     // What the hand means to do makes every other swing longer, and one alone is no tremor.
     const S swing = abs(state.extreme - state.reversed);
     const S amplitude = smaller(S(0.25) * (swing + state.swing), S(0.75) * smaller(swing, state.swing));
     state.swing = fast ? swing : S(0);
-    if (fast && state.since > quickest && amplitude > settings.play * S(0.75)) {
-      state.amplitude = smaller(larger(state.amplitude, spare * amplitude), settings.limit);
-      state.pulsation = state.pulsation + (S(pi) / state.since - state.pulsation) * S(0.2);
+    if (fast && state.since > quickest && amplitude > play * S(0.75)) {
+      state.amplitude = smaller(larger(state.amplitude, S(tuning::tremor_spare) * amplitude), S(tuning::tremor_limit));
+      state.pulsation = state.pulsation + (S(pi) / state.since - state.pulsation) * S(tuning::tremor_pulsation);
     }
     state.reversed = state.extreme;
     state.extreme = handle_angle;
     state.direction = -state.direction;
     state.since = S(0);
   }
-  if (fast && state.amplitude > settings.play) {
+  if (fast && state.amplitude > play) {
     const S middle = (state.extreme + state.reversed) * S(0.5);
-    state.angle = state.angle + (middle - state.angle) * (dt / settings.memory);
+    state.angle = state.angle + (middle - state.angle) * (dt / S(tuning::tremor_memory));
   }
-  const S width = larger(state.amplitude, settings.play);
+  const S width = larger(state.amplitude, play);
   state.angle = clamp(state.angle, handle_angle - width, handle_angle + width);
-  const S tremor = state.amplitude > settings.play ? handle_angle - state.angle : S(0);
-  const S rate = S(1) / (settings.smoothing + dt);
+  const S tremor = state.amplitude > play ? handle_angle - state.angle : S(0);
+  const S rate = S(1) / (S(tuning::tremor_smoothing) + dt);
   state.speed = (tremor - state.tremor) * rate;
   state.tremor = state.tremor + state.speed * dt;
   state.acceleration = (state.speed - state.smooth_speed) * rate;

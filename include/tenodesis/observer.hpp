@@ -36,12 +36,12 @@ struct FrictionObserver {
     if (!memory.started) return start(measured, memory);
     smooth(measured, dt, memory);
     const S excursion = model.excursion(memory.smooth.handle_angle);
-    follow(settings.intent, memory.handle_angle, dt, memory.intent);
+    follow(settings.tremor_play, memory.handle_angle, dt, memory.intent);
     memory.target = clamp(model.aim(memory.intent.angle), -model.stop, model.stop);
     set_exponents(memory);
     S* const ratio = memory.ratio;
     for (int j = 0; j < 3; ++j) ratio[j] = exp(memory.scale * memory.nominal[j]);
-    memory.reversing = small_exp(S(2) * reversing_share * larger(memory.scale, least_reversing_scale) *
+    memory.reversing = small_exp(S(2) * S(tuning::reversing_share) * larger(memory.scale, S(1)) *
                                  (memory.nominal[0] + memory.nominal[1]));
     S position[2];
     for (int i = 0; i < 2; ++i) position[i] = follow_to_stem(i, excursion, ratio, memory);
@@ -55,7 +55,7 @@ struct FrictionObserver {
       grow(dt, memory);
       learn_shares(model, settings, position, memory);
     }
-    memory.tip_slip = follow(memory.tip_slip, at_joint(memory), tip_plays * settings.play);
+    memory.tip_slip = follow(memory.tip_slip, at_joint(memory), S(tuning::tip_plays) * settings.play);
     for (int i = 0; i < 2; ++i) follow_to_tip(i, position[i], ratio, memory);
     update_variance(memory);
   }
@@ -101,12 +101,12 @@ struct FrictionObserver {
   /// Tendon length that the hand's tremor draws at most, m.
   S tremor_length(const Memory& memory) const { return tremor_arm() * memory.intent.amplitude; }
   /// Whether the hand trembles by more than noise does.
-  bool trembles(const Memory& memory) const { return memory.intent.amplitude > settings.intent.play; }
+  bool trembles(const Memory& memory) const { return memory.intent.amplitude > settings.tremor_play; }
 
   /// Whether a tendon is slack, or as good as slack.
   bool loose(const Memory& memory) const {
     return smaller(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]) <=
-           S(10) * settings.slack_below;
+           S(tuning::loose_tensions) * settings.slack_below;
   }
 
   /// How far friction, so many times as strong as it is taken for, may have changed that difference, m.
@@ -147,7 +147,7 @@ struct FrictionObserver {
     }
     const S both = left[agonist] + left[antagonist];
     // Near its least value, the scale says that there is no friction.
-    const bool rubs = memory.scale > S(2) * least_scale<S>;
+    const bool rubs = memory.scale > S(2) * S(tuning::least_friction_scale);
     return rubs && both > settings.slack_below ? (left[agonist] - left[antagonist]) / both : S(0);
   }
 
@@ -185,19 +185,6 @@ struct FrictionObserver {
 
  private:
   static constexpr int unknowns = 4;
-  // Of the change of tension that makes all contacts slip after a reversal, and of the friction scale that it is
-  // computed with: contacts that stick must not seem to slip because friction is taken for too small.
-  static constexpr S reversing_share = S(0.75), least_reversing_scale = S(1);
-  // By how many times as large a change they slip even if friction is a third stronger.
-  static constexpr S surely_reversed = S(1.9);
-  // A reversal that noise and the model's errors feign must not turn the friction at the tip's joint.
-  static constexpr S tip_plays = S(3);
-  // What homing leaves of the deviations of compliance and gain error.
-  static constexpr S homed_compliance_std = S(0.03), homed_gain_share = S(0.2);
-  // Plays of slip for which errors of where the compliance is, and of contacts that still stick, are alike.
-  static constexpr S share_plays = S(2), sticking_plays = S(10);
-  // Of either gain error.
-  static constexpr S most_gain_error = S(0.1);
 
   // Standard deviation of the tip's position, as tendon length, and what of it strokes can lower.
   void update_variance(Memory& memory) const {
@@ -253,11 +240,11 @@ struct FrictionObserver {
     memory.intent = IntentState<S>::at(measured.handle_angle);
     memory.covariance[0][0] = settings.scale_std * settings.scale_std;
     memory.covariance[1][1] = settings.reference_std * settings.reference_std;
-    memory.covariance[2][2] = homed ? larger(unsure, homed_compliance_std * homed_compliance_std)
+    memory.covariance[2][2] = homed ? larger(unsure, square(S(tuning::homed_compliance_std)))
                                     : settings.compliance_std * settings.compliance_std;
-    const S gain_std = homed ? homed_gain_share * settings.gain_std : settings.gain_std;
+    const S gain_std = homed ? S(tuning::homed_gain_share) * settings.gain_std : settings.gain_std;
     memory.covariance[3][3] = gain_std * gain_std;
-    memory.share_variance = share_std<S> * share_std<S>;
+    memory.share_variance = square(S(tuning::share_std));
     const S excursion = model.excursion(measured.handle_angle);
     S tip(0);
     for (int i = 0; i < 2; ++i) {
@@ -293,7 +280,7 @@ struct FrictionObserver {
   // Friction, lengths and stiffness may change while nothing shows it.
   void grow(const S& dt, Memory& memory) const {
     const S start[3] = {settings.scale_std, settings.reference_std, settings.compliance_std};
-    const S growth = settings.forgetting * settings.forgetting * dt;
+    const S growth = square(S(tuning::forgetting)) * dt;
     for (int n = 0; n < 3; ++n) {
       const S most = start[n] * start[n];
       const S grown = memory.covariance[n][n] + most * growth;
@@ -319,7 +306,7 @@ struct FrictionObserver {
 
   bool slips(const TendonMemory<S>& one, const Memory& memory) const {
     const S direction = one.reversal.direction;
-    return one.slip[0].run * direction >= S(firm_run) && one.slip[1].run * direction >= S(firm_run) &&
+    return one.slip[0].run * direction >= S(tuning::firm_run) && one.slip[1].run * direction >= S(tuning::firm_run) &&
            one.reversal.beyond(one.tension[0], memory.reversing);
   }
 
@@ -404,7 +391,8 @@ struct FrictionObserver {
   bool calm(const Measurement<S>& measured, const Memory& memory) const {
     for (int i = 0; i < 2; ++i) {
       const S behind = measured.tension[i] - memory.smooth.tension[i];
-      if (abs(behind) > S(2) * settings.slack_below || memory.smooth.tension[i] < S(4) * settings.slack_below)
+      if (abs(behind) > S(tuning::calm_lag) * settings.slack_below ||
+          memory.smooth.tension[i] < S(2) * S(tuning::calm_lag) * settings.slack_below)
         return false;
     }
     return true;
@@ -424,7 +412,7 @@ struct FrictionObserver {
     const S to_stem = direction > S(0) ? S(1) / ratio[1] : ratio[1];
     // Tensions by the compliance that they stretch, up to the handle's joint and beyond.
     S near(0), beyond_it(0), stems(0), apart(0), rubbing(0), sticking(0);
-    const S reversed = S(1) + surely_reversed * (memory.reversing - S(1));
+    const S reversed = S(1) + S(tuning::surely_reversed) * (memory.reversing - S(1));
     for (int i = 0; i < 2; ++i) {
       const auto& one = memory.tendon[i];
       const S stem = one.tension[1] * to_stem;
@@ -448,26 +436,30 @@ struct FrictionObserver {
                             (pretensions - near - beyond_it) / model.axis.stiffness, by_gain};
     const S by_stem = compliance * share[2];
     const S noise = settings.length_noise * settings.length_noise +
-                    share_plays * by_share * by_share * memory.share_variance +
-                    sticking_plays * by_stem * by_stem * sticking;
+                    S(tuning::share_plays) * by_share * by_share * memory.share_variance +
+                    S(tuning::sticking_plays) * by_stem * by_stem * sticking;
     S gain[unknowns];
     S spread = spread_by(by, memory, gain);
-    if (residual * residual > S(9) * (spread + noise)) {
+    if (residual * residual > square(S(tuning::outlier)) * (spread + noise)) {
       // More than the deviations explain: just after a reversal it is the model that is wrong about where a tendon
       // slips, later most likely the hand has bent the sheath.
       for (const auto& one : memory.tendon)
-        if (abs(one.slip[0].run) < S(most_run) || abs(one.slip[1].run) < S(most_run)) return false;
+        if (abs(one.slip[0].run) < S(2) * S(tuning::firm_run) || abs(one.slip[1].run) < S(2) * S(tuning::firm_run))
+          return false;
       reset_scale_variance(memory);
       spread = spread_by(by, memory, gain);
     }
     spread = spread + noise / weight;
     const S trusted = S(1) / spread;
     const S step = residual * trusted;
-    memory.scale = clamp(memory.scale - gain[0] * step, least_scale<S>, most_scale<S>);
+    memory.scale =
+        clamp(memory.scale - gain[0] * step, S(tuning::least_friction_scale), S(tuning::most_friction_scale));
     memory.reference = memory.reference - gain[1] * step;
-    memory.compliance_scale = clamp(memory.compliance_scale - gain[2] * step, S(0.5), S(2));
+    memory.compliance_scale =
+        clamp(memory.compliance_scale - gain[2] * step, S(1) / S(tuning::most_compliance), S(tuning::most_compliance));
     memory.compliance = memory.compliance_scale / model.axis.stiffness;
-    memory.gain_error = clamp(memory.gain_error - gain[3] * step, -most_gain_error, most_gain_error);
+    memory.gain_error =
+        clamp(memory.gain_error - gain[3] * step, -S(tuning::most_gain_error), S(tuning::most_gain_error));
     for (int n = 0; n < unknowns; ++n) {
       const S part = gain[n] * trusted;
       // Rounding must not make it negative.

@@ -34,108 +34,74 @@
   ROW(relief, "rad", not_negative, "unwinding past neutral allowed to a tendon above its limit")
 
 /* Parameters of one axis: name, unit, bound, meaning. */
-#define TENODESIS_AXIS_PARAMETERS(ROW)                                                                            \
-  /* joints; what a mechanism does not have is 0 */                                                               \
-  ROW(proximal_radius, "m", positive, "tendon radius at the handle's joint")                                      \
-  ROW(distal_radius, "m", positive, "tendon radius at the tip's joint")                                           \
-  ROW(handle_length, "m", not_negative, "from the handle's joint to where the hand acts")                         \
-  ROW(end_effector_length, "m", not_negative, "from the tip's joint to where the force acts")                     \
-  ROW(backbone_length, "m", not_negative, "length of a continuum joint's backbone")                               \
-  ROW(backbone_rigidity, "N m^2", not_negative, "flexural rigidity of the backbone")                              \
-  ROW(handle_range, "rad", positive, "largest absolute handle angle")                                             \
-  ROW(output_stop, "rad", positive, "output angle at the tip's mechanical stop")                                  \
-  /* tendons */                                                                                                   \
-  ROW(stiffness, "N/m", positive, "axial stiffness of one tendon")                                                \
-  ROW(pretension, "N", positive, "tension of either tendon at rest")                                              \
-  ROW(share_sheath, "1", positive, "share of a tendon's compliance from the spool to the sheath's friction")      \
-  ROW(share_handle, "1", positive, "share from there to the handle's joint")                                      \
-  ROW(share_stem, "1", positive, "share from there to the tip's joint")                                           \
-  ROW(share_tip, "1", not_negative, "share beyond the tip's joint")                                               \
-  ROW(vertex_coefficient, "1", not_negative, "friction coefficient at the joints")                                \
-  ROW(base_wrap, "rad", not_negative, "wrap angle of a straight joint")                                           \
-  ROW(sheath_coefficient, "1", not_negative, "friction coefficient in the sheath")                                \
-  ROW(sheath_bend, "rad", not_negative, "total bend of the sheath")                                               \
-  ROW(sheath_bend_rate, "rad/rad", not_negative, "bend added per unit of absolute handle angle")                  \
-  ROW(passing_coefficient, "1", not_negative, "friction coefficient at the joints of the axes before")            \
-  /* drives */                                                                                                    \
-  ROW(spool_radius, "m", positive, "radius of a spool")                                                           \
-  ROW(drive_speed, "rad/s", positive, "largest speed at the spool")                                               \
-  ROW(drive_acceleration, "rad/s^2", positive, "largest acceleration at the spool")                               \
-  ROW(drive_time_constant, "s", not_negative, "time constant of the speed loop")                                  \
-  /* friction observer */                                                                                         \
-  ROW(hand_play, "rad", not_negative, "half the play that rejects the handle encoder's noise")                    \
-  ROW(sheath_play, "m", positive, "slip in the sheath that stands out from noise")                                \
-  ROW(play, "m", positive, "slip at the handle's joint that stands out from noise")                               \
-  ROW(length_noise, "m", positive, "noise of the difference of two tendon lengths")                               \
-  ROW(smoothing, "s", not_negative, "time constant of the measurement filter")                                    \
-  ROW(friction_scale_std, "1", positive, "initial standard deviation of the friction scale")                      \
-  ROW(reference_std, "m", not_negative, "initial standard deviation of the tendons' reference length")            \
-  ROW(compliance_std, "1", not_negative, "initial standard deviation of the compliance")                          \
-  ROW(forgetting, "1/s^0.5", not_negative, "growth of these deviations, share per root second")                   \
-  ROW(slack_tension, "N", not_negative, "tension below which a tendon counts as slack")                           \
-  ROW(cell_gain_std, "1", not_negative, "standard deviation of half the difference of the load cells' gains")     \
-  ROW(bias_std, "m", not_negative,                                                                                \
-      "of the tip's position by what slip does not show: constant errors of sensors, play")                       \
-  /* the hand's tremor */                                                                                         \
-  ROW(tremor_half_period, "s", positive, "longest time between two reversals of tremor")                          \
-  ROW(tremor_limit, "rad", not_negative, "largest amplitude of tremor, at the handle; 0: none")                   \
-  ROW(tremor_memory, "s", positive, "time constant with which that amplitude is forgotten")                       \
-  ROW(tremor_smoothing, "s", positive, "time constant of tremor's speed")                                         \
-  ROW(tremor_delay, "s", not_negative, "by which the motors follow late")                                         \
-  ROW(tremor_gain, "1", not_negative, "gain of the speed at which they take it away")                             \
-  /* compensator */                                                                                               \
-  ROW(gain, "1/s", positive, "gain of the tracking error")                                                        \
-  ROW(breakaway_time, "s", positive, "time in which friction is overcome after the hand reverses")                \
-  ROW(breakaway_speed, "rad/s", not_negative, "largest speed of the tip that breaks away")                        \
-  ROW(position_gain, "1/s", positive, "gain of a spool's set point")                                              \
-  ROW(dead_band, "rad", not_negative, "dead band of the output angle")                                            \
-  ROW(tendon_speed, "m/s", positive, "largest speed of a tendon")                                                 \
-  ROW(common_speed, "m/s", positive, "least speed of a common stroke")                                            \
-  ROW(common_stroke, "m", positive, "largest common stroke to either side")                                       \
-  ROW(common_stroke_share, "1", not_negative, "growth of it per stroke that keeps the tendons tight")             \
-  ROW(far_lag, "1", positive, "lag that is corrected first without a common stroke, in dead bands")               \
-  ROW(patience, "s", not_negative, "time for which that is tried")                                                \
-  ROW(settle_time, "s", not_negative, "time within the dead band before the motors rest")                         \
-  ROW(least_tension, "N", not_negative, "tension that either tendon is to keep in the stem")                      \
-  ROW(tension_limit, "N", positive, "tension above which no tendon is wound")                                     \
-  ROW(force_limit, "N", not_negative, "tip force that the motors do not go beyond; 0: none")                      \
-  ROW(assistance, "1", not_negative, "share of the lost angle that is given back")                                \
-  ROW(hand_travel, "rad", not_negative, "handle travel above which the hand counts as moving")                    \
-  ROW(still_time, "s", not_negative, "time without motion after which it counts as still")                        \
-  /* envelope */                                                                                                  \
-  ROW(envelope_margin, "rad", positive, "output angle by which a stroke may exceed what a load explains")         \
-  ROW(envelope_friction, "1", positive, "largest plausible friction over the observer's")                         \
-  ROW(envelope_compliance, "1", positive, "largest plausible compliance over the observer's")                     \
-  ROW(envelope_smoothing, "s", not_negative, "time constant of the bounds of a stroke")                           \
-  ROW(least_swing, "1", positive, "tracking error by which its reversal stands out, in dead bands")               \
-  ROW(stroke_swing, "1", positive, "the same during a common stroke")                                             \
-  ROW(swing_time, "s", not_negative, "least time between two reversals: the tip itself oscillates faster")        \
-  ROW(swing_memory, "s", positive, "time constant with which reversals are forgotten")                            \
-  ROW(swing_hand_travel, "rad", positive, "handle travel between reversals above which the hand made them")       \
-  ROW(return_rate, "1/s", positive, "rate of return to the least necessary stroke, while the law may do nothing") \
-  /* homing */                                                                                                    \
-  ROW(homing_speed, "m/s", positive, "speed of a slack tendon")                                                   \
-  ROW(homing_gain, "1/s", positive, "gain of a tight tendon's missing stretch")                                   \
-  ROW(homing_stroke, "m", positive, "largest stroke before a tendon must be tight")                               \
-  ROW(homing_overshoot, "1", not_negative, "overshoot before the last approach, share of the pretension")         \
-  ROW(homing_tolerance, "1", positive, "tolerance of the pretension, share of it")                                \
-  ROW(homing_settle_time, "s", not_negative, "time for which the mean tension must be within it")                 \
-  ROW(homing_time, "s", positive, "longest time of each stage")                                                   \
-  ROW(homing_least_stretch, "1", not_negative, "share of an elastic tendon's stretch below which it is jammed")   \
-  ROW(homing_jog, "m", positive, "stroke of one motor to and fro, by which the wiring is proven")                 \
-  ROW(homing_travel, "m", positive, "stroke by which one tendon alone may pull the tip")                          \
-  ROW(homing_offset, "N", positive, "largest error of a cell, and difference of the tensions of a free tip")      \
-  ROW(homing_notice, "N", positive, "change of a tension that stands out from noise")                             \
-  ROW(homing_gain_error, "1", positive, "largest difference of the load cells' gains, share")                     \
-  ROW(homing_efficiency, "1", positive, "of drives whose currents measure tension; 1 with load cells")            \
-  ROW(homing_friction, "N", not_negative, "of such drives, beside what grows with the load")                      \
-  ROW(homing_play, "m", not_negative, "stroke over which that friction turns")                                    \
-  /* fault detection */                                                                                           \
-  ROW(mean_band, "1", not_negative, "share by which friction may change the mean tension")                        \
-  ROW(load_cell_range, "N", positive, "largest reading of a load cell")                                           \
-  ROW(handle_noise, "rad", not_negative, "largest difference of two readings of a handle at rest")                \
-  ROW(spool_noise, "rad", not_negative, "the same of a spool")                                                    \
-  ROW(watch_window, "s", positive, "window in which slip and a motor's lag are judged")
+#define TENODESIS_AXIS_PARAMETERS(ROW)                                                                        \
+  /* joints; what a mechanism does not have is 0 */                                                           \
+  ROW(proximal_radius, "m", positive, "tendon radius at the handle's joint")                                  \
+  ROW(distal_radius, "m", positive, "tendon radius at the tip's joint")                                       \
+  ROW(handle_length, "m", not_negative, "from the handle's joint to where the hand acts")                     \
+  ROW(end_effector_length, "m", not_negative, "from the tip's joint to where the force acts")                 \
+  ROW(backbone_length, "m", not_negative, "length of a continuum joint's backbone")                           \
+  ROW(backbone_rigidity, "N m^2", not_negative, "flexural rigidity of the backbone")                          \
+  ROW(handle_range, "rad", positive, "largest absolute handle angle")                                         \
+  ROW(output_stop, "rad", positive, "output angle at the tip's mechanical stop")                              \
+  ROW(tip_frequency, "rad/s", positive, "natural angular frequency of the straight, unloaded tip")            \
+  /* tendons */                                                                                               \
+  ROW(stiffness, "N/m", positive, "axial stiffness of one tendon")                                            \
+  ROW(pretension, "N", positive, "tension of either tendon at rest")                                          \
+  ROW(share_sheath, "1", positive, "share of a tendon's compliance from the spool to the sheath's friction")  \
+  ROW(share_handle, "1", positive, "share from there to the handle's joint")                                  \
+  ROW(share_stem, "1", positive, "share from there to the tip's joint")                                       \
+  ROW(share_tip, "1", not_negative, "share beyond the tip's joint")                                           \
+  ROW(vertex_coefficient, "1", not_negative, "friction coefficient at the joints")                            \
+  ROW(base_wrap, "rad", not_negative, "wrap angle of a straight joint")                                       \
+  ROW(sheath_coefficient, "1", not_negative, "friction coefficient in the sheath")                            \
+  ROW(sheath_bend, "rad", not_negative, "total bend of the sheath")                                           \
+  ROW(sheath_bend_rate, "rad/rad", not_negative, "bend added per unit of absolute handle angle")              \
+  ROW(passing_coefficient, "1", not_negative, "friction coefficient at the joints of the axes before")        \
+  /* drives */                                                                                                \
+  ROW(spool_radius, "m", positive, "radius of a spool")                                                       \
+  ROW(drive_time_constant, "s", not_negative, "time constant of the speed loop")                              \
+  /* friction observer */                                                                                     \
+  ROW(hand_play, "rad", not_negative, "half the play that rejects the handle encoder's noise")                \
+  ROW(sheath_play, "m", positive, "slip in the sheath that stands out from noise")                            \
+  ROW(play, "m", positive, "slip at the handle's joint that stands out from noise")                           \
+  ROW(friction_scale_std, "1", positive, "initial standard deviation of the friction scale")                  \
+  ROW(reference_std, "m", not_negative, "initial standard deviation of the tendons' reference length")        \
+  ROW(compliance_std, "1", not_negative, "initial standard deviation of the compliance")                      \
+  ROW(slack_tension, "N", not_negative, "tension below which a tendon counts as slack")                       \
+  ROW(cell_gain_std, "1", not_negative, "standard deviation of half the difference of the load cells' gains") \
+  ROW(bias_std, "m", not_negative,                                                                            \
+      "of the tip's position by what slip does not show: constant errors of sensors, play")                   \
+  /* the hand's tremor */                                                                                     \
+  ROW(tremor_delay, "s", not_negative, "by which the motors follow late")                                     \
+  ROW(tremor_gain, "1", not_negative, "gain of the speed at which they take it away")                         \
+  /* compensator */                                                                                           \
+  ROW(gain, "1/s", positive, "gain of the tracking error")                                                    \
+  ROW(position_gain, "1/s", positive, "gain of a spool's set point")                                          \
+  ROW(dead_band, "rad", not_negative, "dead band of the output angle")                                        \
+  ROW(tendon_speed, "m/s", positive, "largest speed of a tendon")                                             \
+  ROW(common_stroke, "m", positive, "largest common stroke to either side")                                   \
+  ROW(least_tension, "N", not_negative, "tension that either tendon is to keep in the stem")                  \
+  ROW(tension_limit, "N", positive, "tension above which no tendon is wound")                                 \
+  ROW(force_limit, "N", not_negative, "tip force that the motors do not go beyond; 0: none")                  \
+  ROW(assistance, "1", not_negative, "share of the lost angle that is given back")                            \
+  /* homing */                                                                                                \
+  ROW(homing_speed, "m/s", positive, "speed of a slack tendon")                                               \
+  ROW(homing_stroke, "m", positive, "largest stroke before a tendon must be tight")                           \
+  ROW(homing_overshoot, "1", not_negative, "overshoot before the last approach, share of the pretension")     \
+  ROW(homing_tolerance, "1", positive, "tolerance of the pretension, share of it")                            \
+  ROW(homing_jog, "m", positive, "stroke of one motor to and fro, by which the wiring is proven")             \
+  ROW(homing_travel, "m", positive, "stroke by which one tendon alone may pull the tip")                      \
+  ROW(homing_offset, "N", positive, "largest error of a cell, and difference of the tensions of a free tip")  \
+  ROW(homing_notice, "N", positive, "change of a tension that stands out from noise")                         \
+  ROW(homing_efficiency, "1", positive, "of drives whose currents measure tension; 1 with load cells")        \
+  ROW(homing_friction, "N", not_negative, "of such drives, beside what grows with the load")                  \
+  ROW(homing_play, "m", not_negative, "stroke over which that friction turns")                                \
+  /* fault detection */                                                                                       \
+  ROW(mean_band, "1", not_negative, "share by which friction may change the mean tension")                    \
+  ROW(load_cell_range, "N", positive, "largest reading of a load cell")                                       \
+  ROW(handle_noise, "rad", not_negative, "largest difference of two readings of a handle at rest")            \
+  ROW(spool_noise, "rad", not_negative, "the same of a spool")
 
 /* Faults in the order of their bits: name, NAME, unit of the threshold, meaning. */
 #define TENODESIS_FAULT_TABLE(ROW)                                                                             \

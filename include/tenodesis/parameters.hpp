@@ -63,45 +63,40 @@ constexpr HomingDrive<S> homing_drive(const P& p) {
 }
 
 template <class A, class P>
-constexpr AxisController<A> axis_controller(const P& p) {
+constexpr AxisController<A> axis_controller(const P& all, int number) {
   using S = A::Scalar;
+  const auto& p = all.axis[number];
+  const S period = S(all.period);
+  const S hand_travel = S(tuning::hand_travel) * S(p.hand_play);
   AxisController<A> axis{};
   const ControlModel<A> model = control_model<A>(p);
-  axis.friction = {
-      model,
-      {S(p.hand_play),
-       S(p.sheath_play),
-       S(p.length_noise),
-       S(p.play),
-       S(p.smoothing),
-       S(p.friction_scale_std),
-       S(p.reference_std),
-       S(p.compliance_std),
-       S(p.forgetting),
-       S(p.slack_tension),
-       S(p.cell_gain_std),
-       S(p.bias_std),
-       {S(p.tremor_half_period), S(p.tremor_limit), S(p.hand_play), S(p.tremor_memory), S(p.tremor_smoothing)}}};
+  axis.friction = {model,
+                   {S(p.hand_play), S(p.sheath_play),
+                    larger(S(0.8) * S(p.spool_noise) * S(p.spool_radius), S(tuning::least_length_noise)), S(p.play),
+                    S(tuning::smoothing) * period, S(p.friction_scale_std), S(p.reference_std), S(p.compliance_std),
+                    S(p.slack_tension), S(p.cell_gain_std), S(p.bias_std), S(p.hand_play)}};
   axis.compensator.model = model;
-  axis.compensator.settings = {
-      S(p.gain),         S(p.breakaway_time), S(p.breakaway_speed), S(p.position_gain),       S(p.dead_band),
-      S(p.tendon_speed), S(p.common_speed),   S(p.common_stroke),   S(p.common_stroke_share), S(p.far_lag),
-      S(p.patience),     S(p.settle_time),    S(p.least_tension),   S(p.tension_limit),       S(p.force_limit),
-      S(p.assistance),   S(p.hand_travel),    S(p.still_time),      S(p.tremor_delay),        S(p.tremor_gain)};
+  axis.compensator.settings = {S(p.gain),          S(tuning::breakaway_angle) * S(p.tip_frequency),
+                               S(p.position_gain), S(p.dead_band),
+                               S(p.tendon_speed),  S(p.common_stroke) / S(tuning::stroke_time),
+                               S(p.common_stroke), S(p.common_stroke) * S(p.stiffness) / S(p.pretension),
+                               S(p.least_tension), S(p.tension_limit),
+                               S(p.force_limit),   S(p.assistance),
+                               hand_travel,        S(p.tremor_delay),
+                               S(p.tremor_gain)};
   axis.compensator.envelope = {
       model,
-      {model.stroke_for(S(p.envelope_margin) * model.axis.distal.moment_arm(S(0))), S(p.envelope_friction),
-       S(p.envelope_compliance), S(p.envelope_smoothing), S(p.least_swing), S(p.stroke_swing), S(p.swing_time),
-       S(1) / S(p.swing_memory), S(p.swing_hand_travel), S(p.return_rate)}};
+      {model.stroke_for(S(tuning::envelope_margin) * model.axis.distal.moment_arm(S(0))),
+       larger(S(tuning::least_swing_time), S(tuning::swing_half_periods * pi) / S(p.tip_frequency))}};
   axis.homing = {model,
-                 {S(p.homing_speed), S(p.homing_gain), S(p.homing_stroke), S(p.homing_overshoot), S(p.homing_tolerance),
-                  S(p.homing_settle_time), S(p.homing_time), S(p.homing_least_stretch), S(p.homing_jog),
-                  S(p.homing_travel), S(p.homing_offset), S(p.homing_notice), S(p.homing_gain_error), S(p.hand_travel),
-                  S(p.drive_time_constant), homing_drive<S>(p), S(0.2)}};
+                 {S(p.homing_speed), S(p.homing_stroke), S(p.homing_overshoot), S(p.homing_tolerance),
+                  S(p.homing_stroke) / S(p.homing_speed) + S(tuning::homing_time), S(p.homing_jog), S(p.homing_travel),
+                  S(p.homing_offset), S(p.homing_notice), hand_travel, S(p.drive_time_constant), homing_drive<S>(p),
+                  S(tuning::homing_rest)}};
   Watch<S>& watch = axis.watch;
   for (int n = 0; n < fault_count; ++n) watch.limit[n] = {S(p.limit[n].threshold), S(p.limit[n].persistence)};
   watch.spool_jump = {S(p.spool_jump.threshold), S(p.spool_jump.persistence)};
-  watch.drive = {S(p.spool_radius), S(p.drive_speed), S(p.drive_acceleration), S(p.drive_time_constant), S(0)};
+  watch.drive = {S(p.spool_radius), S(all.speed_limit), S(all.acceleration_limit), S(p.drive_time_constant), S(0)};
   watch.pretension = S(p.pretension);
   watch.stiffness = S(p.stiffness);
   watch.mean_band = S(p.mean_band);
@@ -109,7 +104,7 @@ constexpr AxisController<A> axis_controller(const P& p) {
   watch.handle_range = S(p.handle_range);
   watch.handle_noise = S(p.handle_noise);
   watch.spool_noise = S(p.spool_noise);
-  watch.window = S(p.watch_window);
+  watch.period = period;
   return axis;
 }
 
@@ -129,8 +124,7 @@ constexpr bool plausible(const P& p, bool continuum) {
          (!continuum || S(p.backbone_length) > S(0)) && S(p.handle_range) < S(pi) && friction <= most_friction<S> &&
          S(p.pretension) < S(p.tension_limit) && S(p.homing_overshoot) < S(1) && S(p.assistance) <= S(1) &&
          S(p.homing_efficiency) <= S(1) && S(p.homing_friction) < S(p.homing_efficiency) * S(p.pretension) &&
-         S(p.tremor_gain) <= S(2) && S(p.tremor_limit) <= S(0.1) && S(p.tremor_half_period) >= S(0.01) &&
-         S(p.tremor_smoothing) >= S(1e-4) && S(p.tremor_delay) <= S(0.36) * S(p.tremor_half_period) &&
+         S(p.tremor_gain) <= S(2) && S(p.tremor_delay) <= S(tuning::tremor_quickest * tuning::tremor_half_period) &&
          S(p.limit[static_cast<int>(Fault::tick_late)].threshold) <= longest_tick<S>;
 #undef TENODESIS_KEEPS_BOUND
 }
@@ -156,12 +150,11 @@ bool configure(const P& p, Controller<A, most_axes>& controller) {
   for (int n = 0; n < controller.axes; ++n) {
     if (!detail::plausible<S>(p.axis[n], continuum)) return false;
     AxisController<A>& axis = controller.axis[n];
-    axis = detail::axis_controller<A>(p.axis[n]);
+    axis = detail::axis_controller<A>(p, n);
     if (n == 0) controller.supervisor.stretch = S(1) / (axis.model().axis.stiffness * axis.model().spool_radius);
     axis.observer = ObserverKind(p.observer);
     axis.compensator.law = ControlLaw(p.law);
     axis.compensator.actuation = Actuation(p.actuation);
-    axis.watch.period = S(p.period);
     // Jogs need motion that is not faded in.
     axis.homing.settings.rest_time = larger(axis.homing.settings.rest_time, S(p.engage_time));
     if (!axis.watch.valid()) return false;

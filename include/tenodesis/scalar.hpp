@@ -51,6 +51,11 @@ constexpr bool is_finite(S v) {
   return v - v == S(0);  // NOLINT(misc-redundant-expression): not for infinities and NaN
 }
 
+template <class S>
+constexpr S square(const S& v) {
+  return v * v;
+}
+
 template <Real... S>
 constexpr bool all_finite(S... v) {
   return (is_finite(v) && ...);

@@ -1,7 +1,7 @@
 #pragma once
 // Slip of a tendon at a contact, as sensors at the spool show it: which way, how certainly, and since which reversal.
 
-#include "tenodesis/scalar.hpp"
+#include "tenodesis/tuning.hpp"
 
 namespace tenodesis {
 
@@ -10,12 +10,8 @@ template <class S>
 struct Slip {
   S dragged{};    ///< position that the play was last dragged to, m
   S indicator{};  ///< share of the play by which it was dragged in this tick, negative toward the tip
-  S run{};        ///< number of plays by which it was dragged without reversing, up to most_run
+  S run{};        ///< number of plays by which it was dragged without reversing, up to twice the firm ones
 };
-
-inline constexpr int most_run = 8;
-/// Number of plays after which the state before a reversal is forgotten.
-inline constexpr int firm_run = 4;
 
 template <class S>
 Slip<S> follow(const Slip<S>& before, const S& position, const S& play) {
@@ -23,7 +19,8 @@ Slip<S> follow(const Slip<S>& before, const S& position, const S& play) {
   after.dragged = clamp(before.dragged, position - play * S(0.5), position + play * S(0.5));
   after.indicator = clamp((after.dragged - before.dragged) / play, S(-1), S(1));
   const bool turned = after.indicator * before.run < S(0);
-  after.run = clamp(after.indicator + (turned ? S(0) : before.run), S(-most_run), S(most_run));
+  after.run =
+      clamp(after.indicator + (turned ? S(0) : before.run), S(-2) * S(tuning::firm_run), S(2) * S(tuning::firm_run));
   return after;
 }
 

@@ -3,6 +3,7 @@
 
 #include "tenodesis/control.hpp"
 #include "tenodesis/fault.hpp"
+#include "tenodesis/tuning.hpp"
 
 namespace tenodesis {
 
@@ -92,7 +93,8 @@ struct Supervisor {
     state.since = smaller(state.since + usable(dt), S(100));
     if (state.operating == OperatingState::fault) {
       state.faults |= faults;
-      if ((faults & bit(Fault::motor_not_following)) != 0 && state.since > time_to_obey) state.cut_power = true;
+      if ((faults & bit(Fault::motor_not_following)) != 0 && state.since > S(tuning::time_to_obey))
+        state.cut_power = true;
       if (request == Request::clear && faults == 0) {
         state.first = state.faults = 0;
         state.cut_power = false;
@@ -164,10 +166,8 @@ struct Supervisor {
   }
 
  private:
-  // Time in a fault after which a motor that does not follow is not only slow to stop, s.
-  static constexpr S time_to_obey = S(0.05);
-  // Of a spool, rad, and the share of the pretension below which a tendon hangs.
-  static constexpr S at_home = S(1e-3), hanging = S(0.05);
+  // Of a spool, rad.
+  static constexpr S at_home = S(1e-3);
 
   // Whether a motor that does not follow goes on so fast that its partner comes too late: before the supply would be
   // cut, a tendon would get slack, or come to its limit.
@@ -178,13 +178,13 @@ struct Supervisor {
     const S stopping = S(0.02) + S(0.02) * abs(axis.leaving[i]);  // rad; s of its loop's lag
     const auto& before = axis.held_tension;
     const S room = speed > S(0) ? tension_limit - larger(before[0], before[1]) : smaller(before[0], before[1]);
-    return abs(moved) > stopping && abs(speed) * time_to_obey > larger(room, S(0)) * stretch;
+    return abs(moved) > stopping && abs(speed) * S(tuning::time_to_obey) > larger(room, S(0)) * stretch;
   }
 
   // A clock that has stopped must not keep the motors running.
   S usable(const S& dt) const { return dt > S(0) && is_finite(dt) ? dt : period; }
 
-  S relaxed() const { return S(0.9) * tension_limit; }
+  S relaxed() const { return S(tuning::relaxed) * tension_limit; }
 
   // What a fault is judged by: where the spools were before, and how fast they turn.
   static void remember(int i, const Measurement<S>& measured, const S& dt, const State& state, CommandState<S>& axis) {
@@ -257,8 +257,8 @@ struct Supervisor {
 
   // A return first goes below home by a common stroke, so that at last both tendons are wound alike: friction, which
   // would hold the tip where the motors had brought it, then acts on both alike.
-  S dip() const { return S(1.2) * relief; }
-  S hangs() const { return stretch > S(0) ? S(2) * hanging * relief / stretch : S(0); }
+  S dip() const { return S(tuning::below_home) * relief; }
+  S hangs() const { return stretch > S(0) ? S(2) * S(tuning::hanging) * relief / stretch : S(0); }
 
   void follow_return(const Measurement<S>& measured, const State& state, CommandState<S>& axis) const {
     const S away0 = away(0, measured, axis), away1 = away(1, measured, axis);
@@ -324,7 +324,7 @@ struct Supervisor {
     const bool obeys = abs(axis.ahead[i]) <= S(0.5) * abs(axis.ahead[other]);
     if (!(obeys && behind * moved > S(0) && abs(moved) > stopping && runs)) return S(0);
     // A slack tendon lets nothing more out.
-    if (moved < S(0) && measured.tension[i] < S(0.05) * before) return S(0);
+    if (moved < S(0) && measured.tension[i] < S(tuning::hanging) * before) return S(0);
     // Where the other tendon gets slack, this one alone holds the tip, which is where its own stretch says.
     const S tight = moved < S(0) ? clamp(measured.tension[other] / (S(0.3) * before), S(0), S(1)) : S(1);
     const S excursion = own - (measured.tension[i] - axis.held_tension[i]) * stretch;

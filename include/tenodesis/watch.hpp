@@ -20,6 +20,7 @@
 #include "tenodesis/control.hpp"
 #include "tenodesis/drive.hpp"
 #include "tenodesis/fault.hpp"
+#include "tenodesis/tuning.hpp"
 
 namespace tenodesis {
 
@@ -84,7 +85,6 @@ struct Watch {
   S handle_range{};               ///< largest |handle angle|, rad
   S handle_noise{};               ///< largest difference of two readings of a handle at rest, rad
   S spool_noise{};                ///< the same of a spool, rad
-  S window{};                     ///< in which slip and a motor's lag are judged, s
   S period{};                     ///< nominal, of ticks, s
 
   constexpr const Limit<S>& of(Fault fault) const { return limit[static_cast<int>(fault)]; }
@@ -95,11 +95,11 @@ struct Watch {
     sound = sound && drive.spool_radius > S(0) && drive.speed_limit > S(0) && drive.acceleration_limit > S(0) &&
             drive.time_constant >= S(0) && pretension >= S(0) && stiffness > S(0) && mean_band >= S(0) &&
             load_cell_range > S(0) && handle_range > S(0) && handle_noise >= S(0) && spool_noise >= S(0) &&
-            window > S(0) && period > S(0);
+            period > S(0);
     for (const auto& check : limit) sound = sound && all_finite(check.threshold, check.persistence);
     return sound && all_finite(spool_jump.threshold, spool_jump.persistence, drive.spool_radius, drive.speed_limit,
                                drive.acceleration_limit, drive.time_constant, pretension, stiffness, mean_band,
-                               load_cell_range, handle_range, handle_noise, spool_noise, window, period);
+                               load_cell_range, handle_range, handle_noise, spool_noise, period);
   }
 
   /// Mask of the faults present; commanded: velocities sent to the motors in the last tick, rad/s.
@@ -131,7 +131,7 @@ struct Watch {
         found |= check_spool(i, measured.spool_angle[i], step, state, moved[i]);
         found |= check_cell(i, measured.tension[i], step, state, cells_in_range);
       }
-      if (!(state.homed && cells_in_range && elapsed < S(1.5) * moment)) state.leveled = false;
+      if (!(state.homed && cells_in_range && elapsed < S(1.5) * S(tuning::watch_moment))) state.leveled = false;
       if (state.homed && cells_in_range) found |= check_pair(measured.tension, difference, step, state);
     }
     found |= lasting(Fault::tick_late, 0, late, step, state);
@@ -161,13 +161,6 @@ struct Watch {
  private:
   // Clocks saturate here, long before rounding would lose ticks.
   static constexpr S longest = S(100);
-
-  // Time in which hand and tip cannot, because of their inertia, lower the mean tension as a slip does, s.
-  static constexpr S moment = S(1e-3);
-
-  // Windows after which a motor and its encoder must agree in the long run, and share of its path by which they need
-  // not.
-  static constexpr S long_run = S(40), drive_gain_error = S(0.01);
 
   // N or rad; smaller readings keep every sum finite.
   static constexpr S beyond_any_sensor = S(1e6);
@@ -289,7 +282,7 @@ struct Watch {
     const bool fell = of(Fault::spool_slip).on() && fallen > limit_of_slip && shortfall > -band;
     const bool taut = looser >= larger(empty, slack);
     const bool rose = taut && limit_of_slip > S(0) && -fallen > limit_of_slip;
-    if (!fell && !rose) state.level = state.level + fallen * smaller(step / moment, S(1));
+    if (!fell && !rose) state.level = state.level + fallen * smaller(step / S(tuning::watch_moment), S(1));
     const bool gone = fell || shortfall > band + empty;
 
     std::uint32_t found = 0;
@@ -298,7 +291,7 @@ struct Watch {
       found |= lasting(Fault::tendon_slack, i, !gone && tension[i] < slack, step, state);
     }
     const S grown = shortfall - state.usual_shortfall;
-    state.usual_shortfall = state.usual_shortfall + grown * (step / (window + step));
+    state.usual_shortfall = state.usual_shortfall + grown * (step / (S(tuning::watch_window) + step));
     const bool slipped = fell || (grown > limit_of_slip && shortfall > band);
     found |= lasting(Fault::spool_slip, 0, slipped && looser >= empty, step, state);
     const S off = abs(shortfall) - band;
@@ -333,8 +326,9 @@ struct Watch {
     const S taut(1);
     const DriveState<S> before{following.speed, S(0), S(0)};
     const DriveState<S> model = advance(drive, before, is_finite(commanded) ? commanded : S(0), taut, elapsed);
-    const S kept = window / (window + elapsed);
-    const S kept_longer = long_run * window / (long_run * window + elapsed);
+    const S kept = S(tuning::watch_window) / (S(tuning::watch_window) + elapsed);
+    const S kept_longer =
+        S(tuning::long_run * tuning::watch_window) / (S(tuning::long_run * tuning::watch_window) + elapsed);
     following.speed = model.speed;
     following.fastest = larger(abs(model.speed), following.fastest * kept);
     const S ahead = moved - model.angle;
@@ -344,7 +338,7 @@ struct Watch {
     // After a change of speed a loop is behind by the error of its time constant; half of that constant is tolerated.
     const S lag = S(0.5) * drive.time_constant * following.fastest;
     const S threshold = of(Fault::motor_not_following).threshold;
-    const bool strays = abs(following.astray) > S(2) * threshold + lag + drive_gain_error * following.path;
+    const bool strays = abs(following.astray) > S(2) * threshold + lag + S(tuning::drive_gain_error) * following.path;
     const bool off = strays || abs(following.behind) > threshold + lag;
     const std::uint32_t found = lasting(Fault::motor_not_following, i, off, step, state);
     // A motor that obeys from now on must not seem to go astray for as long again.

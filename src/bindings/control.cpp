@@ -142,6 +142,24 @@ std::vector<std::tuple<std::string, std::string>> homing_reason_rows() {
   };
 }
 
+std::vector<std::tuple<std::string, double, std::string, std::string>> tuning_rows() {
+  return {
+#define TENODESIS_ROW(name, value, unit, meaning) {#name, tuning::name, unit, meaning},
+      TENODESIS_TUNING(TENODESIS_ROW)
+#undef TENODESIS_ROW
+  };
+}
+
+#ifdef TENODESIS_TUNABLE
+void tune(const std::string& name, double value) {
+#define TENODESIS_ROW(constant, preset, unit, meaning) \
+  if (name == #constant) return void(tuning::constant = value);
+  TENODESIS_TUNING(TENODESIS_ROW)
+#undef TENODESIS_ROW
+  throw nb::key_error(name.c_str());
+}
+#endif
+
 }  // namespace
 
 void bind_control(nb::module_& m) {
@@ -197,6 +215,10 @@ void bind_control(nb::module_& m) {
   m.def(
       "control_axis_parameters", [] { return rows_of(axis_parameters); },
       "Name, unit and meaning of an axis's parameters.");
+  m.def("tuning", &tuning_rows, "Name, value, unit and meaning of the controller's constants.");
+#ifdef TENODESIS_TUNABLE
+  m.def("tune", &tune, "name"_a, "value"_a, "Change a constant of the controller, before any controller is made.");
+#endif
   m.def("homing_reasons", &homing_reason_rows, "Name and meaning of each reason for which homing fails, by number.");
   m.def("faults", &fault_rows, "Name, unit of the threshold and meaning of each fault, in the order of their bits.");
   m.def(

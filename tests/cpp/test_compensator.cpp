@@ -23,7 +23,7 @@ Settled settle(const A& axis, double handle, double force, ControlLaw law, Actua
   auto p = parameters(axis, law, actuation);
   p.axis[0].dead_band = 1e-7;
   p.axis[0].tension_limit = 1e4;
-  const auto own = detail::axis_controller<A>(p.axis[0]);
+  const auto own = detail::axis_controller<A>(p, 0);
   Compensator<A> compensator = own.compensator;
   compensator.law = law;
   compensator.actuation = actuation;
@@ -108,7 +108,7 @@ void no_law_winds_a_tendon_at_its_limit_or_faster_than_it_may(const A& axis) {
   for (const auto law : every_law) {
     for (const auto actuation : every_actuation) {
       const auto p = parameters(axis, law, actuation);
-      auto own = detail::axis_controller<A>(p.axis[0]);
+      auto own = detail::axis_controller<A>(p, 0);
       own.compensator.law = law;
       own.compensator.actuation = actuation;
       FrictionMemory<S> memory{};

@@ -45,10 +45,10 @@ struct Fixture {
   FrictionMemory<S> memory{};
 
   explicit Fixture(const A& axis) {
-    own = detail::axis_controller<A>(parameters(axis, ControlLaw::robust, Actuation::differential).axis[0]);
+    own = detail::axis_controller<A>(parameters(axis, ControlLaw::robust, Actuation::differential), 0);
     memory.compliance = S(1) / axis.stiffness;
     for (int j = 0; j < 4; ++j) memory.share[j] = own.model().share[j];
-    memory.share_variance = share_std<S> * share_std<S>;
+    memory.share_variance = square(S(tuning::share_std));
     memory.covariance[2][2] = S(1e-4);
     memory.nominal[0] = S(0.02);
     memory.nominal[1] = S(0.12);
@@ -96,7 +96,7 @@ void a_hand_that_moves_shows_nothing() {
   Fixture<S> fixture(instruments::scaled_up<S>());
   const double before = fixture.before();
   fixture.let_out(0.55, 1e-4);
-  CLAIM(fixture.before() == before && fixture.memory.share_variance == share_std<S> * share_std<S>);
+  CLAIM(fixture.before() == before && fixture.memory.share_variance == square(S(tuning::share_std)));
 }
 
 template <class S>

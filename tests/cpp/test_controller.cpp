@@ -276,6 +276,7 @@ struct Session {
   Measurement<double> read{0, {25, 25}, {0, 0}};
   std::uint64_t time{};
   int number{};
+  double speed[2]{};  // of the spools, rad/s
 
   explicit Session(tenodesis_parameters p = parameters(instruments::scaled_up<double>(), ControlLaw::robust,
                                                        Actuation::differential))
@@ -283,10 +284,15 @@ struct Session {
 
   OperatingState step(Request request = Request::none) {
     time += tick;
-    // A cell that does not flicker is stuck.
     ++number;
-    read.tension[0] = 25 + (number % 2 == 0 ? 0.02 : -0.02);
-    read.tension[1] = 25 - (number % 3 == 0 ? 0.02 : -0.02);
+    const double flicker[2] = {number % 2 == 0 ? 0.02 : -0.02, number % 3 == 0 ? -0.02 : 0.02};
+    const auto& axis = made.axis[0].model().axis;
+    for (int i = 0; i < 2; ++i) {
+      speed[i] += (double(output.axis[0].spool_velocity[i]) - speed[i]) * dt / 0.01;
+      read.spool_angle[i] += speed[i] * dt;
+      // A cell that does not flicker is stuck.
+      read.tension[i] = 25 + double(axis.stiffness) * spool_radius * read.spool_angle[i] + flicker[i];
+    }
     return with(read, request);
   }
   OperatingState with(const Measurement<double>& measured, Request request = Request::none) {

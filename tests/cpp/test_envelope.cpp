@@ -14,7 +14,7 @@ struct Fixture {
   S least{};  // lag by which a reversal stands out, m
 
   explicit Fixture(const A& axis) {
-    own = detail::axis_controller<A>(parameters(axis, ControlLaw::robust, Actuation::differential).axis[0]);
+    own = detail::axis_controller<A>(parameters(axis, ControlLaw::robust, Actuation::differential), 0);
     memory.compliance = S(1) / axis.stiffness;
     for (S& tension : memory.smooth.tension) tension = axis.pretension;
     for (auto& one : memory.tendon)

@@ -11,11 +11,9 @@ using namespace tenodesis;
 constexpr double degree = pi / 180;
 constexpr double dt = 5e-4;             // s
 constexpr double play = 0.02 * degree;  // half the width of noise
-constexpr double smoothing = 4e-3;      // s
 
 template <class S>
 struct Fixture {
-  IntentSettings<S> settings{S(0.1), S(1.2 * degree), S(play), S(1), S(smoothing)};
   IntentState<S> state{};
   double time{};
   double least{}, most{}, apart{};  // of the intent, and its largest distance from the handle, rad
@@ -25,7 +23,7 @@ struct Fixture {
   void follow_for(double seconds, const Handle& handle) {
     least = 1e9, most = -1e9, apart = 0;
     for (const double until = time + seconds; time < until; time += dt) {
-      follow(settings, S(handle(time)), S(dt), state);
+      follow(S(play), S(handle(time)), S(dt), state);
       const auto angle = double(state.angle);
       least = std::fmin(least, angle), most = std::fmax(most, angle);
       apart = std::fmax(apart, std::fabs(handle(time) - angle));
@@ -110,7 +108,7 @@ void the_speed_of_a_sine_is_predicted() {
     double off = 0;
     for (int n = 0; n < 1000; ++n) {
       fixture.follow_for(dt, sine(frequency, amplitude));
-      const double ahead = fixture.time - dt + delay - 1.5 * smoothing;
+      const double ahead = fixture.time - dt + delay - 1.5 * tuning::tremor_smoothing;
       const double speed = amplitude * pulsation * std::cos(pulsation * ahead);
       off = std::fmax(off, std::fabs(double(fixture.state.speed_after(S(delay))) - speed));
     }
@@ -128,7 +126,7 @@ void any_finite_handle_gives_finite_numbers() {
   const auto& state = fixture.state;
   CLAIM(all_finite(state.angle, state.amplitude, state.pulsation, state.tremor, state.speed, state.acceleration));
   CLAIM(is_finite(state.speed_after(S(0.02))));
-  CLAIM(state.amplitude <= fixture.settings.limit);
+  CLAIM(state.amplitude <= S(tuning::tremor_limit));
 }
 
 template <class S>

@@ -250,7 +250,6 @@ void settings_that_are_not_numbers_are_refused() {
                               &checks.spool_jump.threshold,
                               &checks.drive.speed_limit,
                               &checks.mean_band,
-                              &checks.window,
                               &checks.period,
                               &checks.load_cell_range};
   Supervisor<double> over = supervisor<double>();

@@ -44,7 +44,6 @@ Watch<S> watch() {
   all.handle_range = S(0.7854);
   all.handle_noise = S(0.01);
   all.spool_noise = S(2.5 * count_of_encoder);
-  all.window = S(0.1);
   all.period = S(period);
   return all;
 }

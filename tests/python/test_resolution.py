@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import tenodesis as tn
 from tenodesis.console.session import as_plain
 from tenodesis.console.tab_setup import SetupTab
-from tenodesis.control import Controller, header, parameters, resolution
+from tenodesis.control import TUNING, Controller, header, resolution
 from tenodesis.control.resolution import sentences, shares, warnings
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import Instrument
@@ -36,8 +36,7 @@ def quantised(value: Array, step: float) -> Array:
 
 def filtered(inst: Instrument, value: Array, noise: float, step: float, random: np.random.Generator) -> Array:
     """Return what the controller's measurement filter makes of noisy, quantised readings of standing values."""
-    own = parameters(inst)
-    share = 1 / (1 + own.axes[0]["smoothing"] / own.common["period"])
+    share = 1 / (1 + TUNING["smoothing"].value)
     smooth = quantised(value + noise * random.standard_normal(value.shape), step)
     for _ in range(TICKS):
         smooth += share * (quantised(value + noise * random.standard_normal(value.shape), step) - smooth)

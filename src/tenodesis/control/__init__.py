@@ -12,7 +12,15 @@ from tenodesis.control.controller import (
 )
 from tenodesis.control.export import export_header, header, identifier
 from tenodesis.control.pairs import Pair, compensated, names_of, pairs
-from tenodesis.control.parameters import FAULTS, HOMING_REASONS, Parameters, parameters, tension_from_current
+from tenodesis.control.parameters import (
+    FAULTS,
+    HOMING_REASONS,
+    TUNING,
+    Constant,
+    Parameters,
+    parameters,
+    tension_from_current,
+)
 from tenodesis.control.plausibility import Implausible, implausible
 from tenodesis.control.resolution import Resolution, resolution
 from tenodesis.control.wrench import estimated_wrench
@@ -20,6 +28,8 @@ from tenodesis.control.wrench import estimated_wrench
 __all__ = [
     "FAULTS",
     "HOMING_REASONS",
+    "TUNING",
+    "Constant",
     "Controller",
     "FlightRecord",
     "Implausible",

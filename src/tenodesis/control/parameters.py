@@ -12,6 +12,16 @@ from tenodesis.instrument import Instrument, InstrumentLike, ShortForm
 from tenodesis.instrument.compliance import compliance_shares
 from tenodesis.instrument.tension import tension_sensor
 
+
+class Constant(NamedTuple):
+    """A constant of the controller."""
+
+    value: float
+    unit: str
+    """SI, ``1`` without"""
+    meaning: str
+
+
 FAULTS = tuple(name for name, _, _ in _core.faults())
 """Names of the faults, in the order of their bits."""
 
@@ -22,18 +32,14 @@ COMMON, AXIS = (
     tuple(name for name, _, _ in rows) for rows in (_core.control_parameters(), _core.control_axis_parameters())
 )
 
+TUNING = {name: Constant(value, unit, meaning) for name, value, unit, meaning in _core.tuning()}
+"""Constants of the law and what it stands on that no instrument changes, by name."""
+
 _USUAL_GAIN = 12.0  # 1/s
 # An integrating loop becomes unstable at twice the damping ratio of a free tip times its angular frequency.
 _GAIN_PER_SWING = 0.23
-# Of a tip that breaks away: its speed over its angular frequency, rad.
-_OVERSHOOT = np.radians(0.6)
-_STROKE_TIME = 0.25  # s
-# Of all measurements, in ticks, and of the tremor's speed and acceleration, s.
-_SMOOTHING = 6
-_TREMOR_SMOOTHING = 0.004
-# Longest time between two reversals of tremor (5 Hz), and delay of motors that take tremor away, s.
-_HALF_PERIOD = 0.1
-_LATEST = 0.36 * _HALF_PERIOD
+# Longest delay of motors that take tremor away, s.
+_LATEST = TUNING["tremor_quickest"].value * TUNING["tremor_half_period"].value
 _USUAL_LIMIT = 80.0  # N
 # Of the compliance up to a contact, which the core wants positive.
 _LEAST_SHARE = 1e-3
@@ -167,7 +173,8 @@ def _axis(inst: ShortForm, period: float, *, is_first: bool) -> dict[str, float]
     shares = compliance_shares(inst)
     # The controller knows a capstan alone: a coefficient that depends on tension is that at pretension.
     at_pretension = float((pretension / inst.friction.reference_tension) ** (inst.friction.load_index - 1))
-    delay = 1.05 * (drives.time_constant + (_SMOOTHING + 1) * period + 1.5 * _TREMOR_SMOOTHING)
+    lag = (TUNING["smoothing"].value + 1) * period + 1.5 * TUNING["tremor_smoothing"].value
+    delay = 1.05 * (drives.time_constant + lag)
     sensor = inst.tension_sensor
     in_handle = shares.handle / 2
     coefficient, bend, before = _before_handle(inst, in_handle, at_pretension)
@@ -176,7 +183,6 @@ def _axis(inst: ShortForm, period: float, *, is_first: bool) -> dict[str, float]
     slip_play = max(0.4 * numbers["proximal_radius"] * handle_step, spool_step, 1e-6)
     stretch = pretension / stiffness
     speed = drives.motor_speed / drives.gear_ratio
-    stroke = control.common_stroke * stretch
     arm = numbers["distal_radius"]
     homing_speed = min(control.homing_speed, _PULL_SPEED * arm)
     notice = max((2 if sensor.per_current else 5) * sensor.noise, 0.005 * pretension) + 2 * _UNSURE * sensor.constant
@@ -192,6 +198,7 @@ def _axis(inst: ShortForm, period: float, *, is_first: bool) -> dict[str, float]
         "backbone_rigidity": float(np.nan_to_num(numbers["backbone_rigidity"])),
         "handle_range": inst.handle_range,
         "output_stop": inst.output_stop,
+        "tip_frequency": plant.natural_frequency(inst),
         "stiffness": stiffness,
         "pretension": pretension,
         "share_sheath": before,
@@ -207,18 +214,13 @@ def _axis(inst: ShortForm, period: float, *, is_first: bool) -> dict[str, float]
         "sheath_bend_rate": inst.friction.sheath_bend_per_handle_angle,
         "passing_coefficient": 0.0 if is_first else inst.friction.passing_coefficient,
         "spool_radius": drives.spool_radius,
-        "drive_speed": speed,
-        "drive_acceleration": drives.motor_acceleration / drives.gear_ratio,
         "drive_time_constant": drives.time_constant,
         "hand_play": max(0.7 * handle_step, 1e-5),
         "sheath_play": max(3e-6, 10 * sensor.noise * before / stiffness, spool_step if sensor.friction else 0.0),
         "play": slip_play,
-        "length_noise": max(2 * spool_step, 2e-6),
-        "smoothing": _SMOOTHING * period,
         "friction_scale_std": control.friction_uncertainty,
         "reference_std": control.reference_uncertainty,
         "compliance_std": control.stiffness_uncertainty,
-        "forgetting": 0.05,
         "slack_tension": max(0.01 * pretension, 8 * sensor.noise),
         # Strokes show constant gains; that of a current turns with its motor.
         "cell_gain_std": 0.0 if sensor.per_current else _GAIN_DOUBT * sensor.gain_error,
@@ -230,52 +232,25 @@ def _axis(inst: ShortForm, period: float, *, is_first: bool) -> dict[str, float]
                 sensor.gain_error * stretch if sensor.per_current else 0.0,
             ]
         ),
-        "tremor_half_period": _HALF_PERIOD,
-        "tremor_limit": np.radians(1.2),
-        "tremor_memory": 1.0,
-        "tremor_smoothing": _TREMOR_SMOOTHING,
         "tremor_delay": min(delay, _LATEST),
         # Motors that follow later would shake the tip.
         "tremor_gain": 1.05 if delay <= _LATEST else 0.0,
         "gain": control.gain or min(_USUAL_GAIN, _GAIN_PER_SWING * plant.natural_frequency(inst)),
-        "breakaway_time": 0.025,
-        "breakaway_speed": _OVERSHOOT * plant.natural_frequency(inst),
         "position_gain": control.position_gain,
         "dead_band": control.dead_band,
         "tendon_speed": control.tendon_speed or 0.5 * speed * drives.spool_radius,
-        "common_speed": stroke / _STROKE_TIME,
-        "common_stroke": stroke,
-        "common_stroke_share": control.common_stroke,
-        "far_lag": 15.0,
-        "patience": 0.3,
-        "settle_time": 0.03,
+        "common_stroke": control.common_stroke * stretch,
         "least_tension": control.least_tension * pretension,
         "tension_limit": tension_limit(inst),
         "force_limit": force_limit(inst),
         "assistance": control.assistance,
-        "hand_travel": 5 * 0.7 * handle_step,
-        "still_time": 0.1,
-        "envelope_margin": np.radians(1),
-        "envelope_friction": 2.0,
-        "envelope_compliance": 1.3,
-        "envelope_smoothing": 0.1,
-        "least_swing": 2.0,
-        "stroke_swing": 2.0,
-        "swing_time": max(0.04, 1.3 * np.pi / plant.natural_frequency(inst)),
-        "swing_memory": 2.0,
-        "swing_hand_travel": np.radians(2),
-        "return_rate": 4.0,
         "homing_speed": homing_speed,
-        "homing_gain": 8.0,
         "homing_stroke": control.homing_stroke,
         # No tendon is to be wound above the limit.
         "homing_overshoot": min(max(0.95 * tension_limit(inst) / pretension - 1, 0.02), 0.4)
         if sensor.friction
         else 0.15,
         "homing_tolerance": max(0.004, 0.8 * sensor.noise / pretension) if sensor.per_current else 0.004,
-        "homing_settle_time": 0.1,
-        "homing_time": control.homing_stroke / homing_speed + 10.0,
-        "homing_least_stretch": 0.4,
         "homing_jog": max(4 * spool_step, _JOG * arm) + (2 * play if sensor.friction else 0.0),
         "homing_travel": _PULL * arm if noticed else _NONE,
         "homing_offset": max(
@@ -284,7 +259,6 @@ def _axis(inst: ShortForm, period: float, *, is_first: bool) -> dict[str, float]
             1.2 * sensor.constant,
         ),
         "homing_notice": notice,
-        "homing_gain_error": 0.12,
         "homing_efficiency": drives.gear_efficiency if sensor.per_current else 1.0,
         "homing_friction": sensor.constant,
         "homing_play": play,
@@ -294,7 +268,6 @@ def _axis(inst: ShortForm, period: float, *, is_first: bool) -> dict[str, float]
         "load_cell_range": sensor.range - sensor.resolution,
         "handle_noise": 6 * handle_step,
         "spool_noise": 2.5 * numbers["motor_encoder_resolution"],
-        "watch_window": 0.1,
     }
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from tenodesis import plant, statics
 from tenodesis.control.pairs import compensated
-from tenodesis.control.parameters import force_limit, parameters
+from tenodesis.control.parameters import TUNING, force_limit, parameters
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import InstrumentLike, ShortForm
 
@@ -79,7 +79,7 @@ def _resolution(inst: ShortForm) -> Resolution:
     sensors, sensor, control = inst.sensors, inst.tension_sensor, parameters(inst)
     numbers = plant.parameters(inst, control.common["period"])
     # Of a first-order filter's output over its input, for noise that is white.
-    passed = 1 / sqrt(1 + 2 * control.axes[0]["smoothing"] / control.common["period"])
+    passed = 1 / sqrt(1 + 2 * TUNING["smoothing"].value)
     handle_error = np.hypot(numbers["encoder_resolution"] / sqrt(12), passed * numbers["encoder_noise"])
     wound_error = numbers["motor_encoder_resolution"] * inst.drives.spool_radius / sqrt(12)
     cell_error = np.hypot(numbers["load_cell_resolution"] / sqrt(12), passed * numbers["load_cell_noise"])

@@ -1,0 +1,148 @@
+"""What each constant of the controller is worth: each of include/tenodesis/tuning.hpp, times a half and one and a half.
+
+Peer: the constant as it is. A constant that changes none of the figures by more than their own tolerance (what one case
+more or less, or a hundredth of a degree, changes) is worth nothing here, and should go, or has another reason. It takes
+another build: ``pip install . -C cmake.define.TENODESIS_TUNABLE=ON``.
+"""
+
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import changes
+import harm
+import homing
+import law
+import numpy as np
+import plants
+import tremor
+
+from tenodesis import _core
+from tenodesis.control import TUNING
+from tenodesis.errors import ArgumentError
+from tenodesis.simulate import campaign
+from tenodesis.simulate.campaign import Column, Rows
+
+FACTORS = (0.5, 1.5)
+SEED = 101
+ALTERNATING = campaign.cases(
+    instrument=["scaled-up", "real-size"], angle=[33.0, 80.0], share=[0.25, 0.5], period=[0.4, 0.7, 1.5, 4.0]
+)
+"""Of studies/changes.py"""
+
+
+class Figure:
+    """A figure of the reference work: how a row of a part is summed up, and what of it counts as a change."""
+
+    def __init__(self, part: str, sums: Callable[[Rows], float], tolerance: float) -> None:
+        self.part, self.sums, self.tolerance = part, sums, tolerance
+
+
+def mean(key: str) -> Callable[[Rows], float]:
+    return lambda rows: float(np.mean(np.asarray(rows[key], float)))
+
+
+def count(test: Callable[[Mapping[str, Any]], Any]) -> Callable[[Rows], float]:
+    return lambda rows: float(sum(bool(test(row)) for row in rows))
+
+
+FIGURES = {
+    "plants RMS": Figure("plants", mean("final_rms"), 0.01),
+    "plants worst": Figure("plants", lambda rows: float(np.max(rows["final_worst"])), 0.05),
+    "plants swing": Figure("plants", mean("swing_since"), 0.02),
+    "random RMS": Figure("random", mean("rms"), 0.01),
+    "random harmful": Figure("random", count(lambda row: row["harmful"]), 1),
+    "changing RMS": Figure("changing", mean("rms"), 0.02),
+    "changing harmful": Figure("changing", count(lambda row: row["harmful"]), 2),
+    "alternating beyond": Figure("alternating", count(lambda row: row["more_rms"] > 0.5 or row["more_peak"] > 2), 1),
+    "alternating RMS": Figure("alternating", mean("rms"), 0.05),
+    "stopped end": Figure("stopped", mean("end"), 0.02),
+    "tremor beyond": Figure("tremor", count(lambda row: row["more"] > tremor.MORE), 1),
+    "tremor swing": Figure("tremor", mean("swing"), 0.01),
+    "faults: after": Figure("faults", mean("after_off"), 0.1),
+    "faults named": Figure("faults", count(lambda row: row["named"]), 0),
+    "homing right": Figure("homing", count(lambda row: row["right"]), 0),
+    "homing apart": Figure("homing", mean("apart"), 0.002),
+    "homing seconds": Figure("homing", mean("seconds"), 0.1),
+}
+
+
+def parts() -> dict[str, tuple[Callable[..., Any], list[dict[str, Any]]]]:
+    """Return the reference work: a function and its cases, of each part."""
+    names = [*law.RATED]
+    work = {"exact": [False], "assistance": [None]}
+    random = [case | {"seed": SEED} for case in campaign.cases(number=range(30), instrument=names, **work)]
+    kinds = campaign.cases(kind=[*harm.KINDS], seed=[SEED], number=[0], instrument=names, **work)
+    return {
+        "plants": (plants.judge, campaign.cases(row=["four", "gains"])),
+        "random": (harm.trial, random),
+        "changing": (harm.trial, [case | {"changing": True} for case in random]),
+        "alternating": (changes.trial, [case | {"scene": "alternating"} for case in ALTERNATING]),
+        "stopped": (changes.trial, changes.cases("stopped", names[:1])[::2]),
+        "tremor": (
+            tremor.trembling,
+            campaign.cases(
+                instrument=names, angle=[33.0, 67.0], load=[0.0, 1.0], amplitude=[0.1, 0.3], frequency=[8.0]
+            ),
+        ),
+        "faults": (harm.trial, kinds),
+        "homing": (
+            homing.trial,
+            campaign.cases(name=names, wrong=[True, False], number=range(40), currents=[False]),
+        ),
+    }
+
+
+def of_part(constant: str) -> Iterable[str]:
+    """Return the parts that a constant may change."""
+    if constant.startswith("homing_"):
+        return ["homing"]
+    if constant in {"watch_window", "watch_moment", "long_run", "drive_gain_error", "time_to_obey", "press_time"}:
+        return ["faults", "stopped", "random"]
+    return [part for part in parts() if part not in {"homing", "faults"}]
+
+
+def trial(constant: str, factor: float) -> dict[str, Any] | None:
+    """Return the figures of the reference work with a constant times a factor, of none with the empty name.
+
+    A value that makes no controller has none.
+    """
+    if constant:
+        _core.tune(constant, TUNING[constant].value * factor)
+    try:
+        found: dict[str, Rows] = {}
+        for part, (run, cases) in parts().items():
+            if constant and part not in of_part(constant):
+                continue
+            rows = [case | metrics for case in cases if (metrics := run(**case)) is not None]
+            found[part] = Rows(rows)
+    except ArgumentError:
+        return None
+    finally:
+        if constant:
+            _core.tune(constant, TUNING[constant].value)
+    return {name: one.sums(found[one.part]) if one.part in found else np.nan for name, one in FIGURES.items()}
+
+
+def main() -> None:
+    parser = law.arguments(__doc__)
+    parser.add_argument("--constants", nargs="+", choices=[*TUNING], metavar="NAME", default=[*TUNING])
+    options = parser.parse_args()
+    if not hasattr(_core, "tune"):
+        sys.exit("The constants are fixed in this build; run: pip install . -C cmake.define.TENODESIS_TUNABLE=ON")
+    cases = [{"constant": "", "factor": 1.0}, *campaign.cases(constant=options.constants, factor=FACTORS)]
+    rows = campaign.run(trial, cases, "tuning", results=options.results)
+    peer = rows[0]
+    changed = []
+    for row in rows[1:]:
+        by = {name: row[name] - peer[name] for name in FIGURES}
+        told = [
+            f"{name} {peer[name]:.3g} -> {row[name]:.3g}" for name in FIGURES if abs(by[name]) > FIGURES[name].tolerance
+        ]
+        changed.append({"constant": row["constant"], "factor": row["factor"], "changes": "; ".join(told) or "nothing"})
+    columns = [Column("changes", lambda one: one[0]["changes"], form="")]
+    law.show(options, "tuning", Rows(changed).by("constant", "factor"), columns, ("constant", "times"))
+
+
+if __name__ == "__main__":
+    main()
