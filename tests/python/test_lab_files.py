@@ -122,6 +122,18 @@ def test_a_missing_library_is_named(
     assert (raised.value.value, raised.value.extra) == (module, "formats")
 
 
+def test_a_table_that_does_not_fit_into_memory_is_one_sentence(
+    columns: Columns, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise MemoryError
+
+    np.savez(tmp_path / "run.npz", **columns)
+    monkeypatch.setattr(np, "load", full)
+    with pytest.raises(RecordingError, match=r"run\.npz does not fit into memory\.$"):
+        lab_tables.read_table(tmp_path / "run.npz")
+
+
 @pytest.mark.parametrize("kind", ["bomb.mat", "bomb.h5", "bomb.tdms", "bomb.npz", "bomb.parquet"])
 def test_what_expands_to_too_much_is_refused_before_it_is_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str

@@ -69,8 +69,10 @@ def read_table(path: Path) -> Table:
     except OSError as problem:
         reason = problem.strerror or str(problem)
         raise RecordingError(f"{path} cannot be read: {reason}.", key="path", value=path) from None
-    except (Error, MemoryError):
+    except Error:
         raise
+    except MemoryError:
+        raise RecordingError(f"{path} does not fit into memory.", key="path", value=path) from None
     # A damaged file makes a library raise whatever its reader runs into.
     except Exception as problem:
         reason = str(problem).strip().partition("\n")[0].rstrip(".") or type(problem).__name__
