@@ -111,11 +111,10 @@ def one(
         return mistakes.explain([run], build, lambda _: free, instruments=others)
 
     try:
-        problem = build([run], None)
+        problem = mistakes.answered(lambda: build([run], None), explained)
+        result = mistakes.answered(lambda: fit(problem, free, train=[0], starts=1), explained)
     except IdentificationError as refusal:
-        found = explained()
-        return (f"refused: {refusal}" if found is None else found.statement), {}
-    result = fit(problem, free, train=[0], starts=1)
+        return f"refused: {refusal}", {}
     ratio = mistakes.unexplained_excess(problem, result, [0])
     said = "nothing"
     if ratio:

@@ -1,6 +1,7 @@
 """The motion of handle and spools from their quantised encoders."""
 
 import numpy as np
+import pytest
 
 from tenodesis.identification.twin_model.steps import QuantisedSensor, smoothed, unrounded
 
@@ -27,6 +28,15 @@ def test_smoothing_takes_noise_off_and_leaves_the_signal() -> None:
         angle + np.random.default_rng(0).normal(0, noise, time.size), STEP, QuantisedSensor(noise, 1e-9)
     ).values
     assert np.sqrt(np.mean((better - angle) ** 2)) < 0.2 * noise
+
+
+def test_the_last_digit_of_a_clock_changes_no_reconstruction() -> None:
+    angle = 0.4 * np.sin(np.arange(2000) * 4e-3) + np.random.default_rng(0).normal(0, 7e-4, 2000)
+    one, other = (smoothed(angle, step, QuantisedSensor(7e-4, 1e-9)) for step in (4e-3, 4e-3 + 4e-18))
+    assert len(one.errors) == len(other.errors)
+    for a, b in zip(one.errors, other.errors, strict=True):
+        assert a.first == b.first
+        assert a.shape == pytest.approx(b.shape, abs=1e-12)
 
 
 def test_a_smoothed_path_keeps_its_kinks_and_knows_how_well() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 import tenodesis as tn
 from tenodesis.errors import ArgumentError, IdentificationError
-from tenodesis.identification import mistakes
+from tenodesis.identification import arrays, mistakes
 from tenodesis.identification.formats import csv
 from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.identification.formats.measured import MeasuredRun
@@ -115,7 +115,20 @@ def test_recordings_that_are_refused_name_the_mistake_and_keep_the_reason() -> N
 
     said = mistakes.Explanation("the time is in ms, not in s", 1.0, np.inf, {"stiffness_ratio": 0.85})
     with pytest.raises(IdentificationError, match=r"ends at 1000 s\. Most likely the time is in ms") as caught:
-        mistakes.built(refuse, lambda: said)
+        mistakes.answered(refuse, lambda: said)
     assert caught.value.key == "time"
     with pytest.raises(IdentificationError, match=r"1000 s\.$"):
-        mistakes.built(refuse, lambda: None)
+        mistakes.answered(refuse, lambda: None)
+
+
+def test_a_fit_that_is_refused_names_the_mistake_that_led_it_astray(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> tn.identification.Fit:
+        raise IdentificationError("no excitation.", key="fit")
+
+    said = mistakes.Explanation("the force has its sign reversed", 1.0, 210.0, {})
+    monkeypatch.setattr(arrays, "fit_problem", refuse)
+    monkeypatch.setattr(mistakes, "explain", lambda *_, **__: said)
+    run = recorded(TRUE, seconds=0.5)
+    tension = np.stack([run["tension_agonist"], run["tension_antagonist"]], axis=1)
+    with pytest.raises(IdentificationError, match=r"no excitation\. Most likely the force"):
+        tn.identification.fit(time=run.time, handle_angle=run["handle_angle"], tension=tension, instrument=TRUE)

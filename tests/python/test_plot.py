@@ -1,5 +1,6 @@
 """Claims about the figures of instruments and runs."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,17 @@ def test_own_forces_name_their_curves(real: Instrument) -> None:
     for name in STATICS:
         legend = getattr(tn.plot, name)(real, forces=[0.0, 0.25]).axes[0].get_legend()
         assert "0.25 N" in [text.get_text() for text in legend.get_texts()]
+
+
+def test_an_estimate_with_a_slack_tendon_is_a_curve_of_its_own_and_no_band(run: Run, scaled: Instrument) -> None:
+    slack = np.tile([60.0, 0.0], (len(run), 1))
+    quiet = replace(run, measured_tension=slack)
+    loaded = replace(run, measured_tension=slack + np.random.default_rng(0).normal(0, [[0.0, 0.02]], slack.shape))
+    found, expected = (curves.estimated_output_angle(scaled, one) for one in (loaded, quiet))
+    assert np.array_equal(found, expected)
+    (axis,) = tn.plot.hysteresis(loaded, scaled).axes
+    solid = [line for line in axis.lines if line.get_linestyle() == "-"]
+    assert sum(not np.isfinite(line.get_ydata()).any() for line in solid) == 1
 
 
 def test_hysteresis_shows_what_was_measured_beside_theory(run: Run, scaled: Instrument) -> None:

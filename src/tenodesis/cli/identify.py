@@ -153,8 +153,8 @@ def identify(  # noqa: PLR0917
                 )
 
         explain = partial(_explained, measured[:count], kind, chosen, inst, parameters)
-        problem = mistakes.built(partial(problem_of, inst), explain)
-        found = fitted(problem)
+        problem = mistakes.answered(partial(problem_of, inst), explain)
+        found = mistakes.answered(partial(fitted, problem), explain)
         explained = explain() if mistakes.unexplained_excess(problem, found, range(count)) else None
         compared = None
         if _asks_for_arrangements(arrangement, problem, found, range(count), explained):

@@ -17,7 +17,10 @@ from tenodesis.recording import lab_guess, lab_map, lab_tables
 def write_map(
     outputs: Outputs,
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="File of a laboratory: text, .lvm, .tdms, .mat, .xlsx, bag.")
+        Path,
+        typer.Argument(
+            metavar="FILE", help="File of a laboratory: text, .lvm, .tdms, .mat, .parquet, .npz, .xlsx, bag."
+        ),
     ],
     out: Annotated[
         Path | None, output({".toml": "a map of columns"}, "The map. Default: FILE.columns.toml beside FILE.")

@@ -33,7 +33,7 @@ from tenodesis.report import style
 from tenodesis.scaling import Catalogue, Design, Front, Objectives, figures, plan
 from tenodesis.scaling.design import PREFERENCES, Preference
 from tenodesis.scaling.practical import OBJECTIVES as PRACTICAL_OBJECTIVES
-from tenodesis.scaling.practical import SIMILAR, Objective, PracticalFront, practical_front
+from tenodesis.scaling.practical import SIMILAR, Objective, PracticalFront, as_built, practical_front
 from tenodesis.scaling.sweep import Progress as Report
 from tenodesis.units import SimilarityError
 
@@ -268,12 +268,13 @@ def _print_front(front: Front, chosen: int | None, design: Design, free: Front |
         f"{front.real_size.name}: {front.examined} scale models judged, "
         f"{front.feasible} meet every constraint, {len(front)} on the front"
     )
-    designs = table(title, ">row", ">error", ">resolution", ">length", ">margin", "made of")
+    designs = table(title, ">row", ">as designed", ">as built", ">resolution", ">length", ">margin", "made of")
     for index in _representatives(front, chosen):
         one = front.objectives[index]
         row = [
             str(index + 1),
             f"{one.similarity_error:.2f}°",
+            f"{as_built(front[index], front.sweep.forces.largest):.2g}°",
             f"{1e3 * one.force_resolution:.3g} mN",
             f"{1e3 * one.overall_length:.4g} mm",
             f"{one.tension_margin:.3g}",
@@ -282,8 +283,9 @@ def _print_front(front: Front, chosen: int | None, design: Design, free: Front |
         designs.add_row(*row, style="bold" if index == chosen else None)
     console.print(designs)
     say(
-        "Error: largest similarity error over the working range. Resolution: least force on the real instrument. "
-        "Margin: breaking load over the largest tension."
+        "As designed: largest similarity error over the working range. As built: what 95 % keep with usual tolerances, "
+        "without friction. Resolution: least force on the real instrument. Margin: breaking load over the largest "
+        "tension."
     )
     factors = design.comparison.factors
     say(

@@ -137,6 +137,11 @@ def tension_from_current(inst: InstrumentLike, current: ArrayLike, axis: str | N
     return np.asarray(convert(current, sensor.per_current, sensor.range / sensor.per_current))
 
 
+def slack_tension(inst: ShortForm) -> float:
+    """Return the tension (N) below which a tendon counts as slack: above the noise of its sensor."""
+    return max(0.01 * inst.pretension, 8 * inst.tension_sensor.noise)
+
+
 def tension_limit(inst: Instrument) -> float:
     """Return the tension (N) above which no tendon is wound."""
     given = inst.control.tension_limit
@@ -221,7 +226,7 @@ def _axis(inst: ShortForm, period: float, *, is_first: bool) -> dict[str, float]
         "friction_scale_std": control.friction_uncertainty,
         "reference_std": control.reference_uncertainty,
         "compliance_std": control.stiffness_uncertainty,
-        "slack_tension": max(0.01 * pretension, 8 * sensor.noise),
+        "slack_tension": slack_tension(inst),
         # Strokes show constant gains; that of a current turns with its motor.
         "cell_gain_std": 0.0 if sensor.per_current else _GAIN_DOUBT * sensor.gain_error,
         "bias_std": np.linalg.norm(

@@ -102,8 +102,8 @@ def fit(
     def explain() -> mistakes.Explanation | None:
         return mistakes.explain([run], build, free_of, instruments=mistakes.shipped_planar())
 
-    model = mistakes.built(lambda: build([run], None), explain)
-    found = fit_problem(model, free, train=[0], progress=progress, **options)
+    model = mistakes.answered(lambda: build([run], None), explain)
+    found = mistakes.answered(lambda: fit_problem(model, free, train=[0], progress=progress, **options), explain)
     if ratio := mistakes.unexplained_excess(model, found, [0]):
         found = mistakes.doubted(found, ratio, explain())
     return replace(found, traces=model.traces(found.vector, 0), instrument=model.instrument(found.vector))

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import degrees, inf, sqrt
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -41,6 +41,7 @@ _TENSIONS = tuple(f"tension_{tendon}" for tendon in TENDONS)
 _HANDLE = ("handle_angle", "measured_handle_angle")
 _TIP = ("measured_output_angle",)
 
+_Answer = TypeVar("_Answer")
 Build: TypeAlias = Callable[[Sequence[MeasuredRun], ShortForm | None], Problem]
 """Returns the model of recordings, with another instrument if one is given."""
 
@@ -259,10 +260,13 @@ def explain(
     return best
 
 
-def built(build: Callable[[], Problem], explain: Callable[[], Explanation | None]) -> Problem:
-    """Return a model of recordings; where they are refused, the IdentificationError names the likely mistake."""
+def answered(ask: Callable[[], _Answer], explain: Callable[[], Explanation | None]) -> _Answer:
+    """Return a model of recordings, or its fit; where they are refused, the error names the likely mistake.
+
+    Raises IdentificationError as `ask` does.
+    """
     try:
-        return build()
+        return ask()
     except IdentificationError as refusal:
         explained = explain()
         if explained is None:

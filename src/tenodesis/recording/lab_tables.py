@@ -24,6 +24,8 @@ _COMPRESSED, _PART = 15, 1 << 20
 _MOST_COLUMNS = 1_000
 _LVM, _LVM_HEADER = "LabVIEW Measurement", "***End_of_Header***"
 _MCAP = b"\x89MCAP0\r\n"
+_NUMBERS = ("double", "float", "int64", "int32", "int16", "int8", "uint64", "uint32", "uint16", "uint8")
+"""Types of Parquet that are read."""
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 MAP_SUFFIX = ".columns.toml"
 TIME = "time [s]"
@@ -43,8 +45,9 @@ class Table(NamedTuple):
 
 
 def read_table(path: Path) -> Table:
-    """Return the table in a file: text, LabVIEW (.lvm, .tdms), MATLAB (.mat), HDF5, Excel (.xlsx), a bag of ROS.
+    """Return the table in a file of a laboratory.
 
+    It is text, LabVIEW (.lvm, .tdms), MATLAB (.mat), HDF5, Parquet, NumPy (.npz), Excel (.xlsx), or a bag of ROS.
     Text is separated by commas, semicolons or tabs, with a decimal comma if they are no commas; lines of # or % are
     left out. An array of several columns has a heading for each, ``F[1]`` and on.
 
@@ -66,8 +69,10 @@ def read_table(path: Path) -> Table:
     except OSError as problem:
         reason = problem.strerror or str(problem)
         raise RecordingError(f"{path} cannot be read: {reason}.", key="path", value=path) from None
-    except (Error, MemoryError):
+    except Error:
         raise
+    except MemoryError:
+        raise RecordingError(f"{path} does not fit into memory.", key="path", value=path) from None
     # A damaged file makes a library raise whatever its reader runs into.
     except Exception as problem:
         reason = str(problem).strip().partition("\n")[0].rstrip(".") or type(problem).__name__
@@ -268,6 +273,28 @@ def _xlsx(path: Path) -> Table:
     return Table("Excel", headings, [column.copy() for column in numbers.T[: len(headings)]])
 
 
+def _parquet(path: Path) -> Table:
+    file = require("pyarrow.parquet", "tables").ParquetFile(path)
+    groups = (file.metadata.row_group(at) for at in range(file.num_row_groups))
+    _check_expanded(path, (max(one.total_byte_size, 8 * one.num_rows * one.num_columns) for one in groups))
+    read = file.read()
+    kept = [name for name, kind in zip(read.column_names, read.schema.types, strict=True) if str(kind) in _NUMBERS]
+    return _table("Parquet", {name: read[name].to_numpy() for name in kept})
+
+
+def _npz(path: Path) -> Table:
+    with zipfile.ZipFile(path) as packed:
+        _check_expanded(path, (one.file_size for one in packed.infolist()))
+    with np.load(path, allow_pickle=False) as read:
+        return _table("NumPy", dict(read))
+
+
+def _zip(path: Path) -> Table:
+    """Return a sheet of Excel or the arrays of NumPy, which both are archives."""
+    with zipfile.ZipFile(path) as packed:
+        return (_npz if any(name.endswith(".npy") for name in packed.namelist()) else _xlsx)(path)
+
+
 def _bag(path: Path) -> Table:
     time, found = lab_bags.columns(path)
     return Table("bag of ROS", [TIME, *found], [time, *found.values()])
@@ -310,7 +337,8 @@ _READERS: list[tuple[Callable[[bytes], bool], Callable[[Path], Table]]] = [
     (lambda start: start.startswith(b"TDSm"), _tdms),
     (lambda start: start.startswith(b"MATLAB 5.0 MAT"), _mat),
     (lambda start: start.startswith((b"MATLAB 7.3 MAT", _HDF5)), _hdf5),
-    (lambda start: start.startswith(b"PK\x03\x04"), _xlsx),
+    (lambda start: start.startswith(b"PK\x03\x04"), _zip),
+    (lambda start: start.startswith(b"PAR1"), _parquet),
     (lambda start: start.startswith((lab_bags.ROS1, lab_bags.SQLITE, _MCAP)), _bag),
 ]
 """Readers of binary files by how these begin."""

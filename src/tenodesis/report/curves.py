@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from tenodesis import statics
+from tenodesis.control.parameters import slack_tension
 from tenodesis.instrument import ShortForm
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, unit_text
@@ -29,6 +30,8 @@ _BEFORE_STEP, _AFTER_STEP = 2.0, 6.0
 _ANGLES_SHOWN, _TENSIONS_SHOWN = 12.0, 15.0
 """Half of what is shown about the middle between before and after, deg and N."""
 _AVERAGED = 0.2  # s
+_LARGEST = 0.999
+"""Share of a run's largest load from which on its theory is drawn."""
 _SEEN = 0.05
 """Difference of two curves that can be seen, deg"""
 _NARROWEST = 7.0
@@ -184,11 +187,16 @@ class Loop(NamedTuple):
 def estimated_output_angle(inst: ShortForm, run: Run) -> Array:
     """Return the output angle (rad) that eq. 19 gives from the measured signals of a run."""
     handle = np.clip(run["measured_handle_angle"], -inst.handle_range, inst.handle_range)
-    return np.asarray(statics.estimate_output_angle(inst, handle, *run["measured_tension"].T))
+    tensions = run["measured_tension"].T
+    return np.asarray(statics.estimate_output_angle(inst, handle, *tensions, slack_below=slack_tension(inst)))
 
 
 def hysteresis(inst: ShortForm, loops: Sequence[Loop], measured_by: str = "measured") -> Chart:
-    """Draw the output angle over the handle angle of runs, beside theory and estimate (Fig. 14a)."""
+    """Draw the output angle over the handle angle of runs, beside theory and estimate (Fig. 14a).
+
+    The theory is that of each run's largest load; of an estimate, what comes from one tendon alone is drawn apart.
+    """
+    slack_anywhere = False
     chart, axes = loop_panels(loops, "output angle $\\theta_e$ [deg]")
     grid = np.linspace(0, statics.reach(inst), 101)
     unloaded = np.degrees(statics.output_angle(inst, grid))
@@ -197,18 +205,26 @@ def hysteresis(inst: ShortForm, loops: Sequence[Loop], measured_by: str = "measu
         handle = chart.keep(f"handle_angle {at}", np.degrees(angles))
         measured = chart.keep(f"measured_output_angle {at}", np.degrees(run["measured_output_angle"]))
         axis.plot(np.degrees(grid), unloaded, ":", color=style.MUTED, lw=1.3)
-        chart.curve(axis, handle, f"estimate {at}", np.degrees(estimate), color=style.ANTAGONIST, lw=1.0)
+        angle = chart.keep(f"estimate {at}", np.degrees(estimate))
+        slack = run["measured_tension"].min(axis=1) <= slack_tension(inst)
+        slack_anywhere |= bool(slack.any())
+        axis.plot(handle, np.where(slack, np.nan, angle), color=style.ANTAGONIST, lw=1.0)
+        axis.plot(handle, np.where(slack, angle, np.nan), color=style.LOADS[0], lw=1.0)
         axis.plot(handle, measured, color=style.AGONIST, lw=1.0)
         within = np.clip(angles, -inst.handle_range, inst.handle_range)
         theory = chart.keep(f"theory {at}", np.degrees(statics.output_angle(inst, within, run["force"])))
+        loads = np.abs(run["force"])
         order = np.argsort(handle)
+        order = order[loads[order] >= _LARGEST * loads.max()]
         axis.plot(handle[order], theory[order], "--", color=style.INK, lw=1.3)
     style.legend_outside(
         chart.figure,
         (measured_by, style.AGONIST, "-"),
         ("estimate from the tensions (eq. 19)", style.ANTAGONIST, "-"),
+        *[("estimate from one tension, the other tendon slack", style.LOADS[0], "-")] * slack_anywhere,
         ("theory, no load", style.MUTED, ":"),
         ("theory", style.INK, "--"),
+        columns=3 if slack_anywhere else None,
     )
     return chart
 

@@ -237,9 +237,15 @@ class Tally:
         for i, one in enumerate(self._limits):
             for j, other in enumerate(self._limits[:i]):
                 if not self._both[i, j]:
+                    remedies = [
+                        f" With all others kept, {self._best(n, self._alone)}: relax {_option(self._limits[n].key)}."
+                        for n in (j, i)
+                        if np.isfinite(self._alone[n][0])
+                    ]
                     return DesignError(
                         f"{other.key} and {one.key} contradict each other: of {self._examined} scale models {met[j]} "
-                        f"meet the one ({other.requires}), {met[i]} the other ({one.requires}), and none both.",
+                        f"meet the one ({other.requires}), {met[i]} the other ({one.requires}), and none "
+                        f"both.{''.join(remedies)}",
                         key=other.key,
                         allowed=other.requires,
                     )

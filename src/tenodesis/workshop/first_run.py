@@ -109,13 +109,14 @@ def protocol(design: Design, *, controlled: bool = False, brief: bool = False) -
     return parse(f'name = "first ten minutes"\n{text}', FIRST_RUN)
 
 
-def protocol_text(design: Design, *, controlled: bool = False) -> str:
-    """Return the text of the file of that protocol."""
+def protocol_text(design: Design, about: str = "", *, controlled: bool = False) -> str:
+    """Return the text of the file of that protocol; `about` says how similar the design is."""
     name, law = (CONTROLLED, " --law robust") if controlled else (FIRST_RUN, "")
     head = [
         f"# From rope to loaded tip in ten minutes, for {design.scaled_up.name}. On the twin:",
         "#",
         f"#   tenodesis record scaled-up.toml {name}{law} --out {Path(name).stem}.mcap",
+        *([f"#\n# {about}"] if about else []),
         "",
         f'name = "first ten minutes{", with the controller" if controlled else ""}"',
         'description = "Tighten, jog, strokes at several bends, moves, weights one by one, cycles, excitation"',

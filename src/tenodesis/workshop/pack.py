@@ -145,13 +145,17 @@ class Pack:
 
     def write(self, folder: Path) -> None:
         """Write the files of the pack to a folder; see :data:`FILES`. Raises OSError if it cannot be written."""
+        about = (
+            f"Similarity error as designed {self.budget.designed:.2g} deg; as built to the plan's tolerances "
+            f"{100 * self.budget.share:g} % keep {self.budget.built.kept:.2g} deg."
+        )
         texts = {
             ORDER: to_csv(Item._fields, self.items),
             TOLERANCES: to_csv(_TOLERANCE_COLUMNS, _tolerance_rows(self.budget)),
             STUDY: study_file(self.budget),
             CHECKLIST: to_csv(("step", "do", "see"), [(str(n), *step) for n, step in enumerate(self.steps, 1)]),
-            FIRST_RUN: protocol_text(self.design),
-            CONTROLLED: protocol_text(self.design, controlled=True),
+            FIRST_RUN: protocol_text(self.design, about),
+            CONTROLLED: protocol_text(self.design, about, controlled=True),
             HEADER: header(self.design.scaled_up, homed=False),
         }
         for name, text in texts.items():

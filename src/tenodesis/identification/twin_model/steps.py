@@ -158,7 +158,8 @@ def _least_risk(values: Array, penalised: Array, sample_time: float, deviation: 
     """Return the smooth path of least expected error, its blur in samples, 0 where none is better, and that error."""
     best, chosen, least = values, 0.0, 2 * deviation**2 * values.size
     kinks = np.count_nonzero(penalised == 0)
-    longest = max(tuning.BLUR_SHORTEST, tuning.BLUR_LONGEST / sample_time)
+    # rounded, for counts of samples by the blur must not hang on a clock's last digit
+    longest = max(tuning.BLUR_SHORTEST, round(tuning.BLUR_LONGEST / sample_time, 6))
     for blur in np.geomspace(tuning.BLUR_SHORTEST, longest, tuning.BLURS).tolist():
         weight = _weight(blur)
         smooth = _solved(weight * penalised, values)
