@@ -51,7 +51,7 @@ def desk(tmp_path: Path, recording: Path, monkeypatch: pytest.MonkeyPatch) -> Pa
         (scale, "_front"),
         (tolerance, "write"),
         (vertices, "write"),
-        (recordings, "record_run"),
+        (recordings, "recorded"),
         (recordings, "run_again"),
     ):
         monkeypatch.setattr(module, name, lambda *_, **__: pytest.fail("worked before it asked"))

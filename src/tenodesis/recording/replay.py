@@ -13,7 +13,7 @@ from tenodesis.control import Controller
 from tenodesis.control.pairs import names_of, pairs
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument
-from tenodesis.recording.metadata import QUASI_STATIC, metadata_of_replay, restored_controller
+from tenodesis.recording.metadata import EVERY, QUASI_STATIC, metadata_of_replay, restored_controller
 from tenodesis.recording.reader import Recording
 from tenodesis.recording.schemas import TRANSFERRED
 from tenodesis.recording.simulation import without_control
@@ -120,6 +120,13 @@ def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
             f"{recording.path} was converted from {metadata[TRANSFERRED]}; replay that recording.",
             key=TRANSFERRED,
             value=metadata[TRANSFERRED],
+        )
+    if EVERY in metadata:
+        raise RecordingError(
+            f"{recording.path} holds one of {metadata[EVERY]} rows; replaying needs the commands of all of them.",
+            key=EVERY,
+            value=metadata[EVERY],
+            allowed="a recording of all rows",
         )
     if inst is None:
         inst = recording.instrument()
