@@ -31,11 +31,11 @@ from tenodesis.errors import CommandError, CommandInterruptedError, Error, Proto
 from tenodesis.files import write_errors
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.live import event_summary
-from tenodesis.recording import Blocks, Recording, summary, tables
-from tenodesis.recording.replay import Replay
-from tenodesis.recording.replay import replay as run_again
+from tenodesis.recording import Blocks, summary, tables
+from tenodesis.recording.replay import Replayed
+from tenodesis.recording.replay import replay_file as run_again
 from tenodesis.recording.simulation import recorded
-from tenodesis.recording.summary import Outcome, contents, describe, outcome
+from tenodesis.recording.summary import Outcome, contents, describe
 from tenodesis.run import Run
 from tenodesis.units import Duration, in_unit
 
@@ -148,17 +148,17 @@ def replay(
 ) -> None:
     """Run a recording's commands again and print how the twin differs from the recording."""
     with outputs.files(out=out, plot_out=plot_out):
-        recording = Recording.open(file)
         inst = None if instrument_file is None else load_instrument(instrument_file)
-        again = run_again(recording, inst)
-        if recording.damage is not None:
-            say(recording.damage)
-        _print_differences(again)
+        with ProgressBar(f"replaying {file.name}", None) as bar:
+            done = run_again(file, inst, out, overwrite=outputs.overwrite, progress=bar)
+        again = done.replay
+        if again.recording.damage is not None:
+            say(again.recording.damage)
+        _print_differences(done)
         if not again.exact:
-            _print_facts(outcome(again.run, again.inst))
+            _print_facts(done.outcome)
         if out is not None:
-            again.write(out, overwrite=outputs.overwrite)
-            say(f"{out}: the replay, {again.run.time[-1]:.6g} s, {len(again.run)} rows, {file_size(out)}.")
+            say(f"{out}: the replay, {done.time:.6g} s, {done.rows} rows, {file_size(out)}.")
         if plot_out is not None:
             from tenodesis.report.replay import plot as draw  # noqa: PLC0415
 
@@ -295,15 +295,15 @@ class _Interruptible:
         self._bar(done, total)
 
 
-def _print_differences(again: Replay) -> None:
+def _print_differences(done: Replayed) -> None:
     """Print whether a replay is the same to the last bit, or by how much it differs."""
-    recording, rows = again.recording, len(again.run)
+    again, recording = done.replay, done.replay.recording
     if again.exact:
-        say(f"{recording.path}: replayed bit by bit on {again.inst.name}, {again.run.time[-1]:.6g} s, {rows} rows.")
+        say(f"{recording.path}: replayed bit by bit on {again.inst.name}, {done.time:.6g} s, {done.rows} rows.")
         return
     title = f"{recording.path}: replay on {again.inst.name}, difference to the recording"
     differences = table(title, "signal", ">rms", ">largest", "unit")
-    for name, difference in again.differences().items():
+    for name, difference in done.differences.items():
         unit = "deg" if difference.unit == "rad" else difference.unit
         factor = in_unit(unit, difference.unit)
         differences.add_row(name, f"{difference.rms * factor:.3g}", f"{difference.largest * factor:.3g}", unit)

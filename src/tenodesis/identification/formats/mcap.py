@@ -29,12 +29,16 @@ from tenodesis.identification.formats.instrument_run import (
 )
 from tenodesis.identification.formats.measured import WIDE, Raw, checksum
 from tenodesis.instrument import ShortForm, as_short_form
-from tenodesis.recording import Recording, cdr, container, schemas
+from tenodesis.recording import Blocks, Recording, cdr, container, schemas
+from tenodesis.recording.blocks import Thinned
 from tenodesis.recording.container import Contents, Message, Messages
 from tenodesis.recording.decode import Decoded, Decoder, LeftOut, Misfit
 from tenodesis.run import SIGNALS, TENDONS, Array, Names
 
 SUFFIX = ".db3"
+
+MOST_ROWS = 400_000
+"""Rows of a recording that are kept, 200 s at 2 kHz; of a longer one every second row is, every fourth, and so on."""
 
 _MAGIC = b"SQLite format 3\0"
 _ZSTANDARD = b"\x28\xb5\x2f\xfd"
@@ -215,16 +219,29 @@ def _files(path: Path) -> list[Path]:
 
 def _recorded(path: Path) -> _Signals | None:
     """Return a recording whose topics share their stamps, or None if they do not."""
-    recording = Recording.open(path)
+    recording, every = _thinned(path)
     if any(topic.reason is Misfit.STAMPS for topic in recording.left_out.values()):
         return None
     run, inst = recording.run, _instrument(recording)
     notes = [] if recording.damage is None else [recording.damage]
     notes += [f"{topic} is left out: {reason}" for topic, reason in recording.left_out.items()]
     longest = max((info.messages for name, info in recording.topics.items() if name in schemas.TOPICS), default=0)
-    if recording.damage is None and longest > len(run):
+    if every > 1:
+        notes.append(f"it is long: one row of {every} is taken")
+    elif recording.damage is None and longest > len(run):
         notes.append(f"topics do not end together: the first {len(run)} of up to {longest} rows are taken")
     return _Signals(run.time, run.axes, first_axis(run), tuple(notes), inst)
+
+
+def _thinned(path: Path) -> tuple[Recording, int]:
+    """Return the signals used of a recording, of one of so many rows, and of how many."""
+    blocks, kept = Blocks(path, signals=USED), Thinned(MOST_ROWS)
+    try:
+        for run in blocks:
+            kept.add(run)
+    except RecordingError:
+        return Recording.open(path, signals=USED), 1
+    return blocks.recording(kept.run), kept.every
 
 
 def _merged(path: Path, files: Sequence[Path]) -> _Signals:
