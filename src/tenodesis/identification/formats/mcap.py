@@ -37,8 +37,8 @@ from tenodesis.run import SIGNALS, TENDONS, Array, Names
 
 SUFFIX = ".db3"
 
-MOST_ROWS = 400_000
-"""Rows of a recording that are kept, 200 s at 2 kHz; of a longer one every second row is, every fourth, and so on."""
+MOST_ROWS = 2_000_000
+"""Rows of a recording that are kept, 1,000 s at 2 kHz; of a longer one every second row is, every fourth, and so on."""
 
 _MAGIC = b"SQLite format 3\0"
 _ZSTANDARD = b"\x28\xb5\x2f\xfd"
