@@ -43,6 +43,7 @@ def desk(tmp_path: Path, recording: Path, monkeypatch: pytest.MonkeyPatch) -> Pa
     """A folder with a file of every kind; work of any length fails the test."""
     from tenodesis.cli import bench, identify, plan_identification, scale, tolerance, vertices
     from tenodesis.cli import recording as recordings
+    from tenodesis.recording import replay as replays
 
     for module, name in (
         (bench, "run"),
@@ -51,8 +52,8 @@ def desk(tmp_path: Path, recording: Path, monkeypatch: pytest.MonkeyPatch) -> Pa
         (scale, "_front"),
         (tolerance, "write"),
         (vertices, "write"),
-        (recordings, "record_run"),
-        (recordings, "run_again"),
+        (recordings, "recorded"),
+        (replays, "_run"),
     ):
         monkeypatch.setattr(module, name, lambda *_, **__: pytest.fail("worked before it asked"))
     shutil.copy(recording, tmp_path / "run.mcap")

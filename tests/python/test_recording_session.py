@@ -339,3 +339,14 @@ def test_an_instruments_text_of_another_version_is_refused_in_a_sentence(tmp_pat
         recorder.write(run)
     with refused("joint_type", kind=InstrumentError, allowed="one of tendon-gear, tendon-pulley, conti"):
         replay(Recording.open(tmp_path / "run.mcap"))
+
+
+def test_of_a_thinned_recording_one_row_of_so_many_is_written_and_it_is_not_replayed(tmp_path: Path) -> None:
+    protocol = Protocol(name="short", phases=(Hold(duration=0.1),))
+    whole = record("scaled-up", protocol, tmp_path / "whole.mcap")
+    thin = record("scaled-up", protocol, tmp_path / "thin.mcap", every=7)
+    assert len(thin) == len(whole)
+    again = Recording.open(tmp_path / "thin.mcap")
+    np.testing.assert_array_equal(again.run["tension"], whole.rows(step=7)["tension"])
+    with pytest.raises(RecordingError, match="one of 7 rows"):
+        replay(again)

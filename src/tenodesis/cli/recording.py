@@ -1,7 +1,7 @@
 """The commands about recordings: record, describe, repeat, export."""
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, cast
@@ -31,11 +31,11 @@ from tenodesis.errors import CommandError, CommandInterruptedError, Error, Proto
 from tenodesis.files import write_errors
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.live import event_summary
-from tenodesis.recording import Blocks, Recording, summary, tables
-from tenodesis.recording.replay import Replay
-from tenodesis.recording.replay import replay as run_again
-from tenodesis.recording.simulation import record as record_run
-from tenodesis.recording.summary import contents, describe, outcome
+from tenodesis.recording import Blocks, summary, tables
+from tenodesis.recording.replay import Replayed
+from tenodesis.recording.replay import replay_file as run_again
+from tenodesis.recording.simulation import recorded
+from tenodesis.recording.summary import Outcome, contents, describe
 from tenodesis.run import Run
 from tenodesis.units import Duration, in_unit
 
@@ -67,6 +67,9 @@ def record(  # noqa: PLR0917
             metavar="INSTRUMENT", help="Instrument that the controller assumes: file or name. Default: INSTRUMENT."
         ),
     ] = None,
+    every: Annotated[
+        int, typer.Option(help="Of how many rows one is written; a file of fewer than all is not replayed.", min=1)
+    ] = 1,
 ) -> None:
     """Run a protocol on the twin of an instrument and record it, with --law under a controller.
 
@@ -91,7 +94,8 @@ def record(  # noqa: PLR0917
     with outputs.files(out=path), _progress(path) as progress:
         if assumed is not None:
             warn_resolution(assumed)
-        run = record_run(
+        seen = Outcome(inst)
+        for run in recorded(
             inst,
             protocol,
             path,
@@ -99,11 +103,15 @@ def record(  # noqa: PLR0917
             time_step=step,
             seed=seed,
             quasi_static=quasi_static,
+            every=every,
             overwrite=outputs.overwrite,
             progress=progress,
-        )
-    say(f"{path}: {protocol.name} on {inst.name}, {run.time[-1]:.6g} s, {len(run)} rows, {file_size(path)}.")
-    _print_outcome(run, inst)
+        ):
+            seen.add(run)
+            progress.add(run)
+    rows = f"{progress.rows} rows{'' if every == 1 else f' of which one in {every} is written'}"
+    say(f"{path}: {protocol.name} on {inst.name}, {progress.time:.6g} s, {rows}, {file_size(path)}.")
+    _print_facts(seen.facts())
 
 
 @command(json="Print JSON: a list with one entry per recording.")
@@ -140,17 +148,17 @@ def replay(
 ) -> None:
     """Run a recording's commands again and print how the twin differs from the recording."""
     with outputs.files(out=out, plot_out=plot_out):
-        recording = Recording.open(file)
         inst = None if instrument_file is None else load_instrument(instrument_file)
-        again = run_again(recording, inst)
-        if recording.damage is not None:
-            say(recording.damage)
-        _print_differences(again)
+        with ProgressBar(f"replaying {file.name}", None) as bar:
+            done = run_again(file, inst, out, overwrite=outputs.overwrite, progress=bar)
+        again = done.replay
+        if again.recording.damage is not None:
+            say(again.recording.damage)
+        _print_differences(done)
         if not again.exact:
-            _print_outcome(again.run, again.inst)
+            _print_facts(done.outcome)
         if out is not None:
-            again.write(out, overwrite=outputs.overwrite)
-            say(f"{out}: the replay, {again.run.time[-1]:.6g} s, {len(again.run)} rows, {file_size(out)}.")
+            say(f"{out}: the replay, {done.time:.6g} s, {done.rows} rows, {file_size(out)}.")
         if plot_out is not None:
             from tenodesis.report.replay import plot as draw  # noqa: PLC0415
 
@@ -227,9 +235,9 @@ def _controller(
     )
 
 
-def _print_outcome(run: Run, inst: Instrument) -> None:
+def _print_facts(facts: Mapping[str, str]) -> None:
     """Print what came of a run."""
-    for about, fact in outcome(run, inst).items():
+    for about, fact in facts.items():
         say(f"{about}: {fact}.")
 
 
@@ -250,20 +258,19 @@ def _progress(path: Path) -> Iterator["_Interruptible"]:
         try:
             yield shown
         except KeyboardInterrupt:
-            raise CommandInterruptedError(f"interrupted; {_recorded(path)}.") from None
+            raise CommandInterruptedError(
+                f"interrupted; {path} holds the run up to there, {shown.time:.6g} s, {shown.rows} rows."
+            ) from None
         except ValueError as problem:
             if not shown.called:
                 raise
             key = problem.key if isinstance(problem, Error) else ""
-            raise CommandError(f"{str(problem).rstrip('.')}; {_recorded(path)}.", key=key) from problem
+            raise CommandError(
+                f"{str(problem).rstrip('.')}; {path} holds the run up to there, {shown.time:.6g} s, {shown.rows} rows.",
+                key=key,
+            ) from problem
         finally:
             signal.signal(signal.SIGINT, before)
-
-
-def _recorded(path: Path) -> str:
-    """Return in words what an interrupted recording holds."""
-    run = Recording.open(path).run
-    return f"{path} holds the run up to there, {run.time[-1] if len(run) else 0:.6g} s, {len(run)} rows"
 
 
 class _Interruptible:
@@ -271,6 +278,12 @@ class _Interruptible:
 
     def __init__(self, bar: ProgressBar) -> None:
         self._bar, self._interrupted, self.called = bar, False, False
+        self.rows, self.time = 0, 0.0
+        """How many rows are run, and the time of the last, s."""
+
+    def add(self, run: Run) -> None:
+        """Count the rows of a block."""
+        self.rows, self.time = self.rows + len(run), float(run.time[-1])
 
     def interrupt(self, *_: object) -> None:
         self._interrupted = True
@@ -282,15 +295,15 @@ class _Interruptible:
         self._bar(done, total)
 
 
-def _print_differences(again: Replay) -> None:
+def _print_differences(done: Replayed) -> None:
     """Print whether a replay is the same to the last bit, or by how much it differs."""
-    recording, rows = again.recording, len(again.run)
+    again, recording = done.replay, done.replay.recording
     if again.exact:
-        say(f"{recording.path}: replayed bit by bit on {again.inst.name}, {again.run.time[-1]:.6g} s, {rows} rows.")
+        say(f"{recording.path}: replayed bit by bit on {again.inst.name}, {done.time:.6g} s, {done.rows} rows.")
         return
     title = f"{recording.path}: replay on {again.inst.name}, difference to the recording"
     differences = table(title, "signal", ">rms", ">largest", "unit")
-    for name, difference in again.differences().items():
+    for name, difference in done.differences.items():
         unit = "deg" if difference.unit == "rad" else difference.unit
         factor = in_unit(unit, difference.unit)
         differences.add_row(name, f"{difference.rms * factor:.3g}", f"{difference.largest * factor:.3g}", unit)

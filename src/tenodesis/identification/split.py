@@ -26,6 +26,8 @@ LONGEST = 30.0
 """Duration of a recording that is fitted as it is, and of the stretch of a longer one, s."""
 LEAST_LENGTH = 1.0
 """Shortest stretch, s."""
+_MOST_STRETCHES = 40
+"""Stretches of a recording that are judged; of one of more than ten minutes they lie further apart."""
 _LEAST_SAMPLES = 100
 """Of a stretch, which may hold a gap of the recording."""
 
@@ -41,8 +43,9 @@ def shortened(
 ) -> MeasuredRun:
     """Return the stretch of an instrument's recording that narrows its parameters most, or all of it if it is short.
 
-    Stretches overlap by half. Each is judged by the determinant of the information at the instrument's values; one that
-    begins amid a motion, so that its friction is unknown, is not taken.
+    Stretches overlap by half, or lie evenly apart where that would be more than 40. Each is judged by the determinant
+    of the information at the instrument's values; one that begins amid a motion, so that its friction is unknown, is
+    not taken.
 
     Parameters
     ----------
@@ -66,7 +69,8 @@ def shortened(
     if last - first <= longest or not isinstance(run, InstrumentRun):
         return run
     inst = instrument_of([run], instrument).planar[0]
-    begins = [*np.arange(first, last - longest, longest / 2).tolist(), last - longest]
+    apart = max(longest / 2, (last - longest - first) / (_MOST_STRETCHES - 1))
+    begins = [*np.arange(first, last - longest - apart / 2, apart).tolist(), last - longest]
     best, place = -inf, first
     for number, begin in enumerate(begins):
         progress(number, len(begins))

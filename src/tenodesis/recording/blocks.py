@@ -18,7 +18,7 @@ from tenodesis.files import open_regular
 from tenodesis.recording import cdr, schemas
 from tenodesis.recording.container import LONGEST_MAGIC, Contents, Messages, Scan, is_mcap
 from tenodesis.recording.decode import Decoded, Decoder, LeftOut, Misfit
-from tenodesis.run import Array, Names, Run
+from tenodesis.run import Array, Names, Run, concatenate
 
 _ROWS = 4000
 """Rows of a block, at least; the rest of a chunk comes with them."""
@@ -337,6 +337,35 @@ def joined(runs: Iterator[Run]) -> Run | None:
             parts[name].append(values)
     signals: dict[str, Any] = {name: np.concatenate(parts.pop(name)) for name in tuple(parts)}
     return replace(first, time=np.concatenate(times), **signals)
+
+
+class Thinned:
+    """Rows of consecutive runs, of which one in `every` is kept: 1 at first, twice as many where they become too many.
+
+    Parameters
+    ----------
+    most
+        Largest number of rows that are kept.
+    """
+
+    def __init__(self, most: int) -> None:
+        self.every = 1
+        self._most, self._rows, self._count = most, 0, 0
+        self._kept: list[Run] = []
+
+    def add(self, run: Run) -> None:
+        """Take the next rows."""
+        # joined alone, since a part of a block would hold all of it
+        self._kept.append(concatenate([run.rows(-self._rows % self.every, None, self.every)]))
+        self._rows, self._count = self._rows + len(run), self._count + len(self._kept[-1])
+        while self._count > self._most:
+            self._kept = [concatenate([self.run.rows(step=2)])]
+            self.every, self._count = 2 * self.every, len(self._kept[0])
+
+    @property
+    def run(self) -> Run:
+        """The rows that are kept."""
+        return concatenate(self._kept)
 
 
 def _seconds(stamps: NDArray[np.int64]) -> Array:

@@ -19,6 +19,8 @@ CONTROLLER = "controller"
 """Key of the controller's choices, as TOML."""
 CONTROLLER_INSTRUMENT = "controller_instrument"
 """Key of the controller's instrument, where it differs from the recorded instrument."""
+EVERY = "every"
+"""Key of the number of rows of which one was written."""
 DYNAMIC = "dynamic"
 """Mode of a twin with inertia and damping."""
 QUASI_STATIC = "quasi-static"
@@ -33,6 +35,7 @@ def metadata_of(
     time_step: float = TIME_STEP,
     quasi_static: bool = False,
     controller: Controller | None = None,
+    every: int = 1,
 ) -> dict[str, str]:
     """Return the metadata of a twin's recording, from which it can be replayed.
 
@@ -42,12 +45,15 @@ def metadata_of(
         What was run: the instrument, the protocol if the run followed one, and the controller if one closed the loop.
     seed, time_step, quasi_static
         Of the twin, as for :class:`tenodesis.twin.Twin`.
+    every
+        Of how many of its rows one is written.
     """
     return (
         {"instrument": to_toml(inst)}
         | ({} if protocol is None else {"protocol": protocol.to_toml()})
         | {"seed": str(seed), "time_step": repr(float(time_step))}
         | {"mode": QUASI_STATIC if quasi_static else DYNAMIC}
+        | ({} if every == 1 else {EVERY: str(every)})
         | ({} if controller is None else _metadata_of_controller(controller, inst))
     )
 

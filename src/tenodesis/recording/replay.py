@@ -1,20 +1,24 @@
 """Replay: run a recording's commands on a twin again, and compare."""
 
 import math
+import warnings
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from tenodesis.control import Controller
+from tenodesis.control import Controller, OperatingState
 from tenodesis.control.pairs import names_of, pairs
-from tenodesis.errors import RecordingError
+from tenodesis.errors import FaultWarning, RecordingError
 from tenodesis.instrument import Instrument
-from tenodesis.recording.metadata import QUASI_STATIC, metadata_of_replay, restored_controller
-from tenodesis.recording.reader import Recording
+from tenodesis.recording.blocks import Progress, Thinned
+from tenodesis.recording.metadata import EVERY, QUASI_STATIC, metadata_of_replay, restored_controller
+from tenodesis.recording.outcome import Outcome
+from tenodesis.recording.reader import Blocks, Recording
 from tenodesis.recording.schemas import TRANSFERRED
 from tenodesis.recording.simulation import without_control
 from tenodesis.recording.tables import columns
@@ -25,6 +29,9 @@ from tenodesis.twin import Contact, Held, Twin
 
 _UNEVEN = 0.01
 """Largest share by which a time step may differ from the others."""
+
+_MOST_POINTS = 40_000
+"""Rows of a replay that are kept for a figure."""
 
 _LOADS = {"force": "force", "radial_force": "radial_force", "wrench": "wrench", "grip_force": "applied_grip_force"}
 """Signal of each load that a twin takes."""
@@ -70,12 +77,20 @@ class Replay:
 
     def differences(self) -> Mapping[str, Difference]:
         """Return the differences of output angles and tensions by column, like ``tension.yaw_agonist``."""
+        found = {}
+        for name, (off, unit) in self._off().items():
+            found[name] = _Sum(unit)
+            found[name].add(off)
+        return {name: one.difference for name, one in found.items()}
+
+    def _off(self) -> dict[str, tuple[Array, str]]:
+        """Return the replay less the recording, (n,), and its unit, by column."""
         before, after = columns(self.recording.run), columns(self.run)
         found = {}
         for heading, values in after.items():
             name, unit = heading.removesuffix("]").split(" [")
             if name.partition(".")[0] in self.compared():
-                found[name] = _difference(values - before[heading], unit)
+                found[name] = (values - before[heading], unit)
         return found
 
     def write(self, path: str | Path, *, overwrite: bool = False) -> None:
@@ -114,53 +129,194 @@ def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
     ValueError
         The twin cannot follow a command, or not with this time step.
     """
-    recorded, metadata = recording.run, recording.metadata
-    if TRANSFERRED in metadata:
-        raise RecordingError(
-            f"{recording.path} was converted from {metadata[TRANSFERRED]}; replay that recording.",
-            key=TRANSFERRED,
-            value=metadata[TRANSFERRED],
-        )
-    if inst is None:
-        inst = recording.instrument()
-    for group, own, theirs in zip(Names._fields, names_of(inst), recorded.names, strict=True):
-        # Before, a recording named what a controller serves only if it had one.
-        if own != theirs and group != "compensated":
-            about, has, has_not = group.replace("_", " "), " and ".join(theirs) or "none", " and ".join(own) or "none"
+    again = _Again(recording, inst)
+    run = again.run(recording.run)
+    return Replay(recording, again.inst, run, _same_bits(recording.run, run))
+
+
+class Replayed(NamedTuple):
+    """What came of a replay that ran block by block.
+
+    Attributes
+    ----------
+    replay
+        The replay with at most 40,000 of its rows, for a figure.
+    differences
+        Of all rows, as :meth:`Replay.differences`.
+    outcome
+        Of the replay, in words.
+    rows, time
+        How many rows there were, and the time of the last, s.
+    """
+
+    replay: Replay
+    differences: Mapping[str, Difference]
+    outcome: Mapping[str, str]
+    rows: int
+    time: float
+
+
+def replay_file(
+    path: str | Path,
+    inst: Instrument | None = None,
+    out: str | Path | None = None,
+    *,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> Replayed:
+    """Run the commands of a recording again block by block, in memory that does not grow with its length.
+
+    Parameters
+    ----------
+    path
+        The recording.
+    inst
+        As for :func:`replay`, and errors alike.
+    out
+        The replay's own recording, as :meth:`Replay.write` writes it; None for none.
+    overwrite
+        Whether to replace a file that exists.
+    progress
+        Is told how many bytes of how many are read.
+    """
+    blocks = Blocks(path, progress=progress)
+    runs = iter(blocks)
+    first = next(runs)
+    recording = blocks.recording(first)
+    if "time_step" not in recording.metadata:
+        # the time step is that of all rows
+        recording = Recording.open(path)
+        runs, first = iter(()), recording.run
+    again = _Again(recording, inst)
+    before, after = Thinned(_MOST_POINTS), Thinned(_MOST_POINTS)
+    outcome = Outcome(again.inst)
+    sums: dict[str, _Sum] = {}
+    exact, rows, run = True, 0, first
+    with ExitStack() as stack:
+        recorder = None
+        for block in chain([first], runs):
+            run = again.run(block)
+            exact = exact and _same_bits(block, run)
+            for heading, (off, unit) in Replay(replace(recording, run=block), again.inst, run, exact)._off().items():
+                sums.setdefault(heading, _Sum(unit)).add(off)
+            before.add(block)
+            after.add(run)
+            outcome.add(run)
+            rows += len(run)
+            if out is not None:
+                if recorder is None:
+                    metadata = metadata_of_replay(recording, again.inst)
+                    recorder = stack.enter_context(
+                        Recorder(out, axes=run.names, metadata=metadata, overwrite=overwrite)
+                    )
+                recorder.write(run)
+    if blocks.topics:
+        recording = blocks.recording(before.run)
+    found = Replay(replace(recording, run=before.run), again.inst, after.run, exact)
+    differences = {heading: one.difference for heading, one in sums.items()}
+    return Replayed(found, differences, outcome.facts(), rows, float(run.time[-1]))
+
+
+class _Sum:
+    """A difference of which the rows come one after another."""
+
+    def __init__(self, unit: str) -> None:
+        self._unit = unit
+        self._squares, self._count, self._largest = 0.0, 0, 0.0
+
+    def add(self, off: Array) -> None:
+        """Take the next rows, (n,)."""
+        known = off[np.isfinite(off)]
+        if known.size:
+            self._squares, self._count = self._squares + float(known @ known), self._count + known.size
+            self._largest = max(self._largest, float(np.abs(known).max()))
+
+    @property
+    def difference(self) -> Difference:
+        """The difference of all rows."""
+        if not self._count:
+            return Difference(math.nan, math.nan, self._unit)
+        return Difference(math.sqrt(self._squares / self._count), self._largest, self._unit)
+
+
+class _Again:
+    """A twin that runs a recording's commands again, from its first row on; parameters and errors of :func:`replay`."""
+
+    def __init__(self, recording: Recording, inst: Instrument | None) -> None:
+        recorded, metadata = recording.run, recording.metadata
+        if TRANSFERRED in metadata:
             raise RecordingError(
-                f"{recording.path} has the {about} {has}, {inst.name} {has_not}; the instrument must have the same.",
-                key=group,
-                value=theirs,
-                allowed=has_not,
+                f"{recording.path} was converted from {metadata[TRANSFERRED]}; replay that recording.",
+                key=TRANSFERRED,
+                value=metadata[TRANSFERRED],
             )
-    described = all(name in recorded.signals() for name in HELD)
-    if recorded.grip_force is not None and recorded.grip_force.any() and not described:
-        raise RecordingError(
-            f"{recording.path} has jaws that held something, which it does not describe; it cannot be replayed.",
-            key="grip_force",
-            allowed="described",
-        )
-    seed = _number(recording, "seed", "0")
-    quasi_static = metadata.get("mode") == QUASI_STATIC
-    twin = Twin(inst, time_step=_time_step(recording), seed=int(seed), quasi_static=quasi_static)
-    if recorded.commanded_handle_angle is None:
-        recorded = replace(recorded, commanded_handle_angle=recorded.measured_handle_angle)
-    if recorded.commanded_handle_angle is None:
-        raise RecordingError(
-            f"{recording.path} has no handle angle; replaying needs the commanded or the measured one.",
-            key="handle_angle",
-            allowed="recorded",
-        )
-    controller = restored_controller(recording)
-    if controller is None:
-        run = _run(twin, recorded)
-    else:
-        started = _uncontrolled(recorded)
-        runs = [without_control(_run(twin, recorded.rows(0, started)))] if started else []
-        if started < len(recorded):
-            runs.append(_run(twin, recorded.rows(started), controller))
-        run = concatenate(runs)
-    return Replay(recording, inst, run, _same_bits(recording.run, run))
+        if EVERY in metadata:
+            raise RecordingError(
+                f"{recording.path} holds one of {metadata[EVERY]} rows; replaying needs the commands of all of them.",
+                key=EVERY,
+                value=metadata[EVERY],
+                allowed="a recording of all rows",
+            )
+        if inst is None:
+            inst = recording.instrument()
+        for group, own, theirs in zip(Names._fields, names_of(inst), recorded.names, strict=True):
+            # Before, a recording named what a controller serves only if it had one.
+            if own != theirs and group != "compensated":
+                about, has, has_not = (
+                    group.replace("_", " "),
+                    " and ".join(theirs) or "none",
+                    " and ".join(own) or "none",
+                )
+                raise RecordingError(
+                    f"{recording.path} has the {about} {has}, {inst.name} {has_not}; the instrument must have the "
+                    "same.",
+                    key=group,
+                    value=theirs,
+                    allowed=has_not,
+                )
+        described = all(name in recorded.signals() for name in HELD)
+        if recorded.grip_force is not None and recorded.grip_force.any() and not described:
+            raise RecordingError(
+                f"{recording.path} has jaws that held something, which it does not describe; it cannot be replayed.",
+                key="grip_force",
+                allowed="described",
+            )
+        seed = _number(recording, "seed", "0")
+        quasi_static = metadata.get("mode") == QUASI_STATIC
+        twin = Twin(inst, time_step=_time_step(recording), seed=int(seed), quasi_static=quasi_static)
+        if recorded.commanded_handle_angle is None and recorded.measured_handle_angle is None:
+            raise RecordingError(
+                f"{recording.path} has no handle angle; replaying needs the commanded or the measured one.",
+                key="handle_angle",
+                allowed="recorded",
+            )
+        self.inst = inst
+        self._twin = twin
+        self._controller = restored_controller(recording)
+        self._running = self._controller is None
+        self._faulted = False
+
+    def run(self, recorded: Run) -> Run:
+        """Return the twin's run under the next rows of the recording."""
+        if recorded.commanded_handle_angle is None:
+            recorded = replace(recorded, commanded_handle_angle=recorded.measured_handle_angle)
+        runs = []
+        if not self._running:
+            started = _uncontrolled(recorded)
+            self._running = started < len(recorded)
+            if started:
+                runs.append(without_control(_run(self._twin, recorded.rows(0, started))))
+            recorded = recorded.rows(started)
+        if len(recorded):
+            with warnings.catch_warnings():
+                if self._faulted:
+                    warnings.simplefilter("ignore", FaultWarning)
+                runs.append(_run(self._twin, recorded, self._controller))
+            if self._controller is not None:
+                self._faulted = self._faulted or bool(
+                    (runs[-1].by_column("operating_state") == OperatingState.FAULT).any()
+                )
+        return concatenate(runs)
 
 
 def _run(twin: Twin, recorded: Run, controller: Controller | None = None) -> Run:
@@ -241,10 +397,3 @@ def _same_bits(recorded: Run, run: Run) -> bool:
     again = {"time": run.time, **run.signals()}
     before = {"time": recorded.time, **recorded.signals()}
     return all(name in again and values.tobytes() == again[name].tobytes() for name, values in before.items())
-
-
-def _difference(off: Array, unit: str) -> Difference:
-    known = off[np.isfinite(off)]
-    if not known.size:
-        return Difference(math.nan, math.nan, unit)
-    return Difference(math.sqrt(float(np.mean(known**2))), float(np.abs(known).max()), unit)

@@ -137,30 +137,51 @@ def execute(
     FaultWarning
         The controller faulted.
     """
+    runs: list[Run] = []
+    for run in blocks(plant, protocol, controller, progress=progress):
+        runs.append(run)
+        if on_block is not None:
+            on_block(run)
+    return concatenate(runs)
+
+
+def blocks(
+    plant: Plant,
+    protocol: Protocol,
+    controller: Controller | None = None,
+    *,
+    progress: Callable[[float, float], object] | None = None,
+) -> Iterator[Run]:
+    """Yield the run of :func:`execute` in blocks of 1 s at most, none of which is kept; parameters and errors alike."""
     plan = protocol.plan(plant.inst, plant.time_step)
     if controller is not None:
         controller.check_instrument(plant.inst)
         check_controllable(plan, plant.inst, controller.inst)
     bench = _Bench(plant, controller)
     total = sum(planned.seconds for planned in plan)
-    runs: list[Run] = []
     begun = 0.0
+    fault: Run | None = None
     for planned in plan:
         done = begun
         begun += planned.seconds
         for run in _runs(bench, planned):
-            runs.append(run)
+            yield run
             done += len(run) * plant.time_step
-            if on_block is not None:
-                on_block(run)
+            if fault is None and controller is not None:
+                fault = _fault(run)
             if progress is not None:
                 progress(min(done, begun), total)
     if progress is not None:
         progress(total, total)
-    run = concatenate(runs)
-    if controller is not None:
-        warn_of_faults(run, compensated(plant.inst))
-    return run
+    if fault is not None:
+        warn_of_faults(fault, compensated(plant.inst))
+
+
+def _fault(run: Run) -> Run | None:
+    """Return the row in which a controller's fault comes, None without one."""
+    states = run.by_column("operating_state")
+    rows = np.flatnonzero((states == OperatingState.FAULT).any(axis=1))
+    return run.rows(rows[0], rows[0] + 1) if rows.size else None
 
 
 def check_controllable(plan: Sequence[Planned], inst: Instrument, assumed: ShortForm) -> None:
