@@ -1,10 +1,10 @@
 #pragma once
 // Strokes of all spools that bring the joints of any chain to their targets, from an observer's estimate of them.
 //
-// What a joint has lost is target less estimate, and what the motors have already given back. The motors are to move the
-// joints by a stroke between nothing and twice the least loss that the estimate's deviation admits: whatever is true
-// within it, no joint is then farther from its target than with motors off. Strokes are the routing matrix times the
-// coordinates to move; springs that share the moment with the tendons are counted in. Tendons about to go slack are
+// What a joint has lost is target less estimate, and what the motors have already given back. The motors are to move
+// the joints by a stroke between nothing and twice the least loss that the estimate's deviation admits: whatever is
+// true within it, no joint is then farther from its target than with motors off. Strokes are the routing matrix times
+// the coordinates to move; springs that share the moment with the tendons are counted in. Tendons about to go slack are
 // tightened by strokes that turn no joint.
 
 #include "tenodesis/joint_observer.hpp"
@@ -85,8 +85,7 @@ struct JointLaw {
     for (int i = 0; i < N; ++i) {
       lost[i] = moved[i] = S(0);
       for (int j = 0; j < N; ++j) {
-        lost[i] = lost[i] + within_.at[i][j] *
-                                (target[j] - coordinate_at(chain.joint[j].mechanism, found.angle[j]));
+        lost[i] = lost[i] + within_.at[i][j] * (target[j] - coordinate_at(chain.joint[j].mechanism, found.angle[j]));
         moved[i] = moved[i] + response_.at[i][j] * memory.given[j];
       }
       lost[i] = lost[i] + moved[i];
@@ -155,8 +154,7 @@ struct JointLaw {
       const S wanted = least_tension * chain.pretension[m];
       if (!chain.motor[m] || !(chain.stiffness[m] > S(0)) || found.far_tension[m] >= wanted) continue;
       any = true;
-      memory.common[m] =
-          memory.common[m] + rate * period * (wanted - found.far_tension[m]) / chain.stiffness[m];
+      memory.common[m] = memory.common[m] + rate * period * (wanted - found.far_tension[m]) / chain.stiffness[m];
     }
     if (!any) return;
     S turned[N], drawn[M];

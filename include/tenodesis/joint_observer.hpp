@@ -45,30 +45,30 @@ struct JointMeasurement {
 /// Deviations of what is known beforehand, and of the sensors.
 template <class S>
 struct JointDeviations {
-  S tension{};     ///< of a tension's reading, N
-  S length{};      ///< of a tendon's length, its spool's reading included, m
-  S friction{};    ///< share of all friction
-  S stiffness{};   ///< share of all tendons' stiffness
-  S force{};       ///< of each component of the force at the tip, N
-  S moment{};      ///< of each component of the moment at the tip, N m
-  S grip{};        ///< N
-  S imbalance{};   ///< moment of a joint that no load explains, N m
+  S tension{};    ///< of a tension's reading, N
+  S length{};     ///< of a tendon's length, its spool's reading included, m
+  S friction{};   ///< share of all friction
+  S stiffness{};  ///< share of all tendons' stiffness
+  S force{};      ///< of each component of the force at the tip, N
+  S moment{};     ///< of each component of the moment at the tip, N m
+  S grip{};       ///< N
+  S imbalance{};  ///< moment of a joint that no load explains, N m
 };
 
 inline constexpr int joint_load_components = 7;
 
 template <class S, int N, int M>
 struct JointEstimate {
-  S angle[N]{};                        ///< rad
-  Square<S, N> covariance{};           ///< of the angles, rad^2
-  S moment[N]{};                       ///< of the tendons about the joints, N m
-  S load[joint_load_components]{};     ///< force (N) and moment (N m) in the tip's axes, grip (N)
+  S angle[N]{};                     ///< rad
+  Square<S, N> covariance{};        ///< of the angles, rad^2
+  S moment[N]{};                    ///< of the tendons about the joints, N m
+  S load[joint_load_components]{};  ///< force (N) and moment (N m) in the tip's axes, grip (N)
   S load_std[joint_load_components]{};
-  S friction_scale{1};                 ///< over the friction that is assumed
+  S friction_scale{1};  ///< over the friction that is assumed
   S friction_scale_std{};
-  S far_tension[M]{};                  ///< at the tendons' ends, N
+  S far_tension[M]{};  ///< at the tendons' ends, N
   bool taut[M]{};
-  bool valid{};                        ///< false: a measurement is not finite, and the last estimate stands
+  bool valid{};  ///< false: a measurement is not finite, and the last estimate stands
 };
 
 template <class S, int N, int M, int contacts>
@@ -93,7 +93,7 @@ struct JointObserver {
 
   W chain{};
   Passage<S> passage[M][most_contacts]{};
-  int contacts[M]{};                    ///< of each tendon; 0: there is no such tendon
+  int contacts[M]{};                     ///< of each tendon; 0: there is no such tendon
   S compliance[M][most_contacts + 1]{};  ///< of each segment at rest, m/N
   ChosenLaw<S> law{};
   S sheath_bend_rate{};  ///< bend of the sheath by the angles of the handle
@@ -157,18 +157,16 @@ struct JointObserver {
       }
     }
     // An unknown that is zero within a deviation.
-    void expect(int i, const S& deviation) {
-      weight.at[i][i] = weight.at[i][i] + S(1) / (deviation * deviation);
-    }
+    void expect(int i, const S& deviation) { weight.at[i][i] = weight.at[i][i] + S(1) / (deviation * deviation); }
   };
 
   // Joints at the last estimate, and what tendons do to them.
   struct Joints {
     Bend<S> bend[N];
-    S angle[N];             // of the tip
+    S angle[N];  // of the tip
     S x[N];
-    S y[N]{};               // of the handle
-    S bent{};               // sum of the handle's angles
+    S y[N]{};  // of the handle
+    S bent{};  // sum of the handle's angles
     S handle_angle[N]{};
     S moment[N]{};
     S moment_by_friction[N]{};
@@ -198,17 +196,14 @@ struct JointObserver {
     return finite;
   }
 
-  S load_deviation(int k) const {
-    return k < 3 ? deviations.force : k < 6 ? deviations.moment : deviations.grip;
-  }
+  S load_deviation(int k) const { return k < 3 ? deviations.force : k < 6 ? deviations.moment : deviations.grip; }
 
   // Wrap of a contact; the handle's joints are counted from N on.
   S wrap_at(const Passage<S>& at, const Joints& joints) const {
     if (at.joint < 0) return larger(at.wrap + sheath_bend_rate * joints.bent * at.share, S(0));
     if (at.joint >= N) return at.wrap + abs(joints.handle_angle[at.joint - N]) * at.share;
     S turned = abs(joints.angle[at.joint]);
-    if (chain.is_around(at.joint))
-      turned = sqrt(squared(turned) + squared(joints.angle[at.joint + 1]));
+    if (chain.is_around(at.joint)) turned = sqrt(squared(turned) + squared(joints.angle[at.joint + 1]));
     return at.wrap + turned * at.share;
   }
 
@@ -258,8 +253,7 @@ struct JointObserver {
       const S arm = -at.arm * joints.bend[i].turn;
       joints.moment[i] = joints.moment[i] + arm * tension;
       joints.moment_by_friction[i] = joints.moment_by_friction[i] + arm * by_friction;
-      joints.variance[i] =
-          joints.variance[i] + squared(arm) * (squared(deviations.tension) + squared(hidden) / S(3));
+      joints.variance[i] = joints.variance[i] + squared(arm) * (squared(deviations.tension) + squared(hidden) / S(3));
     }
     pass(contacts[m]);
     auto& estimate = memory.estimate;
@@ -287,8 +281,13 @@ struct JointObserver {
     chain.add_tie_rates(S(1), rate);
     for (int k = 0; k < joint_load_components; ++k) {
       ChainLoad<S> unit{};
-      S* const part[] = {&unit.wrench.force.x,  &unit.wrench.force.y,  &unit.wrench.force.z, &unit.wrench.moment.x,
-                         &unit.wrench.moment.y, &unit.wrench.moment.z, &unit.grip};
+      S* const part[] = {&unit.wrench.force.x,
+                         &unit.wrench.force.y,
+                         &unit.wrench.force.z,
+                         &unit.wrench.moment.x,
+                         &unit.wrench.moment.y,
+                         &unit.wrench.moment.z,
+                         &unit.grip};
       *part[k] = S(1);
       S moment[N];
       chain.template load_moments<false, false>(joints.bend, unit, moment, unused);

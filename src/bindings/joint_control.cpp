@@ -13,11 +13,11 @@ namespace {
 using namespace engine;
 
 /// Numbers of a controller of joints, in the order of a row.
-#define TENODESIS_JOINT_CONTROL(ROW)                                                                                  \
-  ROW(constant), ROW(static_ratio), ROW(stribeck_speed), ROW(memory), ROW(load_index), ROW(reference_tension),        \
-      ROW(bending_loss), ROW(sheath_bend_rate), ROW(spool_radius), ROW(play), ROW(tension_deviation),                 \
-      ROW(length_deviation), ROW(friction_deviation), ROW(stiffness_deviation), ROW(force_deviation),                 \
-      ROW(moment_deviation), ROW(grip_deviation), ROW(imbalance), ROW(rate), ROW(gain), ROW(speed),                   \
+#define TENODESIS_JOINT_CONTROL(ROW)                                                                           \
+  ROW(constant), ROW(static_ratio), ROW(stribeck_speed), ROW(memory), ROW(load_index), ROW(reference_tension), \
+      ROW(bending_loss), ROW(sheath_bend_rate), ROW(spool_radius), ROW(play), ROW(tension_deviation),          \
+      ROW(length_deviation), ROW(friction_deviation), ROW(stiffness_deviation), ROW(force_deviation),          \
+      ROW(moment_deviation), ROW(grip_deviation), ROW(imbalance), ROW(rate), ROW(gain), ROW(speed),            \
       ROW(tension_limit), ROW(least_tension), ROW(deviations), ROW(period)
 
 #define TENODESIS_ROW(name) at_##name
@@ -229,16 +229,17 @@ void bind_joint_control(nb::module_& m) {
                   "NDArray[numpy.float64], target: NDArray[numpy.float64], compensates: bool, out: "
                   "NDArray[numpy.float64]) -> None"),
           "One tick: estimate, then the spools' velocities, in out.")
-      .def("run", [](AnyJointController& controller, AnyTwin& twin, const In<2>& commands, const In<2>& targets,
-                     bool compensates, int steps_per_tick, std::size_t started, const Out<2>& out,
-                     const Out<2>& control) {
-             return run(twin, controller, commands, targets, compensates, steps_per_tick, started, out, control);
-           },
-           "twin"_a, "commands"_a, "targets"_a, "compensates"_a, "steps_per_tick"_a, "started"_a, "out"_a, "control"_a,
-           nb::sig("def run(self, twin: Twin, commands: NDArray[numpy.float64], targets: NDArray[numpy.float64], "
-                   "compensates: bool, steps_per_tick: int, started: int, out: NDArray[numpy.float64], control: "
-                   "NDArray[numpy.float64]) -> tuple[int, Status]"),
-           "Steps of a twin with it in the loop; returns the steps taken and the last status.")
+      .def(
+          "run",
+          [](AnyJointController& controller, AnyTwin& twin, const In<2>& commands, const In<2>& targets,
+             bool compensates, int steps_per_tick, std::size_t started, const Out<2>& out, const Out<2>& control) {
+            return run(twin, controller, commands, targets, compensates, steps_per_tick, started, out, control);
+          },
+          "twin"_a, "commands"_a, "targets"_a, "compensates"_a, "steps_per_tick"_a, "started"_a, "out"_a, "control"_a,
+          nb::sig("def run(self, twin: Twin, commands: NDArray[numpy.float64], targets: NDArray[numpy.float64], "
+                  "compensates: bool, steps_per_tick: int, started: int, out: NDArray[numpy.float64], control: "
+                  "NDArray[numpy.float64]) -> tuple[int, Status]"),
+          "Steps of a twin with it in the loop; returns the steps taken and the last status.")
       .def_prop_ro("width", &AnyJointController::width, "Numbers of an estimate.")
       .def("reset", &AnyJointController::reset, "Return to the initial state.");
   m.def("joint_control_parameters", [] { return list_of(joint_control_names); });

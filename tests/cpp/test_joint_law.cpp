@@ -1,0 +1,194 @@
+// Claims about observer and law of joints whose tendons turn several of them.
+
+#include "tenodesis/joint_law.hpp"
+
+#include <limits>
+
+#include "claim.hpp"
+
+using namespace tenodesis;
+
+constexpr double stiffness = 1e5, pretension = 20, spool = 2.5e-3, period = 5e-4;
+
+using Wrist = TendonChain<double, 3, 6>;
+using Observer = JointObserver<Wrist, 4>;
+
+/// A pitch joint and two jaws on it, whose tendons run over the pitch pulley.
+Wrist wrist() {
+  Wrist chain{};
+  const double arms[3] = {2.5e-3, 2.1e-3, 2.1e-3};
+  for (int i = 0; i < 3; ++i) {
+    auto& joint = chain.joint[i];
+    joint.mechanism = Mechanism::pulley;
+    joint.parent = i == 0 ? -1 : 0;
+    joint.axis = i == 0 ? Vector<double>{-1, 0, 0} : Vector<double>{0, 1, 0};
+    joint.offset = i == 0 ? 0 : 9e-3;
+    joint.length = 10e-3;
+    joint.share = i == 0 ? 0 : 0.5;
+    joint.grip = i == 0 ? 0 : (i == 1 ? 5e-3 : -5e-3);
+    for (int side = 0; side < 2; ++side) {
+      const int m = 2 * i + side;
+      const double sign = side == 0 ? 1 : -1;
+      chain.arm[m][i] = sign * arms[i];
+      if (i > 0) chain.arm[m][0] = sign * 1.7e-3;
+      chain.stiffness[m] = stiffness;
+      chain.pretension[m] = pretension;
+      chain.motor[m] = true;
+    }
+  }
+  return chain;
+}
+
+/// coefficient: in the sheath, over one radian.
+Observer observer_of(double coefficient) {
+  Observer observer{};
+  observer.chain = wrist();
+  for (int m = 0; m < 6; ++m) {
+    int n = 0;
+    observer.passage[m][n++] = {-1, coefficient, 1, 1, 0};
+    for (int i = 0; i < 3; ++i)
+      if (observer.chain.arm[m][i] != 0) observer.passage[m][n++] = {i, 0, 0, 1, -observer.chain.arm[m][i]};
+    observer.contacts[m] = n;
+    for (int j = 0; j <= n; ++j) observer.compliance[m][j] = 1 / (stiffness * (n + 1));
+  }
+  observer.spool_radius = spool;
+  observer.play = 1e-6;
+  observer.deviations = {0.03, 5e-6, 0.2, 1e-3, 5, 0.05, 5, 1e-5};
+  return observer;
+}
+
+/// What sensors show of the wrist at rest, without friction.
+Observer::Measured measured_at(const Wrist& chain, const double* stroke, const double* x) {
+  Observer::Measured measured{};
+  double drawn[6];
+  chain.excursions(x, drawn);
+  for (int m = 0; m < 6; ++m) {
+    measured.spool_angle[m] = stroke[m] / spool;
+    measured.tension[m] = std::fmax(0, chain.stretched(m, stroke[m], drawn[m]));
+  }
+  return measured;
+}
+
+void angles_under_load_are_those_at_rest_without_friction() {
+  const Observer observer = observer_of(0);
+  const double turned[3] = {0.4, -0.3, 0.5};
+  double stroke[6];
+  observer.chain.excursions(turned, stroke);
+  // The second load is such that tendons go slack.
+  for (const double force : {1.0, 6.0}) {
+    const auto rest = solve(observer.chain, stroke, {{{force, -force, 0.5}, {}}, 1, false});
+    CLAIM(rest.status == Status::ok);
+    const auto measured = measured_at(observer.chain, stroke, rest.x);
+    Observer::Memory memory{};
+    for (int n = 0; n < 20; ++n) observer.update(measured, memory);
+    int taut = 0;
+    for (const bool one : memory.estimate.taut) taut += one ? 1 : 0;
+    CLAIM(force < 2 ? taut == 6 : taut < 6);
+    for (int i = 0; i < 3; ++i) {
+      CLAIM_NEAR(memory.estimate.angle[i], rest.x[i], 1e-4);
+      CLAIM(std::fabs(rest.x[i] - turned[i]) > 1e-3);
+    }
+  }
+}
+
+/// All tendons pulled alike through their sheaths, which have a friction of their own, and let go a little.
+Observer::Memory pulled(const Observer& observer, double coefficient, double let_go) {
+  Observer::Memory memory{};
+  for (int n = 0; n <= 400; ++n) {
+    const bool back = n > 300;
+    const double high = pretension + 30.0 * std::fmin(n, 300) / 300;
+    const double near = back ? high - let_go * (n - 300) / 100 : high;
+    const double beyond = std::fmax(high * std::exp(-coefficient), pretension);
+    Observer::Measured measured{};
+    for (int m = 0; m < 6; ++m) {
+      const double soft = 1 / (stiffness * (observer.contacts[m] + 1));
+      measured.tension[m] = near;
+      measured.spool_angle[m] = soft * (near - pretension + observer.contacts[m] * (beyond - pretension)) / spool;
+    }
+    observer.update(measured, memory);
+  }
+  return memory;
+}
+
+void a_common_pull_shows_friction() {
+  for (const double scale : {0.8, 1.0, 1.2}) {
+    const auto memory = pulled(observer_of(0.3), 0.3 * scale, 0);
+    CLAIM_NEAR(memory.estimate.friction_scale, scale, 0.03);
+    CLAIM(memory.estimate.friction_scale_std < 0.05);
+    for (const double angle : memory.estimate.angle) CLAIM_NEAR(angle, 0, 1e-6);
+  }
+  CLAIM_NEAR(pulled(observer_of(0.3), 0.3, 0).estimate.far_tension[0], 50 * std::exp(-0.3), 1e-6);
+}
+
+void what_sticks_after_a_reversal_is_in_the_deviation() {
+  const auto firm = pulled(observer_of(0.3), 0.3, 0), stuck = pulled(observer_of(0.3), 0.3, 2);
+  for (int i = 0; i < 3; ++i) CLAIM(stuck.estimate.covariance.at[i][i] > 4 * firm.estimate.covariance.at[i][i]);
+}
+
+JointLaw<Wrist> law() {
+  JointLaw<Wrist> made{};
+  made.chain = wrist();
+  made.rate = 8;
+  made.gain = 40;
+  made.speed = 0.05;
+  made.spool_radius = spool;
+  made.tension_limit = 100;
+  made.least_tension = 0.15;
+  made.period = period;
+  CLAIM(made.prepare());
+  return made;
+}
+
+void joints_reach_their_targets_and_are_never_farther_than_without() {
+  const Observer observer = observer_of(0);
+  const auto compensation = law();
+  const double target[3] = {0.3, 0.2, -0.1};
+  double worst_off[3]{}, last[3]{};
+  for (const bool compensates : {false, true}) {
+    Observer::Memory memory{};
+    JointLaw<Wrist>::Memory own{};
+    double stroke[6], velocity[6];
+    observer.chain.excursions(target, stroke);
+    for (int n = 0; n < 3000; ++n) {
+      const auto rest = solve(observer.chain, stroke, {{{1, 1, 0}, {}}, 0.5, false});
+      CLAIM(rest.status == Status::ok);
+      const auto measured = measured_at(observer.chain, stroke, rest.x);
+      const auto& found = observer.update(measured, memory);
+      compensation.update(measured, found, target, compensates, own, velocity);
+      for (int m = 0; m < 6; ++m) stroke[m] += period * spool * velocity[m];
+      for (int i = 0; i < 3; ++i) {
+        last[i] = std::fabs(rest.x[i] - target[i]);
+        if (compensates) CLAIM(last[i] < worst_off[i] + 1e-4);
+        if (!compensates) worst_off[i] = std::fmax(worst_off[i], last[i]);
+      }
+    }
+    for (int i = 0; i < 3; ++i) CLAIM(compensates ? last[i] < 5e-4 : last[i] > 5e-3);
+  }
+}
+
+void a_reading_that_is_not_a_number_stops_the_spools() {
+  const Observer observer = observer_of(0);
+  Observer::Memory memory{};
+  Observer::Measured measured{};
+  for (double& one : measured.tension) one = pretension;
+  observer.update(measured, memory);
+  const double before = memory.estimate.angle[0];
+  measured.tension[2] = std::numeric_limits<double>::quiet_NaN();
+  const auto& found = observer.update(measured, memory);
+  CLAIM(!found.valid);
+  CLAIM(found.angle[0] == before);
+  JointLaw<Wrist>::Memory own{};
+  const double target[3] = {0.3, 0.2, -0.1};
+  double velocity[6];
+  law().update(measured, found, target, true, own, velocity);
+  for (const double one : velocity) CLAIM(one == 0);
+}
+
+int main() {
+  angles_under_load_are_those_at_rest_without_friction();
+  a_common_pull_shows_friction();
+  what_sticks_after_a_reversal_is_in_the_deviation();
+  joints_reach_their_targets_and_are_never_farther_than_without();
+  a_reading_that_is_not_a_number_stops_the_spools();
+  return claims::report();
+}
