@@ -54,10 +54,11 @@ class JointEstimate(NamedTuple):
     def of_rows(cls, rows: Array, joints: int, tendons: int) -> "JointEstimate":
         """Return it from the core's numbers, (..., width)."""
         widths = [joints, joints, joints, _COMPONENTS, _COMPONENTS, 1, 1, tendons, joints**2]
-        parts = np.split(rows, np.cumsum(widths)[:-1], axis=-1)
-        scale, deviation = parts[5][..., 0], parts[6][..., 0]
-        covariance = parts[8].reshape(*rows.shape[:-1], joints, joints)
-        return cls(*parts[:5], scale, deviation, parts[7], covariance)
+        angle, std, moment, load, load_std, scale, scale_std, far, covariance = np.split(
+            rows, np.cumsum(widths)[:-1], axis=-1
+        )
+        square = covariance.reshape(*rows.shape[:-1], joints, joints)
+        return cls(angle, std, moment, load, load_std, scale[..., 0], scale_std[..., 0], far, square)
 
 
 class JointController:
@@ -124,8 +125,10 @@ class JointController:
         joints, tendons = len(self.inst.tip_joints), len(self.inst.tendons)
         out = np.empty(self.core.width + tendons)
         wanted = np.zeros(joints) if target is None else target
-        given = [np.ascontiguousarray(one, float) for one in (handle_angle, tensions, spool_angles, wanted)]
-        self.core.step(*given, self.compensates, out)
+        handle, tension, spool, aim = (
+            np.ascontiguousarray(one, float) for one in (handle_angle, tensions, spool_angles, wanted)
+        )
+        self.core.step(handle, tension, spool, aim, self.compensates, out)
         return out[self.core.width :], JointEstimate.of_rows(out[: self.core.width], joints, tendons)
 
     def reset(self) -> None:

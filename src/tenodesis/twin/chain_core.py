@@ -9,8 +9,8 @@ from tenodesis._core import Status
 from tenodesis.control.pairs import compensated, names_of, pairs
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import FullForm
-from tenodesis.run import ACROSS, COMPONENTS, Array
 from tenodesis.routes import twin_rows
+from tenodesis.run import ACROSS, COMPONENTS, Array
 from tenodesis.twin.commands import Frame
 from tenodesis.twin.core import Constant, Outcome, TwinCore
 from tenodesis.twin.rows import check_rig
