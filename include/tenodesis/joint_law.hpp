@@ -90,6 +90,7 @@ struct JointLaw {
       }
       lost[i] = lost[i] + moved[i];
     }
+    leave_grip(found, lost);
     for (int i = 0; i < N; ++i) {
       const S doubt = deviations * sqrt(larger(variance(i, found), S(0)));
       const S room = S(2) * larger(abs(lost[i]) - doubt, S(0));
@@ -145,6 +146,20 @@ struct JointLaw {
     for (int j = 0; j < N; ++j)
       for (int k = 0; k < N; ++k) sum = sum + row[j] * found.covariance.at[j][k] * row[k];
     return sum;
+  }
+
+  // Takes the jaws' opening out of what is lost where something certainly presses them apart: their grip is as
+  // commanded.
+  void leave_grip(const Estimate& found, S* lost) const {
+    S size(0), opened(0), spread(0);
+    for (int i = 0; i < N; ++i) {
+      size = size + chain.joint[i].grip * chain.joint[i].grip;
+      opened = opened - chain.joint[i].grip * lost[i];
+      for (int j = 0; j < N; ++j)
+        spread = spread + chain.joint[i].grip * found.covariance.at[i][j] * chain.joint[j].grip;
+    }
+    if (!(size > S(0)) || opened <= deviations * sqrt(larger(spread, S(0)))) return;
+    for (int i = 0; i < N; ++i) lost[i] = lost[i] + chain.joint[i].grip * (opened / size);
   }
 
   // Winds tendons that are about to go slack, and of that only what turns no joint.

@@ -39,7 +39,7 @@ def left_over(
 @pytest.mark.parametrize("name", ["needle-driver", "maryland-dissector"])
 def test_jaws_over_a_wrist_come_back_under_load_whatever_friction(name: str, scale: float) -> None:
     truth, assumed = with_friction(name, 0.1 * scale), with_friction(name, 0.1)
-    case = ([0.4, -0.3, 0.5], [2.0, 1.5, 0.5])
+    case = ([0.4, -0.3, 0.5], [6.0, 5.0, 0.5])
     off, _, _ = left_over(truth, assumed, *case, compensates=False)
     left, estimate, run = left_over(truth, assumed, *case, compensates=True)
     assert np.abs(off).max() > 1.5

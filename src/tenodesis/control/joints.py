@@ -31,7 +31,7 @@ _IMBALANCE = 1e-3
 
 
 class JointEstimate(NamedTuple):
-    """What tendons show of the joints, at one tick or with a row per tick; angles of the tip's joints in their order."""
+    """What tendons show of the joints, at one tick or with a row per tick."""
 
     angle: Array
     """rad, (..., joints)"""
@@ -66,7 +66,8 @@ class JointController:
 
     Targets are the angles that joints had if no tendon stretched: of an instrument with a handle those of its handle,
     of a tool without one those that are commanded. The motors give back what the joints lose, as far as the estimate's
-    deviation leaves no doubt; tendons about to go slack are tightened without turning a joint.
+    deviation leaves no doubt, but leave the grip as commanded where something presses the jaws apart; tendons about to
+    go slack are tightened without turning a joint.
 
     Parameters
     ----------
