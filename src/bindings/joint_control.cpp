@@ -60,7 +60,7 @@ class JointControllerOf final : public AnyJointController {
 
   void step(const double* handle, const double* tension, const double* spool, const double* target, bool compensates,
             double* velocity) override {
-    Observer::Measured measured{};
+    typename Observer::Measured measured{};
     std::copy_n(handle, sizes_.handles, measured.handle_angle);
     std::copy_n(tension, sizes_.tendons, measured.tension);
     std::copy_n(spool, sizes_.tendons, measured.spool_angle);

@@ -141,6 +141,9 @@ def _values(inst: FullForm, period: float) -> dict[str, float]:
     """Return the numbers of observer and law that are not the plant's, by the core's names."""
     control, sensor, drives = inst.control, inst.tension_sensors[0], inst.own_drives
     step = 2 * np.pi / drives.encoder_counts / drives.gear_ratio * drives.spool_radius
+    sensors, handle_arms = inst.sensors, inst.tendon_arms("handle")
+    resolution = sensors.encoder_range / 2**sensors.encoder_bits
+    drawn = float(np.max(np.abs(handle_arms), initial=0.0)) * hypot(sensors.encoder_noise, resolution)
     softest = float(np.max(1 / inst.stiffnesses))
     arms = np.abs(inst.tendon_arms("tip"))
     pretension = float(np.max(inst.pretensions))
@@ -149,9 +152,9 @@ def _values(inst: FullForm, period: float) -> dict[str, float]:
     reach = last + sum(joint.offset + joint.chord for joint in inst.tip_joints) or float(np.max(arms))
     gain = min(_SPOOL_LAG / max(drives.time_constant, period), 1 / (10 * period))
     return {
-        "play": _PLAY * (softest * (sensor.noise + sensor.resolution) + step),
+        "play": _PLAY * (softest * (sensor.noise + sensor.resolution) + step + drawn),
         "tension_deviation": hypot(sensor.noise, sensor.resolution, sensor.offset / _DEVIATIONS),
-        "length_deviation": step + control.reference_uncertainty,
+        "length_deviation": step + drawn / _DEVIATIONS + control.reference_uncertainty,
         "friction_deviation": control.friction_uncertainty / _DEVIATIONS,
         "stiffness_deviation": control.stiffness_uncertainty / _DEVIATIONS,
         "force_deviation": held / reach,
