@@ -1,6 +1,6 @@
 """Observer and law for any routing: all joints of an instrument from the drive end of all its tendons."""
 
-from math import hypot
+from math import hypot, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -154,7 +154,7 @@ def _values(inst: FullForm, period: float) -> dict[str, float]:
     return {
         "play": _PLAY * (softest * (sensor.noise + sensor.resolution) + step + drawn),
         "tension_deviation": hypot(sensor.noise, sensor.resolution, sensor.offset / _DEVIATIONS),
-        "length_deviation": step + drawn / _DEVIATIONS + control.reference_uncertainty,
+        "length_deviation": hypot(step / sqrt(12), drawn / _DEVIATIONS, control.reference_uncertainty / _DEVIATIONS),
         "friction_deviation": control.friction_uncertainty / _DEVIATIONS,
         "stiffness_deviation": control.stiffness_uncertainty / _DEVIATIONS,
         "force_deviation": held / reach,
