@@ -141,10 +141,8 @@ def main() -> None:
         print(f"{Path(name).stem}, {force_of(tool(name)):.3g} N in {len(DIRECTIONS)} directions")
         law.show(options, f"any_routing_{figures.slug(Path(name).stem)}", rows.by("friction") | {"all": rows}, columns)
         if tool(name).grip is not None:
-            start, least, most = grip_kept(name)
-            print(
-                f"grip of {start:.2f} N while the wrist moves: {least:.3f} to {most:.3f} of it with the law (target 0.95 to 1.05)"
-            )
+            alone, least, most = grip_kept(name)
+            print(f"grip of {alone:.2f} N, {least:.3f} to {most:.3f} of it with the law (target 0.95 to 1.05)")
     print("targets 0.3 RMS, 0.7 worst, farther by 0.3 at most, normalised 0.7 to 1.5")
 
 

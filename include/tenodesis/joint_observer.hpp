@@ -74,6 +74,7 @@ struct JointEstimate {
 template <class S, int N, int M, int contacts>
 struct JointMemory {
   HeldTorque<S> contact[M][contacts]{};
+  S handle_angle[N]{};  ///< without the steps of its encoder, rad
   bool started{};
   JointEstimate<S, N, M> estimate{};
 };
@@ -99,6 +100,8 @@ struct JointObserver {
   S sheath_bend_rate{};  ///< bend of the sheath by the angles of the handle
   S spool_radius{};      ///< m
   S play{};              ///< length by which a contact counts as slipping, m
+  S tension_play{};      ///< tension by whose stretch up to a contact that length is larger, N
+  S smoothing{1};        ///< share of the handle's reading in that which contacts follow
   JointDeviations<S> deviations{};
 
   /// Estimate after a sample of the sensors; the memory keeps it.
@@ -107,7 +110,12 @@ struct JointObserver {
     now.valid = is_finite(measured);
     if (!now.valid) return now;
     Equations equations{};
-    Joints joints(chain, measured, now.angle);
+    for (int h = 0; h < chain.handles; ++h) {
+      S& smooth = memory.handle_angle[h];
+      const S& read = measured.handle_angle[h];
+      smooth = memory.started ? smooth + smoothing * (read - smooth) : read;
+    }
+    Joints joints(chain, measured, memory.handle_angle, now.angle);
     for (int m = 0; m < M; ++m)
       if (contacts[m] > 0) follow_tendon(m, measured, joints, memory, equations);
     memory.started = true;
@@ -165,14 +173,15 @@ struct JointObserver {
     Bend<S> bend[N];
     S angle[N];  // of the tip
     S x[N];
-    S y[N]{};  // of the handle
-    S bent{};  // sum of the handle's angles
+    S y[N]{};     // of the handle
+    S slow[N]{};  // likewise, without its encoder's steps
+    S bent{};     // sum of the handle's angles
     S handle_angle[N]{};
     S moment[N]{};
     S moment_by_friction[N]{};
     S variance[N]{};
 
-    Joints(const W& of, const Measured& measured, const S* estimated) {
+    Joints(const W& of, const Measured& measured, const S* smooth, const S* estimated) {
       for (int i = 0; i < N; ++i) {
         angle[i] = estimated[i];
         x[i] = coordinate_at(of.joint[i].mechanism, angle[i]);
@@ -181,6 +190,7 @@ struct JointObserver {
       for (int h = 0; h < of.handles; ++h) {
         handle_angle[h] = measured.handle_angle[h];
         y[h] = coordinate_at(of.handle[h], handle_angle[h]);
+        slow[h] = coordinate_at(of.handle[h], smooth[h]);
         bent = bent + abs(handle_angle[h]);
       }
     }
@@ -233,14 +243,14 @@ struct JointObserver {
       const Passage<S>& at = passage[m][j];
       pass(j);
       // A joint of the handle draws the segment before its last contact.
-      if (at.joint >= N) position = position + at.arm * joints.y[at.joint - N];
+      if (at.joint >= N) position = position + at.arm * joints.slow[at.joint - N];
       const S wrap = wrap_at(at, joints);
       const S exponent = at.coefficient * wrap;
       const Band<S> band = band_of(law, exponent, wrap, at, S(0), tension);
       auto& contact = memory.contact[m][j];
       const S low = larger((tension - band.constant) / band.ratio, S(0));
       const S high = tension * band.ratio + band.constant;
-      contact.update(low, high, position, play, memory.started);
+      contact.update(low, high, position, play + tension_play * total, memory.started);
       const S way = clamp(contact.slip.run, S(-1), S(1));
       const S share = contact.torque / larger(tension, S(1e-9));
       by_friction = share * by_friction - way * (exponent * contact.torque + band.constant);

@@ -13,12 +13,12 @@ namespace {
 using namespace engine;
 
 /// Numbers of a controller of joints, in the order of a row.
-#define TENODESIS_JOINT_CONTROL(ROW)                                                                           \
-  ROW(constant), ROW(static_ratio), ROW(stribeck_speed), ROW(memory), ROW(load_index), ROW(reference_tension), \
-      ROW(bending_loss), ROW(sheath_bend_rate), ROW(spool_radius), ROW(play), ROW(tension_deviation),          \
-      ROW(length_deviation), ROW(friction_deviation), ROW(stiffness_deviation), ROW(force_deviation),          \
-      ROW(moment_deviation), ROW(grip_deviation), ROW(imbalance), ROW(rate), ROW(gain), ROW(speed),            \
-      ROW(tension_limit), ROW(least_tension), ROW(deviations), ROW(period)
+#define TENODESIS_JOINT_CONTROL(ROW)                                                                             \
+  ROW(constant), ROW(static_ratio), ROW(stribeck_speed), ROW(memory), ROW(load_index), ROW(reference_tension),   \
+      ROW(bending_loss), ROW(sheath_bend_rate), ROW(spool_radius), ROW(play), ROW(tension_play), ROW(smoothing), \
+      ROW(tension_deviation), ROW(length_deviation), ROW(friction_deviation), ROW(stiffness_deviation),          \
+      ROW(force_deviation), ROW(moment_deviation), ROW(grip_deviation), ROW(imbalance), ROW(rate), ROW(gain),    \
+      ROW(speed), ROW(tension_limit), ROW(least_tension), ROW(deviations), ROW(period)
 
 #define TENODESIS_ROW(name) at_##name
 enum JointControlNumber : std::size_t { TENODESIS_JOINT_CONTROL(TENODESIS_ROW) };
@@ -143,6 +143,8 @@ std::unique_ptr<AnyJointController> make_joint_controller(const ChainSpec& spec,
         observer.sheath_bend_rate = p(at_sheath_bend_rate);
         observer.spool_radius = p(at_spool_radius);
         observer.play = p(at_play);
+        observer.tension_play = p(at_tension_play);
+        observer.smoothing = p(at_smoothing);
         observer.deviations = {p(at_tension_deviation),   p(at_length_deviation), p(at_friction_deviation),
                                p(at_stiffness_deviation), p(at_force_deviation),  p(at_moment_deviation),
                                p(at_grip_deviation),      p(at_imbalance)};

@@ -19,7 +19,9 @@ _COMPONENTS = 7
 _DEVIATIONS = 2.0
 """Of an estimate, that strokes leave room for and that the file's uncertainties mean."""
 _PLAY = 4.0
-"""Steps of sensors by which a tendon counts as slipping."""
+"""Deviations of sensors by which a tendon counts as slipping; part of a step that a spool at rest stays within."""
+_SMOOTHING = 0.05
+"""Time over which the handle's encoder is smoothed where slip is told from it, s."""
 _SPOOL_LAG = 0.4
 """Gain of the spools' positions by the inverse of the drives' time constant: without overshoot."""
 _LAW_SHARE = 0.2
@@ -144,7 +146,7 @@ def _values(inst: FullForm, period: float) -> dict[str, float]:
     sensors, handle_arms = inst.sensors, inst.tendon_arms("handle")
     resolution = sensors.encoder_range / 2**sensors.encoder_bits
     drawn = float(np.max(np.abs(handle_arms), initial=0.0)) * hypot(sensors.encoder_noise, resolution)
-    softest = float(np.max(1 / inst.stiffnesses))
+    smoothing = period / (_SMOOTHING + period)
     arms = np.abs(inst.tendon_arms("tip"))
     pretension = float(np.max(inst.pretensions))
     held = float(np.max(arms.T @ np.maximum(inst.pretensions, _IMBALANCE * pretension)))
@@ -152,7 +154,9 @@ def _values(inst: FullForm, period: float) -> dict[str, float]:
     reach = last + sum(joint.offset + joint.chord for joint in inst.tip_joints) or float(np.max(arms))
     gain = min(_SPOOL_LAG / max(drives.time_constant, period), 1 / (10 * period))
     return {
-        "play": _PLAY * (softest * (sensor.noise + sensor.resolution) + step + drawn),
+        "play": step / _PLAY + _PLAY * drawn * sqrt(smoothing / 2),
+        "tension_play": _PLAY * (sensor.noise + sensor.resolution),
+        "smoothing": smoothing,
         "tension_deviation": hypot(sensor.noise, sensor.resolution, sensor.offset / _DEVIATIONS),
         "length_deviation": hypot(step / sqrt(12), drawn / _DEVIATIONS, control.reference_uncertainty / _DEVIATIONS),
         "friction_deviation": control.friction_uncertainty / _DEVIATIONS,
