@@ -170,6 +170,7 @@ NB_MODULE(_core, m) {
         "Tension that a motor's current (A) stands for, N.");
 
   bind_joint(m);
+  bind_joint_control(m);
   bind_tendon(m);
   bind_tendon_chain(m);
   bind_chain_twin(m);

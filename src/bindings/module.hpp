@@ -51,6 +51,7 @@ void bind_twin_gradient(nb::module_& m);
 void bind_chain_twin(nb::module_& m);
 void bind_control(nb::module_& m);
 void bind_joint(nb::module_& m);
+void bind_joint_control(nb::module_& m);
 void bind_kinematics(nb::module_& m);
 void bind_runtime(nb::module_& m);
 void bind_serial(nb::module_& m);

@@ -8,7 +8,7 @@ import pytest
 import tenodesis as tn
 from tenodesis import _core
 from tenodesis.plant import mass_matrix, natural_frequencies
-from tenodesis.twin.chain_rows import TwinRows, twin_rows
+from tenodesis.routes import TwinRows, twin_rows
 from tests.python import chain_samples
 
 from .chain_samples import LISTED

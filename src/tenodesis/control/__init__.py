@@ -11,6 +11,7 @@ from tenodesis.control.controller import (
     homing_failure,
 )
 from tenodesis.control.export import export_header, header, identifier
+from tenodesis.control.joints import JointController, JointEstimate
 from tenodesis.control.pairs import Pair, compensated, names_of, pairs
 from tenodesis.control.parameters import (
     FAULTS,
@@ -33,6 +34,8 @@ __all__ = [
     "Controller",
     "FlightRecord",
     "Implausible",
+    "JointController",
+    "JointEstimate",
     "LawName",
     "ObserverName",
     "OperatingState",

@@ -5,13 +5,14 @@ from collections.abc import Mapping
 import numpy as np
 
 from tenodesis import _core
+from tenodesis._core import Status
 from tenodesis.control.pairs import compensated, names_of, pairs
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import FullForm
+from tenodesis.routes import twin_rows
 from tenodesis.run import ACROSS, COMPONENTS, Array
-from tenodesis.twin.chain_rows import twin_rows
 from tenodesis.twin.commands import Frame
-from tenodesis.twin.core import Constant, TwinCore
+from tenodesis.twin.core import Constant, Outcome, TwinCore
 from tenodesis.twin.rows import check_rig
 
 _NOT_TAKEN = ("in_stem_axes", "held", "contact")
@@ -87,6 +88,17 @@ class ChainCore(TwinCore):
             wrench[:, COMPONENTS.index(ACROSS[axis])] -= commands["force"][:, n]
             wrench[:, 2] += commands["radial_force"][:, n]
         return rows
+
+    def run_joints(
+        self, controller: _core.JointController, rows: Array, targets: Array, compensates: bool, started: int
+    ) -> tuple[Outcome, Array]:
+        """Step over commands with observer and law of all joints; return the outcome, and their numbers by step."""
+        out = self._room(len(rows))
+        control = np.empty((len(rows), controller.width + len(self.names.tendons)))
+        steps, status = controller.run(
+            self.core, rows, targets, compensates, self.steps_per_tick, started, out, control
+        )
+        return Outcome(steps, Status(status), self.named(out)), control
 
 
 def _rig(inst: FullForm) -> list[float]:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from tenodesis import _core, plant
 from tenodesis._core import Status
+from tenodesis.control.joints import JointController, JointEstimate
 from tenodesis.control.pairs import compensated
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument, InstrumentLike, ShortForm, as_instrument, expanded
@@ -300,6 +301,50 @@ class Twin:
         if controller is not None:
             warn_of_faults(run, self._assumed)
         return run
+
+    def run_joints(
+        self, controller: JointController, handle_angle: ArrayLike, target: ArrayLike = 0.0, **loads: Unpack[Loads]
+    ) -> tuple[Run, JointEstimate]:
+        """Step as :meth:`run`, with observer and law of all joints in the loop; return the run, and the estimates.
+
+        Parameters
+        ----------
+        controller
+            For an instrument of the same joints and tendons; it goes on from the call before.
+        handle_angle
+            As in :meth:`run`; of a tool without a handle of shape (n, 0).
+        target
+            Of a tool without a handle: angles commanded to the tip's joints, rad, (n, joints) or (joints,).
+
+        Raises
+        ------
+        ValueError
+            As :meth:`run`, or the controller is for other joints or tendons.
+        NoSolutionError
+            As :meth:`run`.
+        """
+        if not isinstance(self._core, ChainCore):
+            raise ArgumentError(
+                f"{self.inst.name} is in the short form; give the twin tn.instrument.expanded(inst).", key="controller"
+            )
+        before = self.state
+        rows, count = self._rows(handle_angle, 0.0, **loads)
+        joints, tendons = len(self.names.joints), len(self.names.tendons)
+        wanted = np.ascontiguousarray(np.broadcast_to(np.asarray(target, float), (count, joints)))
+        tension = np.ndim(loads.get("spool_tension", 0.0)) > 0
+        signals = self._core.commanded(rows, tissue=loads.get("contact") is not None, tension=tension)
+        done, control = self._core.run_joints(controller.core, rows, wanted, controller.compensates, self._steps)
+        if done.status != Status.OK:
+            self.state = before
+            raise lost(done.status, done.steps, self.time + done.steps * self.time_step)
+        first, self._steps = self._steps, self._steps + count
+        signals |= done.signals | {"commanded_spool_velocity": control[:, -tendons:]}
+        time = np.arange(first + 1, first + 1 + count, dtype=np.float64) * self.time_step
+        shaped: dict[str, Any] = {
+            name: values.reshape(self.names.shape(name, count)) for name, values in signals.items()
+        }
+        estimate = JointEstimate.of_rows(control[:, :-tendons], joints, tendons)
+        return with_currents(Run(time, *self.names, **shaped), self.inst), estimate
 
     def step(self, handle_angle: ArrayLike, force: ArrayLike = 0.0, **loads: Unpack[Loads]) -> Run:
         """Advance by one step and return its signals, without their first dimension; otherwise as :meth:`run`."""

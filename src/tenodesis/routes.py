@@ -59,7 +59,17 @@ def twin_rows(inst: FullForm, time_step: float, quasi_static: bool) -> TwinRows:
     for m, route in enumerate(routes):
         passages[m, : len(route.passages)] = route.passages
         segments[m, : len(route.passages) + 1] = route.segments
-    values = {
+    values = twin_values(inst, time_step)
+    parameters = [values[name] for name in _PARAMETERS]
+    contacts = [len(route.passages) for route in routes]
+    cells = np.array([(one.gain, 0.0, one.noise, one.range, one.resolution) for one in inst.tension_sensors])
+    law = {"stribeck": 1, "capstan-power": 2}.get(inst.friction.law, 2 if inst.friction.bends else 0)
+    return TwinRows(passages, contacts, segments, links, cells, parameters, law, per_sample)
+
+
+def twin_values(inst: FullForm, time_step: float) -> dict[str, float]:
+    """Return the parameters of a twin that are one number each, SI units, by the core's names."""
+    return {
         **_friction(inst.friction),
         "stiffness_ratio": 1.0,
         "pretension_ratio": 1.0,
@@ -70,11 +80,6 @@ def twin_rows(inst: FullForm, time_step: float, quasi_static: bool) -> TwinRows:
         **plant.hardware_parameters(inst.own_drives, inst.sensors),
         "time_step": time_step,
     }
-    parameters = [values[name] for name in _PARAMETERS]
-    contacts = [len(route.passages) for route in routes]
-    cells = np.array([(one.gain, 0.0, one.noise, one.range, one.resolution) for one in inst.tension_sensors])
-    law = {"stribeck": 1, "capstan-power": 2}.get(inst.friction.law, 2 if inst.friction.bends else 0)
-    return TwinRows(passages, contacts, segments, links, cells, parameters, law, per_sample)
 
 
 def _friction(friction: Friction) -> dict[str, float]:

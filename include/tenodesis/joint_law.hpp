@@ -1,0 +1,184 @@
+#pragma once
+// Strokes of all spools that bring the joints of any chain to their targets, from an observer's estimate of them.
+//
+// What a joint has lost is target less estimate, and what the motors have already given back. The motors are to move
+// the joints by a stroke between nothing and twice the least loss that the estimate's deviation admits: whatever is
+// true within it, no joint is then farther from its target than with motors off. Strokes are the routing matrix times
+// the coordinates to move; springs that share the moment with the tendons are counted in. Tendons about to go slack are
+// tightened by strokes that turn no joint.
+
+#include "tenodesis/joint_observer.hpp"
+
+namespace tenodesis {
+
+template <class S, int N, int M>
+struct JointLawMemory {
+  S given[N]{};   ///< coordinates that the motors wind beyond the targets
+  S common[M]{};  ///< strokes that turn no joint, m
+  S before[M]{};  ///< strokes of the last tick, m
+  bool started{};
+};
+
+/// Law of a chain W.
+template <class W>
+struct JointLaw {
+  using S = W::S;
+  static constexpr int N = W::joints, M = W::tendons;
+  using Measured = JointMeasurement<S, N, M>;
+  using Estimate = JointEstimate<S, N, M>;
+  using Memory = JointLawMemory<S, N, M>;
+
+  W chain{};
+  S rate{};           ///< at which a loss is given back, 1/s
+  S gain{};           ///< of the spools' positions, 1/s
+  S speed{};          ///< of the spools, m/s
+  S spool_radius{};   ///< m
+  S tension_limit{};  ///< N
+  S least_tension{};  ///< share of the pretension
+  S deviations{2};    ///< of the estimate that a stroke leaves room for
+  S period{};         ///< of a tick, s
+
+  /// Prepares what is constant; false where tendons and springs leave a joint free.
+  bool prepare() {
+    Square<S, N> tendons{};
+    for (int m = 0; m < M; ++m)
+      for (int i = 0; i < N; ++i)
+        for (int j = 0; j < N; ++j)
+          tendons.at[i][j] = tendons.at[i][j] + chain.stiffness[m] * chain.arm[m][i] * chain.arm[m][j];
+    S largest(0);
+    for (int i = 0; i < N; ++i) largest = larger(largest, tendons.at[i][i]);
+    // Of arcs that tendons bend together each is to have its part: the least solution.
+    by_tendons_ = whole_ = tendons;
+    for (int i = 0; i < N; ++i) {
+      by_tendons_.at[i][i] = by_tendons_.at[i][i] + S(least_share) * largest;
+      const S per_turn = Bend<S>(chain.joint[i], S(0)).per_turn;
+      whole_.at[i][i] = whole_.at[i][i] + S(least_share) * largest + chain.joint[i].stiffness * per_turn * per_turn;
+    }
+    chain.add_tie_rates(S(-1), whole_.at);
+    if (!invert_definite(by_tendons_) || !invert_definite(whole_)) return false;
+    within_ = product(by_tendons_, tendons);
+    response_ = product(whole_, tendons);
+    return true;
+  }
+
+  /// Coordinates of the joints where tendons do not stretch: by the handle's angles, or of a tool without one by the
+  /// angles commanded (rad).
+  void targets(const S* handle_angle, const S* commanded, S* x) const {
+    if (chain.handles == 0) {
+      for (int i = 0; i < N; ++i) x[i] = coordinate_at(chain.joint[i].mechanism, commanded[i]);
+      return;
+    }
+    S none[M]{}, wound[M];
+    chain.wind(handle_angle, none, wound);
+    settle(wound, x);
+  }
+
+  /// Velocities of the spools for the next tick, rad/s; unless it compensates, they follow the targets alone.
+  void update(const Measured& measured, const Estimate& found, const S* commanded, bool compensates, Memory& memory,
+              S* velocity) const {
+    for (int m = 0; m < M; ++m) velocity[m] = S(0);
+    if (!found.valid) return;
+    S target[N], lost[N], moved[N], stroke[M];
+    targets(measured.handle_angle, commanded, target);
+    bool tense = false;
+    for (int m = 0; m < M; ++m) tense = tense || measured.tension[m] > tension_limit;
+    for (int i = 0; i < N; ++i) {
+      lost[i] = moved[i] = S(0);
+      for (int j = 0; j < N; ++j) {
+        lost[i] = lost[i] + within_.at[i][j] * (target[j] - coordinate_at(chain.joint[j].mechanism, found.angle[j]));
+        moved[i] = moved[i] + response_.at[i][j] * memory.given[j];
+      }
+      lost[i] = lost[i] + moved[i];
+    }
+    leave_grip(found, lost);
+    for (int i = 0; i < N; ++i) {
+      const S doubt = deviations * sqrt(larger(variance(i, found), S(0)));
+      const S room = S(2) * larger(abs(lost[i]) - doubt, S(0));
+      const S aim = clamp(lost[i], -room, room);
+      const S step = tense || !compensates ? -memory.given[i] : aim - moved[i];
+      memory.given[i] = memory.given[i] + rate * period * step;
+    }
+    if (compensates) tighten(found, memory);
+    if (chain.handles > 0)
+      for (S& one : target) one = S(0);
+    for (int i = 0; i < N; ++i) target[i] = target[i] + memory.given[i];
+    chain.excursions(target, stroke);
+    for (int m = 0; m < M; ++m) {
+      stroke[m] = stroke[m] + memory.common[m];
+      const S ahead = memory.started ? (stroke[m] - memory.before[m]) / period : S(0);
+      const S off = stroke[m] - spool_radius * measured.spool_angle[m];
+      velocity[m] = chain.motor[m] ? clamp(ahead + gain * off, -speed, speed) / spool_radius : S(0);
+      memory.before[m] = stroke[m];
+    }
+    memory.started = true;
+  }
+
+ private:
+  // Stiffness of a joint that no tendon holds, as a share of the stiffest.
+  static constexpr double least_share = 1e-7;
+
+  static Square<S, N> product(const Square<S, N>& a, const Square<S, N>& b) {
+    Square<S, N> c{};
+    for (int i = 0; i < N; ++i)
+      for (int j = 0; j < N; ++j)
+        for (int k = 0; k < N; ++k) c.at[i][j] = c.at[i][j] + a.at[i][k] * b.at[k][j];
+    return c;
+  }
+
+  // Coordinates that lengths wound (m) move unloaded joints to, were there no springs.
+  void settle(const S* wound, S* x) const {
+    S pull[N]{};
+    for (int m = 0; m < M; ++m)
+      for (int j = 0; j < N; ++j) pull[j] = pull[j] + chain.stiffness[m] * chain.arm[m][j] * wound[m];
+    for (int i = 0; i < N; ++i) {
+      x[i] = S(0);
+      for (int j = 0; j < N; ++j) x[i] = x[i] + by_tendons_.at[i][j] * pull[j];
+    }
+  }
+
+  // Of the part of a coordinate that tendons can move.
+  S variance(int i, const Estimate& found) const {
+    S row[N], sum(0);
+    for (int j = 0; j < N; ++j) {
+      const S x = coordinate_at(chain.joint[j].mechanism, found.angle[j]);
+      row[j] = within_.at[i][j] * Bend<S>(chain.joint[j], x).turn;
+    }
+    for (int j = 0; j < N; ++j)
+      for (int k = 0; k < N; ++k) sum = sum + row[j] * found.covariance.at[j][k] * row[k];
+    return sum;
+  }
+
+  // Takes the jaws' opening out of what is lost where something certainly presses them apart: their grip is as
+  // commanded.
+  void leave_grip(const Estimate& found, S* lost) const {
+    S size(0), opened(0), spread(0);
+    for (int i = 0; i < N; ++i) {
+      size = size + chain.joint[i].grip * chain.joint[i].grip;
+      opened = opened - chain.joint[i].grip * lost[i];
+      for (int j = 0; j < N; ++j)
+        spread = spread + chain.joint[i].grip * found.covariance.at[i][j] * chain.joint[j].grip;
+    }
+    if (!(size > S(0)) || opened <= deviations * sqrt(larger(spread, S(0)))) return;
+    for (int i = 0; i < N; ++i) lost[i] = lost[i] + chain.joint[i].grip * (opened / size);
+  }
+
+  // Winds tendons that are about to go slack, and of that only what turns no joint.
+  void tighten(const Estimate& found, Memory& memory) const {
+    bool any = false;
+    for (int m = 0; m < M; ++m) {
+      const S wanted = least_tension * chain.pretension[m];
+      if (!chain.motor[m] || !(chain.stiffness[m] > S(0)) || found.far_tension[m] >= wanted) continue;
+      any = true;
+      memory.common[m] = memory.common[m] + rate * period * (wanted - found.far_tension[m]) / chain.stiffness[m];
+    }
+    if (!any) return;
+    S turned[N], drawn[M];
+    settle(memory.common, turned);
+    chain.excursions(turned, drawn);
+    for (int m = 0; m < M; ++m) memory.common[m] = memory.common[m] - drawn[m];
+  }
+
+  Square<S, N> by_tendons_{}, whole_{}, within_{}, response_{};
+};
+
+}  // namespace tenodesis

@@ -1,0 +1,150 @@
+"""Observer and law for any routing: what is left in each joint under load, beside motors that follow their commands.
+
+    python studies/any_routing.py --tool TOOL.json
+
+Tools without a handle, whose tendons turn several joints, are commanded to states over their range; then a force comes
+at the tip, such as bends a joint by half of what its pretension holds. Tendons have friction in their sheaths and at
+every bend, 0.7, 1 and 1.3 times what the controller assumes. Errors are those of all that bends over the last tenth of
+a second, against the commands; beside them those of a rigid coupling matrix alone, and how much farther from its
+command any of them is with the law than without: at the end, and ever since the force. Last, the wrist moves while the
+jaws hold an object.
+"""
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import figures
+import law
+import numpy as np
+from numpy.typing import NDArray
+
+from tenodesis.control import JointController, JointEstimate
+from tenodesis.instrument import FullForm, expanded, from_dvrk
+from tenodesis.run import Run
+from tenodesis.simulate import campaign
+from tenodesis.simulate.campaign import Column
+from tenodesis.twin import Held, Twin
+
+Array = NDArray[np.float64]
+
+NAMES = ("needle-driver", "maryland-dissector", "two-segment-continuum")
+DIRECTIONS = ((1, 0, 0), (0, -1, 0), (-0.7, 0.7, 0), (0.6, 0.5, -0.6))
+COEFFICIENT, BEND = 0.1, np.radians(20)
+"""Of friction, and of the sheath."""
+SHARES = ((0, 0, 0), (0.3, 0.3, -0.3), (-0.6, 0.3, 0.3), (0.3, -0.6, 0.6), (0.6, 0.6, 0.6), (-0.6, -0.6, 0.3))
+"""Of the range, by turns of what bends."""
+MOST = np.radians(70)
+ARRIVED, LOADED, END, LAST, STEP = 1.0, 1.2, 4.0, 0.1, 5e-4  # s
+
+
+@cache
+def tool(name: str, friction: float = 1.0) -> FullForm:
+    """Return a shipped instrument, or that of a tool file, with friction so many times as strong as is assumed."""
+    inst = from_dvrk(Path(name)) if name.endswith(".json") else expanded(name)
+    own = dict.fromkeys(law.COEFFICIENTS, COEFFICIENT * friction)
+    return inst.replace(friction={"law": "capstan", "sheath_bend": BEND, **own})
+
+
+def bends_of(inst: FullForm, state: int) -> Array:
+    """Return the angles of what bends in a state, rad."""
+    low, high = inst.bend_limits.T
+    shares = np.resize(SHARES[state], len(low))
+    return np.clip(np.where(shares > 0, shares * high, -shares * low), -MOST, MOST)
+
+
+def eased(start: float, span: float) -> Array:
+    """Return a smooth way from 0 to 1, by step, as a column."""
+    share = np.clip((np.arange(1, round(END / STEP) + 1) * STEP - start) / span, 0, 1)
+    return np.asarray(share**2 * (3 - 2 * share))[:, np.newaxis]
+
+
+def force_of(inst: FullForm) -> float:
+    """Return the force across the tip that takes half of the moment that the pretension of a joint's tendons holds."""
+    held = float(np.max(np.abs(inst.tendon_arms("tip")).T @ inst.pretensions))
+    last = max(joint.end_effector_length or 0.0 for joint in inst.tip_joints)
+    return held / 2 / (last + sum(joint.offset + joint.chord for joint in inst.tip_joints))
+
+
+def run_of(
+    name: str, friction: float, target: Array, *, compensates: bool, **loads: Any
+) -> tuple[Run, JointEstimate, Array]:
+    """Return a run, its estimates and the errors of what bends, deg."""
+    inst = tool(name, friction)
+    controller = JointController(tool(name), compensates=compensates)
+    handle = np.zeros((len(target), 0))
+    run, estimate = Twin(inst, seed=1).run_joints(controller, handle, target, **loads)
+    return run, estimate, np.degrees(summed(inst, run["output_angle"] - target))
+
+
+def summed(inst: FullForm, angles: Array) -> Array:
+    """Return the angles of what bends, from those of joints."""
+    return np.stack([angles[:, places].sum(axis=1) for places in inst.bends.values()], axis=1)
+
+
+def trial(name: str, state: int, direction: tuple[float, float, float], friction: float) -> dict[str, Any]:
+    """Run a state under a force, by a rigid coupling alone and with the law: errors, deg."""
+    inst = tool(name)
+    target = eased(0, ARRIVED) * inst.bent(bends_of(inst, state))
+    wrench = eased(LOADED, 0.1) * np.array([*(force_of(inst) * np.asarray(direction)), 0, 0, 0])
+    _, _, alone = run_of(name, friction, target, compensates=False, wrench=wrench)
+    run, estimate, with_law = run_of(name, friction, target, compensates=True, wrench=wrench)
+    last = slice(-round(LAST / STEP), None)
+    off = np.degrees(summed(inst, estimate.angle - run["output_angle"]))[last].mean(axis=0)
+    sums = np.array([np.isin(np.arange(len(inst.tip_joints)), places) for places in inst.bends.values()], float)
+    std = np.degrees(np.sqrt(np.diag(sums @ estimate.covariance[-1] @ sums.T)))
+    farther = np.abs(with_law) - np.abs(alone)
+    return {
+        "alone": campaign.rms(alone[last]),
+        "alone_worst": campaign.farthest(alone[last]),
+        "law": campaign.rms(with_law[last]),
+        "law_worst": campaign.farthest(with_law[last]),
+        "farther": float(farther[last].mean(axis=0).max()),
+        "meanwhile": float(farther[round(LOADED / STEP) :].max()),
+        "estimate": campaign.rms(off),
+        "normalised": campaign.rms(off / std),
+    }
+
+
+def grip_kept(name: str) -> tuple[float, float, float]:
+    """Grip force (N) on an object by a coupling alone, and that with the law over it while the wrist moves: bounds."""
+    inst = tool(name)
+    closing = inst.bent(np.zeros(len(inst.bends))) - 0.3 * np.sign(inst.grip_arms)
+    held = Held(opening=float(inst.grip_arms @ closing) / 2, stiffness=3e3, damping=1.0)
+    moved = inst.bent(bends_of(inst, 1)) * (inst.grip_arms == 0)
+    target = eased(0, ARRIVED) * closing + eased(1.5, ARRIVED) * moved
+    own, alone = (
+        run_of(name, 1.0, target, compensates=compensates, held=held)[0]["grip_force"][round(1.5 / STEP) :]
+        for compensates in (True, False)
+    )
+    return float(alone[0]), float((own / alone).min()), float((own / alone).max())
+
+
+def main() -> None:
+    parser = law.arguments(__doc__)
+    parser.add_argument("--name", choices=NAMES, action="append", help="by default all")
+    parser.add_argument("--tool", action="append", default=[], help="tool file of the da Vinci Research Kit")
+    options = parser.parse_args()
+    columns = [
+        Column("coupling RMS", "alone", campaign.rms),
+        Column("coupling worst", "alone_worst", np.max),
+        Column("law RMS", "law", campaign.rms),
+        Column("law worst", "law_worst", np.max),
+        Column("farther", "farther", np.max),
+        Column("meanwhile", "meanwhile", np.max),
+        Column("estimate RMS", "estimate", campaign.rms),
+        Column("normalised, 1", "normalised", campaign.rms),
+    ]
+    for name in [*(options.name or NAMES), *options.tool]:
+        axes = {"name": [name], "state": range(len(SHARES)), "direction": DIRECTIONS, "friction": law.ASSUMED}
+        rows = campaign.run(trial, campaign.cases(**axes), Path(name).stem, results=options.results)
+        print(f"{Path(name).stem}, {force_of(tool(name)):.3g} N in {len(DIRECTIONS)} directions")
+        law.show(options, f"any_routing_{figures.slug(Path(name).stem)}", rows.by("friction") | {"all": rows}, columns)
+        if tool(name).grip is not None:
+            alone, least, most = grip_kept(name)
+            print(f"grip of {alone:.2f} N, {least:.3f} to {most:.3f} of it with the law (target 0.95 to 1.05)")
+    print("targets 0.3 RMS, 0.7 worst, farther by 0.3 at most, normalised 0.7 to 1.5")
+
+
+if __name__ == "__main__":
+    main()

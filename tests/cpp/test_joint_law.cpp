@@ -1,0 +1,221 @@
+// Claims about observer and law of joints whose tendons turn several of them.
+
+#include "tenodesis/joint_law.hpp"
+
+#include <limits>
+
+#include "claim.hpp"
+
+using namespace tenodesis;
+
+constexpr double stiffness = 1e5, pretension = 20, spool = 2.5e-3, period = 5e-4;
+
+using Wrist = TendonChain<double, 3, 6>;
+using Observer = JointObserver<Wrist, 4>;
+
+/// A pitch joint and two jaws on it, whose tendons run over the pitch pulley.
+Wrist wrist() {
+  Wrist chain{};
+  const double arms[3] = {2.5e-3, 2.1e-3, 2.1e-3};
+  for (int i = 0; i < 3; ++i) {
+    auto& joint = chain.joint[i];
+    joint.mechanism = Mechanism::pulley;
+    joint.parent = i == 0 ? -1 : 0;
+    joint.axis = i == 0 ? Vector<double>{-1, 0, 0} : Vector<double>{0, 1, 0};
+    joint.offset = i == 0 ? 0 : 9e-3;
+    joint.length = 10e-3;
+    joint.share = i == 0 ? 0 : 0.5;
+    joint.grip = i == 0 ? 0 : (i == 1 ? 5e-3 : -5e-3);
+    for (int side = 0; side < 2; ++side) {
+      const int m = 2 * i + side;
+      const double sign = side == 0 ? 1 : -1;
+      chain.arm[m][i] = sign * arms[i];
+      if (i > 0) chain.arm[m][0] = sign * 1.7e-3;
+      chain.stiffness[m] = stiffness;
+      chain.pretension[m] = pretension;
+      chain.motor[m] = true;
+    }
+  }
+  return chain;
+}
+
+/// coefficient: in the sheath, over one radian.
+Observer observer_of(double coefficient) {
+  Observer observer{};
+  observer.chain = wrist();
+  for (int m = 0; m < 6; ++m) {
+    int n = 0;
+    observer.passage[m][n++] = {-1, coefficient, 1, 1, 0};
+    for (int i = 0; i < 3; ++i)
+      if (observer.chain.arm[m][i] != 0) observer.passage[m][n++] = {i, 0, 0, 1, -observer.chain.arm[m][i]};
+    observer.contacts[m] = n;
+    for (int j = 0; j <= n; ++j) observer.compliance[m][j] = 1 / (stiffness * (n + 1));
+  }
+  observer.spool_radius = spool;
+  observer.play = 1e-6;
+  observer.deviations = {0.03, 5e-6, 0.2, 1e-3, 5, 0.05, 5, 1e-5};
+  return observer;
+}
+
+/// What sensors show of the wrist at rest, without friction.
+Observer::Measured measured_at(const Wrist& chain, const double* stroke, const double* x) {
+  Observer::Measured measured{};
+  double drawn[6];
+  chain.excursions(x, drawn);
+  for (int m = 0; m < 6; ++m) {
+    measured.spool_angle[m] = stroke[m] / spool;
+    measured.tension[m] = std::fmax(0, chain.stretched(m, stroke[m], drawn[m]));
+  }
+  return measured;
+}
+
+void angles_under_load_are_those_at_rest_without_friction() {
+  const Observer observer = observer_of(0);
+  const double turned[3] = {0.4, -0.3, 0.5};
+  double stroke[6];
+  observer.chain.excursions(turned, stroke);
+  // The second load is such that tendons go slack.
+  for (const double force : {1.0, 6.0}) {
+    const auto rest = solve(observer.chain, stroke, {{{force, -force, 0.5}, {}}, 1, false});
+    CLAIM(rest.status == Status::ok);
+    const auto measured = measured_at(observer.chain, stroke, rest.x);
+    Observer::Memory memory{};
+    for (int n = 0; n < 20; ++n) observer.update(measured, memory);
+    int taut = 0;
+    for (const bool one : memory.estimate.taut) taut += one ? 1 : 0;
+    CLAIM(force < 2 ? taut == 6 : taut < 6);
+    for (int i = 0; i < 3; ++i) {
+      CLAIM_NEAR(memory.estimate.angle[i], rest.x[i], 1e-4);
+      CLAIM(std::fabs(rest.x[i] - turned[i]) > 1e-3);
+    }
+  }
+}
+
+/// All tendons pulled alike through their sheaths, which have a friction of their own, then moved back by a length.
+Observer::Memory pulled(const Observer& observer, double coefficient, double back) {
+  Observer::Memory memory{};
+  constexpr int ticks = 300;
+  for (int n = 0; n <= ticks + 1; ++n) {
+    const double near = pretension + 30.0 * std::fmin(n, ticks) / ticks;
+    const double beyond = std::fmax(near * std::exp(-coefficient), pretension);
+    Observer::Measured measured{};
+    for (int m = 0; m < 6; ++m) {
+      const double soft = 1 / (stiffness * (observer.contacts[m] + 1));
+      const double stretch = soft * (near - pretension + observer.contacts[m] * (beyond - pretension));
+      measured.tension[m] = near;
+      measured.spool_angle[m] = (stretch - (n > ticks ? back : 0)) / spool;
+    }
+    observer.update(measured, memory);
+  }
+  return memory;
+}
+
+void a_common_pull_shows_friction() {
+  for (const double scale : {0.8, 1.0, 1.2}) {
+    const auto memory = pulled(observer_of(0.3), 0.3 * scale, 0);
+    CLAIM_NEAR(memory.estimate.friction_scale, scale, 0.03);
+    CLAIM(memory.estimate.friction_scale_std < 0.05);
+    for (const double angle : memory.estimate.angle) CLAIM_NEAR(angle, 0, 1e-6);
+  }
+  CLAIM_NEAR(pulled(observer_of(0.3), 0.3, 0).estimate.far_tension[0], 50 * std::exp(-0.3), 1e-6);
+}
+
+void what_sticks_after_a_reversal_is_in_the_deviation() {
+  const auto firm = pulled(observer_of(0.3), 0.3, 0), stuck = pulled(observer_of(0.3), 0.3, 1.3e-6);
+  for (int i = 0; i < 3; ++i) CLAIM(stuck.estimate.covariance.at[i][i] > 4 * firm.estimate.covariance.at[i][i]);
+}
+
+JointLaw<Wrist> law() {
+  JointLaw<Wrist> made{};
+  made.chain = wrist();
+  made.rate = 8;
+  made.gain = 40;
+  made.speed = 0.05;
+  made.spool_radius = spool;
+  made.tension_limit = 100;
+  made.least_tension = 0.15;
+  made.period = period;
+  CLAIM(made.prepare());
+  return made;
+}
+
+void joints_reach_their_targets_and_are_never_farther_than_without() {
+  Observer observer = observer_of(0);
+  observer.deviations.length = 1e-6;
+  const auto compensation = law();
+  const double target[3] = {0.3, 0.2, -0.1};
+  double worst_off[3]{}, last[3]{};
+  for (const bool compensates : {false, true}) {
+    Observer::Memory memory{};
+    JointLaw<Wrist>::Memory own{};
+    double stroke[6], velocity[6];
+    observer.chain.excursions(target, stroke);
+    for (int n = 0; n < 3000; ++n) {
+      const auto rest = solve(observer.chain, stroke, {{{3, 4, 0}, {}}, 0, false});
+      CLAIM(rest.status == Status::ok);
+      const auto measured = measured_at(observer.chain, stroke, rest.x);
+      const auto& found = observer.update(measured, memory);
+      compensation.update(measured, found, target, compensates, own, velocity);
+      for (int m = 0; m < 6; ++m) stroke[m] += period * spool * velocity[m];
+      for (int i = 0; i < 3; ++i) {
+        last[i] = std::fabs(rest.x[i] - target[i]);
+        if (compensates) CLAIM(last[i] < worst_off[i] + 1e-4);
+        if (!compensates) worst_off[i] = std::fmax(worst_off[i], last[i]);
+      }
+    }
+    for (const double one : last) CLAIM(compensates ? one < 5e-4 : one > 5e-3);
+  }
+}
+
+void jaws_that_are_pressed_apart_keep_their_grip() {
+  Observer observer = observer_of(0);
+  observer.deviations.length = 1e-6;
+  const auto compensation = law();
+  const double target[3] = {0, 0.1, -0.1};
+  Observer::Memory memory{};
+  JointLaw<Wrist>::Memory own{};
+  double stroke[6], commanded[6], velocity[6];
+  observer.chain.excursions(target, commanded);
+  observer.chain.excursions(target, stroke);
+  for (int n = 0; n < 2000; ++n) {
+    const auto rest = solve(observer.chain, stroke, {{{3, 0, 0}, {}}, 5, false});
+    const auto measured = measured_at(observer.chain, stroke, rest.x);
+    const auto& found = observer.update(measured, memory);
+    compensation.update(measured, found, target, true, own, velocity);
+    for (int m = 0; m < 6; ++m) stroke[m] += period * spool * velocity[m];
+    if (n + 1 < 2000) continue;
+    CLAIM_NEAR((rest.x[1] + rest.x[2]) / 2, 0, 5e-4);
+    CLAIM(rest.x[1] - rest.x[2] > 0.2 + 0.03);
+  }
+  // Strokes of the two jaws differ as commanded.
+  CLAIM_NEAR(stroke[2] - stroke[4], commanded[2] - commanded[4], 1e-7);
+  CLAIM(std::fabs(stroke[2] - commanded[2]) > 1e-5);
+}
+
+void a_reading_that_is_not_a_number_stops_the_spools() {
+  const Observer observer = observer_of(0);
+  Observer::Memory memory{};
+  Observer::Measured measured{};
+  for (double& one : measured.tension) one = pretension;
+  observer.update(measured, memory);
+  const double before = memory.estimate.angle[0];
+  measured.tension[2] = std::numeric_limits<double>::quiet_NaN();
+  const auto& found = observer.update(measured, memory);
+  CLAIM(!found.valid);
+  CLAIM(found.angle[0] == before);
+  JointLaw<Wrist>::Memory own{};
+  const double target[3] = {0.3, 0.2, -0.1};
+  double velocity[6];
+  law().update(measured, found, target, true, own, velocity);
+  for (const double one : velocity) CLAIM(one == 0);
+}
+
+int main() {
+  angles_under_load_are_those_at_rest_without_friction();
+  a_common_pull_shows_friction();
+  what_sticks_after_a_reversal_is_in_the_deviation();
+  joints_reach_their_targets_and_are_never_farther_than_without();
+  jaws_that_are_pressed_apart_keep_their_grip();
+  a_reading_that_is_not_a_number_stops_the_spools();
+  return claims::report();
+}
