@@ -196,8 +196,6 @@ struct JointObserver {
     }
   };
 
-  static S squared(const S& value) { return value * value; }
-
   bool is_finite(const Measured& measured) const {
     bool finite = true;
     for (int h = 0; h < chain.handles; ++h) finite = finite && tenodesis::is_finite(measured.handle_angle[h]);
@@ -213,7 +211,7 @@ struct JointObserver {
     if (at.joint < 0) return larger(at.wrap + sheath_bend_rate * joints.bent * at.share, S(0));
     if (at.joint >= N) return at.wrap + abs(joints.handle_angle[at.joint - N]) * at.share;
     S turned = abs(joints.angle[at.joint]);
-    if (chain.is_around(at.joint)) turned = sqrt(squared(turned) + squared(joints.angle[at.joint + 1]));
+    if (chain.is_around(at.joint)) turned = sqrt(square(turned) + square(joints.angle[at.joint + 1]));
     return at.wrap + turned * at.share;
   }
 
@@ -263,7 +261,7 @@ struct JointObserver {
       const S arm = -at.arm * joints.bend[i].turn;
       joints.moment[i] = joints.moment[i] + arm * tension;
       joints.moment_by_friction[i] = joints.moment_by_friction[i] + arm * by_friction;
-      joints.variance[i] = joints.variance[i] + squared(arm) * (squared(deviations.tension) + squared(hidden) / S(3));
+      joints.variance[i] = joints.variance[i] + square(arm) * (square(deviations.tension) + square(hidden) / S(3));
     }
     pass(contacts[m]);
     auto& estimate = memory.estimate;
@@ -278,7 +276,7 @@ struct JointObserver {
     row[at_friction] = stretch_by_friction;
     row[at_stiffness] = -stretched;
     equations.add(row, value,
-                  squared(total * deviations.tension) + squared(deviations.length) + squared(hidden_stretch) / S(3));
+                  square(total * deviations.tension) + square(deviations.length) + square(hidden_stretch) / S(3));
   }
 
   // Moments about each joint: of tendons, springs and load they add up to nothing.
@@ -306,7 +304,7 @@ struct JointObserver {
     for (int i = 0; i < N; ++i) {
       for (int j = 0; j < N; ++j) row[i][j] = rate[i][j];
       row[i][at_friction] = joints.moment_by_friction[i];
-      equations.add(row[i], -left[i], joints.variance[i] + squared(deviations.imbalance));
+      equations.add(row[i], -left[i], joints.variance[i] + square(deviations.imbalance));
     }
   }
 };

@@ -7,111 +7,125 @@
 
 #include "tenodesis/scalar.hpp"
 
-/// Constants: name, value, unit, meaning.
-#define TENODESIS_TUNING(ROW)                                                                                       \
-  /* slip and friction at the contacts */                                                                           \
-  ROW(least_friction_scale, 0.05, "1", "least friction over that of the parameters")                                \
-  ROW(most_friction_scale, 12, "1", "most: a sheath may be bent ten times as far as assumed")                       \
-  ROW(firm_run, 4, "1", "plays after which a contact surely slips")                                                 \
-  ROW(reversing_share, 0.75, "1", "of the change of tension that makes all contacts slip after a reversal")         \
-  ROW(surely_reversed, 1.9, "1", "the same by which they slip even if friction is a third stronger")                \
-  ROW(tip_plays, 3, "1", "plays by which friction at the tip's joint turns")                                        \
-  ROW(loose_tensions, 10, "1", "slack tensions below which a tendon is as good as slack")                           \
-  ROW(smoothing, 6, "1", "time constant of the measurement filter, in ticks")                                       \
-  ROW(least_length_noise, 2e-6, "m", "of the difference of two tendon lengths")                                     \
-  /* what the friction observer learns */                                                                           \
-  ROW(forgetting, 0.05, "1/s^0.5", "growth of its deviations, share of their start per root second")                \
-  ROW(outlier, 3, "1", "deviations beyond which a measurement is not explained")                                    \
-  ROW(calm_lag, 2, "1",                                                                                             \
-      "lag of the filtered tension, in slack tensions, above which nothing is learned, nor below twice of it")      \
-  ROW(homed_compliance_std, 0.03, "1", "deviation of the compliance that homing leaves")                            \
-  ROW(homed_gain_share, 0.2, "1", "share of the deviation of the cells' gains that homing leaves")                  \
-  ROW(most_compliance, 2, "1", "largest compliance over that of the parameters, or its inverse")                    \
-  ROW(most_gain_error, 0.1, "1", "of either load cell")                                                             \
-  ROW(share_plays, 2, "1", "plays of slip for which errors of where the compliance is are alike")                   \
-  ROW(sticking_plays, 10, "1", "the same of errors of contacts that still stick")                                   \
-  ROW(share_std, 0.25, "1", "deviation of the compliance share before the handle's joint, at the start")            \
-  ROW(share_error, 0.05, "1", "relative deviation of one measurement of it")                                        \
-  ROW(share_tension, 2.5, "1", "change of tension, in slack tensions, from which it is measured")                   \
-  ROW(from_sheath, 3, "1", "friction of the sheath over the parameters' at which it surely slips")                  \
-  ROW(to_handle, 1.2, "1", "the same of the handle's joint up to which it surely sticks")                           \
-  /* tremor */                                                                                                      \
-  ROW(tremor_half_period, 0.1, "s", "longest time between two reversals of tremor")                                 \
-  ROW(tremor_quickest, 0.36, "1", "shortest over longest")                                                          \
-  ROW(tremor_limit, 0.020943951023931952, "rad", "largest amplitude of tremor, at the handle (1.2 deg)")            \
-  ROW(tremor_memory, 1, "s", "time constant with which that amplitude is forgotten")                                \
-  ROW(tremor_smoothing, 0.004, "s", "time constant of tremor's speed")                                              \
-  ROW(tremor_spare, 1.2, "1", "largest over usual swing of a hand")                                                 \
-  ROW(tremor_pulsation, 0.2, "1", "share by which a swing changes the pulsation")                                   \
-  /* law */                                                                                                         \
-  ROW(breakaway_time, 0.025, "s", "in which friction is overcome after the hand reverses")                          \
-  ROW(far, 15, "1", "error that is corrected first without a stroke, in dead bands")                                \
-  ROW(patience, 0.3, "s", "for which that is tried")                                                                \
-  ROW(settle_time, 0.03, "s", "within the dead band before the motors rest")                                        \
-  ROW(breakaway_angle, 0.010471975511965976, "rad",                                                                 \
-      "speed of a tip that breaks away, over its angular frequency (0.6 deg)")                                      \
-  ROW(stroke_time, 0.25, "s", "in which a common stroke goes from its middle to either end")                        \
-  ROW(hand_travel, 5, "1", "travel of the handle, in plays, above which the hand counts as moving")                 \
-  ROW(still_time, 0.1, "s", "without motion after which the hand counts as still")                                  \
-  ROW(waking, 2, "1", "error that moves motors at rest, in dead bands")                                             \
-  ROW(unseen, 4, "1", "what strokes would show, in dead bands, that keeps the motors awake")                        \
-  ROW(long_rest, 1, "s", "after which a disturbance is a new load")                                                 \
-  ROW(correction_time, 1, "s", "longest time of a correction between two strokes")                                  \
-  ROW(correction_over_breakaway, 1.3, "1", "stroke of a correction over that which frees the tip")                  \
-  ROW(approach_rate, 30, "1/s", "at which a stroke may approach its bounds")                                        \
-  ROW(few_turns, 2, "1", "reversals of strokes after which the dead band grows, where a wider one had ended them")  \
-  ROW(most_turns, 4, "1", "the same where it had not")                                                              \
-  ROW(tolerance_growth, 1.5, "1", "of the dead band by a stroke")                                                   \
-  ROW(most_tolerance, 3, "1", "dead bands up to which it grows")                                                    \
-  ROW(differential_share, 0.8, "1", "of a common stroke's speed: no tendon is to reverse")                          \
-  ROW(slow_stroke, 0.25, "1", "of the speed of a stroke on target")                                                 \
-  ROW(near_limit, 0.94, "1", "of the tension limit, above which no stroke tightens")                                \
-  ROW(tremor_in_band, 0.15, "1", "of the tremor, that widens the dead band")                                        \
-  /* envelope */                                                                                                    \
-  ROW(envelope_margin, 0.017453292519943295, "rad", "by which a stroke may exceed what a load explains (1 deg)")    \
-  ROW(envelope_friction, 2, "1", "largest plausible friction over the observer's")                                  \
-  ROW(envelope_compliance, 1.3, "1", "largest plausible compliance over the observer's")                            \
-  ROW(envelope_smoothing, 0.1, "s", "time constant of a stroke's bounds")                                           \
-  ROW(proven_friction, 1.5, "1", "friction over the observer's that a return does not rely on")                     \
-  ROW(least_swing, 2, "1", "tracking error by which its reversal stands out, in dead bands")                        \
-  ROW(least_swing_time, 0.04, "s", "least time between two reversals of the tracking error")                        \
-  ROW(swing_half_periods, 1.3, "1", "the same, in half-periods of the tip, which itself oscillates faster")         \
-  ROW(swing_memory, 2, "s", "time constant with which reversals are forgotten")                                     \
-  ROW(swing_hand_travel, 0.03490658503988659, "rad", "handle travel between reversals that the hand made (2 deg)")  \
-  ROW(swing_of_hand, 1.25, "1", "largest swing over what the hand has drawn")                                       \
-  ROW(few_reversals, 3, "1", "recent reversals from which the law's gain falls")                                    \
-  ROW(many_reversals, 5, "1", "from which it is zero")                                                              \
-  ROW(return_rate, 4, "1/s", "of the return to the least necessary stroke, while it is")                            \
-  /* supervisor */                                                                                                  \
-  ROW(time_to_obey, 0.05, "s", "in a fault, after which a motor that does not follow is not only slow to stop")     \
-  ROW(relaxed, 0.9, "1", "of the tension limit, below which a tendon may be wound again")                           \
-  ROW(hanging, 0.05, "1", "of the pretension, below which a tendon hangs")                                          \
-  ROW(below_home, 1.2, "1", "stroke below home of a return, over that which makes the tendons half as tight")       \
-  ROW(press_time, 0.3, "s", "after which a tip that yields presses on something")                                   \
-  /* watch */                                                                                                       \
-  ROW(watch_window, 0.1, "s", "in which slip and a motor's lag are judged")                                         \
-  ROW(watch_moment, 1e-3, "s", "in which inertia keeps hand and tip from lowering the mean tension as a slip does") \
-  ROW(long_run, 40, "1", "windows after which motor and encoder agree in the long run")                             \
-  ROW(drive_gain_error, 0.01, "1", "share of a motor's path by which they need not")                                \
-  /* homing */                                                                                                      \
-  ROW(homing_gain, 8, "1/s", "of a tight tendon's missing stretch")                                                 \
-  ROW(homing_time, 10, "s", "longest time of a stage, beside that of its largest stroke")                           \
-  ROW(homing_rest, 0.2, "s", "least time for which readings are averaged at first")                                 \
-  ROW(homing_settle_time, 0.1, "s", "for which the mean tension must be within the tolerance")                      \
-  ROW(homing_proof, 0.25, "1", "of the pretension, at which the wiring is proven")                                  \
-  ROW(homing_judged, 0.8, "1", "of the pretension, at which the stretch is judged")                                 \
-  ROW(homing_sudden, 0.07, "1", "of the pretension: fall at once by which a tendon has broken")                     \
-  ROW(homing_answer, 0.25, "1", "of the noticed tension, that an answer to a jog must exceed")                      \
-  ROW(homing_least_slope, 0.45, "1", "of tension by stroke, over the nominal one")                                  \
-  ROW(homing_least_stretch, 0.4, "1", "of an elastic tendon's stretch, below which it is jammed")                   \
-  ROW(homing_gain_error, 0.12, "1", "largest difference of the load cells' gains")
+/// Constants: name, value, unit, source, meaning. A source is where the value comes from: literature, a bound of what
+/// is plausible, the study whose figures it was chosen by, or chosen, where no study has shown yet that it matters.
+#define TENODESIS_TUNING(ROW)                                                                                          \
+  /* slip and friction at the contacts */                                                                              \
+  ROW(least_friction_scale, 0.05, "1", "bound", "least friction over that of the parameters")                          \
+  ROW(most_friction_scale, 12, "1", "bound", "most: a sheath may be bent ten times as far as assumed")                 \
+  ROW(firm_run, 4, "1", "studies/plants.py", "plays after which a contact surely slips")                               \
+  ROW(reversing_share, 0.75, "1", "studies/plants.py",                                                                 \
+      "of the change of tension that makes all contacts slip after a reversal")                                        \
+  ROW(surely_reversed, 1.9, "1", "studies/plants.py",                                                                  \
+      "the same by which they slip even if friction is a third stronger")                                              \
+  ROW(tip_plays, 3, "1", "studies/plants.py", "plays by which friction at the tip's joint turns")                      \
+  ROW(loose_tensions, 10, "1", "bound", "slack tensions below which a tendon is as good as slack")                     \
+  ROW(smoothing, 6, "1", "studies/plants.py", "time constant of the measurement filter, in ticks")                     \
+  ROW(least_length_noise, 2e-6, "m", "bound", "of the difference of two tendon lengths")                               \
+  /* what the friction observer learns */                                                                              \
+  ROW(forgetting, 0.05, "1/s^0.5", "studies/plants.py",                                                                \
+      "growth of its deviations, share of their start per root second")                                                \
+  ROW(outlier, 3, "1", "99.7 % of a normal distribution", "deviations beyond which a measurement is not explained")    \
+  ROW(calm_lag, 2, "1", "studies/plants.py",                                                                           \
+      "lag of the filtered tension, in slack tensions, above which nothing is learned, nor below twice of it")         \
+  ROW(homed_compliance_std, 0.03, "1", "chosen", "deviation of the compliance that homing leaves")                     \
+  ROW(homed_gain_share, 0.2, "1", "chosen", "share of the deviation of the cells' gains that homing leaves")           \
+  ROW(most_compliance, 2, "1", "studies/plants.py", "largest compliance over that of the parameters, or its inverse")  \
+  ROW(most_gain_error, 0.1, "1", "bound", "of either load cell")                                                       \
+  ROW(share_plays, 2, "1", "studies/plants.py", "plays of slip for which errors of where the compliance is are alike") \
+  ROW(sticking_plays, 10, "1", "studies/plants.py", "the same of errors of contacts that still stick")                 \
+  ROW(share_std, 0.25, "1", "studies/plants.py",                                                                       \
+      "deviation of the compliance share before the handle's joint, at the start")                                     \
+  ROW(share_error, 0.05, "1", "studies/plants.py", "relative deviation of one measurement of it")                      \
+  ROW(share_tension, 2.5, "1", "studies/plants.py", "change of tension, in slack tensions, from which it is measured") \
+  ROW(from_sheath, 3, "1", "studies/plants.py",                                                                        \
+      "friction of the sheath over the parameters' at which it surely slips")                                          \
+  ROW(to_handle, 1.2, "1", "studies/plants.py", "the same of the handle's joint up to which it surely sticks")         \
+  /* tremor */                                                                                                         \
+  ROW(tremor_half_period, 0.1, "s", "Elble, Koller, Tremor, 1990: 6 to 12 Hz",                                         \
+      "longest time between two reversals of tremor")                                                                  \
+  ROW(tremor_quickest, 0.36, "1", "studies/tremor.py", "shortest over longest")                                        \
+  ROW(tremor_limit, 0.020943951023931952, "rad", "studies/tremor.py",                                                  \
+      "largest amplitude of tremor, at the handle (1.2 deg)")                                                          \
+  ROW(tremor_memory, 1, "s", "studies/tremor.py", "time constant with which that amplitude is forgotten")              \
+  ROW(tremor_smoothing, 0.004, "s", "studies/tremor.py", "time constant of tremor's speed")                            \
+  ROW(tremor_spare, 1.2, "1", "studies/tremor.py", "largest over usual swing of a hand")                               \
+  ROW(tremor_pulsation, 0.2, "1", "studies/tremor.py", "share by which a swing changes the pulsation")                 \
+  /* law */                                                                                                            \
+  ROW(breakaway_time, 0.025, "s", "chosen", "in which friction is overcome after the hand reverses")                   \
+  ROW(far, 15, "1", "chosen", "error that is corrected first without a stroke, in dead bands")                         \
+  ROW(patience, 0.3, "s", "chosen", "for which that is tried")                                                         \
+  ROW(settle_time, 0.03, "s", "chosen", "within the dead band before the motors rest")                                 \
+  ROW(breakaway_angle, 0.010471975511965976, "rad", "chosen",                                                          \
+      "speed of a tip that breaks away, over its angular frequency (0.6 deg)")                                         \
+  ROW(stroke_time, 0.25, "s", "chosen", "in which a common stroke goes from its middle to either end")                 \
+  ROW(hand_travel, 5, "1", "chosen", "travel of the handle, in plays, above which the hand counts as moving")          \
+  ROW(still_time, 0.1, "s", "chosen", "without motion after which the hand counts as still")                           \
+  ROW(waking, 2, "1", "chosen", "error that moves motors at rest, in dead bands")                                      \
+  ROW(unseen, 4, "1", "chosen", "what strokes would show, in dead bands, that keeps the motors awake")                 \
+  ROW(long_rest, 1, "s", "chosen", "after which a disturbance is a new load")                                          \
+  ROW(correction_time, 1, "s", "chosen", "longest time of a correction between two strokes")                           \
+  ROW(correction_over_breakaway, 1.3, "1", "chosen", "stroke of a correction over that which frees the tip")           \
+  ROW(approach_rate, 30, "1/s", "chosen", "at which a stroke may approach its bounds")                                 \
+  ROW(few_turns, 2, "1", "chosen",                                                                                     \
+      "reversals of strokes after which the dead band grows, where a wider one had ended them")                        \
+  ROW(most_turns, 4, "1", "chosen", "the same where it had not")                                                       \
+  ROW(tolerance_growth, 1.5, "1", "chosen", "of the dead band by a stroke")                                            \
+  ROW(most_tolerance, 3, "1", "chosen", "dead bands up to which it grows")                                             \
+  ROW(differential_share, 0.8, "1", "chosen", "of a common stroke's speed: no tendon is to reverse")                   \
+  ROW(slow_stroke, 0.25, "1", "chosen", "of the speed of a stroke on target")                                          \
+  ROW(near_limit, 0.94, "1", "chosen", "of the tension limit, above which no stroke tightens")                         \
+  ROW(tremor_in_band, 0.15, "1", "studies/tremor.py", "of the tremor, that widens the dead band")                      \
+  /* envelope */                                                                                                       \
+  ROW(envelope_margin, 0.017453292519943295, "rad", "studies/harm.py",                                                 \
+      "by which a stroke may exceed what a load explains (1 deg)")                                                     \
+  ROW(envelope_friction, 2, "1", "bound", "largest plausible friction over the observer's")                            \
+  ROW(envelope_compliance, 1.3, "1", "bound", "largest plausible compliance over the observer's")                      \
+  ROW(envelope_smoothing, 0.1, "s", "studies/harm.py", "time constant of a stroke's bounds")                           \
+  ROW(proven_friction, 1.5, "1", "bound", "friction over the observer's that a return does not rely on")               \
+  ROW(least_swing, 2, "1", "studies/harm.py", "tracking error by which its reversal stands out, in dead bands")        \
+  ROW(least_swing_time, 0.04, "s", "chosen", "least time between two reversals of the tracking error")                 \
+  ROW(swing_half_periods, 1.3, "1", "chosen", "the same, in half-periods of the tip, which itself oscillates faster")  \
+  ROW(swing_memory, 2, "s", "studies/harm.py", "time constant with which reversals are forgotten")                     \
+  ROW(swing_hand_travel, 0.03490658503988659, "rad", "studies/harm.py",                                                \
+      "handle travel between reversals that the hand made (2 deg)")                                                    \
+  ROW(swing_of_hand, 1.25, "1", "studies/harm.py", "largest swing over what the hand has drawn")                       \
+  ROW(few_reversals, 3, "1", "studies/harm.py", "recent reversals from which the law's gain falls")                    \
+  ROW(many_reversals, 5, "1", "studies/harm.py", "from which it is zero")                                              \
+  ROW(return_rate, 4, "1/s", "studies/harm.py", "of the return to the least necessary stroke, while it is")            \
+  /* supervisor */                                                                                                     \
+  ROW(time_to_obey, 0.05, "s", "studies/faults.py",                                                                    \
+      "in a fault, after which a motor that does not follow is not only slow to stop")                                 \
+  ROW(relaxed, 0.9, "1", "chosen", "of the tension limit, below which a tendon may be wound again")                    \
+  ROW(hanging, 0.05, "1", "chosen", "of the pretension, below which a tendon hangs")                                   \
+  ROW(below_home, 1.2, "1", "chosen",                                                                                  \
+      "stroke below home of a return, over that which makes the tendons half as tight")                                \
+  ROW(press_time, 0.3, "s", "chosen", "after which a tip that yields presses on something")                            \
+  /* watch */                                                                                                          \
+  ROW(watch_window, 0.1, "s", "studies/faults.py", "in which slip and a motor's lag are judged")                       \
+  ROW(watch_moment, 1e-3, "s", "studies/faults.py",                                                                    \
+      "in which inertia keeps hand and tip from lowering the mean tension as a slip does")                             \
+  ROW(long_run, 40, "1", "studies/faults.py", "windows after which motor and encoder agree in the long run")           \
+  ROW(drive_gain_error, 0.01, "1", "studies/faults.py", "share of a motor's path by which they need not")              \
+  /* homing */                                                                                                         \
+  ROW(homing_gain, 8, "1/s", "studies/homing.py", "of a tight tendon's missing stretch")                               \
+  ROW(homing_time, 10, "s", "studies/homing.py", "longest time of a stage, beside that of its largest stroke")         \
+  ROW(homing_rest, 0.2, "s", "studies/homing.py", "least time for which readings are averaged at first")               \
+  ROW(homing_settle_time, 0.1, "s", "studies/homing.py", "for which the mean tension must be within the tolerance")    \
+  ROW(homing_proof, 0.25, "1", "studies/homing.py", "of the pretension, at which the wiring is proven")                \
+  ROW(homing_judged, 0.8, "1", "studies/homing.py", "of the pretension, at which the stretch is judged")               \
+  ROW(homing_sudden, 0.07, "1", "studies/homing.py", "of the pretension: fall at once by which a tendon has broken")   \
+  ROW(homing_answer, 0.25, "1", "studies/homing.py", "of the noticed tension, that an answer to a jog must exceed")    \
+  ROW(homing_least_slope, 0.45, "1", "bound", "of tension by stroke, over the nominal one")                            \
+  ROW(homing_least_stretch, 0.4, "1", "bound", "of an elastic tendon's stretch, below which it is jammed")             \
+  ROW(homing_gain_error, 0.12, "1", "bound", "largest difference of the load cells' gains")
 
 namespace tenodesis::tuning {
 
 #ifdef TENODESIS_TUNABLE
-#define TENODESIS_CONSTANT(name, value, unit, meaning) inline double name = value;  ///< meaning
+#define TENODESIS_CONSTANT(name, value, unit, source, meaning) inline double name = value;  ///< meaning
 #else
-#define TENODESIS_CONSTANT(name, value, unit, meaning) inline constexpr double name = value;
+#define TENODESIS_CONSTANT(name, value, unit, source, meaning) inline constexpr double name = value;
 #endif
 TENODESIS_TUNING(TENODESIS_CONSTANT)
 #undef TENODESIS_CONSTANT

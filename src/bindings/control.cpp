@@ -142,9 +142,9 @@ std::vector<std::tuple<std::string, std::string>> homing_reason_rows() {
   };
 }
 
-std::vector<std::tuple<std::string, double, std::string, std::string>> tuning_rows() {
+std::vector<std::tuple<std::string, double, std::string, std::string, std::string>> tuning_rows() {
   return {
-#define TENODESIS_ROW(name, value, unit, meaning) {#name, tuning::name, unit, meaning},
+#define TENODESIS_ROW(name, value, unit, source, meaning) {#name, tuning::name, unit, source, meaning},
       TENODESIS_TUNING(TENODESIS_ROW)
 #undef TENODESIS_ROW
   };
@@ -152,7 +152,7 @@ std::vector<std::tuple<std::string, double, std::string, std::string>> tuning_ro
 
 #ifdef TENODESIS_TUNABLE
 void tune(const std::string& name, double value) {
-#define TENODESIS_ROW(constant, preset, unit, meaning) \
+#define TENODESIS_ROW(constant, preset, unit, source, meaning) \
   if (name == #constant) return void(tuning::constant = value);
   TENODESIS_TUNING(TENODESIS_ROW)
 #undef TENODESIS_ROW
@@ -215,7 +215,7 @@ void bind_control(nb::module_& m) {
   m.def(
       "control_axis_parameters", [] { return rows_of(axis_parameters); },
       "Name, unit and meaning of an axis's parameters.");
-  m.def("tuning", &tuning_rows, "Name, value, unit and meaning of the controller's constants.");
+  m.def("tuning", &tuning_rows, "Name, value, unit, source and meaning of the controller's constants.");
 #ifdef TENODESIS_TUNABLE
   m.def("tune", &tune, "name"_a, "value"_a, "Change a constant of the controller, before any controller is made.");
 #endif
