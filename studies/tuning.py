@@ -74,7 +74,7 @@ def parts() -> dict[str, tuple[Callable[..., Any], list[dict[str, Any]]]]:
     random = [case | {"seed": SEED} for case in campaign.cases(number=range(30), instrument=names, **work)]
     kinds = campaign.cases(kind=[*harm.KINDS], seed=[SEED], number=[0], instrument=names, **work)
     return {
-        "plants": (plants.judge, campaign.cases(row=["four", "gains"])),
+        "plants": (plants.judge, campaign.cases(row=["four", "gains", "all"])),
         "random": (harm.trial, random),
         "changing": (harm.trial, [case | {"changing": True} for case in random]),
         "alternating": (changes.trial, [case | {"scene": "alternating"} for case in ALTERNATING]),

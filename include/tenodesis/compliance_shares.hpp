@@ -27,7 +27,7 @@ void correct_shares(const ControlModel<A>& model, const FrictionSettings<S>& set
   const S spread = by * by * memory.share_variance + noise;
   if (moved * moved > square(S(tuning::outlier)) * spread) return;
   const S least = S(0.5) * (model.share[0] + model.share[1]);
-  const S most = S(2) * least + S(0.5) * model.share[2];
+  const S most = S(2) * least + S(tuning::most_share_of_stem) * model.share[2];
   // So steep only where the tendon slips at the joint, friction being less than assumed.
   if (before + moved / by > most) return;
   const S found = clamp(before + by * memory.share_variance * moved / spread, least, most);

@@ -38,6 +38,7 @@
       "deviation of the compliance share before the handle's joint, at the start")                                     \
   ROW(share_error, 0.05, "1", "studies/plants.py", "relative deviation of one measurement of it")                      \
   ROW(share_tension, 2.5, "1", "studies/plants.py", "change of tension, in slack tensions, from which it is measured") \
+  ROW(most_share_of_stem, 0.6, "1", "studies/plants.py", "of the stem's share that may lie before the handle's joint") \
   ROW(from_sheath, 3, "1", "studies/plants.py",                                                                        \
       "friction of the sheath over the parameters' at which it surely slips")                                          \
   ROW(to_handle, 1.2, "1", "studies/plants.py", "the same of the handle's joint up to which it surely sticks")         \
