@@ -34,7 +34,7 @@ COMMON, AXIS = (
     tuple(name for name, _, _ in rows) for rows in (_core.control_parameters(), _core.control_axis_parameters())
 )
 
-TUNING = {name: Constant(*values) for name, *values in _core.tuning()}
+TUNING = {name: Constant(value, unit, source, meaning) for name, value, unit, source, meaning in _core.tuning()}
 """Constants of the law and what it stands on that no instrument changes, by name."""
 
 _USUAL_GAIN = 12.0  # 1/s
