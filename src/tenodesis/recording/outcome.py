@@ -179,7 +179,9 @@ class Outcome:
 
     def _tip(self, error: Array) -> str:
         parts = []
-        for name, off, squares in zip(self._bends.names, error, np.broadcast_to(self._squares, error.shape), strict=True):
+        for name, off, squares in zip(
+            self._bends.names, error, np.broadcast_to(self._squares, error.shape), strict=True
+        ):
             rms = f", {degrees(sqrt(squares / self._enabled)):.2f} deg RMS while enabled" if self._enabled else ""
             parts.append(f"{name} {degrees(off):+.2f} deg off the unloaded angle at the end{rms}")
         return "; ".join(parts)
