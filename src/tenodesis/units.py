@@ -143,6 +143,12 @@ def quantity_of(field: FieldInfo) -> Quantity | None:
     return _quantity_of(field.annotation, field.metadata)
 
 
+def unit_in(text: str) -> str:
+    """Return the unit of a quantity as it is written."""
+    written = _WRITTEN.fullmatch(text.strip())
+    return "" if written is None else str(written["unit"]).strip()
+
+
 def unit_of(field: FieldInfo) -> str:
     """Return the SI unit of a pydantic field, empty if it is no quantity."""
     quantity = quantity_of(field)

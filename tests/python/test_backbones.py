@@ -14,6 +14,7 @@ from tenodesis.control.one_arc import one_arc
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import FullForm
 from tenodesis.paper.subject import Subject
+from tenodesis.recording.outcome import outcome
 from tenodesis.recording.replay import replay
 from tenodesis.recording.simulation import record
 from tenodesis.statics import chain
@@ -198,6 +199,8 @@ def test_a_law_that_knows_one_arc_brings_the_end_of_four_back() -> None:
         for controller in (None, tn.control.Controller(inst, law="robust"))
     )
     assert off.compensated == on.compensated == ("yaw",)
+    assert [outcome(run, inst)["tip"].count("yaw") for run in (off, on)] == [1, 1]
+    assert outcome(on, inst)["tip"].startswith("yaw ")
     assert target - degrees(off["output_angle.yaw"][-1]) > 9
     assert degrees(on["output_angle.yaw"][-1]) == pytest.approx(target, abs=0.8)
     assert degrees(on["estimated_output_angle"].ravel()[-1]) == pytest.approx(

@@ -14,8 +14,9 @@ import tenodesis as tn
 from tenodesis.cli import common, new
 from tenodesis.control.plausibility import implausible
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument import JOINT_TYPES, Instrument
+from tenodesis.instrument import JOINT_TYPES, Instrument, as_short_form
 from tenodesis.instrument.template import ASSUMED, QUESTIONS, ROPES, sketch
+from tenodesis.instrument.template import text as text_of
 from tenodesis.instrument.text import to_toml
 
 from .conftest import EXAMPLES
@@ -426,3 +427,25 @@ def test_info_as_json_has_what_info_prints(tenodesis: Run, scaled: Instrument, t
     assert handle["greatest"] == pytest.approx(np.degrees(recorded.measured_handle_angle.max()))
     printed = tenodesis("info", "run.mcap")[1]
     assert all(name in printed for name in (*found["topics"], *found["signals"]))
+
+
+def test_a_pretension_that_is_too_low_is_named_with_one_that_is_enough() -> None:
+    file = text_of(
+        "bender", "continuum",
+        {
+            "distal_tendon_offset": "1.2mm", "proximal_pulley_radius": "4.5 mm", "backbone_length": "25 mm",
+            "backbone_rigidity": "2e-4 N*m^2", "end_effector_length": "6 mm", "overall_length": "400 mm",
+            "tendon_diameter": "0.3 mm", "pretension": "4 N", "tendon_modulus": "54.2 GPa", "handle_length": "96 mm",
+            "handle_range": "38 deg", "output_range": "80 deg", "conditions.forces": ("0.5 N",),
+        },
+        {},
+    )  # fmt: skip
+    assert "# [mm] Distance of a tendon from the backbone" in file
+    inst = as_short_form(tn.instrument.parse(file, "bender.toml"))
+    (said,) = [one.sentence for one in implausible(inst) if one.key == "pretension"]
+    assert "slack without a load" in said
+    found = re.search(r"a pretension of ([0-9.]+) N keeps them taut up to 0.5 N", said)
+    assert found is not None
+    enough = float(found[1])
+    assert not [one for one in implausible(inst.replace(pretension=enough)) if one.key == "pretension"]
+    assert [one for one in implausible(inst.replace(pretension=0.98 * enough)) if one.key == "pretension"]

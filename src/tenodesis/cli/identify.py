@@ -416,7 +416,12 @@ def check_files(logs: Sequence[Path], tests: Sequence[Path]) -> None:
     for what, paths in (("LOG", logs), ("--test", tests)):
         for path in paths:
             if not path.exists():
-                raise CommandError(key=what, value=str(path), allowed="the path of a recording")
+                raise CommandError(
+                    f"{what} is {str(path)!r}; it must be the path of a recording, and there is no such file.",
+                    key=what,
+                    value=str(path),
+                    allowed="the path of a recording",
+                )
             place = path.resolve()
             if place in seen:
                 raise CommandError(key=what, value=str(path), allowed=f"given once, not as {seen[place]} too")

@@ -315,7 +315,7 @@ def _print_objectives(practical: PracticalFront, taken: Objective | None) -> Non
         one = practical.practical[index]
         row = (
             f"{one.cost:.3g}", f"{1e3 * one.overall_length:.4g} mm", str(int(one.waiting + 1e-9)),
-            f"{practical.exact[index].similarity_error:.2g}°", f"{one.as_built:.2g}°",
+            f"{practical.exact[index].similarity_error:.2f}°", f"{one.as_built:.2g}°",
             escape(practical.described(index)),
         )  # fmt: skip
         found.add_row(objective, *row, style="bold" if objective == taken else None)

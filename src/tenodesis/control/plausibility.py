@@ -5,6 +5,7 @@ from math import degrees, inf, pi, radians
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tenodesis import kinematics, plant, statics
 from tenodesis._core import Status
@@ -25,6 +26,8 @@ _PULLEY_PER_ROPE = 4.0  # diameters
 _COEFFICIENT = 0.6
 _INERTIA_OVER_ROD = 10.0
 _ROD_OVER_INERTIA = 50.0
+_MORE = (2.0, 4.0, 8.0, 16.0)  # pretensions
+_ROUND_UP = 1.01
 _SIMULATED = 26.0  # over the least inertia that can be simulated: what identification asks for, with a margin
 _LENGTH = (0.05, 3.0)  # m
 _HAND_SPEED = radians(60)  # rad/s
@@ -148,19 +151,39 @@ def _no_pretension(inst: ShortForm) -> str:
 
 def _slack(inst: ShortForm) -> str:
     least = min(inst.conditions.forces, default=inf)
-    forces = statics.slack_load(inst, np.array([0.0, statics.reach(inst)]))
+    forces = _slack_loads(inst)
     force = float(np.fmin.reduce(forces))
     if force == 0 < inst.pretension:
         return (
             f"pretension is {inst.pretension:g} N, with which a tendon is slack without a load "
-            f"{'at the straight tip' if forces[0] == 0 else 'at the end of the working range'}."
+            f"{'at the straight tip' if forces[0] == 0 else 'at the end of the working range'}{_enough(inst, least)}."
         )
     if not 0 < force < least < inf:
         return ""
     return (
         f"pretension is {inst.pretension:g} N, with which a tendon goes slack at {force:.2g} N at the tip already, "
-        f"below the smallest of conditions.forces, {least:g} N."
+        f"below the smallest of conditions.forces, {least:g} N{_enough(inst, least)}."
     )
+
+
+def _slack_loads(inst: ShortForm) -> NDArray[np.float64]:
+    """Return the loads, N, under which a tendon goes slack, straight and at the end of the working range."""
+    loads: NDArray[np.float64] = statics.slack_load(inst, np.array([0.0, statics.reach(inst)]))
+    return loads
+
+
+def _enough(inst: ShortForm, load: float) -> str:
+    """Return the pretension that keeps the tendons taut up to a load, as the end of a sentence."""
+    from scipy.optimize import brentq  # noqa: PLC0415
+
+    def spare(pretension: float) -> float:
+        return float(np.fmin.reduce(_slack_loads(inst.replace(pretension=pretension)))) - load
+
+    most = next((times * inst.pretension for times in _MORE if spare(times * inst.pretension) > 0), None)
+    if most is None:
+        return ""
+    found = brentq(spare, inst.pretension, most, rtol=1e-3)
+    return f"; a pretension of {_ROUND_UP * found:.3g} N keeps them taut up to {load:g} N"
 
 
 def _pulley_in_stem(inst: ShortForm) -> str:

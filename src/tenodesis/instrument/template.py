@@ -8,7 +8,7 @@ from pydantic import BaseModel
 
 from tenodesis.instrument.mechanisms import JOINT_TYPES
 from tenodesis.instrument.short_form import ShortForm
-from tenodesis.units import Quantity, quantity_of
+from tenodesis.units import Quantity, quantity_of, unit_in
 
 ASSUMED = "assumed"
 """What the source of every value begins with that nobody gave."""
@@ -176,7 +176,7 @@ def _line(key: str, value: str | tuple[str, ...], meaning: str, quantity: Quanti
     written = f"[{', '.join(map(_quoted, value))}]" if isinstance(value, tuple) else _quoted(value)
     if quantity is None and isinstance(value, str) and value.replace(".", "", 1).isdigit():
         written = value
-    unit = "" if quantity is None else f"[{(value if isinstance(value, str) else value[0]).split(' ', 1)[-1]}] "
+    unit = "" if quantity is None else f"[{unit_in(value if isinstance(value, str) else value[0])}] "
     return f"{f'{key} = {written}':<{_WIDTH}}  # {unit}{meaning}"
 
 

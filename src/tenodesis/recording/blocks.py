@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tenodesis.errors import RecordingError
 from tenodesis.files import open_regular
-from tenodesis.recording import cdr, schemas
+from tenodesis.recording import cdr, lab_bags, schemas
 from tenodesis.recording.container import LONGEST_MAGIC, Contents, Messages, Scan, is_mcap
 from tenodesis.recording.decode import Decoded, Decoder, LeftOut, Misfit
 from tenodesis.run import Array, Names, Run, concatenate
@@ -55,6 +55,8 @@ def opened(path: Path) -> Iterator[tuple[IO[bytes], int]]:
         file, size = open_regular(path)
     except FileNotFoundError:
         raise RecordingError(f"{path} cannot be read: there is no such file.", key="path", value=path) from None
+    except IsADirectoryError:
+        raise lab_bags.no_bag(path) from None
     except OSError as problem:
         raise RecordingError(f"{path} cannot be read: {problem.strerror}.", key="path", value=path) from None
     with file:

@@ -34,8 +34,15 @@ _Series = tuple[NDArray[np.int64], dict[str, Array]]
 
 
 def is_bag(path: Path) -> bool:
-    """Return whether a path is a folder with the files of a ROS 2 bag."""
-    return path.is_dir() and any(any(path.glob(f"*{suffix}*")) for suffix in (".db3", ".mcap"))
+    """Return whether a path is the folder of a ROS 2 bag."""
+    return (path / "metadata.yaml").is_file()
+
+
+def no_bag(path: Path) -> RecordingError:
+    """Return the refusal of a folder that is none."""
+    return RecordingError(
+        f"{path} is a folder without the metadata.yaml of a ROS 2 bag; name a file in it.", key="path", value=path
+    )
 
 
 def columns(path: Path) -> tuple[Array, dict[str, Array]]:

@@ -66,6 +66,8 @@ def read_table(path: Path) -> Table:
         if reader is None:
             return _text(path)
         return _whole(path, reader(path))
+    except IsADirectoryError:
+        raise lab_bags.no_bag(path) from None
     except OSError as problem:
         reason = problem.strerror or str(problem)
         raise RecordingError(f"{path} cannot be read: {reason}.", key="path", value=path) from None

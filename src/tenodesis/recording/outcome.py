@@ -12,6 +12,7 @@ from tenodesis.control import FAULTS, OperatingState, Request
 from tenodesis.instrument import Instrument
 from tenodesis.recording.tables import columns
 from tenodesis.run import COMMANDS, CONTROL, MEASURED, Array, Run
+from tenodesis.statics.bends import Bends
 
 _RANGED = ({**COMMANDS, **MEASURED, **CONTROL}.keys() | {"grip_force"}) - {
     "operating_state",
@@ -64,11 +65,12 @@ class Outcome:
         self._inst, self._names = inst, names
         self._steps: list[float] = []
         self._last: Run | None = None
+        self._bends = Bends.of(inst.expanded)
         self._rows = 0
         self._error: Array | None = None
-        """At the last row, (joints,)."""
+        """At the last row, (bends,)."""
         self._worst: dict[str, tuple[float, float]] = {}
-        """Largest deviation of each joint, rad, and when, s."""
+        """Largest deviation of each joint, or of the sum of a backbone's arcs, rad, and when, s."""
         self._squares: Any = 0.0
         self._enabled = 0
         self._homing = False
@@ -93,7 +95,7 @@ class Outcome:
             "measured_output_angle",
         } & signals
         if angles and self._inst.handle_joints:
-            self._add_error(run, tip_error(run, self._inst), enabled)
+            self._add_error(run, self._bends.summed(tip_error(run, self._inst)), enabled)
         self._add_tensions(run)
         self._last = run.rows(-1)
 
@@ -103,14 +105,14 @@ class Outcome:
         if run is None:
             return {}
         if run.operating_state is None or run.faults is None:
-            return ({} if self._error is None else {"tip": self._deviation(run, self._error)}) | self._tensions(run)
+            return ({} if self._error is None else {"tip": self._deviation(self._error)}) | self._tensions(run)
         faults = sorted((time, list(self._names).index(name), name) for name, time in self._faults.items())
         facts = {
             "state": self._state(float(run.by_column("operating_state")[0, 0])),
             "faults": ", ".join(f"{name} from {time:.6g} s" for time, _, name in faults) or "none",
         }
         if self._error is not None:
-            facts["tip"] = self._tip(run, self._error)
+            facts["tip"] = self._tip(self._error)
         return facts | _tip_force(run) | self._tensions(run)
 
     @property
@@ -148,7 +150,7 @@ class Outcome:
         if enabled is not None:
             self._squares = self._squares + (error[enabled] ** 2).sum(axis=0)
             self._enabled += int(enabled.sum())
-        for name, off in zip(run.joints, error.T, strict=True):
+        for name, off in zip(self._bends.names, error.T, strict=True):
             if not np.isnan(off).all():
                 row = int(np.nanargmax(np.abs(off)))
                 if abs(off[row]) > abs(self._worst.get(name, (0.0, nan))[0]) or name not in self._worst:
@@ -166,8 +168,8 @@ class Outcome:
                     count, first = self._slack.get(name, (0, float(run.time[loose.argmax()])))
                     self._slack[name] = (count + int(np.count_nonzero(loose)), first)
 
-    def _deviation(self, run: Run, error: Array) -> str:
-        joints = run.joints
+    def _deviation(self, error: Array) -> str:
+        joints = self._bends.names
         end = dict(zip(joints, error.tolist(), strict=True))
         return "; ".join(
             f"{name} {degrees(off):+.2f} deg off the unloaded angle at most, at {time:.4g} s, "
@@ -175,9 +177,11 @@ class Outcome:
             for name, (off, time) in sorted(self._worst.items(), key=lambda one: joints.index(one[0]))
         )
 
-    def _tip(self, run: Run, error: Array) -> str:
+    def _tip(self, error: Array) -> str:
         parts = []
-        for name, off, squares in zip(run.joints, error, np.broadcast_to(self._squares, error.shape), strict=True):
+        for name, off, squares in zip(
+            self._bends.names, error, np.broadcast_to(self._squares, error.shape), strict=True
+        ):
             rms = f", {degrees(sqrt(squares / self._enabled)):.2f} deg RMS while enabled" if self._enabled else ""
             parts.append(f"{name} {degrees(off):+.2f} deg off the unloaded angle at the end{rms}")
         return "; ".join(parts)

@@ -117,6 +117,12 @@ def first_axis(run: Run) -> dict[str, Array]:
         alone = run.axis(run.axes[0])
     except KeyError:
         allowed = "a joint with a joint of the handle and a pair of tendons of its own"
+        if run.axes[0].endswith("_arc1"):
+            raise IdentificationError(
+                f"{run.axes[0].removesuffix('_arc1')} bends in arcs, and a fit of recordings knows a backbone as one: "
+                "record the instrument without arcs, or give tn.identification.fit_at_rest where its tip rests.",
+                key="joint",
+            ) from None
         raise IdentificationError(key="joint", value=run.axes[0], allowed=allowed) from None
     return {name: values for name, values in alone.signals().items() if name in USED}
 
