@@ -1,6 +1,6 @@
 """What came of a run, gathered block by block: ranges, the tip's deviation, tensions, and states of a controller."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import degrees, nan, sqrt
 from typing import Any
 
@@ -255,6 +255,24 @@ class Seen:
         self.step = float(np.median(self._steps)) if self._steps else nan
         self.outcome = {} if self._outcome is None else self._outcome.facts()
         return self
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain values."""
+        return {name: getattr(self, name) for name in ("rows", "first", "last", "step", "ranges", "outcome", "rises")}
+
+    @classmethod
+    def of_json(cls, content: Mapping[str, Any]) -> "Seen":
+        """Return it from plain values; raises KeyError, TypeError or ValueError where they are none of it."""
+        found = cls()
+        found.rows = int(content["rows"])
+        found.first, found.last, found.step = (float(content[name]) for name in ("first", "last", "step"))
+        found.ranges = {
+            str(name): None if ends is None else (float(ends[0]), float(ends[1]))
+            for name, ends in content["ranges"].items()
+        }
+        found.outcome = {str(name): str(fact) for name, fact in content["outcome"].items()}
+        found.rises = {str(name): (float(one[0]), int(one[1])) for name, one in content["rises"].items()}
+        return found
 
     def _add_faults(self, run: Run) -> None:
         masks = _fault_bits(run)
