@@ -11,7 +11,7 @@ from tenodesis import statics
 from tenodesis.control import FAULTS, OperatingState, Request
 from tenodesis.instrument import Instrument
 from tenodesis.recording.tables import columns
-from tenodesis.run import COMMANDS, CONTROL, MEASURED, Array, Run
+from tenodesis.run import COMMANDS, CONTROL, MEASURED, Array, Run, concatenate
 
 _RANGED = ({**COMMANDS, **MEASURED, **CONTROL}.keys() | {"grip_force"}) - {
     "operating_state",
@@ -95,7 +95,8 @@ class Outcome:
         if angles and self._inst.handle_joints:
             self._add_error(run, tip_error(run, self._inst), enabled)
         self._add_tensions(run)
-        self._last = run.rows(-1)
+        # a view would hold all of the block
+        self._last = concatenate([run.rows(-1)])
 
     def facts(self) -> dict[str, str]:
         """Return the outcome in words, by what is said."""
@@ -144,7 +145,7 @@ class Outcome:
         return enabled
 
     def _add_error(self, run: Run, error: Array, enabled: NDArray[np.bool_] | None) -> None:
-        self._error = error[-1]
+        self._error = error[-1].copy()
         if enabled is not None:
             self._squares = self._squares + (error[enabled] ** 2).sum(axis=0)
             self._enabled += int(enabled.sum())
