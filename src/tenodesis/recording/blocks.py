@@ -10,6 +10,7 @@ from typing import IO, Any, NamedTuple
 
 import numpy as np
 from mcap.records import Channel
+from mcap.summary import Summary
 from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
@@ -20,7 +21,7 @@ from tenodesis.recording.container import LONGEST_MAGIC, Contents, Messages, Sca
 from tenodesis.recording.decode import Decoded, Decoder, LeftOut, Misfit
 from tenodesis.run import Array, Names, Run, concatenate
 
-_ROWS = 4000
+LEAST_ROWS = 4000
 """Rows of a block, at least; the rest of a chunk comes with them."""
 _MOST_WAITING = 200_000
 """Messages that may wait for those of other topics."""
@@ -72,10 +73,16 @@ def opened(path: Path) -> Iterator[tuple[IO[bytes], int]]:
 
 
 class Infos:
-    """Counts and rates of topics, as messages come."""
+    """Counts and rates of topics, as messages come.
 
-    def __init__(self) -> None:
-        self._seen: dict[int, tuple[int, int, int]] = {}
+    Parameters
+    ----------
+    seen
+        Number of messages that came before, and stamps of the first and the last, by channel.
+    """
+
+    def __init__(self, seen: Mapping[int, tuple[int, int, int]] | None = None) -> None:
+        self._seen = dict(seen or {})
 
     def add(self, found: Mapping[int, Messages]) -> None:
         """Count messages by channel."""
@@ -85,7 +92,7 @@ class Infos:
                 count, first, _ = self._seen.get(number, (0, first, last))
                 self._seen[number] = (count + len(messages), first, last)
 
-    def of(self, scan: Scan | Contents) -> dict[str, TopicInfo]:
+    def of(self, scan: Scan | Contents | Summary) -> dict[str, TopicInfo]:
         """Return the topics of a file by name."""
         infos = {}
         for number, channel in sorted(scan.channels.items(), key=lambda item: item[1].topic):
@@ -150,7 +157,7 @@ class RegularBlocks:
                         events.parts += new.parts
                     elif number not in self._others:
                         waiting.setdefault(number, Messages()).parts.extend(new.parts)
-                if max(map(len, waiting.values()), default=0) >= _ROWS:
+                if max(map(len, waiting.values()), default=0) >= LEAST_ROWS:
                     run, gap = self._taken(scan, waiting)
                     if len(run):
                         time = float(run.time[-1])

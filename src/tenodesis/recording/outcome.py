@@ -1,6 +1,6 @@
 """What came of a run, gathered block by block: ranges, the tip's deviation, tensions, and states of a controller."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import degrees, nan, sqrt
 from typing import Any
 
@@ -11,7 +11,7 @@ from tenodesis import statics
 from tenodesis.control import FAULTS, OperatingState, Request
 from tenodesis.instrument import Instrument
 from tenodesis.recording.tables import columns
-from tenodesis.run import COMMANDS, CONTROL, MEASURED, Array, Run
+from tenodesis.run import COMMANDS, CONTROL, MEASURED, Array, Run, concatenate
 from tenodesis.statics.bends import Bends
 
 _RANGED = ({**COMMANDS, **MEASURED, **CONTROL}.keys() | {"grip_force"}) - {
@@ -97,7 +97,8 @@ class Outcome:
         if angles and self._inst.handle_joints:
             self._add_error(run, self._bends.summed(tip_error(run, self._inst)), enabled)
         self._add_tensions(run)
-        self._last = run.rows(-1)
+        # a view would hold all of the block
+        self._last = concatenate([run.rows(-1)])
 
     def facts(self) -> dict[str, str]:
         """Return the outcome in words, by what is said."""
@@ -146,7 +147,7 @@ class Outcome:
         return enabled
 
     def _add_error(self, run: Run, error: Array, enabled: NDArray[np.bool_] | None) -> None:
-        self._error = error[-1]
+        self._error = error[-1].copy()
         if enabled is not None:
             self._squares = self._squares + (error[enabled] ** 2).sum(axis=0)
             self._enabled += int(enabled.sum())
@@ -259,6 +260,24 @@ class Seen:
         self.step = float(np.median(self._steps)) if self._steps else nan
         self.outcome = {} if self._outcome is None else self._outcome.facts()
         return self
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain values."""
+        return {name: getattr(self, name) for name in ("rows", "first", "last", "step", "ranges", "outcome", "rises")}
+
+    @classmethod
+    def of_json(cls, content: Mapping[str, Any]) -> "Seen":
+        """Return it from plain values; raises KeyError, TypeError or ValueError where they are none of it."""
+        found = cls()
+        found.rows = int(content["rows"])
+        found.first, found.last, found.step = (float(content[name]) for name in ("first", "last", "step"))
+        found.ranges = {
+            str(name): None if ends is None else (float(ends[0]), float(ends[1]))
+            for name, ends in content["ranges"].items()
+        }
+        found.outcome = {str(name): str(fact) for name, fact in content["outcome"].items()}
+        found.rises = {str(name): (float(one[0]), int(one[1])) for name, one in content["rises"].items()}
+        return found
 
     def _add_faults(self, run: Run) -> None:
         masks = _fault_bits(run)

@@ -19,6 +19,9 @@ STRING = "std_msgs/msg/String"
 METADATA = "tenodesis"
 """Name of the metadata record."""
 
+SEEN = "tenodesis.rows"
+"""Name of the metadata record at the end, which says in JSON what the rows hold."""
+
 TRANSFERRED = "transferred_from"
 """Key in the metadata of the file that was converted from another instrument."""
 

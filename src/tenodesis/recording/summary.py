@@ -12,8 +12,8 @@ from rich.console import Group
 from rich.table import Column, Table
 from rich.text import Text
 
-from tenodesis.control import FAULTS
 from tenodesis.errors import InstrumentError, RecordingError
+from tenodesis.recording import kept
 from tenodesis.recording.blocks import Progress
 from tenodesis.recording.metadata import CONTROLLER, controller_choices, controller_instrument, in_words
 from tenodesis.recording.outcome import Outcome, Seen, outcome, tip_error
@@ -34,7 +34,7 @@ class Summary(NamedTuple):
 
 
 def read(path: str | Path, progress: Progress | None = None) -> Summary:
-    """Return what a recording holds, read block by block.
+    """Return what a recording holds: as its recorder kept it where the file is undamaged, else read block by block.
 
     Parameters
     ----------
@@ -48,10 +48,13 @@ def read(path: str | Path, progress: Progress | None = None) -> Summary:
     RecordingError, MissingExtraError
         As :meth:`Recording.open`.
     """
+    known = kept.read(Path(path), progress)
+    if known is not None:
+        return Summary(*known)
     blocks = Blocks(path, progress=progress)
     runs = iter(blocks)
     first = next(runs)
-    seen = _seen(blocks.recording(first))
+    seen = kept.seen_of(blocks.recording(first))
     for run in chain([first], runs):
         seen.add(run)
     return Summary(blocks.recording(Run(np.empty(0), *first.names)), seen.done())
@@ -61,17 +64,9 @@ def of(about: Recording | Summary) -> Summary:
     """Return what a recording holds; a summary as it is."""
     if isinstance(about, Summary):
         return about
-    seen = _seen(about)
+    seen = kept.seen_of(about)
     seen.add(about.run)
     return Summary(about, seen.done())
-
-
-def _seen(recording: Recording) -> Seen:
-    try:
-        choices = controller_choices(recording) or {}
-        return Seen(recording.instrument(), [str(name) for name in choices.get("faults", [])] or FAULTS)
-    except (InstrumentError, RecordingError):
-        return Seen()
 
 
 def describe(about: Recording | Summary) -> Group:

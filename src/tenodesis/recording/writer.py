@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tenodesis.errors import RecordingError
 from tenodesis.recording import cdr, schemas
 from tenodesis.recording.chunks import ChunkedFile
+from tenodesis.recording.kept import Keeper
 from tenodesis.recording.schemas import Messages
 from tenodesis.run import Array, Names, Run
 
@@ -71,6 +72,7 @@ class Recorder:
         self._schemas: dict[str, int] = {}
         self._events_channel: int | None = None
         self._events = 0
+        self._events_stamps = (0, 0)
         self._signals: set[str] | None = None
         self._rows = 0
         self._rows_safe = 0
@@ -78,6 +80,7 @@ class Recorder:
         self._stamp = -1
         self._stamp_safe = 0
         texts = self._texts(metadata or {})
+        self._keeper = Keeper(self.path, self.names, texts)
         self._file: IO[bytes] | None = self._opened(overwrite)
         with self._reported():
             self._writer = ChunkedFile(self._file, Profile.ROS2, "tenodesis")
@@ -121,6 +124,7 @@ class Recorder:
                 if self._chunk(self._stamp) != chunks[start]:
                     self._close_chunk()
                 self._write_rows(stamps[start:stop], {name: values[start:stop] for name, values in columns.items()})
+                self._keeper.add(run, start, stop)
 
     def event(self, time: float, content: Mapping[str, Any]) -> None:
         """Append an event at a time (s) of the runs: values by name that JSON can express.
@@ -154,6 +158,7 @@ class Recorder:
                 self._events_channel = self._channel(schemas.EVENTS, schemas.STRING, {})
             number = np.array([self._events % _SEQUENCES])
             self._writer.add_rows(np.array([stamp]), number, {self._events_channel: data})
+            self._events_stamps = (self._events_stamps[0] if self._events else stamp, stamp)
             self._events += 1
 
     def flush(self) -> None:
@@ -180,6 +185,9 @@ class Recorder:
             return
         with self._reported():
             self._close_chunk()
+            texts = self._keeper.texts(self._messages())
+            if texts:
+                self._writer.add_metadata(schemas.SEEN, texts)
             self._writer.finish()
             self._file.close()
         self._file = None
@@ -316,6 +324,17 @@ class Recorder:
     def _chunk(self, stamp: int) -> int:
         return (stamp - (self._first_stamp or 0)) // self._chunk_length
 
+    def _messages(self) -> dict[int, tuple[int, int, int]]:
+        """Return the number of messages, and the stamps of the first and the last, by channel."""
+        rows = (self._rows, self._first_stamp or 0, self._stamp)
+        found = {channel.id: rows for channel in self._channels}
+        return (
+            found
+            if self._events_channel is None
+            else found | {self._events_channel: (self._events, *self._events_stamps)}
+        )
+
     def _close_chunk(self) -> None:
         self._writer.flush()
         self._rows_safe, self._stamp_safe = self._rows, self._stamp
+        self._keeper.end_chunk()
