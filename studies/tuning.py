@@ -6,8 +6,8 @@ another build: ``pip install . -C cmake.define.TENODESIS_TUNABLE=ON``.
 """
 
 import sys
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import changes
 import harm
@@ -31,11 +31,12 @@ ALTERNATING = campaign.cases(
 """Of studies/changes.py"""
 
 
-class Figure:
-    """A figure of the reference work: how a row of a part is summed up, and what of it counts as a change."""
+class Figure(NamedTuple):
+    """A figure of the reference work: of which part, how its rows are summed up, and what of it counts as a change."""
 
-    def __init__(self, part: str, sums: Callable[[Rows], float], tolerance: float) -> None:
-        self.part, self.sums, self.tolerance = part, sums, tolerance
+    part: str
+    sums: Callable[[Rows], float]
+    tolerance: float
 
 
 def mean(key: str) -> Callable[[Rows], float]:
@@ -93,13 +94,13 @@ def parts() -> dict[str, tuple[Callable[..., Any], list[dict[str, Any]]]]:
     }
 
 
-def of_part(constant: str) -> Iterable[str]:
-    """Return the parts that a constant may change."""
+def may_change(constant: str, part: str) -> bool:
+    """Return whether a constant may change figures of a part; all are run without one."""
     if constant.startswith("homing_"):
-        return ["homing"]
+        return part == "homing"
     if constant in {"watch_window", "watch_moment", "long_run", "drive_gain_error", "time_to_obey", "press_time"}:
-        return ["faults", "stopped", "random"]
-    return [part for part in parts() if part not in {"homing", "faults"}]
+        return part in {"faults", "stopped", "random"}
+    return not constant or part not in {"homing", "faults"}
 
 
 def trial(constant: str, factor: float) -> dict[str, Any] | None:
@@ -112,10 +113,8 @@ def trial(constant: str, factor: float) -> dict[str, Any] | None:
     try:
         found: dict[str, Rows] = {}
         for part, (run, cases) in parts().items():
-            if constant and part not in of_part(constant):
-                continue
-            rows = [case | metrics for case in cases if (metrics := run(**case)) is not None]
-            found[part] = Rows(rows)
+            if may_change(constant, part):
+                found[part] = Rows(case | metrics for case in cases if (metrics := run(**case)) is not None)
     except ArgumentError:
         return None
     finally:
@@ -135,11 +134,13 @@ def main() -> None:
     peer = rows[0]
     changed = []
     for row in rows[1:]:
-        by = {name: row[name] - peer[name] for name in FIGURES}
-        told = [
-            f"{name} {peer[name]:.3g} -> {row[name]:.3g}" for name in FIGURES if abs(by[name]) > FIGURES[name].tolerance
+        changes_of = [
+            f"{name} {peer[name]:.3g} -> {row[name]:.3g}"
+            for name, one in FIGURES.items()
+            if abs(row[name] - peer[name]) > one.tolerance
         ]
-        changed.append({"constant": row["constant"], "factor": row["factor"], "changes": "; ".join(told) or "nothing"})
+        text = "; ".join(changes_of) or "nothing"
+        changed.append({"constant": row["constant"], "factor": row["factor"], "changes": text})
     columns = [Column("changes", lambda one: one[0]["changes"], form="")]
     law.show(options, "tuning", Rows(changed).by("constant", "factor"), columns, ("constant", "times"))
 

@@ -6,8 +6,8 @@
 // that these tensions make, less what spool and handle have wound, is the length that the joints have drawn: one
 // equation a taut tendon. The balance of each joint, of its tendons' moments, its spring and the load, is another one.
 // Unknown are the angles, errors of friction and stiffness that all tendons share, and the load at the tip, each with
-// what is known of it beforehand; weighted least squares about the last estimate gives them together. What sensors
-// cannot tell is in the covariance.
+// what is known of it beforehand; weighted least squares about the last estimate gives them together. What the sensors
+// do not determine is in the covariance.
 
 #include "tenodesis/chain_statics.hpp"
 #include "tenodesis/far_end.hpp"
@@ -79,8 +79,8 @@ struct JointMemory {
   JointEstimate<S, N, M> estimate{};
 };
 
-/// Deviation of an angle that no tendon tells, rad.
-inline constexpr double untold_angle = 1.0;
+/// Deviation of an angle before any tendon has been read, rad.
+inline constexpr double prior_angle_std = 1.0;
 
 /// Observer of a chain W whose tendons have at most so many contacts.
 template <class W, int most_contacts>
@@ -120,7 +120,7 @@ struct JointObserver {
       if (contacts[m] > 0) follow_tendon(m, measured, joints, memory, equations);
     memory.started = true;
     add_balance(joints, equations);
-    for (int i = 0; i < N; ++i) equations.expect(i, S(untold_angle));
+    for (int i = 0; i < N; ++i) equations.expect(i, S(prior_angle_std));
     equations.expect(at_friction, deviations.friction);
     equations.expect(at_stiffness, deviations.stiffness);
     for (int k = 0; k < joint_load_components; ++k) equations.expect(at_load + k, load_deviation(k));

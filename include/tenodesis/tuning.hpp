@@ -1,8 +1,8 @@
 #pragma once
 // Every constant of observer, law, envelope, homing, supervisor and watch that does not follow from the instrument.
 //
-// What depends on the instrument is a parameter (parameter_table.h). Multiples without a unit that a formula gives, as
-// a half of two, stand in their place. A build with TENODESIS_TUNABLE may change them while it runs, for
+// What depends on the instrument is a parameter (parameter_table.h). Numbers that follow from a formula, as the half of
+// a sum, stand where they are used. A build with TENODESIS_TUNABLE may change the constants while it runs, for
 // studies/tuning.py, which varies each by half.
 
 #include "tenodesis/scalar.hpp"
@@ -124,7 +124,7 @@
 namespace tenodesis::tuning {
 
 #ifdef TENODESIS_TUNABLE
-#define TENODESIS_CONSTANT(name, value, unit, source, meaning) inline double name = value;  ///< meaning
+#define TENODESIS_CONSTANT(name, value, unit, source, meaning) inline double name = value;
 #else
 #define TENODESIS_CONSTANT(name, value, unit, source, meaning) inline constexpr double name = value;
 #endif

@@ -91,7 +91,7 @@ def record(  # noqa: PLR0917
     if controller is not None:
         controller.check_instrument(inst)
     path = _default_path(protocol_file or protocol.name, instrument_file, law) if out is None else out
-    with outputs.files(out=path), _progress(path) as progress:
+    with outputs.files(out=path), _progress(path, every) as progress:
         if assumed is not None:
             warn_resolution(assumed)
         seen = Outcome(inst)
@@ -109,8 +109,7 @@ def record(  # noqa: PLR0917
         ):
             seen.add(run)
             progress.add(run)
-    rows = f"{progress.rows} rows{'' if every == 1 else f' of which one in {every} is written'}"
-    say(f"{path}: {protocol.name} on {inst.name}, {progress.time:.6g} s, {rows}, {file_size(path)}.")
+    say(f"{path}: {protocol.name} on {inst.name}, {progress.done}, {file_size(path)}.")
     _print_facts(seen.facts())
 
 
@@ -250,25 +249,20 @@ def _default_path(protocol_file: str, instrument_file: str, law: str | None) -> 
 
 
 @contextmanager
-def _progress(path: Path) -> Iterator["_Interruptible"]:
+def _progress(path: Path, every: int) -> Iterator["_Interruptible"]:
     """Show the progress of a run, and let Ctrl-C end it between two blocks."""
     with ProgressBar("", " s") as bar:
-        shown = _Interruptible(bar)
+        shown = _Interruptible(bar, every)
         before = signal.signal(signal.SIGINT, shown.interrupt)
         try:
             yield shown
         except KeyboardInterrupt:
-            raise CommandInterruptedError(
-                f"interrupted; {path} holds the run up to there, {shown.time:.6g} s, {shown.rows} rows."
-            ) from None
+            raise CommandInterruptedError(f"interrupted; {path} {shown.held}.") from None
         except ValueError as problem:
             if not shown.called:
                 raise
             key = problem.key if isinstance(problem, Error) else ""
-            raise CommandError(
-                f"{str(problem).rstrip('.')}; {path} holds the run up to there, {shown.time:.6g} s, {shown.rows} rows.",
-                key=key,
-            ) from problem
+            raise CommandError(f"{str(problem).rstrip('.')}; {path} {shown.held}.", key=key) from problem
         finally:
             signal.signal(signal.SIGINT, before)
 
@@ -276,14 +270,24 @@ def _progress(path: Path) -> Iterator["_Interruptible"]:
 class _Interruptible:
     """Progress of a run, whose next report ends the run after an interrupt."""
 
-    def __init__(self, bar: ProgressBar) -> None:
-        self._bar, self._interrupted, self.called = bar, False, False
-        self.rows, self.time = 0, 0.0
-        """How many rows are run, and the time of the last, s."""
+    def __init__(self, bar: ProgressBar, every: int) -> None:
+        self._bar, self._every, self._interrupted, self.called = bar, every, False, False
+        self._rows, self._time = 0, 0.0
 
     def add(self, run: Run) -> None:
         """Count the rows of a block."""
-        self.rows, self.time = self.rows + len(run), float(run.time[-1])
+        self._rows, self._time = self._rows + len(run), float(run.time[-1])
+
+    @property
+    def done(self) -> str:
+        """The time and the rows that are run, in words."""
+        written = "" if self._every == 1 else f" of which one in {self._every} is written"
+        return f"{self._time:.6g} s, {self._rows} rows{written}"
+
+    @property
+    def held(self) -> str:
+        """What the file of a run that has ended early does."""
+        return f"holds the run up to there, {self.done}"
 
     def interrupt(self, *_: object) -> None:
         self._interrupted = True

@@ -21,7 +21,7 @@ _DEVIATIONS = 2.0
 _PLAY = 4.0
 """Deviations of sensors by which a tendon counts as slipping; part of a step that a spool at rest stays within."""
 _SMOOTHING = 0.05
-"""Time over which the handle's encoder is smoothed where slip is told from it, s."""
+"""Time over which the handle's encoder is smoothed where slip is found from it, s."""
 _SPOOL_LAG = 0.4
 """Gain of the spools' positions by the inverse of the drives' time constant: without overshoot."""
 _LAW_SHARE = 0.2

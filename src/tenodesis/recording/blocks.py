@@ -27,7 +27,7 @@ _MOST_WAITING = 200_000
 """Messages that may wait for those of other topics."""
 
 Progress = Callable[[float, float], object]
-"""Is told how much is done, and how much there is."""
+"""Called with how much is done, and how much there is."""
 
 
 class TopicInfo(NamedTuple):
@@ -115,7 +115,7 @@ class RegularBlocks:
     every
         Of how many rows one is taken.
     progress
-        Is told how many bytes of how many are read.
+        Called with the bytes that are read, and how many there are.
     """
 
     def __init__(

@@ -34,7 +34,7 @@ _PIECE = 2**24
 
 
 def seen_of(recording: Recording) -> Seen:
-    """Return what takes the rows of a recording; it tells no outcome where the instrument is not known."""
+    """Return what takes the rows of a recording, without an outcome where the instrument is not known."""
     try:
         choices = controller_choices(recording) or {}
         return Seen(recording.instrument(), [str(name) for name in choices.get("faults", [])] or FAULTS)
@@ -97,7 +97,7 @@ def read(path: Path, progress: Progress | None = None) -> tuple[Recording, Seen]
     None if the recorder kept nothing, was of another version, or was killed, or the file is damaged or no longer what
     was recorded; all of its bytes are read to know that, which takes a tenth of the time of reading the rows.
     """
-    # it is the file that says where all of this is, so that anything can go wrong; its rows tell then
+    # A damaged file may have any number in the place of an offset: then its rows are read instead.
     try:
         with opened(path) as (file, size):
             return _read(path, file, size, progress)

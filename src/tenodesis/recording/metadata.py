@@ -1,7 +1,7 @@
 """The metadata of a recording: what was run, and the controller restored from it."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import tomli_w
 
@@ -10,10 +10,12 @@ from tenodesis.control.pairs import compensated
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument, ShortForm, as_short_form, parse
 from tenodesis.instrument.text import to_toml
+from tenodesis.plant import TIME_STEP
 from tenodesis.recording.reader import Recording
-from tenodesis.simulate import Protocol
 from tenodesis.toml import parse_toml
-from tenodesis.twin import TIME_STEP
+
+if TYPE_CHECKING:
+    from tenodesis.simulate import Protocol
 
 CONTROLLER = "controller"
 """Key of the controller's choices, as TOML."""
@@ -29,7 +31,7 @@ QUASI_STATIC = "quasi-static"
 
 def metadata_of(
     inst: Instrument,
-    protocol: Protocol | None = None,
+    protocol: "Protocol | None" = None,
     *,
     seed: int = 0,
     time_step: float = TIME_STEP,

@@ -90,7 +90,7 @@ class Recording:
         every
             Of how many rows one is taken.
         progress
-            Is told how many bytes of how many are read.
+            Called with the bytes that are read, and how many there are.
 
         Raises
         ------

@@ -177,7 +177,7 @@ def replay_file(
     overwrite
         Whether to replace a file that exists.
     progress
-        Is told how many bytes of how many are read.
+        Called with the bytes that are read, and how many there are.
     """
     blocks = Blocks(path, progress=progress)
     runs = iter(blocks)

@@ -41,7 +41,7 @@ def read(path: str | Path, progress: Progress | None = None) -> Summary:
     path
         The file.
     progress
-        Is told how many bytes of how many are read.
+        Called with the bytes that are read, and how many there are.
 
     Raises
     ------

@@ -3,7 +3,7 @@
 Angles in rad, forces in N, time in s. Commands are the values at the end of each step.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple, Unpack
 
@@ -22,7 +22,7 @@ from tenodesis.twin.chain_core import ChainCore
 from tenodesis.twin.closed_loop import LoopController, SignalFault, controlled_signals, run_closed_loop, warn_of_faults
 from tenodesis.twin.commands import Frame, Held, Loads, as_columns, check_held, check_spool_tension, grip_error
 from tenodesis.twin.contact import Contact, Contacts, by_axis
-from tenodesis.twin.core import Constant, TwinCore
+from tenodesis.twin.core import Constant, Outcome, TwinCore
 from tenodesis.twin.rows import check_seed, lost, with_currents
 
 _LOOSENING_BLOCK = 0.05  # s
@@ -283,21 +283,12 @@ class Twin:
                 time_step=self.time_step,
                 relay=relay,
             )
-        if done.status != Status.OK:
-            self.state = before
-            at = self.time + done.steps * self.time_step
-            raise lost(done.status, done.steps, at)
-        self._steps += count
+        self._advance(done, count, before)
         if controller is not None:
             controller.begin(self, self.time)
             velocity = signals["commanded_spool_velocity"]
             signals |= controlled_signals(done.control, velocity, core.own_tendons)
-        signals |= done.signals
-        time = np.arange(first + 1, first + 1 + count, dtype=np.float64) * self.time_step
-        shaped: dict[str, Any] = {
-            name: values.reshape(self.names.shape(name, count)) for name, values in signals.items()
-        }
-        run = with_currents(Run(time, *self.names, **shaped), self.inst)
+        run = self._run(first, count, signals | done.signals)
         if controller is not None:
             warn_of_faults(run, self._assumed)
         return run
@@ -334,17 +325,26 @@ class Twin:
         tension = np.ndim(loads.get("spool_tension", 0.0)) > 0
         signals = self._core.commanded(rows, tissue=loads.get("contact") is not None, tension=tension)
         done, control = self._core.run_joints(controller.core, rows, wanted, controller.compensates, self._steps)
+        first = self._steps
+        self._advance(done, count, before)
+        signals |= done.signals | {"commanded_spool_velocity": control[:, -tendons:]}
+        estimate = JointEstimate.of_rows(control[:, :-tendons], joints, tendons)
+        return self._run(first, count, signals), estimate
+
+    def _advance(self, done: Outcome, count: int, before: State) -> None:
+        """Count steps that were taken; of those that were not, return to the state before and raise the reason."""
         if done.status != Status.OK:
             self.state = before
             raise lost(done.status, done.steps, self.time + done.steps * self.time_step)
-        first, self._steps = self._steps, self._steps + count
-        signals |= done.signals | {"commanded_spool_velocity": control[:, -tendons:]}
+        self._steps += count
+
+    def _run(self, first: int, count: int, signals: Mapping[str, Array]) -> Run:
+        """Return the run of so many steps after the first ones, from signals by row."""
         time = np.arange(first + 1, first + 1 + count, dtype=np.float64) * self.time_step
         shaped: dict[str, Any] = {
             name: values.reshape(self.names.shape(name, count)) for name, values in signals.items()
         }
-        estimate = JointEstimate.of_rows(control[:, :-tendons], joints, tendons)
-        return with_currents(Run(time, *self.names, **shaped), self.inst), estimate
+        return with_currents(Run(time, *self.names, **shaped), self.inst)
 
     def step(self, handle_angle: ArrayLike, force: ArrayLike = 0.0, **loads: Unpack[Loads]) -> Run:
         """Advance by one step and return its signals, without their first dimension; otherwise as :meth:`run`."""
