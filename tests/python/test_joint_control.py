@@ -92,3 +92,5 @@ def test_what_does_not_fit_is_refused() -> None:
         tn.twin.Twin(expanded("hybrid-real-size")).run_joints(controller, np.zeros((2, 3)))
     with refused("controller"):
         tn.twin.Twin("scaled-up").run_joints(controller, np.zeros((2, 1)))
+    with refused("target"):
+        tn.twin.Twin("needle-driver").run_joints(controller, np.zeros((2, 0)), target=[0.2, 0.3])

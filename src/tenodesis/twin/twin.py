@@ -321,7 +321,14 @@ class Twin:
         before = self.state
         rows, count = self._rows(handle_angle, 0.0, **loads)
         joints, tendons = len(self.names.joints), len(self.names.tendons)
-        wanted = np.ascontiguousarray(np.broadcast_to(np.asarray(target, float), (count, joints)))
+        wanted = np.asarray(target, float)
+        if wanted.shape not in {(), (joints,), (count, joints)}:
+            raise ArgumentError(
+                f"target has the shape {wanted.shape}; it must be ({joints},) or ({count}, {joints}), by joint.",
+                key="target",
+                value=wanted.shape,
+            )
+        wanted = np.ascontiguousarray(np.broadcast_to(wanted, (count, joints)))
         tension = np.ndim(loads.get("spool_tension", 0.0)) > 0
         signals = self._core.commanded(rows, tissue=loads.get("contact") is not None, tension=tension)
         done, control = self._core.run_joints(controller.core, rows, wanted, controller.compensates, self._steps)
