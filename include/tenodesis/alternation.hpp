@@ -2,11 +2,11 @@
 // Loads that alternate: friction is left to hold the tip where it can.
 //
 // Motors that follow such a load are late at each of its jumps, and their strokes free a tip that friction would have
-// held. So once the tip has left its target to and fro, the motors give their stroke back while the tip is on target,
-// no further than friction holds it. The next jump shows what resting costs: a tip that stays within a share of what it
-// had jumped is left to friction, one that does not is tracked. What is left on average is taken away slowly. After
-// twice the load's half-period without a jump the motors track again, and next time wait twice as long. A load that
-// jumps faster than motors can follow is not tracked at all.
+// held. So after three opposed jumps at like distances in time the motors give their stroke back while the tip is on
+// target, no further than friction holds it. The next jump shows what resting costs: a tip that stays within a share of
+// what it had jumped is left to friction, one that does not is tracked. What is left on average is taken away slowly.
+// After twice the load's half-period without a jump the motors track again, and next time wait twice as long. A load
+// that jumps faster than motors can follow is not tracked at all.
 
 #include "tenodesis/observer.hpp"
 
@@ -48,9 +48,7 @@ struct AlternationState {
   static constexpr S first_halves = S(2);
 
   /// Whether the load alternates, as far as its jumps show.
-  constexpr bool alternates() const {
-    return jumps >= 3 && half < S(2) * half_before && half_before < S(2) * half;
-  }
+  constexpr bool alternates() const { return jumps >= 3 && half < S(2) * half_before && half_before < S(2) * half; }
 };
 
 /// Follows the load's jumps, and begins or ends leaving the tip to friction.

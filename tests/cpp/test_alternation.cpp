@@ -36,13 +36,25 @@ struct Fixture {
 };
 
 template <class S>
-void two_opposed_jumps_show_a_load_that_alternates_and_then_friction_holds_the_tip() {
+void three_opposed_jumps_show_a_load_that_alternates_and_then_friction_holds_the_tip() {
   Fixture<S> fixture;
-  fixture.alternate(1, 1, 4 * jump);
+  fixture.alternate(1, 2, 4 * jump);
   CLAIM(!fixture.state.alternates() && !fixture.state.leans);
-  fixture.alternate(1, 6, 4 * jump, 0.1);
+  fixture.alternate(1, 2, 4 * jump, 0.1);
   CLAIM(fixture.state.alternates() && fixture.state.leans);
-  CLAIM(fixture.leaned > 3);
+  CLAIM(fixture.leaned > 1.5);
+}
+
+// As those of a load that is put on for long and is gone for a short time.
+template <class S>
+void jumps_at_unlike_distances_are_no_such_load() {
+  Fixture<S> fixture;
+  for (int n = 0; n < 6; ++n) {
+    const double side = n % 2 == 0 ? 1 : -1;
+    const double half = n % 2 == 0 ? 2.5 : 1;
+    for (double at = 0; at < half; at += dt) fixture.tick(at < tracked ? side * 4 * jump : 0);
+  }
+  CLAIM(fixture.state.jumps > 3 && fixture.leaned == 0);
 }
 
 template <class S>
@@ -85,7 +97,7 @@ void neither_the_hand_nor_the_motors_make_a_load() {
 template <class S>
 void a_load_that_has_ceased_is_forgotten() {
   Fixture<S> fixture;
-  fixture.alternate(1, 6, 4 * jump, 0.1);
+  fixture.alternate(1, 4, 4 * jump, 0.1);
   CLAIM(fixture.state.leans);
   for (double at = 0; at < 3; at += dt) fixture.tick(0);
   CLAIM(!fixture.state.leans);
@@ -110,7 +122,8 @@ void what_friction_leaves_is_taken_away_and_a_stroke_given_back_only_as_far_as_f
 
 template <class S>
 void in_one_precision() {
-  two_opposed_jumps_show_a_load_that_alternates_and_then_friction_holds_the_tip<S>();
+  three_opposed_jumps_show_a_load_that_alternates_and_then_friction_holds_the_tip<S>();
+  jumps_at_unlike_distances_are_no_such_load<S>();
   a_tip_that_friction_does_not_hold_is_tracked<S>();
   small_errors_and_jumps_to_one_side_are_no_such_load<S>();
   neither_the_hand_nor_the_motors_make_a_load<S>();
