@@ -68,6 +68,8 @@ struct JointEstimate {
   S friction_scale_std{};
   S far_tension[M]{};  ///< at the tendons' ends, N
   bool taut[M]{};
+  S unexplained[M]{};  ///< tension that a tendon would have to have more, by its length, N
+  S unexplained_std[M]{};
   bool valid{};  ///< false: a measurement is not finite, and the last estimate stands
 };
 
@@ -145,6 +147,14 @@ struct JointObserver {
     }
     now.friction_scale = S(1) + value(at_friction);
     now.friction_scale_std = sqrt(covariance[at_friction][at_friction]);
+    for (int m = 0; m < M; ++m) {
+      if (contacts[m] == 0) continue;
+      const auto& tendon = equations.tendon[m];
+      S left = tendon.value;
+      for (int j = 0; j < unknowns; ++j) left = left - tendon.row[j] * value(j);
+      now.unexplained[m] = left / tendon.soft;
+      now.unexplained_std[m] = sqrt(tendon.variance) / tendon.soft;
+    }
     return now;
   }
 
@@ -153,8 +163,14 @@ struct JointObserver {
 
   // Weighted equations in the changes of the angles, shares of friction and stiffness, and the load.
   struct Equations {
+    struct Tendon {
+      S row[unknowns]{};
+      S value{}, variance{};
+      S soft{1};  // m/N
+    };
     Square<S, unknowns> weight{};
     S right[unknowns]{};
+    Tendon tendon[M]{};
 
     void add(const S* row, const S& value, const S& variance) {
       const S by = S(1) / variance;
@@ -267,16 +283,18 @@ struct JointObserver {
     auto& estimate = memory.estimate;
     estimate.far_tension[m] = tension;
     estimate.taut[m] = tension > S(3) * deviations.tension;
-    if (!estimate.taut[m]) return;
-    S row[unknowns]{}, value = wound;
+    auto& [row, value, variance, soft] = equations.tendon[m];
+    value = wound;
     for (int i = 0; i < N; ++i) {
       row[i] = chain.arm[m][i] * joints.bend[i].turn;
       value = value - chain.arm[m][i] * joints.x[i];
     }
     row[at_friction] = stretch_by_friction;
     row[at_stiffness] = -stretched;
-    equations.add(row, value,
-                  square(total * deviations.tension) + square(deviations.length) + square(hidden_stretch) / S(3));
+    soft = total;
+    variance = square(total * deviations.tension) + square(deviations.length) + square(hidden_stretch) / S(3);
+    // A slack tendon has no length of its own.
+    if (estimate.taut[m]) equations.add(row, value, variance);
   }
 
   // Moments about each joint: of tendons, springs and load they add up to nothing.
