@@ -71,10 +71,10 @@ def run_of(
 ) -> tuple[Run, JointEstimate, Array]:
     """Return a run, its estimates and the errors of what bends, deg."""
     inst = tool(name, friction)
-    controller = JointController(tool(name), compensates=compensates)
+    controller = JointController(tool(name), "joints" if compensates else "off")
     handle = np.zeros((len(target), 0))
-    run, estimate = Twin(inst, seed=1).run_joints(controller, handle, target, **loads)
-    return run, estimate, np.degrees(summed(inst, run["output_angle"] - target))
+    run = Twin(inst, seed=1).run(handle, controller=controller, target=target, **loads)
+    return run, controller.estimate, np.degrees(summed(inst, run["output_angle"] - target))
 
 
 def summed(inst: FullForm, angles: Array) -> Array:

@@ -147,11 +147,13 @@ struct JointObserver {
     }
     now.friction_scale = S(1) + value(at_friction);
     now.friction_scale_std = sqrt(covariance[at_friction][at_friction]);
+    // A stiffness that the file does not admit explains nothing.
+    const S softer = clamp(value(at_stiffness), S(-2) * deviations.stiffness, S(2) * deviations.stiffness);
     for (int m = 0; m < M; ++m) {
       if (contacts[m] == 0) continue;
       const auto& tendon = equations.tendon[m];
       S left = tendon.value;
-      for (int j = 0; j < unknowns; ++j) left = left - tendon.row[j] * value(j);
+      for (int j = 0; j < unknowns; ++j) left = left - tendon.row[j] * (j == at_stiffness ? softer : value(j));
       now.unexplained[m] = left / tendon.soft;
       now.unexplained_std[m] = sqrt(tendon.variance) / tendon.soft;
     }

@@ -14,12 +14,12 @@ namespace {
 using namespace engine;
 
 /// Numbers of a controller of joints, in the order of a row.
-#define TENODESIS_JOINT_CONTROL(ROW)                                                                             \
-  ROW(constant), ROW(static_ratio), ROW(stribeck_speed), ROW(memory), ROW(load_index), ROW(reference_tension),   \
-      ROW(bending_loss), ROW(sheath_bend_rate), ROW(spool_radius), ROW(play), ROW(tension_play), ROW(smoothing), \
-      ROW(tension_deviation), ROW(length_deviation), ROW(friction_deviation), ROW(stiffness_deviation),          \
-      ROW(force_deviation), ROW(moment_deviation), ROW(grip_deviation), ROW(imbalance), ROW(rate), ROW(gain),    \
-      ROW(speed), ROW(tension_limit), ROW(least_tension), ROW(deviations), ROW(period), ROW(speed_limit),          \
+#define TENODESIS_JOINT_CONTROL(ROW)                                                                                 \
+  ROW(constant), ROW(static_ratio), ROW(stribeck_speed), ROW(memory), ROW(load_index), ROW(reference_tension),       \
+      ROW(bending_loss), ROW(sheath_bend_rate), ROW(spool_radius), ROW(play), ROW(tension_play), ROW(smoothing),     \
+      ROW(tension_deviation), ROW(length_deviation), ROW(friction_deviation), ROW(stiffness_deviation),              \
+      ROW(force_deviation), ROW(moment_deviation), ROW(grip_deviation), ROW(imbalance), ROW(rate), ROW(gain),        \
+      ROW(speed), ROW(tension_limit), ROW(least_tension), ROW(deviations), ROW(period), ROW(speed_limit),            \
       ROW(acceleration_limit), ROW(drive_time_constant), ROW(engage_time), ROW(tension_of_fault), ROW(stroke_limit), \
       ROW(pretension), ROW(stiffness), ROW(load_cell_range), ROW(handle_range), ROW(handle_noise), ROW(spool_noise)
 
@@ -140,7 +140,8 @@ class JointControllerOf final : public AnyJointController {
     out = std::copy_n(memory_->aim, n, out);
     const auto& state = memory_->supervisor.state;
     const bool fault = state.operating == OperatingState::fault;
-    for (const double one : {double(state.operating), double(fault ? state.faults : state.present), double(state.first)})
+    for (const double one :
+         {double(state.operating), double(fault ? state.faults : state.present), double(state.first)})
       *out++ = one;
     return out;
   }
@@ -234,7 +235,8 @@ std::unique_ptr<AnyJointController> make_joint_controller(const ChainSpec& spec,
         supervisor.states.period = p(at_period);
         auto& watch = supervisor.watch;
         for (std::size_t k = 0; k < limit_count; ++k)
-          (k < std::size_t(fault_count) ? watch.limit[k] : watch.spool_jump) = Limit<double>{limits(k, 0), limits(k, 1)};
+          (k < std::size_t(fault_count) ? watch.limit[k] : watch.spool_jump) =
+              Limit<double>{limits(k, 0), limits(k, 1)};
         watch.drive = {p(at_spool_radius), p(at_speed_limit), p(at_acceleration_limit), p(at_drive_time_constant), 0};
         watch.pretension = p(at_pretension);
         watch.stiffness = p(at_stiffness);

@@ -70,9 +70,11 @@ class JointEstimate(NamedTuple):
     def of_rows(cls, rows: Array, joints: int, tendons: int) -> "JointEstimate":
         """Return it from the core's numbers, (..., width)."""
         widths = [joints] * 3 + [_COMPONENTS] * 2 + [1, 1] + [tendons] * 3 + [joints**2]
-        *parts, covariance = np.split(rows, np.cumsum(widths)[:-1], axis=-1)
-        parts[5:7] = (one[..., 0] for one in parts[5:7])
-        return cls(*parts, covariance.reshape(*rows.shape[:-1], joints, joints))
+        found = dict(zip(cls._fields, np.split(rows, np.cumsum(widths)[:-1], axis=-1), strict=True))
+        for name in ("friction_scale", "friction_scale_std"):
+            found[name] = found[name][..., 0]
+        found["covariance"] = found["covariance"].reshape(*rows.shape[:-1], joints, joints)
+        return cls(**found)
 
 
 class JointOutput(NamedTuple):

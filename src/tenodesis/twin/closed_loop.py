@@ -78,10 +78,10 @@ def run_joint_loop(
     core: TwinCore,
     rows: Array,
     controller: JointController,
+    *,
     target: ArrayLike | None,
     request: ArrayLike,
     faults: Sequence[SignalFault],
-    *,
     first_step: int,
     time_step: float,
 ) -> tuple[Outcome, dict[str, Array]]:

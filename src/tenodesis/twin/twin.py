@@ -289,7 +289,14 @@ class Twin:
             names = controller.names_of(self.inst)
             controller.begin(self, self.time)
             done, control = run_joint_loop(
-                core, rows, controller, target, request, fault_injection, first_step=first, time_step=self.time_step
+                core,
+                rows,
+                controller,
+                target=target,
+                request=request,
+                faults=fault_injection,
+                first_step=first,
+                time_step=self.time_step,
             )
             signals |= control
         else:
