@@ -173,20 +173,23 @@ struct JointLaw {
     for (int i = 0; i < N; ++i) lost[i] = lost[i] + chain.joint[i].grip * (opened / size);
   }
 
-  // Winds tendons that are about to go slack, and of that only what turns no joint.
+  // Winds tendons that are slack, which turns no joint, and those that are about to be, of which strokes that turn none.
   void tighten(const Estimate& found, Memory& memory) const {
     bool any = false;
+    S wound[M]{};
     for (int m = 0; m < M; ++m) {
       const S wanted = least_tension * chain.pretension[m];
       if (!chain.motor[m] || !(chain.stiffness[m] > S(0)) || found.far_tension[m] >= wanted) continue;
-      any = true;
-      memory.common[m] = memory.common[m] + rate * period * (wanted - found.far_tension[m]) / chain.stiffness[m];
+      const S step = rate * period * (wanted - found.far_tension[m]) / chain.stiffness[m];
+      S& to = found.taut[m] ? wound[m] : memory.common[m];
+      to = to + step;
+      any = any || found.taut[m];
     }
     if (!any) return;
     S turned[N], drawn[M];
-    settle(memory.common, turned);
+    settle(wound, turned);
     chain.excursions(turned, drawn);
-    for (int m = 0; m < M; ++m) memory.common[m] = memory.common[m] - drawn[m];
+    for (int m = 0; m < M; ++m) memory.common[m] = memory.common[m] + wound[m] - drawn[m];
   }
 
   Square<S, N> by_tendons_{}, whole_{}, within_{}, response_{};

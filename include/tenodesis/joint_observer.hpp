@@ -155,7 +155,11 @@ struct JointObserver {
       S left = tendon.value;
       for (int j = 0; j < unknowns; ++j) left = left - tendon.row[j] * (j == at_stiffness ? softer : value(j));
       now.unexplained[m] = left / tendon.soft;
-      now.unexplained_std[m] = sqrt(tendon.variance) / tendon.soft;
+      S variance = tendon.variance;
+      // The equation of a slack one was not among those that gave the angles.
+      for (int i = 0; i < N && !now.taut[m]; ++i)
+        for (int j = 0; j < N; ++j) variance = variance + tendon.row[i] * covariance[i][j] * tendon.row[j];
+      now.unexplained_std[m] = sqrt(larger(variance, S(0))) / tendon.soft;
     }
     return now;
   }
