@@ -180,7 +180,9 @@ struct JointLaw {
     for (int m = 0; m < M; ++m) {
       const S wanted = least_tension * chain.pretension[m];
       if (!chain.motor[m] || !(chain.stiffness[m] > S(0)) || found.far_tension[m] >= wanted) continue;
-      const S step = rate * period * (wanted - found.far_tension[m]) / chain.stiffness[m];
+      // By how much it hangs, its length says.
+      const S missing = wanted - found.far_tension[m] - (found.taut[m] ? S(0) : smaller(found.unexplained[m], S(0)));
+      const S step = rate * period * missing / chain.stiffness[m];
       S& to = found.taut[m] ? wound[m] : memory.common[m];
       to = to + step;
       any = any || found.taut[m];
