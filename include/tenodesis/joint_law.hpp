@@ -18,6 +18,7 @@ struct JointLawMemory {
   S given[N]{};   ///< coordinates that the motors wind beyond the targets
   S common[M]{};  ///< strokes that turn no joint, m
   S beyond[M]{};  ///< strokes of both, m
+  S opening{};    ///< of the jaws by their targets with a play, m
   S before[M]{};  ///< strokes of the last tick, their targets' included, m
   bool started{};
 };
@@ -100,7 +101,7 @@ struct JointLaw {
       }
       lost[i] = lost[i] + moved[i];
     }
-    leave_grip(found, lost);
+    leave_grip(found, target, memory, lost);
     for (int i = 0; i < N; ++i) {
       const S doubt = deviations * sqrt(larger(variance(i, found), S(0)));
       const S room = S(2) * larger(abs(lost[i]) - doubt, S(0));
@@ -125,6 +126,8 @@ struct JointLaw {
   }
 
  private:
+  // By which jaws are commanded to close at least, as an angle of each, rad.
+  static constexpr double least_closing = 0.01;
   // Stiffness of a joint that no tendon holds, as a share of the stiffest.
   static constexpr double least_share = 1e-7;
 
@@ -159,21 +162,26 @@ struct JointLaw {
     return sum;
   }
 
-  // Takes the jaws' opening out of what is lost where something certainly presses them apart: their grip is as
-  // commanded.
-  void leave_grip(const Estimate& found, S* lost) const {
-    S size(0), opened(0), spread(0);
+  // Takes the jaws' opening out of what is lost where something certainly holds jaws open that were last commanded to
+  // close: their grip is as commanded.
+  void leave_grip(const Estimate& found, const S* target, Memory& memory, S* lost) const {
+    S size(0), opened(0), spread(0), aim(0), play(0);
     for (int i = 0; i < N; ++i) {
+      aim = aim + chain.joint[i].grip * target[i];
+      play = play + abs(chain.joint[i].grip) * S(least_closing);
       size = size + chain.joint[i].grip * chain.joint[i].grip;
       opened = opened - chain.joint[i].grip * lost[i];
       for (int j = 0; j < N; ++j)
         spread = spread + chain.joint[i].grip * found.covariance.at[i][j] * chain.joint[j].grip;
     }
-    if (!(size > S(0)) || opened <= deviations * sqrt(larger(spread, S(0)))) return;
+    memory.opening = memory.started ? clamp(memory.opening, aim - play, aim + play) : aim;
+    const bool closes = memory.opening > aim + S(0.99) * play;
+    if (!(size > S(0)) || !closes || opened <= deviations * sqrt(larger(spread, S(0)))) return;
     for (int i = 0; i < N; ++i) lost[i] = lost[i] + chain.joint[i].grip * (opened / size);
   }
 
-  // Winds tendons that are slack, which turns no joint, and those that are about to be, of which strokes that turn none.
+  // Winds tendons that are slack, which turns no joint, and those that are about to be, of which strokes that turn
+  // none.
   void tighten(const Estimate& found, Memory& memory) const {
     bool any = false;
     S wound[M]{};
