@@ -156,8 +156,8 @@ struct JointObserver {
       for (int j = 0; j < unknowns; ++j) left = left - tendon.row[j] * (j == at_stiffness ? softer : value(j));
       now.unexplained[m] = left / tendon.soft;
       S variance = tendon.variance;
-      // The equation of a slack one was not among those that gave the angles.
-      for (int i = 0; i < N && !now.taut[m]; ++i)
+      // An equation that did not count gave no angles.
+      for (int i = 0; i < N && !tendon.counts; ++i)
         for (int j = 0; j < N; ++j) variance = variance + tendon.row[i] * covariance[i][j] * tendon.row[j];
       now.unexplained_std[m] = sqrt(larger(variance, S(0))) / tendon.soft;
     }
@@ -173,6 +173,7 @@ struct JointObserver {
       S row[unknowns]{};
       S value{}, variance{};
       S soft{1};  // m/N
+      bool counts{};
     };
     Square<S, unknowns> weight{};
     S right[unknowns]{};
@@ -289,7 +290,7 @@ struct JointObserver {
     auto& estimate = memory.estimate;
     estimate.far_tension[m] = tension;
     estimate.taut[m] = tension > S(3) * deviations.tension;
-    auto& [row, value, variance, soft] = equations.tendon[m];
+    auto& [row, value, variance, soft, counts] = equations.tendon[m];
     value = wound;
     for (int i = 0; i < N; ++i) {
       row[i] = chain.arm[m][i] * joints.bend[i].turn;
@@ -299,8 +300,9 @@ struct JointObserver {
     row[at_stiffness] = -stretched;
     soft = total;
     variance = square(total * deviations.tension) + square(deviations.length) + square(hidden_stretch) / S(3);
-    // A slack tendon has no length of its own.
-    if (estimate.taut[m]) equations.add(row, value, variance);
+    // A slack tendon is longer than what it spans, unless the joints are where it would not be.
+    counts = estimate.taut[m] || estimate.unexplained[m] > S(0);
+    if (counts) equations.add(row, value, variance);
   }
 
   // Moments about each joint: of tendons, springs and load they add up to nothing.
