@@ -263,16 +263,16 @@ struct JointSupervisor {
     return states.advance(request, memory.present, dt, memory.state) == OperatingState::enabled;
   }
 
-  /// Velocities that are sent, rad/s, from those that are wanted; finite whatever these are.
-  void command(const Measured& measured, const S* wanted, const S& dt, Memory& memory, S* velocity) const {
+  /// Velocities that are sent, rad/s, from those that are wanted, smooth or as they are; finite whatever these are.
+  void command(const Measured& measured, const S* wanted, bool smooth, const S& dt, Memory& memory, S* velocity) const {
     const auto& state = memory.state;
     const bool enabled = state.operating == OperatingState::enabled;
-    const S share = state.since < states.engage_time ? state.since / states.engage_time : S(1);
+    const S share = smooth && state.since < states.engage_time ? state.since / states.engage_time : S(1);
     for (int m = 0; m < tendons; ++m) {
       bool& over = memory.over_tension[m];
       if (measured.tension[m] > states.tension_limit) over = true;
       if (measured.tension[m] < S(tuning::relaxed) * states.tension_limit) over = false;
-      const S most = states.acceleration_limit * dt;
+      const S most = smooth ? states.acceleration_limit * dt : S(2) * states.speed_limit;
       const S aim = enabled && is_finite(wanted[m]) ? share * wanted[m] : S(0);
       const S ramped = memory.sent[m] + clamp(aim - memory.sent[m], -most, most);
       memory.sent[m] = clamp(ramped, -states.speed_limit, over ? S(0) : states.speed_limit);

@@ -6,6 +6,9 @@
 #include "chain_spec.hpp"
 #include "engine/any_twin.hpp"
 #include "engine/chain_twin.hpp"
+#ifndef TENODESIS_WITHOUT_LIVE
+#include "runtime/device.hpp"
+#endif
 #include "tenodesis/joint_law.hpp"
 
 namespace tenodesis::bindings {
@@ -37,6 +40,7 @@ struct JointTick {
   const double* spool;    ///< rad
   const double* target;   ///< of a tool without a handle, rad
   const double* wound;    ///< by commands to the spools, m
+  const double* direct;   ///< velocities of the spools that pass in place of the law's, rad/s; null: there are none
   Request request{};
   bool compensates{};  ///< else the motors only follow the targets
   double since{};      ///< the last tick, s
@@ -64,7 +68,18 @@ class AnyJointController {
   void tick(const double* handle, const double* tension, const double* spool, const double* target, bool compensates,
             double since) {
     wound_.resize(sizes().tendons);
-    step({handle, tension, spool, target, wound_.data(), std::exchange(request, Request::none), compensates, since});
+    step({handle, tension, spool, target, wound_.data(), nullptr, std::exchange(request, Request::none), compensates,
+          since});
+    begun = true;
+  }
+  /// A tick in which velocities of the spools (rad/s) pass; the tendons have been wound as far as the spools say.
+  void pass(const double* handle, const double* tension, const double* spool, const double* target,
+            const double* velocity, double since) {
+    wound_.resize(sizes().tendons);
+    for (std::size_t m = 0; m < wound_.size(); ++m)
+      if (is_finite(spool[m])) wound_[m] = spool_radius() * spool[m];
+    step(
+        {handle, tension, spool, target, wound_.data(), velocity, std::exchange(request, Request::none), false, since});
     begun = true;
   }
   /// Winds the tendons by velocities of their spools (rad/s) for a time (s), as a rigid coupling would.
@@ -72,6 +87,8 @@ class AnyJointController {
     wound_.resize(sizes().tendons);
     for (std::size_t m = 0; m < wound_.size(); ++m) wound_[m] += spool_radius() * velocity[m] * time;
   }
+
+  double wound(std::size_t tendon) const { return tendon < wound_.size() ? wound_[tendon] : 0; }
 
   Request request{};  ///< to be made with the next tick
   bool begun{};       ///< whether there has been a tick
@@ -112,11 +129,13 @@ class JointControllerOf final : public AnyJointController {
     law_.aim(commanded, wound, memory.aim);
     const auto& found = observer_.update(measured, memory.observer);
     supervisor_.inspect(measured, found, int(sizes_.handles), tick.since, memory.supervisor);
-    if (supervisor_.works(tick.request, memory.law.beyond, tick.since, memory.supervisor))
-      law_.update(measured, found, memory.aim, tick.compensates, memory.law, wanted);
-    else
-      memory.law.started = false;
-    supervisor_.command(measured, wanted, tick.since, memory.supervisor, memory.velocity);
+    const bool works = supervisor_.works(tick.request, memory.law.beyond, tick.since, memory.supervisor);
+    const bool passes = tick.direct != nullptr;
+    if (passes) memory.law = {};
+    if (works && passes) std::copy_n(tick.direct, sizes_.tendons, wanted);
+    if (works && !passes) law_.update(measured, found, memory.aim, tick.compensates, memory.law, wanted);
+    if (!works) memory.law.started = false;
+    supervisor_.command(measured, wanted, !passes, tick.since, memory.supervisor, memory.velocity);
   }
 
   std::size_t width() const override {
@@ -305,6 +324,134 @@ std::tuple<std::size_t, Status> run(AnyTwin& twin, AnyJointController& controlle
   return {count, Status::ok};
 }
 
+#ifndef TENODESIS_WITHOUT_LIVE
+
+/// Where a tick's numbers end with state, faults, and first faults.
+enum JointState : std::size_t { at_state, at_faults, at_first_faults, joint_states };
+
+/// In the live loop, between it and its device: what the loop commands the spools are targets of the law.
+class LiveJoints final : public runtime::Device {
+ public:
+  LiveJoints(runtime::Device& device, AnyJointController& controller, double period)
+      : Device(device.sizes, device.commands.all(), with_own(device)),
+        device_(device),
+        controller_(controller),
+        period_(period),
+        spools_(device.commands.find("spool_velocity").first),
+        now_(device.signals.width()),
+        said_(stored(controller)),
+        row_(device.commands.width()),
+        straight_(sizes.joints) {
+    controller_.store(said_.data());
+  }
+
+  bool simulated() const override { return device_.simulated(); }
+  bool clocked() const override { return device_.clocked(); }
+  bool read(std::uint64_t& time, std::uint64_t timeout) override { return device_.read(time, timeout); }
+  bool may_be_late() const override { return device_.may_be_late(); }
+  std::uint64_t overtaken() const override { return device_.overtaken(); }
+  bool in_tissue(std::size_t joint) const override { return device_.in_tissue(joint); }
+  void cut_power() noexcept override { device_.cut_power(); }
+  void stop() noexcept override { device_.stop(); }
+
+  /// With the law its spool angles are those that were commanded: the loop has nothing to correct.
+  Measurement<double> reading(const CompensatedAxis& axis) const override {
+    Measurement<double> read = device_.reading(axis);
+    const std::size_t tendons[]{axis.agonist, axis.antagonist};
+    for (int i = 0; i < 2; ++i)
+      if (compensates && is_finite(read.spool_angle[i]))
+        read.spool_angle[i] = controller_.wound(tendons[i]) / controller_.spool_radius();
+    return read;
+  }
+
+  bool write(const double* row) override {
+    std::copy_n(row, row_.size(), row_.begin());
+    double* const velocity = row_.data() + spools_;
+    device_.store(now_.data());
+    const auto at = [&](const char* name) { return now_.data() + device_.signals.find(name).first; };
+    const double *const handle = at("measured_handle_angle"), *const tension = at("measured_tension"),
+                        *const spool = at("measured_spool_angle");
+    if (compensates) {
+      controller_.wind(velocity, period_);
+      controller_.tick(handle, tension, spool, straight_.data(), true, period_);
+    } else {
+      controller_.pass(handle, tension, spool, straight_.data(), velocity, period_);
+    }
+    controller_.store(said_.data());
+    std::copy_n(said_.data() + controller_.width(), sizes.tendons, velocity);
+    return device_.write(row_.data());
+  }
+
+  void store(double* out) const override {
+    device_.store(out);
+    out += device_.signals.width();
+    const std::size_t n = sizes.joints;
+    const double* const velocity = said_.data() + controller_.width();
+    out = std::copy_n(velocity, sizes.tendons, out);
+    out = std::copy_n(velocity + sizes.tendons, n, out);
+    out = std::copy_n(said_.data(), 2 * n, out);
+    const double* const scale = said_.data() + 3 * n + 2 * joint_load_components;
+    for (const double one : {scale[0], scale[1], said(at_state), said(at_faults)}) out = std::fill_n(out, n, one);
+  }
+
+  double said(JointState which) const { return said_[said_.size() - joint_states + which]; }
+  AnyJointController& controller() { return controller_; }
+
+  bool compensates{true};
+
+ private:
+  static std::vector<engine::Column> with_own(const runtime::Device& device) {
+    std::vector<engine::Column> columns = device.signals.all();
+    columns.emplace_back("commanded_spool_velocity", device.sizes.tendons);
+    for (const char* name : {"commanded_output_angle", "estimated_output_angle", "estimated_output_angle_std",
+                             "friction_scale", "friction_scale_std", "operating_state", "faults"})
+      columns.emplace_back(name, device.sizes.joints);
+    return columns;
+  }
+
+  runtime::Device& device_;
+  AnyJointController& controller_;
+  double period_;
+  std::size_t spools_;
+  std::vector<double> now_, said_, row_, straight_;
+};
+
+/// What the loop asks and is told of a controller of all joints, which itself runs between loop and device.
+class JointSwitch final : public AnyController {
+ public:
+  explicit JointSwitch(LiveJoints& joints) : joints_(joints) { last.homed = true; }
+
+  int axes() const override { return 0; }
+  const link::ControllerParameters& parameters() const override { return parameters_; }
+  tenodesis_counts counts(int /*axis*/) const override { return {}; }
+  Phase phase(int /*axis*/) const override { return Phase::rest; }
+  bool watchdog(double /*since_last_step*/) const override { return false; }
+  bool choose(ControlLaw law, Actuation /*actuation*/) override {
+    joints_.compensates = law != ControlLaw::off;
+    return true;
+  }
+  void reset() override {
+    joints_.controller().reset();
+    forget();
+    last.homed = true;
+  }
+
+  void step(const AnyInput& input, AnyOutput& output) override {
+    if (input.request != Request::none) joints_.controller().request = input.request;
+    SupervisorState<double> state{};
+    state.operating = OperatingState(int(joints_.said(at_state)));
+    output.state = Supervisor<double>{}.advance(input.request, 0, 0, state);
+    output.faults = std::uint32_t(joints_.said(at_faults));
+    output.first_faults = std::uint32_t(joints_.said(at_first_faults));
+  }
+
+ private:
+  LiveJoints& joints_;
+  link::ControllerParameters parameters_{};
+};
+
+#endif
+
 }  // namespace
 
 void bind_joint_control(nb::module_& m) {
@@ -346,6 +493,14 @@ void bind_joint_control(nb::module_& m) {
       .def_prop_ro("width", &AnyJointController::width, "Numbers of an estimate.")
       .def_prop_ro("stored", &stored, "Numbers of a tick.")
       .def("reset", &AnyJointController::reset, "Return to the initial state.");
+#ifndef TENODESIS_WITHOUT_LIVE
+  nb::class_<LiveJoints, runtime::Device>(m, "LiveJoints", "A controller of all joints between live loop and device.")
+      .def(nb::init<runtime::Device&, AnyJointController&, double>(), "device"_a, "controller"_a, "period"_a,
+           nb::keep_alive<1, 2>(), nb::keep_alive<1, 3>())
+      .def_rw("compensates", &LiveJoints::compensates, "Whether the motors give back what joints lose.");
+  nb::class_<JointSwitch, AnyController>(m, "JointSwitch", "What the live loop asks a controller of all joints.")
+      .def(nb::init<LiveJoints&>(), "joints"_a, nb::keep_alive<1, 2>());
+#endif
   m.def("joint_control_parameters", [] { return list_of(joint_control_names); });
 }
 
