@@ -150,7 +150,7 @@ def draw_front(front: "Front", marked: Mapping[str, "Objectives"]) -> Figure:
     by_length = left.scatter(resolution, margin if alike else error, c=length, cmap="viridis", **dots)
     left.set(xlabel="force resolution on the real instrument [mN]", title=title)
     fig.colorbar(by_length, ax=left, label="overall length [mm]")
-    shades = {"c": resolution, "cmap": "viridis"} if alike else {"c": np.log10(error), "cmap": "magma_r"}
+    shades: Any = {"c": resolution, "cmap": "viridis"} if alike else {"c": np.log10(error), "cmap": "magma_r"}
     by_error = right.scatter(length, margin, **shades, **dots)
     right.set(xlabel="overall length [mm]", ylabel="breaking load / largest tension", title="Size against margin")
     bar = fig.colorbar(by_error, ax=right, label="resolution [mN]" if alike else "largest similarity error [deg]")
