@@ -35,7 +35,7 @@ from tenodesis.scaling import Catalogue, Design, Front, Objectives, figures, pla
 from tenodesis.scaling.design import PREFERENCES, Preference
 from tenodesis.scaling.practical import OBJECTIVES as PRACTICAL_OBJECTIVES
 from tenodesis.scaling.practical import SIMILAR, Objective, PracticalFront, practical_front
-from tenodesis.scaling.practical import as_built as as_built_usually
+from tenodesis.scaling.practical import as_built as built_usually
 from tenodesis.scaling.sweep import Progress as Report
 from tenodesis.units import SimilarityError
 
@@ -141,7 +141,10 @@ def scale(  # noqa: PLR0917
     if practical is not None:
         _print_objectives(practical, objective)
     if pack is not None:
-        _print_built(pack, as_built_usually(design, front.sweep.forces.largest))
+        if objective is not None and practical is not None:
+            _print_built(pack, practical.practical[chosen].as_built)
+        else:
+            _print_built(pack, built_usually(front, chosen))
     if lacking:
         say(lacking)
     _print_written(out, pack, pins=bool(pins))
@@ -278,7 +281,7 @@ def _print_front(front: Front, chosen: int | None, design: Design, free: Front |
         row = [
             str(index + 1),
             _error(one.similarity_error),
-            f"{as_built_usually(front[index], front.sweep.forces.largest):.2g}°",
+            f"{built_usually(front, index):.2g}°",
             f"{1e3 * one.force_resolution:.3g} mN",
             f"{1e3 * one.overall_length:.4g} mm",
             f"{one.tension_margin:.3g}",
