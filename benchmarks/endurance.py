@@ -18,6 +18,7 @@ from mcap.reader import make_reader
 from rich.progress import track
 
 import tenodesis as tn
+from tenodesis.instrument import as_short_form
 from tenodesis.live.host import Host
 from tenodesis.live.recorder import STATUS
 
@@ -47,7 +48,8 @@ def session(name: str, seconds: float, folder: Path) -> Path:
         link.acquire()
         link.request("enable")
         path = link.record(True, "endurance")
-        axes, range_ = len(link.axes), 0.9 * link.inst.axis(link.axes[0]).handle_range
+        inst = as_short_form(link.inst)
+        axes, range_ = len(inst.axes), 0.9 * inst.handle_range
         memory: dict[str, list[float]] = {"runtime": [], "recorder": []}
         loads: list[float] = []
         begun, before = time.monotonic(), link.status().timing
@@ -70,7 +72,7 @@ def session(name: str, seconds: float, folder: Path) -> Path:
     timing = status.timing
     ticks = timing.ticks - before.ticks
     print(
-        f"{name}: {seconds:g} s at {1 / link.time_step:g} Hz, load {min(loads):.1f}-{max(loads):.1f}: {ticks} ticks, "
+        f"{name}: {seconds:g} s at {link.inst.sensors.sampling_rate:g} Hz, load {min(loads):.1f}-{max(loads):.1f}: {ticks} ticks, "
         f"given up {timing.missed - before.missed}, more than half a period late {timing.late - before.late} "
         f"({100 * (timing.late - before.late) / ticks:.2f} %); lateness p99 {timing.lateness_p99 * 1e6:.0f} us, worst "
         f"{timing.lateness_worst * 1e3:.1f} ms; at the end {status.state}, {status.problem or 'no problem'}"
