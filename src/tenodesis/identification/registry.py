@@ -6,7 +6,6 @@ A package adds a format of its own by an entry point of the group ``tenodesis.fo
 from collections import UserDict
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import EntryPoint, entry_points
-from pathlib import Path
 from typing import Any, NamedTuple, Protocol, cast
 
 from tenodesis.errors import IdentificationError

@@ -230,9 +230,7 @@ def _recorded(path: Path, progress: Progress | None) -> _Signals | None:
     return _Signals(run.time, run.axes, first_axis(run), tuple(notes), inst)
 
 
-def first_rows(
-    path: Path, signals: Collection[str], progress: Progress | None = None
-) -> tuple[Recording, list[str]]:
+def first_rows(path: Path, signals: Collection[str], progress: Progress | None = None) -> tuple[Recording, list[str]]:
     """Return signals of a recording's first rows, after which a long one is not read, and what to say about that."""
     blocks = Blocks(path, signals=signals, progress=progress)
     kept: list[Run] = []
