@@ -45,7 +45,7 @@ def commands() -> dict[str, list[str]]:
         "record, scaled-up": ["record", "scaled-up", "hours.toml", "--out", _SCALED],
         "record --every 10": ["record", "real-size", "hours.toml", "--out", "thin.mcap", "--every", "10"],
         "info": ["info", _RECORDING],
-        "map": ["map", _RECORDING],
+        "map": ["map", _RECORDING, "--plot-out", "map.png"],
         "export recording, CSV": ["export", "recording", _RECORDING, "--out", "rows.csv"],
         "export recording, Parquet": ["export", "recording", _RECORDING, "--out", "rows.parquet"],
         "replay": ["replay", _RECORDING],
@@ -104,7 +104,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 took = measured(words, folder, given.limit)
                 stopped = ""
                 if took.seconds > _LEAST:
-                    again = ["--overwrite"] if "--out" in words else []
+                    again = ["--overwrite"] if any(word.endswith("out") for word in words) else []
                     target = ["broken.mcap" if words[0] == "record" and word in _KEPT else word for word in words]
                     ended = measured([*target, *again], folder, given.limit, took.seconds / 2)
                     stopped = f"{ended.seconds:.1f}, {ended.exit_code}"
