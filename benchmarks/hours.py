@@ -14,6 +14,18 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
+sys.path.append(str(Path(__file__).parents[1] / "studies"))
+
+import figures
+
+COLUMNS = (
+    figures.Heading("time", "time", "s", ".3g"),
+    figures.Heading("computed", "of it on a processor", "s", ".3g"),
+    figures.Heading("memory", "peak memory", "MB", ".3g"),
+    figures.Heading("code", "exit code", "", ".0f"),
+    figures.Heading("interrupted", "time after Ctrl-C", "s", ".2g"),
+    figures.Heading("interrupted_code", "its exit code", "", ".0f"),
+)
 _CYCLE = 2.568
 """Duration of a cycle of the protocol on the instrument, s."""
 _LEAST = 6.0
@@ -86,36 +98,36 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--minutes", type=float, nargs="+", default=[10.0, 60.0], help="durations at 2 kHz")
     parser.add_argument("--only", nargs="+", default=[], help="commands, by their first word")
     parser.add_argument("--limit", type=float, default=900.0, help="longest time of a command, s")
+    parser.add_argument("--figures", type=Path, help="docs/results.json")
     given = parser.parse_args(arguments)
     # a shell lets what it starts in the background ignore Ctrl-C, and commands would inherit that
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    print(
-        "| command | minutes | s | of it computed | MB | exit code | s after Ctrl-C, its exit code |\n"
-        "|---|---|---|---|---|---|---|"
-    )
+    rows: dict[str, list[float | None]] = {}
+    print("; ".join(f"{one.heading}{f' [{one.unit}]' * bool(one.unit)}" for one in COLUMNS))
     for minutes in given.minutes:
         with TemporaryDirectory() as name:
             folder = Path(name)
-            count = max(1, round(60 * minutes / _CYCLE))
+            count = max(1, int(60 * minutes / _CYCLE))
             (folder / "hours.toml").write_text(_PROTOCOL.format(count=count), "utf-8")
             for about, words in commands().items():
                 if words[0] != "record" and given.only and words[0] not in given.only:
                     continue
                 took = measured(words, folder, given.limit)
-                stopped = ""
+                stopped: list[float | None] = [None, None]
                 if took.seconds > _LEAST:
                     again = ["--overwrite"] if any(word.endswith("out") for word in words) else []
                     target = ["broken.mcap" if words[0] == "record" and word in _KEPT else word for word in words]
                     ended = measured([*target, *again], folder, given.limit, took.seconds / 2)
-                    stopped = f"{ended.seconds:.1f}, {ended.exit_code}"
-                cells = (
-                    *(about, f"{minutes:g}", f"{took.seconds:.1f}", f"{took.computed:.1f}", f"{took.megabytes:.0f}"),
-                    *(took.exit_code, stopped),
-                )
-                print(f"| {' | '.join(map(str, cells))} |", flush=True)
+                    stopped = [ended.seconds, ended.exit_code]
+                row = rows[f"{about}, {minutes:g} min"] = [*took, *stopped]
+                shown = ("-" if one is None else f"{one:.3g}" for one in row)
+                print(f"{about}, {minutes:g} min: {'; '.join(shown)}", flush=True)
                 for path in folder.iterdir():
                     if path.is_file() and path.name not in {"hours.toml", *_KEPT}:
                         path.unlink()
+    if given.figures is not None:
+        command = "python benchmarks/hours.py --figures docs/results.json"
+        figures.keep("hours", figures.Table(command, "command, recording", COLUMNS, rows), given.figures)
 
 
 if __name__ == "__main__":
