@@ -70,12 +70,12 @@ def session(name: str, seconds: float, folder: Path) -> Path:
         host.close()
     timing = status.timing
     ticks = timing.ticks - before.ticks
+    late = timing.late - before.late
     print(
-        f"{name}: {seconds:g} s at {link.inst.sensors.sampling_rate:g} Hz, load {min(loads):.1f}-{max(loads):.1f}: "
-        f"{ticks} ticks, given up {timing.missed - before.missed}, more than half a period late "
-        f"{timing.late - before.late} ({100 * (timing.late - before.late) / ticks:.2f} %); lateness p99 "
-        f"{timing.lateness_p99 * 1e6:.0f} us, worst {timing.lateness_worst * 1e3:.1f} ms; at the end {status.state}, "
-        f"{status.problem or 'no problem'}"
+        f"{name}: {seconds:g} s at {inst.sensors.sampling_rate:g} Hz, load {min(loads):.1f}-{max(loads):.1f}: "
+        f"{ticks} ticks, given up {timing.missed - before.missed}, more than half a period late {late} "
+        f"({100 * late / ticks:.2f} %); lateness p99 {1e6 * timing.lateness_p99:.0f} us, "
+        f"worst {1e3 * timing.lateness_worst:.1f} ms; at the end {status.state}, {status.problem or 'no problem'}"
     )
     for process, values in memory.items():
         print(f"{'':4}memory of the {process}: {values[0]:.1f} MB, at most {max(values):.1f}, at last {values[-1]:.1f}")

@@ -274,7 +274,7 @@ def _print_front(front: Front, chosen: int | None, design: Design, free: Front |
         row = [
             str(index + 1),
             f"{one.similarity_error:.2f}°",
-            f"{as_built(front[index], front.sweep.forces.largest):.2g}°",
+            f"{as_built(front, index):.2g}°",
             f"{1e3 * one.force_resolution:.3g} mN",
             f"{1e3 * one.overall_length:.4g} mm",
             f"{one.tension_margin:.3g}",

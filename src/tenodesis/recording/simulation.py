@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tenodesis.control import Controller
-from tenodesis.control.pairs import names_of
+from tenodesis.control import Controller, JointController
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.recording.metadata import metadata_of
@@ -29,7 +28,7 @@ def record(
     protocol: Protocol,
     path: str | Path,
     *,
-    controller: Controller | None = None,
+    controller: Controller | JointController | None = None,
     time_step: float = TIME_STEP,
     seed: int = 0,
     quasi_static: bool = False,
@@ -94,7 +93,8 @@ def record(
     metadata = metadata_of(
         inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller, every=every
     )
-    with Recorder(path, axes=twin.names, metadata=metadata, overwrite=overwrite) as recorder:
+    names = controller.names_of(inst) if isinstance(controller, JointController) else twin.names
+    with Recorder(path, axes=names, metadata=metadata, overwrite=overwrite) as recorder:
         rows = 0
         kept: list[Run] = []
         for run in _blocks(twin, protocol, controller, progress):
@@ -110,7 +110,7 @@ def record(
 def _blocks(
     twin: Twin,
     protocol: Protocol,
-    controller: Controller | None,
+    controller: Controller | JointController | None,
     progress: Callable[[float, float], object] | None,
 ) -> Iterator[Run]:
     """Yield the run of a protocol, before which the motors let tendons out that it is to pretension."""
@@ -127,7 +127,7 @@ def write_run(
     path: str | Path,
     *,
     protocol: Protocol | None = None,
-    controller: Controller | None = None,
+    controller: Controller | JointController | None = None,
     time_step: float = TIME_STEP,
     seed: int = 0,
     quasi_static: bool = False,
@@ -154,7 +154,7 @@ def write_run(
     metadata = metadata_of(
         inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
     )
-    with Recorder(path, axes=names_of(inst), metadata=metadata, overwrite=overwrite) as recorder:
+    with Recorder(path, axes=run.names, metadata=metadata, overwrite=overwrite) as recorder:
         recorder.write(run)
 
 
