@@ -196,7 +196,7 @@ def identify(  # noqa: PLR0917
 def _loaded(format_name: str, files: Sequence[Path]) -> tuple[str, list[MeasuredRun]]:
     """Return recordings and their format: that of joints where an instrument's recording holds no tensions."""
     try:
-        return format_name, load_all(FORMATS[format_name].load, files)
+        return format_name, _read_as(format_name, files)
     except IdentificationError as lacking:
         if format_name in _OF_INSTRUMENTS and lacking.key == "joint":
             note("Tendons turn several joints: all of them are fitted together (--format tendons).")
@@ -204,12 +204,18 @@ def _loaded(format_name: str, files: Sequence[Path]) -> tuple[str, list[Measured
         if format_name not in _OF_INSTRUMENTS or "tension" not in str(lacking.value):
             raise
         try:
-            found = load_all(FORMATS[_JOINTS].load, files)
+            found = _read_as(_JOINTS, files)
         except IdentificationError as problem:
             # a table that names neither tensions nor joints is told what it lacks first
             raise (problem if problem.key == "time" else lacking) from None
         note("No tensions were recorded: coupling, play and offset of the joints are identified (--format joints).")
         return _JOINTS, found
+
+
+def _read_as(format_name: str, files: Sequence[Path]) -> list[MeasuredRun]:
+    kind = FORMATS[format_name]
+    with ProgressBar("reading", None) as bar:
+        return load_all(partial(kind.load, progress=bar) if kind.shows_progress else kind.load, files)
 
 
 def _starting_from(name: str | None, format_name: str) -> Any:
