@@ -23,6 +23,7 @@ OURS = {
     "endoscope-pair": "tenodesis.identification.datasets.endoscope_pair:FORMAT",
     "tendon-sheath": "tenodesis.identification.datasets.tendon_sheath:FORMAT",
     "joints": "tenodesis.identification.kinematic.recordings:FORMAT",
+    "tendons": "tenodesis.identification.routing:FORMAT",
     "recording": "tenodesis.identification.twin_model.formats:RECORDING",
     "csv": "tenodesis.identification.twin_model.formats:CSV",
     "mcap": "tenodesis.identification.twin_model.formats:MCAP",
