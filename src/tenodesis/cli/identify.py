@@ -200,7 +200,7 @@ def _loaded(format_name: str, files: Sequence[Path]) -> tuple[str, list[Measured
     except IdentificationError as lacking:
         if format_name in _OF_INSTRUMENTS and lacking.key == "joint":
             note("Tendons turn several joints: all of them are fitted together (--format tendons).")
-            return _TENDONS, load_all(FORMATS[_TENDONS].load, files)
+            return _TENDONS, _read_as(_TENDONS, files)
         if format_name not in _OF_INSTRUMENTS or "tension" not in str(lacking.value):
             raise
         try:

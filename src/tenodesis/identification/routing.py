@@ -17,12 +17,12 @@ from scipy.signal import savgol_filter
 from tenodesis.errors import ArgumentError, IdentificationError, NoSolutionError
 from tenodesis.identification.any_instrument import value_of, with_values
 from tenodesis.identification.formats.csv import as_identification
+from tenodesis.identification.formats.mcap import first_rows
 from tenodesis.identification.formats.measured import MeasuredRun, Raw
-from tenodesis.identification.formats.measured import checksum as file_checksum
 from tenodesis.identification.problem import Parameter, Problem, Trace, scales
 from tenodesis.identification.registry import Format
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
-from tenodesis.recording import Recording
+from tenodesis.recording.blocks import Progress
 from tenodesis.run import Array, Run
 from tenodesis.twin import Twin
 
@@ -43,6 +43,11 @@ _LEAST_COEFFICIENT = 0.05
 """At which the search for a friction coefficient begins where the file states none."""
 _LEAST_MOTION = (0.02, 1e-4, 1e-3, 1e-2, 1e-2)
 """Spread below which nothing moves the instrument: of handle, rad, spools, m and rad/s, wrench and grip, N or N m."""
+_USED = (
+    *("commanded_handle_angle", "measured_handle_angle", "commanded_spool_velocity", "measured_spool_angle"),
+    *("measured_tension", "measured_output_angle", "wrench", "applied_grip_force", "held_stiffness"),
+)
+"""Signals that are read of a recording."""
 _COMPONENTS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
 LAWS = ("none", "capstan")
 
@@ -98,7 +103,7 @@ class _Inputs(NamedTuple):
     """Steps at which there is a row of the recording."""
 
 
-def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", checksum: str = "") -> RoutingRun:
+def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", notes: Sequence[str] = ()) -> RoutingRun:
     """Return a run's inputs and readings as a recording to identify from; the search starts from the instrument.
 
     Raises
@@ -129,6 +134,8 @@ def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", c
         columns |= {f"spool_angle.{one}": np.full(len(run), at) for one, at in zip(run.tendons, begun, strict=True)}
     columns = {key: row for key, row in columns.items() if np.isfinite(row).any()}
     raw = Raw(name, run.time, columns)
+    for note in notes:
+        raw.note(note)
     if "wrench" not in signals:
         raw.note("no load was recorded: the tip is taken to be free")
     if np.any(signals.get("held_stiffness", 0.0)):
@@ -137,17 +144,17 @@ def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", c
     raw.clock((("s", 1.0),))
     raw.enough()
     raw.gaps()
-    done = raw.done(checksum=checksum)
+    done = raw.done()
     own = None if inst is None else expanded(inst)
-    return RoutingRun(done.name, done.time, done.columns, done.notes, None, checksum, own)
+    return RoutingRun(done.name, done.time, done.columns, done.notes, instrument=own)
 
 
-def load(path: Path) -> RoutingRun:
+def load(path: Path, progress: Progress | None = None) -> RoutingRun:
     """Return a recording with its instrument; raises IdentificationError if it has none, or as :func:`of_run`."""
     with as_identification():
-        recording = Recording.open(path)
+        recording, notes = first_rows(path, _USED, progress)
         inst = recording.instrument() if "instrument" in recording.metadata else None
-    return of_run(recording.run, inst, name=path.name, checksum=file_checksum(path))
+    return of_run(recording.run, inst, name=path.name, notes=notes)
 
 
 class Routing(Problem):
@@ -424,4 +431,4 @@ def problem(train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: s
     return Routing(runs, law, inst)
 
 
-FORMAT = Format(load, problem, LAWS, "capstan")
+FORMAT = Format(load, problem, LAWS, "capstan", shows_progress=True)

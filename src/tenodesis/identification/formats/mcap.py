@@ -17,7 +17,6 @@ from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from tenodesis.errors import IdentificationError, InstrumentError, RecordingError
-from tenodesis.files import read_regular
 from tenodesis.identification.formats.instrument_run import (
     SECONDS,
     USED,
@@ -30,7 +29,7 @@ from tenodesis.identification.formats.instrument_run import (
 from tenodesis.identification.formats.measured import WIDE, Raw
 from tenodesis.instrument import ShortForm, as_short_form
 from tenodesis.recording import Blocks, Recording, cdr, container, schemas
-from tenodesis.recording.blocks import Progress
+from tenodesis.recording.blocks import Progress, opened
 from tenodesis.recording.container import Contents, Message, Messages
 from tenodesis.recording.decode import Decoded, Decoder, LeftOut, Misfit
 from tenodesis.run import SIGNALS, TENDONS, Array, Names, Run, concatenate
@@ -318,13 +317,8 @@ def _decoded(files: Sequence[Path], notes: list[str]) -> dict[str, list[Decoded]
 def _contents(file: Path) -> container.Contents:
     if is_sqlite(file):
         return scan(file, schemas.TOPICS)
-    try:
-        data = read_regular(file)
-    except OSError as problem:
-        raise RecordingError(f"{file} cannot be read: {problem.strerror}.", key="path", value=file) from None
-    if not container.is_mcap(data):
-        raise RecordingError(f"{file} is no MCAP file.", key="path", value=file, allowed="an MCAP file")
-    return container.scan(data)
+    with opened(file) as (data, size):
+        return container.contents_of(data, size)
 
 
 def _series(path: Path, name: str, parts: Sequence[Decoded], begin: int, notes: list[str]) -> _TopicSeries:
