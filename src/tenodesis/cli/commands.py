@@ -1,18 +1,26 @@
 """The command line; the module of a command is imported when the command runs."""
 
+import signal
 import sys
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
+INTERRUPTS: list[int] = []
+"""A number for each Ctrl-C that came: Python drops the exception of one that comes amid a callback."""
+
+
+def _interrupt(number: int, _: object) -> None:
+    INTERRUPTS.append(number)
+    raise KeyboardInterrupt
 
 
 def main() -> None:
     """Run the command line; an error that a user can correct ends in one sentence and exit code 1, Ctrl-C in 130."""
     try:
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            signal.signal(signal.SIGINT, _interrupt)
         _run()
     except KeyboardInterrupt:
-        import signal  # noqa: PLC0415
-
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         sys.stderr.write("tenodesis: interrupted before the command began; nothing is written.\n")
         sys.exit(INTERRUPTED)

@@ -460,7 +460,8 @@ def _numbers(argument: str, values: ArrayLike, count: int, most: float | Array) 
     array = np.asarray(values, float).reshape(-1)
     if array.shape != (count,) or not np.all(np.abs(array) <= most):
         bound = f"{most:g}" if np.ndim(most) == 0 else " or ".join(f"{one:g}" for one in np.unique(most)[::-1])
-        allowed = f"{count} finite numbers, at most {bound}"
+        amount = "a finite number" if count == 1 else f"{count} finite numbers"
+        allowed = f"{amount} of magnitude {bound} at most"
         raise LiveError(key=argument, value=np.asarray(values).tolist(), allowed=allowed)
     return array
 

@@ -71,7 +71,6 @@ class Outcome:
         self._steps: list[float] = []
         self._last: Run | None = None
         self._bends = Bends.of(inst.expanded)
-        self._rows = 0
         self._error: Array | None = None
         """At the last row, (bends,)."""
         self._worst: dict[str, tuple[float, float]] = {}
@@ -90,7 +89,6 @@ class Outcome:
         """Take the next rows."""
         if not len(run):
             return
-        self._rows += len(run)
         if len(run) > 1:
             self._steps.append(float(np.median(np.diff(run.time))))
         enabled = self._add_states(run)
