@@ -38,6 +38,9 @@ class Settings:
 PATIENCE = 1.0
 """Time after which a progress bar is shown, s."""
 
+_LONGEST_NAME = 32
+"""Of a table's text, characters up to which a word is kept whole."""
+
 InstrumentFile: TypeAlias = Annotated[
     str, typer.Argument(metavar="INSTRUMENT", help="Instrument file, or the name of a shipped instrument.")
 ]
@@ -144,18 +147,21 @@ def table(title: str | None = None, *columns: str, rows: Iterable[Sequence[str]]
     title
         Above it.
     columns
-        Their headings; ">" before one of numbers, which are to the right and never broken over lines.
+        Their headings; ">" before one of numbers, which are to the right and, as names are, never broken over lines.
     rows
         Their cells.
     """
     shown = Table(title=title and escape(title), title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for column in columns:
+    cells = [list(row) for row in rows]
+    for place, column in enumerate(columns):
         heading = escape(column.removeprefix(">"))
         if column.startswith(">"):
             shown.add_column(heading, justify="right", no_wrap=True)
         else:
-            shown.add_column(heading, overflow="fold")
-    for row in rows:
+            # names have no spaces, at which lines may end
+            longest = max((len(word) for row in cells for word in row[place].split()), default=0)
+            shown.add_column(heading, overflow="fold", min_width=min(longest, _LONGEST_NAME))
+    for row in cells:
         shown.add_row(*map(escape, row))
     return shown
 

@@ -523,12 +523,13 @@ def _check_arrangement(kind: Format, format_name: str, arrangement: str) -> None
 
 def _print_parameters(found: Fit) -> None:
     heading = ">95 % interval" + (", bootstrap" if found.bootstrap else "")
-    parameters = table("parameters", "parameter", ">value", "unit", heading, "identifiable")
-    for one in (one for one in found.parameters if one.name in found.free):
-        row = report.shown(found, one)
-        interval = row.bootstrap if found.bootstrap else row.interval
-        parameters.add_row(one.name.replace(".", ".\n"), row.value, row.unit, interval, row.identifiable)
-    console.print(parameters)
+    shown = [(one.name, report.shown(found, one)) for one in found.parameters if one.name in found.free]
+    rows = [
+        (name, row.value, row.unit, row.bootstrap if found.bootstrap else row.interval, row.identifiable)
+        for name, row in shown
+    ]
+    # on 80 columns no name is broken
+    console.print(table("parameters", "parameter", ">value", "unit", heading, "identi-\nfiable", rows=rows))
     held = [one.name for one in found.parameters if one.name not in found.free]
     if held:
         say(f"Held: {', '.join(held)}.")

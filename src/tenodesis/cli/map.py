@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from tenodesis.cli.command import command
-from tenodesis.cli.common import ProgressBar, note, say
+from tenodesis.cli.common import ProgressBar, note, say, warn
 from tenodesis.cli.outputs import FIGURE, Outputs, output, write_text
 from tenodesis.errors import RecordingError
 from tenodesis.files import write_errors
@@ -58,6 +58,8 @@ def write_map(
         run = lab_map.run_of(mapped)
         drawn = [name for name, values in run.signals().items() if values.size]
         say(f"{path}: {', '.join(guesses) or 'no column'} of {file.name} ({table.kind}); check each line.")
+        if missing := lab_guess.lacking(guesses):
+            warn(f"no heading looks like {', '.join(missing)}, which tenodesis identify needs; name them in {path}.")
         if not drawn:
             note("No signal was found to draw: name columns in the map.")
             return

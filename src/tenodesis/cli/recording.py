@@ -333,9 +333,9 @@ def _print_differences(done: Replayed) -> None:
         say(f"{recording.path}: replayed bit by bit on {again.inst.name}, {done.time:.6g} s, {done.rows} rows.")
         return
     title = f"{recording.path}: replay on {again.inst.name}, difference to the recording"
-    differences = table(title, "signal", ">rms", ">largest", "unit")
+    rows = []
     for name, difference in done.differences.items():
         unit = "deg" if difference.unit == "rad" else difference.unit
         factor = in_unit(unit, difference.unit)
-        differences.add_row(name, f"{difference.rms * factor:.3g}", f"{difference.largest * factor:.3g}", unit)
-    console.print(differences)
+        rows.append((name, f"{difference.rms * factor:.3g}", f"{difference.largest * factor:.3g}", unit))
+    console.print(table(title, "signal", ">rms", ">largest", "unit", rows=rows))

@@ -9,6 +9,9 @@ from pydantic import BaseModel
 from tenodesis.instrument import Instrument
 from tenodesis.units import READABLE, in_unit, quantity_of
 
+_LONG = 10.0
+"""Time from which it is written in seconds, s."""
+
 
 def to_toml(given: Instrument) -> str:
     """Return the text of an instrument file, which :func:`tenodesis.parse` reads back as the instrument.
@@ -45,10 +48,11 @@ def readable(value: Any, units: Mapping[str, str] = READABLE) -> Any:
         return [readable(item, units) for item in value]
     number, _, unit = value.partition(" ") if isinstance(value, str) else ("", "", "")
     try:
-        shown = float(number) * in_unit(units.get(unit, unit), unit)
+        written = unit if unit == "s" and float(number) >= _LONG else units.get(unit, unit)
+        shown = float(number) * in_unit(written, unit)
     except ValueError:
         return value
-    return f"{shown + 0.0:.9g} {units.get(unit, unit)}"
+    return f"{shown + 0.0:.9g} {written}"
 
 
 def with_units(model: BaseModel, *, unset: bool = True) -> dict[str, Any]:
