@@ -16,6 +16,8 @@ LIVE = (
         "Order",
         "LiveDevice",
         "TwinDevice",
+        "JointSwitch",
+        "LiveJoints",
         "MotorSwitch",
         "MailboxDevice",
         "Runtime",
