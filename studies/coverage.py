@@ -18,7 +18,7 @@ import law
 import numpy as np
 
 import tenodesis as tn
-from tenodesis.identification import FORMATS, AtRest, Kinematic, fit, fit_at_rest, recorded
+from tenodesis.identification import FORMATS, AtRest, Kinematic, fit, fit_at_rest, recorded, routing
 from tenodesis.identification.any_instrument import at_rest
 from tenodesis.identification.formats.instrument_run import TENDONS, InstrumentRun, checked
 from tenodesis.identification.formats.measured import MeasuredRun
@@ -204,6 +204,63 @@ def of_joints(seed: int, law: str) -> Iterable[Any]:
             yield judged(name.partition(".")[0], interval, truth[name])
 
 
+ROUTED = ("needle-driver", "maryland-dissector", "two-segment-continuum", "hybrid-real-size")
+ROUTED_SECONDS, COEFFICIENT = 6.0, 0.12
+BENDING, PUSHING = 0.35, 0.5  # rad, N
+
+
+def routed(seed: int, name: str, seconds: float = ROUTED_SECONDS) -> tuple[FullForm, FullForm, tn.Run]:
+    """Return an instrument, a true one with other tendons, and its twin's run: all joints bend, and loads turn."""
+    inst = tn.instrument.expanded(tn.load(name))
+    if inst.friction.law == "none":
+        same = dict.fromkeys(("friction.vertex_coefficient", "friction.sheath_coefficient"), COEFFICIENT)
+        inst = inst.replace(**{"friction.law": "capstan", "friction.sheath_bend": float(np.radians(20))}, **same)
+    rng = np.random.default_rng(seed)
+    tendons = [
+        tendon.model_copy(
+            update={"stiffness": stiffness * rng.uniform(0.8, 1.2), "pretension": pretension * rng.uniform(0.9, 1.1)}
+        )
+        for tendon, stiffness, pretension in zip(
+            inst.as_given("tendons"), inst.stiffnesses, inst.pretensions, strict=True
+        )
+    ]
+    true = inst.replace(tendons=tendons)
+    time = np.arange(round(seconds / STEP)) * STEP
+    grown = np.clip(time / 0.5, 0, 1)
+
+    def wave(place: int, least: float) -> Array:
+        return grown * np.sin(2 * np.pi * (least + 0.09 * place) * time + place)
+
+    handle = np.stack([BENDING * wave(n, 0.3) for n in range(len(inst.handle_joints))] or [time[:0]], axis=1)
+    bent = np.zeros((time.size, len(inst.tip_joints)))
+    for place, arcs in enumerate(inst.arc_places.values()):
+        bent[:, arcs] = (BENDING * wave(place, 0.23) / len(arcs))[:, np.newaxis]
+    wrench = np.zeros((time.size, 6))
+    wrench[:, :2] = PUSHING * np.stack([wave(0, 0.45), wave(1, 0.6)], axis=1)
+    twin = tn.twin.Twin(true, seed=seed)
+    # without a handle the motors bend the joints
+    wound = -np.gradient(bent @ inst.tendon_arms("tip").T, STEP, axis=0) / twin.spool_radius
+    if inst.handle_joints:
+        return inst, true, twin.run(handle, wrench=wrench)
+    return inst, true, twin.run(np.zeros((time.size, 0)), wrench=wrench, spool_velocity=wound)
+
+
+def of_routing(seed: int, name: str) -> Iterable[Any]:
+    """Return the unknowns of all joints and tendons of an instrument by kind."""
+    inst, true, run = routed(seed, name)
+    one = routing.problem([routing.of_run(run, inst)], [], law="capstan")
+    found = fit(one, train=[0], starts=1)
+    for parameter, interval in found.interval_95.items():
+        owner, _, key = parameter.rpartition(".")
+        truth = one.value(true, parameter)
+        yield judged(
+            parameter if owner in {"friction", "dynamics"} else key,
+            interval,
+            truth,
+            identifiable=found.identifiability.identifiable[parameter],
+        )
+
+
 class Work(NamedTuple):
     """What is fitted of a seed, and over how many seeds."""
 
@@ -223,6 +280,7 @@ WORKS = {
     ),
     "twin-slack": Work("tendons slack at first", functools.partial(of_twin, run=tightened, names=[*TRUTH]), 20),
     **{file: Work(f"{file} at rest", functools.partial(of_posture, file=file), 50) for file in UNKNOWNS},
+    **{one: Work(f"{one}, all tendons", functools.partial(of_routing, name=one), 50) for one in ROUTED},
     **{f"joints-{one}": Work(f"joints, {one}", functools.partial(of_joints, law=one), 50) for one in LAWS[1:]},
 }
 COVERAGE = [

@@ -58,7 +58,7 @@ void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
   const S sign = S(tip.certain > S(0) ? 1 : -1);
   state.offset = state.offset + (tip.certain - state.offset) * (dt / (S(tuning::alternation_smoothing) + dt));
   state.since = smaller(state.since + dt, S(100));
-  const bool forgotten = state.since > S(tuning::alternation_memory);
+  const bool forgotten = state.since > S(tuning::alternation_longest);
   if (forgotten || tip.moving) state.jumps = 0;
   if ((forgotten && !state.leans) || tip.moving) state.halves = state.first_halves;
   if (error < S(0.5) * tip.jump) {

@@ -284,7 +284,8 @@ struct JointObserver {
       const S arm = -at.arm * joints.bend[i].turn;
       joints.moment[i] = joints.moment[i] + arm * tension;
       joints.moment_by_friction[i] = joints.moment_by_friction[i] + arm * by_friction;
-      joints.variance[i] = joints.variance[i] + square(arm) * (square(deviations.tension) + square(hidden) / S(3));
+      joints.variance[i] = joints.variance[i] + square(arm) * (square(deviations.tension) + square(hidden) / S(3) +
+                                                               square(deviations.friction * by_friction));
     }
     pass(contacts[m]);
     auto& estimate = memory.estimate;
@@ -299,7 +300,9 @@ struct JointObserver {
     row[at_friction] = stretch_by_friction;
     row[at_stiffness] = -stretched;
     soft = total;
-    variance = square(total * deviations.tension) + square(deviations.length) + square(hidden_stretch) / S(3);
+    // What is known of friction is that of all; each tendon has its own.
+    variance = square(total * deviations.tension) + square(deviations.length) + square(hidden_stretch) / S(3) +
+               square(deviations.friction * stretch_by_friction);
     // A slack tendon is longer than what it spans, unless the joints are where it would not be.
     counts = estimate.taut[m] || estimate.unexplained[m] > S(0);
     if (counts) equations.add(row, value, variance);

@@ -347,7 +347,14 @@ class LiveJoints final : public runtime::Device {
 
   bool simulated() const override { return device_.simulated(); }
   bool clocked() const override { return device_.clocked(); }
-  bool read(std::uint64_t& time, std::uint64_t timeout) override { return device_.read(time, timeout); }
+  bool read(std::uint64_t& time, std::uint64_t timeout) override {
+    fresh_ = device_.read(time, timeout);
+    since_ = time > read_at_ && read_at_ != 0 ? double(time - read_at_) * 1e-9 : period_;
+    // Whole nanoseconds are no other period.
+    if (std::abs(since_ - period_) < 1e-6 * period_) since_ = period_;
+    if (fresh_) read_at_ = time;
+    return fresh_;
+  }
   bool may_be_late() const override { return device_.may_be_late(); }
   std::uint64_t overtaken() const override { return device_.overtaken(); }
   bool in_tissue(std::size_t joint) const override { return device_.in_tissue(joint); }
@@ -371,12 +378,10 @@ class LiveJoints final : public runtime::Device {
     const auto at = [&](const char* name) { return now_.data() + device_.signals.find(name).first; };
     const double *const handle = at("measured_handle_angle"), *const tension = at("measured_tension"),
                         *const spool = at("measured_spool_angle");
-    if (compensates) {
-      controller_.wind(velocity, period_);
-      controller_.tick(handle, tension, spool, straight_.data(), true, period_);
-    } else {
-      controller_.pass(handle, tension, spool, straight_.data(), velocity, period_);
-    }
+    if (compensates) controller_.wind(velocity, period_);
+    // A measurement that has not come is waited for; that it stays away, the loop notices.
+    if (fresh_ && compensates) controller_.tick(handle, tension, spool, straight_.data(), true, since_);
+    if (fresh_ && !compensates) controller_.pass(handle, tension, spool, straight_.data(), velocity, since_);
     controller_.store(said_.data());
     std::copy_n(said_.data() + controller_.width(), sizes.tendons, velocity);
     return device_.write(row_.data());
@@ -414,6 +419,9 @@ class LiveJoints final : public runtime::Device {
   double period_;
   std::size_t spools_;
   std::vector<double> now_, said_, row_, straight_;
+  bool fresh_{true};
+  std::uint64_t read_at_{};  // ns
+  double since_{};           // s
 };
 
 /// What the loop asks and is told of a controller of all joints, which itself runs between loop and device.

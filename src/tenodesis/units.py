@@ -86,6 +86,8 @@ class Quantity:
 
     def _read(self, text: str) -> float:
         written = _WRITTEN.fullmatch(text.strip())
+        if written is None and (point := re.sub(r"(?<=\d),(?=\d)", ".", text)) != text:
+            raise ValueError(f'it has a decimal comma; write it with a point, like "{point.strip()}"')
         if written is None:
             raise ValueError(f'it is not understood; write {self.allowed} like "{self.example}"')
         number, unit_text = float(written["number"]), str(written["unit"]).strip()

@@ -110,7 +110,7 @@ def steady(controller: tn.control.JointController, ticks: int, **changed: tuple[
         ({"tension": (3, 20.0)}, "load_cell_stuck"),
         ({"tension": (3, 101.0)}, "over_tension"),
         ({"tension": (3, -3.0)}, "load_cell_range"),
-        ({"tension": (0, 26.0)}, "load_cell_drift"),
+        ({"tension": (0, 45.0)}, "load_cell_drift"),
         ({"tension": (4, 0.0)}, "tendon_break"),
         ({"spool": (5, 0.3)}, "encoder_jump"),
     ],

@@ -1,5 +1,6 @@
 """The commands as typer runs them: each is a stub until it is called."""
 
+import inspect
 import sys
 from collections.abc import Callable
 from importlib import import_module
@@ -8,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from tenodesis.cli.table import ALL, HELP_OPTIONS, VERSION_OPTION, Entry, EntryGroup, print_overview
+from tenodesis.cli.table import ALL, HELP_OPTIONS, VERSION_OPTION, Entry, EntryGroup, print_help, print_overview
 from tenodesis.errors import CommandInterruptedError
 from tenodesis.version import __version__
 
@@ -25,6 +26,28 @@ class _Stub(TyperCommand):
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
         """Return the context of the command itself, which replaces this group."""
         return built(info_name or "", load(self._function)).make_context(info_name, args, parent=parent, **extra)
+
+
+class _Command(TyperCommand):
+    """A command whose help fits 80 columns with every name whole."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print the help: names in one column, kinds of value before what they mean in the other."""
+        panels: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
+        for one in self.get_params(ctx):
+            written, meaning = one.get_help_record(ctx) or ("", "")
+            if one.param_type_name == "argument":
+                name, _, kind = written.partition(" ")
+            else:
+                name = ", ".join([*one.opts, *one.secondary_opts])
+                kind = "" if one.is_flag else written.split(one.opts[0])[-1].strip()
+            # spaces, at which a line may end
+            kind = "" if kind in {"<str>", "<path>"} else kind.replace("|", " | ")
+            panels["Arguments" if one.param_type_name == "argument" else "Options"].append(
+                (name, f"{kind} {meaning}".strip())
+            )
+        usage = " ".join([ctx.command_path, *self.collect_usage_pieces(ctx)])
+        print_help(usage, inspect.cleandoc(self.help or ""), {title: rows for title, rows in panels.items() if rows})
 
 
 class _Commands(TyperGroup):
@@ -82,7 +105,7 @@ def load(function: str) -> Callable[..., None]:
 def built(name: str, function: Callable[..., None]) -> Any:
     """Return a function as a command."""
     alone = typer.Typer(add_completion=False)
-    alone.command(name)(function)
+    alone.command(name, cls=_Command)(function)
     return typer.main.get_command(alone)
 
 

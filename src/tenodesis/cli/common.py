@@ -15,6 +15,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tenodesis import instrument
+from tenodesis.cli import interrupts
 from tenodesis.control.resolution import sentences, warnings
 from tenodesis.errors import CommandError, Error, InstrumentError, ProtocolError
 from tenodesis.instrument import Instrument, ShortForm
@@ -36,6 +37,9 @@ class Settings:
 
 PATIENCE = 1.0
 """Time after which a progress bar is shown, s."""
+
+_LONGEST_NAME = 32
+"""Of a table's text, characters up to which a word is kept whole."""
 
 InstrumentFile: TypeAlias = Annotated[
     str, typer.Argument(metavar="INSTRUMENT", help="Instrument file, or the name of a shipped instrument.")
@@ -143,18 +147,21 @@ def table(title: str | None = None, *columns: str, rows: Iterable[Sequence[str]]
     title
         Above it.
     columns
-        Their headings; ">" before one of numbers, which are to the right and never broken over lines.
+        Their headings; ">" before one of numbers, which are to the right and, as names are, never broken over lines.
     rows
         Their cells.
     """
     shown = Table(title=title and escape(title), title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for column in columns:
+    cells = [list(row) for row in rows]
+    for place, column in enumerate(columns):
         heading = escape(column.removeprefix(">"))
         if column.startswith(">"):
             shown.add_column(heading, justify="right", no_wrap=True)
         else:
-            shown.add_column(heading, overflow="fold")
-    for row in rows:
+            # names have no spaces, at which lines may end
+            longest = max((len(word) for row in cells for word in row[place].split()), default=0)
+            shown.add_column(heading, overflow="fold", min_width=min(longest, _LONGEST_NAME))
+    for row in cells:
         shown.add_row(*map(escape, row))
     return shown
 
@@ -200,7 +207,9 @@ class ProgressBar:
             self._bar.stop()
 
     def __call__(self, done: float, total: float, description: str | None = None) -> None:
-        """Show how much is done, and what is being done if that changed."""
+        """Show how much is done, and what is being done if that changed; end what a dropped Ctrl-C did not."""
+        if interrupts.CAME:
+            raise KeyboardInterrupt
         if self._bar is None:
             if Settings.quiet or not console.is_interactive or time.monotonic() <= self._begun + PATIENCE:
                 return

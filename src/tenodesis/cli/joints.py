@@ -59,7 +59,7 @@ def print_joints(inst: FullForm, found: Sequence[Loss]) -> None:
     )
     for name, arcs in zip(tip_names, bends.sums.sum(axis=1), strict=True):
         if arcs > 1:
-            say(f"{name} is in {arcs:g} arcs; its angle is their sum.")
+            say(f"{name} is in {arcs:g} arcs; its angle is their sum, and the table has the whole.")
     _print("Joints", _joints(whole))
     _print("Tendons", _tendons(whole))
     arms = np.hstack([statics.straight_arms(inst, "handle")[:, ::-1], straight_arms(inst)])
@@ -93,7 +93,8 @@ def _joints(inst: FullForm) -> Table:
     for joint in (*inst.handle_joints[::-1], *inst.tip_joints):
         axis = joint.axis if isinstance(joint.axis, str) else components(joint.axis_vector)
         radius, most = f"{1e3 * joint.radius:.4g}", joint.range_text
-        shown.add_row(*map(escape, (joint.name, bases[joint.name], joint.mechanism, axis, radius, most)))
+        mechanism = "twist" if joint.is_twist else joint.mechanism
+        shown.add_row(*map(escape, (joint.bend, bases[joint.name], mechanism, axis, radius, most)))
     return shown
 
 

@@ -153,7 +153,7 @@ def _of_joints(inst: FullForm, asked: Asked) -> Answer:
         raise _no_option("--axis", inst.name, "has joints that share tendons", "left out")
     count = len(inst.bends)
     example = f"{' '.join(['30', *['0'] * (count - 1)])} deg"
-    forces = np.array([_numbers("--load", text, SignedForce, 3, "0 0 -1 N") for text in asked.load] or np.eye(3))
+    forces = _forces(inst, asked.load)
     states = [inst.bent(_numbers("--angle", text, Angle, count, example)) for text in asked.angle]
     _check_within_range(inst, states)
     beside = np.zeros(3) if asked.moment is None else _numbers("--moment", asked.moment, SignedMoment, 3, "0 0 5 N*mm")
@@ -171,6 +171,23 @@ def _of_joints(inst: FullForm, asked: Asked) -> Answer:
         print_losses(inst, found, restored=True)
 
     return Answer(lambda: losses_as_json(inst, found), show)
+
+
+def _forces(inst: FullForm, given: Sequence[str]) -> Array:
+    """Return loads on joints, (n, 3), N; where one thing bends, a single force is against its flexion."""
+    axes = [inst.tip_joints[places[0]].axis for places in inst.bends.values()]
+    across = [0.0 - np.eye(3)[("yaw", "pitch").index(axis)] for axis in axes if axis in {"yaw", "pitch"}]
+    if len(axes) > 1 or not across:
+        return np.array([_numbers("--load", text, SignedForce, 3, "0 0 -1 N") for text in given] or np.eye(3))
+    if not given:
+        return np.outer(sorted(inst.conditions.forces) or [_USUAL_LOAD], across[0])
+    found = [
+        quantity("--load", text, PositiveForce) * across[0]
+        if len(text.split()) < 3
+        else _numbers("--load", text, SignedForce, 3, "0 0 -1 N")
+        for text in given
+    ]
+    return np.array(found)
 
 
 def losses(inst: ShortForm, angles: Sequence[float], forces: Sequence[float]) -> list[AxisLoss]:

@@ -32,11 +32,10 @@ from tenodesis.errors import ArgumentError, CommandError, CommandInterruptedErro
 from tenodesis.files import write_errors
 from tenodesis.instrument import Instrument, ShortForm, expanded
 from tenodesis.live import event_summary
-from tenodesis.recording import Blocks, summary, tables
+from tenodesis.recording import Blocks, simulation, summary, tables
 from tenodesis.recording.replay import Replayed
 from tenodesis.recording.replay import replay_file as run_again
-from tenodesis.recording.simulation import recorded
-from tenodesis.recording.summary import Outcome, contents, describe
+from tenodesis.recording.summary import contents, describe
 from tenodesis.run import Run
 from tenodesis.units import Duration, in_unit
 
@@ -109,8 +108,7 @@ def record(  # noqa: PLR0917
     with outputs.files(out=path), _progress(path, every) as progress:
         if assumed is not None:
             warn_resolution(assumed)
-        seen = Outcome(inst)
-        for run in recorded(
+        simulation.record(
             inst,
             protocol,
             path,
@@ -121,24 +119,19 @@ def record(  # noqa: PLR0917
             every=every,
             overwrite=outputs.overwrite,
             progress=progress,
-        ):
-            seen.add(run)
-            progress.add(run)
+            each=progress.add,
+        )
     say(f"{path}: {protocol.name} on {inst.name}, {progress.done}, {file_size(path)}.")
-    _print_facts(seen.facts())
+    _print_facts(_summary(path).seen.outcome)
 
 
 @command(json="Print JSON: a list with one entry per recording.")
 def info(files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings.")]) -> Answer:
     """Print the contents of recordings: origin, topics, ranges of the signals, and events."""
 
-    def read(file: Path) -> summary.Summary:
-        with ProgressBar(f"reading {file.name}", None) as bar:
-            return summary.read(file, bar)
-
     def show() -> None:
         for file in files:
-            found = read(file)
+            found = _summary(file)
             if files[1:]:
                 console.rule(escape(str(file)))
             console.print(describe(found))
@@ -146,7 +139,7 @@ def info(files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Re
             if events is not None:
                 console.print(events)
 
-    return Answer(lambda: [{"file": str(file), **contents(read(file))} for file in files], show)
+    return Answer(lambda: [{"file": str(file), **contents(_summary(file))} for file in files], show)
 
 
 @command("file", "instrument_file")
@@ -247,6 +240,11 @@ def _controller(
     )
 
 
+def _summary(path: Path) -> summary.Summary:
+    with ProgressBar(f"reading {path.name}", None) as bar:
+        return summary.read(path, bar)
+
+
 def _refuse_choices(why: str, given: Mapping[str, str | None]) -> None:
     for option, text in given.items():
         if text is not None:
@@ -335,9 +333,9 @@ def _print_differences(done: Replayed) -> None:
         say(f"{recording.path}: replayed bit by bit on {again.inst.name}, {done.time:.6g} s, {done.rows} rows.")
         return
     title = f"{recording.path}: replay on {again.inst.name}, difference to the recording"
-    differences = table(title, "signal", ">rms", ">largest", "unit")
+    rows = []
     for name, difference in done.differences.items():
         unit = "deg" if difference.unit == "rad" else difference.unit
         factor = in_unit(unit, difference.unit)
-        differences.add_row(name, f"{difference.rms * factor:.3g}", f"{difference.largest * factor:.3g}", unit)
-    console.print(differences)
+        rows.append((name, f"{difference.rms * factor:.3g}", f"{difference.largest * factor:.3g}", unit))
+    console.print(table(title, "signal", ">rms", ">largest", "unit", rows=rows))

@@ -103,26 +103,30 @@ OPTIONS = {
 
 
 def print_overview(usage: str, group: EntryGroup) -> None:
-    """Print the help of a group of commands, as typer prints that of a command, without what that loads."""
+    """Print the help of a group of commands without what typer loads for it."""
+    options = OPTIONS if group is ALL else {}
+    panels = {"Options": [*options.items(), (", ".join(HELP_OPTIONS), "Show this message and exit.")]}
+    for title, commands in (PANELS if group is ALL else {"Commands": group.commands}).items():
+        panels[title] = [(name, command.help) for name, command in commands.items()]
+    print_help(usage, group.help, panels)
+
+
+def print_help(usage: str, about: str, panels: Mapping[str, Iterable[tuple[str, str]]]) -> None:
+    """Print a help: panels of names, which are never broken, and what each is."""
     from rich.console import Console  # noqa: PLC0415
     from rich.padding import Padding  # noqa: PLC0415
     from rich.panel import Panel  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
     from rich.text import Text  # noqa: PLC0415
 
-    def panel(title: str, rows: Iterable[tuple[str, ...]]) -> Panel:
+    console = Console(highlight=False)
+    console.print(Padding(Text.assemble((" Usage: ", "yellow"), (usage, "bold")), (1, 0)))
+    console.print(Padding(Text(about), (0, 1, 1, 1)))
+    for title, rows in panels.items():
         table = Table(box=None, show_header=False, expand=True, pad_edge=False, highlight=False)
         table.add_column(style="bold cyan", no_wrap=True)
         table.add_column(ratio=10)
         for name, description in rows:
             table.add_row(name, Text(description))
-        return Panel(table, title=title, title_align="left", border_style="dim")
-
-    console = Console(highlight=False)
-    console.print(Padding(Text.assemble((" Usage: ", "yellow"), (usage, "bold")), (1, 0)))
-    console.print(Padding(Text(group.help), (0, 1, 1, 1)))
-    options = OPTIONS if group is ALL else {}
-    console.print(panel("Options", [*options.items(), (", ".join(HELP_OPTIONS), "Show this message and exit.")]))
-    for title, commands in (PANELS if group is ALL else {"Commands": group.commands}).items():
-        console.print(panel(title, [(name, command.help) for name, command in commands.items()]))
+        console.print(Panel(table, title=title, title_align="left", border_style="dim"))
     console.print()

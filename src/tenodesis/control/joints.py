@@ -135,7 +135,12 @@ class JointController(LoopState):
         rows = twin_rows(given, TIME_STEP, quasi_static=True)
         values = twin_values(given, TIME_STEP) | _values(given, self.period)
         numbers = [float(values[name]) for name in _NAMES]
-        found = limits(given, self.period, float(np.max(given.pretensions)), given.tension_sensors[0])
+        pretension = float(np.max(given.pretensions))
+        found = limits(given, self.period, pretension, given.tension_sensors[0])
+        for name in ("load_cell_drift", "tendon_break"):
+            # Friction unlike the observer's explains as much, too.
+            least, persistence = found[name]
+            found[name] = least + given.control.mean_band * pretension, persistence
         checks = np.array([found[name] for name in (*FAULTS, "spool_jump")])
         self.core = _core.JointController(
             given.core, rows.passages, rows.contacts, rows.segments, numbers, checks, rows.law

@@ -17,12 +17,12 @@ from scipy.signal import savgol_filter
 from tenodesis.errors import ArgumentError, IdentificationError, NoSolutionError
 from tenodesis.identification.any_instrument import value_of, with_values
 from tenodesis.identification.formats.csv import as_identification
+from tenodesis.identification.formats.mcap import first_rows
 from tenodesis.identification.formats.measured import MeasuredRun, Raw
-from tenodesis.identification.formats.measured import checksum as file_checksum
 from tenodesis.identification.problem import Parameter, Problem, Trace, scales
 from tenodesis.identification.registry import Format
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
-from tenodesis.recording import Recording
+from tenodesis.recording.blocks import Progress
 from tenodesis.run import Array, Run
 from tenodesis.twin import Twin
 
@@ -31,22 +31,29 @@ MOST_COMPARED = 3000
 _APPROACH = 0.5
 """Time in which the twin comes to where a recording begins, s."""
 _MOST_SUBSTEPS = 64
-_STEP = 2e-2
-"""Difference by which slopes are taken, over a parameter's scale: when stick and slip turn is noise to smaller ones."""
+_STEP, _LEAST_STEP = 4e-2, 1e-2
+"""Differences by which slopes are taken, over a parameter's scale: smaller ones see when stick and slip turn."""
 _SMOOTHED = 0.1
 """Over which a cubic follows the spools' angles, s: by counts alone, they would shake a stiff tendon."""
+_AT_HOME = 0.01
+"""Angle of a spool below which it is at zero, and only its counts say otherwise, rad."""
 _LOST = 1e3
 """Residual where the instrument has no equilibrium."""
 _LEAST_COEFFICIENT = 0.05
 """At which the search for a friction coefficient begins where the file states none."""
-_LEAST_MOTION = {"handle": float(np.radians(1)), "wound": 1e-4, "velocity": 1e-3, "wrench": 1e-2, "grip": 1e-2}
-"""Spread of the inputs below which nothing moves the instrument: rad, m, rad/s, N or N m."""
+_LEAST_MOTION = (0.02, 1e-4, 1e-3, 1e-2, 1e-2)
+"""Spread below which nothing moves the instrument: of handle, rad, spools, m and rad/s, wrench and grip, N or N m."""
+_USED = (
+    *("commanded_handle_angle", "measured_handle_angle", "commanded_spool_velocity", "measured_spool_angle"),
+    *("measured_tension", "measured_output_angle", "wrench", "applied_grip_force", "held_stiffness"),
+)
+"""Signals that are read of a recording."""
 _COMPONENTS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
 LAWS = ("none", "capstan")
 
 
 class _Unknown(NamedTuple):
-    """How far a key of the instrument's file may be from its value: as a factor, or by as much."""
+    """What a key of the instrument's file is; its bounds are factors of the file's value, or values."""
 
     unit: str
     lower: float
@@ -60,10 +67,8 @@ _OF_TENDON = {
     "pretension": _Unknown("N", 0.2, 5.0, "tension with all spools at zero", "pretension"),
 }
 _OF_JOINT = {"backbone_rigidity": _Unknown("N*m^2", 0.2, 5.0, "rigidity of the backbone", "stiffness")}
-_OF_FRICTION = {
-    "vertex_coefficient": _Unknown("1", 0.0, 1.0, "friction coefficient at the joints", "friction"),
-    "sheath_coefficient": _Unknown("1", 0.0, 1.0, "friction coefficient in the sheath", "friction"),
-}
+_COEFFICIENT = _Unknown("1", 0.0, 1.0, "friction coefficient", "friction")
+_DAMPING = _Unknown("1", 0.0, 2.0, "damping of the tip over critical", "viscous")
 _OFFSETS = ".encoder_offset"
 _OFFSET = _Unknown("rad", -0.3, 0.3, "offset of the joint's encoder", "offset")
 
@@ -92,13 +97,13 @@ class _Inputs(NamedTuple):
     """(n, 6), N and N m"""
     grip: Array
     """(n, 1), N"""
-    step: float = 0.0
+    step: float
     """s"""
-    recorded: slice = slice(None)
+    recorded: slice
     """Steps at which there is a row of the recording."""
 
 
-def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", checksum: str = "") -> RoutingRun:
+def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", notes: Sequence[str] = ()) -> RoutingRun:
     """Return a run's inputs and readings as a recording to identify from; the search starts from the instrument.
 
     Raises
@@ -123,8 +128,14 @@ def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", c
         columns |= {f"wrench.{one}": row for one, row in zip(_COMPONENTS, signals["wrench"].T, strict=True)}
     if np.any(signals.get("applied_grip_force", 0.0)):
         columns["grip_force"] = signals["applied_grip_force"]
+    if spool == "commanded_spool_velocity" and "measured_spool_angle" in signals:
+        begun = run.by_column("measured_spool_angle")[0]
+        begun = np.where(np.abs(begun) < _AT_HOME, 0.0, begun)
+        columns |= {f"spool_angle.{one}": np.full(len(run), at) for one, at in zip(run.tendons, begun, strict=True)}
     columns = {key: row for key, row in columns.items() if np.isfinite(row).any()}
     raw = Raw(name, run.time, columns)
+    for note in notes:
+        raw.note(note)
     if "wrench" not in signals:
         raw.note("no load was recorded: the tip is taken to be free")
     if np.any(signals.get("held_stiffness", 0.0)):
@@ -133,17 +144,17 @@ def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", c
     raw.clock((("s", 1.0),))
     raw.enough()
     raw.gaps()
-    done = raw.done(checksum=checksum)
+    done = raw.done()
     own = None if inst is None else expanded(inst)
-    return RoutingRun(done.name, done.time, done.columns, done.notes, None, checksum, own)
+    return RoutingRun(done.name, done.time, done.columns, done.notes, instrument=own)
 
 
-def load(path: Path) -> RoutingRun:
+def load(path: Path, progress: Progress | None = None) -> RoutingRun:
     """Return a recording with its instrument; raises IdentificationError if it has none, or as :func:`of_run`."""
     with as_identification():
-        recording = Recording.open(path)
+        recording, notes = first_rows(path, _USED, progress)
         inst = recording.instrument() if "instrument" in recording.metadata else None
-    return of_run(recording.run, inst, name=path.name, checksum=file_checksum(path))
+    return of_run(recording.run, inst, name=path.name, notes=notes)
 
 
 class Routing(Problem):
@@ -172,6 +183,7 @@ class Routing(Problem):
             for one, rows in zip(runs, self._compared, strict=True)
         ]
         self.parameters = self._parameters()
+        self._step = _STEP
         self._known: tuple[bytes, int, dict[str, Array]] | None = None
 
     def _input(self, run: MeasuredRun) -> _Inputs:
@@ -192,24 +204,19 @@ class Routing(Problem):
             )
 
         window = min(round(_SMOOTHED / run.sample_time), count)
-        wound = rows([f"spool_angle.{one.name}" for one in self.inst.tendons], Twin(self.inst).spool_radius)
-        inputs = _Inputs(
-            rows([f"handle_angle.{one.name}" for one in self.inst.handle_joints]),
-            savgol_filter(wound, window, 3, axis=0) if window > 3 else wound,
-            rows([f"spool_velocity.{one.name}" for one in self.inst.tendons]),
-            rows([f"wrench.{one}" for one in _COMPONENTS]),
-            rows(["grip_force"]),
-        )
-        if not any(
-            np.ptp(of, axis=0).max(initial=0.0) > _LEAST_MOTION[key]
-            for key, of in zip(_LEAST_MOTION, inputs, strict=False)
-        ):
+        counted = rows([f"spool_angle.{one.name}" for one in self.inst.tendons], Twin(self.inst).spool_radius)
+        wound = savgol_filter(counted, window, 3, axis=0) if window > 3 else counted
+        handle = rows([f"handle_angle.{one.name}" for one in self.inst.handle_joints])
+        velocity = rows([f"spool_velocity.{one.name}" for one in self.inst.tendons])
+        wrench = rows([f"wrench.{one}" for one in _COMPONENTS])
+        grip = rows(["grip_force"])
+        given = (handle, wound, velocity, wrench, grip)
+        if not any(np.ptp(of, axis=0).max(initial=0.0) > least for of, least in zip(given, _LEAST_MOTION, strict=True)):
             raise IdentificationError(
                 f"{name}: neither handle nor spools nor the load move.", key="columns", value=list(columns)
             )
         step, substeps = self._steps(run.sample_time)
         approach = round(_APPROACH / step)
-
         at = np.arange((count - 1) * substeps + 1) / substeps
 
         def stepped(rows: Array) -> Array:
@@ -217,15 +224,12 @@ class Routing(Problem):
             whole = np.stack(own, axis=1) if own else np.zeros((at.size, 0))
             return np.concatenate([np.outer(np.arange(approach) / approach, whole[0]), whole])
 
-        def held(rows: Array) -> Array:
-            """Return velocities, which are commanded for a step, and none in the approach."""
-            return np.concatenate([np.zeros((approach, rows.shape[1])), np.repeat(rows, substeps, axis=0)[: at.size]])
-
-        handle, wound, velocity, wrench, grip = inputs[:5]
+        # a velocity holds for a step, and in the approach there is none
+        held = np.repeat(velocity, substeps, axis=0)[: at.size]
         return _Inputs(
             stepped(handle),
             stepped(wound),
-            held(velocity),
+            np.concatenate([np.zeros((approach, velocity.shape[1])), held]),
             stepped(wrench),
             stepped(grip),
             step,
@@ -256,41 +260,32 @@ class Routing(Problem):
         return found
 
     def _parameters(self) -> tuple[Parameter, ...]:
-        inst = self.inst
+        inst, friction = self.inst, self.inst.friction
         shown = {channel for measured in self._measured for channel in measured}
-        found: dict[str, _Unknown] = {}
+        unknowns: dict[str, _Unknown] = {}
         for tendon in inst.as_given("tendons"):
-            found |= {f"{tendon.name}.{key}": of for key, of in _OF_TENDON.items()}
+            unknowns |= {f"{tendon.name}.{key}": of for key, of in _OF_TENDON.items()}
         for joint in inst.as_given("joints"):
-            found |= {f"{joint.name}.{key}": of for key, of in _OF_JOINT.items() if getattr(joint, key, None)}
-        parameters = [self._scaled(name, of) for name, of in found.items()]
-        friction = inst.friction
+            unknowns |= {f"{joint.name}.{key}": of for key, of in _OF_JOINT.items() if getattr(joint, key, None)}
+        found = []
+        for name, of in unknowns.items():
+            # a tendon without pretension may have some, up to 1 N
+            start = self.value(inst, name)
+            found.append((name, of._replace(lower=of.lower * start, upper=of.upper * start or 1.0)))
         if friction.law != "none":
-            keys = ["vertex_coefficient"] + ["sheath_coefficient"] * (friction.sheath_bend > 0)
-            for key in keys:
-                of = _OF_FRICTION[key]
-                parameters.append(
-                    Parameter(
-                        f"friction.{key}", of.unit, getattr(friction, key), of.lower, of.upper, of.meaning, of.group
-                    )
-                )
-        damping = inst.dynamics.damping_ratio
-        parameters.append(
-            Parameter("dynamics.damping_ratio", "1", damping, 0.0, 2.0, "damping over critical", "viscous")
-        )
-        for bend in self._bends:
-            if f"output_angle.{bend}" in shown:
-                of = _OFFSET
-                parameters.append(
-                    Parameter(f"{bend}.encoder_offset", of.unit, 0.0, of.lower, of.upper, of.meaning, of.group)
-                )
-        return tuple(parameters)
+            found.append(("friction.vertex_coefficient", _COEFFICIENT))
+            found += [("friction.sheath_coefficient", _COEFFICIENT)] * (friction.sheath_bend > 0)
+        found.append(("dynamics.damping_ratio", _DAMPING))
+        found += [(f"{bend}{_OFFSETS}", _OFFSET) for bend in self._bends if f"output_angle.{bend}" in shown]
+        return tuple(Parameter(name, of.unit, self.value(inst, name), *of[1:]) for name, of in found)
 
-    def _scaled(self, name: str, of: _Unknown) -> Parameter:
-        start = value_of(self.inst, name)
-        if not start > 0:
-            return Parameter(name, of.unit, 0.0, 0.0, 1.0, of.meaning, of.group)
-        return Parameter(name, of.unit, start, of.lower * start, of.upper * start, of.meaning, of.group)
+    @staticmethod
+    def value(inst: FullForm, name: str) -> float:
+        """Return what an instrument has as one of the parameters, of an encoder's offset nothing."""
+        table, _, key = name.partition(".")
+        if table in ("friction", "dynamics"):
+            return float(getattr(getattr(inst, table), key))
+        return 0.0 if name.endswith(_OFFSETS) else value_of(inst, name)
 
     def instrument(self, values: Array) -> FullForm:
         """Return the instrument with these values in place."""
@@ -360,10 +355,15 @@ class Routing(Problem):
         for at in which:
             one = self.parameters[at]
             above, below = values.copy(), values.copy()
-            above[at] = min(values[at] + _STEP * sizes[at], one.upper)
-            below[at] = max(values[at] - _STEP * sizes[at], one.lower)
+            above[at] = min(values[at] + self._step * sizes[at], one.upper)
+            below[at] = max(values[at] - self._step * sizes[at], one.lower)
             columns.append((self.residuals(above, run) - self.residuals(below, run)) / (above[at] - below[at]))
         return np.stack(columns, axis=1)
+
+    def refine(self, values: Array, runs: Sequence[int]) -> bool:
+        """Halve the difference by which slopes are taken; a search that ended early goes on."""
+        self._step /= 2
+        return self._step >= _LEAST_STEP
 
     def jacobian(self, values: Array, run: int) -> Array:
         """Return them by all parameters."""
@@ -412,7 +412,8 @@ def _under(law: str, inst: FullForm) -> FullForm:
     """Return the instrument under a friction law; coefficients of zero begin above it."""
     friction = inst.friction
     if law == "none":
-        return inst.replace(**{"friction.law": "none"})
+        without = dict.fromkeys(("friction.vertex_coefficient", "friction.sheath_coefficient"), 0.0)
+        return inst.replace(**{"friction.law": "none"}, **without)
     keys = ["vertex_coefficient"] + ["sheath_coefficient"] * (friction.sheath_bend > 0)
     started = {f"friction.{key}": getattr(friction, key) or _LEAST_COEFFICIENT for key in keys}
     return inst.replace(**{"friction.law": "capstan", **started})
@@ -430,4 +431,4 @@ def problem(train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: s
     return Routing(runs, law, inst)
 
 
-FORMAT = Format(load, problem, LAWS, "capstan")
+FORMAT = Format(load, problem, LAWS, "capstan", shows_progress=True)

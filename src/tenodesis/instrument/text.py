@@ -6,8 +6,11 @@ from typing import Any
 import tomli_w
 from pydantic import BaseModel
 
-from tenodesis.instrument import Instrument, ShortForm
+from tenodesis.instrument import Instrument
 from tenodesis.units import READABLE, in_unit, quantity_of
+
+_LONG = 10.0
+"""Time from which it is written in seconds, s."""
 
 
 def to_toml(given: Instrument) -> str:
@@ -27,8 +30,8 @@ def to_toml(given: Instrument) -> str:
     return tomli_w.dumps(with_units(inst) | {"overrides": own})
 
 
-def to_file(inst: ShortForm, *, comment: str = "") -> str:
-    """Return the text of a one-axis instrument's file for people to read and edit, with a comment at its beginning.
+def to_file(inst: Instrument, *, comment: str = "") -> str:
+    """Return the text of an instrument's file for people to read and edit, with a comment at its beginning.
 
     It has the values that were given, no defaults, in the units of drawings, to nine digits.
     """
@@ -45,10 +48,11 @@ def readable(value: Any, units: Mapping[str, str] = READABLE) -> Any:
         return [readable(item, units) for item in value]
     number, _, unit = value.partition(" ") if isinstance(value, str) else ("", "", "")
     try:
-        shown = float(number) * in_unit(units.get(unit, unit), unit)
+        written = unit if unit == "s" and float(number) >= _LONG else units.get(unit, unit)
+        shown = float(number) * in_unit(written, unit)
     except ValueError:
         return value
-    return f"{shown + 0.0:.9g} {units.get(unit, unit)}"
+    return f"{shown + 0.0:.9g} {written}"
 
 
 def with_units(model: BaseModel, *, unset: bool = True) -> dict[str, Any]:

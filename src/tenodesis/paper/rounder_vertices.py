@@ -21,7 +21,7 @@ from tenodesis.paper import published, step_load, step_response
 from tenodesis.paper.context import WAYS
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Plot, Table, fixed
-from tenodesis.report.page import about, json_number, json_text, render, write_columns, write_figure, written
+from tenodesis.report.page import about, json_text, render, write_columns, write_figure, written
 from tenodesis.scaling import catalogue
 from tenodesis.simulate import campaign
 from tenodesis.simulate.campaign import Rows
@@ -526,13 +526,13 @@ def _results(found: VertexStudy, shift: float) -> dict[str, Any]:
         "force": found.force,
         "states": [math.degrees(state) for state in found.states],
         "reference_radius": found.reference_radius,
-        "radius_limits": {key: json_number(value) for key, value in found.limits._asdict().items()},
+        "radius_limits": found.limits._asdict(),
         "largest_radius": found.limits.largest,
         "pretension_shift": shift,
         "ropes": {rope.name: rope.bending_stiffness for rope in found.values("rope")},
         "surfaces": {surface.name: surface.load_index for surface in found.values("surface")},
         "largest_coefficient": [
-            {"rope": rope.name, "radius": radius, "coefficient": json_number(value)}
+            {"rope": rope.name, "radius": radius, "coefficient": value}
             for (rope, radius), value in found.largest_coefficient.items()
         ],
         "designs": [
@@ -541,9 +541,9 @@ def _results(found: VertexStudy, shift: float) -> dict[str, Any]:
                 "coefficient": row["coefficient"],
                 "rope": row["rope"].name,
                 "surface": row["surface"].name,
-                "hysteresis": json_number(row["hysteresis"]),
-                "delay": json_number(row["delay"]),
-                "final_error": {law: [json_number(value) for value in row[law]] for law in LAWS},
+                "hysteresis": row["hysteresis"],
+                "delay": row["delay"],
+                "final_error": {law: row[law] for law in LAWS},
             }
             for row in found.designs
         ],

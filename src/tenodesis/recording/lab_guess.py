@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tenodesis.recording.lab_map import COLUMNS, TIME, heading, recognised
+from tenodesis.recording.lab_map import COLUMNS, TIME, Heading, heading, recognised
 from tenodesis.recording.lab_tables import Table
 from tenodesis.run import Array
 
 _TENDON, _SPOOL = r"(tension|cable|tendon|seil|zug|kraft|loadcell|lc)", r"(spool|motor|winch|spule)"
-_FIRST, _SECOND = r"(1|a|ago|agonist|left)", r"(2|b|anta|antagonist|right)"
+_FIRST, _SECOND = r"(1|a|ago|agonist|left|links)(_.*)?", r"(2|b|anta|antagonist|right|rechts)(_.*)?"
 _WORDS = {
     TIME: r"time|t|zeit|temps|x_value|timestamp|seconds?|clock",
     "handle_angle": r".*(handle|griff|theta_?h|input|master|mtm|command|setpoint).*|q_?in",
@@ -68,7 +68,7 @@ def guess(table: Table) -> dict[str, Guess]:
     if any(found[name].units == ("deg",) for name in angles):
         # of one file, angles without a unit are in the same
         for name in angles:
-            if heading(found[name].columns[0]).unit is None:
+            if _heading(found[name].columns[0]).unit is None:
                 found[name] = found[name]._replace(units=("deg",))
     return found
 
@@ -82,11 +82,10 @@ def as_toml(table: Table, guesses: dict[str, Guess]) -> str:
         one = guesses[column]
         names, units = (repr_toml(part) for part in (one.columns, one.units))
         factor = f", factor = {one.factor}" if one.factor != 1 else ""
-        why = "" if heading(one.columns[0]).unit else ", the unit by its range"
+        why = "" if _heading(one.columns[0]).unit else ", the unit by its range"
         lines.append(f"# {_range(table, one)}{why}")
         lines.append(f"{column} = {{ column = {names}, unit = {units}{factor} }}")
-    needed = [name for name in (TIME, "handle_angle", "tension_agonist", "tension_antagonist") if name not in guesses]
-    if needed:
+    if needed := lacking(guesses):
         lines += ["", f"# Not found, and needed by tenodesis identify: {', '.join(needed)}. As an example:"]
         lines += [f'# {name} = {{ column = "HEADING", unit = "{({TIME: "s"} | COLUMNS)[name]}" }}' for name in needed]
     used = {name for one in guesses.values() for name in one.columns}
@@ -99,6 +98,11 @@ def as_toml(table: Table, guesses: dict[str, Guess]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def lacking(guesses: dict[str, Guess]) -> list[str]:
+    """Return the columns that an identification needs and no heading was taken for."""
+    return [name for name in (TIME, "handle_angle", "tension_agonist", "tension_antagonist") if name not in guesses]
+
+
 def repr_toml(texts: Sequence[str]) -> str:
     """Return texts as a TOML string, or of several an array of them."""
     quoted = ['"' + re.sub(r'[\x00-\x1f"\\\x7f]', lambda c: f"\\u{ord(c[0]):04x}", text) + '"' for text in texts]
@@ -107,16 +111,23 @@ def repr_toml(texts: Sequence[str]) -> str:
 
 def _is(column: str, name: str, si: str) -> bool:
     """Return whether a heading can be a column: by its words, unless its unit says otherwise."""
-    unit = heading(name).unit
+    unit = _heading(name).unit
     if name.startswith("/") and si == "rad" and unit is None:
         return False  # of a bag only angles have the unit of one
-    word = re.sub(r"[^a-z0-9_]", "", _word(name).replace(" ", "_"))
+    word = re.sub(r"[^a-z0-9_]", "", re.sub(r"[ /]", "_", _word(name)))
     return bool(re.fullmatch(_WORDS[column], word)) and (unit is None or _kind(unit) in (si, ""))
+
+
+def _heading(text: str) -> Heading:
+    """Return a heading's parts, with a unit also as in ``Kraft/N``, ``Zeit in ms`` and ``tip (deg)``."""
+    found = heading(text)
+    other = re.fullmatch(r"(?P<name>.+?)\s*(?:/|\sin\s|\()\s*(?P<unit>m?N|k?gf|lbf|°|deg|m?rad|[mun]?s)\)?", found.name)
+    return found if other is None or found.unit is not None else Heading(other["name"], other["unit"])
 
 
 def _word(name: str) -> str:
     """Return a heading's name in lower case: of a structure or group the last part, of a bag topic and joint."""
-    name = heading(name).name
+    name = _heading(name).name
     if name.startswith("/"):
         return re.sub(r"[./]", "_", re.sub(r"\.(position|velocity|effort|data)$", "", name.lower()).strip("/"))
     return re.split(r"[./]", name)[-1].lower()
@@ -129,7 +140,7 @@ def _kind(unit: str) -> str:
 
 
 def _with_unit(name: str, values: Array, column: str, si: str) -> Guess:
-    stated = heading(name).unit
+    stated = _heading(name).unit
     known = values[np.isfinite(values)]
     spread = float(np.ptp(np.quantile(known, [0.05, 0.95]))) if known.size else 0.0
     if si == "rad":
@@ -153,7 +164,7 @@ def _clock(values: dict[str, Array]) -> Guess | None:
         step = np.diff(values[name][np.isfinite(values[name])])
         if not step.size or (step < 0).mean() > 0.01 or not np.median(step) > 0:
             continue
-        unit = heading(name).unit
+        unit = _heading(name).unit
         units = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
         fits = [one for one, scale in units.items() if _FEW <= np.median(step) * scale <= _MOST]
         if unit in units or (fits and name in named) or (fits and np.ptp(step) < 1e-3 * np.median(step)):

@@ -126,6 +126,8 @@ def map_beside(path: Path) -> Path | None:
 
 def explained(path: Path) -> str:
     """Return what columns must be, as the end of a sentence."""
+    if (beside := map_beside(path)) is not None:
+        return f"the map beside it, {beside}, must name a column for each"
     return (
         f"they must be those of tenodesis export recording, or be explained by a map {path.name}{MAP_SUFFIX}, which "
         f"tenodesis map {path} writes, or {SHARED_MAP} for all files of the folder"

@@ -98,8 +98,15 @@ def is_table(path: Path) -> bool:
 
 
 def lines_of(path: Path) -> list[str]:
-    """Return the lines of a text file that are not blank, without a byte order mark; raises OSError."""
-    text = read_regular(path, _LARGEST).decode("utf-8-sig", errors="replace")
+    """Return the lines of a text file that are not blank, without a byte order mark; raises OSError.
+
+    What is no UTF-8 is taken for the code page of western Windows.
+    """
+    found = read_regular(path, _LARGEST)
+    try:
+        text = found.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = found.decode("cp1252", errors="replace")
     return [line for line in text.splitlines() if line.strip()]
 
 

@@ -71,7 +71,6 @@ class Outcome:
         self._steps: list[float] = []
         self._last: Run | None = None
         self._bends = Bends.of(inst.expanded)
-        self._rows = 0
         self._error: Array | None = None
         """At the last row, (bends,)."""
         self._worst: dict[str, tuple[float, float]] = {}
@@ -90,7 +89,6 @@ class Outcome:
         """Take the next rows."""
         if not len(run):
             return
-        self._rows += len(run)
         if len(run) > 1:
             self._steps.append(float(np.median(np.diff(run.time))))
         enabled = self._add_states(run)
@@ -175,8 +173,7 @@ class Outcome:
         joints = self._bends.names
         end = dict(zip(joints, error.tolist(), strict=True))
         return "; ".join(
-            f"{name} {degrees(off):+.2f} deg off the unloaded angle at most, at {time:.4g} s, "
-            f"{degrees(end[name]):+.2f} deg at the end"
+            f"{name} {_signed(off)} off the unloaded angle at most, at {time:.4g} s, {_signed(end[name])} at the end"
             for name, (off, time) in sorted(self._worst.items(), key=lambda one: joints.index(one[0]))
         )
 
@@ -186,7 +183,7 @@ class Outcome:
             self._bends.names, error, np.broadcast_to(self._squares, error.shape), strict=True
         ):
             rms = f", {degrees(sqrt(squares / self._enabled)):.2f} deg RMS while enabled" if self._enabled else ""
-            parts.append(f"{name} {degrees(off):+.2f} deg off the unloaded angle at the end{rms}")
+            parts.append(f"{name} {_signed(off)} off the unloaded angle at the end{rms}")
         return "; ".join(parts)
 
     def _tensions(self, run: Run) -> dict[str, str]:
@@ -310,3 +307,9 @@ def _tip_force(run: Run) -> dict[str, str]:
 
 def _state_name(state: float) -> str:
     return OperatingState(int(state)).name if state in set(OperatingState) else f"state {state:g}"
+
+
+def _signed(angle: float) -> str:
+    """Return an angle (rad) in deg with its sign, none where it rounds to nothing."""
+    rounded = round(degrees(angle), 2)
+    return f"{rounded:+.2f} deg" if rounded else "0.00 deg"

@@ -35,12 +35,13 @@ def record(
     every: int = 1,
     overwrite: bool = False,
     progress: Callable[[float, float], object] | None = None,
+    each: Callable[[Run], object] | None = None,
 ) -> Run:
     """Run a protocol on the twin of an instrument, and record it while it runs.
 
     A protocol that begins with a pretension phase finds slack tendons: the motors let them out first, which is recorded
     as well, and a controller homes them; it starts to run after that. The whole run is returned, which at 2 kHz takes
-    2 MB a second; :func:`recorded` keeps nothing.
+    2 MB a second, unless `each` takes its blocks.
 
     Parameters
     ----------
@@ -61,11 +62,13 @@ def record(
     progress
         Called after every block with the seconds done and those of the entire run. An exception that it raises ends the
         run; the file contains the blocks before it.
+    each
+        Called with every block once it is written; no block is kept then but the last.
 
     Returns
     -------
     Run
-        What was run, all of its rows.
+        What was run, all of its rows; with `each` the last block.
 
     Raises
     ------
@@ -78,38 +81,6 @@ def record(
     ValueError
         The twin cannot have this time step or seed, or the controller is for other axes or joints.
     """
-    return concatenate(
-        list(
-            recorded(
-                inst,
-                protocol,
-                path,
-                controller=controller,
-                time_step=time_step,
-                seed=seed,
-                quasi_static=quasi_static,
-                every=every,
-                overwrite=overwrite,
-                progress=progress,
-            )
-        )
-    )
-
-
-def recorded(
-    inst: InstrumentLike,
-    protocol: Protocol,
-    path: str | Path,
-    *,
-    controller: Controller | JointController | None = None,
-    time_step: float = TIME_STEP,
-    seed: int = 0,
-    quasi_static: bool = False,
-    every: int = 1,
-    overwrite: bool = False,
-    progress: Callable[[float, float], object] | None = None,
-) -> Iterator[Run]:
-    """Yield the run of :func:`record` in blocks, each once it is written; parameters and errors alike."""
     inst = as_instrument(inst)
     if every < 1:
         raise RecordingError(key="every", value=every, allowed="1 or more")
@@ -125,10 +96,15 @@ def recorded(
     names = controller.names_of(inst) if isinstance(controller, JointController) else twin.names
     with Recorder(path, axes=names, metadata=metadata, overwrite=overwrite) as recorder:
         rows = 0
+        kept: list[Run] = []
         for run in _blocks(twin, protocol, controller, progress):
             recorder.write(run.rows(-rows % every, None, every))
             rows += len(run)
-            yield run
+            kept.append(run)
+            if each is not None:
+                each(run)
+                del kept[:-1]
+    return concatenate(kept)
 
 
 def _blocks(

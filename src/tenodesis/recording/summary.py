@@ -76,7 +76,8 @@ def describe(about: Recording | Summary) -> Group:
     parts: list[Text | Table] = []
     if recording.damage is not None:
         parts.append(Text(recording.damage, style="bold red"))
-    parts += [_facts(summary), _topics(recording), _ranges(summary.seen)]
+    parts += [_facts(summary), _topics(recording)]
+    parts += [_ranges(summary.seen)] if summary.seen.ranges else []
     return Group(*parts)
 
 
@@ -115,14 +116,26 @@ def facts(about: Recording | Summary) -> dict[str, str]:
     return {
         **({"file": metadata["kind"]} if "kind" in metadata else {}),
         "instrument": _instrument(recording),
-        **_named(recording.run),
+        **(_named(recording.run) if seen.ranges else {}),
         "protocol": _protocol_name(metadata.get("protocol", "")),
         "seed": metadata.get("seed", ""),
         "made with": ", ".join(f"{name} {metadata[name]}" for name in _VERSIONS if name in metadata),
+        **_duration(recording, seen),
+        **_controller(recording, seen),
+    }
+
+
+def _duration(recording: Recording, seen: Seen) -> dict[str, str]:
+    """Return duration, rows and rate; of a table without a known time its rows, and what tells its columns."""
+    if "kind" in recording.metadata and all(one.type != "column: time" for one in recording.topics.values()):
+        return {
+            "rows": f"{seen.rows}",
+            "duration": f"no heading is known as the time; tenodesis map {recording.path} writes a map of columns",
+        }
+    return {
         "duration": f"{seen.last - seen.first:.6g} s",
         "rows": f"{seen.rows}",
         "rate": f"{1 / seen.step:.6g} Hz" if seen.step > 0 else "",
-        **_controller(recording, seen),
     }
 
 
@@ -187,7 +200,8 @@ def _topics(recording: Recording) -> Table:
     )
     for name, topic in recording.topics.items():
         reason = recording.left_out.get(name)
-        kind = topic.type if reason is None else f"{topic.type}, left out: {reason}"
+        kind = topic.type.replace("/msg/", "/")  # as ROS writes types in short, which fits 80 columns
+        kind = kind if reason is None else f"{kind}, left out: {reason}"
         rate = "" if isnan(topic.rate) else f"{topic.rate:.6g} Hz"
         table.add_row(Text(name), f"{topic.messages}", rate, Text(kind))
     return table

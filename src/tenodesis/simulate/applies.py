@@ -40,8 +40,14 @@ def applied_to(phase: Phase, places: Places) -> Place:
         if kind == "contact":
             raise _wrong_kind(kind, why, "object" if inst.grip is not None else "step-load with a wrench")
         wrong = {key: (instead, why) for key, instead in _OF_PAIR.items()}
-        if kind == "ramp":
-            wrong["handle_angle"] = "handle_angles", why
+        if inst.handle_joints:
+            handle, where = ("handle_angles", "handle_angles") if kind == "ramp" else ("", "handle_angle")
+        else:
+            handle = where = "spool_velocities of a ramp, or spool_tensions"
+            why = f"but {inst.name} has no joint at the handle"
+        wrong["output_angle"] = where, why
+        if handle:
+            wrong["handle_angle"] = handle, why
     if inst.grip is None:
         if kind == "object" and at.plane is None:
             raise ProtocolError(f"kind is object, {jawless}; its file must have a table [grip]", key="kind", value=kind)

@@ -240,7 +240,12 @@ def _instruments(chosen: Sequence[InstrumentLike], vary: Mapping[str, ArrayLike]
     fixed = ("law", "sheath_contacts", "vertices_per_joint", "bends")
     for one in insts:
         if len(one.axes) != 1:
-            raise ArgumentError(f"{one.name} has two axes; it must have one: inst.axis(name).", key="inst")
+            names = " or ".join(f"inst.axis({axis!r})" for axis in one.axes)
+            raise ArgumentError(
+                f"{one.name} has two axes; it must have one: {names}, with handle angles (time steps,) or (runs, time "
+                "steps). Two axes run one by one: Twin(inst).run(...), with handle angles (time steps, 2).",
+                key="inst",
+            )
         same = all(getattr(one.friction, key) == getattr(first.friction, key) for key in fixed)
         if one.joint_type != first.joint_type or not same or one.sensors.sampling_rate != first.sensors.sampling_rate:
             raise ArgumentError(

@@ -1,7 +1,7 @@
 """The instrument's own twin as a model of its recordings, with exact derivatives through stick and slip."""
 
 from collections.abc import Callable, Sequence
-from math import degrees, pi, sqrt
+from math import ceil, degrees, pi, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ from tenodesis.identification.twin_model.steps import READINGS, SteppedRun, in_s
 from tenodesis.instrument import ShortForm
 from tenodesis.instrument.compliance import compliance_shares
 from tenodesis.run import TENDONS, Array
+from tenodesis.threads import thread_pool
 
 
 class TwinUnknown(NamedTuple):
@@ -176,7 +177,9 @@ class TwinProblem(Problem):
     def _step(self, finest: list[SteppedRun], numbers: list[float]) -> None:
         """Put the recordings into steps that suit a twin."""
         stride = min(self._stride(run, fine, numbers) for run, fine in zip(self._measured, finest, strict=True))
-        self._runs = finest if stride == 1 else [in_steps(run, self._inst, stride) for run in self._measured]
+        runs = finest if stride == 1 else [in_steps(run, self._inst, stride) for run in self._measured]
+        longest = tuning.LONGEST_SHARE * plant.longest_step(self._inst) / self._swiftness
+        self._runs = [run._replace(substeps=ceil(run.time_step / longest) if stride == 1 else 1) for run in runs]
         self._known: dict[int, dict[bytes, Marginalisation]] = {}
         self._held: dict[int, Marginalisation] = {}
 
@@ -272,19 +275,20 @@ class TwinProblem(Problem):
         return other._whitened(self.plain_residuals(values, run), other.plain_residuals(there, run), there, run)
 
     def refine(self, values: Array, runs: Sequence[int]) -> bool:
-        """Marginalise errors of commands near some values where residuals are too large to have done so before.
+        """Marginalise errors of commands near some values, and no longer as values change.
 
-        Where the tip turns out to swing faster, steps are shortened as well.
+        What follows the values in a search draws it to where errors of commands have larger effects, for these
+        explain more. Where the tip turns out to swing faster, steps are shortened as well.
         """
         given = dict(zip(self._names, values.tolist(), strict=True))
         inertia = given["dynamics.tip_inertia"] / self._nominal["tip_inertia"]
         swiftness = sqrt(given["stiffness_ratio"] / inertia)
-        finer = swiftness > tuning.SWIFTER * self._swiftness and any(one.stride > 1 for one in self._runs)
+        finer = swiftness > tuning.SWIFTER * self._swiftness and any(one.stride > 1 or one.substeps > 1 for one in self._runs)
         if finer:
             self._swiftness = swiftness
             self._step([in_steps(run, self._inst, 1) for run in self._measured], self._numbers(values))
         for run in runs:
-            if self._runs[run].input_errors and self._far(self.plain_residuals(values, run), run):
+            if self._runs[run].input_errors:
                 self._held[run] = self._marginalised(values, run)
         return finer or any(run in self._held for run in runs)
 
@@ -294,6 +298,26 @@ class TwinProblem(Problem):
         return tuple(
             one.sensors[name].deviation_of_mean(one.stride) / one.sensors[name].deviation for name in one.measured
         )
+
+    def systematic_errors(self, values: Array, run: int) -> Array | None:
+        """Return what commands with drawn errors do to residuals beyond what is marginalised out, (n, draws).
+
+        Commands are drawn as their errors may have been; what friction makes of a turn of the handle in place of rest
+        is not linear in them, and has a mean.
+        """
+        near = self._marginalisation(self.plain_residuals(values, run), values, run)
+        one = self._runs[run]
+        if near is None:
+            return None
+        draw = np.random.default_rng(0)
+        undisturbed = self._expected(one.commands, values, run)
+
+        def effect(drawn: Array) -> Array:
+            return near.whitened(self._expected(one.disturbed(drawn), values, run) - undisturbed)
+
+        errors = [one.mixing @ draw.standard_normal(one.mixing.shape[1]) for _ in range(tuning.DRAWS)]
+        with thread_pool() as pool:
+            return np.stack(list(pool.map(effect, errors)), axis=1) / sqrt(tuning.DRAWS)
 
     def sample_time(self, run: int) -> float:
         """Return the time between residuals of a sensor, s."""
@@ -453,15 +477,16 @@ class TwinProblem(Problem):
         return self._run(one, self._numbers(values), variables)[:, :, one.kept]
 
     def _run(self, run: SteppedRun, numbers: list[float], variables: Sequence[int]) -> Array:
-        numbers[_ROW.index("time_step")] = run.time_step
+        numbers[_ROW.index("time_step")] = run.time_step / run.substeps
         spec = plant.core_spec(self._inst, self._spec, numbers, 1, quasi_static=False)
-        out = np.full((len(READINGS), 1 + len(variables), len(run.commands)), np.nan)
-        _, status = _core.twin_gradient(spec, run.commands, run.handle_as_read, list(variables), out)
+        commands = run.fine_commands
+        out = np.full((len(READINGS), 1 + len(variables), len(commands)), np.nan)
+        _, status = _core.twin_gradient(spec, commands, run.handle_as_read, list(variables), out)
         if status in (Status.NOT_FINITE, Status.OUT_OF_RANGE):
             raise IdentificationError(
                 f"{run.name}: a command is not finite or beyond the handle's range.", key="handle_angle"
             )
-        return out
+        return out[:, :, run.substeps - 1 :: run.substeps]
 
 
 def problem(

@@ -107,7 +107,7 @@ def smoothed(values: Array, sample_time: float, sensor: QuantisedSensor) -> Reco
     penalised = np.ones(values.size - 2)
     smooth, blur, risk = _least_risk(values, penalised, sample_time, deviation)
     for _ in range(tuning.KINK_ROUNDS if blur else 0):
-        kinked = _with_kinks(values, penalised, blur, deviation)
+        kinked = _narrowed(values, penalised, _with_kinks(values, penalised, blur, deviation), blur, deviation)
         new_smooth, new_blur, new_risk = _least_risk(values, kinked, sample_time, deviation)
         if new_risk >= risk:
             break
@@ -202,6 +202,32 @@ def _with_kinks(values: Array, penalised: Array, blur: float, deviation: float) 
         kink = int(size.argmax())
         found[max(0, kink - 1 - tuning.KINK_WIDTH) : kink + tuning.KINK_WIDTH] = 0
         size[max(0, kink - reach) : kink + reach + 1] = 0
+    return found
+
+
+def _narrowed(values: Array, before: Array, wide: Array, blur: float, deviation: float) -> Array:
+    """Return new kinks at one sample each, where that has the least expected error.
+
+    A path that is free over several samples takes their noise over, which may turn a handle round that stands still.
+    """
+    new = np.flatnonzero(before - wide)
+    if not new.size:
+        return wide
+    kinks = np.split(new, np.flatnonzero(np.diff(new) > 1) + 1)
+    reach = max(tuning.KINK_WIDTH, int(tuning.KINK_BLUR * blur) // 2)
+    best, chosen = np.full(len(kinks), np.inf), list(kinks)
+    for place in range(-1, max(one.size for one in kinks)):
+        tried = [one if place < 0 else one[place : place + 1] for one in kinks]
+        penalised = before.copy()
+        penalised[np.concatenate(tried)] = 0
+        missed = (values - _solved(_weight(blur) * penalised, values)) ** 2
+        for n, (own, free) in enumerate(zip(kinks, tried, strict=True)):
+            near = missed[max(0, own[0] + 1 - reach) : own[-1] + 2 + reach]
+            risk = float(near.sum()) + 2 * deviation**2 * free.size
+            if free.size and risk < best[n]:
+                best[n], chosen[n] = risk, free
+    found = before.copy()
+    found[np.concatenate(chosen)] = 0
     return found
 
 
@@ -318,6 +344,24 @@ class SteppedRun(NamedTuple):
     """Independent combinations of these, one standard deviation each, (errors, combinations)."""
     handle_as_read: bool
     """Whether the handle angle is that of its encoder less its offset, rather than the commanded angle."""
+    substeps: int = 1
+    """Steps of the model in each of these, where samples are far apart for its tip."""
+
+    @property
+    def fine_commands(self) -> Array:
+        """The core's commands by step of the model, interpolated."""
+        if self.substeps == 1:
+            return self.commands
+        count = len(self.commands)
+        at = (np.arange(1, self.substeps * count + 1) / self.substeps) - 1
+        return np.stack([np.interp(at, np.arange(count), column) for column in self.commands.T], axis=1)
+
+    def disturbed(self, sizes: Array) -> Array:
+        """Return the commands with their errors in given sizes, (errors,)."""
+        commands = self.commands.copy()
+        for error, size in zip(self.input_errors, sizes.tolist(), strict=True):
+            commands[error.first : error.first + error.shape.size, error.column] += size * error.shape
+        return commands
 
     @property
     def deviation(self) -> dict[str, float]:

@@ -47,6 +47,8 @@ MEMORY_SHRINKAGE = 0.8
 """Factor by which that time is shortened, from the entire run, until there are few enough runs."""
 NEGLIGIBLE_EFFECT = 1e-12
 """Variance of an effect, over that of a reading, below which its shrinkage is replaced by its limit."""
+DRAWS = 24
+"""Commands drawn for the effects that marginalising leaves: their spread is known to a seventh."""
 
 # How a recording begins (`steps`).
 LEAD_TIME = 0.5
@@ -67,6 +69,9 @@ HELD_SHARE = 0.7
 # Time steps and linearisation (`problem`).
 LONGEST_STEP = 2e-3
 """s, of a step over which samples are averaged: time against the error of stepping."""
+LONGEST_SHARE = 0.5
+"""Of the longest step that the tip allows, above which samples are apart too far for one step of the model: near that
+step it chatters, and its derivatives grow without bound."""
 STEP_BIAS = 1.0
 """Standard deviations by which a longer step may move the parameters altogether."""
 COARSE_STEP = 0.5
