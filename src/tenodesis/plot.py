@@ -5,6 +5,8 @@ given as such, by name or by path; of two axes, the first is drawn. Forces are t
 those of the instrument's conditions.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

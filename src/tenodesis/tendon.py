@@ -3,6 +3,8 @@
 Tensions in N, lengths in m, stiffness in N/m; friction exponents are coefficient times wrap angle.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType

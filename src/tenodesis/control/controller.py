@@ -1,5 +1,7 @@
 """The controller of the core, one tick at a time, for any plant."""
 
+from __future__ import annotations
+
 from enum import IntEnum
 from math import isfinite
 from typing import Any, Literal, NamedTuple, TypeAlias, get_args

@@ -1,5 +1,7 @@
 """Observer and law for any routing: all joints of an instrument from the drive end of all its tendons."""
 
+from __future__ import annotations
+
 from math import hypot, sqrt
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
@@ -67,7 +69,7 @@ class JointEstimate(NamedTuple):
     """Of the angles, rad^2, (..., joints, joints)"""
 
     @classmethod
-    def of_rows(cls, rows: Array, joints: int, tendons: int) -> "JointEstimate":
+    def of_rows(cls, rows: Array, joints: int, tendons: int) -> JointEstimate:
         """Return it from the core's numbers, (..., width)."""
         widths = [joints] * 3 + [_COMPONENTS] * 2 + [1, 1] + [tendons] * 3 + [joints**2]
         found = dict(zip(cls._fields, np.split(rows, np.cumsum(widths)[:-1], axis=-1), strict=True))

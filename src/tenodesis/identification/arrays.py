@@ -1,5 +1,7 @@
 """Arrays fitted in one call: measured signals and an instrument in, parameters and curves out."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,5 +1,7 @@
 """Forward kinematics, Jacobian and inverse kinematics of an instrument."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from math import degrees, pi, prod
 from typing import Any, NamedTuple

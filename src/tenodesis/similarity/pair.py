@@ -1,5 +1,7 @@
 """Two instruments: the range of their comparison, the scale factors, and the groups."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -1,5 +1,7 @@
 """Rows behind the equations: all joints of an instrument at rest, last axes by joint, tendon or wrench component."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple, TypeAlias, TypedDict, Unpack

@@ -24,6 +24,8 @@ other. A single point without a solution, such as an output angle of half a turn
 not finite or not allowed, or a handle angle beyond the handle's range, raises ``ValueError`` in either case.
 """
 
+from __future__ import annotations
+
 import inspect
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, TypeAlias

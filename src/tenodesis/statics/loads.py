@@ -1,5 +1,7 @@
 """A load and what motors have wound, as rows of the chain of joints, by the number of joints."""
 
+from __future__ import annotations
+
 from typing import Any, NamedTuple
 
 import numpy as np

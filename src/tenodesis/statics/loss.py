@@ -1,5 +1,7 @@
 """What loads take from the joints of a held instrument, what gives it back, and from where on a tendon is slack."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np

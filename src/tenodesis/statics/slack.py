@@ -1,5 +1,7 @@
 """The load at which a tendon goes slack: handle and motors held, the load raised until the first tension is zero."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,5 +1,7 @@
 """The wrench at the tip, as far as the moments about the joints determine it."""
 
+from __future__ import annotations
+
 from math import pi
 from typing import NamedTuple
 

@@ -1,5 +1,7 @@
 """Many twins in parallel over threads."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

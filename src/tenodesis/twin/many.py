@@ -1,5 +1,7 @@
 """Many twins with their commands: what is stepped together."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 

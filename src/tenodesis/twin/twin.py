@@ -3,6 +3,8 @@
 Angles in rad, forces in N, time in s. Commands are the values at the end of each step.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple, Unpack
@@ -124,12 +126,12 @@ class Twin:
         return self._steps * self.time_step
 
     @property
-    def core(self) -> "_core.Twin":
+    def core(self) -> _core.Twin:
         """The core's twin; :attr:`time` is not updated if it is stepped directly."""
         return self._core.core
 
     @cached_property
-    def live_device(self) -> "_core.LiveDevice":
+    def live_device(self) -> _core.LiveDevice:
         """It as a device of the live loop; :attr:`time` is not updated by that."""
         return self._core.device(self.time_step)
 
