@@ -1,26 +1,23 @@
-"""What a tick of the controller costs on this PC, as a ratio against the twin's own step, and how well it controls.
+"""What a tick of the controller costs on this PC, as a ratio against the twin's own step.
 
 Peer: one step of the twin of the same instrument, with full friction, drives and sensors, measured in the same run in
 turns with the two together. What a microcontroller takes, ``make firmware`` counts.
 """
 
-import argparse
-import os
 import time
 
 import numpy as np
 from numpy.typing import NDArray
+from turns import judged
 
 import tenodesis as tn
 from tenodesis.control import Controller
 from tenodesis.instrument import Instrument
-from tenodesis.paper import campaign, step_response
-from tenodesis.paper.context import Context
+from tenodesis.paper import step_response
 from tenodesis.twin import Twin
 
 Array = NDArray[np.float64]
 
-SEEDS = 20
 CHUNK = 200  # ticks
 ROUNDS = 5
 BEFORE, AFTER = 4.0, 6.0  # s
@@ -70,40 +67,14 @@ def ticks(inst: Instrument) -> None:
         step = np.min(alone, axis=0) / CHUNK
         tick = (np.min(both, axis=0) - np.min(alone, axis=0) - calls) / CHUNK
         ratio = tick / step.mean()
-        verdict = "reached" if np.median(tick) <= TARGET else "MISSED"
         print(
-            f"  held at {output:<4g}° p50 {1e9 * np.median(tick):4.0f} ns   mean {1e9 * tick.mean():4.0f} ns   worst "
-            f"{1e9 * tick.max():4.0f} ns   target p50 {1e9 * TARGET:g} ns {verdict}   over a step of the twin of "
-            f"{1e9 * step.mean():.0f} ns: p50 {np.median(ratio):.2f}x   mean {ratio.mean():.2f}x   worst "
-            f"{ratio.max():.2f}x"
+            f"  held at {output:<4g}° p50 {1e9 * np.median(tick):4.0f} ns   mean {1e9 * tick.mean():4.0f} ns   "
+            f"worst {1e9 * tick.max():4.0f} ns   p50 {judged(1e9 * np.median(tick), 1e9 * TARGET, ' ns', most=True)}   "
+            f"over a step of the twin of {1e9 * step.mean():.0f} ns: p50 {np.median(ratio):.2f}x   "
+            f"mean {ratio.mean():.2f}x   worst {ratio.max():.2f}x"
         )
 
 
-def accuracy(seeds: int) -> None:
-    """The campaign of the bench report."""
-    context = Context(tn.load("real-size"), tn.load("scaled-up"), is_paper=True)
-    few = max(1, seeds // campaign.SEED_DIVISOR)
-    print(f"the robust law over 4 states, friction errors of -30, 0 and +30 %, {seeds} seeds, {few} beyond the first:")
-    for n, condition in enumerate(campaign.conditions(context)):
-        start = time.perf_counter()
-        trials = campaign.trials(condition, few if n else seeds)
-        spent = time.perf_counter() - start
-        print(f"  {condition.key.replace('_', ' ')}: {len(trials)} runs, {spent:.1f} s")
-        for metric in campaign.METRICS:
-            value = metric.of(trials)
-            target = metric.aim(condition.inst)
-            verdict = "" if target is None else f"   target {target:g} {'reached' if value <= target else 'MISSED'}"
-            print(f"    {metric.heading:<28} {value:8.3f}{verdict}")
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=int(os.environ.get("SEEDS", SEEDS)), help="noise seeds")
-    arguments = parser.parse_args()
+if __name__ == "__main__":
     ticks(tn.load("scaled-up"))
     ticks(tn.load("real-size").axis("yaw"))
-    accuracy(arguments.seeds)
-
-
-if __name__ == "__main__":
-    main()

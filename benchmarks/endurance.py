@@ -1,7 +1,7 @@
 """A long live session with all processes: ticks, their rows in the recording, and memory.
 
 A runtime process, its recorder and an operator who turns the handle and changes the load, beside busy processes.
-At the end the file is read back, message by message: each tick of the recording must be in it once, a period after the
+At the end the file is read back: each tick of the recording must be in it once, a period after the
 one before. There is no peer to compare with; the figures are counts.
 """
 
@@ -14,10 +14,10 @@ import time
 from pathlib import Path
 
 import numpy as np
-from mcap.reader import make_reader
 from rich.progress import track
 
 import tenodesis as tn
+from tenodesis.instrument import as_short_form
 from tenodesis.live.host import Host
 from tenodesis.live.recorder import STATUS
 
@@ -47,7 +47,8 @@ def session(name: str, seconds: float, folder: Path) -> Path:
         link.acquire()
         link.request("enable")
         path = link.record(True, "endurance")
-        axes, range_ = len(link.axes), 0.9 * link.inst.axis(link.axes[0]).handle_range
+        inst = as_short_form(link.inst)
+        axes, range_ = len(inst.axes), 0.9 * inst.handle_range
         memory: dict[str, list[float]] = {"runtime": [], "recorder": []}
         loads: list[float] = []
         begun, before = time.monotonic(), link.status().timing
@@ -69,11 +70,12 @@ def session(name: str, seconds: float, folder: Path) -> Path:
         host.close()
     timing = status.timing
     ticks = timing.ticks - before.ticks
+    late = timing.late - before.late
     print(
-        f"{name}: {seconds:g} s at {1 / link.time_step:g} Hz, load {min(loads):.1f}-{max(loads):.1f}: {ticks} ticks, "
-        f"given up {timing.missed - before.missed}, more than half a period late {timing.late - before.late} "
-        f"({100 * (timing.late - before.late) / ticks:.2f} %); lateness p99 {timing.lateness_p99 * 1e6:.0f} us, worst "
-        f"{timing.lateness_worst * 1e3:.1f} ms; at the end {status.state}, {status.problem or 'no problem'}"
+        f"{name}: {seconds:g} s at {inst.sensors.sampling_rate:g} Hz, load {min(loads):.1f}-{max(loads):.1f}: "
+        f"{ticks} ticks, given up {timing.missed - before.missed}, more than half a period late {late} "
+        f"({100 * late / ticks:.2f} %); lateness p99 {1e6 * timing.lateness_p99:.0f} us, "
+        f"worst {1e3 * timing.lateness_worst:.1f} ms; at the end {status.state}, {status.problem or 'no problem'}"
     )
     for process, values in memory.items():
         print(f"{'':4}memory of the {process}: {values[0]:.1f} MB, at most {max(values):.1f}, at last {values[-1]:.1f}")
@@ -82,23 +84,14 @@ def session(name: str, seconds: float, folder: Path) -> Path:
 
 
 def read_back(path: Path, period: float) -> None:
-    """Count the rows of a recording by its messages' own times."""
-    with path.open("rb") as file:
-        reader = make_reader(file)
-        summary = reader.get_summary()
-        assert summary is not None
-        assert summary.statistics is not None
-        counts = {summary.channels[n].topic: count for n, count in summary.statistics.channel_message_counts.items()}
-        topic = max(counts, key=lambda name: counts[name])
-        times = np.fromiter(
-            (message.log_time for _, _, message in reader.iter_messages(topics=[topic], log_time_order=False)),
-            np.int64,
-            counts[topic],
-        )
-    steps = np.diff(times) / 1e9
+    """Count the rows of a recording by their times."""
+    recording = tn.Recording.open(path, signals=["commanded_handle_angle"])
+    steps = np.diff(recording.run.time)
+    ends = [event.content for event in recording.events if event.content.get("event") == "recording_ended"]
     print(
-        f"    recording: {path.stat().st_size / 1e6:.1f} MB, {len(times)} rows of {topic} over {steps.sum():.3f} s, of "
-        f"{steps.sum() / period + 1:.0f} due; intervals other than a period: {np.sum(np.abs(steps - period) > 1e-6)}"
+        f"    recording: {path.stat().st_size / 1e6:.1f} MB, {len(steps) + 1} rows over {steps.sum():.3f} s, of "
+        f"{steps.sum() / period + 1:.0f} due; intervals other than a period: {np.sum(np.abs(steps - period) > 1e-6)}; "
+        f"it says {', '.join(map(str, ends))}; damage: {recording.damage}"
     )
 
 

@@ -1,13 +1,10 @@
-"""Cost of a tick of the complete live loop, relative to the controller alone in the same ticks, and timing.
+"""Cost of a tick of the complete live loop, relative to the controller alone in the same ticks.
 
 Peer: the controller alone, timed within the same ticks. The rest of a tick is the twin's step, the orders, and the
-record in shared memory that every watcher reads.
+record in shared memory that every watcher reads. How punctual ticks are by the clock, ``endurance.py`` measures.
 """
 
-import argparse
 import tempfile
-import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +14,7 @@ from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
 from tenodesis.live.loop import Choices, LiveLoop
 from tenodesis.live.ticks import Reader
+from tenodesis.twin.rows import columns_by_name
 
 TICKS = 200_000
 BLOCK = 4000
@@ -26,8 +24,9 @@ def made(folder: Path, name: str, **choices: object) -> LiveLoop:
     inst = tn.load(name)
     (folder / folders.INSTRUMENT).write_text(to_toml(inst), "utf-8")
     loop = LiveLoop(inst, folder, Choices(**choices))  # type: ignore[arg-type]
-    has = loop.capabilities
-    folders.write(folder, folders.About(inst, has.name, loop.period, has.simulated, has.distal_encoder, "", 0))
+    has, device = loop.capabilities, loop.device
+    sides = device.commands, device.signals
+    folders.write(folder, folders.About(inst, has.name, loop.period, has.simulated, has.distal_encoder, "", 0, *sides))
     return loop
 
 
@@ -38,7 +37,9 @@ def ticks(name: str) -> None:
         reader = Reader(folder)
         loop.request("enable")
         handle = np.radians(25) * np.sin(2 * np.pi * np.arange(BLOCK) / BLOCK)
-        rows = np.stack([handle, np.full(BLOCK, 0.5), np.zeros(BLOCK)], -1)[:, np.newaxis]
+        columns = columns_by_name(loop.device.commands)
+        rows = np.zeros((BLOCK, sum(width for _, width in loop.device.commands)))
+        rows[:, columns["handle_angle"]], rows[:, columns["force"]] = handle[:, np.newaxis], 0.5
         lost = 0
         for _ in range(TICKS // BLOCK):
             loop.push(rows)
@@ -54,55 +55,6 @@ def ticks(name: str) -> None:
         )
 
 
-def on_time(name: str, seconds: float) -> None:
-    """How late ticks begin at 2 kHz by the clock, with a watcher that reads all, while another thread is busy."""
-    with tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as folder:
-        loop = made(Path(folder), name)
-        reader = Reader(folder)
-        loop.request("enable")
-        ending = threading.Event()
-
-        def busy() -> None:
-            while not ending.is_set():
-                np.linalg.norm(np.random.default_rng().random((200, 200)))
-
-        worker = threading.Thread(target=busy)
-        worker.start()
-        loop.start()
-        read = lost = 0
-        end = time.monotonic() + seconds
-        memory = resident()
-        while time.monotonic() < end:
-            run, more = reader.read(4000)
-            read, lost = read + len(run), lost + more
-            time.sleep(0.05)
-        grown = resident() - memory
-        loop.finish()
-        run, more = reader.read(10**6)
-        read, lost = read + len(run), lost + more
-        ending.set()
-        worker.join()
-        core, late = loop.core, loop.core.lateness
-        print(
-            f"{name:10}: {seconds:g} s at {1 / loop.period:g} Hz beside a busy thread: {core.ticks} ticks of "
-            f"{seconds / loop.period:.0f} due, read {read}, lost {lost}; late {core.late} "
-            f"({100 * core.late / max(core.ticks, 1):.2f} %), given up {core.missed}; lateness "
-            f"p50 {late[0] * 1e6:.0f} us, p99 {late[1] * 1e6:.0f} us, worst {late[2] * 1e3:.1f} ms; "
-            f"memory grown {grown / 1e6:+.1f} MB"
-        )
-        for sentence in core.refused:
-            print(f"{'':10}  {sentence}")
-
-
-def resident() -> int:
-    """Memory of this process, bytes."""
-    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
-
-
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=10.0, help="of the run by the clock")
-    given = parser.parse_args()
     for one in ("real-size", "scaled-up"):
         ticks(one)
-    on_time("scaled-up", given.seconds)

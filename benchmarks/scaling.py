@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from turns import in_turns, judged, rate, seconds, times_faster
 
 import tenodesis as tn
 from tenodesis import scaling
@@ -42,24 +43,24 @@ def main() -> None:
     assert isinstance(real_size, TendonGear)
     parts = scaling.load()
     cores = tn.threads.threads()
-    fronts = {}
-    seconds: dict[int, list[float]] = {}
+    fronts: dict[int, scaling.Front] = {}
+
+    def designed() -> None:
+        fronts[tn.threads.threads()] = scaling.design(real_size, parts)
+
+    took = {}
     for threads in (1, cores):
         tn.set_threads(threads)
-        for _ in range(ROUNDS):
-            start = time.perf_counter()
-            fronts[threads] = scaling.design(real_size, parts)
-            seconds.setdefault(threads, []).append(time.perf_counter() - start)
+        (took[threads],) = in_turns(ROUNDS, seconds(designed))
     front = fronts[cores]
-    same = np.array_equal(fronts[1].sweep.numbers, front.sweep.numbers) and np.array_equal(
-        fronts[1].sweep.costs, front.sweep.costs
-    )
+    same = all(np.array_equal(getattr(fronts[1].sweep, of), getattr(front.sweep, of)) for of in ("numbers", "costs"))
     points = front.sweep.range.coarse.force.size
     print(f"{front.examined} scale models of {real_size.name}, {points} points each; {len(front)} on the front")
-    for threads, times in seconds.items():
-        mean, worst = np.mean(times), max(times)
-        print(f"  on {threads} cores, catalogue to front   mean {mean:5.2f} s   worst {worst:5.2f} s", end="")
-        print(f"   target {SECONDS_TARGET:g} s {'reached' if worst <= SECONDS_TARGET else 'MISSED'}")
+    for threads, times in took.items():
+        print(
+            f"  on {threads} cores, catalogue to front   mean {times.mean():5.2f} s   worst {times.max():5.2f} s   "
+            f"{judged(times.max(), SECONDS_TARGET, ' s', most=True)}"
+        )
     print(f"  the same front on 1 and {cores} cores: {'yes' if same else 'NO'}")
 
     flexible = tn.load(ROOT / "examples/continuum.toml")
@@ -73,22 +74,15 @@ def main() -> None:
     assert isinstance(scaled, TendonGear)
     span = working_range(real_size, max(real_size.conditions.forces)).coarse
     expected = tn.statics.output_angle(real_size, span.handle_angle, span.force)
-    ratios = []
-    for _ in range(ROUNDS):
-        start = time.perf_counter()
+
+    def peer() -> None:
         for length in np.linspace(0.05, 0.25, PEERS):
-            judged_in_python(
-                real_size, scaled.replace(end_effector_length=length), span.handle_angle, span.force, expected
-            )
-        peer = (time.perf_counter() - start) / PEERS
-        start = time.perf_counter()
-        front = scaling.design(real_size, parts)
-        ratios.append(peer / ((time.perf_counter() - start) / front.examined))
+            longer = scaled.replace(end_effector_length=length)
+            judged_in_python(real_size, longer, span.handle_angle, span.force, expected)
+
+    rates = in_turns(ROUNDS, rate(front.examined, designed), rate(PEERS, peer))
     tn.set_threads(cores)
-    mean, worst = np.mean(ratios), min(ratios)
-    verdict = "reached" if worst >= RATIO_TARGET else "MISSED"
-    print(f"  over one after the other in Python   mean {mean:6.0f}x   worst {worst:6.0f}x", end="")
-    print(f"   target {RATIO_TARGET:g}x {verdict}")
+    times_faster("one after the other in Python", *rates, RATIO_TARGET)
 
 
 if __name__ == "__main__":

@@ -4,14 +4,14 @@ Peers: SciPy's vectorised elementwise.find_root, given its brackets for free, an
 for two axes that share their load, SciPy's root, point by point.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import sqrt
-from timeit import timeit
 
 import numpy as np
 from numpy.typing import NDArray
 from peers import scipy_peer
 from scipy.optimize import elementwise, root
+from turns import in_turns, judged, rate, times_faster
 
 import tenodesis as tn
 from tenodesis import instrument
@@ -24,7 +24,7 @@ POINTS = 1_000_000
 ROUNDS = 7
 CHAIN_POINTS, PEER_POINTS = 200_000, 200
 CHAIN_TARGET = 150.0  # ns a solve
-TARGETS = {"SciPy elementwise.find_root": 100.0, "Newton in NumPy": 10.0, "one core": 1.8}
+TARGETS = {"SciPy": 100.0, "NumPy": 10.0, "one core": 1.8}
 
 
 def numpy_newton(inst: TendonGear, handle: Array, force: Array) -> Array:
@@ -46,16 +46,6 @@ def numpy_newton(inst: TendonGear, handle: Array, force: Array) -> Array:
             if np.nanquantile(np.abs(step[::97]), 0.97) < 1e-12:
                 break
         return 2 * np.arcsin(x)
-
-
-def compare(peer: str, theirs: Callable[[], object], ours: Callable[[], object], rounds: int = ROUNDS) -> list[float]:
-    """Run both in turns, so that they meet the same noise, print the peer's time over ours, and return ours."""
-    times = [(timeit(theirs, number=1), timeit(ours, number=1)) for _ in range(rounds)]
-    peers, own = zip(*times, strict=True)
-    mean, worst = np.mean(peers) / np.mean(own), min(peer / one for peer, one in times)
-    verdict = "reached" if mean >= TARGETS[peer] else "MISSED"
-    print(f"  over {peer:<28} mean {mean:6.1f}x   worst {worst:6.1f}x   target {TARGETS[peer]:g}x {verdict}")
-    return list(own)
 
 
 def two_axis_residual(x: Sequence[float], inst: TendonGear, handle: Array, force: Array) -> tuple[float, float]:
@@ -95,13 +85,12 @@ def two_axes(inst: TendonGear, random: np.random.Generator) -> None:
     def ours() -> None:
         chain.output_angles(wrist, handle, wrench)
 
-    times = [(timeit(peer, number=1) / PEER_POINTS, timeit(ours, number=1) / CHAIN_POINTS) for _ in range(ROUNDS)]
-    theirs, own = np.mean(times, axis=0)
+    own, theirs = in_turns(ROUNDS, rate(CHAIN_POINTS, ours), rate(PEER_POINTS, peer))
     angles = chain.output_angles(wrist, handle[few], wrench[few])
     print("two axes under a force in any direction, one core:")
-    print(f"  over SciPy root, point by point    mean {theirs / own:6.0f}x")
-    verdict = "reached" if 1e9 * own <= CHAIN_TARGET else "MISSED"
-    print(f"    ours: {1e9 * own:.0f} ns a solve (mean), target {CHAIN_TARGET:g} ns {verdict}")
+    times_faster("SciPy root, point by point", own, theirs)
+    nanoseconds = 1e9 * float(np.mean(1 / own))
+    print(f"    ours: {nanoseconds:.0f} ns a solve (mean), {judged(nanoseconds, CHAIN_TARGET, ' ns', most=True)}")
     print(f"    largest difference {np.nanmax(np.abs(2 * np.arcsin(found) - angles)):.1e} rad")
 
 
@@ -138,16 +127,19 @@ def main() -> None:
         found[:] = [2 * root.x]
 
     print("one core:")
-    compare("SciPy elementwise.find_root", find_root, lambda: tn.statics.output_angle(inst, angle, load), 5)
+    own, theirs = in_turns(
+        5, rate(subset.size, lambda: tn.statics.output_angle(inst, angle, load)), rate(subset.size, find_root)
+    )
+    times_faster("SciPy elementwise.find_root", own, theirs, TARGETS["SciPy"])
     difference = np.nanmax(np.abs(found[0] - tn.statics.output_angle(inst, angle, load)))
     print(f"    given its brackets, points with a root only; largest difference {difference:.1e} rad")
 
-    own = compare("Newton in NumPy", lambda: numpy_newton(inst, handle, force), solve)
+    own, theirs = in_turns(ROUNDS, rate(POINTS, solve), rate(POINTS, lambda: numpy_newton(inst, handle, force)))
+    times_faster("Newton in NumPy", own, theirs, TARGETS["NumPy"])
     solved = np.isfinite(state.output_angle)
     close = np.abs(numpy_newton(inst, handle, force) - state.output_angle)[solved] < 1e-9
     print(f"    all points; it finds {100 * close.mean():.2f} % of the equilibria to 1e-9 rad")
-    mean, worst = (1e9 * float(own_time) / POINTS for own_time in (np.mean(own), max(own)))
-    print(f"    ours: {mean:.1f} ns a solve (mean), {worst:.1f} ns (worst round)")
+    print(f"    ours: {1e9 * np.mean(1 / own):.1f} ns a solve (mean), {1e9 / own.min():.1f} ns (worst round)")
 
     two_axes(inst, random)
     if cores < 2:
@@ -161,7 +153,7 @@ def main() -> None:
         tn.set_threads(threads)
         solve()
 
-    compare("one core", lambda: on(1), lambda: on(2))
+    times_faster("one core", *in_turns(ROUNDS, rate(1, lambda: on(2)), rate(1, lambda: on(1))), TARGETS["one core"])
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Speed of the twin, as ratios against MuJoCo measured in the same run, and the error of its time step.
+"""Speed of the twin, as ratios against MuJoCo measured in the same run.
 
 Peer: MuJoCo on the same instrument without friction, which its model cannot represent; the twin has
 full friction, drives and sensors.
@@ -17,6 +17,7 @@ from timeit import timeit
 import numpy as np
 from numpy.typing import NDArray
 from peers import chain_dynamics, mujoco_dynamics
+from turns import in_turns, rate, said, times_faster
 
 import tenodesis as tn
 from tenodesis import _core
@@ -73,76 +74,56 @@ def single(inst: Instrument) -> None:
     MuJoCo also steps alone, in its fastest configuration, without sensors or outputs.
     """
     tn.set_threads(1)
-    smooth = inst.replace(friction=None, mismatch=None)
     print(f"{inst.name}, one axis, {inst.friction.law} friction, one core, steps of {1e3 * TIME_STEP:g} ms:")
     for name, (handle, force) in motions(inst).items():
         twin = Twin(inst)
         twin.run(handle[:20000], force[:20000])
-        theirs, ours, alone = [], [], []
-        for _ in range(ROUNDS):
-            theirs.append(mujoco_dynamics.steps_per_second(smooth, **tip(inst), seconds=0.2))
-            ours.append(STEPS / timeit(partial(twin.run, handle, force), number=1))
-            alone.append(STEPS / timeit(partial(run_many, inst, handle, force, every=STEPS), number=1))
-        ratios = np.array(alone) / theirs
-        mean = np.mean(alone) / np.mean(theirs)
-        fast = "reached" if np.mean(ours) >= TARGET_STEPS else "MISSED"
-        better = "reached" if mean >= TARGET_RATIO else "MISSED"
-        print(
-            f"  {name:<28} mean {np.mean(ours) / 1e6:5.2f} M steps/s   worst {min(ours) / 1e6:5.2f}   "
-            f"target {TARGET_STEPS / 1e6:g} {fast}   (every signal kept)\n"
-            f"  {'stepping alone over MuJoCo':<28} mean {mean:5.1f}x            worst {ratios.min():5.1f}x  "
-            f"target {TARGET_RATIO:g}x {better}   (MuJoCo {np.mean(theirs) / 1e6:.2f} M steps/s)"
+        ours, alone, theirs = in_turns(
+            ROUNDS,
+            rate(STEPS, partial(twin.run, handle, force)),
+            rate(STEPS, partial(run_many, inst, handle, force, every=STEPS)),
+            mujoco(inst),
         )
+        said(f"{name}, every signal kept", ours, "M steps/s", TARGET_STEPS / 1e6)
+        times_faster("MuJoCo, stepping alone", alone, theirs, TARGET_RATIO)
+
+
+def mujoco(inst: Instrument) -> Callable[[], float]:
+    """Return what measures MuJoCo's steps a second of an instrument without friction."""
+    smooth = inst.replace(friction=None, mismatch=None)
+    return partial(mujoco_dynamics.steps_per_second, smooth, **tip(inst), seconds=0.2)
 
 
 def lanes(inst: Instrument) -> None:
     """Steps per second of many twins on one core, alone and in lanes, and of loops closed by the robust law."""
     tn.set_threads(1)
-    smooth = inst.replace(friction=None, mismatch=None)
     runs, steps = 64, 8000
     coefficients = np.linspace(0.02, 0.3, runs)
     own = [inst.replace(**{"friction.vertex_coefficient": one.item()}) for one in coefficients]
     cores = [axes_twin(one, TIME_STEP, n, False) for n, one in enumerate(own)]
 
-    def speed(commands: Array, most_lanes: int) -> float:
-        twins = _core.TwinBatch(cores, most_lanes=most_lanes)
-        return runs * steps / timeit(advancing(twins, cores, commands), number=1)
+    def stepped(commands: Array, most_lanes: int) -> Callable[[], float]:
+        def measured() -> float:
+            # Twins are made anew, since they go on from where they were.
+            return rate(runs * steps, advancing(_core.TwinBatch(cores, most_lanes=most_lanes), cores, commands))()
+
+        return measured
 
     widest = _core.TwinBatch(cores[:8]).together
     print(f"{inst.name}, {runs} twins with all their friction on one core, {widest} side by side:")
     for name, (handle, force) in motions(inst).items():
         commands = np.stack([handle[:steps], force[:steps]], axis=-1)[np.newaxis]
-        rounds = np.array(
-            [
-                (
-                    mujoco_dynamics.steps_per_second(smooth, **tip(inst), seconds=0.2),
-                    speed(commands, 1),
-                    speed(commands, widest),
-                )
-                for _ in range(ROUNDS)
-            ]
-        )
-        peer, alone, together = rounds.max(0)
-        target = TARGET_LANES[widest]
-        verdict = "reached" if together >= target else "MISSED"
-        better = "reached" if together / peer >= TARGET_LANES_RATIO else "MISSED"
-        print(
-            f"  {name:<28} best {together / 1e6:5.2f} M steps/s   target {target / 1e6:g} {verdict}   "
-            f"{together / alone:.1f}x one by one\n"
-            f"  {'over MuJoCo on one core':<28} best {together / peer:5.1f}x             target "
-            f"{TARGET_LANES_RATIO:g}x {better}   (MuJoCo {peer / 1e6:.2f} M steps/s)"
-        )
+        together, alone, theirs = in_turns(ROUNDS, stepped(commands, widest), stepped(commands, 1), mujoco(inst))
+        said(name, together, "M steps/s", TARGET_LANES[widest] / 1e6)
+        times_faster("one by one", together, alone)
+        times_faster("MuJoCo on one core", together, theirs, TARGET_LANES_RATIO)
     handle, force = (one[:steps] for one in motions(inst)["cycles under a varying load"])
-    ticks = []
-    for _ in range(3):
+
+    def closed() -> object:
         controllers = [tn.control.Controller(inst) for _ in range(runs)]
-        run = partial(run_many, [inst] * runs, handle, force, controllers=controllers, every=EVERY)
-        ticks.append(runs * steps / timeit(run, number=1))
-    verdict = "reached" if max(ticks) >= TARGET_TICKS else "MISSED"
-    print(
-        f"  {'loops with the robust law':<28} best {max(ticks) / 1e6:5.2f} M ticks/s   "
-        f"target {TARGET_TICKS / 1e6:g} {verdict}"
-    )
+        return run_many([inst] * runs, handle, force, controllers=controllers, every=EVERY)
+
+    said("loops with the robust law", *in_turns(3, rate(runs * steps, closed)), "M ticks/s", TARGET_TICKS / 1e6)
 
 
 def stepping(inst: Instrument, most_lanes: int, steps: int) -> tuple[Callable[[], None], int]:
@@ -207,82 +188,15 @@ def two_axes() -> None:
 
     peers = {"as exported": True, "handle held, all else off": False}
     peer = partial(chain_dynamics.steps_per_second, smooth, [0.3, 0.2, 0, 0, 0, 0], time_step=TIME_STEP, seconds=0.2)
-    rounds = np.array(
-        [
-            (t.size / timeit(run, number=1), together(), *(peer(as_exported=one) for one in peers.values()))
-            for _ in range(ROUNDS)
-        ]
+    ours, side_by_side, *theirs = in_turns(
+        ROUNDS, rate(t.size, run), together, *(partial(peer, as_exported=one) for one in peers.values())
     )
-    ours, lanes, *theirs = rounds.T
-    fast = "reached" if ours.mean() >= TARGET_CHAIN_STEPS else "MISSED"
-    print(
-        f"{inst.name}, two axes that share tendons, {inst.friction.law} friction, one core:\n"
-        f"  {'cycles under a varying load':<28} mean {ours.mean() / 1e6:5.2f} M steps/s   "
-        f"worst {ours.min() / 1e6:5.2f}   target {TARGET_CHAIN_STEPS / 1e6:g} {fast}   (every signal kept)"
-    )
-    print(
-        f"  {f'{WIDEST} twins together':<28} mean {lanes.mean() / 1e6:5.2f} M steps/s   worst {lanes.min() / 1e6:5.2f}"
-    )
+    print(f"{inst.name}, two axes that share tendons, {inst.friction.law} friction, one core:")
+    said("cycles under a varying load, signals kept", ours, "M steps/s", TARGET_CHAIN_STEPS / 1e6)
+    said(f"{WIDEST} twins together", side_by_side, "M steps/s")
     for name, steps in zip(peers, theirs, strict=True):
-        beside = lanes.mean() / steps.mean()
-        better = "reached" if beside >= TARGET_CHAIN_RATIO else "MISSED"
-        print(
-            f"  {'over MuJoCo, ' + name:<45} alone {ours.mean() / steps.mean():5.1f}x   together {beside:5.1f}x   "
-            f"target {TARGET_CHAIN_RATIO:g}x {better}   (MuJoCo {steps.mean() / 1e6:.2f} M steps/s)"
-        )
-
-
-def sweeps(inst: Instrument) -> None:
-    """Passes over the tendons per step."""
-    print(f"{inst.name}, passes a step:")
-    for name, (handle, force) in motions(inst).items():
-        many = run_many(inst, handle, force, signals=("sweeps",))["sweeps"][0]
-        energy = Twin(inst).energy(handle, force)
-        print(f"  {name:<28} mean {many.mean():.3f}   worst {many.max():.0f}   residual {energy.residual:.1e}")
-
-
-def refined(values: Array, times: int) -> Array:
-    fine = np.arange(1, times * values.size + 1) / times
-    return np.interp(fine, np.arange(values.size + 1), np.concatenate([values[:1], values]))
-
-
-def accuracy(inst: Instrument) -> None:
-    """What a step of 0.5 ms is wrong by: against a sixty-fourth of it, and without friction against MuJoCo."""
-    force = {"real-size": 0.52, "scaled-up": 1.5}[inst.name]
-    t = np.arange(4000) * TIME_STEP
-    handle = float(tn.statics.handle_angle(inst, np.radians(67))) * np.sin(np.pi * t) ** 3
-    smooth = inst.replace(friction=None, mismatch=None)
-    for name, load in {
-        "step load": np.where(t > 0.3, force, 0.0),
-        "loaded cycle": 0.5 * force * (1 - np.cos(2 * np.pi * t)),
-    }.items():
-        angle = handle if name == "loaded cycle" else np.zeros(t.size)
-        for kind, one in {"with friction": inst, "frictionless": smooth}.items():
-            tips = [
-                Twin(one, time_step=TIME_STEP / times).run(refined(angle, times), refined(load, times)).output_angle
-                for times in (1, 64)
-            ]
-            error = np.degrees(np.abs(tips[0] - tips[1][63::64]).max())
-            line = f"  {inst.name}, {name}, {kind}: {error:.1e} deg by the step"
-            if one is smooth:
-                peer = mujoco_dynamics.simulate(smooth, angle, load, TIME_STEP, **tip(inst))
-                line += f", {np.degrees(np.abs(tips[0] - peer.output_angle).max()):.1e} deg from MuJoCo"
-            print(line)
-
-
-def equal_accuracy(inst: Instrument) -> None:
-    """Time to follow a step load: MuJoCo's Runge-Kutta at our step, more exact than it need be, against ours."""
-    smooth = inst.replace(friction=None, mismatch=None)
-    force = np.where(np.arange(20000) > 200, 0.2 * float(tn.statics.slack_force(inst, 0.0)), 0.0)
-    handle = np.zeros(force.size)
-    theirs = partial(mujoco_dynamics.simulate, smooth, handle, force, TIME_STEP, **tip(inst), substeps=1)
-    ratios = [
-        timeit(theirs, number=1) / timeit(lambda: Twin(smooth).run(handle, force), number=1) for _ in range(ROUNDS)
-    ]
-    print(
-        f"  {inst.name}: MuJoCo's RK4 at the same step, stepped from Python, over ours: mean {np.mean(ratios):.0f}x   "
-        f"worst {min(ratios):.0f}x"
-    )
+        times_faster(f"MuJoCo, {name}, alone", ours, steps)
+        times_faster(f"MuJoCo, {name}, together", side_by_side, steps, TARGET_CHAIN_RATIO)
 
 
 def peak() -> int:
@@ -363,14 +277,6 @@ def main() -> None:
     for inst in (scaled, real):
         lanes(inst)
     two_axes()
-    print("frictionless, at equal accuracy or better:")
-    for inst in (scaled, real):
-        equal_accuracy(inst)
-    for inst in (scaled, real):
-        sweeps(inst)
-    print("error of a step of 0.5 ms:")
-    for inst in (scaled, real):
-        accuracy(inst)
     print(f"many runs, {os.cpu_count()} cores:", flush=True)
     # In a process of its own, whose peak memory is its own.
     subprocess.run([sys.executable, __file__, "--only-many", "--runs", str(arguments.runs)], check=True)

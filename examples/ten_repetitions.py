@@ -9,20 +9,10 @@ does, and can stop it; if the script ends or fails, the controller pauses.
 
 import sys
 import time
-from collections.abc import Callable
 
 import numpy as np
 
 import tenodesis as tn
-
-
-def wait(until: Callable[[], bool], otherwise: str, longest: float = 60.0) -> None:
-    """Wait until something is so; an error says what is not after the longest time, s."""
-    deadline = time.monotonic() + longest
-    while not until():
-        if time.monotonic() > deadline:
-            raise RuntimeError(otherwise)
-        time.sleep(0.05)
 
 
 def main(folder: str | None = None, repetitions: int = 10, settle: float = 1.0) -> list[dict[str, float]]:
@@ -30,9 +20,7 @@ def main(folder: str | None = None, repetitions: int = 10, settle: float = 1.0) 
     found = []
     with tn.live.connect(folder, origin="ten repetitions") as bench:
         bench.request("enable")
-        wait(lambda: bench.status().state == "ENABLED", "the instrument does not come to be enabled")
         path = bench.record(True, called="repetitions")
-        wait(path.exists, "the recorder does not begin")
         for _ in range(repetitions):
             lost = {}
             for law in ("off", "robust"):
@@ -50,7 +38,6 @@ def main(folder: str | None = None, repetitions: int = 10, settle: float = 1.0) 
             print(", ".join(f"{law}: {angle:.2f} deg" for law, angle in lost.items()))
         bench.hand(np.zeros(len(bench.names.handle_joints)))
         bench.record(False)
-        wait(lambda: bench.status().recording is None, "the recorder does not end")
         print(f"Recorded to {path}.")
     return found
 

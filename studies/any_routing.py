@@ -35,7 +35,11 @@ COEFFICIENT, BEND = 0.1, np.radians(20)
 SHARES = ((0, 0, 0), (0.3, 0.3, -0.3), (-0.6, 0.3, 0.3), (0.3, -0.6, 0.6), (0.6, 0.6, 0.6), (-0.6, -0.6, 0.3))
 """Of the range, by turns of what bends."""
 MOST = np.radians(70)
+CLOSINGS = (0.05, 0.1, 0.3, 0.6)
+"""Of each jaw beyond straight, rad."""
 ARRIVED, LOADED, END, LAST, STEP = 1.0, 1.2, 4.0, 0.1, 5e-4  # s
+MOVED = round(1.5 / STEP)
+"""Step from which the wrist moves with an object."""
 
 
 @cache
@@ -47,10 +51,14 @@ def tool(name: str, friction: float = 1.0) -> FullForm:
 
 
 def bends_of(inst: FullForm, state: int) -> Array:
-    """Return the angles of what bends in a state, rad."""
+    """Return the angles of what bends in a state, rad; jaws cannot cross."""
     low, high = inst.bend_limits.T
     shares = np.resize(SHARES[state], len(low))
-    return np.clip(np.where(shares > 0, shares * high, -shares * low), -MOST, MOST)
+    angles = np.clip(np.where(shares > 0, shares * high, -shares * low), -MOST, MOST)
+    if inst.grip is None or inst.grip_arms @ inst.bent(angles) >= 0:
+        return angles
+    of_jaws = np.array([bool(inst.grip_arms[places].any()) for places in inst.bends.values()])
+    return np.where(of_jaws, -angles, angles)
 
 
 def eased(start: float, span: float) -> Array:
@@ -67,14 +75,14 @@ def force_of(inst: FullForm) -> float:
 
 
 def run_of(
-    name: str, friction: float, target: Array, *, compensates: bool, **loads: Any
+    name: str, friction: float, target: Array, *, compensates: bool, seed: int = 1, **loads: Any
 ) -> tuple[Run, JointEstimate, Array]:
     """Return a run, its estimates and the errors of what bends, deg."""
     inst = tool(name, friction)
-    controller = JointController(tool(name), compensates=compensates)
+    controller = JointController(tool(name), "joints" if compensates else "off")
     handle = np.zeros((len(target), 0))
-    run, estimate = Twin(inst, seed=1).run_joints(controller, handle, target, **loads)
-    return run, estimate, np.degrees(summed(inst, run["output_angle"] - target))
+    run = Twin(inst, seed=seed).run(handle, controller=controller, target=target, **loads)
+    return run, controller.estimate, np.degrees(summed(inst, run["output_angle"] - target))
 
 
 def summed(inst: FullForm, angles: Array) -> Array:
@@ -106,18 +114,21 @@ def trial(name: str, state: int, direction: tuple[float, float, float], friction
     }
 
 
-def grip_kept(name: str) -> tuple[float, float, float]:
-    """Grip force (N) on an object by a coupling alone, and that with the law over it while the wrist moves: bounds."""
+def grip_kept(name: str, closing: float, friction: float) -> dict[str, float]:
+    """Return the grip on an object by a coupling alone, N, and bounds of that with the law over it, the wrist moving.
+
+    closing: of each jaw, half of it before it touches, rad.
+    """
     inst = tool(name)
-    closing = inst.bent(np.zeros(len(inst.bends))) - 0.3 * np.sign(inst.grip_arms)
-    held = Held(opening=float(inst.grip_arms @ closing) / 2, stiffness=3e3, damping=1.0)
+    closed = inst.bent(np.zeros(len(inst.bends))) - closing * np.sign(inst.grip_arms)
+    held = Held(opening=float(inst.grip_arms @ closed) / 2, stiffness=3e3, damping=1.0)
     moved = inst.bent(bends_of(inst, 1)) * (inst.grip_arms == 0)
-    target = eased(0, ARRIVED) * closing + eased(1.5, ARRIVED) * moved
+    target = eased(0, ARRIVED) * closed + eased(1.5, ARRIVED) * moved
     own, alone = (
-        run_of(name, 1.0, target, compensates=compensates, held=held)[0]["grip_force"][round(1.5 / STEP) :]
+        run_of(name, friction, target, compensates=compensates, held=held, seed=2)[0]["grip_force"][MOVED:]
         for compensates in (True, False)
     )
-    return float(alone[0]), float((own / alone).min()), float((own / alone).max())
+    return {"alone": float(alone[0]), "least": float((own / alone).min()), "most": float((own / alone).max())}
 
 
 def main() -> None:
@@ -135,15 +146,21 @@ def main() -> None:
         Column("estimate RMS", "estimate", campaign.rms),
         Column("normalised, 1", "normalised", campaign.rms),
     ]
+    grips = [
+        Column("coupling, N", "alone", np.mean),
+        Column("least with the law, 1", "least", np.min),
+        Column("most, 1", "most", np.max),
+    ]
     for name in [*(options.name or NAMES), *options.tool]:
         axes = {"name": [name], "state": range(len(SHARES)), "direction": DIRECTIONS, "friction": law.ASSUMED}
         rows = campaign.run(trial, campaign.cases(**axes), Path(name).stem, results=options.results)
         print(f"{Path(name).stem}, {force_of(tool(name)):.3g} N in {len(DIRECTIONS)} directions")
         law.show(options, f"any_routing_{figures.slug(Path(name).stem)}", rows.by("friction") | {"all": rows}, columns)
         if tool(name).grip is not None:
-            alone, least, most = grip_kept(name)
-            print(f"grip of {alone:.2f} N, {least:.3f} to {most:.3f} of it with the law (target 0.95 to 1.05)")
-    print("targets 0.3 RMS, 0.7 worst, farther by 0.3 at most, normalised 0.7 to 1.5")
+            axes = {"name": [name], "closing": CLOSINGS, "friction": law.ASSUMED}
+            rows = campaign.run(grip_kept, campaign.cases(**axes), "grip", results=options.results)
+            law.show(options, f"any_routing_grip_{figures.slug(Path(name).stem)}", rows.by("closing"), grips)
+    print("targets 0.3 RMS, 0.7 worst, farther by 0.3 at most, normalised 0.7 to 1.5; grip 0.95 to 1.05")
 
 
 if __name__ == "__main__":

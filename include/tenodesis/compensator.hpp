@@ -10,6 +10,7 @@
 // stops, every contact is on the same edge of its friction band: whichever way a load pushes the tip next, one of the
 // tendons slips at once and shows it. While the hand moves, it makes the tendons slip, and no common stroke is needed.
 
+#include "tenodesis/alternation.hpp"
 #include "tenodesis/envelope.hpp"
 
 namespace tenodesis {
@@ -68,12 +69,14 @@ struct CompensatorState {
   S goal{};                   ///< differential stroke of that correction, or at the begin of a stroke, m
   S reach{};                  ///< how far a stroke may go from there, m
   EnvelopeState<S> envelope{};
+  AlternationState<S> load{};
+  bool second{};    ///< whether this tick is the second of two
   S short_of{};     ///< by how much the last stroke ended early because a tendon got loose, m
   bool yielding{};  ///< whether the force limit has held the law back in this tick
 
   constexpr Phase shown() const {
     if (yielding) return Phase::yielding;
-    return phase == Phase::track && envelope.restrained() ? Phase::restrained : phase;
+    return phase == Phase::track && (envelope.restrained() || load.leans) ? Phase::restrained : phase;
   }
 };
 
@@ -127,10 +130,14 @@ struct Compensator {
 
   Winding<S> within_envelope(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
                              State& state) const {
-    envelope.update(
-        observer.tracking_error(memory),
-        S(tuning::least_swing) * (settings.dead_band * memory.arm) + S(0.5) * observer.tremor_length(memory), observer,
-        memory, dt, state.envelope);
+    // What changes slowly is followed in every other tick, by turns.
+    state.second = !state.second;
+    if (!state.second) {
+      envelope.update(
+          observer.tracking_error(memory),
+          S(tuning::least_swing) * (settings.dead_band * memory.arm) + S(0.5) * observer.tremor_length(memory),
+          observer, memory, S(2) * dt, state.envelope);
+    }
     const S stroke = differential_stroke(observer, memory);
     if (actuation == Actuation::agonist) {
       const Winding<S> wanted = one_motor(stroke, observer, memory, state);
@@ -252,11 +259,20 @@ struct Compensator {
     // A tick later than it was chosen, when there is less to compute.
     const bool begins = state.since <= S(0);
     choose({error, dead, waking, moving, trembles, stroke, wanted, common - wanted}, observer, memory, dt, state);
-    if (state.phase == Phase::rest) return {};
-    const bool strokes = state.phase != Phase::track;
-    const S gain_factor = state.envelope.gain_factor;
-    S differential = settings.gain * gain_factor * (strokes ? missing : observer.certain(missing, memory));
-    if (!strokes && !state.correcting && gain_factor < S(1))
+    const S certain = observer.certain(missing, memory);
+    AlternationState<S>& load = state.load;
+    if (state.second) {
+      const S jump = model.stroke_for(S(tuning::alternation_step) * memory.arm) + S(0.5) * tremor;
+      follow<S>({certain, stroke, dead, waking, jump, memory.intent.angle, moving}, S(2) * dt, load);
+    }
+    if (state.phase == Phase::rest && !load.leans) return {};
+    const bool strokes = state.phase == Phase::pull || state.phase == Phase::release;
+    // A load that alternates is left to friction or tracked.
+    const S gain_factor = load.alternates() ? S(1) : state.envelope.gain_factor;
+    S differential = settings.gain * gain_factor * (strokes ? missing : certain);
+    if (!strokes && !state.correcting && load.leans)
+      differential = leaning_speed(load, stroke, observer.breakaway(memory, S(load.mean > stroke ? 1 : -1)));
+    else if (!strokes && !state.correcting && gain_factor < S(1))
       differential =
           differential + (S(1) - gain_factor) * envelope.returning(stroke, settings.assistance, observer, memory);
     if (moving && error * state.hand > dead) {
@@ -282,7 +298,10 @@ struct Compensator {
     }
     if (!strokes) {
       // A moving hand may need more tension to keep the looser tendon tight, and must not wait for it until it rests.
-      const S tightening = wanted > S(0) ? clamp(settings.gain * (wanted - common), S(0), settings.common_speed) : S(0);
+      // No stroke brings back what one has wound more than that while the tip is left to friction.
+      const S least = load.leans ? S(-tuning::slow_stroke) * settings.common_speed : S(0);
+      const S tightening =
+          wanted > S(0) || load.leans ? clamp(settings.gain * (wanted - common), least, settings.common_speed) : S(0);
       return {tightening + limited(differential), tightening - limited(differential)};
     }
     if (!trembles) {
@@ -362,9 +381,11 @@ struct Compensator {
     const bool sure = near && (share * share * memory.position_variance < square(S(tuning::outlier) * dead) ||
                                S(state.turns) > S(tuning::most_turns));
     const bool far = abs(error) > S(tuning::far) * dead;
-    const bool steady = Envelope<A>::steady(state.envelope);
+    const auto& load = state.load;
+    const bool steady = Envelope<A>::steady(state.envelope) && !load.alternates() && !load.leans;
     state.since = smaller(state.since + dt, S(10));
-    if (moving || (far && state.phase == Phase::rest && abs(error) > waking)) return turn(Phase::track, state);
+    if (moving || load.fast || load.leans || (far && state.phase == Phase::rest && abs(error) > waking))
+      return turn(Phase::track, state);
     switch (state.phase) {
       case Phase::track:
         if (state.correcting) {
@@ -393,7 +414,8 @@ struct Compensator {
         if (near && (trembles || (sure && observer.slip_together(memory, S(-1))))) return turn(Phase::rest, state);
         if (!(above < -stroke || loose)) return;
         turn_back(Phase::pull, larger(above + stroke, S(0)), abs(error) < S(2) * dead, state);
-        if (state.turns > 1 && state.envelope.gain_factor > S(0) && observer.slip_together(memory, S(-1)))
+        if (state.turns > 1 && (load.alternates() || state.envelope.gain_factor > S(0)) &&
+            observer.slip_together(memory, S(-1)))
           correct(state);
         return;
       case Phase::restrained:

@@ -8,6 +8,8 @@
 // tightened by strokes that turn no joint.
 
 #include "tenodesis/joint_observer.hpp"
+#include "tenodesis/supervisor.hpp"
+#include "tenodesis/watch.hpp"
 
 namespace tenodesis {
 
@@ -15,7 +17,9 @@ template <class S, int N, int M>
 struct JointLawMemory {
   S given[N]{};   ///< coordinates that the motors wind beyond the targets
   S common[M]{};  ///< strokes that turn no joint, m
-  S before[M]{};  ///< strokes of the last tick, m
+  S beyond[M]{};  ///< strokes of both, m
+  S opening{};    ///< of the jaws by their targets with a play, m
+  S before[M]{};  ///< strokes of the last tick, their targets' included, m
   bool started{};
 };
 
@@ -61,6 +65,13 @@ struct JointLaw {
     return true;
   }
 
+  /// Angles that are commanded (rad), and beyond them those to which lengths wound (m) turn unloaded joints.
+  void aim(const S* commanded, const S* wound, S* angle) const {
+    S x[N];
+    settle(wound, x);
+    for (int i = 0; i < N; ++i) angle[i] = commanded[i] + angle_at(chain.joint[i].mechanism, x[i]);
+  }
+
   /// Coordinates of the joints where tendons do not stretch: by the handle's angles, or of a tool without one by the
   /// angles commanded (rad).
   void targets(const S* handle_angle, const S* commanded, S* x) const {
@@ -90,7 +101,7 @@ struct JointLaw {
       }
       lost[i] = lost[i] + moved[i];
     }
-    leave_grip(found, lost);
+    leave_grip(found, target, memory, lost);
     for (int i = 0; i < N; ++i) {
       const S doubt = deviations * sqrt(larger(variance(i, found), S(0)));
       const S room = S(2) * larger(abs(lost[i]) - doubt, S(0));
@@ -101,10 +112,11 @@ struct JointLaw {
     if (compensates) tighten(found, memory);
     if (chain.handles > 0)
       for (S& one : target) one = S(0);
-    for (int i = 0; i < N; ++i) target[i] = target[i] + memory.given[i];
     chain.excursions(target, stroke);
+    chain.excursions(memory.given, memory.beyond);
     for (int m = 0; m < M; ++m) {
-      stroke[m] = stroke[m] + memory.common[m];
+      memory.beyond[m] = memory.beyond[m] + memory.common[m];
+      stroke[m] = stroke[m] + memory.beyond[m];
       const S ahead = memory.started ? (stroke[m] - memory.before[m]) / period : S(0);
       const S off = stroke[m] - spool_radius * measured.spool_angle[m];
       velocity[m] = chain.motor[m] ? clamp(ahead + gain * off, -speed, speed) / spool_radius : S(0);
@@ -114,6 +126,8 @@ struct JointLaw {
   }
 
  private:
+  // By which jaws are commanded to close at least, as an angle of each, rad.
+  static constexpr double least_closing = 0.01;
   // Stiffness of a joint that no tendon holds, as a share of the stiffest.
   static constexpr double least_share = 1e-7;
 
@@ -148,37 +162,130 @@ struct JointLaw {
     return sum;
   }
 
-  // Takes the jaws' opening out of what is lost where something certainly presses them apart: their grip is as
-  // commanded.
-  void leave_grip(const Estimate& found, S* lost) const {
-    S size(0), opened(0), spread(0);
+  // Takes the jaws' opening out of what is lost where something certainly holds jaws open that were last commanded to
+  // close: their grip is as commanded.
+  void leave_grip(const Estimate& found, const S* target, Memory& memory, S* lost) const {
+    S size(0), opened(0), spread(0), aim(0), play(0);
     for (int i = 0; i < N; ++i) {
+      aim = aim + chain.joint[i].grip * target[i];
+      play = play + abs(chain.joint[i].grip) * S(least_closing);
       size = size + chain.joint[i].grip * chain.joint[i].grip;
       opened = opened - chain.joint[i].grip * lost[i];
       for (int j = 0; j < N; ++j)
         spread = spread + chain.joint[i].grip * found.covariance.at[i][j] * chain.joint[j].grip;
     }
-    if (!(size > S(0)) || opened <= deviations * sqrt(larger(spread, S(0)))) return;
+    memory.opening = memory.started ? clamp(memory.opening, aim - play, aim + play) : aim;
+    const bool closes = memory.opening > aim + S(0.99) * play;
+    if (!(size > S(0)) || !closes || opened <= deviations * sqrt(larger(spread, S(0)))) return;
     for (int i = 0; i < N; ++i) lost[i] = lost[i] + chain.joint[i].grip * (opened / size);
   }
 
-  // Winds tendons that are about to go slack, and of that only what turns no joint.
+  // Winds tendons that are slack, which turns no joint, and those that are about to be, of which strokes that turn
+  // none.
   void tighten(const Estimate& found, Memory& memory) const {
     bool any = false;
+    S wound[M]{};
     for (int m = 0; m < M; ++m) {
       const S wanted = least_tension * chain.pretension[m];
       if (!chain.motor[m] || !(chain.stiffness[m] > S(0)) || found.far_tension[m] >= wanted) continue;
-      any = true;
-      memory.common[m] = memory.common[m] + rate * period * (wanted - found.far_tension[m]) / chain.stiffness[m];
+      // By how much it hangs, its length says.
+      const S missing = wanted - found.far_tension[m] - (found.taut[m] ? S(0) : smaller(found.unexplained[m], S(0)));
+      const S step = rate * period * missing / chain.stiffness[m];
+      S& to = found.taut[m] ? wound[m] : memory.common[m];
+      to = to + step;
+      any = any || found.taut[m];
     }
     if (!any) return;
     S turned[N], drawn[M];
-    settle(memory.common, turned);
+    settle(wound, turned);
     chain.excursions(turned, drawn);
-    for (int m = 0; m < M; ++m) memory.common[m] = memory.common[m] - drawn[m];
+    for (int m = 0; m < M; ++m) memory.common[m] = memory.common[m] + wound[m] - drawn[m];
   }
 
   Square<S, N> by_tendons_{}, whole_{}, within_{}, response_{};
+};
+
+template <class S, int M>
+struct JointSupervisorMemory {
+  SupervisorState<S> state{};
+  WatchState<S> watch[(M + 1) / 2]{};
+  S sent[M]{};              ///< to the spools, rad/s
+  bool over_tension[M]{};   ///< from above the limit until well below it
+  S drifted[M]{};           ///< for how long a tendon's length has not explained its tension, s
+  S missing[M]{};           ///< for how long a slack tendon should have been taut, s
+  std::uint32_t present{};  ///< faults of this tick
+};
+
+/// States, requests and latched faults of the motors of a chain W: while it does not work, they stand.
+///
+/// Sensors and motors are watched two tendons at a time, as those of a planar axis are, but for what two tendons of one
+/// joint show of each other: in its place each tendon's tension is compared with that by which the estimate explains
+/// its length.
+template <class W>
+struct JointSupervisor {
+  using S = W::S;
+  static constexpr int N = W::joints, M = W::tendons;
+  using Measured = JointMeasurement<S, N, M>;
+  using Estimate = JointEstimate<S, N, M>;
+  using Memory = JointSupervisorMemory<S, M>;
+
+  Supervisor<S> states{};
+  Watch<S> watch{};  ///< of any two tendons
+  int tendons{};     ///< that there are
+  S stroke_limit{};  ///< of a tendon, beyond what its target needs, m
+  S least_doubt{4};  ///< deviations within which a tension is explained
+
+  /// Faults of this tick by what is measured, before the law moves; dt: since the last tick, s.
+  void inspect(const Measured& measured, const Estimate& found, int handles, const S& dt, Memory& memory) const {
+    std::uint32_t faults = found.valid ? 0U : bit(Fault::not_a_number);
+    for (int k = 0; 2 * k < tendons; ++k) {
+      const int a = 2 * k, b = smaller(a + 1, tendons - 1);
+      const Measurement<S> two{k < handles ? measured.handle_angle[k] : S(0),
+                               {measured.tension[a], measured.tension[b]},
+                               {measured.spool_angle[a], measured.spool_angle[b]}};
+      const S sent[2]{memory.sent[a], memory.sent[b]};
+      faults |= watch.check(two, sent, dt, memory.watch[k]);
+    }
+    for (int m = 0; m < tendons && found.valid; ++m) {
+      const S doubt = least_doubt * found.unexplained_std[m];
+      faults |= lasts(Fault::load_cell_drift, found.taut[m] && abs(found.unexplained[m]) > doubt, found.unexplained[m],
+                      dt, memory.drifted[m]);
+      faults |= lasts(Fault::tendon_break, !found.taut[m] && found.unexplained[m] > doubt, found.unexplained[m], dt,
+                      memory.missing[m]);
+    }
+    memory.present = faults;
+  }
+
+  /// Whether the law works in this tick, after a request and with a stroke of each tendon beyond its target's, m.
+  bool works(Request request, const S* stroke, const S& dt, Memory& memory) const {
+    for (int m = 0; m < tendons; ++m)
+      if (abs(stroke[m]) > stroke_limit) memory.present |= bit(Fault::stroke_unexplained);
+    return states.advance(request, memory.present, dt, memory.state) == OperatingState::enabled;
+  }
+
+  /// Velocities that are sent, rad/s, from those that are wanted, smooth or as they are; finite whatever these are.
+  void command(const Measured& measured, const S* wanted, bool smooth, const S& dt, Memory& memory, S* velocity) const {
+    const auto& state = memory.state;
+    const bool enabled = state.operating == OperatingState::enabled;
+    const S share = smooth && state.since < states.engage_time ? state.since / states.engage_time : S(1);
+    for (int m = 0; m < tendons; ++m) {
+      bool& over = memory.over_tension[m];
+      if (measured.tension[m] > states.tension_limit) over = true;
+      if (measured.tension[m] < S(tuning::relaxed) * states.tension_limit) over = false;
+      const S most = smooth ? states.acceleration_limit * dt : S(2) * states.speed_limit;
+      const S aim = enabled && is_finite(wanted[m]) ? share * wanted[m] : S(0);
+      const S ramped = memory.sent[m] + clamp(aim - memory.sent[m], -most, most);
+      memory.sent[m] = clamp(ramped, -states.speed_limit, over ? S(0) : states.speed_limit);
+      velocity[m] = memory.sent[m];
+    }
+  }
+
+ private:
+  std::uint32_t lasts(Fault fault, bool holds, const S& tension, const S& dt, S& lasted) const {
+    const Limit<S>& limit = watch.of(fault);
+    lasted = limit.on() && holds && abs(tension) > limit.threshold ? smaller(lasted + dt, S(100)) : S(0);
+    return lasted > limit.persistence ? bit(fault) : 0U;
+  }
 };
 
 }  // namespace tenodesis

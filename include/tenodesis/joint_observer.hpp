@@ -68,6 +68,8 @@ struct JointEstimate {
   S friction_scale_std{};
   S far_tension[M]{};  ///< at the tendons' ends, N
   bool taut[M]{};
+  S unexplained[M]{};  ///< tension that a tendon would have to have more, by its length, N
+  S unexplained_std[M]{};
   bool valid{};  ///< false: a measurement is not finite, and the last estimate stands
 };
 
@@ -145,6 +147,20 @@ struct JointObserver {
     }
     now.friction_scale = S(1) + value(at_friction);
     now.friction_scale_std = sqrt(covariance[at_friction][at_friction]);
+    // A stiffness that the file does not admit explains nothing.
+    const S softer = clamp(value(at_stiffness), S(-2) * deviations.stiffness, S(2) * deviations.stiffness);
+    for (int m = 0; m < M; ++m) {
+      if (contacts[m] == 0) continue;
+      const auto& tendon = equations.tendon[m];
+      S left = tendon.value;
+      for (int j = 0; j < unknowns; ++j) left = left - tendon.row[j] * (j == at_stiffness ? softer : value(j));
+      now.unexplained[m] = left / tendon.soft;
+      S variance = tendon.variance;
+      // An equation that did not count gave no angles.
+      for (int i = 0; i < N && !tendon.counts; ++i)
+        for (int j = 0; j < N; ++j) variance = variance + tendon.row[i] * covariance[i][j] * tendon.row[j];
+      now.unexplained_std[m] = sqrt(larger(variance, S(0))) / tendon.soft;
+    }
     return now;
   }
 
@@ -153,8 +169,15 @@ struct JointObserver {
 
   // Weighted equations in the changes of the angles, shares of friction and stiffness, and the load.
   struct Equations {
+    struct Tendon {
+      S row[unknowns]{};
+      S value{}, variance{};
+      S soft{1};  // m/N
+      bool counts{};
+    };
     Square<S, unknowns> weight{};
     S right[unknowns]{};
+    Tendon tendon[M]{};
 
     void add(const S* row, const S& value, const S& variance) {
       const S by = S(1) / variance;
@@ -261,22 +284,28 @@ struct JointObserver {
       const S arm = -at.arm * joints.bend[i].turn;
       joints.moment[i] = joints.moment[i] + arm * tension;
       joints.moment_by_friction[i] = joints.moment_by_friction[i] + arm * by_friction;
-      joints.variance[i] = joints.variance[i] + square(arm) * (square(deviations.tension) + square(hidden) / S(3));
+      joints.variance[i] = joints.variance[i] + square(arm) * (square(deviations.tension) + square(hidden) / S(3) +
+                                                               square(deviations.friction * by_friction));
     }
     pass(contacts[m]);
     auto& estimate = memory.estimate;
     estimate.far_tension[m] = tension;
     estimate.taut[m] = tension > S(3) * deviations.tension;
-    if (!estimate.taut[m]) return;
-    S row[unknowns]{}, value = wound;
+    auto& [row, value, variance, soft, counts] = equations.tendon[m];
+    value = wound;
     for (int i = 0; i < N; ++i) {
       row[i] = chain.arm[m][i] * joints.bend[i].turn;
       value = value - chain.arm[m][i] * joints.x[i];
     }
     row[at_friction] = stretch_by_friction;
     row[at_stiffness] = -stretched;
-    equations.add(row, value,
-                  square(total * deviations.tension) + square(deviations.length) + square(hidden_stretch) / S(3));
+    soft = total;
+    // What is known of friction is that of all; each tendon has its own.
+    variance = square(total * deviations.tension) + square(deviations.length) + square(hidden_stretch) / S(3) +
+               square(deviations.friction * stretch_by_friction);
+    // A slack tendon is longer than what it spans, unless the joints are where it would not be.
+    counts = estimate.taut[m] || estimate.unexplained[m] > S(0);
+    if (counts) equations.add(row, value, variance);
   }
 
   // Moments about each joint: of tendons, springs and load they add up to nothing.

@@ -94,6 +94,19 @@
   ROW(few_reversals, 3, "1", "studies/harm.py", "recent reversals from which the law's gain falls")                    \
   ROW(many_reversals, 5, "1", "studies/harm.py", "from which it is zero")                                              \
   ROW(return_rate, 4, "1/s", "studies/harm.py", "of the return to the least necessary stroke, while it is")            \
+  /* loads that alternate */                                                                                           \
+  ROW(alternation_step, 0.017453292519943295, "rad", "studies/changes.py",                                             \
+      "of the tip, that counts as a jump (1 deg)")                                                                     \
+  ROW(alternation_fastest, 0.3, "s", "studies/changes.py", "time between jumps that motors can follow")                \
+  ROW(alternation_left, 0.3, "1", "studies/changes.py", "of a jump, that is left to friction at first")                \
+  ROW(alternation_on_target, 0.1, "1", "studies/changes.py", "of a jump, below which the tip is on target")            \
+  ROW(alternation_patience, 2, "s", "studies/changes.py", "in which what is left to friction halves")                  \
+  ROW(alternation_longest, 20, "s", "studies/changes.py",                                                              \
+      "after which jumps are forgotten, and strokes look for a hidden load")                                           \
+  ROW(alternation_smoothing, 0.5, "s", "studies/changes.py", "of the mean error")                                      \
+  ROW(alternation_spare, 0.7, "1", "studies/changes.py", "of the stroke that friction holds, which is given back")     \
+  ROW(alternation_return, 12, "1/s", "studies/changes.py", "at which it is")                                           \
+  ROW(alternation_offset, 4, "1/s", "studies/changes.py", "at which the mean error is taken away")                     \
   /* supervisor */                                                                                                     \
   ROW(time_to_obey, 0.05, "s", "studies/faults.py",                                                                    \
       "in a fault, after which a motor that does not follow is not only slow to stop")                                 \

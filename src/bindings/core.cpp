@@ -170,7 +170,6 @@ NB_MODULE(_core, m) {
         "Tension that a motor's current (A) stands for, N.");
 
   bind_joint(m);
-  bind_joint_control(m);
   bind_tendon(m);
   bind_tendon_chain(m);
   bind_chain_twin(m);
@@ -181,6 +180,7 @@ NB_MODULE(_core, m) {
   bind_runtime(m);
   bind_serial(m);
 #endif
+  bind_joint_control(m);
   bind_similarity(m);
   bind_kinematics(m);
 }

@@ -1,10 +1,14 @@
 // Observer and law of any chain of joints and tendons, for Python: tick by tick, or in a closed loop with a twin.
 
 #include <algorithm>
+#include <utility>
 
 #include "chain_spec.hpp"
 #include "engine/any_twin.hpp"
 #include "engine/chain_twin.hpp"
+#ifndef TENODESIS_WITHOUT_LIVE
+#include "runtime/device.hpp"
+#endif
 #include "tenodesis/joint_law.hpp"
 
 namespace tenodesis::bindings {
@@ -13,12 +17,14 @@ namespace {
 using namespace engine;
 
 /// Numbers of a controller of joints, in the order of a row.
-#define TENODESIS_JOINT_CONTROL(ROW)                                                                             \
-  ROW(constant), ROW(static_ratio), ROW(stribeck_speed), ROW(memory), ROW(load_index), ROW(reference_tension),   \
-      ROW(bending_loss), ROW(sheath_bend_rate), ROW(spool_radius), ROW(play), ROW(tension_play), ROW(smoothing), \
-      ROW(tension_deviation), ROW(length_deviation), ROW(friction_deviation), ROW(stiffness_deviation),          \
-      ROW(force_deviation), ROW(moment_deviation), ROW(grip_deviation), ROW(imbalance), ROW(rate), ROW(gain),    \
-      ROW(speed), ROW(tension_limit), ROW(least_tension), ROW(deviations), ROW(period)
+#define TENODESIS_JOINT_CONTROL(ROW)                                                                                 \
+  ROW(constant), ROW(static_ratio), ROW(stribeck_speed), ROW(memory), ROW(load_index), ROW(reference_tension),       \
+      ROW(bending_loss), ROW(sheath_bend_rate), ROW(spool_radius), ROW(play), ROW(tension_play), ROW(smoothing),     \
+      ROW(tension_deviation), ROW(length_deviation), ROW(friction_deviation), ROW(stiffness_deviation),              \
+      ROW(force_deviation), ROW(moment_deviation), ROW(grip_deviation), ROW(imbalance), ROW(rate), ROW(gain),        \
+      ROW(speed), ROW(tension_limit), ROW(least_tension), ROW(deviations), ROW(period), ROW(speed_limit),            \
+      ROW(acceleration_limit), ROW(drive_time_constant), ROW(engage_time), ROW(tension_of_fault), ROW(stroke_limit), \
+      ROW(pretension), ROW(stiffness), ROW(load_cell_range), ROW(handle_range), ROW(handle_noise), ROW(spool_noise)
 
 #define TENODESIS_ROW(name) at_##name
 enum JointControlNumber : std::size_t { TENODESIS_JOINT_CONTROL(TENODESIS_ROW) };
@@ -26,6 +32,19 @@ enum JointControlNumber : std::size_t { TENODESIS_JOINT_CONTROL(TENODESIS_ROW) }
 #define TENODESIS_ROW(name) #name
 constexpr std::array joint_control_names{TENODESIS_JOINT_CONTROL(TENODESIS_ROW)};
 #undef TENODESIS_ROW
+
+/// What a controller takes in a tick.
+struct JointTick {
+  const double* handle;   ///< rad
+  const double* tension;  ///< N
+  const double* spool;    ///< rad
+  const double* target;   ///< of a tool without a handle, rad
+  const double* wound;    ///< by commands to the spools, m
+  const double* direct;   ///< velocities of the spools that pass in place of the law's, rad/s; null: there are none
+  Request request{};
+  bool compensates{};  ///< else the motors only follow the targets
+  double since{};      ///< the last tick, s
+};
 
 /// A controller of a chain of any size.
 class AnyJointController {
@@ -36,14 +55,53 @@ class AnyJointController {
   AnyJointController& operator=(const AnyJointController&) = delete;
 
   virtual const ChainSizes& sizes() const = 0;
-  /// One tick; compensates: else the motors only follow the targets. velocity: of the spools, rad/s.
-  virtual void step(const double* handle, const double* tension, const double* spool, const double* target,
-                    bool compensates, double* velocity) = 0;
+  virtual double spool_radius() const = 0;
+  virtual void step(const JointTick& tick) = 0;
   virtual std::size_t width() const = 0;
   /// Writes the estimate: angles, deviations, moments, load, its deviations, friction scale and its deviation,
-  /// tensions at the far ends, covariance.
+  /// tensions at the far ends, those that lengths leave unexplained and their deviations, covariance; then velocities
+  /// of the spools (rad/s), angles aimed at (rad), state, faults present, and first faults.
   virtual double* store(double* out) const = 0;
   virtual void reset() = 0;
+
+  /// A tick with the request that waits, and what has been wound.
+  void tick(const double* handle, const double* tension, const double* spool, const double* target, bool compensates,
+            double since) {
+    wound_.resize(sizes().tendons);
+    step({handle, tension, spool, target, wound_.data(), nullptr, std::exchange(request, Request::none), compensates,
+          since});
+    begun = true;
+  }
+  /// A tick in which velocities of the spools (rad/s) pass; the tendons have been wound as far as the spools say.
+  void pass(const double* handle, const double* tension, const double* spool, const double* target,
+            const double* velocity, double since) {
+    wound_.resize(sizes().tendons);
+    for (std::size_t m = 0; m < wound_.size(); ++m)
+      if (is_finite(spool[m])) wound_[m] = spool_radius() * spool[m];
+    step(
+        {handle, tension, spool, target, wound_.data(), velocity, std::exchange(request, Request::none), false, since});
+    begun = true;
+  }
+  /// Winds the tendons by velocities of their spools (rad/s) for a time (s), as a rigid coupling would.
+  void wind(const double* velocity, double time) {
+    wound_.resize(sizes().tendons);
+    for (std::size_t m = 0; m < wound_.size(); ++m) wound_[m] += spool_radius() * velocity[m] * time;
+  }
+
+  double wound(std::size_t tendon) const { return tendon < wound_.size() ? wound_[tendon] : 0; }
+
+  Request request{};  ///< to be made with the next tick
+  bool begun{};       ///< whether there has been a tick
+
+ protected:
+  void forget() {
+    wound_.clear();
+    request = Request::none;
+    begun = false;
+  }
+
+ private:
+  std::vector<double> wound_;  // m
 };
 
 template <class W>
@@ -53,31 +111,40 @@ class JointControllerOf final : public AnyJointController {
   static constexpr int most_contacts = 2 * most_vertices * N + most_long_sheath_contacts;
   using Observer = JointObserver<W, most_contacts>;
 
-  JointControllerOf(const Observer& observer, const JointLaw<W>& law, const ChainSizes& sizes)
-      : observer_(observer), law_(law), sizes_(sizes) {}
+  JointControllerOf(const Observer& observer, const JointLaw<W>& law, const JointSupervisor<W>& supervisor,
+                    const ChainSizes& sizes)
+      : observer_(observer), law_(law), supervisor_(supervisor), sizes_(sizes) {}
 
   const ChainSizes& sizes() const override { return sizes_; }
 
-  void step(const double* handle, const double* tension, const double* spool, const double* target, bool compensates,
-            double* velocity) override {
+  void step(const JointTick& tick) override {
     typename Observer::Measured measured{};
-    std::copy_n(handle, sizes_.handles, measured.handle_angle);
-    std::copy_n(tension, sizes_.tendons, measured.tension);
-    std::copy_n(spool, sizes_.tendons, measured.spool_angle);
-    double wanted[N]{}, sent[M]{};
-    std::copy_n(target, sizes_.joints, wanted);
-    const auto& found = observer_.update(measured, memory_->observer);
-    law_.update(measured, found, wanted, compensates, memory_->law, sent);
-    std::copy_n(sent, sizes_.tendons, velocity);
+    std::copy_n(tick.handle, sizes_.handles, measured.handle_angle);
+    std::copy_n(tick.tension, sizes_.tendons, measured.tension);
+    std::copy_n(tick.spool, sizes_.tendons, measured.spool_angle);
+    double commanded[N]{}, wound[M]{}, wanted[M]{};
+    std::copy_n(tick.target, sizes_.joints, commanded);
+    std::copy_n(tick.wound, sizes_.tendons, wound);
+    Memory& memory = *memory_;
+    law_.aim(commanded, wound, memory.aim);
+    const auto& found = observer_.update(measured, memory.observer);
+    supervisor_.inspect(measured, found, int(sizes_.handles), tick.since, memory.supervisor);
+    const bool works = supervisor_.works(tick.request, memory.law.beyond, tick.since, memory.supervisor);
+    const bool passes = tick.direct != nullptr;
+    if (passes) memory.law = {};
+    if (works && passes) std::copy_n(tick.direct, sizes_.tendons, wanted);
+    if (works && !passes) law_.update(measured, found, memory.aim, tick.compensates, memory.law, wanted);
+    if (!works) memory.law.started = false;
+    supervisor_.command(measured, wanted, !passes, tick.since, memory.supervisor, memory.velocity);
   }
 
   std::size_t width() const override {
-    return (3 + sizes_.joints) * sizes_.joints + 2 * joint_load_components + 2 + sizes_.tendons;
+    return (3 + sizes_.joints) * sizes_.joints + 2 * joint_load_components + 2 + 3 * sizes_.tendons;
   }
 
   double* store(double* out) const override {
     const auto& found = memory_->observer.estimate;
-    const std::size_t n = sizes_.joints;
+    const std::size_t n = sizes_.joints, m = sizes_.tendons;
     out = std::copy_n(found.angle, n, out);
     for (std::size_t i = 0; i < n; ++i) *out++ = std::sqrt(found.covariance.at[i][i]);
     out = std::copy_n(found.moment, n, out);
@@ -85,32 +152,50 @@ class JointControllerOf final : public AnyJointController {
     out = std::ranges::copy(found.load_std, out).out;
     *out++ = found.friction_scale;
     *out++ = found.friction_scale_std;
-    out = std::copy_n(found.far_tension, sizes_.tendons, out);
+    for (const auto* by_tendon : {found.far_tension, found.unexplained, found.unexplained_std})
+      out = std::copy_n(by_tendon, m, out);
     for (std::size_t i = 0; i < n; ++i) out = std::copy_n(found.covariance.at[i], n, out);
+    out = std::copy_n(memory_->velocity, m, out);
+    out = std::copy_n(memory_->aim, n, out);
+    const auto& state = memory_->supervisor.state;
+    const bool fault = state.operating == OperatingState::fault;
+    for (const double one :
+         {double(state.operating), double(fault ? state.faults : state.present), double(state.first)})
+      *out++ = one;
     return out;
   }
 
-  void reset() override { *memory_ = {}; }
+  void reset() override {
+    *memory_ = {};
+    forget();
+  }
+  double spool_radius() const override { return law_.spool_radius; }
 
  private:
   struct Memory {
     Observer::Memory observer{};
     JointLaw<W>::Memory law{};
+    JointSupervisor<W>::Memory supervisor{};
+    double aim[N]{};       // rad
+    double velocity[M]{};  // of the spools, rad/s
   };
 
   Observer observer_;
   JointLaw<W> law_;
+  JointSupervisor<W> supervisor_;
   ChainSizes sizes_;
   std::unique_ptr<Memory> memory_ = std::make_unique<Memory>();
 };
 
 std::unique_ptr<AnyJointController> make_joint_controller(const ChainSpec& spec, const In<3>& passages,
                                                           const std::vector<int>& contacts, const In<2>& segments,
-                                                          const std::vector<double>& numbers, int law) {
+                                                          const std::vector<double>& numbers, const In<2>& limits,
+                                                          int law) {
   const std::size_t tendons = spec.tendons();
   require(passages.shape(0) == tendons && passages.shape(2) == passage_numbers && contacts.size() == tendons &&
               segments.shape(0) == tendons && segments.shape(1) == passages.shape(1) + 1 &&
-              numbers.size() == joint_control_names.size() && law >= 0 && law <= int(ChainLaw::capstan_power),
+              numbers.size() == joint_control_names.size() && limits.shape(0) == limit_count && limits.shape(1) == 2 &&
+              law >= 0 && law <= int(ChainLaw::capstan_power),
           "the controller's rows do not fit the chain");
   const ChainSizes sizes{spec.joints(), spec.handles(), tendons};
   const auto p = [&](JointControlNumber at) { return numbers[at]; };
@@ -159,7 +244,28 @@ std::unique_ptr<AnyJointController> make_joint_controller(const ChainSpec& spec,
         compensation.deviations = p(at_deviations);
         compensation.period = p(at_period);
         require(compensation.prepare(), "neither tendon nor spring holds a joint");
-        return std::make_unique<Made>(observer, compensation, sizes);
+        JointSupervisor<W> supervisor{};
+        supervisor.tendons = int(tendons);
+        supervisor.stroke_limit = p(at_stroke_limit);
+        supervisor.states.speed_limit = p(at_speed_limit);
+        supervisor.states.acceleration_limit = p(at_acceleration_limit);
+        supervisor.states.engage_time = p(at_engage_time);
+        supervisor.states.tension_limit = p(at_tension_of_fault);
+        supervisor.states.period = p(at_period);
+        auto& watch = supervisor.watch;
+        for (std::size_t k = 0; k < limit_count; ++k)
+          (k < std::size_t(fault_count) ? watch.limit[k] : watch.spool_jump) =
+              Limit<double>{limits(k, 0), limits(k, 1)};
+        watch.drive = {p(at_spool_radius), p(at_speed_limit), p(at_acceleration_limit), p(at_drive_time_constant), 0};
+        watch.pretension = p(at_pretension);
+        watch.stiffness = p(at_stiffness);
+        watch.load_cell_range = p(at_load_cell_range);
+        watch.handle_range = p(at_handle_range);
+        watch.handle_noise = p(at_handle_noise);
+        watch.spool_noise = p(at_spool_noise);
+        watch.period = p(at_period);
+        require(supervisor.states.valid() && watch.valid(), "the supervisor's numbers are out of range");
+        return std::make_unique<Made>(observer, compensation, supervisor, sizes);
       },
       spec.any());
 }
@@ -174,76 +280,235 @@ std::size_t place_of(const AnyTwin& twin, std::string_view wanted) {
   return place;
 }
 
+/// Numbers that a controller stores in all.
+std::size_t stored(const AnyJointController& controller) {
+  return controller.width() + controller.sizes().tendons + controller.sizes().joints + 3;
+}
+
 std::tuple<std::size_t, Status> run(AnyTwin& twin, AnyJointController& controller, const In<2>& commands,
-                                    const In<2>& targets, bool compensates, int steps_per_tick, std::size_t started,
-                                    const Out<2>& out, const Out<2>& control) {
+                                    const In<2>& targets, const std::vector<int>& requests, bool compensates,
+                                    int steps_per_tick, double time_step, std::size_t started, const Out<2>& out,
+                                    const Out<2>& control) {
   const std::size_t count = commands.shape(0), width = width_of(twin.commands()), signals = width_of(twin.signals());
   const ChainSizes& sizes = controller.sizes();
   require(sizes.joints == twin.sizes().joints && sizes.handles == twin.sizes().handles &&
               sizes.tendons == twin.sizes().tendons && commands.shape(1) == width && targets.shape(0) == count &&
-              targets.shape(1) == sizes.joints && out.shape(0) == count && out.shape(1) == signals &&
-              control.shape(0) == count && control.shape(1) == controller.width() + sizes.tendons &&
-              steps_per_tick >= 1,
+              targets.shape(1) == sizes.joints && requests.size() == count && out.shape(0) == count &&
+              out.shape(1) == signals && control.shape(0) == count && control.shape(1) == stored(controller) &&
+              steps_per_tick >= 1 && time_step > 0,
           "commands, targets, signals and controller do not fit the twin");
   const std::size_t handle = place_of(twin, "measured_handle_angle"), tension = place_of(twin, "measured_tension"),
                     spool = place_of(twin, "measured_spool_angle");
   const nb::gil_scoped_release release;
-  std::vector<double> now(signals), row(width), velocity(sizes.tendons);
+  std::vector<double> now(signals), row(width);
   twin.store(now.data());
   const double* seen = now.data();
   double* to = out.data();
   double* said = control.data();
   for (std::size_t i = 0; i < count; ++i) {
-    if (i == 0 || (started + i) % std::size_t(steps_per_tick) == 0)
-      controller.step(seen + handle, seen + tension, seen + spool, targets.data() + i * sizes.joints, compensates,
-                      velocity.data());
     std::copy_n(commands.data() + i * width, width, row.data());
-    std::ranges::copy(velocity, row.data() + sizes.handles);
+    double* const velocity = row.data() + sizes.handles;
+    controller.wind(velocity, time_step);
+    if (requests[i] != 0) controller.request = Request(requests[i]);
+    if ((started + i) % std::size_t(steps_per_tick) == 0 || !controller.begun)
+      controller.tick(seen + handle, seen + tension, seen + spool, targets.data() + i * sizes.joints, compensates,
+                      steps_per_tick * time_step);
+    controller.store(said);
+    std::copy_n(said + controller.width(), sizes.tendons, velocity);
     const Status found = twin.step(row.data());
     if (found != Status::ok) return {i, found};
     seen = to;
     to = twin.store(to);
-    said = std::ranges::copy(velocity, controller.store(said)).out;
+    said += control.shape(1);
   }
   return {count, Status::ok};
 }
+
+#ifndef TENODESIS_WITHOUT_LIVE
+
+/// Where a tick's numbers end with state, faults, and first faults.
+enum JointState : std::size_t { at_state, at_faults, at_first_faults, joint_states };
+
+/// In the live loop, between it and its device: what the loop commands the spools are targets of the law.
+class LiveJoints final : public runtime::Device {
+ public:
+  LiveJoints(runtime::Device& device, AnyJointController& controller, double period)
+      : Device(device.sizes, device.commands.all(), with_own(device)),
+        device_(device),
+        controller_(controller),
+        period_(period),
+        spools_(device.commands.find("spool_velocity").first),
+        now_(device.signals.width()),
+        said_(stored(controller)),
+        row_(device.commands.width()),
+        straight_(sizes.joints) {
+    controller_.store(said_.data());
+  }
+
+  bool simulated() const override { return device_.simulated(); }
+  bool clocked() const override { return device_.clocked(); }
+  bool read(std::uint64_t& time, std::uint64_t timeout) override {
+    fresh_ = device_.read(time, timeout);
+    since_ = time > read_at_ && read_at_ != 0 ? double(time - read_at_) * 1e-9 : period_;
+    // Whole nanoseconds are no other period.
+    if (std::abs(since_ - period_) < 1e-6 * period_) since_ = period_;
+    if (fresh_) read_at_ = time;
+    return fresh_;
+  }
+  bool may_be_late() const override { return device_.may_be_late(); }
+  std::uint64_t overtaken() const override { return device_.overtaken(); }
+  bool in_tissue(std::size_t joint) const override { return device_.in_tissue(joint); }
+  void cut_power() noexcept override { device_.cut_power(); }
+  void stop() noexcept override { device_.stop(); }
+
+  /// With the law its spool angles are those that were commanded: the loop has nothing to correct.
+  Measurement<double> reading(const CompensatedAxis& axis) const override {
+    Measurement<double> read = device_.reading(axis);
+    const std::size_t tendons[]{axis.agonist, axis.antagonist};
+    for (int i = 0; i < 2; ++i)
+      if (compensates && is_finite(read.spool_angle[i]))
+        read.spool_angle[i] = controller_.wound(tendons[i]) / controller_.spool_radius();
+    return read;
+  }
+
+  bool write(const double* row) override {
+    std::copy_n(row, row_.size(), row_.begin());
+    double* const velocity = row_.data() + spools_;
+    device_.store(now_.data());
+    const auto at = [&](const char* name) { return now_.data() + device_.signals.find(name).first; };
+    const double *const handle = at("measured_handle_angle"), *const tension = at("measured_tension"),
+                        *const spool = at("measured_spool_angle");
+    if (compensates) controller_.wind(velocity, period_);
+    // A measurement that has not come is waited for; that it stays away, the loop notices.
+    if (fresh_ && compensates) controller_.tick(handle, tension, spool, straight_.data(), true, since_);
+    if (fresh_ && !compensates) controller_.pass(handle, tension, spool, straight_.data(), velocity, since_);
+    controller_.store(said_.data());
+    std::copy_n(said_.data() + controller_.width(), sizes.tendons, velocity);
+    return device_.write(row_.data());
+  }
+
+  void store(double* out) const override {
+    device_.store(out);
+    out += device_.signals.width();
+    const std::size_t n = sizes.joints;
+    const double* const velocity = said_.data() + controller_.width();
+    out = std::copy_n(velocity, sizes.tendons, out);
+    out = std::copy_n(velocity + sizes.tendons, n, out);
+    out = std::copy_n(said_.data(), 2 * n, out);
+    const double* const scale = said_.data() + 3 * n + 2 * joint_load_components;
+    for (const double one : {scale[0], scale[1], said(at_state), said(at_faults)}) out = std::fill_n(out, n, one);
+  }
+
+  double said(JointState which) const { return said_[said_.size() - joint_states + which]; }
+  AnyJointController& controller() { return controller_; }
+
+  bool compensates{true};
+
+ private:
+  static std::vector<engine::Column> with_own(const runtime::Device& device) {
+    std::vector<engine::Column> columns = device.signals.all();
+    columns.emplace_back("commanded_spool_velocity", device.sizes.tendons);
+    for (const char* name : {"commanded_output_angle", "estimated_output_angle", "estimated_output_angle_std",
+                             "friction_scale", "friction_scale_std", "operating_state", "faults"})
+      columns.emplace_back(name, device.sizes.joints);
+    return columns;
+  }
+
+  runtime::Device& device_;
+  AnyJointController& controller_;
+  double period_;
+  std::size_t spools_;
+  std::vector<double> now_, said_, row_, straight_;
+  bool fresh_{true};
+  std::uint64_t read_at_{};  // ns
+  double since_{};           // s
+};
+
+/// What the loop asks and is told of a controller of all joints, which itself runs between loop and device.
+class JointSwitch final : public AnyController {
+ public:
+  explicit JointSwitch(LiveJoints& joints) : joints_(joints) { last.homed = true; }
+
+  int axes() const override { return 0; }
+  const link::ControllerParameters& parameters() const override { return parameters_; }
+  tenodesis_counts counts(int /*axis*/) const override { return {}; }
+  Phase phase(int /*axis*/) const override { return Phase::rest; }
+  bool watchdog(double /*since_last_step*/) const override { return false; }
+  bool choose(ControlLaw law, Actuation /*actuation*/) override {
+    joints_.compensates = law != ControlLaw::off;
+    return true;
+  }
+  void reset() override {
+    joints_.controller().reset();
+    forget();
+    last.homed = true;
+  }
+
+  void step(const AnyInput& input, AnyOutput& output) override {
+    if (input.request != Request::none) joints_.controller().request = input.request;
+    SupervisorState<double> state{};
+    state.operating = OperatingState(int(joints_.said(at_state)));
+    output.state = Supervisor<double>{}.advance(input.request, 0, 0, state);
+    output.faults = std::uint32_t(joints_.said(at_faults));
+    output.first_faults = std::uint32_t(joints_.said(at_first_faults));
+  }
+
+ private:
+  LiveJoints& joints_;
+  link::ControllerParameters parameters_{};
+};
+
+#endif
 
 }  // namespace
 
 void bind_joint_control(nb::module_& m) {
   nb::class_<AnyJointController>(m, "JointController", "Observer and law of a chain of joints and tendons.")
-      .def(nb::new_(&make_joint_controller), "chain"_a, "passages"_a, "contacts"_a, "segments"_a, "numbers"_a, "law"_a)
+      .def(nb::new_(&make_joint_controller), "chain"_a, "passages"_a, "contacts"_a, "segments"_a, "numbers"_a,
+           "limits"_a, "law"_a)
       .def(
           "step",
           [](AnyJointController& controller, const In<1>& handle, const In<1>& tension, const In<1>& spool,
-             const In<1>& target, bool compensates, const Out<1>& out) {
+             const In<1>& target, int request, bool compensates, double since, const Out<1>& out) {
             const ChainSizes& sizes = controller.sizes();
             require(handle.shape(0) == sizes.handles && tension.shape(0) == sizes.tendons &&
                         spool.shape(0) == sizes.tendons && target.shape(0) == sizes.joints &&
-                        out.shape(0) == controller.width() + sizes.tendons,
+                        out.shape(0) == stored(controller),
                     "the measurement does not fit the controller");
-            controller.step(handle.data(), tension.data(), spool.data(), target.data(), compensates,
-                            out.data() + controller.width());
+            if (request != 0) controller.request = Request(request);
+            controller.tick(handle.data(), tension.data(), spool.data(), target.data(), compensates, since);
             controller.store(out.data());
           },
-          "handle"_a, "tension"_a, "spool"_a, "target"_a, "compensates"_a, "out"_a,
+          "handle"_a, "tension"_a, "spool"_a, "target"_a, "request"_a, "compensates"_a, "since"_a, "out"_a,
           nb::sig("def step(self, handle: NDArray[numpy.float64], tension: NDArray[numpy.float64], spool: "
-                  "NDArray[numpy.float64], target: NDArray[numpy.float64], compensates: bool, out: "
-                  "NDArray[numpy.float64]) -> None"),
-          "One tick: estimate, then the spools' velocities, in out.")
+                  "NDArray[numpy.float64], target: NDArray[numpy.float64], request: int, compensates: bool, since: "
+                  "float, out: NDArray[numpy.float64]) -> None"),
+          "One tick, since seconds after the last; out: what is stored of it.")
       .def(
           "run",
           [](AnyJointController& controller, AnyTwin& twin, const In<2>& commands, const In<2>& targets,
-             bool compensates, int steps_per_tick, std::size_t started, const Out<2>& out, const Out<2>& control) {
-            return run(twin, controller, commands, targets, compensates, steps_per_tick, started, out, control);
+             const std::vector<int>& requests, bool compensates, int steps_per_tick, double time_step,
+             std::size_t started, const Out<2>& out, const Out<2>& control) {
+            return run(twin, controller, commands, targets, requests, compensates, steps_per_tick, time_step, started,
+                       out, control);
           },
-          "twin"_a, "commands"_a, "targets"_a, "compensates"_a, "steps_per_tick"_a, "started"_a, "out"_a, "control"_a,
+          "twin"_a, "commands"_a, "targets"_a, "requests"_a, "compensates"_a, "steps_per_tick"_a, "time_step"_a,
+          "started"_a, "out"_a, "control"_a,
           nb::sig("def run(self, twin: Twin, commands: NDArray[numpy.float64], targets: NDArray[numpy.float64], "
-                  "compensates: bool, steps_per_tick: int, started: int, out: NDArray[numpy.float64], control: "
-                  "NDArray[numpy.float64]) -> tuple[int, Status]"),
+                  "requests: collections.abc.Sequence[int], compensates: bool, steps_per_tick: int, time_step: float, "
+                  "started: int, out: NDArray[numpy.float64], control: NDArray[numpy.float64]) -> tuple[int, Status]"),
           "Steps of a twin with it in the loop; returns the steps taken and the last status.")
       .def_prop_ro("width", &AnyJointController::width, "Numbers of an estimate.")
+      .def_prop_ro("stored", &stored, "Numbers of a tick.")
       .def("reset", &AnyJointController::reset, "Return to the initial state.");
+#ifndef TENODESIS_WITHOUT_LIVE
+  nb::class_<LiveJoints, runtime::Device>(m, "LiveJoints", "A controller of all joints between live loop and device.")
+      .def(nb::init<runtime::Device&, AnyJointController&, double>(), "device"_a, "controller"_a, "period"_a,
+           nb::keep_alive<1, 2>(), nb::keep_alive<1, 3>())
+      .def_rw("compensates", &LiveJoints::compensates, "Whether the motors give back what joints lose.");
+  nb::class_<JointSwitch, AnyController>(m, "JointSwitch", "What the live loop asks a controller of all joints.")
+      .def(nb::init<LiveJoints&>(), "joints"_a, nb::keep_alive<1, 2>());
+#endif
   m.def("joint_control_parameters", [] { return list_of(joint_control_names); });
 }
 

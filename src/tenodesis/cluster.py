@@ -6,7 +6,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Self, TypeVar
 
@@ -116,27 +116,42 @@ class Cluster:
         StudyError
             The cluster could not work on a chunk.
         """
+        results: dict[int, Result] = {}
+        for n, result in self.stream(function, shared, chunks, sizes):
+            results[n] = result
+            progress(n)
+        return [results[n] for n in range(len(chunks))]
+
+    def stream(
+        self,
+        function: Callable[[Shared, Chunk], Result],
+        shared: Shared,
+        chunks: Sequence[Chunk],
+        sizes: Sequence[int],
+    ) -> Iterator[tuple[int, Result]]:
+        """Yield the number of each chunk and what the function makes of it, as they are done, otherwise as :meth:`map`.
+
+        Raises StudyError if the cluster could not work on a chunk.
+        """
         ray = _imported()
         work = ray.remote(num_cpus=1, max_retries=_RETRIES)(_alone)
         common = ray.put(shared)
         pending = {work.remote(function, common, chunk): n for n, chunk in enumerate(chunks)}
-        results: dict[int, Result] = {}
         try:
             while pending:
                 done, _ = ray.wait(list(pending), num_returns=1)
                 n = pending.pop(done[0])
-                results[n], node, seconds = ray.get(done[0])
+                result, node, seconds = ray.get(done[0])
                 share = self.shares.setdefault(node, Share())
                 share.chunks += 1
                 share.size += sizes[n]
                 share.seconds += seconds
-                progress(n)
+                yield n, result
         except ray.exceptions.RayError as problem:
             reason = str(problem).strip().splitlines()[-1]
             raise StudyError(
                 f"the cluster at {self.address} could not work on a chunk: {reason}", key="address", value=self.address
             ) from None
-        return [results[n] for n in range(len(chunks))]
 
     def _check_that_it_answers(self) -> None:
         """Raise for an address where no cluster answers; Ray itself would wait for minutes and then end the process."""

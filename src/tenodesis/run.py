@@ -136,6 +136,9 @@ class Run:
     commanded_handle_angle: Array | None = _signal(
         "command", "rad", "handle_joints", "Handle angle that the hand aims at"
     )
+    commanded_output_angle: Array | None = _signal(
+        "command", "rad", "joints", "Output angle commanded to a tool without a handle, as its law aims at it"
+    )
     force: Array | None = _signal(
         "command", "N", "joints", "Tangential force at the tip; positive opposes positive flexion"
     )

@@ -240,6 +240,10 @@ def test_the_short_form_of_several_arcs_is_joints_and_tendons() -> None:
     text = (ROOT / "examples" / "continuum.toml").read_text("utf-8")
     arcs = tn.parse(text.replace("handle_range", "arcs = 4\nhandle_range"))
     assert arcs == tn.instrument.in_arcs(ROOT / "examples" / "continuum.toml", 4)
+    two = text.replace("handle_range", 'arcs = 4\naxes = ["yaw", "pitch"]\nhandle_range').replace(
+        'axes = ["yaw"]\n', ""
+    )
+    assert list(tn.parse(two).bends) == ["yaw", "pitch"] and len(tn.parse(two).tip_joints) == 8
     with pytest.raises(InstrumentError, match="arcs is 3"):
         tn.parse(text.replace("handle_range", "arcs = 3\nhandle_range"))
     with pytest.raises(InstrumentError, match="in_arcs"):

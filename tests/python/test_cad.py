@@ -319,6 +319,26 @@ def test_a_pack_is_written_whole_or_not_at_all(
 
 
 @pytest.mark.slow
+def test_a_pulley_of_an_instruments_size_is_drawn_and_its_step_file_has_its_volume(tmp_path: Path) -> None:
+    pytest.importorskip("build123d", reason="the extra [cad] is not installed")
+    small = {"distal_pulley_radius": 2.5e-3, "proximal_pulley_radius": 5e-3, "tendon_diameter": 0.5e-3}
+    lengths = {"end_effector_length": 14e-3, "overall_length": 0.45, "handle_length": 95e-3, "stem_diameter": 8e-3}
+    model = cad.build(tn.parse(PULLEY).replace(**small, **lengths), process="milled", rig=False)
+    for name in ("tip_pulley", "handle_pulley"):
+        part = model.part(name)
+        pack._write_step(part.solid, tmp_path / f"{name}.step", name)
+        assert cad.draw_part(model, part).axes
+
+
+@pytest.mark.slow
+def test_clamps_of_the_bench_stand_on_the_stem_behind_a_long_backbone() -> None:
+    pytest.importorskip("build123d", reason="the extra [cad] is not installed")
+    inst = tn.parse(CONTINUUM).replace(backbone_length=150e-3, overall_length=1.5)
+    clamps = cad.build(inst, process="fdm").part("rig_clamp")
+    assert all(place.position.Z + kernel.bounds(clamps.solid)[1][2] < 0 for place in clamps.places)
+
+
+@pytest.mark.slow
 def test_drawings_say_radii_to_the_ropes_centre_and_to_the_grooves_bottom_with_their_tolerances(
     pulley: cad.Model,
 ) -> None:

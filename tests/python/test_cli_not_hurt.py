@@ -42,8 +42,8 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def desk(tmp_path: Path, recording: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with a file of every kind; work of any length fails the test."""
     from tenodesis.cli import bench, identify, plan_identification, scale, tolerance, vertices
-    from tenodesis.cli import recording as recordings
     from tenodesis.recording import replay as replays
+    from tenodesis.recording import simulation
 
     for module, name in (
         (bench, "run"),
@@ -52,7 +52,7 @@ def desk(tmp_path: Path, recording: Path, monkeypatch: pytest.MonkeyPatch) -> Pa
         (scale, "_front"),
         (tolerance, "write"),
         (vertices, "write"),
-        (recordings, "recorded"),
+        (simulation, "record"),
         (replays, "_run"),
     ):
         monkeypatch.setattr(module, name, lambda *_, **__: pytest.fail("worked before it asked"))

@@ -124,6 +124,18 @@ def test_a_rope_is_known_by_name(tenodesis: Run, rope: str) -> None:
     assert rope in inst.sources["tendon_modulus"]
 
 
+def test_a_backbone_is_known_by_its_rod(tenodesis: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    answering(monkeypatch, "continuum", "", "", "", "0.6 mm gold", "0.6 mm Nitinol", "", "", "", "")
+    code, said, _ = tenodesis("new", "asked")
+    assert code == 0 and "of nitinol, steel, stainless" in said
+    code, _, wrong = tenodesis("new", "given", *options("continuum", **{"backbone-rigidity": "0.6 mm nitinol"}))
+    assert (code, wrong) == (0, "")
+    for name in ("asked", "given"):
+        inst = as_short_form(tn.load(f"{name}.toml"))
+        assert inst.backbone_rigidity == pytest.approx(60e9 * np.pi * 0.6e-3**4 / 64, rel=1e-3)
+        assert inst.sources["backbone_rigidity"].startswith("yours: a rod of 0.6 mm")
+
+
 def test_answers_are_asked_for_again_until_they_are_right(tenodesis: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     answering(monkeypatch, "gears", "pulley", "3", "-1", "7 mm", "0.8 in", "300", "1 kg", "0.45 mm", "")
     code, said, wrong = tenodesis("new", "mine")
@@ -357,6 +369,7 @@ IMPLAUSIBLE = {
         ("[conditions]", 'breaking_load = "60 N"\n[control]\ntension_limit = "70 N"\n[conditions]'),
         "control.tension_limit", "tendons break at a breaking_load of 60 N"),
     "short of its range": (('"45 deg"', '"20 deg"'), "handle_range", "bends the unloaded tip by 45 deg only"),
+    "at the joint's end": (('"45 deg"', '"79.99999999 deg"'), "handle_range", "180 deg, all that its joint can"),
     "too much load": (('"1 N"', '"500 N"'), "conditions.forces", "has 500 N, which the tip cannot"),
     "no bend": (
         ("[dynamics]", '[friction]\nlaw="capstan"\nvertex_coefficient=0.1\nsheath_coefficient=0.1\n[dynamics]'),

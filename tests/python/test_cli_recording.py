@@ -16,7 +16,7 @@ import pytest
 from mcap_ros2.writer import Writer as StockWriter
 
 import tenodesis as tn
-from tenodesis.cli import common
+from tenodesis.cli import common, interrupts
 from tenodesis.errors import Error
 from tenodesis.live import recorder as live
 from tenodesis.recording import Recorder, Recording
@@ -322,3 +322,13 @@ def test_on_eighty_columns_nothing_is_cut_off(
     assert "…" not in shown
     assert "sensor_msgs/msg/JointState" in shown
     assert max(map(len, shown.splitlines())) <= 80
+
+
+def test_a_ctrl_c_that_was_dropped_amid_a_callback_ends_a_command_at_its_next_progress(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bar = common.ProgressBar("reading")
+    bar(1, 2)
+    monkeypatch.setattr(interrupts, "CAME", [signal.SIGINT])
+    with pytest.raises(KeyboardInterrupt):
+        bar(2, 2)

@@ -11,8 +11,9 @@ from mcap_ros2.writer import Writer
 import tenodesis as tn
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import measured
+from tenodesis.identification.formats import mcap
 from tenodesis.identification.formats.instrument_run import InstrumentRun
-from tenodesis.recording import Recording, container, schemas
+from tenodesis.recording import Recording, blocks, container, schemas
 from tenodesis.run import Names, Run
 
 from .conftest import refused
@@ -316,3 +317,17 @@ def test_topics_that_end_apart_are_said(log: Path, tmp_path: Path) -> None:
     loaded = read(path)
     assert len(loaded) == 1400
     assert "topics do not end together: the first 1400 of up to 1500 rows are taken" in loaded.notes
+
+
+def test_a_long_recording_is_not_read_beyond_the_rows_that_are_taken(
+    recorded: InstrumentRun, log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(log.read_bytes()[:-2000])
+    assert "is read up to" in read(torn).notes[0]
+    monkeypatch.setattr(blocks, "LEAST_ROWS", 300)
+    monkeypatch.setattr(mcap, "MOST_ROWS", 600)
+    loaded = read(torn)
+    assert 600 <= len(loaded) < len(recorded) / 2
+    assert loaded.notes == (f"it is long: its first {loaded.time[-1]:.4g} s are taken",)
+    assert np.array_equal(loaded["tension_agonist"], recorded["tension_agonist"][: len(loaded)])

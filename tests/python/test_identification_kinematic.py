@@ -21,7 +21,7 @@ from tenodesis.run import Array, Run
 from .conftest import ROOT, refused
 
 sys.path.append(str(ROOT / "studies"))
-from kinematic import JOINTS, simulated
+from coverage import JOINTS, simulated
 
 DATA = Path(os.environ.get("TENODESIS_DATA", Path(__file__).parents[3] / "shared" / "data")) / "endoscope-pair"
 

@@ -1,10 +1,15 @@
 """Observer and law for any routing: joints whose tendons turn several of them, with and without a handle."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import tenodesis as tn
 from tenodesis.instrument import FullForm, expanded
+from tenodesis.recording import Recording, summary
+from tenodesis.recording.replay import replay
+from tenodesis.recording.simulation import record
 
 from .conftest import refused
 
@@ -27,12 +32,12 @@ def left_over(
 ) -> tuple[np.ndarray, tn.control.JointEstimate, tn.Run]:
     """Return by what bends what is left of a load's error at the end, deg."""
     angles = truth.bent(target)
-    controller = tn.control.JointController(assumed, compensates=compensates)
+    controller = tn.control.JointController(assumed, "joints" if compensates else "off")
     wrench = eased(1.2, 0.3) * np.array([*force, 0, 0, 0])
     handle = np.zeros((STEPS, len(truth.handle_joints)))
-    run, estimate = tn.twin.Twin(truth).run_joints(controller, handle, eased(0, 1) * angles, wrench=wrench)
+    run = tn.twin.Twin(truth).run(handle, controller=controller, target=eased(0, 1) * angles, wrench=wrench)
     off = run["output_angle"][-200:].mean(axis=0) - angles
-    return np.degrees([off[places].sum() for places in truth.bends.values()]), estimate, run
+    return np.degrees([off[places].sum() for places in truth.bends.values()]), controller.estimate, run
 
 
 @pytest.mark.parametrize("scale", [0.7, 1.0, 1.3])
@@ -61,7 +66,8 @@ def test_with_a_handle_its_angles_are_the_targets() -> None:
     controller = tn.control.JointController(inst)
     handle = eased(0, 1) * np.array([0.2, -0.15, 0.0])
     wrench = eased(1.2, 0.3) * np.array([0.2, 0.2, 0, 0, 0, 0])
-    run, _ = tn.twin.Twin(inst).run_joints(controller, handle, wrench=wrench)
+    run = tn.twin.Twin(inst).run(handle, controller=controller, wrench=wrench)
+    assert run.commanded_output_angle is None
     planar = tn.control.compensated(inst)
     for n, axis in enumerate(("yaw", "pitch")):
         wanted = tn.statics.output_angle(planar.axis(axis), handle[-1, n], 0.0)
@@ -72,14 +78,94 @@ def test_a_tick_is_that_of_the_loop_and_reset_starts_again() -> None:
     inst = expanded("needle-driver")
     controller = tn.control.JointController(inst)
     measured = np.array([21.0, 19.0, 20.0, 20.0, 20.0, 20.0]), np.zeros(6)
-    first, estimate = controller.step(*measured)
+    first = controller.step(*measured)
+    estimate = first.estimate
     controller.step(*measured, target=[0.1, 0.0, 0.0])
     controller.reset()
-    again, same = controller.step(*measured)
-    assert np.array_equal(first, again)
-    assert np.array_equal(estimate.covariance, same.covariance)
+    again = controller.step(*measured)
+    assert first.state == again.state == tn.control.OperatingState.ENABLED
+    assert np.array_equal(first.spool_velocity, again.spool_velocity)
+    assert np.array_equal(estimate.covariance, again.estimate.covariance)
     assert estimate.angle_std == pytest.approx(np.sqrt(np.diag(estimate.covariance)))
     assert estimate.moment[0] == pytest.approx(2 * 2.5e-3, rel=0.1)
+
+
+def steady(controller: tn.control.JointController, ticks: int, **changed: tuple[int, float]) -> tn.control.JointOutput:
+    """Return the last of some ticks that follow a target with readings at rest, of which one has another value."""
+    noise = np.random.default_rng(1)
+    for _ in range(ticks):
+        spools = np.zeros(6)
+        tensions = 20 + 0.05 * noise.standard_normal(6)
+        for name, (at, value) in changed.items():
+            (tensions if name == "tension" else spools)[at] = value
+        out = controller.step(tensions, spools, target=np.zeros(3))
+    return out
+
+
+@pytest.mark.parametrize(
+    ("reading", "fault"),
+    [
+        ({"tension": (2, np.nan)}, "not_a_number"),
+        ({"spool": (1, np.inf)}, "not_a_number"),
+        ({"tension": (3, 20.0)}, "load_cell_stuck"),
+        ({"tension": (3, 101.0)}, "over_tension"),
+        ({"tension": (3, -3.0)}, "load_cell_range"),
+        ({"tension": (0, 45.0)}, "load_cell_drift"),
+        ({"tension": (4, 0.0)}, "tendon_break"),
+        ({"spool": (5, 0.3)}, "encoder_jump"),
+    ],
+)
+def test_what_sensors_cannot_read_stops_the_motors_and_is_latched(reading: dict, fault: str) -> None:
+    # With a law its motors would not follow here.
+    controller = tn.control.JointController("needle-driver", "off")
+    assert steady(controller, 100).state == tn.control.OperatingState.ENABLED
+    found = steady(controller, 1500, **reading)
+    assert found.state == tn.control.OperatingState.FAULT
+    assert fault in found.faults
+    assert not found.spool_velocity.any()
+    assert not steady(controller, 200).spool_velocity.any()
+    assert fault in steady(controller, 1).faults
+
+
+def test_ticks_that_stay_away_are_a_fault_that_is_cleared_by_request() -> None:
+    controller = tn.control.JointController("needle-driver")
+    steady(controller, 10)
+    late = controller.step(np.full(6, 20.0), np.zeros(6), since=0.1)
+    assert late.first_faults == ("tick_late",)
+    controller.ask("clear")
+    assert steady(controller, 2).state == tn.control.OperatingState.DISABLED
+    controller.ask("enable")
+    assert steady(controller, 1).state == tn.control.OperatingState.ENABLED
+
+
+def test_a_torn_tendon_is_named_and_the_motors_stand() -> None:
+    torn = np.zeros((2000, 6))
+    torn[1000:, 2] = 0.5
+    controller = tn.control.JointController("needle-driver")
+    with pytest.warns(tn.errors.FaultWarning, match="tendon_break"):
+        run = tn.twin.Twin("needle-driver").run(np.zeros((2000, 0)), controller=controller, let_out=torn)
+    assert 0.5 < run.fault_times["tendon_break"] < 0.52
+    assert not run["commanded_spool_velocity"][1100:].any()
+
+
+def test_a_law_of_all_joints_is_recorded_and_replayed_bit_by_bit(tmp_path: Path) -> None:
+    controller = tn.control.JointController("needle-driver")
+    protocol = tn.simulate.Protocol(
+        name="wrist",
+        phases=[
+            {"kind": "ramp", "duration": 0.5, "spool_velocities": {"pitch_wound": 0.4, "pitch_unwound": -0.4}},
+            {"kind": "ramp", "duration": 0.1, "spool_velocities": {"pitch_wound": 0.0, "pitch_unwound": 0.0}},
+            {"kind": "step-load", "duration": 0.3, "wrench": {"fy": 3.0}},
+        ],
+    )
+    path = tmp_path / "wrist.mcap"
+    run = record("needle-driver", protocol, path, controller=controller)
+    assert run.compensated == run.joints
+    assert run["commanded_output_angle.pitch"][-1] == pytest.approx(0.12 * 2.5465 / 2.5, abs=1e-3)
+    recording = Recording.open(path)
+    assert np.array_equal(recording.run["commanded_output_angle"], run["commanded_output_angle"])
+    assert replay(recording).exact
+    assert "joints law" in summary.facts(summary.read(path))["controller"]
 
 
 def test_what_does_not_fit_is_refused() -> None:
@@ -88,9 +174,15 @@ def test_what_does_not_fit_is_refused() -> None:
         tn.control.JointController("needle-driver", period=0.0)
     with pytest.raises(ValueError, match="does not fit"):
         controller.step(np.zeros(4), np.zeros(6))
-    with pytest.raises(ValueError, match="do not fit"):
-        tn.twin.Twin(expanded("hybrid-real-size")).run_joints(controller, np.zeros((2, 3)))
+    with refused("law"):
+        tn.control.JointController("needle-driver", "robust")
+    controller.reset()
     with refused("controller"):
-        tn.twin.Twin("scaled-up").run_joints(controller, np.zeros((2, 1)))
+        tn.twin.Twin(expanded("hybrid-real-size")).run(np.zeros((2, 3)), controller=controller)
+    planar = tn.twin.Twin("scaled-up")
+    with refused("controller"):
+        planar.run(np.zeros((2, 1)), controller=tn.control.JointController("scaled-up"))
     with refused("target"):
-        tn.twin.Twin("needle-driver").run_joints(controller, np.zeros((2, 0)), target=[0.2, 0.3])
+        planar.run(np.zeros((2, 1)), target=[0.2])
+    with refused("target"):
+        tn.twin.Twin("needle-driver").run(np.zeros((2, 0)), controller=controller, target=[0.2, 0.3])

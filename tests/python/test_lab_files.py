@@ -1,5 +1,6 @@
 """Files that laboratories write, of one run: each is read, mapped, and identified from as the export is."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -155,3 +156,13 @@ def test_what_expands_to_too_much_is_refused_before_it_is_read(
         monkeypatch.setattr(lab_tables, "_start", lambda path: path.read_bytes()[:4096])
     with pytest.raises(RecordingError, match=r"holds more than 0\.7 MB"):
         lab_tables.read_table(path)
+
+
+def test_a_recording_of_this_package_is_drawn_and_gets_no_map(
+    tenodesis: Callable[..., tuple[int, str, str]], log: Path, tmp_path: Path
+) -> None:
+    shutil.copy(log, tmp_path / "run.mcap")
+    code, said, _ = tenodesis("map", "run.mcap")
+    assert (code, "need no map" in said) == (0, True)
+    assert (tmp_path / "run.mcap.columns.png").stat().st_size > 1000
+    assert lab_map.map_beside(tmp_path / "run.mcap") is None

@@ -67,6 +67,29 @@ def test_the_live_loop_of_a_chain_does_what_a_run_does_bit_for_bit(tmp_path: Pat
         assert np.array_equal(live[name], values, equal_nan=True), name
 
 
+def test_the_live_law_of_all_joints_does_what_a_run_does_bit_for_bit_and_is_switched(tmp_path: Path) -> None:
+    inst = tn.load("needle-driver")
+    loop = looped(tmp_path, inst, seed=3)
+    reader = Reader(tmp_path)
+    share = np.arange(1, 2001) / 2000
+    wrench = np.outer(share > 0.5, [1.0, 2.0, 0, 0, 0, 0])
+    motors = np.zeros((2000, 6))
+    motors[500:1000, :2] = 0.3, -0.3
+    loop.request("enable")
+    rows = loop.commands.row({"wrench": wrench, "spool_velocity": motors}, 2000)
+    assert loop.push(rows) == 2000
+    live = ran(loop, reader, 1.0)
+    controller = tn.control.JointController(inst)
+    run = Twin(inst, seed=3).run(np.zeros((2000, 0)), wrench=wrench, spool_velocity=motors, controller=controller)
+    assert live.names == run.names
+    for name, values in run.signals().items():
+        assert np.array_equal(live[name], values, equal_nan=True), name
+    left = run["output_angle"][-1] - run["commanded_output_angle"][-1]
+    loop.choose("off", "differential")
+    lost = ran(loop, reader, 1.0)["output_angle"][-1] - run["commanded_output_angle"][-1]
+    assert abs(lost[0]) > 2 * abs(left[0])
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_joints_go_where_the_operator_asks_but_for_friction(tmp_path: Path, name: str) -> None:
     loop = looped(tmp_path, tn.load(name).replace(friction={"law": "none"}))
@@ -82,7 +105,7 @@ def test_joints_go_where_the_operator_asks_but_for_friction(tmp_path: Path, name
 
 
 def test_motors_without_a_law_rest_until_they_are_enabled_and_from_a_stop_on(tmp_path: Path) -> None:
-    loop = looped(tmp_path, tn.load("needle-driver"))
+    loop = looped(tmp_path, tn.load("needle-driver"), law="off")
     reader = Reader(tmp_path)
     loop.hand(angles(loop))
     off = ran(loop, reader, 0.2)
@@ -103,7 +126,7 @@ def test_motors_without_a_law_rest_until_they_are_enabled_and_from_a_stop_on(tmp
 
 
 def test_a_lease_that_runs_out_pauses_motors_without_a_law(tmp_path: Path) -> None:
-    loop = looped(tmp_path, tn.load("needle-driver"))
+    loop = looped(tmp_path, tn.load("needle-driver"), law="off")
     reader = Reader(tmp_path)
     loop.core.lease(0.05)
     loop.request("enable")
@@ -120,7 +143,7 @@ def test_a_lease_that_runs_out_pauses_motors_without_a_law(tmp_path: Path) -> No
 
 def test_a_motor_without_a_law_does_not_wind_beyond_the_largest_tension(tmp_path: Path) -> None:
     inst = tn.load("needle-driver").replace(control={"tension_limit": 25.0})
-    loop = looped(tmp_path, inst)
+    loop = looped(tmp_path, inst, law="off")
     reader = Reader(tmp_path)
     loop.request("enable")
     # Both tendons of the pitch at once: they pull against each other.
@@ -137,7 +160,7 @@ def test_a_motor_without_a_law_does_not_wind_beyond_the_largest_tension(tmp_path
 
 
 def test_motors_that_move_together_stay_together_where_one_is_at_its_largest_speed(tmp_path: Path) -> None:
-    loop = looped(tmp_path, tn.load("needle-driver"))
+    loop = looped(tmp_path, tn.load("needle-driver"), law="off")
     reader = Reader(tmp_path)
     loop.request("enable")
     ran(loop, reader, 0.01)
@@ -170,8 +193,9 @@ def test_what_the_jaws_hold_presses_back_until_it_is_taken_away(tmp_path: Path) 
     [
         ("needle-driver", lambda loop: loop.force([1.0]), "force cannot be given to needle-driver: it takes wrench"),
         ("needle-driver", lambda loop: loop.wrench([np.nan, 0, 0, 0, 0, 0]), "wrench is .*6 finite numbers"),
-        ("needle-driver", lambda loop: loop.choose("off", "agonist"), "has no joint that a controller can compensate"),
-        ("needle-driver", lambda loop: loop.inject_fault("tick", "add", 1, 1), "no joint that a controller"),
+        ("needle-driver", lambda loop: loop.choose("robust", "agonist"), "it must be one of off, joints"),
+        ("needle-driver", lambda loop: loop.request("home"), "law of all joints does not home"),
+        ("needle-driver", lambda loop: loop.inject_fault("tick", "add", 1, 1), "takes no injected faults"),
         ("needle-driver", lambda loop: loop.move_motors([0.1]), "angles is .*6 finite numbers"),
         ("two-segment-continuum", lambda loop: loop.grip_force(1.0), "nothing that grips"),
         ("scaled-up", lambda loop: loop.wrench(np.zeros(6)), "wrench cannot be given"),
@@ -196,7 +220,7 @@ def test_a_protocol_on_a_live_chain_is_commanded_tick_by_tick_with_what_the_jaws
     tmp_path: Path, name: str
 ) -> None:
     inst = tn.load(name)
-    loop = looped(tmp_path, inst)
+    loop = looped(tmp_path, inst, law="off" if name == "needle-driver" else "robust")
     reader = Reader(tmp_path)
     loop.request("enable")
     ran(loop, reader, 0.01)

@@ -130,6 +130,13 @@ def test_the_duration_is_that_of_the_commands(any_inst: Instrument) -> None:
             assert protocol.duration(any_inst, step) == pytest.approx(length, rel=1e-12)
 
 
+def test_the_shipped_cycles_load_the_tip_as_the_instruments_conditions_have_it(scaled: Instrument) -> None:
+    cycles = simulate.load("cycles")
+    for forces, usual in (((0.5, 2.0, 4.0, 5.0), 2.0), ((0.3,), 0.3), ((), 1.0)):
+        inst = scaled.replace(conditions={"forces": forces})
+        assert cycles.commands(inst, 1e-2)["force"].max() == usual
+
+
 @pytest.mark.parametrize("shape", ["triangle", "sine", "smooth"])
 @pytest.mark.parametrize("step", [1e-3, 7.3e-4])
 def test_cycles_reach_either_end_exactly_and_count_times(scaled: Instrument, shape: str, step: float) -> None:

@@ -341,6 +341,17 @@ def test_an_instruments_text_of_another_version_is_refused_in_a_sentence(tmp_pat
         replay(Recording.open(tmp_path / "run.mcap"))
 
 
+def test_who_takes_the_blocks_of_a_run_gets_all_of_it_and_the_last_is_returned(tmp_path: Path) -> None:
+    protocol = Protocol(name="short", phases=(Hold(duration=0.1), Hold(duration=0.05)))
+    whole = record("scaled-up", protocol, tmp_path / "whole.mcap")
+    blocks: list[Run] = []
+    last = record("scaled-up", protocol, tmp_path / "blocks.mcap", each=blocks.append)
+    assert last["tension"].tobytes() == blocks[-1]["tension"].tobytes()
+    assert len(blocks) > 1
+    np.testing.assert_array_equal(np.concatenate([one["tension"] for one in blocks]), whole["tension"])
+    assert (tmp_path / "blocks.mcap").read_bytes() == (tmp_path / "whole.mcap").read_bytes()
+
+
 def test_of_a_thinned_recording_one_row_of_so_many_is_written_and_it_is_not_replayed(tmp_path: Path) -> None:
     protocol = Protocol(name="short", phases=(Hold(duration=0.1),))
     whole = record("scaled-up", protocol, tmp_path / "whole.mcap")

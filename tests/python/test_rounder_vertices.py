@@ -13,8 +13,14 @@ from tenodesis.cli import vertices as command
 from tenodesis.errors import CommandError, InstrumentError, StudyError
 from tenodesis.instrument import Instrument
 from tenodesis.paper import rounder_vertices as rounder
-from tenodesis.paper.rounder_vertices import METAL, PLASTIC, SPRINGY, VertexDesign, VertexRope, VertexStudy
-from tenodesis.paper.rounder_vertices_report import write
+from tenodesis.paper.rounder_vertices import (
+    METAL,
+    PLASTIC,
+    SPRINGY,
+    VertexDesign,
+    VertexRope,
+    VertexStudy,
+)
 
 from .conftest import EXAMPLES, refused
 
@@ -107,32 +113,32 @@ def test_the_bending_stiffness_of_a_rope_is_that_of_its_wires() -> None:
 
 
 def test_the_study_is_finite_and_more_friction_widens_the_loop(small: VertexStudy) -> None:
-    for one in small.outcomes.values():
-        assert np.isfinite([one.hysteresis, one.delay, *one.lost, *one.final["paper"], *one.final["robust"]]).all()
-    for rope in small.ropes:
-        for radius in small.radii:
-            less, more = (small.outcomes[VertexDesign(radius, mu, rope, METAL)] for mu in small.coefficients)
-            assert less.hysteresis < more.hysteresis
-            assert less.delay < more.delay
+    for row in small.designs:
+        assert np.isfinite([row["hysteresis"], row["delay"], *row["off"], *row["paper"], *row["robust"]]).all()
+    for less, more in small.designs.by("rope", "radius").values():
+        assert less["coefficient"] < more["coefficient"]
+        assert less["hysteresis"] < more["hysteresis"]
+        assert less["delay"] < more["delay"]
 
 
 def test_no_radius_saves_the_papers_law_and_half_the_coefficient_does(small: VertexStudy) -> None:
     assert small.good_radii(SPRINGY, METAL) == []
-    assert small.along_coefficient()[0].worst("paper") <= rounder.GOOD < small.along_coefficient()[1].worst("paper")
+    half, whole = (rounder.worst(row, "paper") for row in small.along_coefficient)
+    assert half <= rounder.GOOD < whole
     assert "No radius up to the 6.9 mm that the joint holds brings" in rounder.answer(small)
     assert "a coefficient of at most 0.05 instead of 0.1 does" in rounder.answer(small)
 
 
 def test_the_study_writes_a_page_with_its_figure_and_results(small: VertexStudy, tmp_path: Path) -> None:
-    write(small, tmp_path)
+    rounder.write(small, tmp_path)
     page = (tmp_path / "vertices.html").read_text("utf-8")
     assert "<svg" in page
     assert "<script src" not in page
     assert "<img" not in page
     results = json.loads((tmp_path / "results.json").read_text("utf-8"))
     assert results["answer"] == rounder.answer(small)
-    assert len(results["designs"]) == len(small.outcomes)
-    assert (tmp_path / "sweep.csv").read_text("utf-8").count("\n") == len(small.outcomes) + 1
+    assert len(results["designs"]) == len(small.designs)
+    assert (tmp_path / "sweep.csv").read_text("utf-8").count("\n") == len(small.designs) + 1
     assert (tmp_path / "figures/vertices.png").is_file()
 
 

@@ -226,6 +226,13 @@ def test_a_preference_takes_the_best_in_what_it_prefers(standard: scaling.Front,
         standard.best("beauty")  # type: ignore[arg-type]
 
 
+def test_of_designs_equally_similar_none_with_less_tension_is_as_short(standard: scaling.Front) -> None:
+    alike = standard[standard.ranked()].sweep
+    columns = alike.judge(alike.stages[-1]).columns(alike.numbers, fine=True)
+    strained = columns["largest_tension"] * columns["tendon_length"]
+    assert strained[0] <= 1.05 * strained.min() < 0.9 * strained.max()
+
+
 def test_progress_runs_to_its_end() -> None:
     reported: list[tuple[str, int, int]] = []
     front = scaling.design(tn.load("real-size"), combinations=100_000, progress=lambda *one: reported.append(one))

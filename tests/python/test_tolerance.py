@@ -2,8 +2,9 @@ import csv
 import json
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from tenodesis import threads, tolerance, twin
 from tenodesis.cli import tolerance as tolerance_command
 from tenodesis.errors import StudyError
 from tenodesis.instrument import Instrument
-from tenodesis.tolerance import conduct, engines, evaluation, report, sampling
+from tenodesis.tolerance import conduct, evaluation, report, sampling
 from tenodesis.tolerance.evaluation import cycles
 from tenodesis.tolerance.parameters import resolve
 
@@ -96,14 +97,10 @@ def test_a_row_of_the_study_is_a_run_of_the_twin(small: tolerance.Study) -> None
 class Backwards:
     """An engine of one's own: the last chunk first."""
 
-    def evaluate(
-        self, task: evaluation.Evaluation, chunks: Sequence[NDArray[np.float64]], progress: Callable[[int], None]
-    ) -> list[NDArray[np.float64]]:
-        found = {}
-        for n in reversed(range(len(chunks))):
-            found[n] = evaluation.evaluate(task, chunks[n])
-            progress(len(chunks[n]))
-        return [found[n] for n in range(len(chunks))]
+    def stream(
+        self, function: Callable[[Any, Any], Any], shared: Any, chunks: Sequence[Any], sizes: Sequence[int]
+    ) -> Iterator[tuple[int, Any]]:
+        return ((n, function(shared, chunks[n])) for n in reversed(range(len(chunks))))
 
 
 @pytest.mark.parametrize("chunk", [1, 37, 10_000])
@@ -210,15 +207,14 @@ def test_lost_tips_are_counted_and_left_out_and_then_there_are_no_indices(real: 
 def test_few_lost_tips_cost_the_indices_only_their_base_samples(
     small: tolerance.Study, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    class Loses(engines.Threads):
-        def evaluate(
-            self, task: evaluation.Evaluation, chunks: Sequence[NDArray[np.float64]], progress: Callable[[int], None]
-        ) -> list[NDArray[np.float64]]:
-            found = super().evaluate(task, chunks, progress)
-            found[0][6] = [*[np.nan] * 5, evaluation.INVALID]
-            return found
+    def loses(task: evaluation.Evaluation, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        found = evaluation.evaluate(task, rows)
+        if len(rows) == conduct.CHUNK:
+            found[6] = [*[np.nan] * 5, evaluation.INVALID]
+        return found
 
-    found = tolerance.study(small.real_size, small.scaled_up, small.tolerances, samples=64, engine=Loses())
+    monkeypatch.setattr(conduct, "evaluate", loses)
+    found = tolerance.study(small.real_size, small.scaled_up, small.tolerances, samples=64)
     assert found.incomplete == pytest.approx(1 / 64)
     assert found.failed == 0
     whole, less = small.responses["loss_flexion"].indices, found.responses["loss_flexion"].indices

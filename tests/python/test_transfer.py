@@ -14,7 +14,7 @@ from tenodesis.cli import transfer as transfer_command
 from tenodesis.errors import InstrumentError, RecordingError
 from tenodesis.instrument import Instrument, TendonGear
 from tenodesis.instrument.text import to_toml
-from tenodesis.recording import Recorder, Recording
+from tenodesis.recording import Recorder, Recording, blocks
 from tenodesis.recording.replay import replay
 from tenodesis.recording.simulation import record
 from tenodesis.run import SIGNALS, Run
@@ -23,6 +23,7 @@ from tenodesis.simulate import Cycles, Protocol
 from tenodesis.twin import Twin
 
 from .conftest import refused
+from .recording_samples import bits
 
 LIMIT = 0.3
 """Root mean square difference over a hysteresis cycle that a round trip may have, deg."""
@@ -378,19 +379,24 @@ def command(monkeypatch: pytest.MonkeyPatch, *words: str) -> Result:
 
 
 def test_the_command_writes_both_files_and_reports_the_factors(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blocks, "LEAST_ROWS", 300)
     done = command(monkeypatch, "real-size", "log.mcap", "--instrument-out", "rubbing.toml")
     assert done.exit_code == 0
+    whole = carry(Recording.open("log.mcap"), tn.load("real-size"))
     for words in (
         "force 2.8802 force",
         "unchanged: commanded_handle_angle",
         "largest force on real-size: 0.5208 N.",
-        "largest tension on real-size: ",
+        f"largest tension on real-size: {whole.largest_tension:.4g} N.",
+        f"{len(whole.run)} rows.",
         "largest similarity error up to that force, without friction: ",
         "log-real-size.mcap: log.mcap in units of real-size",
         "rubbing.toml: real-size with the friction of scaled-up.",
     ):
         assert words in " ".join(done.output.split())
-    assert Recording.open("log-real-size.mcap").run["force"].max() == pytest.approx(1.5 / 2.8802, rel=1e-4)
+    written = Recording.open("log-real-size.mcap").run
+    assert written["force"].max() == pytest.approx(1.5 / 2.8802, rel=1e-4)
+    assert bits(written) == bits(whole.run)
     rubbing = tn.load("rubbing.toml")
     assert rubbing.axes == ("yaw", "pitch")
     assert rubbing.sources["friction"] == "transferred from scaled-up (log.mcap)"

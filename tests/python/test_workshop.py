@@ -299,14 +299,15 @@ def test_a_brief_first_run_has_the_same_phases_and_one_for_the_controller_leaves
 def test_the_first_ten_minutes_run_on_the_twin_of_every_mechanism(file: str) -> None:
     real_size = tn.load(file if file == "real-size" else ROOT / f"examples/{file}.toml")
     found = scaling.design(real_size, combinations=5000)
-    run = workshop.rehearse(found[found.best()], brief=file != "real-size")
+    design = found[found.best()]
+    run = workshop.rehearse(design, brief=file != "real-size")
     assert run.faults == 0
     # The dead band grows to 0.3° at most, before the load as under it, and a step of the encoder that reads the tip is
     # 0.09°: a continuum that the hand bends rests off its elastic target before the load, too.
     assert run.left < (0.45 if file == "continuum" else 0.35)
     assert all(one.low <= one.expected <= one.high for one in run.readings)
-    limit = tension_limit(found[found.best()].scaled_up)
-    assert run.demand.seen < run.demand.largest_tension == limit < found[found.best()].choice.rope.breaking_load
+    limit = tension_limit(design.scaled_up)
+    assert run.demand.seen < run.demand.largest_tension == limit < design.choice.rope.breaking_load
 
 
 # ---- what a workshop asks

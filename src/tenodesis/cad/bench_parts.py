@@ -279,7 +279,7 @@ def rig_parts(rig: Rig, sizes: Sizes, hardware: Hardware, stem: float) -> list[P
     screws = 0.5 * (seat + bottom)
     for x in (-screws, screws):
         pulley -= k.rod((x, -half - 1, 0), (x, half + 1, 0), 1.25)
-    back = rig.pivot - 180.0
+    back = min(_clamps(rig)) - 20.0
     level = rig.base_level
     return [
         Part(
@@ -372,7 +372,9 @@ def _base(rig: Rig, stem: float, back: float) -> k.Solid:
 
 
 def _clamps(rig: Rig) -> tuple[float, float]:
-    return (rig.pivot - 160.0, rig.pivot - 70.0)
+    """Return the middles of the clamps along the stem, behind the rig's pulley and behind the stem's distal end."""
+    near = min(rig.pivot - 70.0, -20.0)
+    return (near - 90.0, near)
 
 
 def _clamp(rig: Rig, sizes: Sizes, stem: float) -> Part:

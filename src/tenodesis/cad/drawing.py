@@ -112,8 +112,11 @@ def projected(solid: k.Solid, eye: k.Point, up: k.Point) -> _Lines:
 def _polylines(edges: Sequence[Any]) -> Iterator[Array]:
     line = k.kernel().GeomType.LINE
     for edge in edges:
-        count = 2 if edge.geom_type == line else 65
-        yield np.array([(point.X, point.Y) for point in edge.positions(list(np.linspace(0, 1, count)))])
+        # By the curve's own parameter: the kernel finds no place by length on some of the short ones.
+        curve = k.curve(edge)
+        places = np.linspace(curve.FirstParameter(), curve.LastParameter(), 2 if edge.geom_type == line else 65)
+        points = (curve.Value(float(place)) for place in places)
+        yield np.array([(point.X(), point.Y()) for point in points])
 
 
 def _draw_views(axis: Axes, part: Part) -> float:

@@ -1,6 +1,9 @@
 """The command line; the module of a command is imported when the command runs."""
 
+import signal
 import sys
+
+from tenodesis.cli import interrupts
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
@@ -9,10 +12,9 @@ INTERRUPTED = 130
 def main() -> None:
     """Run the command line; an error that a user can correct ends in one sentence and exit code 1, Ctrl-C in 130."""
     try:
+        interrupts.install()
         _run()
     except KeyboardInterrupt:
-        import signal  # noqa: PLC0415
-
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         sys.stderr.write("tenodesis: interrupted before the command began; nothing is written.\n")
         sys.exit(INTERRUPTED)

@@ -15,6 +15,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tenodesis import instrument
+from tenodesis.cli import interrupts
 from tenodesis.control.resolution import sentences, warnings
 from tenodesis.errors import CommandError, Error, InstrumentError, ProtocolError
 from tenodesis.instrument import Instrument, ShortForm
@@ -206,7 +207,9 @@ class ProgressBar:
             self._bar.stop()
 
     def __call__(self, done: float, total: float, description: str | None = None) -> None:
-        """Show how much is done, and what is being done if that changed."""
+        """Show how much is done, and what is being done if that changed; end what a dropped Ctrl-C did not."""
+        if interrupts.CAME:
+            raise KeyboardInterrupt
         if self._bar is None:
             if Settings.quiet or not console.is_interactive or time.monotonic() <= self._begun + PATIENCE:
                 return

@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 import typer
@@ -31,6 +31,7 @@ from tenodesis.identification.problem import Problem
 from tenodesis.identification.registry import FORMATS, Format
 from tenodesis.identification.report import axis_label
 from tenodesis.identification.results import Fit, to_json, unexplained, worse_held_out
+from tenodesis.identification.routing import RoutingRun
 from tenodesis.identification.split import LEAST_LENGTH, LEAST_SHARE, LONGEST, FittedPart, shortened, split
 from tenodesis.identification.uncertainty import LossName
 from tenodesis.instrument import ShortForm
@@ -39,7 +40,7 @@ from tenodesis.units import Duration
 _HELD = {"sheath_bend": "sheath bend", "wrist_pitch": "pitch"}
 """Angles that are held through a recording, by column."""
 _TEXTS = (".txt", ".csv")
-_JOINTS = "joints"
+_JOINTS, _TENDONS = "joints", "tendons"
 _OF_INSTRUMENTS = ("recording", "csv", "mcap")
 """Formats whose recordings may lack the tensions."""
 _LONGEST = f"{LONGEST:g} s"
@@ -195,12 +196,15 @@ def identify(  # noqa: PLR0917
 def _loaded(format_name: str, files: Sequence[Path]) -> tuple[str, list[MeasuredRun]]:
     """Return recordings and their format: that of joints where an instrument's recording holds no tensions."""
     try:
-        return format_name, load_all(FORMATS[format_name].load, files)
+        return format_name, _read_as(format_name, files)
     except IdentificationError as lacking:
+        if format_name in _OF_INSTRUMENTS and lacking.key == "joint":
+            note("Tendons turn several joints: all of them are fitted together (--format tendons).")
+            return _TENDONS, _read_as(_TENDONS, files)
         if format_name not in _OF_INSTRUMENTS or "tension" not in str(lacking.value):
             raise
         try:
-            found = load_all(FORMATS[_JOINTS].load, files)
+            found = _read_as(_JOINTS, files)
         except IdentificationError as problem:
             # a table that names neither tensions nor joints is told what it lacks first
             raise (problem if problem.key == "time" else lacking) from None
@@ -208,9 +212,17 @@ def _loaded(format_name: str, files: Sequence[Path]) -> tuple[str, list[Measured
         return _JOINTS, found
 
 
-def _starting_from(name: str | None, format_name: str) -> ShortForm | None:
+def _read_as(format_name: str, files: Sequence[Path]) -> list[MeasuredRun]:
+    kind = FORMATS[format_name]
+    with ProgressBar("reading", None) as bar:
+        return load_all(partial(kind.load, progress=bar) if kind.shows_progress else kind.load, files)
+
+
+def _starting_from(name: str | None, format_name: str) -> Any:
     """Return the instrument that a search starts from; recordings of joints only name those of theirs."""
-    return None if name is None or format_name == _JOINTS else load_instrument(name, planar=True)
+    if name is None or format_name == _JOINTS:
+        return None
+    return load_instrument(name) if format_name == _TENDONS else load_instrument(name, planar=True)
 
 
 def _unknown_joints(name: str | None, measured: Sequence[MeasuredRun]) -> tuple[str, ...]:
@@ -288,6 +300,8 @@ def _stretches(  # noqa: PLR0917
             shortened(one, law=law, instrument=inst, free=free, longest=seconds, progress=bar)
             for one in measured[:count]
         ]
+    if isinstance(measured[0], RoutingRun):
+        return [*train, *measured[count:]], starts or 1
     cut = any(one is not whole for one, whole in zip(train, measured, strict=False))
     if cut and starts is None:
         note(

@@ -32,7 +32,9 @@ def live_console(  # noqa: PLR0917
     instrument_file: InstrumentFile = "scaled-up",
     device: Annotated[DeviceName, typer.Option(help="Device to control.")] = "twin",
     address: SerialAddress = None,
-    law: Annotated[LawName, typer.Option(help="Compensation law.")] = "robust",
+    law: Annotated[
+        LawName, typer.Option(help="Compensation law; of all joints, or off, where none has tendons of its own.")
+    ] = "robust",
     actuation: Annotated[ActuationName, typer.Option(help="Motors that act.")] = "differential",
     host: ListenOn = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port; the next free port if it is taken.")] = 8080,

@@ -1,16 +1,23 @@
 """The command that writes the map of a laboratory's file."""
 
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from tenodesis.cli.command import command
-from tenodesis.cli.common import note, say, warn
+from tenodesis.cli.common import ProgressBar, note, say, warn
 from tenodesis.cli.outputs import FIGURE, Outputs, output, write_text
 from tenodesis.errors import RecordingError
 from tenodesis.files import write_errors
 from tenodesis.recording import lab_guess, lab_map, lab_tables
+from tenodesis.recording.blocks import IrregularError, RegularBlocks, Thinned
+from tenodesis.run import Run
+
+_MOST_POINTS = 20_000
+"""Rows of a recording that are drawn, at most."""
 
 
 @command("file")
@@ -29,10 +36,20 @@ def write_map(
         Path | None, output(FIGURE, "Figure of the signals by the map. Default: FILE.columns.png beside FILE.")
     ] = None,
 ) -> None:
-    """Write a map of a file's columns to signals, guessed from headings, units and ranges, and a figure to check it."""
+    """Write a map of a file's columns to signals, guessed from headings, units and ranges, and a figure to check it.
+
+    A recording of this package needs no map: only the figure is written.
+    """
     path = file.with_name(file.name + lab_tables.MAP_SUFFIX) if out is None else out
     figure = file.with_name(file.name + ".columns.png") if plot_out is None else plot_out
     with outputs.files(out=path, plot_out=figure):
+        known = _rows_of(file)
+        if known is not None:
+            say(f"{file} is a recording of this package, whose signals need no map; none is written.")
+            if path.exists():
+                note(f"It is read by {path}, and slower, until that is deleted.")
+            _draw(known, (), figure)
+            return
         table = lab_map.numbers_in(file)
         guesses = lab_guess.guess(table)
         text = lab_guess.as_toml(table, guesses)
@@ -46,8 +63,22 @@ def write_map(
         if not drawn:
             note("No signal was found to draw: name columns in the map.")
             return
-        from tenodesis import plot  # noqa: PLC0415 - slow to load
+        _draw(run, drawn, figure)
 
-        with write_errors(figure, RecordingError):
-            plot.run(run, drawn).savefig(figure)
-        say(f"{figure}: the signals by the map.")
+
+def _rows_of(file: Path) -> Run | None:
+    """Return some rows of a recording of this package, enough for a figure; None if it is none."""
+    rows = Thinned(_MOST_POINTS)
+    with suppress(IrregularError, RecordingError), ProgressBar(f"reading {file.name}", None) as bar:
+        for run in RegularBlocks(file, progress=bar):
+            rows.add(run)
+        return rows.run
+    return None
+
+
+def _draw(run: Run, signals: Sequence[str], figure: Path) -> None:
+    from tenodesis import plot  # noqa: PLC0415 - slow to load
+
+    with write_errors(figure, RecordingError):
+        plot.run(run, signals).savefig(figure)
+    say(f"{figure}: the signals.")

@@ -16,7 +16,7 @@ from tenodesis.cli.outputs import Outputs, write_text
 from tenodesis.control.plausibility import implausible, solid_tip_inertia
 from tenodesis.errors import CommandError, InstrumentError, NoSolutionError
 from tenodesis.instrument import JOINT_TYPES, ShortForm
-from tenodesis.instrument.template import ASSUMED, QUESTIONS, ROPES, Question, sketch, text
+from tenodesis.instrument.template import ASSUMED, QUESTIONS, RODS, ROPES, Question, sketch, text
 from tenodesis.units import Force, Length, PositiveForce, annotation, quantity_of
 
 Given: TypeAlias = str | None
@@ -31,6 +31,7 @@ _HOLLOW = 0.5  # of a rod of steel, which an end-effector is not quite
 _OVER_LEAST = 25.0  # of the inertia: then steps of 2 ms, as identification plans them, follow the tip with a margin
 _CELLS = (50, 100, 200, 500, 1000, 2000, 5000, 10000)  # N
 _CELL_OVER_PRETENSION = 5
+_RIGIDITY = "backbone_rigidity"
 _HANDLE = 120  # mm
 _HANDLE_SHARE = 0.24  # of the overall length
 
@@ -47,7 +48,10 @@ def new(  # noqa: PLR0917
     distal_radius: Annotated[Given, _option("Radius of the gears or the pulley at the tip; a tendon's offset.")] = None,
     proximal_radius: Annotated[Given, _option("Radius of the gears or the pulley at the handle.")] = None,
     backbone_length: Annotated[Given, _option("Length of a continuum's backbone.")] = None,
-    backbone_rigidity: Annotated[Given, _option("Flexural rigidity E I of a continuum's backbone.")] = None,
+    backbone_rigidity: Annotated[
+        Given,
+        _option(f"Flexural rigidity E I of a continuum's backbone, or its rod, '0.6 mm nitinol': {', '.join(RODS)}."),
+    ] = None,
     end_effector_length: Annotated[Given, _option("From the joint's moving part to the force at the tip.")] = None,
     overall_length: Annotated[Given, _option("Overall length, hand to tip; also the tendons' length.")] = None,
     tendon_diameter: Annotated[Given, _option("Diameter of the rope.")] = None,
@@ -99,7 +103,7 @@ def new(  # noqa: PLR0917
         def drafted() -> tuple[_Draft, ShortForm]:
             draft = _Draft(path.stem, joint_type, {}, {})
             for key, answer in answers.items():
-                draft.put(key, answer.text, "" if answer.given else f"{ASSUMED}, as offered")
+                draft.put(key, answer.text, answer.source if answer.given else f"{ASSUMED}, as offered")
             for key, value in more.items():
                 if value is not None:
                     draft.put(key, value)
@@ -122,6 +126,11 @@ def new(  # noqa: PLR0917
     for one in implausible(inst):
         warn(one.sentence)
     file = shlex.quote(str(path))
+    if joint_type == "continuum":
+        note(
+            "Its backbone bends in one plane for each pair of tendons. One that bends in space is a list of [[joints]] "
+            "and [[tendons]], which identify, scale, cad, transfer and export controller do not take."
+        )
     note(f"Next: tenodesis check {file}, tenodesis loss {file}, tenodesis bench {file}")
 
 
@@ -140,10 +149,11 @@ def _named(problem: InstrumentError, options: Mapping[str, str], given: Iterable
 
 
 class _Answer(NamedTuple):
-    """A value as text with its unit, and whether somebody gave it."""
+    """A value as text with its unit, whether somebody gave it, and its source if that is more than being given."""
 
     text: str
     given: bool
+    source: str = ""
 
 
 class _Draft(NamedTuple):
@@ -212,14 +222,14 @@ def _answers(joint_type: str, given: Mapping[str, Given], defaults: bool) -> dic
         )
     for one in questions:
         if (value := given[one.option]) is not None:
-            _check(f"--{one.option}", joint_type, one.key, value)
+            _answered(f"--{one.option}", joint_type, one.key, value)
     if not defaults and any(given[one.option] is None for one in questions):
         say(f"\n{sketch(joint_type)}\n\nEnter takes what stands in brackets; a number alone has the unit there.\n")
     found = {}
     for one in questions:
         value = given[one.option]
         if value is not None:
-            found[one.key] = _Answer(value, True)
+            found[one.key] = _answered(f"--{one.option}", joint_type, one.key, value)
         elif defaults:
             found[one.key] = _Answer(one.default, False)
         else:
@@ -260,18 +270,17 @@ def _names(questions: tuple[Question, ...]) -> set[str]:
 def _ask(joint_type: str, question: Question) -> _Answer:
     meaning = JOINT_TYPES[joint_type].model_fields[question.key].description
     unit = question.default.partition(" ")[2]
+    rod = ", or its rod, as in 0.6 mm nitinol" if question.key == _RIGIDITY else ""
     while True:
-        answer = _asked(f"{meaning} ({question.key})", question.default, f"--{question.option}").strip()
+        answer = _asked(f"{meaning}{rod} ({question.key})", question.default, f"--{question.option}").strip()
         if answer == question.default:
             return _Answer(answer, False)
         if _is_number(answer):
             answer = f"{answer} {unit}"
         try:
-            _check(question.key, joint_type, question.key, answer)
+            return _answered(question.key, joint_type, question.key, answer)
         except CommandError as problem:
             say(str(problem), "yellow")
-        else:
-            return _Answer(answer, True)
 
 
 def _is_number(answer: str) -> bool:
@@ -294,6 +303,24 @@ def _asked(prompt: str, default: str, option: str = "--mechanism") -> str:
             key=option,
         )
     return line.strip() or default
+
+
+def _answered(option: str, joint_type: str, key: str, value: str) -> _Answer:
+    """Return what was given as an answer, a round rod's E I for its diameter and material; refuse what is no value."""
+    diameter, _, material = value.strip().rpartition(" ")
+    rod = RODS.get(material.lower()) if key == _RIGIDITY else None
+    if rod is None:
+        try:
+            _check(option, joint_type, key, value)
+        except CommandError as problem:
+            if key != _RIGIDITY:
+                raise
+            sentence = f'{str(problem).removesuffix(".")}, or a rod like "0.6 mm nitinol", of {", ".join(RODS)}.'
+            raise CommandError(sentence, key=option, value=value) from None
+        return _Answer(value, True)
+    rigidity = rod.modulus * math.pi * quantity(option, diameter, Length) ** 4 / 64
+    source = f"yours: a rod of {diameter} of {material}, {rod.modulus / 1e9:g} GPa ({rod.source})"
+    return _Answer(f"{1e6 * rigidity:.4g} N*mm^2", True, source)
 
 
 def _check(option: str, joint_type: str, key: str, value: str) -> None:

@@ -4,7 +4,7 @@ import signal
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated, Literal, TypeAlias, cast
 
 import typer
 from rich.markup import escape
@@ -25,19 +25,21 @@ from tenodesis.cli.common import (
     warn_resolution,
 )
 from tenodesis.cli.outputs import FIGURE, RECORDING, TABLES, Outputs, output
-from tenodesis.control import Controller
+from tenodesis.control import Controller, JointController
 from tenodesis.control.controller import ActuationName, LawName, ObserverName
-from tenodesis.errors import CommandError, CommandInterruptedError, Error, ProtocolError
+from tenodesis.control.joints import JointLawName
+from tenodesis.errors import ArgumentError, CommandError, CommandInterruptedError, Error, ProtocolError
 from tenodesis.files import write_errors
-from tenodesis.instrument import Instrument, ShortForm
+from tenodesis.instrument import Instrument, ShortForm, expanded
 from tenodesis.live import event_summary
-from tenodesis.recording import Blocks, summary, tables
+from tenodesis.recording import Blocks, simulation, summary, tables
 from tenodesis.recording.replay import Replayed
 from tenodesis.recording.replay import replay_file as run_again
-from tenodesis.recording.simulation import recorded
-from tenodesis.recording.summary import Outcome, contents, describe
+from tenodesis.recording.summary import contents, describe
 from tenodesis.run import Run
 from tenodesis.units import Duration, in_unit
+
+AnyLaw: TypeAlias = Literal[LawName, JointLawName]
 
 
 @command("instrument_file", "protocol_file", "controller_instrument")
@@ -55,7 +57,11 @@ def record(  # noqa: PLR0917
     quasi_static: Annotated[bool, typer.Option("--quasi-static", help="Omit inertia and damping.")] = False,
     axis: Annotated[str | None, typer.Option(help="Axis to run alone. Default: all.")] = None,
     law: Annotated[
-        LawName | None, typer.Option(help="Compensation law of a controller in the loop. Default: no controller.")
+        AnyLaw | None,
+        typer.Option(
+            help="Compensation law of a controller in the loop; joints: of all joints, whatever tendons turn them. "
+            "Default: no controller."
+        ),
     ] = None,
     observer: Annotated[
         ObserverName | None, typer.Option(help="Observer of the controller. Default: friction.")
@@ -82,20 +88,27 @@ def record(  # noqa: PLR0917
         inst, other = inst.axis(axis), other.axis(axis)
     step = quantity("--time-step", time_step, Duration)
     protocol.plan(inst, step)
-    # Without a law an instrument need not have a joint that one could serve.
-    assumed = control.compensated(other) if law is not None or control.pairs(other) else None
     period = max(step, 1 / inst.sensors.sampling_rate)
-    controller = _controller(
-        assumed, protocol, period, law=law, observer=observer, actuation=actuation, other=controller_instrument
-    )
+    has_pairs = bool(control.pairs(other))
+    controller: Controller | JointController | None = None
+    assumed: ShortForm | None = None
+    if law == "joints" or (law == "off" and not has_pairs):
+        _refuse_choices("the law of all joints has one of its own", {"--observer": observer, "--actuation": actuation})
+        inst = expanded(inst)
+        controller = JointController(other, law, period=period)
+    else:
+        # Without a law an instrument need not have a joint that one could serve.
+        assumed = _assumed(other, law) if law is not None or has_pairs else None
+        controller = _controller(
+            assumed, protocol, period, law=law, observer=observer, actuation=actuation, other=controller_instrument
+        )
     if controller is not None:
         controller.check_instrument(inst)
     path = _default_path(protocol_file or protocol.name, instrument_file, law) if out is None else out
     with outputs.files(out=path), _progress(path, every) as progress:
         if assumed is not None:
             warn_resolution(assumed)
-        seen = Outcome(inst)
-        for run in recorded(
+        simulation.record(
             inst,
             protocol,
             path,
@@ -106,24 +119,19 @@ def record(  # noqa: PLR0917
             every=every,
             overwrite=outputs.overwrite,
             progress=progress,
-        ):
-            seen.add(run)
-            progress.add(run)
+            each=progress.add,
+        )
     say(f"{path}: {protocol.name} on {inst.name}, {progress.done}, {file_size(path)}.")
-    _print_facts(seen.facts())
+    _print_facts(_summary(path).seen.outcome)
 
 
 @command(json="Print JSON: a list with one entry per recording.")
 def info(files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings.")]) -> Answer:
     """Print the contents of recordings: origin, topics, ranges of the signals, and events."""
 
-    def read(file: Path) -> summary.Summary:
-        with ProgressBar(f"reading {file.name}", None) as bar:
-            return summary.read(file, bar)
-
     def show() -> None:
         for file in files:
-            found = read(file)
+            found = _summary(file)
             if files[1:]:
                 console.rule(escape(str(file)))
             console.print(describe(found))
@@ -131,7 +139,7 @@ def info(files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Re
             if events is not None:
                 console.print(events)
 
-    return Answer(lambda: [{"file": str(file), **contents(read(file))} for file in files], show)
+    return Answer(lambda: [{"file": str(file), **contents(_summary(file))} for file in files], show)
 
 
 @command("file", "instrument_file")
@@ -220,9 +228,7 @@ def _controller(
     """Return the controller of an assumed instrument, with a tick per sample; homed unless it finds slack tendons."""
     if law is None:
         given = {"--observer": observer, "--actuation": actuation, "--controller-instrument": other}
-        for option, text in given.items():
-            if text is not None:
-                raise CommandError(f"{option} is {text!r}, but there is no controller without --law.", key=option)
+        _refuse_choices("there is no controller without --law", given)
         return None
     return Controller(
         cast("ShortForm", assumed),
@@ -232,6 +238,27 @@ def _controller(
         homed=not isinstance(protocol.phases[0], simulate.Pretension),
         period=period,
     )
+
+
+def _summary(path: Path) -> summary.Summary:
+    with ProgressBar(f"reading {path.name}", None) as bar:
+        return summary.read(path, bar)
+
+
+def _refuse_choices(why: str, given: Mapping[str, str | None]) -> None:
+    for option, text in given.items():
+        if text is not None:
+            raise CommandError(f"{option} is {text!r}, but {why}.", key=option)
+
+
+def _assumed(inst: Instrument, law: LawName | None) -> ShortForm:
+    """Return what a controller of joints with pairs of their own is made for."""
+    try:
+        return control.compensated(inst)
+    except ArgumentError as problem:
+        raise CommandError(
+            f"{problem} Its joints have a law of all joints: --law joints.", key="--law", value=law
+        ) from None
 
 
 def _print_facts(facts: Mapping[str, str]) -> None:

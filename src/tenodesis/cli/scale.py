@@ -1,7 +1,8 @@
 """The command that designs a scale model: ``tenodesis scale``."""
 
 import csv
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -33,12 +34,15 @@ from tenodesis.report import style
 from tenodesis.scaling import Catalogue, Design, Front, Objectives, figures, plan
 from tenodesis.scaling.design import PREFERENCES, Preference
 from tenodesis.scaling.practical import OBJECTIVES as PRACTICAL_OBJECTIVES
-from tenodesis.scaling.practical import SIMILAR, Objective, PracticalFront, as_built, practical_front
+from tenodesis.scaling.practical import SIMILAR, Objective, PracticalFront, practical_front
+from tenodesis.scaling.practical import as_built as built_usually
 from tenodesis.scaling.sweep import Progress as Report
 from tenodesis.units import SimilarityError
 
 _SHOWN = 10
 _TRIED = 20
+_SHOWN_ERROR = 0.01  # deg, the smallest that is told apart
+_NEAR = 0.9  # of the tension that a part allows
 _HEADING = """Scale model of {}, designed by tenodesis scale; plan.html lists what to build and which weights to use.
 The tip's inertia and damping, and the ropes' true modulus, are to be measured once it stands."""
 
@@ -137,7 +141,10 @@ def scale(  # noqa: PLR0917
     if practical is not None:
         _print_objectives(practical, objective)
     if pack is not None:
-        _print_built(pack)
+        if objective is not None and practical is not None:
+            _print_built(pack, practical.practical[chosen].as_built)
+        else:
+            _print_built(pack, built_usually(front, chosen))
     if lacking:
         say(lacking)
     _print_written(out, pack, pins=bool(pins))
@@ -273,8 +280,8 @@ def _print_front(front: Front, chosen: int | None, design: Design, free: Front |
         one = front.objectives[index]
         row = [
             str(index + 1),
-            f"{one.similarity_error:.2f}°",
-            f"{as_built(front[index], front.sweep.forces.largest):.2g}°",
+            _error(one.similarity_error),
+            f"{built_usually(front, index):.2g}°",
             f"{1e3 * one.force_resolution:.3g} mN",
             f"{1e3 * one.overall_length:.4g} mm",
             f"{one.tension_margin:.3g}",
@@ -293,8 +300,29 @@ def _print_front(front: Front, chosen: int | None, design: Design, free: Front |
         f"x {factors['length']:.4g}, force x "
         f"{factors['force']:.4g}, tension x {factors['tension']:.4g}; pretension {design.scaled_up.pretension:.4g} N."
     )
+    for sentence in _strained(design):
+        say(sentence)
     if free is not None:
         say(f"Without the pins, {scaling.rivals_text(free, design.objectives)}")
+
+
+def _error(degrees: float) -> str:
+    return f"{degrees:.2f}°" if degrees >= _SHOWN_ERROR else f"<{_SHOWN_ERROR:g}°"
+
+
+def _strained(design: Design) -> Iterator[str]:
+    """Yield a sentence for each limit that the largest tension comes near: the rope's, the motors'."""
+    limits, choice = design.catalogue.constraints, design.choice
+    torque = math.inf if limits.spool_torque is None else limits.spool_torque
+    for what, most in (
+        (f"the rope, {choice.rope.name}, allows", choice.rope.breaking_load / limits.tension_margin),
+        ("the motors hold", torque / choice.spool.radius),
+    ):
+        if design.largest_tension > _NEAR * most:
+            yield (
+                f"Near its limit: the largest tension is {100 * design.largest_tension / most:.0f} % of the "
+                f"{most:.4g} N that {what}; --prefer margin has more room."
+            )
 
 
 def _print_written(out: Path, pack: workshop.Pack | None, *, pins: bool) -> None:
@@ -315,7 +343,7 @@ def _print_objectives(practical: PracticalFront, taken: Objective | None) -> Non
         one = practical.practical[index]
         row = (
             f"{one.cost:.3g}", f"{1e3 * one.overall_length:.4g} mm", str(int(one.waiting + 1e-9)),
-            f"{practical.exact[index].similarity_error:.2f}°", f"{one.as_built:.2g}°",
+            _error(practical.exact[index].similarity_error), f"{one.as_built:.2g}°",
             escape(practical.described(index)),
         )  # fmt: skip
         found.add_row(objective, *row, style="bold" if objective == taken else None)
@@ -327,16 +355,17 @@ def _print_objectives(practical: PracticalFront, taken: Objective | None) -> Non
     )
 
 
-def _print_built(pack: workshop.Pack) -> None:
+def _print_built(pack: workshop.Pack, usually: float) -> None:
     budget = pack.budget
     forces = budget.forces or tuple(budget.by_force)
     keeps = "keep" if budget.is_kept else "keep, with every grade that lowers it by 1 % for a cost of 1,"
     dearest = max(budget.dimensions.values(), key=lambda one: one.cost)
     say(
-        f"As designed {budget.designed:.2g}°, with friction; as built to the tolerances of the plan, up to "
-        f"{max(forces):.3g} N: median {budget.built.median:.2g}°, "
-        f"{100 * budget.share:g} % {keeps} {budget.built.kept:.2g}° ({budget.samples} drawn); cost {budget.cost:.3g}, "
-        f"most of it {dearest.key} ({dearest.cost:.2g}). With the cheapest grades {budget.coarsest.kept:.2g}°."
+        f"As built with usual tolerances {usually:.2g}°, without friction, as in the tables. With friction: as "
+        f"designed {budget.designed:.2g}°; as built to the tolerances of the plan, up to {max(forces):.3g} N: median "
+        f"{budget.built.median:.2g}°, {100 * budget.share:g} % {keeps} {budget.built.kept:.2g}° ({budget.samples} "
+        f"drawn); cost {budget.cost:.3g}, most of it {dearest.key} ({dearest.cost:.2g}). With the cheapest grades "
+        f"{budget.coarsest.kept:.2g}°."
     )
 
 

@@ -1,17 +1,19 @@
 """The command that converts an experiment on a scaled-up instrument to real-size units."""
 
 import math
+from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from tenodesis.cli.command import command
-from tenodesis.cli.common import console, load_instrument, say, table, warn
+from tenodesis.cli.common import ProgressBar, console, load_instrument, say, table, warn
 from tenodesis.cli.outputs import INSTRUMENT, RECORDING, Outputs, output, write_text
 from tenodesis.errors import CommandError
 from tenodesis.instrument.text import to_file
-from tenodesis.recording import Recording
+from tenodesis.recording import Blocks
 from tenodesis.scaling.transfer import KEYS, QUANTITY, Carried, carry, carry_friction
 
 
@@ -34,18 +36,23 @@ def transfer(  # noqa: PLR0917
     model = load_instrument(real_size, planar=True)
     given = None if scaled_up is None else load_instrument(scaled_up, planar=True)
     path = log.with_name(f"{log.stem}-{Path(real_size).stem}.mcap") if out is None else out
-    with outputs.files(out=path, instrument_out=instrument_out):
-        carried = carry(Recording.open(log), model, scaled_up=given, time_factor=time_factor)
+    with outputs.files(out=path, instrument_out=instrument_out), ProgressBar(f"converting {log.name}", None) as bar:
+        blocks = Blocks(log, progress=bar)
+        runs = iter(blocks)
+        first = next(runs)
+        carried = carry(blocks.recording(first), model, scaled_up=given, time_factor=time_factor)
         _check_order(carried)
         with_friction = None
         if instrument_out is not None:
             source = log.name if scaled_up is None else scaled_up
             with_friction = to_file(carry_friction(carried.scaled_up, model, source=source, time_factor=time_factor))
-        carried.write(path, overwrite=outputs.overwrite)
+        carried, rows = carried.write_blocks(chain([first], runs), path, overwrite=outputs.overwrite)
         if instrument_out is not None and with_friction is not None:
             write_text(instrument_out, with_friction)
+    if blocks.damage is not None and blocks.damage not in carried.warnings:
+        carried = replace(carried, warnings=(blocks.damage, *carried.warnings))
     _print_factors(carried)
-    say(f"{path}: {log} in units of {model.name}, {carried.run.time[-1]:.6g} s, {len(carried.run)} rows.")
+    say(f"{path}: {log} in units of {model.name}, {carried.run.time[-1]:.6g} s, {rows} rows.")
     if instrument_out is not None:
         say(f"{instrument_out}: {model.name} with the friction of {carried.scaled_up.name}.")
 

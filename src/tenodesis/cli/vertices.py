@@ -10,7 +10,7 @@ from tenodesis.cli.command import command
 from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_instrument, quantity, say, table
 from tenodesis.cli.outputs import Outputs, written_by_us
 from tenodesis.paper import rounder_vertices
-from tenodesis.paper.rounder_vertices_report import NUMBERS, PAGE, SWEEP, tables, write
+from tenodesis.paper.rounder_vertices import NUMBERS, PAGE, SWEEP, tables, write
 from tenodesis.units import PositiveForce
 
 

@@ -3,9 +3,9 @@
 from math import nan
 from typing import Any, NamedTuple
 
-from tenodesis.console.session import PageState, Session, as_plain, enable, set_properties
+from tenodesis.console.session import PageState, Session, enable, set_properties
 from tenodesis.console.status import timing_line
-from tenodesis.live.controlled import controlled
+from tenodesis.live.controlled import serves_all
 
 LAWS = {
     "off": "Off: the motors are at rest; the angle lost under load is not restored.",
@@ -13,8 +13,9 @@ LAWS = {
     "paper-feedback": "The paper's law in feedback: the spools wind as long as the tensions differ.",
     "exact": "The stroke of the frictionless theory, slack included.",
     "robust": "Estimates the friction from small strokes, and restores the lost angle in spite of it.",
+    "joints": "Estimates all joints from all tendons, and restores what they lose as far as that is certain.",
 }
-"""Compensation laws."""
+"""Compensation laws, the last where no joint has a pair of tendons of its own."""
 
 ACTUATIONS = {
     "agonist": "One motor winds the agonist tendon.",
@@ -53,13 +54,12 @@ class LawTab:
         gui: Any = session.client.gui
         status = session.link.status()
         inst = session.link.inst
-        kind, refused = inst.sensors.kind, controlled(inst)[1]
-        served = refused is None
-        if refused is not None:
-            gui.add_markdown(as_plain(refused))
+        kind, all_joints = inst.sensors.kind, serves_all(inst)
+        served = not all_joints
+        laws = tuple(name for name in LAWS if name == "off" or (name == "joints") == all_joints)
         faults = dict(zip(_TENSION_FAULTS[kind], (_LOST, _FROZEN), strict=True)) | _FAULTS
-        self._law = gui.add_dropdown("Law", tuple(LAWS), initial_value=status.law, visible=served)
-        self._law_text = gui.add_markdown("", visible=served)
+        self._law = gui.add_dropdown("Law", laws, initial_value=status.law)
+        self._law_text = gui.add_markdown("")
         self._actuation = gui.add_dropdown("Motors", tuple(ACTUATIONS), initial_value=status.actuation, visible=served)
         self._actuation_text = gui.add_markdown("", visible=served)
         self._home = gui.add_button("Home: find the pretension again", icon="home", visible=served)

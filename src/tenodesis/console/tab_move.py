@@ -11,7 +11,7 @@ from tenodesis.console.more_sliders import MoreSliders, follow, slider_values
 from tenodesis.console.session import PageState, Session, enable, set_properties
 from tenodesis.errors import ProtocolError
 from tenodesis.instrument import Instrument
-from tenodesis.live.controlled import controlled
+from tenodesis.live.controlled import serves_all
 from tenodesis.live.status import RuntimeState
 from tenodesis.simulate import Motion, Protocol
 from tenodesis.simulate.places import Places
@@ -30,9 +30,9 @@ _HINTS = {
         RuntimeState.ENABLED,
         True,
     ): "**4.** The motors restore the lost angle. Under *Law* choose *off* to see the loss.",
-    (RuntimeState.DISABLED, False): "**3.** Press *Enable*, and under *Law* choose *robust*: the jaws come back.",
-    (RuntimeState.PAUSED, False): "**3.** Press *Resume*, and under *Law* choose *robust*: the jaws come back.",
-    (RuntimeState.ENABLED, False): "**4.** The angle is lost. Under *Law* choose *robust*: the motors restore it.",
+    (RuntimeState.DISABLED, False): "**3.** Press *Enable*, and under *Law* choose *{law}*: the jaws come back.",
+    (RuntimeState.PAUSED, False): "**3.** Press *Resume*, and under *Law* choose *{law}*: the jaws come back.",
+    (RuntimeState.ENABLED, False): "**4.** The angle is lost. Under *Law* choose *{law}*: the motors restore it.",
 }
 """What to try next once the tip is loaded, by the state and whether the compensation is on."""
 
@@ -159,12 +159,12 @@ def next_to_try(state: PageState, inst: Instrument) -> str:
         if status.state in (RuntimeState.DISABLED, RuntimeState.PAUSED):
             way = "Enable" if status.state == RuntimeState.DISABLED else "Resume"
             return f"**1.** Press *{way}*, and move a slider: the motors turn the joints."
-        return ""
-    if not np.abs(shown.handle).max() > _MOVED:
+    elif not np.abs(shown.handle).max() > _MOVED:
         return "**1.** Move the handle: the jaws follow. The green shadow is where they should be."
     if not np.nanmax(np.abs([*shown.force, *shown.wrench]), initial=0.0) > 0:
         return "**2.** Apply the load: tissue pushes on the tip, and the jaws leave the shadow."
-    return _HINTS.get((status.state, status.law != "off"), "") if controlled(inst)[0] is not None else ""
+    hint = _HINTS.get((status.state, status.law != "off"), "")
+    return hint.format(law="joints" if serves_all(inst) else "robust")
 
 
 def largest_force(inst: Instrument) -> float:

@@ -11,7 +11,7 @@ from tenodesis.control.controller import (
     homing_failure,
 )
 from tenodesis.control.export import export_header, header, identifier
-from tenodesis.control.joints import JointController, JointEstimate
+from tenodesis.control.joints import JointController, JointEstimate, JointOutput
 from tenodesis.control.pairs import Pair, compensated, names_of, pairs
 from tenodesis.control.parameters import (
     FAULTS,
@@ -36,6 +36,7 @@ __all__ = [
     "Implausible",
     "JointController",
     "JointEstimate",
+    "JointOutput",
     "LawName",
     "ObserverName",
     "OperatingState",

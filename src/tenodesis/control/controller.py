@@ -91,7 +91,52 @@ class FlightRecord(NamedTuple):
     """Row of the fault's first tick; None without a fault."""
 
 
-class Controller:
+class LoopState:
+    """What a controller in a loop knows of its plant, and the request that waits."""
+
+    _ran: tuple[object, float] | None = None
+
+    def __init__(self, *, enabled: bool) -> None:
+        self.enabled_at_start = bool(enabled)
+        self.forget()
+
+    def forget(self) -> None:
+        """Return to the start."""
+        self._request = Request.ENABLE if self.enabled_at_start else Request.NONE
+        self._ran = None
+
+    def begin(self, plant: object, time: float) -> None:
+        """Begin, or continue, a run on a plant at its time, s.
+
+        Raises
+        ------
+        ValueError
+            It has run on another plant, or on this one up to a later time, and was not reset: its observer would take
+            one plant's state for the other's.
+        """
+        if self._ran is not None:
+            before, until = self._ran
+            if before is not plant or time < until * (1 - 1e-12):
+                where = "on another plant" if before is not plant else f"on this plant, to {until:.6g} s,"
+                raise ArgumentError(
+                    f"the controller has run {where} before; call its reset(), or make a new one, for a run from "
+                    f"{time:.6g} s on.",
+                    key="controller",
+                    allowed="a controller that is new or reset",
+                )
+        self._ran = plant, time
+
+    def ask(self, request: Request | str) -> None:
+        """Make a request with the next tick: a :class:`Request` or its name."""
+        self._request = as_request(request)
+
+    def take_request(self) -> Request:
+        """Return the request for the next tick, and forget it."""
+        asked, self._request = self._request, Request.NONE
+        return asked
+
+
+class Controller(LoopState):
     """A controller for an instrument and any plant: the twin, a bench, another simulator.
 
     Parameters
@@ -152,7 +197,8 @@ class Controller:
         self.inst = inst
         self.observer, self.law, self.actuation = observer, law, actuation
         self.precision, self.own_clock = precision, bool(own_clock)
-        self.homed_at_start, self.enabled_at_start = bool(homed), bool(enabled)
+        super().__init__(enabled=enabled)
+        self.homed_at_start = bool(homed)
         self.parameters = parameters(inst, period)
         after_fault = ("hold", "neutral").index(safe_state(inst))
         stop = ("return", "hold").index(inst.control.stop)
@@ -180,29 +226,6 @@ class Controller:
                 key="inst",
                 value=inst.name,
             ) from None
-        self._request = Request.ENABLE if enabled else Request.NONE
-        self._ran: tuple[object, float] | None = None
-
-    def begin(self, plant: object, time: float) -> None:
-        """Begin, or continue, a run on a plant at its time, s.
-
-        Raises
-        ------
-        ValueError
-            It has run on another plant, or on this one up to a later time, and was not reset: its observer would take
-            one plant's state for the other's.
-        """
-        if self._ran is not None:
-            before, until = self._ran
-            if before is not plant or time < until * (1 - 1e-12):
-                where = "on another plant" if before is not plant else f"on this plant, to {until:.6g} s,"
-                raise ArgumentError(
-                    f"the controller has run {where} before; call its reset(), or make a new one, for a run from "
-                    f"{time:.6g} s on.",
-                    key="controller",
-                    allowed="a controller that is new or reset",
-                )
-        self._ran = plant, time
 
     def __repr__(self) -> str:
         return (
@@ -241,7 +264,7 @@ class Controller:
         """
         if not (isfinite(time) and 0 <= time < _LATEST):
             raise ArgumentError(key="time", value=time, allowed="a number of seconds, 0 or more")
-        asked = _request(request)
+        asked = as_request(request)
         self._ran = None, time
         axes = len(self.inst.axes)
         measured = np.empty((axes, 5))
@@ -274,10 +297,6 @@ class Controller:
             cut_power,
         )
 
-    def ask(self, request: Request | str) -> None:
-        """Make a request with the next tick: a :class:`Request` or its name."""
-        self._request = _request(request)
-
     def choose(self, law: LawName, actuation: ActuationName | None = None) -> None:
         """Change the law, and the actuation, from the next tick on; ``off`` lets the motors return home.
 
@@ -292,16 +311,10 @@ class Controller:
             raise ArgumentError(key="law", value=law, allowed="a law that works with the observer")
         self.law, self.actuation = law, actuation
 
-    def take_request(self) -> Request:
-        """Return the request for the next tick, and forget it."""
-        asked, self._request = self._request, Request.NONE
-        return asked
-
     def reset(self) -> None:
         """Return to the state in which it was made."""
         self.core.reset()
-        self._ran = None
-        self._request = Request.ENABLE if self.enabled_at_start else Request.NONE
+        self.forget()
 
     def counts(self, axis: str | None = None) -> dict[str, dict[str, int]]:
         """Return how often each fault was confirmed, and each sensor's bad samples, by default of the first axis.
@@ -387,7 +400,8 @@ def _choice(argument: str, value: str, choices: Any) -> int:
     return allowed.index(value)
 
 
-def _request(request: Request | str) -> Request:
+def as_request(request: Request | str) -> Request:
+    """Return a request by itself or its name; raises ArgumentError if there is none."""
     try:
         return Request[request.upper()] if isinstance(request, str) else Request(request)
     except (KeyError, ValueError):

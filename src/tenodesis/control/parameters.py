@@ -10,7 +10,7 @@ from tenodesis.control.pairs import compensated
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument, InstrumentLike, ShortForm
 from tenodesis.instrument.compliance import compliance_shares
-from tenodesis.instrument.tension import tension_sensor
+from tenodesis.instrument.tension import TensionSensor, tension_sensor
 
 
 class Constant(NamedTuple):
@@ -45,7 +45,7 @@ _LATEST = TUNING["tremor_quickest"].value * TUNING["tremor_half_period"].value
 _USUAL_LIMIT = 80.0  # N
 # Of the compliance up to a contact, which the core wants positive.
 _LEAST_SHARE = 1e-3
-_FAULT_OVER_LIMIT = 1.25
+FAULT_OVER_LIMIT = 1.25
 # Of friction: what the file may state too low.
 _UNDERSTATED = 1.3
 # What the weakest of eight tissues of the abdomen bears, N (Rodrigues et al., Surg. Endosc. 26, 2012); a margin over
@@ -99,14 +99,15 @@ def parameters(inst: InstrumentLike, period: float | None = None) -> Parameters:
         "speed_limit": speed,
         "acceleration_limit": drives.motor_acceleration / drives.gear_ratio,
         "engage_time": 0.2,
-        "tension_limit": min(_FAULT_OVER_LIMIT * tension_limit(one) for one in single),
+        "tension_limit": min(FAULT_OVER_LIMIT * tension_limit(one) for one in single),
         "hold_time": 0.5,
         "neutral_speed": min(speed, _RETURN * arm / drives.spool_radius),
         "relief": first.pretension / (2 * first.tendon_stiffness * drives.spool_radius),
     }
     joint_type = int(_core.JointType[inst.joint_type.replace("-", "_").upper()].value)
     axes = tuple(_axis(one, tick, is_first=n == 0) for n, one in enumerate(single))
-    return Parameters(joint_type, common, axes, tuple(_limits(one, tick) for one in single))
+    checks = tuple(limits(one, tick, one.pretension, one.tension_sensor) for one in single)
+    return Parameters(joint_type, common, axes, checks)
 
 
 def safe_state(inst: ShortForm) -> str:
@@ -149,10 +150,10 @@ def tension_limit(inst: Instrument) -> float:
     given = inst.control.tension_limit
     if given is not None:
         return given
-    strength = np.inf if inst.breaking_load is None else inst.breaking_load / (1.5 * _FAULT_OVER_LIMIT)
+    strength = np.inf if inst.breaking_load is None else inst.breaking_load / (1.5 * FAULT_OVER_LIMIT)
     # Of an instrument whose joints share tendons, too.
     read = tension_sensor(inst.drives, inst.sensors, inst.pretension).range
-    return float(min(max(_USUAL_LIMIT, 3 * inst.pretension), strength, read / (1.1 * _FAULT_OVER_LIMIT)))
+    return float(min(max(_USUAL_LIMIT, 3 * inst.pretension), strength, read / (1.1 * FAULT_OVER_LIMIT)))
 
 
 def force_limit(inst: ShortForm) -> float:
@@ -294,8 +295,12 @@ def _before_handle(inst: ShortForm, share: float, at_pretension: float) -> tuple
     return coefficient, bend + drive / coefficient, share * max(own / (own + drive), _LEAST_SHARE)
 
 
-def _limits(inst: ShortForm, period: float) -> dict[str, tuple[float, float]]:
-    pretension, sensors, sensor = inst.pretension, inst.sensors, inst.tension_sensor
+def limits(inst: Instrument, period: float, pretension: float, sensor: TensionSensor) -> dict[str, tuple[float, float]]:
+    """Return threshold and persistence (s) of each fault, and of the spools' jumps, for tendons with a pretension (N).
+
+    The period of ticks is in s.
+    """
+    sensors = inst.sensors
     speed = inst.drives.motor_speed / inst.drives.gear_ratio
     # A cell without noise does not flicker, and one that is sampled slower than ticks stands still between samples.
     # By a drive that reverses, whose current measures the tension.
@@ -305,7 +310,7 @@ def _limits(inst: ShortForm, period: float) -> dict[str, tuple[float, float]]:
     return {
         "tendon_break": (0.08 * pretension + sensor.constant, 0.008),
         "tendon_slack": (0.02 * pretension + sensor.constant, 2.0),
-        "over_tension": (_FAULT_OVER_LIMIT * tension_limit(inst), 0.003),
+        "over_tension": (FAULT_OVER_LIMIT * tension_limit(inst), 0.003),
         "load_cell_stuck": (stuck, max(0.04, 30 * sample)),
         "load_cell_range": (0.08 * pretension + sensor.constant, 0.005),
         "load_cell_drift": (0.05 * pretension, 0.5),

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis import kinematics, plant, statics
-from tenodesis._core import Status
+from tenodesis._core import Status, unloaded_limit
 from tenodesis.control.one_arc import one_arc
 from tenodesis.control.parameters import tension_limit
 from tenodesis.control.resolution import warnings as unresolved
@@ -22,6 +22,7 @@ _STEEL = 7850.0  # kg/m^3
 _MODULUS = (1e9, 250e9)  # Pa, of ropes: soft braids to tungsten wire
 _STRESS, _LIMIT_STRESS = 1e9, 2e9  # Pa, at rest and at the tension limit
 _STRAIN = 0.05
+_AT_ITS_END = 1 - 1e-6  # of a joint's bend over its limit
 _PULLEY_PER_ROPE = 4.0  # diameters
 _COEFFICIENT = 0.6
 _INERTIA_OVER_ROD = 10.0
@@ -233,6 +234,12 @@ def _stem(inst: ShortForm) -> str:
 
 def _reach(inst: ShortForm) -> str:
     reached = float(statics.output_angle(inst, np.array([inst.handle_range]))[0])
+    if unloaded_limit(inst.spec) > _AT_ITS_END:
+        return (
+            f"handle_range is {degrees(inst.handle_range):.4g} deg, which bends the unloaded tip by "
+            f"{degrees(reached):.4g} deg, all that its joint can; its stop is at {degrees(inst.output_stop):.4g} deg, "
+            "and tenodesis scale takes a smaller handle_range only."
+        )
     if not reached < inst.output_range - _REACH:
         return ""
     return (

@@ -100,7 +100,7 @@ def fit_at_rest(inst: InstrumentLike, data: AtRest, unknowns: Sequence[str], *, 
         or the readings cannot tell the unknowns apart.
     """
     whole = expanded(inst)
-    start = np.array([_value(whole, name) for name in unknowns])
+    start = np.array([value_of(whole, name) for name in unknowns])
     signed = np.array([name.rpartition(".")[2] in _SIGNED for name in unknowns])
     if not (signed | (start > 0)).all():
         name = unknowns[int(np.argmin(signed | (start > 0)))]
@@ -117,7 +117,7 @@ def fit_at_rest(inst: InstrumentLike, data: AtRest, unknowns: Sequence[str], *, 
         )
 
     def off(x: Array) -> dict[str, Array]:
-        own = at_rest(_with(whole, unknowns, x * scale), data, axes)
+        own = at_rest(with_values(whole, unknowns, x * scale), data, axes)
         return {name: own[name] - of for name, of in measured.items()}
 
     if not all(np.isfinite(of).all() for of in off(start / scale).values()):
@@ -226,7 +226,7 @@ def _result(inst: FullForm, scales: dict[str, float], found: Any, noise: dict[st
         for (name, by), x, error in zip(scales.items(), found.x, errors, strict=True)
     }
     correlation = covariance / np.outer(errors, errors)
-    return RestFit(estimates, _with(inst, list(scales), found.x * [*scales.values()]), noise, correlation)
+    return RestFit(estimates, with_values(inst, list(scales), found.x * [*scales.values()]), noise, correlation)
 
 
 def _place(inst: FullForm, name: str) -> tuple[str, int, int, str]:
@@ -258,8 +258,8 @@ def _defaults(inst: FullForm, table: str, row: int) -> dict[str, float]:
     return {"stiffness": inst.stiffnesses[row], "pretension": inst.pretensions[row]}
 
 
-def _value(inst: FullForm, name: str) -> float:
-    """Return the value of an unknown."""
+def value_of(inst: FullForm, name: str) -> float:
+    """Return the value of an unknown by the name that :func:`fit_at_rest` knows it by; raises as that does."""
     table, row, crossing, key = _place(inst, name)
     one = inst.as_given(table)[row]
     if crossing < 0:
@@ -276,8 +276,8 @@ def _value(inst: FullForm, name: str) -> float:
     return float(next(joint.radius for joint in inst.as_given("joints") if joint.name == passed.joint))
 
 
-def _with(inst: FullForm, unknowns: Sequence[str], values: Array) -> FullForm:
-    """Return the instrument with values of its unknowns."""
+def with_values(inst: FullForm, unknowns: Sequence[str], values: Array) -> FullForm:
+    """Return the instrument with values of its unknowns, (n,), by these names."""
     tables = {table: list(inst.as_given(table)) for table in ("joints", "tendons")}
     for name, value in zip(unknowns, values.tolist(), strict=True):
         table, row, crossing, key = _place(inst, name)

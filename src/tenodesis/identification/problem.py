@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 
 
@@ -106,7 +106,7 @@ class Problem(ABC):
         """Return measured and modelled signals by name with the unit last, as in errors."""
         return {}
 
-    def instrument(self, values: Array) -> ShortForm | None:
+    def instrument(self, values: Array) -> Instrument | None:
         """Return the instrument with these values in place, or None if there is no instrument to change."""
         return None
 

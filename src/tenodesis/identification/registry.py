@@ -6,7 +6,6 @@ A package adds a format of its own by an entry point of the group ``tenodesis.fo
 from collections import UserDict
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import EntryPoint, entry_points
-from pathlib import Path
 from typing import Any, NamedTuple, Protocol, cast
 
 from tenodesis.errors import IdentificationError
@@ -24,6 +23,7 @@ OURS = {
     "endoscope-pair": "tenodesis.identification.datasets.endoscope_pair:FORMAT",
     "tendon-sheath": "tenodesis.identification.datasets.tendon_sheath:FORMAT",
     "joints": "tenodesis.identification.kinematic.recordings:FORMAT",
+    "tendons": "tenodesis.identification.routing:FORMAT",
     "recording": "tenodesis.identification.twin_model.formats:RECORDING",
     "csv": "tenodesis.identification.twin_model.formats:CSV",
     "mcap": "tenodesis.identification.twin_model.formats:MCAP",
@@ -60,7 +60,8 @@ class ListArrangements(Protocol):
 class Format(NamedTuple):
     """How recordings of a format are read, and the model that is fitted to them."""
 
-    load: Callable[[Path], MeasuredRun]
+    load: Callable[..., MeasuredRun]
+    """Takes a path, and the keyword `progress` where it `shows_progress`."""
     problem: BuildProblem
     laws: tuple[str, ...] = ()
     """Friction laws of the model, by name."""
@@ -70,6 +71,8 @@ class Format(NamedTuple):
     """Default loss."""
     arrangements: ListArrangements | None = None
     """Arrangements of the model's contacts, if it has several."""
+    shows_progress: bool = False
+    """Whether reading calls the keyword `progress` with the bytes that are read, and how many there are."""
 
 
 class Formats(UserDict[str, Format]):

@@ -14,7 +14,7 @@ from tenodesis.identification.identifiability import Identifiability
 from tenodesis.identification.problem import Parameter, Problem, Trace
 from tenodesis.identification.search import LEAST_PER_PARAMETER, MOST_STEPS, SearchEnd
 from tenodesis.identification.uncertainty import LossName, Uncertainty, Whiteness
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument
 from tenodesis.report.page import about, json_number
 from tenodesis.run import Array
 
@@ -91,7 +91,7 @@ class Fit:
     seconds: float
     traces: Mapping[str, Trace] = field(default_factory=dict, repr=False)
     """Of a fit of arrays: measured and modelled signals by name with the unit last."""
-    instrument: ShortForm | None = None
+    instrument: Instrument | None = None
     """Of a fit of arrays: the instrument with the values in place."""
 
     def __repr__(self) -> str:

@@ -17,6 +17,7 @@ from tenodesis.errors import ArgumentError, IdentificationError
 from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.problem import Problem, Trace
+from tenodesis.identification.routing import RoutingRun
 from tenodesis.identification.twin_model import tuning
 from tenodesis.identification.twin_model.problem import TwinProblem, instrument_of
 from tenodesis.instrument import ShortForm
@@ -66,7 +67,12 @@ def shortened(
     if not longest >= LEAST_LENGTH:
         raise ArgumentError(key="longest", value=longest, allowed=f"at least {LEAST_LENGTH:g} s")
     first, last = float(run.time[0]), float(run.time[-1])
-    if last - first <= longest or not isinstance(run, InstrumentRun):
+    if last - first <= longest:
+        return run
+    if isinstance(run, RoutingRun):
+        note = f"of {last - first:.4g} s the first {longest:.4g} s are fitted, from where the spools are known"
+        return replace(_between(run, first, first + longest), notes=(*run.notes, note))
+    if not isinstance(run, InstrumentRun):
         return run
     inst = instrument_of([run], instrument).planar[0]
     apart = max(longest / 2, (last - longest - first) / (_MOST_STRETCHES - 1))

@@ -118,7 +118,7 @@ def parse(text: str, source: str = "instrument") -> Instrument:
         )
     short = validated(JOINT_TYPES[joint_type], values, InstrumentError, source, context={"file": True})
     arcs = getattr(short, "arcs", 1)
-    return in_arcs(short, arcs) if arcs > 1 else short
+    return in_arcs(short.replace(arcs=1), arcs) if arcs > 1 else short
 
 
 def misrouted(name_or_path: str | Path) -> RouteError | None:

@@ -39,6 +39,21 @@ ROPES = {
 }
 """The ropes that are known by name."""
 
+
+class RodModulus(NamedTuple):
+    """Young's modulus of a backbone's rod, Pa, with its source."""
+
+    modulus: float
+    source: str
+
+
+RODS = {
+    "nitinol": RodModulus(60e9, "superelastic NiTi as austenite, of which suppliers give 40 to 80 GPa: measure yours"),
+    "steel": RodModulus(206e9, "spring steel, EN 10270-1"),
+    "stainless": RodModulus(185e9, "stainless spring steel, EN 10270-3"),
+}
+"""What a backbone's rod may be of, by name."""
+
 _LENGTHS = (Question("end-effector-length", "end_effector_length", "25 mm"),)
 _REST = (
     Question("overall-length", "overall_length", "500 mm"),

@@ -6,7 +6,7 @@ from typing import Any
 import tomli_w
 from pydantic import BaseModel
 
-from tenodesis.instrument import Instrument, ShortForm
+from tenodesis.instrument import Instrument
 from tenodesis.units import READABLE, in_unit, quantity_of
 
 _LONG = 10.0
@@ -30,8 +30,8 @@ def to_toml(given: Instrument) -> str:
     return tomli_w.dumps(with_units(inst) | {"overrides": own})
 
 
-def to_file(inst: ShortForm, *, comment: str = "") -> str:
-    """Return the text of a one-axis instrument's file for people to read and edit, with a comment at its beginning.
+def to_file(inst: Instrument, *, comment: str = "") -> str:
+    """Return the text of an instrument's file for people to read and edit, with a comment at its beginning.
 
     It has the values that were given, no defaults, in the units of drawings, to nine digits.
     """

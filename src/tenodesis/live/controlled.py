@@ -17,6 +17,11 @@ def controlled(inst: Instrument) -> tuple[ShortForm | None, str | None]:
         return None, str(problem)
 
 
+def serves_all(inst: Instrument) -> bool:
+    """Whether a live instrument's controller is that of all joints: where no joint has a pair of its own."""
+    return controlled(inst)[0] is None
+
+
 def served_pairs(inst: Instrument) -> dict[str, Pair]:
     """Return the pairs of tendons that a live instrument's controller commands, by axis; none without a controller."""
     return pairs(inst) if controlled(inst)[0] is not None else {}
@@ -30,6 +35,6 @@ def free_motors(inst: Instrument) -> list[int]:
 
 @lru_cache(maxsize=16)
 def live_names(inst: Instrument) -> Names:
-    """Return what the columns of a live instrument are named after; without a controller none is compensated."""
+    """Return what the columns of a live instrument are named after."""
     names = names_of(inst)
-    return names if controlled(inst)[0] is not None else names._replace(compensated=())
+    return names._replace(compensated=names.joints) if serves_all(inst) else names

@@ -7,7 +7,7 @@ import numpy as np
 
 from tenodesis import _core
 from tenodesis.instrument import Instrument
-from tenodesis.live.controlled import live_names
+from tenodesis.live.controlled import live_names, serves_all
 from tenodesis.live.folder import Columns
 from tenodesis.run import SIGNALS, Array, Run
 from tenodesis.twin.contact import NO_TISSUE
@@ -69,7 +69,9 @@ class RowLayout:
         self._signals = {name: columns for name, columns in columns_by_name(signals).items() if name in seen}
         widths = (len(TICK), self.commands.width, sum(width for _, width in signals))
         self._parts = np.cumsum(widths).tolist()
-        self.width = self._parts[-1] + len(self.names.compensated) * len(CONTROL)
+        # A controller of all joints has its signals among the device's.
+        self._axes = 0 if serves_all(inst) else len(self.names.compensated)
+        self.width = self._parts[-1] + self._axes * len(CONTROL)
 
     def run_of(self, rows: Array) -> Run:
         """Return rows as a run like a twin's, without the signals that the device does not have."""
@@ -79,11 +81,10 @@ class RowLayout:
         grip = self._grips and "held" in commanded
         found = signals_of_commands(commanded, tissue="contact" in commanded, grip=grip, tension=True)
         found |= {name: signals[:, columns] for name, columns in self._signals.items()}
-        axes = len(self.names.compensated)
-        if axes:
-            by_axis = control.reshape(len(rows), axes, len(CONTROL))
+        if self._axes:
+            by_axis = control.reshape(len(rows), self._axes, len(CONTROL))
             found |= {name: by_axis[:, :, n] for name, n in _CONTROLLED.items()}
-            found["request"] = np.repeat(tick[:, [TICK.index("request")]], axes, axis=1)
+        found["request"] = np.repeat(tick[:, [TICK.index("request")]], len(self.names.compensated), axis=1)
         shaped: dict[str, Any] = {
             name: values.reshape(self.names.shape(name, len(rows))) for name, values in found.items()
         }

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tenodesis import _core
-from tenodesis.control import Controller, Request
+from tenodesis.control import Controller, JointController, Request
 from tenodesis.control.controller import ActuationName, LawName
+from tenodesis.control.joints import JointLawName
 from tenodesis.control.pairs import names_of
 from tenodesis.control.parameters import tension_limit
 from tenodesis.devices.device import Capabilities, Device
@@ -65,6 +66,7 @@ class Choices:
     address: str | None = None
     """Of a serial device."""
     law: LawName = "robust"
+    """Where no joint has a pair of its own: off, by which spools go where they are ordered, or that of all joints."""
     actuation: ActuationName = "differential"
     speed: float = 1.0
     """Simulated over real time; 0: as fast as possible."""
@@ -92,7 +94,9 @@ def rehearse(inst: Instrument, choices: Choices) -> None:
         check_runnable(inst)
     twin = Twin(inst, seed=choices.seed)
     period = twin.time_step * twin.steps_per_tick
-    if assumed is not None:
+    if assumed is None:
+        JointController(inst, period=period)
+    else:
         Controller(assumed, law=choices.law, actuation=choices.actuation, period=period)
     if choices.device not in ("twin", "serial"):
         _check_device(_made(choices.device, inst).capabilities, inst)
@@ -129,11 +133,13 @@ class LiveLoop:
     ) -> None:
         self.inst, self.folder = inst, folder
         self.assumed, self.refused = controlled(inst)
-        """What the controller is made for; None where no joint has one, and why."""
+        """What the controller is made for; None where it is that of all joints, and why it is no other."""
         self.choices = choices = choices or Choices()
         if choices.device not in get_args(DeviceName):
             raise ArgumentError(key="device", value=choices.device, allowed=_one_of(get_args(DeviceName)))
-        self.law, self.actuation = choices.law, choices.actuation
+        self.laws: tuple[str, ...] = get_args(JointLawName if self.assumed is None else LawName)
+        self.law: str = choices.law if choices.law in self.laws else self.laws[-1]
+        self.actuation = choices.actuation
         self._lock = threading.Lock()
         self._device = device
         self._device_thread: DeviceThread | None = None
@@ -159,12 +165,17 @@ class LiveLoop:
         """Tendons whose motors no controller commands, by number."""
         self.controller = _controller(self.assumed, choices, inst, served=self._device is not None)
         self.device, self.capabilities = self._bench(twin)
+        core = self.controller.core
+        if isinstance(core, _core.JointController):
+            joints = _core.LiveJoints(self.device, core, self.period)
+            joints.compensates = self.law != "off"
+            self.device, core = joints, _core.JointSwitch(joints)
         self.commands = CommandColumns(self.device.commands)
         path = self.folder / folders.RING
         try:
             self.core = _core.Runtime(
                 self.device,
-                self.controller.core,
+                core,
                 [tuple(pair[1:]) for pair in own.values()],
                 self.motors,
                 str(path),
@@ -245,7 +256,7 @@ class LiveLoop:
             names = [request.name.lower() for request in Request]
             raise LiveError(key="request", value=what, allowed=_one_of(names)) from None
         if asked == Request.HOME and self.refused is not None:
-            raise LiveError(self.refused)
+            raise LiveError("the law of all joints does not home.", key="request", value="home")
         self._order("request", int(asked))
 
     def stop(self) -> None:
@@ -254,12 +265,10 @@ class LiveLoop:
 
     def choose(self, law: str, actuation: str) -> None:
         """Change compensation law and actuation mode with the next tick."""
-        for argument, value, allowed in (("law", law, LawName), ("actuation", actuation, ActuationName)):
-            if value not in get_args(allowed):
-                raise LiveError(key=argument, value=value, allowed=_one_of(get_args(allowed)))
-        if self.refused is not None:
-            raise LiveError(self.refused)
-        self._order("law", get_args(LawName).index(law), get_args(ActuationName).index(actuation))
+        for argument, value, allowed in (("law", law, self.laws), ("actuation", actuation, get_args(ActuationName))):
+            if value not in allowed:
+                raise LiveError(key=argument, value=value, allowed=_one_of(allowed))
+        self._order("law", self.laws.index(law), get_args(ActuationName).index(actuation))
         self.law, self.actuation = law, actuation  # type: ignore[assignment]
 
     def hand(self, angles: ArrayLike) -> None:
@@ -336,7 +345,7 @@ class LiveLoop:
                 raise LiveError(key=argument, value=value_given, allowed=_one_of(allowed))
         check_mode(point, mode)
         if self.refused is not None:
-            raise LiveError(self.refused)
+            raise LiveError("the law of all joints takes no injected faults.", key="fault")
         if axis is not None and axis not in self.axes:
             raise LiveError(key="axis", value=axis, allowed=_one_of(self.axes))
         if not 0 < seconds <= 3600:
@@ -390,21 +399,14 @@ class LiveLoop:
             raise LiveError("too many commands at once; this one was refused.")
 
 
-class _NoController:
-    """In place of a controller where no joint has a law."""
-
-    def __init__(self) -> None:
-        self.core = _core.MotorSwitch()
-
-
 def _controller(
     assumed: ShortForm | None, choices: Choices, inst: Instrument, *, served: bool
-) -> Controller | _NoController:
+) -> Controller | JointController:
     """Return the controller, disabled; spool angles count from pretension where they are the twin's."""
     if choices.device == "serial" and not served:
         return _board(_check_board(inst), choices)
     if assumed is None:
-        return _NoController()
+        return JointController(inst, enabled=False)
     return Controller(assumed, law=choices.law, actuation=choices.actuation, homed=not served, enabled=False)
 
 
@@ -458,7 +460,8 @@ def _numbers(argument: str, values: ArrayLike, count: int, most: float | Array) 
     array = np.asarray(values, float).reshape(-1)
     if array.shape != (count,) or not np.all(np.abs(array) <= most):
         bound = f"{most:g}" if np.ndim(most) == 0 else " or ".join(f"{one:g}" for one in np.unique(most)[::-1])
-        allowed = f"{count} finite numbers, at most {bound}"
+        amount = "a finite number" if count == 1 else f"{count} finite numbers"
+        allowed = f"{amount} of magnitude {bound} at most"
         raise LiveError(key=argument, value=np.asarray(values).tolist(), allowed=allowed)
     return array
 

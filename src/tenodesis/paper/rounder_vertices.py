@@ -2,11 +2,16 @@
 
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
 from tenodesis import statics
 from tenodesis.control import LawName
@@ -14,9 +19,12 @@ from tenodesis.errors import InstrumentError, NoSolutionError, StudyError
 from tenodesis.instrument import ShortForm, TendonGear
 from tenodesis.paper import published, step_load, step_response
 from tenodesis.paper.context import WAYS
-from tenodesis.report.content import Array
+from tenodesis.report import style
+from tenodesis.report.content import Array, Chart, Plot, Table, fixed
+from tenodesis.report.page import about, json_text, render, write_columns, write_figure, written
 from tenodesis.scaling import catalogue
 from tenodesis.simulate import campaign
+from tenodesis.simulate.campaign import Rows
 from tenodesis.twin import Twin
 
 LAWS: tuple[LawName, ...] = ("off", "paper", "robust")
@@ -89,29 +97,9 @@ class VertexDesign(NamedTuple):
     surface: Surface
 
 
-class VertexOutcome(NamedTuple):
-    """What a design costs: NaN where the joint does not hold the load."""
-
-    hysteresis: float
-    """Mean width of the loop of output over handle angle under the load, deg."""
-    delay: float
-    """Way of the handle after its reversal in flexion until the tip has moved 0.1 deg, deg."""
-    final: dict[LawName, Array]
-    """Final errors against eq. 18 by law and state, deg; NaN where the controller faulted."""
-
-    def worst(self, law: LawName) -> float:
-        """Return the largest final error of a law over the states, deg; infinite where it faulted in one."""
-        return float(np.nan_to_num(np.abs(self.final[law]), nan=np.inf).max())
-
-    @property
-    def lost(self) -> Array:
-        """Output angle lost with the motors off, by state, deg."""
-        return -self.final["off"]
-
-
 @dataclass(frozen=True)
 class VertexStudy:
-    """The designs of a sweep with their outcomes."""
+    """The designs of a sweep, each a row with what it costs (:func:`costs`)."""
 
     inst: ShortForm
     force: float
@@ -121,38 +109,44 @@ class VertexStudy:
     reference_radius: float
     """Radius of the present vertices, at which coefficients are given, m."""
     limits: RadiusLimits
-    radii: tuple[float, ...]
-    coefficients: tuple[float, ...]
-    ropes: tuple[VertexRope, ...]
-    surfaces: tuple[Surface, ...]
-    outcomes: dict[VertexDesign, VertexOutcome]
-    largest_coefficient: dict[tuple[VertexRope, float], float]
+    designs: Rows
+    """By surface, rope, coefficient and radius."""
+    largest_coefficient: Mapping[tuple[VertexRope, float], float]
     """By rope and radius on metal, the largest coefficient up to the file's at and below which the paper's law is good
     enough in every state; NaN if it is not even without friction."""
+
+    def values(self, name: str) -> list[Any]:
+        """Return the values that designs have of a radius, coefficient, rope or surface, each once."""
+        return list(dict.fromkeys(row[name] for row in self.designs))
 
     @property
     def coefficient(self) -> float:
         """The coefficient of the instrument file."""
         return self.inst.friction.vertex_coefficient
 
-    def along_radius(self, rope: VertexRope, surface: Surface, coefficient: float | None = None) -> list[VertexOutcome]:
-        """Return the outcomes by radius, at the coefficient of the instrument file or another."""
-        found = self.coefficient if coefficient is None else coefficient
-        return [self.outcomes[VertexDesign(radius, found, rope, surface)] for radius in self.radii]
+    def along_radius(self, rope: VertexRope, surface: Surface) -> Rows:
+        """Return the designs by radius, at the coefficient of the instrument file."""
+        return self.designs.where(rope=rope, surface=surface, coefficient=self.coefficient)
 
-    def along_coefficient(self, rope: VertexRope = SPRINGY, surface: Surface = METAL) -> list[VertexOutcome]:
-        """Return the outcomes by coefficient on the present vertices."""
-        return [self.outcomes[VertexDesign(self.reference_radius, one, rope, surface)] for one in self.coefficients]
+    @property
+    def along_coefficient(self) -> Rows:
+        """The designs by coefficient on the present vertices, of metal, with tendons that spring back."""
+        return self.designs.where(rope=SPRINGY, surface=METAL, radius=self.reference_radius)
 
     def good_radii(self, rope: VertexRope, surface: Surface) -> list[float]:
         """Return the radii that the joint holds with which the paper's law is good enough in every state, m."""
-        pairs = zip(self.radii, self.along_radius(rope, surface), strict=True)
-        return [radius for radius, one in pairs if radius <= self.held_radius and one.worst("paper") <= GOOD]
+        rows = self.along_radius(rope, surface)
+        return [row["radius"] for row in rows if row["radius"] <= self.held_radius and worst(row, "paper") <= GOOD]
 
     @property
     def held_radius(self) -> float:
         """The largest radius of the sweep that the joint holds, m, or the smallest if it holds none."""
-        return _held(self.radii, self.limits)
+        return _held(self.values("radius"), self.limits)
+
+
+def worst(row: Mapping[str, Any], law: LawName) -> float:
+    """Return the largest final error of a law over the states, deg; infinite where it faulted in one."""
+    return float(np.nan_to_num(np.abs(row[law]), nan=np.inf).max())
 
 
 def radius_limits(inst: ShortForm) -> RadiusLimits:
@@ -292,13 +286,21 @@ def loop(inst: ShortForm, force: float) -> tuple[float, float]:
     return float(np.degrees(width.mean())), float(np.degrees(delay))
 
 
-def outcome(
+def costs(
     inst: ShortForm, design: VertexDesign, states: Sequence[float], force: float, reference_radius: float
-) -> VertexOutcome:
-    """Compute what a design costs in the held states (rad) under a load (N)."""
+) -> dict[str, Any]:
+    """Return what a design costs in the held states (rad) under a load (N); NaN where the joint does not hold it.
+
+    That is the mean width of the loop of output over handle angle (hysteresis), the way of the handle after its
+    reversal in flexion until the tip has moved 0.1 deg (delay), and by law the final errors against eq. 18 by state,
+    NaN where the controller faulted; all deg.
+    """
     changed = redesigned(inst, design, reference_radius)
-    by_law = {law: np.array([held(inst, changed, state, force, law) for state in states]) for law in LAWS}
-    return VertexOutcome(*loop(changed, force), by_law)
+    hysteresis, delay = loop(changed, force)
+    final: dict[str, Array] = {
+        law: np.array([held(inst, changed, state, force, law) for state in states]) for law in LAWS
+    }
+    return {"hysteresis": hysteresis, "delay": delay, **final}
 
 
 def held_states(inst: ShortForm) -> tuple[float, ...]:
@@ -342,7 +344,8 @@ def study(
     """
     limits = radius_limits(inst)
     reference = _diameter(inst) / 2
-    if not inst.friction.vertex_coefficient:
+    present = inst.friction.vertex_coefficient
+    if not present:
         raise InstrumentError(
             key="friction.vertex_coefficient", value=0, allowed="above 0: friction at the vertices is what is studied"
         )
@@ -351,17 +354,11 @@ def study(
     if radii is None:
         most = limits.largest
         radii = [*np.geomspace(min(reference, most), most, _RADII), *(factor * most for factor in _BEYOND)]
-    found = tuple(sorted({float(radius) for radius in radii} | {reference}))
-    present = inst.friction.vertex_coefficient
-    coefficients = tuple(sorted({float(share) * present for share in shares} | {present}))
+    found = sorted({float(radius) for radius in radii} | {reference})
+    coefficients = sorted({float(share) * present for share in shares} | {present})
     used = ropes(inst) if tendons is None else tendons
-    designs = [
-        VertexDesign(radius, coefficient, rope, surface)
-        for surface in surfaces
-        for rope in used
-        for coefficient in coefficients
-        for radius in found
-    ]
+    axes = {"surface": surfaces, "rope": used, "coefficient": coefficients, "radius": found}
+    designs = [VertexDesign(**case) for case in campaign.cases(**axes)]
 
     def seen(design: VertexDesign) -> tuple[float, float, float]:
         """Return what the twin sees of a design, so that equal ones are run once."""
@@ -371,29 +368,25 @@ def study(
 
     distinct = {seen(design): design for design in reversed(designs)}
     # Without bending the radius has no effect on metal.
-    scanned = [
-        (rope, radius)
+    scans = [
+        {"rope": rope, "radius": radius}
         for rope in used
         for radius in dict.fromkeys((reference, _held(found, limits)) if rope.bending_stiffness else (reference,))
     ]
-    total = len(distinct) + len(scanned)
+    total = len(distinct) + len(scans)
 
-    def design_of(key: tuple[float, float, float]) -> dict[str, VertexOutcome]:
-        return {"outcome": outcome(inst, distinct[key], states, load, reference)}
+    def cost(key: tuple[float, float, float]) -> dict[str, Any]:
+        return costs(inst, distinct[key], states, load, reference)
 
-    def largest_of(rope: VertexRope, radius: float) -> dict[str, float]:
+    def largest(rope: VertexRope, radius: float) -> dict[str, float]:
         return {"coefficient": _largest_coefficient(inst, states, load, reference, (rope, radius))}
 
     done = campaign.run(
-        design_of,
-        campaign.cases(key=distinct),
-        on="threads",
-        progress=lambda count, _: progress(count, total),
+        cost, campaign.cases(key=distinct), on="threads", progress=lambda count, _: progress(count, total)
     )
-    outcomes = {row["key"]: row["outcome"] for row in done}
-    scans = [{"rope": rope, "radius": radius} for rope, radius in scanned]
-    largest = campaign.run(
-        largest_of, scans, on="threads", progress=lambda count, _: progress(len(distinct) + count, total)
+    outcomes = {row["key"]: row for row in done}
+    scanned = campaign.run(
+        largest, scans, on="threads", progress=lambda count, _: progress(len(distinct) + count, total)
     )
     return VertexStudy(
         inst,
@@ -401,12 +394,8 @@ def study(
         states,
         reference,
         limits,
-        found,
-        coefficients,
-        used,
-        surfaces,
-        {design: outcomes[seen(design)] for design in designs},
-        {(row["rope"], row["radius"]): row["coefficient"] for row in largest},
+        Rows(outcomes[seen(design)] | design._asdict() for design in designs),
+        {(row["rope"], row["radius"]): row["coefficient"] for row in scanned},
     )
 
 
@@ -447,8 +436,8 @@ def pretension_shift(inst: ShortForm, radius: float) -> float:
 def answer(found: VertexStudy) -> str:
     """Return in a sentence which redesign makes the paper's law good enough, within what the joint holds."""
     sharp, held_mm = found.reference_radius, f"{1e3 * found.held_radius:.2g} mm"
-    radii = {(rope, surface): found.good_radii(rope, surface) for rope in found.ropes for surface in found.surfaces}
-    good = [(rope, surface, min(some)) for (rope, surface), some in radii.items() if some]
+    pairs = list(product(found.values("rope"), found.values("surface")))
+    good = [(rope, surface, min(some)) for rope, surface in pairs if (some := found.good_radii(rope, surface))]
     goal = f"brings the paper's law within {GOOD:g}° in every state"
     if good:
         named = "; ".join(f"{1e3 * radius:.2g} mm ({rope.name}, {surface.name})" for rope, surface, radius in good)
@@ -462,7 +451,7 @@ def answer(found: VertexStudy) -> str:
         return f"{by_radius}, and with tendons that spring back the paper's law is as good already."
     by_coefficient = f"a coefficient of at most {present:.2g} instead of {found.coefficient:.2g} does"
     stiff = []
-    for rope in found.ropes:
+    for rope in found.values("rope"):
         if rope.bending_stiffness:
             before, after = (_coefficient(found.largest_coefficient[rope, one]) for one in (sharp, found.held_radius))
             same = before == after
@@ -473,3 +462,182 @@ def answer(found: VertexStudy) -> str:
 
 def _coefficient(value: float) -> str:
     return f"at most {value:.2g}" if value > 0 else "none above 0"
+
+
+RESULTS_SCHEMA = 1
+"""Version of the layout of results.json."""
+
+PAGE, NUMBERS, SWEEP = "vertices.html", "results.json", "sweep.csv"
+"""What a study is written as, beside its figure."""
+_LINES = ("-", "--", ":")
+
+
+def write(found: VertexStudy, out: Path) -> None:
+    """Write vertices.html, results.json, sweep.csv and figures/ into a folder, atomically.
+
+    Raises StudyError if the folder cannot be written.
+    """
+    shift, states = pretension_shift(found.inst, found.held_radius), _states(found)
+    with style.applied(), written(out, StudyError, last=PAGE) as new:
+        (new / "figures").mkdir()
+        drawn = plot(found)
+        values = {
+            "tables": tables(found),
+            "figure": drawn,
+            "drawing": write_figure(drawn, new / "figures"),
+            "answer": answer(found),
+            "good": GOOD,
+            "before": BEFORE,
+            "after": AFTER,
+        }
+        write_columns(_sweep(found), new / SWEEP)
+        (new / NUMBERS).write_text(json_text(_results(found, shift)), "utf-8")
+        page = render("tenodesis.paper", "rounder_vertices.html.j2", study=found, shift=shift, states=states, **values)
+        (new / PAGE).write_text(page, "utf-8")
+
+
+def _states(found: VertexStudy) -> list[str]:
+    return [f"{math.degrees(state):.4g}°" for state in found.states]
+
+
+def _sweep(found: VertexStudy) -> dict[str, ArrayLike]:
+    """Return the sweep by columns: the design's numbers, then what it costs; NaN where a controller faulted."""
+    rows = found.designs
+    columns: dict[str, ArrayLike] = {
+        "radius [m]": rows["radius"],
+        "coefficient [1]": rows["coefficient"],
+        "bending stiffness [N*m^2]": [row["rope"].bending_stiffness for row in rows],
+        "load index [1]": [row["surface"].load_index for row in rows],
+        "hysteresis [deg]": rows["hysteresis"],
+        "delay [deg]": rows["delay"],
+    }
+    for law in LAWS:
+        for state, column in zip(found.states, rows[law].T, strict=True):
+            columns[f"final error {law} at {math.degrees(state):.4g} deg [deg]"] = column
+    return columns
+
+
+def _results(found: VertexStudy, shift: float) -> dict[str, Any]:
+    return {
+        "schema": RESULTS_SCHEMA,
+        "about": about(),
+        "instrument": found.inst.name,
+        "answer": answer(found),
+        "force": found.force,
+        "states": [math.degrees(state) for state in found.states],
+        "reference_radius": found.reference_radius,
+        "radius_limits": found.limits._asdict(),
+        "largest_radius": found.limits.largest,
+        "pretension_shift": shift,
+        "ropes": {rope.name: rope.bending_stiffness for rope in found.values("rope")},
+        "surfaces": {surface.name: surface.load_index for surface in found.values("surface")},
+        "largest_coefficient": [
+            {"rope": rope.name, "radius": radius, "coefficient": value}
+            for (rope, radius), value in found.largest_coefficient.items()
+        ],
+        "designs": [
+            {
+                "radius": row["radius"],
+                "coefficient": row["coefficient"],
+                "rope": row["rope"].name,
+                "surface": row["surface"].name,
+                "hysteresis": row["hysteresis"],
+                "delay": row["delay"],
+                "final_error": {law: row[law] for law in LAWS},
+            }
+            for row in found.designs
+        ],
+    }
+
+
+def tables(found: VertexStudy) -> list[Table]:
+    """Return the tables of the page: by radius and rope, and by coefficient."""
+    headings = ["lost", "loop", "delay", *(f"paper {state}" for state in _states(found)), "ours"]
+    reference = found.reference_radius
+    by_radius = [
+        [surface.name, rope.name, f"{1e3 * row['radius']:.2g}", *_cells(row)]
+        for surface, rope in product(found.values("surface"), found.values("rope"))
+        for row in found.along_radius(rope, surface)
+        if row["radius"] in {reference, found.held_radius}
+    ]
+    by_coefficient = [[f"{row['coefficient']:.3g}", *_cells(row)] for row in found.along_coefficient]
+    return [
+        Table(
+            f"Coefficient {found.coefficient:.3g}, present vertices and the largest that the joint holds: angle "
+            "lost in the last state with the motors off, loop, delay, final error of the paper’s law by state and the "
+            "worst of ours, deg",
+            ["surface", "rope", "ρ [mm]", *headings],
+            by_radius,
+        ),
+        Table(
+            f"On metal, radius {1e3 * reference:.2g} mm, tendons that spring back: the same by coefficient, deg",
+            ["μ", *headings],
+            by_coefficient,
+        ),
+    ]
+
+
+def _cells(row: Mapping[str, Any]) -> list[str]:
+    largest = worst(row, "robust")
+    return [
+        fixed(-row["off"][-1]),
+        fixed(row["hysteresis"]),
+        fixed(row["delay"]),
+        *(fixed(value) for value in row["paper"]),
+        "fault" if math.isinf(largest) else fixed(largest),
+    ]
+
+
+def plot(found: VertexStudy) -> Plot:
+    """Return the figure: hysteresis and final errors over radius, final errors over the coefficient."""
+    chart = Chart(Figure(figsize=(9.6, 7.4), layout="constrained"))
+    (first, second), (third, fourth) = chart.figure.subplots(2, 2)
+    radii = chart.keep("radius [mm]", 1e3 * np.array(found.values("radius")))
+    surfaces, lines = found.values("surface"), list(zip(found.values("rope"), _LINES, strict=False))
+    colors = dict(zip(surfaces, style.LOADS, strict=False))
+    last = f"at {math.degrees(found.states[-1]):.4g}°"
+
+    def draw(axis: Axes, name: str, of: Any) -> None:
+        for surface, (rope, line) in product(surfaces, lines):
+            values = [of(row) for row in found.along_radius(rope, surface)]
+            heading = f"{name}, {surface.name}, {rope.name} [deg]"
+            chart.curve(axis, radii, heading, values, line, color=colors[surface], marker="o", ms=3.5, lw=1.5)
+        axis.axvline(1e3 * found.limits.largest, color=style.INK, lw=1.0)
+        axis.set(xscale="log", xlabel="vertex radius [mm]")
+        axis.set_xticks(radii, [f"{value:.2g}" for value in radii], minor=False)
+        axis.tick_params(axis="x", rotation=45)
+        axis.minorticks_off()
+
+    draw(first, "hysteresis", lambda row: row["hysteresis"])
+    first.set(ylabel="hysteresis [deg]", title="Loop of output over handle angle")
+    first.set_ylim(bottom=0)
+    draw(second, "paper", lambda row: abs(row["paper"][-1]))
+    second.set(ylabel="final error [deg]", title=f"Paper's law {last}")
+    draw(third, "robust", lambda row: worst(row, "robust"))
+    third.set(ylabel="final error [deg]", title="Robust law, worst of the states")
+    share = chart.keep("coefficient [1]", found.along_coefficient["coefficient"])
+    drawn: tuple[tuple[LawName, str, str], ...] = (
+        ("paper", "paper's law", style.ANTAGONIST),
+        ("robust", "robust law", style.AGONIST),
+    )
+    for law, name, color in drawn:
+        values = [worst(row, law) for row in found.along_coefficient]
+        heading = f"{name} over coefficient [deg]"
+        chart.curve(fourth, share, heading, values, color=color, marker="o", ms=3.5, label=name)
+    fourth.axvline(found.coefficient, color=style.INK, ls=":", lw=1.0)
+    fourth.set(xlabel="vertex coefficient [1]", ylabel="final error [deg]", title="Worst of the states, by coefficient")
+    fourth.legend(loc="upper left")
+    for axis in (second, third, fourth):
+        axis.axhline(GOOD, color=style.REFERENCE, ls="--", lw=1.0)
+        axis.set_ylim(0, max(axis.get_ylim()[1], 1.2 * GOOD))
+    for surface, (rope, line) in product(surfaces, lines):
+        first.plot([], [], line, color=colors[surface], label=f"{surface.name}, {rope.name}")
+    first.plot([], [], color=style.INK, lw=1.0, label="largest radius that the joint holds")
+    handles, names = first.get_legend_handles_labels()
+    chart.figure.legend(handles, names, loc="outside upper left", ncols=len(surfaces) + 1)
+    return chart.plot(
+        "vertices",
+        f"{found.inst.name} under {found.force:.3g} N, coefficient {found.coefficient:.3g}. The joint holds "
+        f"{1e3 * found.limits.largest:.2g} mm; dotted: the coefficient of the file; "
+        f"dashed: {GOOD:g}°.",
+    )

@@ -26,7 +26,7 @@ from tenodesis.paper.needs import (
 )
 from tenodesis.report import style
 from tenodesis.report.content import Section
-from tenodesis.report.page import about, json_number, json_text, write_columns, write_figure, written
+from tenodesis.report.page import about, json_text, write_columns, write_figure, written
 
 RESULTS_SCHEMA = 1
 """Version of the layout of results.json."""
@@ -204,11 +204,11 @@ def write(context: Context, sections: Sequence[Section], out: Path) -> None:
 def _results(context: Context) -> dict[str, Any]:
     entries = {}
     for key, result in sorted(context.results.items()):
-        entries[key] = {"value": json_number(result.value), "unit": result.unit, "description": result.description}
+        entries[key] = {"value": result.value, "unit": result.unit, "description": result.description}
         if result.published is not None:
             entries[key] |= {
                 "published": result.published.value,
-                "residual": json_number(result.value - result.published.value),
+                "residual": result.residual,
                 "source": result.published.source,
             }
     return {

@@ -149,7 +149,12 @@ def is_mcap(data: bytes) -> bool:
 
 def scan(data: bytes) -> Contents:
     """Read the bytes of an MCAP file up to the first damage."""
-    scanned = Scan(BytesIO(data), len(data))
+    return contents_of(BytesIO(data), len(data))
+
+
+def contents_of(file: IO[bytes], size: int) -> Contents:
+    """Read an MCAP file, at its start, of so many bytes, up to the first damage."""
+    scanned = Scan(file, size)
     messages: dict[int, Messages] = {}
     for more in scanned:
         for number, new in more.items():

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+import zstandard
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.summary import Summary
@@ -19,7 +21,7 @@ from tenodesis.errors import InstrumentError, RecordingError
 from tenodesis.recording import schemas
 from tenodesis.recording.blocks import LEAST_ROWS, Event, Infos, Progress, as_events, opened
 from tenodesis.recording.container import Messages, chunk_messages
-from tenodesis.recording.inflate import Allowance
+from tenodesis.recording.inflate import Allowance, InflationError
 from tenodesis.recording.metadata import controller_choices
 from tenodesis.recording.outcome import Seen
 from tenodesis.recording.reader import Recording
@@ -29,6 +31,11 @@ from tenodesis.version import __version__
 _DATA_END = struct.Struct("<BQI")
 _FOOTER = struct.Struct("<BQQQI")
 _RECORD = struct.Struct("<BQ")
+_UNREADABLE = (
+    *(McapError, zstandard.ZstdError, InflationError, RecordingError, OSError, struct.error),
+    *(AttributeError, LookupError, OverflowError, RecursionError, TypeError, ValueError),
+)
+"""What is raised where a damaged file has any number in the place of an offset, or any text in that of JSON."""
 _PIECE = 2**24
 """Bytes of a file that are read at once."""
 
@@ -36,8 +43,9 @@ _PIECE = 2**24
 def seen_of(recording: Recording) -> Seen:
     """Return what takes the rows of a recording, without an outcome where the instrument is not known."""
     try:
-        choices = controller_choices(recording) or {}
-        return Seen(recording.instrument(), [str(name) for name in choices.get("faults", [])] or FAULTS)
+        faults = (controller_choices(recording) or {}).get("faults")
+        names = [str(name) for name in faults] if isinstance(faults, list) else []
+        return Seen(recording.instrument(), names or FAULTS)
     except (InstrumentError, RecordingError):
         return Seen()
 
@@ -45,7 +53,7 @@ def seen_of(recording: Recording) -> Seen:
 class Keeper:
     """Gathers what the rows of a recording hold while they are written, in the blocks in which they are read again.
 
-    It never fails: what cannot be gathered is not kept, and found from the rows by who reads them.
+    Of rows that do not go with the instrument nothing is kept; they are written all the same.
 
     Parameters
     ----------
@@ -55,22 +63,19 @@ class Keeper:
 
     def __init__(self, path: Path, names: Names, metadata: Mapping[str, str]) -> None:
         self._waiting: list[Run] = []
-        self._seen: Seen | None = None
-        with suppress(Exception):
-            self._seen = seen_of(Recording(path, Run(np.empty(0), *names), metadata, {}, {}, None))
+        self._seen: Seen | None = seen_of(Recording(path, Run(np.empty(0), *names), metadata, {}, {}, None))
 
     def add(self, run: Run, start: int, stop: int) -> None:
         """Take rows of a run, which are copied."""
-        with suppress(Exception):
-            if self._seen is not None:
-                self._waiting.append(concatenate([run.rows(start, stop)]))
+        if self._seen is not None:
+            self._waiting.append(concatenate([run.rows(start, stop)]))
 
     def end_chunk(self, least: int = LEAST_ROWS) -> None:
         """Evaluate the rows that wait, if they are enough for a block."""
         if self._seen is None or sum(map(len, self._waiting)) < least:
             return
         seen, waiting, self._seen, self._waiting = self._seen, self._waiting, None, []
-        with suppress(Exception), np.errstate(all="ignore"):
+        with suppress(LookupError, ValueError), np.errstate(all="ignore"):
             seen.add(concatenate(waiting))
             self._seen = seen
 
@@ -86,9 +91,7 @@ class Keeper:
             self.end_chunk(1)
         if self._seen is None or not self._seen.rows:
             return {}
-        with suppress(Exception):
-            return {"json": json.dumps({**self._seen.done().to_json(), "channels": messages})}
-        return {}
+        return {"json": json.dumps({**self._seen.done().to_json(), "channels": messages})}
 
 
 def read(path: Path, progress: Progress | None = None) -> tuple[Recording, Seen] | None:
@@ -97,12 +100,9 @@ def read(path: Path, progress: Progress | None = None) -> tuple[Recording, Seen]
     None if the recorder kept nothing, was of another version, or was killed, or the file is damaged or no longer what
     was recorded; all of its bytes are read to know that, which takes a tenth of the time of reading the rows.
     """
-    # A damaged file may have any number in the place of an offset: then its rows are read instead.
-    try:
-        with opened(path) as (file, size):
-            return _read(path, file, size, progress)
-    except Exception:
-        return None
+    with suppress(*_UNREADABLE), opened(path) as (file, size):
+        return _read(path, file, size, progress)
+    return None
 
 
 def _read(path: Path, file: IO[bytes], size: int, progress: Progress | None) -> tuple[Recording, Seen] | None:

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Any
 
 import tomli_w
 
-from tenodesis.control import FAULTS, Controller
+from tenodesis.control import FAULTS, Controller, JointController
 from tenodesis.control.pairs import compensated
 from tenodesis.errors import RecordingError
-from tenodesis.instrument import Instrument, ShortForm, as_short_form, parse
+from tenodesis.instrument import Instrument, as_short_form, expanded, parse
 from tenodesis.instrument.text import to_toml
 from tenodesis.plant import TIME_STEP
 from tenodesis.recording.reader import Recording
@@ -21,6 +21,8 @@ CONTROLLER = "controller"
 """Key of the controller's choices, as TOML."""
 CONTROLLER_INSTRUMENT = "controller_instrument"
 """Key of the controller's instrument, where it differs from the recorded instrument."""
+_SERVES, _ALL_JOINTS = "serves", "all joints"
+"""Key of what the controller serves, if it is more than joints with pairs of their own."""
 EVERY = "every"
 """Key of the number of rows of which one was written."""
 DYNAMIC = "dynamic"
@@ -36,7 +38,7 @@ def metadata_of(
     seed: int = 0,
     time_step: float = TIME_STEP,
     quasi_static: bool = False,
-    controller: Controller | None = None,
+    controller: Controller | JointController | None = None,
     every: int = 1,
 ) -> dict[str, str]:
     """Return the metadata of a twin's recording, from which it can be replayed.
@@ -80,7 +82,7 @@ def controller_choices(recording: Recording) -> dict[str, Any] | None:
     return None if text is None else parse_toml(text, RecordingError, f"{recording.path}: metadata {CONTROLLER}")
 
 
-def controller_instrument(recording: Recording) -> ShortForm:
+def controller_instrument(recording: Recording) -> Instrument:
     """Return the controller's instrument.
 
     Raises
@@ -91,12 +93,14 @@ def controller_instrument(recording: Recording) -> ShortForm:
         The instrument is not valid in this version.
     """
     text = recording.metadata.get(CONTROLLER_INSTRUMENT)
+    all_joints = (controller_choices(recording) or {}).get(_SERVES) == _ALL_JOINTS
     if text is None:
-        return compensated(recording.instrument())
-    return as_short_form(parse(text, f"{recording.path}: {CONTROLLER_INSTRUMENT}"))
+        return expanded(recording.instrument()) if all_joints else compensated(recording.instrument())
+    inst = parse(text, f"{recording.path}: {CONTROLLER_INSTRUMENT}")
+    return expanded(inst) if all_joints else as_short_form(inst)
 
 
-def restored_controller(recording: Recording) -> Controller | None:
+def restored_controller(recording: Recording) -> Controller | JointController | None:
     """Return a recording's controller as it was at its start, or None if it had no controller.
 
     Raises
@@ -112,33 +116,36 @@ def restored_controller(recording: Recording) -> Controller | None:
     choices.pop("faults", None)
     inst = controller_instrument(recording)
     try:
-        return Controller(inst, **choices)
+        return JointController(inst, **choices) if choices.pop(_SERVES, None) else Controller(inst, **choices)
     except (TypeError, ValueError) as problem:
         raise RecordingError(f"{recording.path}: metadata {CONTROLLER}: {problem}", key=CONTROLLER) from None
 
 
-def in_words(choices: Mapping[str, Any], controller_inst: ShortForm, inst: Instrument) -> str:
+def in_words(choices: Mapping[str, Any], controller_inst: Instrument, inst: Instrument) -> str:
     """Return a short description of a controller's choices, with its instrument if it differs from that of the run."""
-    words = f"{choices.get('law')} law, {choices.get('observer')} observer, {choices.get('actuation')} actuation"
-    own = compensated(inst) == controller_inst
+    if choices.get(_SERVES) == _ALL_JOINTS:
+        words, own = f"{choices.get('law')} law, all joints", expanded(inst) == controller_inst
+    else:
+        words = f"{choices.get('law')} law, {choices.get('observer')} observer, {choices.get('actuation')} actuation"
+        own = compensated(inst) == controller_inst
     return words if own else f"{words}, made for another instrument ({controller_inst.name})"
 
 
-def _metadata_of_controller(controller: Controller, inst: Instrument) -> dict[str, str]:
-    choices = {
-        "law": controller.law,
-        "observer": controller.observer,
-        "actuation": controller.actuation,
-        "homed": controller.homed_at_start,
-        "enabled": controller.enabled_at_start,
-        "precision": getattr(controller, "precision", "double"),
-        "own_clock": getattr(controller, "own_clock", False),
-        "period": controller.parameters.common["period"],
-    }
+def _metadata_of_controller(controller: Controller | JointController, inst: Instrument) -> dict[str, str]:
+    choices: dict[str, Any] = {"law": controller.law, "enabled": controller.enabled_at_start}
+    if isinstance(controller, JointController):
+        choices |= {_SERVES: _ALL_JOINTS, "period": controller.period}
+        own: Instrument = expanded(inst)
+    else:
+        choices |= {
+            "observer": controller.observer,
+            "actuation": controller.actuation,
+            "homed": controller.homed_at_start,
+            "precision": getattr(controller, "precision", "double"),
+            "own_clock": getattr(controller, "own_clock", False),
+            "period": controller.parameters.common["period"],
+        }
+        own = compensated(inst)
     # With the names of the fault bits, a file explains its own faults.
     metadata = {CONTROLLER: tomli_w.dumps({**choices, "faults": list(FAULTS)})}
-    return (
-        metadata
-        if controller.inst == compensated(inst)
-        else metadata | {CONTROLLER_INSTRUMENT: to_toml(controller.inst)}
-    )
+    return metadata if controller.inst == own else metadata | {CONTROLLER_INSTRUMENT: to_toml(controller.inst)}

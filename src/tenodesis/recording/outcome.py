@@ -27,6 +27,8 @@ _RANGED = ({**COMMANDS, **MEASURED, **CONTROL}.keys() | {"grip_force"}) - {
 def tip_error(run: Run, inst: Instrument) -> Array:
     """Return the tip's angles less its unloaded ones (:func:`tenodesis.statics.targets`), rad, shape (n, joints).
 
+    Those of a tool without a handle are those that were commanded under a law.
+
     Angles that only the encoders have are taken from there.
 
     Raises
@@ -34,11 +36,14 @@ def tip_error(run: Run, inst: Instrument) -> Array:
     KeyError
         The run has no handle angle, or no output angle.
     """
-    handle, output = (
-        run.by_column(name if name in run.signals() else f"measured_{name}")
-        for name in ("handle_angle", "output_angle")
-    )
-    return output - statics.targets(inst, handle)
+
+    def angle(name: str) -> Array:
+        return run.by_column(name if name in run.signals() else f"measured_{name}")
+
+    output = angle("output_angle")
+    if run.commanded_output_angle is not None:
+        return output - run.by_column("commanded_output_angle")
+    return output - statics.targets(inst, angle("handle_angle"))
 
 
 def outcome(run: Run, inst: Instrument, names: Sequence[str] = FAULTS) -> dict[str, str]:
@@ -66,7 +71,6 @@ class Outcome:
         self._steps: list[float] = []
         self._last: Run | None = None
         self._bends = Bends.of(inst.expanded)
-        self._rows = 0
         self._error: Array | None = None
         """At the last row, (bends,)."""
         self._worst: dict[str, tuple[float, float]] = {}
@@ -85,16 +89,12 @@ class Outcome:
         """Take the next rows."""
         if not len(run):
             return
-        self._rows += len(run)
         if len(run) > 1:
             self._steps.append(float(np.median(np.diff(run.time))))
         enabled = self._add_states(run)
         signals = run.signals().keys()
-        angles = {"handle_angle", "measured_handle_angle"} & signals and {
-            "output_angle",
-            "measured_output_angle",
-        } & signals
-        if angles and self._inst.handle_joints:
+        aims = {"handle_angle", "measured_handle_angle"} if self._inst.handle_joints else {"commanded_output_angle"}
+        if aims & signals and {"output_angle", "measured_output_angle"} & signals:
             self._add_error(run, self._bends.summed(tip_error(run, self._inst)), enabled)
         self._add_tensions(run)
         # a view would hold all of the block

@@ -135,8 +135,8 @@ class Recording:
     @classmethod
     def _as_a_whole(cls, path: Path) -> Self:
         """Read a file of any program, whose topics may not go together row by row."""
-        with opened(path) as (file, _):
-            contents = container.scan(file.read())
+        with opened(path) as (file, size):
+            contents = container.contents_of(file, size)
         infos = Infos()
         infos.add(contents.messages)
         metadata = contents.metadata.get(schemas.METADATA, {})

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tenodesis.control import Controller, OperatingState
+from tenodesis.control import Controller, JointController, OperatingState
 from tenodesis.control.pairs import names_of, pairs
 from tenodesis.errors import FaultWarning, RecordingError
 from tenodesis.instrument import Instrument
@@ -319,7 +319,7 @@ class _Again:
         return concatenate(runs)
 
 
-def _run(twin: Twin, recorded: Run, controller: Controller | None = None) -> Run:
+def _run(twin: Twin, recorded: Run, controller: Controller | JointController | None = None) -> Run:
     """Return the twin's run under recorded commands, with or without a controller in the loop."""
     signals = recorded.signals()
     touched = [name for names in (TISSUE, HELD) if signals.keys() >= set(names) for name in names]
@@ -331,7 +331,7 @@ def _run(twin: Twin, recorded: Run, controller: Controller | None = None) -> Run
     return concatenate([_run_in(twin, recorded.rows(first, last), controller) for first, last in blocks])
 
 
-def _run_in(twin: Twin, recorded: Run, controller: Controller | None) -> Run:
+def _run_in(twin: Twin, recorded: Run, controller: Controller | JointController | None) -> Run:
     """Return the twin's run while neither tissue nor what the jaws hold changes."""
     handle, velocity = recorded["commanded_handle_angle"], recorded.commanded_spool_velocity
     signals = recorded.signals()
@@ -343,7 +343,7 @@ def _run_in(twin: Twin, recorded: Run, controller: Controller | None) -> Run:
         held = Held(*(float(recorded.by_column(name)[0, 0]) for name in HELD))
         commands["held"] = held if held.stiffness > 0 else None
     if velocity is not None:
-        own = [] if controller is None else [m for pair in pairs(twin.inst).values() for m in pair[2:]]
+        own = _served(twin.inst, controller)
         commands["spool_velocity"] = np.where(np.isin(np.arange(velocity.shape[1]), own), 0.0, velocity)
     if recorded.commanded_spool_tension is not None:
         commands["spool_tension"] = np.nan_to_num(recorded.by_column("commanded_spool_tension"))
@@ -352,8 +352,17 @@ def _run_in(twin: Twin, recorded: Run, controller: Controller | None) -> Run:
     request = np.zeros(len(recorded))
     if recorded.request is not None:
         request = np.nan_to_num(recorded.by_column("request")[:, 0])
+    if recorded.commanded_output_angle is not None:
+        commands["target"] = recorded.by_column("commanded_output_angle")
     run = twin.run(handle, controller=controller, request=request.astype(np.uint8), **commands)
     return with_request(run, request)
+
+
+def _served(inst: Instrument, controller: Controller | JointController | None) -> list[int]:
+    """Return the tendons whose motors a controller commands, by number."""
+    if isinstance(controller, JointController):
+        return list(range(len(inst.expanded.tendons)))
+    return [] if controller is None else [m for pair in pairs(inst).values() for m in pair[2:]]
 
 
 def _uncontrolled(recorded: Run) -> int:

@@ -184,6 +184,7 @@ def _joint_topics(names: Names) -> list[Topic]:
         ("/tendons/setpoint_js", tendons, {"effort": "commanded_spool_tension"}),
         ("/motors/current", tendons, {"effort": "measured_current"}),
         ("/tendons/measured_js", tendons, {"effort": "measured_tension"}),
+        ("/tip/setpoint_js", tip, {"position": "commanded_output_angle"}),
         ("/tip/measured2_js", tip, {"position": "measured_output_angle"}),
         ("/twin/handle/measured_js", handle, {"position": "handle_angle", "effort": "handle_torque"}),
         (

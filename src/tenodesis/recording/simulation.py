@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tenodesis.control import Controller
-from tenodesis.control.pairs import names_of
+from tenodesis.control import Controller, JointController
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.recording.metadata import metadata_of
@@ -29,19 +28,20 @@ def record(
     protocol: Protocol,
     path: str | Path,
     *,
-    controller: Controller | None = None,
+    controller: Controller | JointController | None = None,
     time_step: float = TIME_STEP,
     seed: int = 0,
     quasi_static: bool = False,
     every: int = 1,
     overwrite: bool = False,
     progress: Callable[[float, float], object] | None = None,
+    each: Callable[[Run], object] | None = None,
 ) -> Run:
     """Run a protocol on the twin of an instrument, and record it while it runs.
 
     A protocol that begins with a pretension phase finds slack tendons: the motors let them out first, which is recorded
     as well, and a controller homes them; it starts to run after that. The whole run is returned, which at 2 kHz takes
-    2 MB a second; :func:`recorded` keeps nothing.
+    2 MB a second, unless `each` takes its blocks.
 
     Parameters
     ----------
@@ -62,11 +62,13 @@ def record(
     progress
         Called after every block with the seconds done and those of the entire run. An exception that it raises ends the
         run; the file contains the blocks before it.
+    each
+        Called with every block once it is written; no block is kept then but the last.
 
     Returns
     -------
     Run
-        What was run, all of its rows.
+        What was run, all of its rows; with `each` the last block.
 
     Raises
     ------
@@ -79,38 +81,6 @@ def record(
     ValueError
         The twin cannot have this time step or seed, or the controller is for other axes or joints.
     """
-    return concatenate(
-        list(
-            recorded(
-                inst,
-                protocol,
-                path,
-                controller=controller,
-                time_step=time_step,
-                seed=seed,
-                quasi_static=quasi_static,
-                every=every,
-                overwrite=overwrite,
-                progress=progress,
-            )
-        )
-    )
-
-
-def recorded(
-    inst: InstrumentLike,
-    protocol: Protocol,
-    path: str | Path,
-    *,
-    controller: Controller | None = None,
-    time_step: float = TIME_STEP,
-    seed: int = 0,
-    quasi_static: bool = False,
-    every: int = 1,
-    overwrite: bool = False,
-    progress: Callable[[float, float], object] | None = None,
-) -> Iterator[Run]:
-    """Yield the run of :func:`record` in blocks, each once it is written; parameters and errors alike."""
     inst = as_instrument(inst)
     if every < 1:
         raise RecordingError(key="every", value=every, allowed="1 or more")
@@ -123,18 +93,24 @@ def recorded(
     metadata = metadata_of(
         inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller, every=every
     )
-    with Recorder(path, axes=twin.names, metadata=metadata, overwrite=overwrite) as recorder:
+    names = controller.names_of(inst) if isinstance(controller, JointController) else twin.names
+    with Recorder(path, axes=names, metadata=metadata, overwrite=overwrite) as recorder:
         rows = 0
+        kept: list[Run] = []
         for run in _blocks(twin, protocol, controller, progress):
             recorder.write(run.rows(-rows % every, None, every))
             rows += len(run)
-            yield run
+            kept.append(run)
+            if each is not None:
+                each(run)
+                del kept[:-1]
+    return concatenate(kept)
 
 
 def _blocks(
     twin: Twin,
     protocol: Protocol,
-    controller: Controller | None,
+    controller: Controller | JointController | None,
     progress: Callable[[float, float], object] | None,
 ) -> Iterator[Run]:
     """Yield the run of a protocol, before which the motors let tendons out that it is to pretension."""
@@ -151,7 +127,7 @@ def write_run(
     path: str | Path,
     *,
     protocol: Protocol | None = None,
-    controller: Controller | None = None,
+    controller: Controller | JointController | None = None,
     time_step: float = TIME_STEP,
     seed: int = 0,
     quasi_static: bool = False,
@@ -178,7 +154,7 @@ def write_run(
     metadata = metadata_of(
         inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
     )
-    with Recorder(path, axes=names_of(inst), metadata=metadata, overwrite=overwrite) as recorder:
+    with Recorder(path, axes=run.names, metadata=metadata, overwrite=overwrite) as recorder:
         recorder.write(run)
 
 

@@ -104,10 +104,7 @@ class Recorder:
             The file cannot be written, or the run has other axes or signals, other shapes, or time that does not
             increase.
         """
-        if self._file is None:
-            raise RecordingError(
-                f"{self.path} is closed; nothing more can be written to it.", key="path", value=self.path
-            )
+        self._check_open()
         columns = self._columns(run)
         stamps = self._stamps(run.time)
         if not stamps.size:
@@ -136,10 +133,7 @@ class Recorder:
         RecordingError
             The file cannot be written, the time has no stamp, or JSON cannot express the content.
         """
-        if self._file is None:
-            raise RecordingError(
-                f"{self.path} is closed; nothing more can be written to it.", key="path", value=self.path
-            )
+        self._check_open()
         stamp = self._start + round(time * cdr.SECOND) if math.isfinite(time) else -1
         if not 0 <= stamp <= _LAST_STAMP:
             raise RecordingError(
@@ -242,6 +236,12 @@ class Recorder:
                 key="path",
                 value=self.path,
             ) from problem
+
+    def _check_open(self) -> None:
+        if self._file is None:
+            raise RecordingError(
+                f"{self.path} is closed; nothing more can be written to it.", key="path", value=self.path
+            )
 
     def _columns(self, run: Run) -> dict[str, Array]:
         """Return a run's signals and time as arrays with a row per time and a column per joint or tendon."""

@@ -85,9 +85,19 @@ def written(out: Path, error: type[Error], *, last: str = "") -> Iterator[Path]:
         yield new
 
 
-def json_text(numbers: Mapping[str, Any]) -> str:
-    """Return plain values as the text of a JSON file."""
-    return json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+def json_text(values: Mapping[str, Any]) -> str:
+    """Return values as the text of a JSON file: arrays as lists, and null for numbers that are not finite."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return {key: plain(one) for key, one in value.items()}
+        if isinstance(value, list | tuple):
+            return [plain(one) for one in value]
+        if isinstance(value, np.ndarray | np.generic):
+            return plain(value.tolist())
+        return json_number(value) if isinstance(value, float) else value
+
+    return json.dumps(plain(values), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def json_number(value: float) -> float | None:

@@ -84,9 +84,9 @@ def limits(catalogue: Catalogue, forces: Forces) -> tuple[Limit, ...]:
     return (
         Limit(
             "handle_range",
-            "the tip bends as far as the handle requires",
-            "unloaded bend at the end of the handle's range, over the joint's limit",
-            "1",
+            "the handle's range bends the unloaded tip less far than its joint can go",
+            "an unloaded bend at the end of the handle's range, over the joint's limit, of",
+            "%",
             lambda c: (c["unloaded_limit"], 1 - 1e-9),
         ),
         Limit(
@@ -219,9 +219,10 @@ class Tally:
     def nearest(self, limit: Limit) -> str:
         """Return a phrase on how close scale models come to a limit that none meets."""
         _, amount, bound = self._nearest[self._limits.index(limit)]
+        at_most = "it must stay below" if limit.unit == "%" else "the bound is"
         return (
-            f"the nearest of {self._examined} scale models has {limit.amount_is} {_text(amount, limit.unit)}; the "
-            f"bound is {_text(bound, limit.unit)}"
+            f"the nearest of {self._examined} scale models has {limit.amount_is} {_text(amount, limit.unit)}; "
+            f"{at_most} {_text(bound, limit.unit)}"
         )
 
     def contradiction(self) -> DesignError:
@@ -229,7 +230,7 @@ class Tally:
         alone = self.unmeetable()
         if alone is not None:
             return DesignError(
-                f"{alone.key} cannot be met: {alone.requires}; {self.nearest(alone)}.",
+                f"{alone.key} cannot be met: {alone.requires}; {self.nearest(alone)}; {_remedy(alone.key)}.",
                 key=alone.key,
                 allowed=alone.requires,
             )
@@ -284,12 +285,19 @@ def _option(key: str) -> str:
     return "handle_range of the instrument" if key == "handle_range" else f"{key} of a file given to --catalogue"
 
 
+def _remedy(key: str) -> str:
+    """Return a phrase on what to do about a limit that nothing meets."""
+    return "give the instrument a smaller handle_range" if key == "handle_range" else f"relax {_option(key)}"
+
+
 def _text(amount: float, unit: str) -> str:
     if unit == "m":
         return f"{1e3 * amount:.4g} mm"
     if unit == "rad":
         return f"{math.degrees(amount):.4g} deg"
-    return f"{amount:.4g}" if unit == "1" else f"{amount:.4g} {unit}"
+    if unit == "%":
+        return f"{100 * amount:.3g} %"
+    return f"{amount:.4g} {unit}"
 
 
 FINDINGS = tuple(_core.findings())

@@ -32,6 +32,8 @@ SIMILAR_ENOUGH = 0.1
 """Similarity error, deg, below which designs count as equal."""
 
 
+_HARDLY_MORE = 1.05
+"""Ratio of tension times length below which two designs count as equally light to build."""
 YIELD = 0.1
 """Share of the other objectives that may be given up to improve an objective."""
 
@@ -125,11 +127,19 @@ class Front:
         """The objectives of every design."""
         return tuple(Objectives.of_costs(row) for row in self.sweep.costs)
 
+    @cached_property
+    def _largest_tensions(self) -> Array:
+        """Largest tension of every design over the working range, N."""
+        judge = self.sweep.judge(self.sweep.stages[-1])
+        return judge.columns(self.sweep.numbers, fine=True)["largest_tension"]
+
     def ranked(self, prefer: Preference = "similarity") -> list[int]:
         """Return the indices of the designs that are best in the preferred objective, sorted by the others.
 
-        Designs within 0.1 deg, or 1 %, of the best value count as best. Of these, or for "balanced" of all, the first
-        is the one whose worst rank in all objectives is best. Raises ValueError if the preference is unknown.
+        Designs within 0.1 deg, or 1 %, of the best value count as best. Of these come first those within 5 % of the
+        least product of largest tension and overall length, so that no more tension is taken than similarity needs; of
+        these, or for "balanced" of all, the first is the one whose worst rank in all objectives is best. Raises
+        ValueError if the preference is unknown.
         """
         if prefer not in PREFERENCES:
             raise ArgumentError(key="prefer", value=prefer, allowed=f"one of {', '.join(PREFERENCES)}")
@@ -140,7 +150,9 @@ class Front:
             least = costs[:, column].min()
             good = costs[:, column] <= (max(least, SIMILAR_ENOUGH) if column == 0 else least * 1.01)
         ranks = np.column_stack([_ranks(costs[good][:, column]) for column in range(4)])
-        order: list[int] = np.flatnonzero(good)[np.lexsort((ranks.sum(axis=1), ranks.max(axis=1)))].tolist()
+        strain = self._largest_tensions[good] * costs[good, 2]
+        heavier = np.zeros(len(ranks), bool) if prefer == "balanced" else strain > _HARDLY_MORE * strain.min()
+        order: list[int] = np.flatnonzero(good)[np.lexsort((ranks.sum(axis=1), ranks.max(axis=1), heavier))].tolist()
         return order
 
     def best(self, prefer: Preference = "similarity") -> int:

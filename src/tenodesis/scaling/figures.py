@@ -14,6 +14,7 @@ from tenodesis.instrument import ShortForm
 from tenodesis.report import style
 from tenodesis.report.page import inline_svg
 from tenodesis.run import Array
+from tenodesis.scaling.sweep import ERROR_STEP
 from tenodesis.similarity import SimilarityError
 
 if TYPE_CHECKING:
@@ -143,24 +144,28 @@ def draw_front(front: "Front", marked: Mapping[str, "Objectives"]) -> Figure:
     resolution, length, margin = 1e3 * costs[:, 1], 1e3 * costs[:, 2], 1 / costs[:, 3]
     fig, (left, right) = style.figure(2, width=9.0, height=4.0)
     dots: Any = {"s": 7, "linewidths": 0, "rasterized": True}
-    by_length = left.scatter(resolution, error, c=length, cmap="viridis", **dots)
-    by_error = right.scatter(length, margin, c=np.log10(error), cmap="magma_r", **dots)
-    left.set(
-        xlabel="force resolution on the real instrument [mN]",
-        ylabel="largest similarity error [deg]",
-        yscale="log",
-        title="Similarity against resolution",
-    )
-    right.set(xlabel="overall length [mm]", ylabel="breaking load / largest tension", title="Size against margin")
+    # Where all are as similar as a bench can tell, only the others differ.
+    alike = bool(error.max() < ERROR_STEP)
+    title = f"All similar within {ERROR_STEP:g} deg" if alike else "Similarity against resolution"
+    by_length = left.scatter(resolution, margin if alike else error, c=length, cmap="viridis", **dots)
+    left.set(xlabel="force resolution on the real instrument [mN]", title=title)
     fig.colorbar(by_length, ax=left, label="overall length [mm]")
-    bar = fig.colorbar(by_error, ax=right, label="largest similarity error [deg]")
-    ticks = np.arange(np.ceil(np.log10(error.min())), np.floor(np.log10(error.max())) + 1)
-    bar.set_ticks(ticks.tolist(), labels=[f"{10**tick:g}" for tick in ticks])
-    left.yaxis.set_major_formatter("{x:g}")
+    shades: Any = {"c": resolution, "cmap": "viridis"} if alike else {"c": np.log10(error), "cmap": "magma_r"}
+    by_error = right.scatter(length, margin, **shades, **dots)
+    right.set(xlabel="overall length [mm]", ylabel="breaking load / largest tension", title="Size against margin")
+    bar = fig.colorbar(by_error, ax=right, label="resolution [mN]" if alike else "largest similarity error [deg]")
+    if alike:
+        left.set(ylabel="breaking load / largest tension")
+    else:
+        left.set(ylabel="largest similarity error [deg]", yscale="log")
+        ticks = np.arange(np.ceil(np.log10(error.min())), np.floor(np.log10(error.max())) + 1)
+        bar.set_ticks(ticks.tolist(), labels=[f"{10**tick:g}" for tick in ticks])
+        left.yaxis.set_major_formatter("{x:g}")
     markers = zip("*DsP", (style.ACCENT, style.ANTAGONIST, style.AGONIST, style.INK), strict=True)
     for (name, one), (marker, color) in zip(marked.items(), markers, strict=False):
         look: Any = {"marker": marker, "s": 120, "color": color, "edgecolors": "white", "linewidths": 1.0, "zorder": 5}
-        left.scatter(1e3 * one.force_resolution, max(one.similarity_error, _LEAST_ERROR), label=name, **look)
+        height = one.tension_margin if alike else max(one.similarity_error, _LEAST_ERROR)
+        left.scatter(1e3 * one.force_resolution, height, label=name, **look)
         right.scatter(1e3 * one.overall_length, one.tension_margin, label=name, **look)
     if marked:
         left.legend(loc="best", frameon=True, framealpha=0.9)

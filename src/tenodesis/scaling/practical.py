@@ -195,24 +195,23 @@ def _few(columns: Array) -> NDArray[np.int64]:
     return np.unique([*best, *spread.tolist()]).astype(np.int64)
 
 
-def as_built(design: Design, largest: float) -> float:
-    """Return the error, deg, that 95 % of a design keep with usual tolerances, up to a force, N real-size."""
-    return _spread(design.scaled_up, design.real_size, largest * design.comparison.factors["force"])
+def as_built(front: Front, index: int) -> float:
+    """Return the error, deg, that 95 % of a design of a front keep with usual tolerances."""
+    sweep = front.sweep
+    columns = sweep.judge(sweep.stages[-1]).columns(sweep.numbers[index : index + 1])
+    values = {name: float(column[0]) for name, column in columns.items()}
+    return _as_built(front.real_size, values, sweep.forces.largest)
 
 
 def _as_built(real_size: ShortForm, values: Mapping[str, float], largest: float) -> float:
+    """Return 1.96 standard deviations of the output angle, deg, by its derivatives, up to a real-size force, N."""
     named = real_size.parameter_fields.items()
     fields: dict[str, Any] = {field: values[name] for field, name in named if name in values}
     length = fields.pop("tendon_length")
     fields |= {"overall_length": length, "tendon_length": None, "tendon_stiffness": None, "overrides": None}
     inst = real_size.replace(**fields, name=name_of(real_size), dynamics=None, mismatch=None, control=None)
-    return _spread(inst, real_size, largest * values["force_factor"])
-
-
-def _spread(inst: ShortForm, real_size: ShortForm, largest: float) -> float:
-    """Return 1.96 standard deviations of the output angle, deg, by its derivatives, up to a force on the model, N."""
     handle = np.linspace(0, 1, _ANGLES)[:, None] * min(statics.reach(inst), statics.reach(real_size))
-    force = np.array(_FORCES) * largest
+    force = np.array(_FORCES) * largest * values["force_factor"]
     widths: dict[str, float] = {
         **{key: _RADIUS for key in inst.parameter_fields if key.endswith(("_radius", "_offset"))},
         **{key: _LENGTH for key in ("end_effector_length", "backbone_length") if key in inst.parameter_fields},

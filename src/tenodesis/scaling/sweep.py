@@ -228,8 +228,6 @@ def search(lower: Array, refine: Callable[[NDArray[np.int64]], tuple[Array, NDAr
     refined = np.zeros(len(costs), bool)
     pool = np.arange(len(costs))
     while pool.size:
-        # Refined designs first: of equal rows the first is kept, and an equal lower bound is no better.
-        pool = pool[np.argsort(~refined[pool], kind="stable")]
         front = pool[nondominated(costs[pool])]
         new = front[~refined[front]]
         if not new.size:
@@ -237,16 +235,41 @@ def search(lower: Array, refine: Callable[[NDArray[np.int64]], tuple[Array, NDAr
         costs[new], allowed = refine(new)
         refined[new] = True
         pool = pool[~np.isin(pool, new[~allowed])]
+        exact, rest = pool[refined[pool]], pool[~refined[pool]]
+        # Costs do not fall below their bounds: what an exact design beats or equals is out. Exact ones stand first,
+        # since of equal rows the first is kept.
+        pool = np.concatenate([exact, rest[~_beaten(costs[rest], costs[new[allowed]])]])
     return pool
 
 
 def nondominated(costs: Array) -> NDArray[np.int64]:
     """Return the numbers of the rows that no other row dominates, ascending; of equal rows, the first."""
+    # A row stands behind every row that dominates it, and behind its equals that come first.
+    order, distinct = _distinct(costs)
+    left, columns = order[distinct], costs[order[distinct]].T
     front = []
-    # A row stands behind every row that dominates it.
-    left = np.lexsort(costs.T[::-1])
     while left.size:
-        first, left = left[0], left[1:]
-        front.append(first)
-        left = left[(costs[left] < costs[first]).any(axis=1)]
+        front.append(left[0])
+        better = (columns < columns[:, :1]).any(axis=0)
+        left, columns = left[better], columns[:, better]
     return np.sort(np.array(front, np.int64))
+
+
+def _beaten(costs: Array, by: Array) -> NDArray[np.bool_]:
+    """Return which rows one of others dominates or equals."""
+    order, distinct = _distinct(costs)
+    columns, left = costs[order[distinct]].T, np.arange(np.count_nonzero(distinct))
+    for row in by[_distinct(by)[0]]:
+        better = (columns < row[:, np.newaxis]).any(axis=0)
+        left, columns = left[better], columns[:, better]
+    beaten = np.ones(len(costs), bool)
+    beaten[order] = ~np.isin(np.cumsum(distinct) - 1, left)
+    return beaten
+
+
+def _distinct(costs: Array) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return an order of rows in which those that dominate many come early, and which differ from the one before."""
+    spans = costs.max(axis=0, initial=-np.inf) - costs.min(axis=0, initial=np.inf)
+    order = np.lexsort((*costs.T[::-1], (costs / np.where(spans > 0, spans, 1.0)).sum(axis=1)))
+    ordered = costs[order]
+    return order, np.append(np.ones(min(1, len(costs)), bool), (ordered[1:] != ordered[:-1]).any(axis=1))

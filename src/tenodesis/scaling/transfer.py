@@ -1,7 +1,7 @@
 """Convert runs, recordings and identified friction of a scaled-up instrument to real-size units."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import degrees
@@ -17,7 +17,7 @@ from tenodesis.instrument import ShortForm, as_short_form
 from tenodesis.instrument.text import to_toml
 from tenodesis.recording import Recorder, Recording
 from tenodesis.recording.schemas import TRANSFERRED
-from tenodesis.run import SIGNALS, TENDONS, Array, Run
+from tenodesis.run import SIGNALS, TENDONS, Array, Run, concatenate
 from tenodesis.similarity import Comparison, compare
 from tenodesis.simulate import Cycles, Protocol, execute
 from tenodesis.twin import TIME_STEP, Twin
@@ -201,6 +201,7 @@ BEFORE = "scaled_up_"
 
 _RENEWED = ("axes", "tenodesis", "python", "numpy")
 """Metadata that the recorder writes itself."""
+_LOADS = ("force", "tension", "distal_tension", "measured_tension")
 _SAME = 0.01
 """Share by which a pretension or a ratio may differ and still count as the same."""
 
@@ -210,7 +211,7 @@ class Carried:
     """A run in real-size units; :func:`carry` makes it."""
 
     run: Run
-    """In real-size units."""
+    """In real-size units; of blocks, the rows of the largest loads and the last."""
     real_size: ShortForm
     """The real-size instrument with the axes of the run, and with the transferred friction if there is any."""
     scaled_up: ShortForm
@@ -246,7 +247,7 @@ class Carried:
     @property
     def largest_tension(self) -> float:
         """Largest tension of a tendon, N; NaN if none was recorded."""
-        return _largest(self.run, "tension", "distal_tension", "measured_tension")
+        return _largest(self.run, *_LOADS[1:])
 
     def similarity_error(self) -> float:
         """Return the largest similarity error up to the largest force, without friction, deg; NaN if no force."""
@@ -264,6 +265,21 @@ class Carried:
         """
         with Recorder(path, axes=self.run.names, metadata=self.metadata, overwrite=overwrite) as recorder:
             recorder.write(self.run)
+
+    def write_blocks(self, runs: Iterable[Run], path: str | Path, *, overwrite: bool = False) -> tuple["Carried", int]:
+        """Convert consecutive runs of the scaled-up instrument and write them; return what they are, and their rows.
+
+        Raises as `write`.
+        """
+        kept: list[Run] = []
+        rows = 0
+        with Recorder(path, axes=self.run.names, metadata=self.metadata, overwrite=overwrite) as recorder:
+            for run in runs:
+                part = _divided(run, self.factors)
+                recorder.write(part)
+                kept = _peaks([*kept, *_peaks([part])])
+                rows += len(run)
+        return replace(self, run=concatenate(kept)), rows
 
 
 def carry(
@@ -318,16 +334,12 @@ def carry(
     # Axes share one clock.
     time = scale[run.axes[0]]["time"]
     scale = {axis: factors(pair, time) for axis, pair in pairs.items()}
-    carried: dict[str, Any] = {
-        name: values / _by_axis([own[QUANTITY[name]] for own in scale.values()], name) if name in QUANTITY else values
-        for name, values in run.signals().items()
-    }
     name = recording.path.name if recording else ""
     result = real_size
     if original.friction.law != "none":
         result = carry_friction(original, real_size, source=name, time_factor=time_factor)
     return Carried(
-        replace(run, time=run.time / time, **carried),
+        _divided(run, scale),
         result if result.axes == run.axes else result.axis(run.axes[0]),
         original,
         pairs,
@@ -358,6 +370,23 @@ def _scaled_up(recording: Recording | None, run: Run, given: ShortForm | None, w
             allowed=" and ".join(inst.axes),
         )
     return inst
+
+
+def _divided(run: Run, scale: Mapping[str, Mapping[str, float]]) -> Run:
+    """Return a run in real-size units by the factors of its axes."""
+    carried: dict[str, Any] = {
+        name: values / _by_axis([own[QUANTITY[name]] for own in scale.values()], name) if name in QUANTITY else values
+        for name, values in run.signals().items()
+    }
+    return replace(run, time=run.time / scale[run.axes[0]]["time"], **carried)
+
+
+def _peaks(runs: Sequence[Run]) -> list[Run]:
+    """Return the rows with the largest loads, and the last, each as a run."""
+    run = concatenate(runs)
+    sizes = [np.abs(values).reshape(len(run), -1) for name, values in run.signals().items() if name in _LOADS]
+    rows = {int(np.nan_to_num(size).max(axis=1).argmax()) for size in sizes} | {len(run) - 1}
+    return [concatenate([run.rows(row, row + 1)]) for row in sorted(rows)]
 
 
 def _by_axis(scales: list[float], signal: str) -> Array | float:

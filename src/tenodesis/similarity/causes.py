@@ -1,6 +1,6 @@
 """Causes of the similarity error: the effect of each group's mismatch on the output angle, the others constant."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import nan
 from typing import TypeAlias
@@ -12,7 +12,7 @@ from tenodesis.errors import ArgumentError
 from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.similarity import loops
-from tenodesis.similarity.frictionless import rms, similarity_error
+from tenodesis.similarity.frictionless import SimilarityError, rms
 from tenodesis.similarity.groups import SAME, groups_of
 from tenodesis.similarity.loops import Place
 from tenodesis.similarity.pair import SimilarPair
@@ -73,7 +73,7 @@ class Causes:
         raise KeyError(f"{name!r} is not a cause; causes are {', '.join(cause.name for cause in self.causes)}")
 
 
-class _Path:
+class GroupPath:
     """The straight path from the real-size to the scaled-up groups, with the load given by its loss of dexterity."""
 
     def __init__(self, pair: SimilarPair, pretension: float | None, force_factor: float | None) -> None:
@@ -89,6 +89,7 @@ class _Path:
             {name: ours[name] for name in segments} | friction_of(ours, theirs),
             {name: theirs[name] for name in segments} | friction_of(theirs, ours),
         )
+        self.same_mechanism = pair.same_mechanism
         self.load_ratio = (equal if force_factor is None else force_factor) / equal
         self.angle = pair.real_size.output_range / 2
         self.loss = float(statics.loss_of_dexterity(real_size, self.angle, 1.0))
@@ -101,21 +102,13 @@ class _Path:
         return force * (ratio * self.loss / float(statics.loss_of_dexterity(inst, self.angle, 1.0)))
 
 
-def frictionless_causes(
-    pair: SimilarPair,
-    pretension: float | None,
-    force_factor: float | None,
-    largest_force: float | None,
-    grid: tuple[int, int],
-) -> Causes:
+def frictionless_causes(path: GroupPath, error: SimilarityError) -> Causes:
     """Return the causes of the frictionless error, by exact derivatives; see :meth:`Comparison.causes`."""
-    error = similarity_error(pair, pretension, force_factor, largest_force, grid)
-    path = _Path(pair, pretension, force_factor)
     parts: dict[str, Array] = {}
     for node, weight in zip((1 + _NODES) / 2, _WEIGHTS / 2, strict=True):
         for name, part in _derivatives(path, node, error.handle_angle[:, None], error.force).items():
             parts[name] = parts.get(name, 0.0) + weight * part
-    if not pair.same_mechanism:
+    if not path.same_mechanism:
         end = path.make.instrument(path.scaled_up)
         forces = path.force(end, path.load_ratio, error.force)
         expected = statics.output_angle(end, error.handle_angle[:, None], forces)
@@ -125,16 +118,8 @@ def frictionless_causes(
     return _causes(error.error, parts, pairs | _load(path, error.force), lambda at: places[at[0]][at[1]])
 
 
-def causes_at_rest(
-    pair: SimilarPair,
-    pretension: float | None,
-    force_factor: float | None,
-    forces: Sequence[float] | None,
-    progress: OnProgress,
-) -> Causes:
+def causes_at_rest(path: GroupPath, error: loops.LoopError, progress: OnProgress) -> Causes:
     """Return the causes of the error at rest, by central differences; see :meth:`Comparison.causes`."""
-    error = loops.error_at_rest(pair, pretension, force_factor, forces)
-    path = _Path(pair, pretension, force_factor)
     start, end = (
         groups | friction for groups, friction in zip((path.real_size, path.scaled_up), path.with_friction, strict=True)
     )
@@ -142,7 +127,7 @@ def causes_at_rest(
     middle = {name: (start[name] + end[name]) / 2 for name in start}
     ratio = (1 + path.load_ratio) / 2
     parts: dict[str, Array] = {name: np.zeros_like(error.error) for name in [*start, LOAD]}
-    total = len(differ) + 1 + (not pair.same_mechanism)
+    total = len(differ) + 1 + (not path.same_mechanism)
     for done, name in enumerate(differ):
         low, high = (_at_rest(path, middle | {name: groups[name]}, ratio, error) for groups in (start, end))
         parts[name] = np.degrees(high - low)
@@ -151,7 +136,7 @@ def causes_at_rest(
         low, high = (_at_rest(path, middle, load, error) for load in (1.0, path.load_ratio))
         parts[LOAD] = np.degrees(high - low)
     _report(progress, len(differ) + 1, total)
-    if not pair.same_mechanism:
+    if not path.same_mechanism:
         parts[MECHANISM] = np.degrees(error.scaled_up_angle - _at_rest(path, end, path.load_ratio, error))
         _report(progress, total, total)
     pairs = {name: (start[name], end[name]) for name in start}
@@ -162,7 +147,7 @@ def causes_at_rest(
     return _causes(error.error, parts, pairs | _load(path, error.force), place)
 
 
-def _derivatives(path: _Path, node: float, handle: Array, force: Array) -> dict[str, Array]:
+def _derivatives(path: GroupPath, node: float, handle: Array, force: Array) -> dict[str, Array]:
     """Return each group's contribution per length of the path, deg, at a share of it."""
     groups = {name: (1 - node) * path.real_size[name] + node * path.scaled_up[name] for name in path.real_size}
     inst = path.make.instrument(groups)
@@ -204,14 +189,14 @@ def _changes(inst: ShortForm) -> dict[str, dict[str, float]]:
     return changes
 
 
-def _at_rest(path: _Path, groups: Mapping[str, float], ratio: float, error: loops.LoopError) -> Array:
+def _at_rest(path: GroupPath, groups: Mapping[str, float], ratio: float, error: loops.LoopError) -> Array:
     inst = path.make.instrument(groups)
     motion = loops.motion_at_rest(float(error.handle_angle.max()))
     nominal = loops.nominal(inst, motion.time_step)
     return loops.loops(nominal, motion, motion.handle_angle, path.force(inst, ratio, error.force), quasi_static=True)
 
 
-def _load(path: _Path, force: Array) -> dict[str, tuple[float, float]]:
+def _load(path: GroupPath, force: Array) -> dict[str, tuple[float, float]]:
     largest = path.loss * float(force.max())
     return {LOAD: (largest, largest * path.load_ratio)}
 

@@ -13,7 +13,7 @@ from tenodesis.errors import ArgumentError
 from tenodesis.instrument import InstrumentLike, as_short_form
 from tenodesis.similarity import causes, loops
 from tenodesis.similarity.causes import Causes, OnProgress
-from tenodesis.similarity.frictionless import GRID, SimilarityError, similarity_error
+from tenodesis.similarity.frictionless import GRID, SimilarityError
 from tenodesis.similarity.loops import LoopError
 from tenodesis.similarity.pair import SimilarPair
 
@@ -61,7 +61,17 @@ class Comparison(SimilarPair):
         grid
             Number of handle angles, over the real-size output range without load, and of forces, from zero on.
         """
-        return similarity_error(self, pretension, force_factor, largest_force, grid)
+        scaled = self.scaled_pretension if pretension is None else pretension
+        factor = float(self.force_factor()) if force_factor is None else force_factor
+        handle = np.linspace(-self.reach, self.reach, grid[0])
+        force = np.linspace(0.0, self.largest_force if largest_force is None else largest_force, grid[1])
+        expected = statics.output_angle(self.real_size, handle[:, None], force)
+        scaled_up = self.scaled_up.replace(pretension=scaled)
+        found = statics.output_angle(scaled_up, self.scaled_up_handle_angle(handle)[:, None], force * factor)
+        error = np.degrees(found - expected)
+        return SimilarityError(
+            self.real_size.pretension, scaled, factor, handle, force, error, expected, found, scaled_up.output_stop
+        )
 
     def error_at_rest(
         self,
@@ -89,7 +99,14 @@ class Comparison(SimilarPair):
         ValueError
             A force is not finite.
         """
-        return loops.error_at_rest(self, pretension, force_factor, forces)
+        return loops.loop_error(
+            self,
+            loops.motion_at_rest(self.reach),
+            pretension=pretension,
+            force_factor=force_factor,
+            forces=forces,
+            quasi_static=True,
+        )
 
     def cycle_error(
         self,
@@ -117,7 +134,14 @@ class Comparison(SimilarPair):
         """
         if not (np.isfinite(speed) and speed > 0):
             raise ArgumentError(key="speed", value=speed, allowed="a speed above 0 rad/s")
-        return loops.cycle_error(self, pretension, force_factor, forces, speed)
+        return loops.loop_error(
+            self,
+            loops.motion_in_time(self, speed),
+            pretension=pretension,
+            force_factor=force_factor,
+            forces=forces,
+            quasi_static=False,
+        )
 
     def causes(
         self,
@@ -159,9 +183,11 @@ class Comparison(SimilarPair):
         ValueError
             No load is held by both.
         """
+        path = causes.GroupPath(self, pretension, force_factor)
+        given = {"pretension": pretension, "force_factor": force_factor}
         if friction:
-            return causes.causes_at_rest(self, pretension, force_factor, forces, progress)
-        return causes.frictionless_causes(self, pretension, force_factor, largest_force, grid)
+            return causes.causes_at_rest(path, self.error_at_rest(forces=forces, **given), progress)
+        return causes.frictionless_causes(path, self.error(largest_force=largest_force, grid=grid, **given))
 
     def best_force_factor(
         self,
@@ -195,7 +221,8 @@ class Comparison(SimilarPair):
         middle = float(self.force_factor())
 
         def cost(logarithm: float) -> float:
-            error = similarity_error(self, pretension, middle * float(np.exp(logarithm)), largest_force, grid)
+            factor = middle * float(np.exp(logarithm))
+            error = self.error(pretension=pretension, force_factor=factor, largest_force=largest_force, grid=grid)
             return error.largest_snapped if measure == "largest" else error.rms_snapped
 
         # Snapping through makes the cost discontinuous, so that the minimum is bracketed by a grid search first.

@@ -5,9 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis import statics
-from tenodesis.similarity.pair import SimilarPair
-
 GRID = (161, 61)
 """Handle angles and forces of the grid on which similarity is judged."""
 
@@ -105,24 +102,3 @@ class SimilarityError(ErrorStatistics):
     def rms_snapped(self) -> float:
         """Root mean square of :attr:`snapped`, deg."""
         return rms(self.snapped)
-
-
-def similarity_error(
-    pair: SimilarPair,
-    pretension: float | None,
-    force_factor: float | None,
-    largest_force: float | None,
-    grid: tuple[int, int],
-) -> SimilarityError:
-    """Return the frictionless error; :meth:`tenodesis.similarity.Comparison.error` describes the arguments."""
-    scaled = pair.scaled_pretension if pretension is None else pretension
-    factor = float(pair.force_factor()) if force_factor is None else force_factor
-    handle = np.linspace(-pair.reach, pair.reach, grid[0])
-    force = np.linspace(0.0, pair.largest_force if largest_force is None else largest_force, grid[1])
-    expected = statics.output_angle(pair.real_size, handle[:, None], force)
-    scaled_up = pair.scaled_up.replace(pretension=scaled)
-    found = statics.output_angle(scaled_up, pair.scaled_up_handle_angle(handle)[:, None], force * factor)
-    error = np.degrees(found - expected)
-    return SimilarityError(
-        pair.real_size.pretension, scaled, factor, handle, force, error, expected, found, scaled_up.output_stop
-    )

@@ -92,25 +92,11 @@ class LoopError(ErrorStatistics):
         return float(self.force[held].max()) if held.any() else float("nan")
 
 
-def error_at_rest(
-    pair: SimilarPair, pretension: float | None, force_factor: float | None, forces: Sequence[float] | None
-) -> LoopError:
-    """Return the error of quasi-static loops; :meth:`tenodesis.similarity.Comparison.error_at_rest` has the details."""
-    return _error(_Setup(pair, pretension, force_factor), motion_at_rest(pair.reach), forces, quasi_static=True)
-
-
-def cycle_error(
-    pair: SimilarPair,
-    pretension: float | None,
-    force_factor: float | None,
-    forces: Sequence[float] | None,
-    speed: float,
-) -> LoopError:
-    """Return the error of loops in time; :meth:`tenodesis.similarity.Comparison.cycle_error` has the details."""
+def motion_in_time(pair: SimilarPair, speed: float) -> HandleMotion:
+    """Return the motion of loops in time, with a handle at a speed (rad/s)."""
     step = min(twin.TIME_STEP, _PHASE / plant.natural_frequency(pair.real_size))
     stroke = max(2, 2 * round(pair.reach / speed / step))
-    motion = _motion(pair.reach, step, stroke, max(1, round(_LOADING / step)))
-    return _error(_Setup(pair, pretension, force_factor), motion, forces, quasi_static=False)
+    return _motion(pair.reach, step, stroke, max(1, round(_LOADING / step)))
 
 
 def motion_at_rest(reach: float) -> HandleMotion:
@@ -149,47 +135,47 @@ def _motion(reach: float, time_step: float, stroke: int, loading: int) -> Handle
     return HandleMotion(time_step, loading, handle, share)
 
 
-class _Setup:
-    """Both instruments with the scaled-up pretension and the factors of force and time."""
+def loop_error(
+    pair: SimilarPair,
+    motion: HandleMotion,
+    *,
+    pretension: float | None,
+    force_factor: float | None,
+    forces: Sequence[float] | None,
+    quasi_static: bool,
+) -> LoopError:
+    """Return the error of loops; :meth:`tenodesis.similarity.Comparison.error_at_rest` describes the arguments."""
+    tension = pair.scaled_pretension if pretension is None else pretension
+    factor = float(pair.force_factor()) if force_factor is None else force_factor
 
-    def __init__(self, pair: SimilarPair, pretension: float | None, force_factor: float | None) -> None:
-        self.pair = pair
-        self.pretension = pair.scaled_pretension if pretension is None else pretension
-        self.force_factor = float(pair.force_factor()) if force_factor is None else force_factor
-        self.time_factor = pair.time_factor
-
-    def loops(self, motion: HandleMotion, force: Array, quasi_static: bool) -> tuple[Array, Array]:
+    def both(motion: HandleMotion, force: Array, *, quasi_static: bool) -> tuple[Array, Array]:
         """Return the output angles of the real-size and the scaled-up instrument, rad."""
-        theirs = motion._replace(time_step=motion.time_step * self.time_factor)
-        real_size = nominal(self.pair.real_size, motion.time_step)
-        scaled_up = nominal(self.pair.scaled_up, theirs.time_step).replace(pretension=self.pretension)
-        mapped = self.pair.scaled_up_handle_angle(motion.handle_angle)
+        theirs = motion._replace(time_step=motion.time_step * pair.time_factor)
+        scaled_up = nominal(pair.scaled_up, theirs.time_step).replace(pretension=tension)
+        mapped, own = np.asarray(pair.scaled_up_handle_angle(motion.handle_angle)), motion.handle_angle
+        real_size = nominal(pair.real_size, motion.time_step)
         return (
-            loops(real_size, motion, motion.handle_angle, force, quasi_static=quasi_static),
-            loops(scaled_up, theirs, mapped, force * self.force_factor, quasi_static=quasi_static),
+            loops(real_size, motion, own, force, quasi_static=quasi_static),
+            loops(scaled_up, theirs, mapped, force * factor, quasi_static=quasi_static),
         )
 
-    def default_forces(self) -> Array:
-        """Return forces from zero to the largest that both can hold at rest in the working range, to a few percent."""
-        tried = np.linspace(0.0, self.pair.largest_force, _TRIED)
-        expected, found = self.loops(motion_at_rest(self.pair.reach), tried, True)
-        lost = np.isnan(expected + found).any(axis=1)
+    if forces is None:
+        tried = np.linspace(0.0, pair.largest_force, _TRIED)
+        lost = np.isnan(sum(both(motion_at_rest(pair.reach), tried, quasi_static=True))).any(axis=1)
         held = tried[: np.argmax(lost)] if lost.any() else tried
-        return np.linspace(0.0, held[-1] if held.size else 0.0, FORCES)
-
-
-def _error(setup: _Setup, motion: HandleMotion, forces: Sequence[float] | None, *, quasi_static: bool) -> LoopError:
-    force = setup.default_forces() if forces is None else np.array(forces, float)
+        force = np.linspace(0.0, held[-1] if held.size else 0.0, FORCES)
+    else:
+        force = np.array(forces, float)
     if force.ndim != 1 or not force.size or not np.isfinite(force).all():
         raise ArgumentError(key="forces", value=forces, allowed="a list of finite numbers")
-    expected, found = setup.loops(motion, force, quasi_static)
+    expected, found = both(motion, force, quasi_static=quasi_static)
     rows = slice(motion.loading, None)
     time: Array = motion.time_step * np.arange(1.0, motion.handle_angle.size + 1)
     return LoopError(
-        setup.pair.real_size.pretension,
-        setup.pretension,
-        setup.force_factor,
-        setup.time_factor,
+        pair.real_size.pretension,
+        tension,
+        factor,
+        pair.time_factor,
         time[rows],
         motion.handle_angle[rows],
         motion.flexing,

@@ -22,14 +22,13 @@ from dataclasses import dataclass
 from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, overload
+from typing import Any, Literal, Protocol, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from tenodesis.cluster import Cluster
 from tenodesis.errors import FaultWarning, NoSolutionError, StudyError
 from tenodesis.files import atomic_file, locked_file, read_regular, write_errors
 from tenodesis.run import Array
@@ -40,6 +39,16 @@ __all__ = ["Column", "Rows", "cases", "farthest", "names", "rms", "run", "table"
 
 Case: TypeAlias = Mapping[str, Any]
 Trial: TypeAlias = Callable[..., Mapping[str, Any] | None]
+
+
+class SharedOut(Protocol):
+    """What cases are shared out over, such as a :class:`tenodesis.cluster.Cluster`."""
+
+    def stream(
+        self, function: Callable[[Any, Any], Any], shared: Any, chunks: Sequence[Any], sizes: Sequence[int]
+    ) -> Iterator[tuple[int, Any]]:
+        """Yield the number of each chunk and the function of what all share and of it, as they are done."""
+
 
 SCHEMA = 1
 """Version of the layout of a file of results."""
@@ -95,7 +104,7 @@ def run(
     title: str = "",
     *,
     results: str | Path | None = None,
-    on: Literal["processes", "threads"] | Cluster = "processes",
+    on: Literal["processes", "threads"] | SharedOut = "processes",
     progress: Callable[[int, int], None] | None = None,
     size: int = 1,
 ) -> Rows:
@@ -115,7 +124,7 @@ def run(
         What it has of these cases is not run again. Values of cases and metrics must be text, numbers, or lists.
     on
         What the cases are shared out over: processes or threads of this machine, as many as
-        :func:`tenodesis.set_threads` says, or a Ray cluster.
+        :func:`tenodesis.set_threads` says, a Ray cluster, or another object with its method ``stream``.
     progress
         Called with how many cases are done, and of how many.
     size
@@ -155,9 +164,10 @@ def _outcomes(
     trial: Trial, todo: Mapping[int, Case], on: Any, size: int
 ) -> Iterator[tuple[int, Mapping[str, Any] | None]]:
     """Yield the metrics of cases by their numbers, as they are done."""
-    if isinstance(on, Cluster):
-        found = on.map(_tried, trial, list(todo.values()), [size] * len(todo))
-        yield from zip(todo, found, strict=True)
+    if not isinstance(on, str):
+        numbers = list(todo)
+        for n, metrics in on.stream(_tried, trial, list(todo.values()), [size] * len(todo)):
+            yield numbers[n], metrics
         return
     count = min(threads(), max(len(todo), 1))
     processes = on == "processes"

@@ -7,8 +7,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from tenodesis.control import Controller, OperatingState, Request
-from tenodesis.control.pairs import compensated, pairs
+from tenodesis.control import Controller, JointController, OperatingState, Request
+from tenodesis.control.pairs import pairs
 from tenodesis.errors import ArgumentError, FaultWarning, ProtocolError
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.run import Array, Run, concatenate
@@ -28,7 +28,7 @@ _HOMING_BLOCK = 0.01
 class _Bench:
     """A plant, what its jaws hold, and its controller if there is one, the requests to which are in the runs."""
 
-    def __init__(self, plant: Plant, controller: Controller | None) -> None:
+    def __init__(self, plant: Plant, controller: Controller | JointController | None) -> None:
         self.plant, self.controller = plant, controller
         self.inst, self.time_step, self.spool_radius = plant.inst, plant.time_step, plant.spool_radius
         self._last: Run | None = None
@@ -102,7 +102,7 @@ class _Bench:
 def execute(
     plant: Plant,
     protocol: Protocol,
-    controller: Controller | None = None,
+    controller: Controller | JointController | None = None,
     *,
     on_block: Callable[[Run], object] | None = None,
     progress: Callable[[float, float], object] | None = None,
@@ -148,7 +148,7 @@ def execute(
 def blocks(
     plant: Plant,
     protocol: Protocol,
-    controller: Controller | None = None,
+    controller: Controller | JointController | None = None,
     *,
     progress: Callable[[float, float], object] | None = None,
 ) -> Iterator[Run]:
@@ -174,7 +174,7 @@ def blocks(
     if progress is not None:
         progress(total, total)
     if fault is not None:
-        warn_of_faults(fault, compensated(plant.inst))
+        warn_of_faults(fault, plant.inst)
 
 
 def _fault(run: Run) -> Run | None:
@@ -184,20 +184,34 @@ def _fault(run: Run) -> Run | None:
     return run.rows(rows[0], rows[0] + 1) if rows.size else None
 
 
-def check_controllable(plan: Sequence[Planned], inst: Instrument, assumed: ShortForm) -> None:
+def check_controllable(plan: Sequence[Planned], inst: Instrument, assumed: Instrument) -> None:
     """Check that a controller can run phases on an instrument: they leave its spools to it, and match its homing.
 
-    Raises ProtocolError if it cannot run a phase. The controller is made for the instrument `assumed`.
+    The controller is made for the instrument `assumed`; one in the full form has a controller of all joints, which does
+    not home, and to which velocities of the spools of a tool without a handle are commands. Raises ProtocolError if it
+    cannot run a phase.
     """
-    own = [tendon for pair in pairs(inst).values() for tendon in (pair.agonist, pair.antagonist)]
+    all_joints = not isinstance(assumed, ShortForm)
+    own = (
+        list(range(len(inst.expanded.tendons)))
+        if all_joints
+        else [tendon for pair in pairs(inst).values() for tendon in (pair.agonist, pair.antagonist)]
+    )
     for planned in plan:
         with errors_of(planned.label):
             if isinstance(planned.phase, Pretension):
-                _check_homing(planned.phase, planned.initial, assumed)
-                continue
+                if isinstance(assumed, ShortForm):
+                    _check_homing(planned.phase, planned.initial, assumed)
+                    continue
+                raise ProtocolError(
+                    "a controller of all joints does not home; the protocol must begin with tight tendons",
+                    key="phase",
+                    value="pretension",
+                )
             commands = [command for part in planned.segments for command in (part.start, part.end)]
+            velocities = [] if all_joints and not inst.handle_joints else [one.spool_velocity for one in commands]
             tensions = [command.spool_tension for command in commands if command.spool_tension is not None]
-            driven = np.any([command.spool_velocity for command in commands] + tensions, axis=0)
+            driven = np.any([np.zeros(len(inst.expanded.tendons)), *velocities, *tensions], axis=0)
             moved = next((m for m in own if driven[m]), None)
             if moved is not None:
                 name = inst.tendons[moved].name

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from tenodesis.errors import ArgumentError, ProtocolError
-from tenodesis.instrument import AxisName, ShortForm
+from tenodesis.instrument import AxisName, Instrument, ShortForm
 from tenodesis.run import Array
 from tenodesis.simulate.command import (
     SHAPES,
@@ -152,10 +152,21 @@ class Moving(OpenLoop):
             )
 
 
+def _usual_force(inst: Instrument) -> float:
+    """Return the middle one of the forces of an instrument's conditions, the lower of two, N; 1 N without any."""
+    forces = sorted(inst.conditions.forces) or [1.0]
+    return forces[(len(forces) - 1) // 2]
+
+
 class Loaded(NamedLoad, Moving):
     """A phase that moves the handle under load."""
 
     force: SignedForce | None = Field(default=None, description="Tangential force at the tip; as it was if not given")
+    usual_force: bool = Field(
+        default=False,
+        strict=True,
+        description="Load the tip by the middle one of the instrument's conditions.forces instead, by 1 N without them",
+    )
     force_end: SignedForce | None = Field(default=None, description="Force at the end of a ramp; constant if not given")
     radial_force: SignedForce | None = Field(
         default=None, description="Force along the end-effector; as it was if not given"
@@ -163,6 +174,12 @@ class Loaded(NamedLoad, Moving):
     load_steps: tuple[LoadStep, ...] = Field(
         default=(), max_length=1000, description="Loads put on, and taken off, during the motion, one after another"
     )
+
+    @model_validator(mode="after")
+    def _check_force(self) -> Self:
+        if self.usual_force:
+            check_choice(self, "usual_force", "force", "wrench", required=False)
+        return self
 
     def moved(
         self, start: Start, angles: tuple[float, float], steps: int, path: PathByStep, more: PathByStep | None = None
@@ -173,8 +190,9 @@ class Loaded(NamedLoad, Moving):
         steps do not fit into the motion.
         """
         check_load_steps(self.load_steps, steps * start.time_step)
+        tangential = _usual_force(start.places.inst) if self.usual_force else self.force
         first = self.on_tip(start.command, start.places).on(
-            start.place, handle_angle=angles[0], force=self.force, radial_force=self.radial_force
+            start.place, handle_angle=angles[0], force=tangential, radial_force=self.radial_force
         )
         last = first.on(start.place, handle_angle=angles[1], force=self.force_end)
         paths: dict[Moved, PathByStep] = {"handle_angle": path}

@@ -1,22 +1,28 @@
 """A tolerance study: sample the parameters, run the twin, and evaluate the responses."""
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 
 from tenodesis import similarity
 from tenodesis._core import Status
+from tenodesis.cluster import Cluster
 from tenodesis.errors import StudyError
 from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
 from tenodesis.run import Array
-from tenodesis.tolerance import engines, sampling
+from tenodesis.simulate import campaign
+from tenodesis.tolerance import sampling
 from tenodesis.tolerance.defaults import default
 from tenodesis.tolerance.evaluation import Evaluation, angles_of, cycles, evaluate
 from tenodesis.tolerance.files import Tolerances
 from tenodesis.tolerance.parameters import Parameter, resolve
 from tenodesis.tolerance.results import Study, respond
 
+ENGINES = ("threads", "ray")
 SAMPLES = 4096
 """Default number of base samples."""
 LEAST_SAMPLES, MOST_SAMPLES = 8, 1 << 17
@@ -34,7 +40,7 @@ def study(
     samples: int = SAMPLES,
     seed: int = 0,
     force: float | None = None,
-    engine: str | engines.Engine = "threads",
+    engine: Literal["threads", "ray"] | campaign.SharedOut = "threads",
     address: str | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Study:
@@ -61,7 +67,7 @@ def study(
         Force on the real-size instrument, N; by default the largest test force of the scaled-up one, scaled to real
         size, or else the largest test force of the real-size one, or 1 N.
     engine
-        threads for this machine, ray for a Ray cluster, or an object with the methods of :class:`Engine`.
+        threads for this machine, ray for a Ray cluster, or what else a campaign can be run on.
     address
         Of the cluster, as :class:`tenodesis.cluster.Cluster` takes it.
     progress
@@ -78,7 +84,7 @@ def study(
         raise StudyError(key="samples", value=samples, allowed=f"an integer from {LEAST_SAMPLES} to {MOST_SAMPLES}")
     if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or not 0 <= seed < 2**32:
         raise StudyError(key="seed", value=seed, allowed="an integer from 0 to 2**32 - 1")
-    runner = engines.named(engine, address) if isinstance(engine, str) else engine
+    _refuse_engine(engine, address)
     real_size, scaled_up = real_size.planar[0], scaled_up.planar[0]
     given = default(scaled_up) if tolerances is None else tolerances
     comparison = _compared(real_size, scaled_up)
@@ -90,7 +96,8 @@ def study(
     task = _task(comparison, parameters, real_force, factor)
     scheme = sampling.scheme(parameters, count, int(seed))
     samples_and_tornado = np.concatenate([scheme, _tornado(parameters)])
-    table = _evaluated(runner, task, samples_and_tornado, progress)
+    with Cluster(address) if address is not None else nullcontext(engine) as on:
+        table = _evaluated(on, task, samples_and_tornado, progress)
 
     rows = len(scheme)
     status = table[:rows, -1].astype(np.int64)
@@ -169,14 +176,32 @@ def _tornado(parameters: tuple[Parameter, ...]) -> Array:
     return np.array(rows)
 
 
-def _evaluated(runner: engines.Engine, task: Evaluation, rows: Array, progress: Callable[[int, int], None]) -> Array:
-    chunks = [rows[n : n + CHUNK] for n in range(0, len(rows), CHUNK)]
-    done = 0
+def _refuse_engine(engine: object, address: str | None) -> None:
+    """Refuse an engine that there is not, and an address that does not go with it."""
+    if isinstance(engine, str) and engine not in ENGINES:
+        raise StudyError(key="engine", value=engine, allowed=" or ".join(ENGINES))
+    if engine != "ray" and address is not None:
+        raise StudyError(
+            f"address is {address!r}, but engine is {engine}; an address goes with engine ray only.",
+            key="address",
+            value=address,
+        )
+    if engine == "ray" and address is None:
+        raise StudyError("engine is ray, but there is no address; it must be host:port, auto or local.", key="address")
 
-    def report(count: int) -> None:
-        nonlocal done
-        done += count
-        progress(done, len(rows))
 
+def _evaluated(on: Any, task: Evaluation, rows: Array, progress: Callable[[int, int], None]) -> Array:
+    """Return responses and status of rows, evaluated in chunks."""
+    chunks = [{"rows": rows[n : n + CHUNK]} for n in range(0, len(rows), CHUNK)]
     progress(0, len(rows))
-    return np.concatenate(runner.evaluate(task, chunks, report))
+    found = campaign.run(
+        partial(_chunk, task),
+        chunks,
+        on=on,
+        progress=lambda done, _: progress(min(done * CHUNK, len(rows)), len(rows)),
+    )
+    return np.concatenate([row["table"] for row in found])
+
+
+def _chunk(task: Evaluation, rows: Array) -> dict[str, Array]:
+    return {"table": evaluate(task, rows)}

@@ -12,7 +12,6 @@ from tenodesis.report.content import Plot, fixed
 from tenodesis.report.page import (
     DRAWINGS,
     about,
-    json_number,
     json_text,
     render,
     write_columns,
@@ -57,7 +56,7 @@ def _results(study: Study) -> dict[str, Any]:
     names = [f"{one.instrument}.{one.key}" for one in study.parameters]
 
     def by_name(values: Any) -> dict[str, Any]:
-        return {name: json_number(value) for name, value in zip(names, values, strict=True)}
+        return dict(zip(names, values, strict=True))
 
     responses = {}
     for key, one in study.responses.items():
@@ -66,13 +65,11 @@ def _results(study: Study) -> dict[str, Any]:
             "description": one.description,
             "unit": "deg",
             "varies": one.varies,
-            "nominal": json_number(one.nominal),
-            "mean": json_number(one.mean),
-            "std": json_number(one.std),
-            "quantiles": {f"{share:g}": json_number(one.quantile(share)) for share in QUANTILES},
-            "tornado": {
-                name: [json_number(value) for value in pair] for name, pair in zip(names, one.at_quantiles, strict=True)
-            },
+            "nominal": one.nominal,
+            "mean": one.mean,
+            "std": one.std,
+            "quantiles": {f"{share:g}": one.quantile(share) for share in QUANTILES},
+            "tornado": by_name(one.at_quantiles),
             "sobol": found
             and {
                 "first": by_name(found.first),
@@ -88,10 +85,7 @@ def _results(study: Study) -> dict[str, Any]:
         "model": study.real_size.name,
         "prototype": study.scaled_up.name,
         "tolerances": study.tolerances.model_dump(exclude_none=True),
-        "parameters": {
-            name: one._asdict() | {"lower": json_number(one.lower), "upper": json_number(one.upper)}
-            for name, one in zip(names, study.parameters, strict=True)
-        },
+        "parameters": by_name(one._asdict() for one in study.parameters),
         "samples": study.samples,
         "runs": study.runs,
         "seed": study.seed,

@@ -1,18 +1,19 @@
 """Joints that share tendons, or any chain."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from tenodesis import _core
 from tenodesis._core import Status
+from tenodesis.control.joints import JointController
 from tenodesis.control.pairs import compensated, names_of, pairs
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import FullForm
 from tenodesis.routes import twin_rows
 from tenodesis.run import ACROSS, COMPONENTS, Array
 from tenodesis.twin.commands import Frame
-from tenodesis.twin.core import Constant, Outcome, TwinCore
+from tenodesis.twin.core import Constant, Outcome, Ticks, TwinCore
 from tenodesis.twin.rows import check_rig
 
 _NOT_TAKEN = ("in_stem_axes", "held", "contact")
@@ -90,15 +91,24 @@ class ChainCore(TwinCore):
         return rows
 
     def run_joints(
-        self, controller: _core.JointController, rows: Array, targets: Array, compensates: bool, started: int
-    ) -> tuple[Outcome, Array]:
-        """Step over commands with observer and law of all joints; return the outcome, and their numbers by step."""
+        self, controller: JointController, rows: Array, targets: Array, requests: Sequence[int], ticks: Ticks
+    ) -> tuple[Outcome, dict[str, Array]]:
+        """Step over commands with observer and law of all joints; return the outcome, and their signals by step."""
         out = self._room(len(rows))
-        control = np.empty((len(rows), controller.width + len(self.names.tendons)))
-        steps, status = controller.run(
-            self.core, rows, targets, compensates, self.steps_per_tick, started, out, control
+        control = np.empty((len(rows), controller.core.stored))
+        steps, status = controller.core.run(
+            self.core,
+            rows,
+            targets,
+            requests,
+            controller.compensates,
+            self.steps_per_tick,
+            ticks.time_step,
+            ticks.first_step,
+            out,
+            control,
         )
-        return Outcome(steps, Status(status), self.named(out)), control
+        return Outcome(steps, Status(status), self.named(out)), controller.signals_of(control)
 
 
 def _rig(inst: FullForm) -> list[float]:

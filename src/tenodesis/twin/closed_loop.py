@@ -9,9 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core
 from tenodesis.control.controller import OperatingState, fault_names
+from tenodesis.control.joints import JointController
 from tenodesis.errors import ArgumentError, FaultWarning
-from tenodesis.instrument import InstrumentLike, ShortForm
+from tenodesis.instrument import Instrument, InstrumentLike
 from tenodesis.run import TENDONS, Array, Run
+from tenodesis.twin.chain_core import ChainCore
+from tenodesis.twin.commands import check_finite
 from tenodesis.twin.core import Outcome, Ticks, TwinCore
 from tenodesis.twin.rows import CONTROL
 
@@ -71,6 +74,53 @@ def run_closed_loop(
     return core.run_controlled(controller.core, rows, Ticks(time_step, first_step, relay, requests, values, modes))
 
 
+def run_joint_loop(
+    core: TwinCore,
+    rows: Array,
+    controller: JointController,
+    *,
+    target: ArrayLike | None,
+    request: ArrayLike,
+    faults: Sequence[SignalFault],
+    first_step: int,
+    time_step: float,
+) -> tuple[Outcome, dict[str, Array]]:
+    """Step a twin of the core with the controller of all joints in the loop; return the outcome, and its signals."""
+    inst, count = controller.inst, len(rows)
+    if not isinstance(core, ChainCore):
+        raise ArgumentError(
+            f"{inst.name} is in the short form; give the twin tn.instrument.expanded(inst).", key="controller"
+        )
+    if faults:
+        raise ArgumentError(
+            "fault_injection is given with a controller of all joints, which takes none; its step takes any "
+            "measurement.",
+            key="fault_injection",
+        )
+    for name in ("spool_velocity", "spool_tension"):
+        if rows[:, core.columns[name]].any() and (inst.handle_joints or name == "spool_tension"):
+            raise ArgumentError(f"{name} and a controller are both given; give one of them", key=name)
+    joints = len(core.names.joints)
+    wanted = np.zeros(joints) if target is None else np.asarray(target, float)
+    if target is not None and inst.handle_joints:
+        raise ArgumentError(
+            f"target is given, but {inst.name} has a handle, whose angles are the targets; leave it out.", key="target"
+        )
+    if wanted.shape not in {(joints,), (count, joints)} and wanted.ndim and joints > 1:
+        raise ArgumentError(
+            f"target has the shape {wanted.shape}; it must be ({joints},) or ({count}, {joints}), by joint.",
+            key="target",
+            value=wanted.shape,
+        )
+    wanted = np.ascontiguousarray(
+        np.broadcast_to(wanted.reshape(-1, joints) if wanted.ndim else wanted, (count, joints))
+    )
+    check_finite("target", wanted)
+    requests = _requests(controller, np.asarray(request), count)
+    ticks = Ticks(time_step, first_step, np.inf, requests, None, None)
+    return core.run_joints(controller, rows, wanted, [0] * count if requests is None else requests.tolist(), ticks)
+
+
 def controlled_signals(control: Array, velocity: Array, own: Sequence[int]) -> dict[str, Array]:
     """Return a controller's signals, shape (n, axes, columns), and the spool velocities (n, tendons) with its own."""
     sent = velocity.copy()
@@ -80,7 +130,7 @@ def controlled_signals(control: Array, velocity: Array, own: Sequence[int]) -> d
     return {"commanded_spool_velocity": sent, **named}
 
 
-def warn_of_faults(run: Run, inst: ShortForm, *, stacklevel: int = 3) -> None:
+def warn_of_faults(run: Run, inst: Instrument, *, stacklevel: int = 3) -> None:
     """Warn if the controller of a run on an instrument faulted, by :class:`FaultWarning`: when, and which faults."""
     states, masks = run.operating_state, run.faults
     if states is None or masks is None:
@@ -92,7 +142,7 @@ def warn_of_faults(run: Run, inst: ShortForm, *, stacklevel: int = 3) -> None:
     mask = int(np.bitwise_or.reduce(np.nan_to_num(np.atleast_1d(masks[row])).astype(np.int64)))
     names = fault_names(mask)
     hint = ""
-    if "load_cell_stuck" in names and inst.tension_sensor.noise == 0:
+    if "load_cell_stuck" in names and inst.tension_sensors[0].noise == 0:
         hint = (
             f"; the load cells of {inst.name} have no noise, so that their readings stand still: give it "
             "sensors.load_cell_noise, or make the controller for it"
@@ -104,7 +154,9 @@ def warn_of_faults(run: Run, inst: ShortForm, *, stacklevel: int = 3) -> None:
     )
 
 
-def _requests(controller: LoopController, request: NDArray[Any], count: int) -> NDArray[np.uint8] | None:
+def _requests(
+    controller: LoopController | JointController, request: NDArray[Any], count: int
+) -> NDArray[np.uint8] | None:
     """Return the requests of each step; a pending request comes with the first."""
     pending = controller.take_request()
     if not pending and not request.any():

@@ -12,14 +12,21 @@ from numpy.typing import ArrayLike
 
 from tenodesis import _core, plant
 from tenodesis._core import Status
-from tenodesis.control.joints import JointController, JointEstimate
+from tenodesis.control.joints import JointController
 from tenodesis.control.pairs import compensated
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument, InstrumentLike, ShortForm, as_instrument, expanded
-from tenodesis.run import Array, Run, concatenate
+from tenodesis.run import Array, Names, Run, concatenate
 from tenodesis.twin.axes_core import AxesCore
 from tenodesis.twin.chain_core import ChainCore
-from tenodesis.twin.closed_loop import LoopController, SignalFault, controlled_signals, run_closed_loop, warn_of_faults
+from tenodesis.twin.closed_loop import (
+    LoopController,
+    SignalFault,
+    controlled_signals,
+    run_closed_loop,
+    run_joint_loop,
+    warn_of_faults,
+)
 from tenodesis.twin.commands import Frame, Held, Loads, as_columns, check_held, check_spool_tension, grip_error
 from tenodesis.twin.contact import Contact, Contacts, by_axis
 from tenodesis.twin.core import Constant, Outcome, TwinCore
@@ -182,7 +189,8 @@ class Twin:
         contact: Contacts | None = None,
         held: Held | None = None,
         axes: Frame = "tip",
-        controller: LoopController | None = None,
+        controller: LoopController | JointController | None = None,
+        target: ArrayLike | None = None,
         request: ArrayLike = 0,
         fault_injection: Sequence[SignalFault] = (),
         relay: float = np.inf,
@@ -224,9 +232,13 @@ class Twin:
         axes
             "tip": the wrench turns with the end-effector, z along it; "stem": it keeps its direction.
         controller
-            Closes the loop over the joints with a pair of tendons of their own: it is given the sensors' readings, and
-            the drives its spool velocities. It goes on from the call before on this twin; one that has run elsewhere
-            must be reset first.
+            Closes the loop: over the joints with a pair of tendons of their own, or a
+            :class:`tenodesis.control.JointController` over all joints, whose estimates it keeps. It is given the
+            sensors' readings, and the drives its spool velocities. It goes on from the call before on this twin; one
+            that has run elsewhere must be reset first.
+        target
+            Of a tool without a handle under a controller of all joints: angles commanded to the joints, rad, (n,
+            joints) or (joints,). What spool_velocity winds beside it turns them as a rigid coupling would.
         request
             Request to the controller at each step, values of :class:`tenodesis.control.Request`; shape (n,).
         fault_injection
@@ -268,8 +280,25 @@ class Twin:
         )
         core, first = self._core, self._steps
         signals = core.commanded(rows, tissue=contact is not None, tension=np.ndim(spool_tension) > 0)
+        names = self.names
+        if target is not None and not isinstance(controller, JointController):
+            raise ArgumentError("target is given without a controller of all joints; leave it out.", key="target")
         if controller is None:
             done = core.run(rows)
+        elif isinstance(controller, JointController):
+            names = controller.names_of(self.inst)
+            controller.begin(self, self.time)
+            done, control = run_joint_loop(
+                core,
+                rows,
+                controller,
+                target=target,
+                request=request,
+                faults=fault_injection,
+                first_step=first,
+                time_step=self.time_step,
+            )
+            signals |= control
         else:
             controller.check_instrument(self._assumed)
             controller.begin(self, self.time)
@@ -286,57 +315,13 @@ class Twin:
         self._advance(done, count, before)
         if controller is not None:
             controller.begin(self, self.time)
-            velocity = signals["commanded_spool_velocity"]
-            signals |= controlled_signals(done.control, velocity, core.own_tendons)
-        run = self._run(first, count, signals | done.signals)
+            if not isinstance(controller, JointController):
+                velocity = signals["commanded_spool_velocity"]
+                signals |= controlled_signals(done.control, velocity, core.own_tendons)
+        run = self._run(first, count, signals | done.signals, names)
         if controller is not None:
-            warn_of_faults(run, self._assumed)
+            warn_of_faults(run, self.inst)
         return run
-
-    def run_joints(
-        self, controller: JointController, handle_angle: ArrayLike, target: ArrayLike = 0.0, **loads: Unpack[Loads]
-    ) -> tuple[Run, JointEstimate]:
-        """Step as :meth:`run`, with observer and law of all joints in the loop; return the run, and the estimates.
-
-        Parameters
-        ----------
-        controller
-            For an instrument of the same joints and tendons; it goes on from the call before.
-        handle_angle
-            As in :meth:`run`; of a tool without a handle of shape (n, 0).
-        target
-            Of a tool without a handle: angles commanded to the tip's joints, rad, (n, joints) or (joints,).
-
-        Raises
-        ------
-        ValueError
-            As :meth:`run`, or the controller is for other joints or tendons.
-        NoSolutionError
-            As :meth:`run`.
-        """
-        if not isinstance(self._core, ChainCore):
-            raise ArgumentError(
-                f"{self.inst.name} is in the short form; give the twin tn.instrument.expanded(inst).", key="controller"
-            )
-        before = self.state
-        rows, count = self._rows(handle_angle, 0.0, **loads)
-        joints, tendons = len(self.names.joints), len(self.names.tendons)
-        wanted = np.asarray(target, float)
-        if wanted.shape not in {(), (joints,), (count, joints)}:
-            raise ArgumentError(
-                f"target has the shape {wanted.shape}; it must be ({joints},) or ({count}, {joints}), by joint.",
-                key="target",
-                value=wanted.shape,
-            )
-        wanted = np.ascontiguousarray(np.broadcast_to(wanted, (count, joints)))
-        tension = np.ndim(loads.get("spool_tension", 0.0)) > 0
-        signals = self._core.commanded(rows, tissue=loads.get("contact") is not None, tension=tension)
-        done, control = self._core.run_joints(controller.core, rows, wanted, controller.compensates, self._steps)
-        first = self._steps
-        self._advance(done, count, before)
-        signals |= done.signals | {"commanded_spool_velocity": control[:, -tendons:]}
-        estimate = JointEstimate.of_rows(control[:, :-tendons], joints, tendons)
-        return self._run(first, count, signals), estimate
 
     def _advance(self, done: Outcome, count: int, before: State) -> None:
         """Count steps that were taken; of those that were not, return to the state before and raise the reason."""
@@ -345,13 +330,11 @@ class Twin:
             raise lost(done.status, done.steps, self.time + done.steps * self.time_step)
         self._steps += count
 
-    def _run(self, first: int, count: int, signals: Mapping[str, Array]) -> Run:
+    def _run(self, first: int, count: int, signals: Mapping[str, Array], names: Names) -> Run:
         """Return the run of so many steps after the first ones, from signals by row."""
         time = np.arange(first + 1, first + 1 + count, dtype=np.float64) * self.time_step
-        shaped: dict[str, Any] = {
-            name: values.reshape(self.names.shape(name, count)) for name, values in signals.items()
-        }
-        return with_currents(Run(time, *self.names, **shaped), self.inst)
+        shaped: dict[str, Any] = {name: values.reshape(names.shape(name, count)) for name, values in signals.items()}
+        return with_currents(Run(time, *names, **shaped), self.inst)
 
     def step(self, handle_angle: ArrayLike, force: ArrayLike = 0.0, **loads: Unpack[Loads]) -> Run:
         """Advance by one step and return its signals, without their first dimension; otherwise as :meth:`run`."""

@@ -12,7 +12,7 @@ from tenodesis.identification.experiment.planning import HALF, OPTIMISTIC, Predi
 from tenodesis.identification.report import readable, write_files
 from tenodesis.identification.results import LIBRARIES
 from tenodesis.report import page, style
-from tenodesis.report.page import json_number, json_text, svg_text
+from tenodesis.report.page import json_text, svg_text
 
 _KEPT = 4000
 """Samples drawn."""
@@ -156,7 +156,7 @@ def to_json(plan: ProposedProtocol) -> dict[str, Any]:
                 "unit": one.unit,
                 "meaning": one.meaning,
                 "wanted": one.name in plan.wanted,
-                "std": json_number(plan.proposed.std[one.name]),
+                "std": plan.proposed.std[one.name],
                 "interval_95": list(plan.interval_95[one.name]),
                 "identifiable": plan.identifiable(one.name),
             }
@@ -190,7 +190,7 @@ def ratio(plan: ProposedProtocol, baseline: Prediction, name: str) -> str:
 def _prediction(one: Prediction) -> dict[str, Any]:
     return {
         "seconds": one.seconds,
-        "std": {name: json_number(value) for name, value in one.std.items()},
+        "std": dict(one.std),
     }
 
 

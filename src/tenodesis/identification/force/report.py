@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -204,13 +204,4 @@ def write(model: ForceModel, results: Mapping[str, Sequence[RunResult]], shown: 
     }
     with style.applied():
         drawn = page.svg_text(figure(shown))
-    write_files(out, {FIGURE: drawn, MODEL: page.json_text(_finite(numbers))}, last=MODEL)
-
-
-def _finite(value: Any) -> Any:
-    """Return plain values with those that are no numbers as null."""
-    if isinstance(value, dict):
-        return {key: _finite(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(one) for one in value]
-    return page.json_number(value) if isinstance(value, float) else value
+    write_files(out, {FIGURE: drawn, MODEL: page.json_text(numbers)}, last=MODEL)

@@ -9,7 +9,7 @@ import numpy as np
 
 from tenodesis.errors import IdentificationError, RecordingError
 from tenodesis.identification.formats.instrument_run import LEAST_EXCITATION, InstrumentRun, checked
-from tenodesis.identification.formats.measured import GRAM_FORCE, Unit, checksum, spread_of
+from tenodesis.identification.formats.measured import GRAM_FORCE, Unit, spread_of
 from tenodesis.recording import lab_map, lab_tables
 from tenodesis.run import TENDONS, Array
 
@@ -110,7 +110,7 @@ def load(path: Path) -> InstrumentRun:
     if "handle_angle" in known and not np.array_equal(columns["handle_angle"], known["handle_angle"], equal_nan=True):
         _as_the_handle(columns, known, places, notes)
     time = columns.pop(lab_map.TIME)
-    return checked(path.name, time, columns, notes=notes, checksum="" if path.is_dir() else checksum(path))
+    return checked(path.name, time, columns, notes=notes)
 
 
 def _in_si(path: Path, name: str, stated_values: Array, parts: list[lab_map.Part], notes: list[str]) -> Array:

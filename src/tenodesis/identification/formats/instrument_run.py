@@ -53,7 +53,6 @@ def checked(
     columns: Mapping[str, Array],
     *,
     notes: Sequence[str] = (),
-    checksum: str = "",
     instrument: ShortForm | None = None,
     clocks: Sequence[tuple[str, float]] = CLOCKS,
 ) -> InstrumentRun:
@@ -82,8 +81,8 @@ def checked(
     raw.excited("handle_angle", LEAST_EXCITATION, "rad")
     raw.frozen([one for one in _ANGLES if one in raw.columns], "handle_angle")
     raw.frozen(tensions, "handle_angle", may_rest_at_zero=True)
-    done = raw.done(checksum=checksum)
-    return InstrumentRun(done.name, done.time, done.columns, done.notes, None, done.checksum, instrument)
+    done = raw.done()
+    return InstrumentRun(done.name, done.time, done.columns, done.notes, instrument=instrument)
 
 
 def measured(run: Run, instrument: InstrumentLike | None = None, *, name: str = "run") -> InstrumentRun:

@@ -17,7 +17,6 @@ from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from tenodesis.errors import IdentificationError, InstrumentError, RecordingError
-from tenodesis.files import read_regular
 from tenodesis.identification.formats.instrument_run import (
     SECONDS,
     USED,
@@ -27,9 +26,10 @@ from tenodesis.identification.formats.instrument_run import (
     first_alone,
     first_axis,
 )
-from tenodesis.identification.formats.measured import WIDE, Raw, checksum
+from tenodesis.identification.formats.measured import WIDE, Raw
 from tenodesis.instrument import ShortForm, as_short_form
 from tenodesis.recording import Blocks, Recording, cdr, container, schemas
+from tenodesis.recording.blocks import Progress, opened
 from tenodesis.recording.container import Contents, Message, Messages
 from tenodesis.recording.decode import Decoded, Decoder, LeftOut, Misfit
 from tenodesis.run import SIGNALS, TENDONS, Array, Names, Run, concatenate
@@ -169,7 +169,7 @@ class _TopicSeries(NamedTuple):
     numbers: Mapping[str, Array]
 
 
-def load(path: Path) -> InstrumentRun:
+def load(path: Path, progress: Progress | None = None) -> InstrumentRun:
     """Return the first axis of a recording or of a bag: an MCAP or SQLite file, or a folder of them.
 
     Columns: handle_angle (commanded, where the recording has it, otherwise measured), measured_handle_angle,
@@ -181,16 +181,15 @@ def load(path: Path) -> InstrumentRun:
     """
     files = _files(path)
     try:
-        read = _recorded(files[0]) if len(files) == 1 and not is_sqlite(files[0]) else None
+        read = _recorded(files[0], progress) if len(files) == 1 and not is_sqlite(files[0]) else None
         read = _merged(path, files) if read is None else read
     except RecordingError as problem:
         raise IdentificationError(str(problem), key=problem.key, value=problem.value, allowed=problem.allowed) from None
     notes = list(read.notes)
     columns = columns_of(read.signals, str(path), notes)
     notes += first_alone(read.axes)
-    digest = checksum(files[0]) if len(files) == 1 else ""
     name = path.resolve().name
-    return checked(name, read.time, columns, notes=notes, checksum=digest, instrument=read.instrument, clocks=SECONDS)
+    return checked(name, read.time, columns, notes=notes, instrument=read.instrument, clocks=SECONDS)
 
 
 def _files(path: Path) -> list[Path]:
@@ -216,36 +215,37 @@ def _files(path: Path) -> list[Path]:
     return mcap or sqlite
 
 
-def _recorded(path: Path) -> _Signals | None:
+def _recorded(path: Path, progress: Progress | None) -> _Signals | None:
     """Return a recording whose topics share their stamps, or None if they do not."""
-    recording, cut = _begun(path)
+    recording, notes = first_rows(path, USED, progress)
     if any(topic.reason is Misfit.STAMPS for topic in recording.left_out.values()):
         return None
     run, inst = recording.run, _instrument(recording)
-    notes = [] if recording.damage is None else [recording.damage]
+    cut = bool(notes)
     notes += [f"{topic} is left out: {reason}" for topic, reason in recording.left_out.items()]
     longest = max((info.messages for name, info in recording.topics.items() if name in schemas.TOPICS), default=0)
-    if cut:
-        notes.append(f"it is long: its first {run.time[-1] - run.time[0]:.4g} s are taken")
-    elif recording.damage is None and longest > len(run):
+    if not cut and longest > len(run):
         notes.append(f"topics do not end together: the first {len(run)} of up to {longest} rows are taken")
     return _Signals(run.time, run.axes, first_axis(run), tuple(notes), inst)
 
 
-def _begun(path: Path) -> tuple[Recording, bool]:
-    """Return the signals used of a recording, and whether these are its first rows only."""
-    blocks = Blocks(path, signals=USED)
+def first_rows(path: Path, signals: Collection[str], progress: Progress | None = None) -> tuple[Recording, list[str]]:
+    """Return signals of a recording's first rows, after which a long one is not read, and what to say about that."""
+    blocks = Blocks(path, signals=signals, progress=progress)
     kept: list[Run] = []
     rows = 0
+    notes: list[str] = []
     try:
         for run in blocks:
-            if rows < MOST_ROWS:
-                kept.append(run)
+            if rows >= MOST_ROWS:
+                notes.append(f"it is long: its first {kept[-1].time[-1] - kept[0].time[0]:.4g} s are taken")
+                break
+            kept.append(run)
             rows += len(run)
     except RecordingError:
-        return Recording.open(path, signals=USED), False
-    whole = concatenate(kept)
-    return blocks.recording(whole), len(whole) < rows
+        return Recording.open(path, signals=signals), []
+    recording = blocks.recording(concatenate(kept))
+    return recording, notes if recording.damage is None else [recording.damage]
 
 
 def _merged(path: Path, files: Sequence[Path]) -> _Signals:
@@ -317,13 +317,8 @@ def _decoded(files: Sequence[Path], notes: list[str]) -> dict[str, list[Decoded]
 def _contents(file: Path) -> container.Contents:
     if is_sqlite(file):
         return scan(file, schemas.TOPICS)
-    try:
-        data = read_regular(file)
-    except OSError as problem:
-        raise RecordingError(f"{file} cannot be read: {problem.strerror}.", key="path", value=file) from None
-    if not container.is_mcap(data):
-        raise RecordingError(f"{file} is no MCAP file.", key="path", value=file, allowed="an MCAP file")
-    return container.scan(data)
+    with opened(file) as (data, size):
+        return container.contents_of(data, size)
 
 
 def _series(path: Path, name: str, parts: Sequence[Decoded], begin: int, notes: list[str]) -> _TopicSeries:

@@ -63,7 +63,6 @@ def recorded(
     effort: Mapping[str, Array] | None = None,
     name: str = "run",
     notes: Sequence[str] = (),
-    checksum: str = "",
 ) -> MeasuredRun:
     """Return a recording of commanded and measured joint angles to identify from.
 
@@ -96,7 +95,7 @@ def recorded(
     raw.clock()
     raw.enough()
     raw.gaps()
-    run = raw.done(checksum=checksum)
+    run = raw.done()
     alone = {
         joint: np.degrees(np.std(run[f"{MEASURED}.{joint}"] - run[f"{COMMAND}.{joint}"])) for joint in joints_of([run])
     }
@@ -104,7 +103,7 @@ def recorded(
         raise IdentificationError(f"{name}: no joint that was measured moves.", key="columns", value=[*measured])
     left = ", ".join(f"{value:.3g} deg ({joint})" for joint, value in alone.items())
     note = f"the commands alone leave {left}, root mean square beside an offset"
-    return MeasuredRun(run.name, run.time, run.columns, (*run.notes, note), None, run.checksum)
+    return MeasuredRun(run.name, run.time, run.columns, (*run.notes, note))
 
 
 def is_kinematic(run: MeasuredRun) -> bool:

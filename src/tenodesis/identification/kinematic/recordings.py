@@ -12,11 +12,13 @@ import numpy as np
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.formats.csv import as_identification, read_table, scale_of
-from tenodesis.identification.formats.measured import MeasuredRun, checksum
+from tenodesis.identification.formats.mcap import first_rows
+from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.kinematic.model import COMMAND, EFFORT, LAWS, MEASURED, Kinematic, recorded
 from tenodesis.identification.registry import Format
 from tenodesis.instrument import ShortForm
-from tenodesis.recording import Recording, lab_map, lab_tables
+from tenodesis.recording import lab_map, lab_tables
+from tenodesis.recording.blocks import Progress
 from tenodesis.run import Array, Run
 
 _WORDS = {
@@ -28,20 +30,21 @@ _WORDS = {
 _BESIDE = {"angle", "joint", "jp", "js", "position", "q", "output", "state", "motor", "drive"}
 """Words that say neither what it is nor the joint."""
 _OTHERS = {"force", "tension", "velocity", "spool", "estimated", "torsion", "contact", "std"}
+_USED = ("commanded_handle_angle", "measured_handle_angle", "measured_output_angle")
+"""Signals that are read of a recording."""
 _CLOCKS = ("time", "t", "stamp", "timestamp")
 
 
-def load(path: Path) -> MeasuredRun:
+def load(path: Path, progress: Progress | None = None) -> MeasuredRun:
     """Return a recording of joints; raises IdentificationError if it cannot be read, or has no joint with both."""
     if lab_tables.is_table(path):
         return _of_table(path)
     with as_identification():
-        recording = Recording.open(path)
-    notes = [] if recording.damage is None else [recording.damage]
-    return of_run(recording.run, name=path.name, notes=notes, checksum=checksum(path))
+        recording, notes = first_rows(path, _USED, progress)
+    return of_run(recording.run, name=path.name, notes=notes)
 
 
-def of_run(run: Run, *, name: str = "run", notes: list[str] | None = None, checksum: str = "") -> MeasuredRun:
+def of_run(run: Run, *, name: str = "run", notes: Sequence[str] = ()) -> MeasuredRun:
     """Return a run's angles of the handle, commanded if known, and the measured ones of its tip; raises as `load`."""
     signals = run.signals()
     handle = "commanded_handle_angle" if "commanded_handle_angle" in signals else "measured_handle_angle"
@@ -49,7 +52,7 @@ def of_run(run: Run, *, name: str = "run", notes: list[str] | None = None, check
         dict(zip(joints, run.by_column(signal).T, strict=True)) if signal in signals else {}
         for signal, joints in ((handle, run.handle_joints), ("measured_output_angle", run.joints))
     ]
-    return recorded(run.time, *angles, name=name, notes=notes or (), checksum=checksum)
+    return recorded(run.time, *angles, name=name, notes=notes)
 
 
 def _of_table(path: Path) -> MeasuredRun:
@@ -84,7 +87,6 @@ def _of_table(path: Path) -> MeasuredRun:
         effort=groups[EFFORT],
         name=path.name,
         notes=notes,
-        checksum=checksum(path),
     )
 
 
@@ -106,4 +108,4 @@ def problem(
     return Kinematic(train, test, law=law)
 
 
-FORMAT = Format(load, problem, LAWS, LAWS[0])
+FORMAT = Format(load, problem, LAWS, LAWS[0], shows_progress=True)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tenodesis.identification.formats import csv
 from tenodesis.identification.formats.instrument_run import InstrumentRun
@@ -12,6 +12,9 @@ from tenodesis.identification.registry import Arranged, Format
 from tenodesis.identification.twin_model.problem import DEFAULT_LAW, LAWS, instrument_of, problem
 from tenodesis.instrument import ShortForm
 from tenodesis.instrument.compliance import compliance_shares
+
+if TYPE_CHECKING:
+    from tenodesis.recording.blocks import Progress
 
 _FIRST_BASE_WRAP = 0.1
 """rad, at which the search for a base wrap begins."""
@@ -52,21 +55,21 @@ def _name(vertices: int, *, wrapped: bool, free: bool = False) -> str:
     return ", ".join(parts + ["base wrap"] * wrapped + ["free compliance"] * free)
 
 
-def _load_mcap(path: Path) -> InstrumentRun:
+def _load_mcap(path: Path, progress: "Progress | None" = None) -> InstrumentRun:
     from tenodesis.identification.formats import mcap  # noqa: PLC0415 - slow to load
 
-    return mcap.load(path)
+    return mcap.load(path, progress)
 
 
-def _load(path: Path) -> InstrumentRun:
+def _load(path: Path, progress: "Progress | None" = None) -> InstrumentRun:
     """Return a recording of any kind, as its content shows."""
     from tenodesis.identification.formats import mcap  # noqa: PLC0415 - slow to load
     from tenodesis.recording import lab_map, lab_tables  # noqa: PLC0415 - slow to load
 
     recorded = (path.is_dir() or mcap.is_sqlite(path)) and lab_map.map_beside(path) is None
-    return mcap.load(path) if recorded or not lab_tables.is_table(path) else csv.load(path)
+    return mcap.load(path, progress) if recorded or not lab_tables.is_table(path) else csv.load(path)
 
 
-RECORDING = Format(_load, problem, LAWS, DEFAULT_LAW, arrangements=arrangements)
+RECORDING = Format(_load, problem, LAWS, DEFAULT_LAW, arrangements=arrangements, shows_progress=True)
 CSV = Format(csv.load, problem, LAWS, DEFAULT_LAW, arrangements=arrangements)
-MCAP = Format(_load_mcap, problem, LAWS, DEFAULT_LAW, arrangements=arrangements)
+MCAP = Format(_load_mcap, problem, LAWS, DEFAULT_LAW, arrangements=arrangements, shows_progress=True)

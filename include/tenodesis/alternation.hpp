@@ -1,0 +1,118 @@
+#pragma once
+// Loads that alternate: friction is left to hold the tip where it can.
+//
+// Motors that follow such a load are late at each of its jumps, and their strokes free a tip that friction would have
+// held. So after three opposed jumps at like distances in time the motors give their stroke back while the tip is on
+// target, no further than friction holds it. The next jump shows what resting costs: a tip that stays within a share of
+// what it had jumped is left to friction, one that does not is tracked. What is left on average is taken away slowly.
+// After twice the load's half-period without a jump the motors track again, and next time wait twice as long. A load
+// that jumps faster than motors can follow is not tracked at all.
+
+#include "tenodesis/observer.hpp"
+
+namespace tenodesis {
+
+/// What the law knows of the tip in a tick, lengths as strokes, m.
+template <class S>
+struct TrackedTip {
+  S certain{};       ///< of the tracking error
+  S stroke{};        ///< differential
+  S dead{};          ///< error that counts as none
+  S waking{};        ///< error that is worth a stroke
+  S jump{};          ///< error that counts as a jump of the load
+  S handle_angle{};  ///< that the hand means, rad
+  bool moving{};     ///< whether the hand moves
+};
+
+template <class S>
+struct AlternationState {
+  S sign{};                ///< of the error's last jump
+  S since{};               ///< time since then, s
+  S half{};                ///< time between the last two, s
+  S half_before{};         ///< time between the two before, s
+  S size{};                ///< of the last jump, m
+  S size_before{};         ///< of the one before, m
+  S offset{};              ///< error, smoothed, m
+  S stroke{};              ///< at the last jump, m
+  S mean{};                ///< of the strokes at the last two, m
+  S handle_angle{};        ///< at the last jump, rad
+  S on_target{};           ///< stroke when the error was last small, m
+  S leaned{};              ///< time for which friction has been left to hold the tip, s
+  S halves{first_halves};  ///< half-periods without a jump after which it is not any more
+  S patience{};            ///< time in which the error that is left to it halves, s
+  int jumps{};             ///< each opposed to the one before
+  bool armed{true};        ///< whether the error has been small since the last jump
+  bool leans{};            ///< whether friction is left to hold the tip
+  bool fast{};             ///< whether the load jumps faster than motors can follow
+
+  static constexpr S first_halves = S(2);
+
+  /// Whether the load alternates, as far as its jumps show.
+  constexpr bool alternates() const { return jumps >= 3 && half < S(2) * half_before && half_before < S(2) * half; }
+};
+
+/// Follows the load's jumps, and begins or ends leaving the tip to friction.
+template <class S>
+void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
+  const S error = abs(tip.certain);
+  const S sign = S(tip.certain > S(0) ? 1 : -1);
+  state.offset = state.offset + (tip.certain - state.offset) * (dt / (S(tuning::alternation_smoothing) + dt));
+  state.since = smaller(state.since + dt, S(100));
+  const bool forgotten = state.since > S(tuning::alternation_longest);
+  if (forgotten || tip.moving) state.jumps = 0;
+  if ((forgotten && !state.leans) || tip.moving) state.halves = state.first_halves;
+  if (error < S(0.5) * tip.jump) {
+    state.armed = true;
+    state.on_target = tip.stroke;
+  }
+  if (!state.leans) state.size = larger(state.size, error);
+  // The motors' own stroke makes no jump.
+  const bool by_load = abs(tip.stroke - state.on_target) < S(0.5) * error;
+  if (error > tip.jump && (state.armed || sign != state.sign) && by_load) {
+    const bool by_hand = abs(tip.handle_angle - state.handle_angle) >= S(tuning::swing_hand_travel);
+    state.jumps = sign != state.sign && !by_hand ? smaller(state.jumps + 1, 100) : 1;
+    if (state.jumps == 1) state.patience = S(tuning::alternation_patience);
+    state.half_before = state.half;
+    state.half = state.since;
+    state.since = S(0);
+    state.sign = sign;
+    state.armed = false;
+    state.handle_angle = tip.handle_angle;
+    state.size_before = state.leans ? larger(state.size, state.size_before) : state.size;
+    state.size = error;
+    if (!state.leans) {
+      state.mean = (state.stroke + tip.stroke) * S(0.5);
+      state.stroke = tip.stroke;
+    }
+  }
+  state.fast = state.alternates() && larger(state.half, state.half_before) < S(tuning::alternation_fastest) &&
+               state.since < S(2) * state.half;
+
+  const bool outlived = state.leans && !state.fast && state.since > state.halves * state.half;
+  if (outlived) {
+    state.halves = S(2) * state.halves;
+    state.jumps = 0;
+  }
+  const S jump = larger(state.size, state.size_before);
+  const S left = S(tuning::alternation_left) * jump / (S(1) + state.leaned / state.patience);
+  const bool too_far = error > larger(tip.waking, left) || state.leaned > S(tuning::alternation_longest);
+  if (tip.moving || outlived || (too_far && !state.fast)) {
+    if (state.leans && state.leaned > S(0.5)) state.patience = S(2) * state.patience;
+    state.leans = false;
+    state.leaned = S(0);
+  } else if (state.fast || (state.alternates() && error < larger(tip.dead, S(tuning::alternation_on_target) * jump))) {
+    if (!state.leans) state.offset = tip.certain;
+    state.leans = true;
+  }
+  if (state.leans) state.leaned = state.leaned + dt;
+}
+
+/// Differential speed while the tip is left to friction, m/s; holds: how much less stroke still holds it, m.
+template <class S>
+S leaning_speed(const AlternationState<S>& state, const S& stroke, const S& holds) {
+  const S left = state.mean - stroke;
+  const S most = state.fast ? abs(left) : S(tuning::alternation_spare) * holds;
+  return S(tuning::alternation_return) * clamp(left, -most, most) + S(tuning::alternation_offset) * state.offset;
+}
+
+}  // namespace tenodesis

@@ -1,0 +1,434 @@
+"""Unknowns of any routing from recordings of all its tendons, with the instrument's own twin as their model.
+
+What is given to the twin is the handle's angles, what the spools have wound, and the load on the tip. Compared are the
+tensions at the spools and whichever of the joints' angles were measured. Joints are straight and tendons have their
+pretension where spools and handle are at zero; from there the twin approaches where a recording begins.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import degrees, sqrt
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from tenodesis.errors import ArgumentError, IdentificationError, NoSolutionError
+from tenodesis.identification.any_instrument import value_of, with_values
+from tenodesis.identification.formats.csv import as_identification
+from tenodesis.identification.formats.mcap import first_rows
+from tenodesis.identification.formats.measured import MeasuredRun, Raw
+from tenodesis.identification.problem import Parameter, Problem, Trace, scales
+from tenodesis.identification.registry import Format
+from tenodesis.instrument import FullForm, InstrumentLike, expanded
+from tenodesis.recording.blocks import Progress
+from tenodesis.run import Array, Run
+from tenodesis.twin import Twin
+
+MOST_COMPARED = 3000
+"""Rows of a recording that are compared, evenly: more would say hardly more, for what friction leaves is not white."""
+_APPROACH = 0.5
+"""Time in which the twin comes to where a recording begins, s."""
+_MOST_SUBSTEPS = 64
+_STEP, _LEAST_STEP = 4e-2, 1e-2
+"""Differences by which slopes are taken, over a parameter's scale: smaller ones see when stick and slip turn."""
+_SMOOTHED = 0.1
+"""Over which a cubic follows the spools' angles, s: by counts alone, they would shake a stiff tendon."""
+_AT_HOME = 0.01
+"""Angle of a spool below which it is at zero, and only its counts say otherwise, rad."""
+_LOST = 1e3
+"""Residual where the instrument has no equilibrium."""
+_LEAST_COEFFICIENT = 0.05
+"""At which the search for a friction coefficient begins where the file states none."""
+_LEAST_MOTION = (0.02, 1e-4, 1e-3, 1e-2, 1e-2)
+"""Spread below which nothing moves the instrument: of handle, rad, spools, m and rad/s, wrench and grip, N or N m."""
+_USED = (
+    *("commanded_handle_angle", "measured_handle_angle", "commanded_spool_velocity", "measured_spool_angle"),
+    *("measured_tension", "measured_output_angle", "wrench", "applied_grip_force", "held_stiffness"),
+)
+"""Signals that are read of a recording."""
+_COMPONENTS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
+LAWS = ("none", "capstan")
+
+
+class _Unknown(NamedTuple):
+    """What a key of the instrument's file is; its bounds are factors of the file's value, or values."""
+
+    unit: str
+    lower: float
+    upper: float
+    meaning: str
+    group: str
+
+
+_OF_TENDON = {
+    "stiffness": _Unknown("N/m", 0.2, 5.0, "stiffness of the whole tendon", "stiffness"),
+    "pretension": _Unknown("N", 0.2, 5.0, "tension with all spools at zero", "pretension"),
+}
+_OF_JOINT = {"backbone_rigidity": _Unknown("N*m^2", 0.2, 5.0, "rigidity of the backbone", "stiffness")}
+_COEFFICIENT = _Unknown("1", 0.0, 1.0, "friction coefficient", "friction")
+_DAMPING = _Unknown("1", 0.0, 2.0, "damping of the tip over critical", "viscous")
+_OFFSETS = ".encoder_offset"
+_OFFSET = _Unknown("rad", -0.3, 0.3, "offset of the joint's encoder", "offset")
+
+
+@dataclass(frozen=True)
+class RoutingRun(MeasuredRun):
+    """A recording of all tendons, with its instrument if the recording contains it.
+
+    Columns are named ``signal.NAME``: handle_angle, output_angle and spool_angle in rad, tension in N, wrench in N and
+    N m; grip_force, which presses the jaws apart, in N.
+    """
+
+    instrument: FullForm | None = None
+
+
+class _Inputs(NamedTuple):
+    """What is given to the twin, a row each step."""
+
+    handle: Array
+    """(n, joints of the handle), rad"""
+    wound: Array
+    """By the spools, (n, tendons), m, where no velocities were commanded"""
+    velocity: Array
+    """Commanded to the spools, (n, tendons), rad/s"""
+    wrench: Array
+    """(n, 6), N and N m"""
+    grip: Array
+    """(n, 1), N"""
+    step: float
+    """s"""
+    recorded: slice
+    """Steps at which there is a row of the recording."""
+
+
+def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", notes: Sequence[str] = ()) -> RoutingRun:
+    """Return a run's inputs and readings as a recording to identify from; the search starts from the instrument.
+
+    Raises
+    ------
+    IdentificationError
+        The run lacks tensions, is too short, or too much of it is corrupt.
+    """
+    signals = run.signals()
+    if "measured_tension" not in signals:
+        raise IdentificationError(f"{name} lacks measured_tension.", key="signals", value=["measured_tension"])
+    columns: dict[str, Array] = {}
+    handle = next((one for one in ("commanded_handle_angle", "measured_handle_angle") if one in signals), None)
+    # as with the handle, what was commanded is known without noise
+    spool = "commanded_spool_velocity" if "commanded_spool_velocity" in signals else "measured_spool_angle"
+    listed = {"measured_tension": run.tendons, spool: run.tendons, "measured_output_angle": run.joints}
+    listed |= {} if handle is None else {handle: run.handle_joints}
+    for signal, names in listed.items():
+        if signal in signals:
+            short = "handle_angle" if signal == handle else signal.removeprefix("measured_").removeprefix("commanded_")
+            columns |= {f"{short}.{one}": row for one, row in zip(names, run.by_column(signal).T, strict=True)}
+    if "wrench" in signals:
+        columns |= {f"wrench.{one}": row for one, row in zip(_COMPONENTS, signals["wrench"].T, strict=True)}
+    if np.any(signals.get("applied_grip_force", 0.0)):
+        columns["grip_force"] = signals["applied_grip_force"]
+    if spool == "commanded_spool_velocity" and "measured_spool_angle" in signals:
+        begun = run.by_column("measured_spool_angle")[0]
+        begun = np.where(np.abs(begun) < _AT_HOME, 0.0, begun)
+        columns |= {f"spool_angle.{one}": np.full(len(run), at) for one, at in zip(run.tendons, begun, strict=True)}
+    columns = {key: row for key, row in columns.items() if np.isfinite(row).any()}
+    raw = Raw(name, run.time, columns)
+    for note in notes:
+        raw.note(note)
+    if "wrench" not in signals:
+        raw.note("no load was recorded: the tip is taken to be free")
+    if np.any(signals.get("held_stiffness", 0.0)):
+        raw.note("what the jaws held is left out")
+    raw.finite()
+    raw.clock((("s", 1.0),))
+    raw.enough()
+    raw.gaps()
+    done = raw.done()
+    own = None if inst is None else expanded(inst)
+    return RoutingRun(done.name, done.time, done.columns, done.notes, instrument=own)
+
+
+def load(path: Path, progress: Progress | None = None) -> RoutingRun:
+    """Return a recording with its instrument; raises IdentificationError if it has none, or as :func:`of_run`."""
+    with as_identification():
+        recording, notes = first_rows(path, _USED, progress)
+        inst = recording.instrument() if "instrument" in recording.metadata else None
+    return of_run(recording.run, inst, name=path.name, notes=notes)
+
+
+class Routing(Problem):
+    """Recordings of all tendons of an instrument, and what of it is unknown.
+
+    Unknown are each tendon's stiffness and pretension, where tendons cross pulleys, rigidities of backbones, friction
+    coefficients, and offsets of the joints' encoders.
+
+    Raises
+    ------
+    IdentificationError
+        No instrument is known, a recording lacks one of its tendons or joints of the handle, or nothing moves in it.
+    """
+
+    def __init__(self, runs: Sequence[MeasuredRun], law: str, inst: FullForm) -> None:
+        if law not in LAWS:
+            raise IdentificationError(key="law", value=law, allowed=" or ".join(LAWS))
+        self.inst = _under(law, inst)
+        self.runs = tuple(one.name for one in runs)
+        self._bends = inst.arc_places
+        self._inputs = [self._input(one) for one in runs]
+        self._compared = [slice(None, None, -(-len(one) // MOST_COMPARED)) for one in runs]
+        self._times = [one.time[rows] for one, rows in zip(runs, self._compared, strict=True)]
+        self._measured = [
+            {channel: row[rows] for channel, row in self._channels(one).items()}
+            for one, rows in zip(runs, self._compared, strict=True)
+        ]
+        self.parameters = self._parameters()
+        self._step = _STEP
+        self._known: tuple[bytes, int, dict[str, Array]] | None = None
+
+    def _input(self, run: MeasuredRun) -> _Inputs:
+        """Return what is given to the twin, at each of its steps."""
+        name, columns, count = run.name, run.columns, len(run)
+        needed = [f"tension.{one.name}" for one in self.inst.tendons]
+        needed += [f"handle_angle.{one.name}" for one in self.inst.handle_joints]
+        lacking = [one for one in needed if one not in columns]
+        if lacking:
+            raise IdentificationError(
+                f"{name} lacks {', '.join(lacking)} of {self.inst.name}.", key="columns", value=lacking
+            )
+
+        def rows(names: Sequence[str], scale: float = 1.0) -> Array:
+            zero = np.zeros(count)
+            return (
+                np.stack([scale * columns.get(one, zero) for one in names], axis=1) if names else np.zeros((count, 0))
+            )
+
+        window = min(round(_SMOOTHED / run.sample_time), count)
+        counted = rows([f"spool_angle.{one.name}" for one in self.inst.tendons], Twin(self.inst).spool_radius)
+        wound = savgol_filter(counted, window, 3, axis=0) if window > 3 else counted
+        handle = rows([f"handle_angle.{one.name}" for one in self.inst.handle_joints])
+        velocity = rows([f"spool_velocity.{one.name}" for one in self.inst.tendons])
+        wrench = rows([f"wrench.{one}" for one in _COMPONENTS])
+        grip = rows(["grip_force"])
+        given = (handle, wound, velocity, wrench, grip)
+        if not any(np.ptp(of, axis=0).max(initial=0.0) > least for of, least in zip(given, _LEAST_MOTION, strict=True)):
+            raise IdentificationError(
+                f"{name}: neither handle nor spools nor the load move.", key="columns", value=list(columns)
+            )
+        step, substeps = self._steps(run.sample_time)
+        approach = round(_APPROACH / step)
+        at = np.arange((count - 1) * substeps + 1) / substeps
+
+        def stepped(rows: Array) -> Array:
+            own = [np.interp(at, np.arange(count), row) for row in rows.T]
+            whole = np.stack(own, axis=1) if own else np.zeros((at.size, 0))
+            return np.concatenate([np.outer(np.arange(approach) / approach, whole[0]), whole])
+
+        # a velocity holds for a step, and in the approach there is none
+        held = np.repeat(velocity, substeps, axis=0)[: at.size]
+        return _Inputs(
+            stepped(handle),
+            stepped(wound),
+            np.concatenate([np.zeros((approach, velocity.shape[1])), held]),
+            stepped(wrench),
+            stepped(grip),
+            step,
+            slice(approach, None, substeps),
+        )
+
+    def _steps(self, sample_time: float) -> tuple[float, int]:
+        """Return the longest step of the twin that divides the time between rows, s, and how many there are in it."""
+        for substeps in range(1, _MOST_SUBSTEPS):
+            try:
+                return Twin(self.inst, time_step=sample_time / substeps).time_step, substeps
+            except ArgumentError:
+                continue
+        raise IdentificationError(key="sample_time", value=sample_time, allowed="shorter")
+
+    def _channels(self, run: MeasuredRun) -> dict[str, Array]:
+        """Return what is compared, by channel: tensions, and angles of joints, of a backbone its arcs' sum."""
+        columns = run.columns
+        found = {f"tension.{one.name}": columns[f"tension.{one.name}"] for one in self.inst.tendons}
+        names = [joint.name for joint in self.inst.tip_joints]
+        for bend, arcs in self._bends.items():
+            parts = [columns.get(f"output_angle.{names[i]}") for i in arcs]
+            whole = columns.get(f"output_angle.{bend}")
+            if all(part is not None for part in parts):
+                whole = np.sum([part for part in parts if part is not None], axis=0)
+            if whole is not None:
+                found[f"output_angle.{bend}"] = whole
+        return found
+
+    def _parameters(self) -> tuple[Parameter, ...]:
+        inst, friction = self.inst, self.inst.friction
+        shown = {channel for measured in self._measured for channel in measured}
+        unknowns: dict[str, _Unknown] = {}
+        for tendon in inst.as_given("tendons"):
+            unknowns |= {f"{tendon.name}.{key}": of for key, of in _OF_TENDON.items()}
+        for joint in inst.as_given("joints"):
+            unknowns |= {f"{joint.name}.{key}": of for key, of in _OF_JOINT.items() if getattr(joint, key, None)}
+        found = []
+        for name, of in unknowns.items():
+            # a tendon without pretension may have some, up to 1 N
+            start = self.value(inst, name)
+            found.append((name, of._replace(lower=of.lower * start, upper=of.upper * start or 1.0)))
+        if friction.law != "none":
+            found.append(("friction.vertex_coefficient", _COEFFICIENT))
+            found += [("friction.sheath_coefficient", _COEFFICIENT)] * (friction.sheath_bend > 0)
+        found.append(("dynamics.damping_ratio", _DAMPING))
+        found += [(f"{bend}{_OFFSETS}", _OFFSET) for bend in self._bends if f"output_angle.{bend}" in shown]
+        return tuple(Parameter(name, of.unit, self.value(inst, name), *of[1:]) for name, of in found)
+
+    @staticmethod
+    def value(inst: FullForm, name: str) -> float:
+        """Return what an instrument has as one of the parameters, of an encoder's offset nothing."""
+        table, _, key = name.partition(".")
+        if table in ("friction", "dynamics"):
+            return float(getattr(getattr(inst, table), key))
+        return 0.0 if name.endswith(_OFFSETS) else value_of(inst, name)
+
+    def instrument(self, values: Array) -> FullForm:
+        """Return the instrument with these values in place."""
+        named = dict(zip((one.name for one in self.parameters), values.tolist(), strict=True))
+        tables = {key: value for key, value in named.items() if key.startswith(("friction.", "dynamics."))}
+        own = {key: value for key, value in named.items() if key not in tables and not key.endswith(_OFFSETS)}
+        return with_values(self.inst, list(own), np.array(list(own.values()))).replace(**tables)
+
+    def sample_time(self, run: int) -> float:
+        """Return the time between the steps that are taken, s."""
+        return float(self._times[run][1] - self._times[run][0])
+
+    def channels(self, run: int) -> int:
+        """Return how many tensions and angles are compared."""
+        return len(self._measured[run])
+
+    def sensors(self, run: int) -> tuple[str, ...]:
+        """Return their names."""
+        return tuple(self._measured[run])
+
+    def _noise(self, channel: str) -> float:
+        """Return the standard deviation of a reading, that of its steps included."""
+        sensors = self.inst.sensors
+        if channel.startswith("tension"):
+            return sqrt(sensors.load_cell_noise**2 + (sensors.load_cell_range / 2**sensors.load_cell_bits) ** 2 / 12)
+        one = sqrt(sensors.encoder_noise**2 + (sensors.encoder_range / 2**sensors.encoder_bits) ** 2 / 12)
+        return one * sqrt(len(self._bends[channel.partition(".")[2]]))
+
+    def _model(self, values: Array, run: int) -> dict[str, Array]:
+        """Return the readings of the twin by channel, NaN where it has no equilibrium."""
+        key = values.tobytes()
+        if self._known is not None and self._known[:2] == (key, run):
+            return self._known[2]
+        inputs = self._inputs[run]
+        inst = self.instrument(values)
+        try:
+            whole = Twin(inst, time_step=inputs.step).run(
+                inputs.handle,
+                wrench=inputs.wrench,
+                spool_velocity=inputs.velocity,
+                let_out=-inputs.wound,
+                grip_force=inputs.grip[:, 0],
+            )
+        except (NoSolutionError, ArgumentError):
+            return {channel: np.full(row.size, np.nan) for channel, row in self._measured[run].items()}
+        offsets = dict(zip((one.name for one in self.parameters), values.tolist(), strict=True))
+        tension, angle = (
+            whole.by_column(signal)[inputs.recorded][self._compared[run]] for signal in ("tension", "output_angle")
+        )
+        found = {f"tension.{one.name}": tension[:, i] for i, one in enumerate(inst.tendons)}
+        for bend, arcs in self._bends.items():
+            found[f"output_angle.{bend}"] = angle[:, arcs].sum(axis=1) + offsets.get(f"{bend}.encoder_offset", 0.0)
+        model = {channel: found[channel] for channel in self._measured[run]}
+        self._known = (key, run, model)
+        return model
+
+    def residuals(self, values: Array, run: int) -> Array:
+        """Return measured minus model of all tensions, then of all angles, over their noise."""
+        model = self._model(values, run)
+        parts = [(row - model[channel]) / self._noise(channel) for channel, row in self._measured[run].items()]
+        return np.nan_to_num(np.concatenate(parts), nan=_LOST)
+
+    def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
+        """Return differences of the residuals by parameters, of a step in which stick and slip hardly turn."""
+        sizes = scales(self.parameters, values)
+        columns = []
+        for at in which:
+            one = self.parameters[at]
+            above, below = values.copy(), values.copy()
+            above[at] = min(values[at] + self._step * sizes[at], one.upper)
+            below[at] = max(values[at] - self._step * sizes[at], one.lower)
+            columns.append((self.residuals(above, run) - self.residuals(below, run)) / (above[at] - below[at]))
+        return np.stack(columns, axis=1)
+
+    def refine(self, values: Array, runs: Sequence[int]) -> bool:
+        """Halve the difference by which slopes are taken; a search that ended early goes on."""
+        self._step /= 2
+        return self._step >= _LEAST_STEP
+
+    def jacobian(self, values: Array, run: int) -> Array:
+        """Return them by all parameters."""
+        return self.derivatives(values, run, range(len(self.parameters)))
+
+    def systematic_errors(self, values: Array, run: int) -> Array:
+        """Return effects of one deviation of each load cell's offset and gain on residuals, (n, 2 tendons)."""
+        sensors, measured = self.inst.sensors, self._measured[run]
+        count = len(self._times[run])
+        effects = []
+        for place, (channel, row) in enumerate(measured.items()):
+            if not channel.startswith("tension"):
+                continue
+            for error in (np.full(count, sensors.load_cell_offset), sensors.load_cell_gain_error * row):
+                effect = np.zeros(count * len(measured))
+                effect[place * count : (place + 1) * count] = error / self._noise(channel)
+                effects.append(effect)
+        return np.stack(effects, axis=1)
+
+    def errors(self, values: Array, run: int) -> dict[str, Array]:
+        """Return measured minus model of tensions in N and angles in degrees, of each kind one after another."""
+        model = self._model(values, run)
+        of: dict[str, list[Array]] = {}
+        for channel, row in self._measured[run].items():
+            key, scale = _shown(channel)
+            of.setdefault(key, []).append(scale * (row - model[channel]))
+        return {key: np.concatenate(parts) for key, parts in of.items()}
+
+    def traces(self, values: Array, run: int) -> dict[str, Trace]:
+        """Return measured and modelled tensions and angles."""
+        model = self._model(values, run)
+        found = {}
+        for channel, row in self._measured[run].items():
+            key, scale = _shown(channel)
+            name = f"{channel}_{key.rpartition('_')[2]}"
+            found[name] = Trace(self._times[run], scale * row, scale * model[channel])
+        return found
+
+
+def _shown(channel: str) -> tuple[str, float]:
+    """Return a channel's kind with its unit, and how much of that its SI unit is."""
+    return ("tension_N", 1.0) if channel.startswith("tension") else ("output_angle_deg", degrees(1))
+
+
+def _under(law: str, inst: FullForm) -> FullForm:
+    """Return the instrument under a friction law; coefficients of zero begin above it."""
+    friction = inst.friction
+    if law == "none":
+        without = dict.fromkeys(("friction.vertex_coefficient", "friction.sheath_coefficient"), 0.0)
+        return inst.replace(**{"friction.law": "none"}, **without)
+    keys = ["vertex_coefficient"] + ["sheath_coefficient"] * (friction.sheath_bend > 0)
+    started = {f"friction.{key}": getattr(friction, key) or _LEAST_COEFFICIENT for key in keys}
+    return inst.replace(**{"friction.law": "capstan", **started})
+
+
+def problem(train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Any = None) -> Routing:
+    """Return the model with its recordings, those of train first; raises as :class:`Routing`."""
+    runs = [*train, *test]
+    own = next((one.instrument for one in runs if isinstance(one, RoutingRun) and one.instrument is not None), None)
+    inst = own if instrument is None else expanded(instrument)
+    if inst is None:
+        raise IdentificationError(
+            f"{runs[0].name} does not name its instrument; give one.", key="instrument", value=None
+        )
+    return Routing(runs, law, inst)
+
+
+FORMAT = Format(load, problem, LAWS, "capstan", shows_progress=True)

@@ -1,0 +1,138 @@
+// Claims about loads that alternate: when they are known, and when the tip is left to friction.
+
+#include "tenodesis/alternation.hpp"
+
+#include "claim.hpp"
+
+using namespace tenodesis;
+
+constexpr double dt = 1e-3;      // s
+constexpr double jump = 1e-4;    // m
+constexpr double dead = 1e-5;    // m
+constexpr double tracked = 0.1;  // s, in which motors bring the tip back
+
+template <class S>
+struct Fixture {
+  AlternationState<S> state{};
+  S stroke{};
+  double time{}, leaned{};  // s
+
+  void tick(double certain, bool moving = false, double handle = 0) {
+    follow<S>({S(certain), stroke, S(dead), S(2 * dead), S(jump), S(handle), moving}, S(dt), state);
+    time += dt;
+    if (state.leans) leaned += dt;
+  }
+
+  /// A load that jumps to and fro, by so much of the error, until the motors or friction have the tip on target.
+  void alternate(double half, int jumps, double size, double left_by_friction = 1, double handle = 0) {
+    for (int n = 0; n < jumps; ++n) {
+      const double side = n % 2 == 0 ? 1 : -1;
+      for (double at = 0; at < half; at += dt) {
+        const double error = side * size * (state.leans ? left_by_friction : at < tracked ? 1 : 0);
+        tick(error, false, side * handle);
+      }
+    }
+  }
+};
+
+template <class S>
+void three_opposed_jumps_show_a_load_that_alternates_and_then_friction_holds_the_tip() {
+  Fixture<S> fixture;
+  fixture.alternate(1, 2, 4 * jump);
+  CLAIM(!fixture.state.alternates() && !fixture.state.leans);
+  fixture.alternate(1, 2, 4 * jump, 0.1);
+  CLAIM(fixture.state.alternates() && fixture.state.leans);
+  CLAIM(fixture.leaned > 1.5);
+}
+
+// As those of a load that is put on for long and is gone for a short time.
+template <class S>
+void jumps_at_unlike_distances_are_no_such_load() {
+  Fixture<S> fixture;
+  for (int n = 0; n < 6; ++n) {
+    const double side = n % 2 == 0 ? 1 : -1;
+    const double half = n % 2 == 0 ? 2.5 : 1;
+    for (double at = 0; at < half; at += dt) fixture.tick(at < tracked ? side * 4 * jump : 0);
+  }
+  CLAIM(fixture.state.jumps > 3 && fixture.leaned == 0);
+}
+
+template <class S>
+void a_tip_that_friction_does_not_hold_is_tracked() {
+  Fixture<S> fixture;
+  fixture.alternate(1, 12, 4 * jump, 0.9);
+  CLAIM(!fixture.state.leans || fixture.leaned < 0.5 * fixture.time);
+}
+
+template <class S>
+void small_errors_and_jumps_to_one_side_are_no_such_load() {
+  Fixture<S> small;
+  small.alternate(1, 12, 0.9 * jump);
+  CLAIM(small.state.jumps == 0 && small.leaned == 0);
+  Fixture<S> one_sided;
+  for (int n = 0; n < 6000; ++n) one_sided.tick(n % 1000 < 100 ? 4 * jump : 0);
+  CLAIM(!one_sided.state.alternates() && one_sided.leaned == 0);
+}
+
+// A hand that moves makes jumps itself, and so does the motors' own stroke.
+template <class S>
+void neither_the_hand_nor_the_motors_make_a_load() {
+  Fixture<S> hand;
+  hand.alternate(1, 12, 4 * jump, 1, tuning::swing_hand_travel);
+  CLAIM(!hand.state.alternates() && hand.leaned == 0);
+  Fixture<S> moving;
+  moving.alternate(1, 6, 4 * jump, 0.1);
+  moving.tick(0, true);
+  CLAIM(!moving.state.alternates() && !moving.state.leans);
+  Fixture<S> stroke;
+  for (int n = 0; n < 6000; ++n) {
+    const double side = n / 1000 % 2 == 0 ? 1 : -1;
+    const bool wound = n % 1000 < 100;
+    stroke.stroke = S(wound ? 4 * side * jump : 0);
+    stroke.tick(wound ? 4 * side * jump : 0);
+  }
+  CLAIM(!stroke.state.alternates() && stroke.leaned == 0);
+}
+
+template <class S>
+void a_load_that_has_ceased_is_forgotten() {
+  Fixture<S> fixture;
+  fixture.alternate(1, 4, 4 * jump, 0.1);
+  CLAIM(fixture.state.leans);
+  for (double at = 0; at < 3; at += dt) fixture.tick(0);
+  CLAIM(!fixture.state.leans);
+}
+
+template <class S>
+void what_friction_leaves_is_taken_away_and_a_stroke_given_back_only_as_far_as_friction_holds() {
+  AlternationState<S> state{};
+  state.mean = S(-1e-4);
+  const S held = S(2e-5);
+  const S speed = leaning_speed(state, S(0), held);
+  CLAIM(speed < S(0));
+  CLAIM_NEAR(double(speed), -tuning::alternation_return * tuning::alternation_spare * double(held), 1e-9);
+  CLAIM(leaning_speed(state, S(0), S(0)) == S(0));
+  state.offset = S(1e-5);
+  CLAIM(leaning_speed(state, S(0), S(0)) > S(0));
+  // Where motors are too slow for the load, the stroke goes all the way.
+  state.fast = true;
+  state.offset = S(0);
+  CLAIM_NEAR(double(leaning_speed(state, S(0), held)), tuning::alternation_return * double(state.mean), 1e-9);
+}
+
+template <class S>
+void in_one_precision() {
+  three_opposed_jumps_show_a_load_that_alternates_and_then_friction_holds_the_tip<S>();
+  jumps_at_unlike_distances_are_no_such_load<S>();
+  a_tip_that_friction_does_not_hold_is_tracked<S>();
+  small_errors_and_jumps_to_one_side_are_no_such_load<S>();
+  neither_the_hand_nor_the_motors_make_a_load<S>();
+  a_load_that_has_ceased_is_forgotten<S>();
+  what_friction_leaves_is_taken_away_and_a_stroke_given_back_only_as_far_as_friction_holds<S>();
+}
+
+int main() {
+  in_one_precision<double>();
+  in_one_precision<float>();
+  return claims::report();
+}

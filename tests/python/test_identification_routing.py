@@ -1,0 +1,105 @@
+"""Claims about unknowns of any routing: truth in the intervals, what a recording must hold, what the command fits."""
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import tenodesis as tn
+from tenodesis.errors import IdentificationError
+from tenodesis.identification import fit, routing
+from tenodesis.identification.formats.measured import MeasuredRun
+from tenodesis.instrument import FullForm
+from tenodesis.instrument.text import to_toml
+from tenodesis.recording import Recorder
+from tenodesis.run import Run
+
+from .conftest import ROOT, refused
+
+sys.path.append(str(ROOT / "studies"))
+from coverage import routed
+
+OPEN = ["jaw_1_wound.stiffness", "pitch_wound.pretension", "friction.vertex_coefficient", "jaw_2.encoder_offset"]
+
+
+@pytest.fixture(scope="module")
+def driven() -> tuple[FullForm, FullForm, Run]:
+    return routed(1, "needle-driver", seconds=2.0)
+
+
+def known(inst: FullForm, true: FullForm) -> FullForm:
+    """The true instrument but for what is open."""
+    return inst.replace(
+        tendons=[
+            one.model_copy(
+                update={
+                    "stiffness": own.stiffness if one.name == "jaw_1_wound" else one.stiffness,
+                    "pretension": own.pretension if one.name == "pitch_wound" else one.pretension,
+                }
+            )
+            for one, own in zip(true.as_given("tendons"), inst.as_given("tendons"), strict=True)
+        ],
+        **{"friction.vertex_coefficient": 0.1},
+    )
+
+
+def test_the_truth_is_in_the_intervals(driven: tuple[FullForm, FullForm, Run]) -> None:
+    inst, true, run = driven
+    problem = routing.problem([routing.of_run(run, known(inst, true))], [], law="capstan")
+    found = fit(problem, OPEN, train=[0], starts=1)
+    for name, (low, high) in found.interval_95.items():
+        assert low <= problem.value(true, name) <= high
+    assert found.train_rmse["tension_N"] < 1.2 * inst.sensors.load_cell_noise
+    identified = problem.instrument(found.vector)
+    assert identified.friction.vertex_coefficient == found.values["friction.vertex_coefficient"]
+
+
+def test_the_truth_leaves_the_sensors_noise(driven: tuple[FullForm, FullForm, Run]) -> None:
+    inst, true, run = driven
+    problem = routing.problem([routing.of_run(run, inst)], [], law="capstan")
+    truth = np.array([problem.value(true, one.name) for one in problem.parameters])
+    # but for moments at which a tendon slips a little earlier or later
+    assert 1.56 < np.quantile(np.abs(problem.residuals(truth, 0)), 0.9) < 1.75  # 1.645 of a normal distribution
+    assert {"friction", "stiffness", "pretension", "offset", "viscous"} == set(problem.groups)
+
+
+def test_recordings_without_a_tendon_or_a_motion_are_refused(driven: tuple[FullForm, FullForm, Run]) -> None:
+    inst, _, run = driven
+    whole = routing.of_run(run, inst)
+    less = {name: row for name, row in whole.columns.items() if name != "tension.jaw_1_wound"}
+    with refused("columns", kind=IdentificationError):
+        pose(whole, less)
+    still = {name: row if name.startswith("tension") else 0 * row for name, row in whole.columns.items()}
+    with refused("columns", kind=IdentificationError):
+        pose(whole, still)
+    with refused("instrument", kind=IdentificationError):
+        routing.problem([routing.of_run(run)], [], law="capstan")
+
+
+def pose(whole: MeasuredRun, columns: dict[str, np.ndarray]) -> routing.Routing:
+    assert isinstance(whole, routing.RoutingRun)
+    return routing.problem(
+        [routing.RoutingRun("run", whole.time, columns, instrument=whole.instrument)], [], law="none"
+    )
+
+
+def test_the_command_fits_all_tendons_of_a_recording(
+    driven: tuple[FullForm, FullForm, Run], tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]]
+) -> None:
+    inst, _, run = driven
+    with Recorder("run.mcap", axes=run.names, metadata={"instrument": to_toml(inst)}) as recorder:
+        recorder.write(run)
+    code, out, _ = tenodesis("identify", "run.mcap", "--fit", "jaw_1_wound.stiffness", "--json")
+    found = json.loads(out)
+    assert code == 0
+    assert found["format"] == "tendons"
+    assert (tmp_path / "out" / "identification" / "report.html").exists()
+    identified = tn.load("out/identification/instrument.toml")
+    assert isinstance(identified, FullForm)
+    own = next(one for one in identified.as_given("tendons") if one.name == "jaw_1_wound")
+    named = found["parameters"]
+    assert_allclose(own.stiffness, named["jaw_1_wound.stiffness"]["value"], rtol=1e-8)
