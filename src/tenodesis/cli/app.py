@@ -10,7 +10,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from tenodesis.cli.table import ALL, HELP_OPTIONS, VERSION_OPTION, Entry, EntryGroup, print_help, print_overview
-from tenodesis.errors import CommandInterruptedError
+from tenodesis.errors import CommandError, CommandInterruptedError
 from tenodesis.version import __version__
 
 _DEFAULT = "list"
@@ -40,7 +40,7 @@ class _Command(TyperCommand):
                 name, _, kind = written.partition(" ")
             else:
                 name = ", ".join([*one.opts, *one.secondary_opts])
-                kind = "" if one.is_flag else written.split(one.opts[0])[-1].strip()
+                kind = "" if getattr(one, "is_flag", False) else written.split(one.opts[0])[-1].strip()
             # spaces, at which a line may end
             kind = "" if kind in {"<str>", "<path>"} else kind.replace("|", " | ")
             panels["Arguments" if one.param_type_name == "argument" else "Options"].append(
@@ -72,6 +72,18 @@ class _Commands(TyperGroup):
         """Print the help from the table of commands."""
         usage = " ".join([ctx.command_path, *self.collect_usage_pieces(ctx)])
         print_overview(usage, self._group)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the command that is called; a word for what other commands do is answered with these."""
+        if args[0] == "plot" and self._group is ALL:
+            raise CommandError(
+                "plot is no command; tenodesis replay FILE --plot-out FIGURE.png draws a recording, with --instrument "
+                "beside what another instrument makes of it; bench and identify write figures, and tn.plot in Python "
+                "draws the signals of any run.",
+                key="COMMAND",
+                value="plot",
+            )
+        return super().resolve_command(ctx, args)
 
     def make_context(self, *arguments: Any, **extra: Any) -> Any:
         """Return the context; Ctrl-C, which typer would end without a word, ends in a sentence."""

@@ -37,6 +37,16 @@ def compare(  # noqa: PLR0917
 ) -> Answer:
     """Compare an instrument with tip poses that another solver computed, by tensions, strokes or handle angles."""
     check_choice("--axes", axes, ("tip", "stem"))
+    for given in (instrument_file, str(poses_file)):
+        if given.endswith(".mcap"):
+            raise CommandError(
+                f"{given} is a recording, and compare takes an instrument and poses; tenodesis replay {given} "
+                "--instrument OTHER --plot-out FIGURE.png draws a recording and what OTHER makes of its commands, and "
+                "tn.plot.run(tn.Recording.open(FILE).run) the signals of one.",
+                key="file",
+                value=given,
+                allowed="an instrument and poses",
+            )
     inst = load_instrument(instrument_file)
     with outputs.files(out=out, picture=picture):
         found = poses.compare(inst, poses_file, arcs=arcs, axes="stem" if axes == "stem" else "tip")

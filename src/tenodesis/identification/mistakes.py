@@ -177,9 +177,12 @@ def doubted(found: Fit, ratio: float, explained: Explanation | None) -> Fit:
         f"{MOST_EXCESS:g} is the most. Nothing is identifiable from them; intervals hold what an error of the model of "
         "that size can do."
     )
+    still = all(found.values[one.name] == one.start for one in found.parameters if one.name in found.free)
     why = (
         explained.statement
         if explained is not None
+        else "The search did not leave its start: begin elsewhere, with more starts."
+        if still
         else "No reversed sign, swapped columns, wrong unit, shipped instrument or single held parameter explains it: "
         "look for another instrument's file, a frozen sensor, or an effect that the model leaves out."
     )

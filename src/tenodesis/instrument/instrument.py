@@ -80,6 +80,12 @@ class Instrument(FileTable, AnyForm):
     devices: Devices = Devices()
     sources: Mapping[str, str] = Field(default={}, description="Source of each value, by key")
 
+    def to_toml(self) -> str:
+        """Return the text of a file of this instrument, from which :func:`parse` reads it back to the last bit."""
+        from tenodesis.instrument.text import to_toml  # noqa: PLC0415 - it needs this class
+
+        return to_toml(self)
+
     @property
     def tip_joints(self) -> tuple[Joint, ...]:
         """Joints at the tip, from the stem outward."""

@@ -192,17 +192,16 @@ def _topics(recording: Recording) -> Table:
     table = Table(
         Column("Topic", no_wrap=True),
         Column("Messages", no_wrap=True),
-        Column("Rate", no_wrap=True),
+        Column("Hz", no_wrap=True),
         Column("Type", overflow="fold"),
         box=box.SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
+        padding=0,
         show_edge=False,
     )
     for name, topic in recording.topics.items():
         reason = recording.left_out.get(name)
-        kind = topic.type.replace("/msg/", "/")  # as ROS writes types in short, which fits 80 columns
-        kind = kind if reason is None else f"{kind}, left out: {reason}"
-        rate = "" if isnan(topic.rate) else f"{topic.rate:.6g} Hz"
+        kind = topic.type if reason is None else f"{topic.type}, left out: {reason}"
+        rate = "" if isnan(topic.rate) else f"{topic.rate:.6g}"
         table.add_row(Text(name), f"{topic.messages}", rate, Text(kind))
     return table
 

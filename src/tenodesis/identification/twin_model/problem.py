@@ -18,7 +18,6 @@ from tenodesis.identification.twin_model.steps import READINGS, SteppedRun, in_s
 from tenodesis.instrument import ShortForm
 from tenodesis.instrument.compliance import compliance_shares
 from tenodesis.run import TENDONS, Array
-from tenodesis.threads import thread_pool
 
 
 class TwinUnknown(NamedTuple):
@@ -283,7 +282,9 @@ class TwinProblem(Problem):
         given = dict(zip(self._names, values.tolist(), strict=True))
         inertia = given["dynamics.tip_inertia"] / self._nominal["tip_inertia"]
         swiftness = sqrt(given["stiffness_ratio"] / inertia)
-        finer = swiftness > tuning.SWIFTER * self._swiftness and any(one.stride > 1 or one.substeps > 1 for one in self._runs)
+        finer = swiftness > tuning.SWIFTER * self._swiftness and any(
+            one.stride > 1 or one.substeps > 1 for one in self._runs
+        )
         if finer:
             self._swiftness = swiftness
             self._step([in_steps(run, self._inst, 1) for run in self._measured], self._numbers(values))
@@ -298,26 +299,6 @@ class TwinProblem(Problem):
         return tuple(
             one.sensors[name].deviation_of_mean(one.stride) / one.sensors[name].deviation for name in one.measured
         )
-
-    def systematic_errors(self, values: Array, run: int) -> Array | None:
-        """Return what commands with drawn errors do to residuals beyond what is marginalised out, (n, draws).
-
-        Commands are drawn as their errors may have been; what friction makes of a turn of the handle in place of rest
-        is not linear in them, and has a mean.
-        """
-        near = self._marginalisation(self.plain_residuals(values, run), values, run)
-        one = self._runs[run]
-        if near is None:
-            return None
-        draw = np.random.default_rng(0)
-        undisturbed = self._expected(one.commands, values, run)
-
-        def effect(drawn: Array) -> Array:
-            return near.whitened(self._expected(one.disturbed(drawn), values, run) - undisturbed)
-
-        errors = [one.mixing @ draw.standard_normal(one.mixing.shape[1]) for _ in range(tuning.DRAWS)]
-        with thread_pool() as pool:
-            return np.stack(list(pool.map(effect, errors)), axis=1) / sqrt(tuning.DRAWS)
 
     def sample_time(self, run: int) -> float:
         """Return the time between residuals of a sensor, s."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, eigh, solveh_banded
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from tenodesis import _core
 from tenodesis.identification.formats.measured import MeasuredRun
@@ -114,7 +114,8 @@ def smoothed(values: Array, sample_time: float, sensor: QuantisedSensor) -> Reco
         penalised, smooth, blur, risk = kinked, new_smooth, new_blur, new_risk
     if not blur:
         return ReconstructedPath(values)
-    errors, mixing = _smoothing_errors(penalised, blur, deviation)
+    # a kink may lie a sample beside where it was put
+    errors, mixing = _smoothing_errors(minimum_filter1d(penalised, 3), blur, deviation)
     rounding = [
         PathError(0, sqrt(size) * wave(number * smooth))
         for number, size in sensor.harmonics(deviation**2)
@@ -355,13 +356,6 @@ class SteppedRun(NamedTuple):
         count = len(self.commands)
         at = (np.arange(1, self.substeps * count + 1) / self.substeps) - 1
         return np.stack([np.interp(at, np.arange(count), column) for column in self.commands.T], axis=1)
-
-    def disturbed(self, sizes: Array) -> Array:
-        """Return the commands with their errors in given sizes, (errors,)."""
-        commands = self.commands.copy()
-        for error, size in zip(self.input_errors, sizes.tolist(), strict=True):
-            commands[error.first : error.first + error.shape.size, error.column] += size * error.shape
-        return commands
 
     @property
     def deviation(self) -> dict[str, float]:

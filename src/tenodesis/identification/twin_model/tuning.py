@@ -47,9 +47,6 @@ MEMORY_SHRINKAGE = 0.8
 """Factor by which that time is shortened, from the entire run, until there are few enough runs."""
 NEGLIGIBLE_EFFECT = 1e-12
 """Variance of an effect, over that of a reading, below which its shrinkage is replaced by its limit."""
-DRAWS = 24
-"""Commands drawn for the effects that marginalising leaves: their spread is known to a seventh."""
-
 # How a recording begins (`steps`).
 LEAD_TIME = 0.5
 """s, for the way from rest to the start of a run that does not begin at rest."""
