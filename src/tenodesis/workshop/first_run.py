@@ -281,20 +281,20 @@ def _loads(design: Design) -> list[TestLoad]:
     return allowed or tests[:1]
 
 
-def rehearse(design: Design, *, brief: bool = False) -> FirstRun:
+def rehearse(design: Design, *, brief: bool = False, seed: int = 0) -> FirstRun:
     """Run the first ten minutes of a design on the twin, without and with the controller.
 
     What is read is that of a brief run, which has the same phases; with the controller it is the whole one unless
-    `brief`. Raises ProtocolError if the twin cannot run the protocol.
+    `brief`. The sensors' noise has a seed. Raises ProtocolError if the twin cannot run the protocol.
     """
     inst = design.scaled_up.planar[0]
     stages = _stages(design, brief=True)
     last = max(n for n, stage in enumerate(stages) if stage.read) + 1
     read = parse("\n".join(['name = "read"', *_text(stages[:last], controlled=False)]), FIRST_RUN)
-    runs = [_phases(_with_friction(inst, share), read) for share in (1.0, *UNCERTAIN)]
+    runs = [_phases(_with_friction(inst, share), read, seed) for share in (1.0, *UNCERTAIN)]
     controller = Controller(inst, homed=False)
     steps = [stage for stage in _stages(design, brief=brief) if not stage.winds]
-    closed = _staged(steps, _phases(inst, protocol(design, controlled=True, brief=brief), controller))
+    closed = _staged(steps, _phases(inst, protocol(design, controlled=True, brief=brief), seed, controller))
     faults = [int(value) for run in closed for value in np.unique(np.asarray(run["faults"]).astype(np.int64))]
     loaded = [run for step, run in zip(steps, closed, strict=True) if step.read == "load"]
     left = max((abs(_moved(run, _loaded(run))) for run in loaded), default=0.0)
@@ -302,9 +302,9 @@ def rehearse(design: Design, *, brief: bool = False) -> FirstRun:
     return FirstRun(protocol(design), tuple(readings), _demand(inst, closed), left, int(np.bitwise_or.reduce(faults)))
 
 
-def _phases(inst: ShortForm, planned: Protocol, controller: Controller | None = None) -> list[Run]:
+def _phases(inst: ShortForm, planned: Protocol, seed: int, controller: Controller | None = None) -> list[Run]:
     """Return the run of every phase of one run of a protocol, on a twin whose tendons are slack before."""
-    twin = Twin(inst)
+    twin = Twin(inst, seed=seed)
     twin.loosen(max(2e-3, 1.25 * inst.pretension / inst.tendon_stiffness))
     whole = execute(twin, planned, controller)
     steps = [round(phase.seconds / twin.time_step) for phase in planned.plan(inst, twin.time_step)]
