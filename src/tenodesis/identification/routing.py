@@ -46,6 +46,7 @@ _LEAST_MOTION = (0.02, 1e-4, 1e-3, 1e-2, 1e-2)
 _USED = (
     *("commanded_handle_angle", "measured_handle_angle", "commanded_spool_velocity", "measured_spool_angle"),
     *("measured_tension", "measured_output_angle", "wrench", "applied_grip_force", "held_stiffness"),
+    "commanded_spool_tension",
 )
 """Signals that are read of a recording."""
 _COMPONENTS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
@@ -116,8 +117,9 @@ def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", n
         raise IdentificationError(f"{name} lacks measured_tension.", key="signals", value=["measured_tension"])
     columns: dict[str, Array] = {}
     handle = next((one for one in ("commanded_handle_angle", "measured_handle_angle") if one in signals), None)
-    # as with the handle, what was commanded is known without noise
-    spool = "commanded_spool_velocity" if "commanded_spool_velocity" in signals else "measured_spool_angle"
+    # as with the handle, what was commanded is known without noise, unless drives held tensions instead
+    follows = "commanded_spool_velocity" in signals and not np.any(signals.get("commanded_spool_tension", 0.0))
+    spool = "commanded_spool_velocity" if follows else "measured_spool_angle"
     listed = {"measured_tension": run.tendons, spool: run.tendons, "measured_output_angle": run.joints}
     listed |= {} if handle is None else {handle: run.handle_joints}
     for signal, names in listed.items():
@@ -128,7 +130,7 @@ def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", n
         columns |= {f"wrench.{one}": row for one, row in zip(_COMPONENTS, signals["wrench"].T, strict=True)}
     if np.any(signals.get("applied_grip_force", 0.0)):
         columns["grip_force"] = signals["applied_grip_force"]
-    if spool == "commanded_spool_velocity" and "measured_spool_angle" in signals:
+    if follows and "measured_spool_angle" in signals:
         begun = run.by_column("measured_spool_angle")[0]
         begun = np.where(np.abs(begun) < _AT_HOME, 0.0, begun)
         columns |= {f"spool_angle.{one}": np.full(len(run), at) for one, at in zip(run.tendons, begun, strict=True)}
