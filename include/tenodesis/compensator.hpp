@@ -54,25 +54,25 @@ enum class Phase : unsigned char {
 template <class S>
 struct CompensatorState {
   Phase phase{Phase::track};
+  Phase stroke{Phase::pull};  ///< the last stroke
+  bool moving{};              ///< whether the hand moves
+  bool correcting{};          ///< whether the tip, as a stroke has shown it, is corrected without a stroke
+  bool yielding{};            ///< whether the force limit has held the law back in this tick
+  bool second{};              ///< whether this tick is the second of two
+  int turns{};                ///< reversals of strokes since the motors last rested
   S handle_angle{};           ///< with the observer's play, rad
   S held_angle{};             ///< handle angle when the hand was last still, rad
   S stepped_angle{};          ///< handle angle at its last step that stands out, rad
-  bool moving{};              ///< whether the hand moves
   S hand{};                   ///< direction of the handle's last motion
   S still{};                  ///< time since that motion, s
   S since{};                  ///< time in this phase, s
   S near{};                   ///< time that the tip has been within the dead band, less three times that it has not, s
-  Phase stroke{Phase::pull};  ///< the last stroke
-  int turns{};                ///< reversals of strokes since the motors last rested
   S tolerance{1};             ///< factor by which the dead band has grown over strokes that did not end in it
-  bool correcting{};          ///< whether the tip, as a stroke has shown it, is corrected without a stroke
   S goal{};                   ///< differential stroke of that correction, or at the begin of a stroke, m
   S reach{};                  ///< how far a stroke may go from there, m
   EnvelopeState<S> envelope{};
   AlternationState<S> load{};
-  bool second{};    ///< whether this tick is the second of two
-  S short_of{};     ///< by how much the last stroke ended early because a tendon got loose, m
-  bool yielding{};  ///< whether the force limit has held the law back in this tick
+  S short_of{};  ///< by how much the last stroke ended early because a tendon got loose, m
 
   constexpr Phase shown() const {
     if (yielding) return Phase::yielding;

@@ -173,7 +173,7 @@ def test_a_ramp_may_end_in_any_load_and_the_jaws_may_be_pressed_apart(wrist: tn.
         (
             "needle-driver",
             Ramp(handle_angle=0.1, duration=1),
-            "handle_angle is given, but .*give handle_angles",
+            "handle_angle is given, but .*give spool_velocities",
         ),
         ("hybrid-scaled-up", Ramp(handle_angles={"yaw": 0.1}, duration=1), "names yaw; it must name joints of the han"),
         ("hybrid-scaled-up", Ramp(spool_velocities={"x": 0.1}, duration=1), "names x; it must name tendons"),

@@ -28,7 +28,7 @@ OPEN = ["jaw_1_wound.stiffness", "pitch_wound.pretension", "friction.vertex_coef
 
 @pytest.fixture(scope="module")
 def driven() -> tuple[FullForm, FullForm, Run]:
-    return routed(1, "needle-driver", seconds=2.0)
+    return routed(2, "needle-driver", seconds=2.0)
 
 
 def known(inst: FullForm, true: FullForm) -> FullForm:
@@ -87,13 +87,31 @@ def pose(whole: MeasuredRun, columns: dict[str, np.ndarray]) -> routing.Routing:
     )
 
 
-def test_the_command_fits_all_tendons_of_a_recording(
+def test_what_the_model_does_not_explain_is_not_identifiable(
     driven: tuple[FullForm, FullForm, Run], tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]]
 ) -> None:
     inst, _, run = driven
     with Recorder("run.mcap", axes=run.names, metadata={"instrument": to_toml(inst)}) as recorder:
         recorder.write(run)
-    code, out, _ = tenodesis("identify", "run.mcap", "--fit", "jaw_1_wound.stiffness", "--json")
+    code, out, _ = tenodesis("identify", "run.mcap", "--fit", "dynamics.damping_ratio", "--json")
+    assert code == 1
+    assert not json.loads(out)["parameters"]["dynamics.damping_ratio"]["identifiable"]
+
+
+def test_what_the_jaws_hold_ends_a_recording(driven: tuple[FullForm, FullForm, Run]) -> None:
+    inst, _, run = driven
+    held = np.where(run.time < run.time[0] + 1, 0.0, 1e3)
+    object.__setattr__(run, "held_stiffness", held)
+    assert routing.of_run(run, inst).time[-1] == pytest.approx(run.time[0] + 1, abs=1e-3)
+
+
+def test_the_command_fits_all_tendons_of_a_recording(
+    driven: tuple[FullForm, FullForm, Run], tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]]
+) -> None:
+    inst, true, run = driven
+    with Recorder("run.mcap", axes=run.names, metadata={"instrument": to_toml(known(inst, true))}) as recorder:
+        recorder.write(run)
+    code, out, _ = tenodesis("identify", "run.mcap", "--fit", ",".join(OPEN), "--json")
     found = json.loads(out)
     assert code == 0
     assert found["format"] == "tendons"

@@ -351,7 +351,7 @@ def test_a_description_says_what_is_in_the_file(tmp_path: Path) -> None:
         "protocol friction",
         "seed 7",
         "rate 2000 Hz",
-        "/handle/measured_js 5 2000 Hz sensor_msgs/msg/JointState",
+        "/handle/measured_js 5 2000 sensor_msgs/msg/JointState",
         "measured_handle_angle.yaw -20 10 deg",
         "cut.mcap is read up to",
     ):

@@ -232,6 +232,16 @@ def _stem(inst: ShortForm) -> str:
     return ""
 
 
+def _rods(inst: ShortForm) -> str:
+    if inst.joint_type != "continuum" or len(inst.axes) < 2:
+        return ""
+    return (
+        f"axes are {' and '.join(inst.axes)}, each a backbone of its own, {len(inst.axes)} of "
+        f"{1e3 * inst.backbone_length:.4g} mm one after another; one backbone that bends in two planes is listed as a "
+        "joint with planes = 2."
+    )
+
+
 def _reach(inst: ShortForm) -> str:
     reached = float(statics.output_angle(inst, np.array([inst.handle_range]))[0])
     if unloaded_limit(inst.spec) > _AT_ITS_END:
@@ -346,6 +356,7 @@ RULES: tuple[Rule, ...] = (
     Rule("pretension", _strain),
     Rule("pretension", _stress),
     Rule("pretension", _slack),
+    Rule("axes", _rods),
     Rule("handle_range", _reach),
     Rule("conditions.forces", _load),
     Rule("friction.sheath_coefficient", _sheath),

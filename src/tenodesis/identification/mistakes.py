@@ -17,6 +17,7 @@ from tenodesis.identification.comparison import MOST_EXCESS, excess
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.problem import Problem
 from tenodesis.identification.results import Fit
+from tenodesis.identification.routing import Routing
 from tenodesis.identification.search import Search
 from tenodesis.identification.twin_model.problem import TwinProblem
 from tenodesis.instrument import ShortForm, as_short_form, load, shipped
@@ -147,7 +148,7 @@ def shipped_planar() -> dict[str, ShortForm]:
 
 def is_twin(problem: Problem) -> bool:
     """Return whether a model is an instrument's twin, whose residuals are in the noise of its sensors."""
-    return isinstance(getattr(problem, "problem", problem), TwinProblem)
+    return isinstance(getattr(problem, "problem", problem), TwinProblem | Routing)
 
 
 def unexplained_excess(problem: Problem, found: Fit, train: Sequence[int]) -> float:

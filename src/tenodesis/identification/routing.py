@@ -45,7 +45,7 @@ _LEAST_MOTION = (0.02, 1e-4, 1e-3, 1e-2, 1e-2)
 """Spread below which nothing moves the instrument: of handle, rad, spools, m and rad/s, wrench and grip, N or N m."""
 _USED = (
     *("commanded_handle_angle", "measured_handle_angle", "commanded_spool_velocity", "measured_spool_angle"),
-    *("measured_tension", "measured_output_angle", "wrench", "applied_grip_force", "held_stiffness"),
+    *("measured_tension", "measured_output_angle", "wrench", "applied_grip_force", "held_stiffness", "force"),
     "commanded_spool_tension",
 )
 """Signals that are read of a recording."""
@@ -112,9 +112,19 @@ def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", n
     IdentificationError
         The run lacks tensions, is too short, or too much of it is corrupt.
     """
+    notes, held = [*notes], np.flatnonzero(run["held_stiffness"] if "held_stiffness" in run.signals() else 0.0)
+    if held.size:
+        notes.append(f"from {run.time[held[0]]:.4g} s on the jaws hold something, which is not in the model: left out")
+        run = run.rows(0, int(held[0]))
     signals = run.signals()
     if "measured_tension" not in signals:
         raise IdentificationError(f"{name} lacks measured_tension.", key="signals", value=["measured_tension"])
+    if np.any(signals.get("force", 0.0)):
+        raise IdentificationError(
+            f"{name} has forces on single axes, which are not those on one tip; --format recording takes its first "
+            "axis.",
+            key="force",
+        )
     columns: dict[str, Array] = {}
     handle = next((one for one in ("commanded_handle_angle", "measured_handle_angle") if one in signals), None)
     # as with the handle, what was commanded is known without noise, unless drives held tensions instead
@@ -140,8 +150,6 @@ def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", n
         raw.note(note)
     if "wrench" not in signals:
         raw.note("no load was recorded: the tip is taken to be free")
-    if np.any(signals.get("held_stiffness", 0.0)):
-        raw.note("what the jaws held is left out")
     raw.finite()
     raw.clock((("s", 1.0),))
     raw.enough()

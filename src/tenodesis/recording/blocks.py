@@ -19,7 +19,7 @@ from tenodesis.files import open_regular
 from tenodesis.recording import cdr, lab_bags, schemas
 from tenodesis.recording.container import LONGEST_MAGIC, Contents, Messages, Scan, is_mcap
 from tenodesis.recording.decode import Decoded, Decoder, LeftOut, Misfit
-from tenodesis.run import Array, Names, Run, concatenate
+from tenodesis.run import COMPONENTS, Array, Names, Run, concatenate
 
 LEAST_ROWS = 4000
 """Rows of a block, at least; the rest of a chunk comes with them."""
@@ -128,6 +128,8 @@ class RegularBlocks:
         self.damage: str | None = None
         self.events: tuple[Event, ...] = ()
         self._signals = None if signals is None else {*signals, "time"}
+        if self._signals is not None and "wrench" in self._signals:
+            self._signals |= {f"wrench.{part}" for part in COMPONENTS}
         self._every = every
         self._progress = progress
         self._infos = Infos()

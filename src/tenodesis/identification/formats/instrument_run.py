@@ -128,7 +128,11 @@ def first_axis(run: Run) -> dict[str, Array]:
 
 def first_alone(axes: Sequence[str]) -> list[str]:
     """Return a note if there are more axes than the first."""
-    return [f"of the axes {' and '.join(axes)} the first is taken"] if axes[1:] else []
+    return (
+        [f"of the axes {' and '.join(axes)} the first is taken, and the instrument found has it alone"]
+        if axes[1:]
+        else []
+    )
 
 
 def columns_of(signals: Mapping[str, Array], where: str, notes: list[str]) -> dict[str, Array]:
