@@ -484,6 +484,7 @@ def test_formats_are_known_by_name() -> None:
         "endoscope-pair",
         "tendon-sheath",
         "joints",
+        "tendons",
         "recording",
         "csv",
         "mcap",

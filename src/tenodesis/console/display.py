@@ -85,12 +85,16 @@ def shown_signals(inst: Instrument, signals: Mapping[str, Any]) -> ShownSignals:
     stroke = first(("measured_spool_angle", "spool_angle"), tendons) * inst.own_drives.spool_radius
     output = first(_OUTPUT[:2], joints)
     force = first(("force",), joints)
-    aimed, wound = first(("commanded_output_angle",), joints), _wound_to(inst, handle, stroke)
+    aimed = first(("commanded_output_angle",), joints)
+    if names.handle_joints:
+        aimed = targets(inst, handle)
+    elif not np.isfinite(aimed).any():
+        aimed = _wound_to(inst, handle, stroke)
     return ShownSignals(
         time=time,
         handle=handle,
         output=output if np.isfinite(output).any() else of_law(_OUTPUT[2]),
-        target=targets(inst, handle) if names.handle_joints else aimed if np.isfinite(aimed).any() else wound,
+        target=aimed,
         estimated=of_law("estimated_output_angle"),
         deviation=of_law("estimated_output_angle_std"),
         force=force if np.isfinite(force).any() or "wrench" in signals else of_law("estimated_force"),
