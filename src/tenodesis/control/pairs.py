@@ -10,7 +10,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tenodesis.errors import ArgumentError, InstrumentError
-from tenodesis.instrument import FullForm, InstrumentLike, Joint, ShortForm, as_instrument, expanded, in_arcs
+from tenodesis.instrument import (
+    FullForm,
+    Instrument,
+    InstrumentLike,
+    Joint,
+    ShortForm,
+    as_instrument,
+    expanded,
+    in_arcs,
+)
 from tenodesis.instrument.mechanisms import JOINT_TYPES
 from tenodesis.plant import link_rows, mass_matrix
 from tenodesis.run import Names
@@ -64,6 +73,13 @@ def names_of(inst: InstrumentLike) -> Names:
     own = [whole.tip_joints[pair.joint] for pair in pairs(whole).values()]
     groups = (inst.tip_joints, inst.handle_joints, inst.tendons, own)
     return Names(*(tuple(one.name for one in group) for group in groups))
+
+
+def served_motors(inst: Instrument, *, all_joints: bool) -> list[int]:
+    """Return the tendons whose motors a controller commands, by number: all, or those of pairs."""
+    if all_joints:
+        return list(range(len(inst.expanded.tendons)))
+    return [motor for pair in pairs(inst).values() for motor in (pair.agonist, pair.antagonist)]
 
 
 def compensated(inst: InstrumentLike) -> ShortForm:

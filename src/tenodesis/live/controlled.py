@@ -2,7 +2,7 @@
 
 from functools import lru_cache
 
-from tenodesis.control.pairs import Pair, compensated, names_of, pairs
+from tenodesis.control.pairs import Pair, compensated, names_of, pairs, served_motors
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.run import Names
@@ -29,7 +29,7 @@ def served_pairs(inst: Instrument) -> dict[str, Pair]:
 
 def free_motors(inst: Instrument) -> list[int]:
     """Return the tendons whose motors no controller commands, by number."""
-    taken = {tendon for pair in served_pairs(inst).values() for tendon in (pair.agonist, pair.antagonist)}
+    taken = [] if serves_all(inst) else served_motors(inst, all_joints=False)
     return [n for n, one in enumerate(inst.tendons) if one.start == "spool" and n not in taken]
 
 

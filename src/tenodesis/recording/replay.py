@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tenodesis.control import Controller, JointController, OperatingState
-from tenodesis.control.pairs import names_of, pairs
+from tenodesis.control.pairs import names_of, served_motors
 from tenodesis.errors import FaultWarning, RecordingError
 from tenodesis.instrument import Instrument
 from tenodesis.recording.blocks import Progress, Thinned
@@ -343,7 +343,8 @@ def _run_in(twin: Twin, recorded: Run, controller: Controller | JointController 
         held = Held(*(float(recorded.by_column(name)[0, 0]) for name in HELD))
         commands["held"] = held if held.stiffness > 0 else None
     if velocity is not None:
-        own = _served(twin.inst, controller)
+        joints = isinstance(controller, JointController)
+        own = [] if controller is None else served_motors(twin.inst, all_joints=joints)
         commands["spool_velocity"] = np.where(np.isin(np.arange(velocity.shape[1]), own), 0.0, velocity)
     if recorded.commanded_spool_tension is not None:
         commands["spool_tension"] = np.nan_to_num(recorded.by_column("commanded_spool_tension"))
@@ -356,13 +357,6 @@ def _run_in(twin: Twin, recorded: Run, controller: Controller | JointController 
         commands["target"] = recorded.by_column("commanded_output_angle")
     run = twin.run(handle, controller=controller, request=request.astype(np.uint8), **commands)
     return with_request(run, request)
-
-
-def _served(inst: Instrument, controller: Controller | JointController | None) -> list[int]:
-    """Return the tendons whose motors a controller commands, by number."""
-    if isinstance(controller, JointController):
-        return list(range(len(inst.expanded.tendons)))
-    return [] if controller is None else [m for pair in pairs(inst).values() for m in pair[2:]]
 
 
 def _uncontrolled(recorded: Run) -> int:

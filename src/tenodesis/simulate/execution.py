@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from tenodesis.control import Controller, JointController, OperatingState, Request
-from tenodesis.control.pairs import pairs
+from tenodesis.control.pairs import served_motors
 from tenodesis.errors import ArgumentError, FaultWarning, ProtocolError
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.run import Array, Run, concatenate
@@ -192,11 +192,7 @@ def check_controllable(plan: Sequence[Planned], inst: Instrument, assumed: Instr
     cannot run a phase.
     """
     all_joints = not isinstance(assumed, ShortForm)
-    own = (
-        list(range(len(inst.expanded.tendons)))
-        if all_joints
-        else [tendon for pair in pairs(inst).values() for tendon in (pair.agonist, pair.antagonist)]
-    )
+    own = served_motors(inst, all_joints=all_joints)
     for planned in plan:
         with errors_of(planned.label):
             if isinstance(planned.phase, Pretension):
