@@ -62,8 +62,10 @@ def test_the_truth_leaves_the_sensors_noise(driven: tuple[FullForm, FullForm, Ru
     inst, true, run = driven
     problem = routing.problem([routing.of_run(run, inst)], [], law="capstan")
     truth = np.array([problem.value(true, one.name) for one in problem.parameters])
-    # but for moments at which a tendon slips a little earlier or later
-    assert 1.56 < np.quantile(np.abs(problem.residuals(truth, 0)), 0.9) < 1.75  # 1.645 of a normal distribution
+    residuals = problem.residuals(truth, 0)
+    assert 1.56 < np.quantile(np.abs(residuals), 0.9) < 1.75  # 1.645 of a normal distribution
+    # No tendon slips earlier or later than it did.
+    assert np.abs(residuals).max() < 6
     assert {"friction", "stiffness", "pretension", "offset", "viscous"} == set(problem.groups)
 
 

@@ -121,13 +121,25 @@ _IMAGINARY = 1e-30
 """Imaginary step: its square vanishes beside any real part."""
 
 
-def differenced(function: Callable[[Array], Array], at: Array, lower: Array, upper: Array, scale: Array) -> Array:
-    """Return the derivatives of a vector function by central differences within bounds, shape (n, parameters)."""
+def differenced(
+    function: Callable[[Array], Array],
+    at: Array,
+    lower: Array,
+    upper: Array,
+    scale: Array,
+    *,
+    which: Sequence[int] | None = None,
+    step: float = STEP,
+) -> Array:
+    """Return the derivatives of a vector function by central differences within bounds, shape (n, parameters).
+
+    Those by some parameters, by index, if `which` names them; `step` is a share of each parameter's scale.
+    """
     columns = []
-    for index in range(at.size):
+    for index in range(at.size) if which is None else which:
         above, below = at.copy(), at.copy()
-        above[index] = min(at[index] + STEP * scale[index], upper[index])
-        below[index] = max(at[index] - STEP * scale[index], lower[index])
+        above[index] = min(at[index] + step * scale[index], upper[index])
+        below[index] = max(at[index] - step * scale[index], lower[index])
         columns.append((function(above) - function(below)) / (above[index] - below[index]))
     return np.stack(columns, axis=1)
 

@@ -19,18 +19,19 @@ from tenodesis.identification.any_instrument import value_of, with_values
 from tenodesis.identification.formats.csv import as_identification
 from tenodesis.identification.formats.mcap import first_rows
 from tenodesis.identification.formats.measured import MeasuredRun, Raw
-from tenodesis.identification.problem import Parameter, Problem, Trace, scales
+from tenodesis.identification.problem import Parameter, Problem, Trace, differenced, scales
 from tenodesis.identification.registry import Format
+from tenodesis.identification.twin_model.steps import QuantisedSensor, encoder
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
 from tenodesis.recording.blocks import Progress
-from tenodesis.run import Array, Run
+from tenodesis.run import COMPONENTS, Array, Run
 from tenodesis.twin import Twin
 
 MOST_COMPARED = 3000
 """Rows of a recording that are compared, evenly: more would say hardly more, for what friction leaves is not white."""
 _APPROACH = 0.5
-"""Time in which the twin comes to where a recording begins, s."""
-_MOST_SUBSTEPS = 64
+"""Time in which the twin comes to where a recording begins, if that is not at home, s."""
+_MOST_SUBSTEPS, _DIGITS = 64, 12
 _STEP, _LEAST_STEP = 4e-2, 1e-2
 """Differences by which slopes are taken, over a parameter's scale: smaller ones see when stick and slip turn."""
 _SMOOTHED = 0.1
@@ -41,15 +42,14 @@ _LOST = 1e3
 """Residual where the instrument has no equilibrium."""
 _LEAST_COEFFICIENT = 0.05
 """At which the search for a friction coefficient begins where the file states none."""
-_LEAST_MOTION = (0.02, 1e-4, 1e-3, 1e-2, 1e-2)
-"""Spread below which nothing moves the instrument: of handle, rad, spools, m and rad/s, wrench and grip, N or N m."""
+_LEAST_MOTION = (0.02, 1e-4, 1e-2, 1e-2, 1e-3)
+"""Below which nothing moves the instrument: of handle, rad, spools, m, wrench and grip, N or N m, spools, rad/s."""
 _USED = (
     *("commanded_handle_angle", "measured_handle_angle", "commanded_spool_velocity", "measured_spool_angle"),
     *("measured_tension", "measured_output_angle", "wrench", "applied_grip_force", "held_stiffness", "force"),
     "commanded_spool_tension",
 )
 """Signals that are read of a recording."""
-_COMPONENTS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
 LAWS = ("none", "capstan")
 
 
@@ -68,6 +68,7 @@ _OF_TENDON = {
     "pretension": _Unknown("N", 0.2, 5.0, "tension with all spools at zero", "pretension"),
 }
 _OF_JOINT = {"backbone_rigidity": _Unknown("N*m^2", 0.2, 5.0, "rigidity of the backbone", "stiffness")}
+_COEFFICIENTS = ("friction.vertex_coefficient", "friction.sheath_coefficient")
 _COEFFICIENT = _Unknown("1", 0.0, 1.0, "friction coefficient", "friction")
 _DAMPING = _Unknown("1", 0.0, 2.0, "damping of the tip over critical", "viscous")
 _OFFSETS = ".encoder_offset"
@@ -137,7 +138,7 @@ def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", n
             short = "handle_angle" if signal == handle else signal.removeprefix("measured_").removeprefix("commanded_")
             columns |= {f"{short}.{one}": row for one, row in zip(names, run.by_column(signal).T, strict=True)}
     if "wrench" in signals:
-        columns |= {f"wrench.{one}": row for one, row in zip(_COMPONENTS, signals["wrench"].T, strict=True)}
+        columns |= {f"wrench.{one}": row for one, row in zip(COMPONENTS, signals["wrench"].T, strict=True)}
     if np.any(signals.get("applied_grip_force", 0.0)):
         columns["grip_force"] = signals["applied_grip_force"]
     if follows and "measured_spool_angle" in signals:
@@ -170,8 +171,8 @@ def load(path: Path, progress: Progress | None = None) -> RoutingRun:
 class Routing(Problem):
     """Recordings of all tendons of an instrument, and what of it is unknown.
 
-    Unknown are each tendon's stiffness and pretension, where tendons cross pulleys, rigidities of backbones, friction
-    coefficients, and offsets of the joints' encoders.
+    Unknown are each tendon's stiffness and pretension, rigidities of backbones, friction coefficients, damping, and
+    offsets of the joints' encoders.
 
     Raises
     ------
@@ -185,6 +186,9 @@ class Routing(Problem):
         self.inst = _under(law, inst)
         self.runs = tuple(one.name for one in runs)
         self._bends = inst.arc_places
+        self._tension_sensors = {
+            f"tension.{tendon.name}": sensor for tendon, sensor in zip(inst.tendons, inst.tension_sensors, strict=True)
+        }
         self._inputs = [self._input(one) for one in runs]
         self._compared = [slice(None, None, -(-len(one) // MOST_COMPARED)) for one in runs]
         self._times = [one.time[rows] for one, rows in zip(runs, self._compared, strict=True)]
@@ -214,25 +218,28 @@ class Routing(Problem):
             )
 
         window = min(round(_SMOOTHED / run.sample_time), count)
-        counted = rows([f"spool_angle.{one.name}" for one in self.inst.tendons], Twin(self.inst).spool_radius)
+        counted = rows([f"spool_angle.{one.name}" for one in self.inst.tendons], self.inst.own_drives.spool_radius)
         wound = savgol_filter(counted, window, 3, axis=0) if window > 3 else counted
         handle = rows([f"handle_angle.{one.name}" for one in self.inst.handle_joints])
         velocity = rows([f"spool_velocity.{one.name}" for one in self.inst.tendons])
-        wrench = rows([f"wrench.{one}" for one in _COMPONENTS])
+        wrench = rows([f"wrench.{one}" for one in COMPONENTS])
         grip = rows(["grip_force"])
-        given = (handle, wound, velocity, wrench, grip)
+        given = (handle, wound, wrench, grip, velocity)
         if not any(np.ptp(of, axis=0).max(initial=0.0) > least for of, least in zip(given, _LEAST_MOTION, strict=True)):
             raise IdentificationError(
                 f"{name}: neither handle nor spools nor the load move.", key="columns", value=list(columns)
             )
         step, substeps = self._steps(run.sample_time)
-        approach = round(_APPROACH / step)
+        # a rest before it would let tendons slip elsewhere than in a recording that begins at once
+        positions = zip(given[:-1], _LEAST_MOTION, strict=False)
+        at_home = (np.abs(of[0]).max(initial=0.0) <= least for of, least in positions)
+        approach = 0 if all(at_home) else round(_APPROACH / step)
         at = np.arange((count - 1) * substeps + 1) / substeps
 
         def stepped(rows: Array) -> Array:
             own = [np.interp(at, np.arange(count), row) for row in rows.T]
             whole = np.stack(own, axis=1) if own else np.zeros((at.size, 0))
-            return np.concatenate([np.outer(np.arange(approach) / approach, whole[0]), whole])
+            return np.concatenate([np.outer(np.arange(approach) / max(approach, 1), whole[0]), whole])
 
         # a velocity holds for a step, and in the approach there is none
         held = np.repeat(velocity, substeps, axis=0)[: at.size]
@@ -250,7 +257,8 @@ class Routing(Problem):
         """Return the longest step of the twin that divides the time between rows, s, and how many there are in it."""
         for substeps in range(1, _MOST_SUBSTEPS):
             try:
-                return Twin(self.inst, time_step=sample_time / substeps).time_step, substeps
+                # a clock's last digits are no time
+                return Twin(self.inst, time_step=round(sample_time / substeps, _DIGITS)).time_step, substeps
             except ArgumentError:
                 continue
         raise IdentificationError(key="sample_time", value=sample_time, allowed="shorter")
@@ -270,7 +278,7 @@ class Routing(Problem):
         return found
 
     def _parameters(self) -> tuple[Parameter, ...]:
-        inst, friction = self.inst, self.inst.friction
+        inst = self.inst
         shown = {channel for measured in self._measured for channel in measured}
         unknowns: dict[str, _Unknown] = {}
         for tendon in inst.as_given("tendons"):
@@ -282,9 +290,7 @@ class Routing(Problem):
             # a tendon without pretension may have some, up to 1 N
             start = self.value(inst, name)
             found.append((name, of._replace(lower=of.lower * start, upper=of.upper * start or 1.0)))
-        if friction.law != "none":
-            found.append(("friction.vertex_coefficient", _COEFFICIENT))
-            found += [("friction.sheath_coefficient", _COEFFICIENT)] * (friction.sheath_bend > 0)
+        found += [(key, _COEFFICIENT) for key in _coefficients(inst) if inst.friction.law != "none"]
         found.append(("dynamics.damping_ratio", _DAMPING))
         found += [(f"{bend}{_OFFSETS}", _OFFSET) for bend in self._bends if f"output_angle.{bend}" in shown]
         return tuple(Parameter(name, of.unit, self.value(inst, name), *of[1:]) for name, of in found)
@@ -318,11 +324,10 @@ class Routing(Problem):
 
     def _noise(self, channel: str) -> float:
         """Return the standard deviation of a reading, that of its steps included."""
-        sensors = self.inst.sensors
-        if channel.startswith("tension"):
-            return sqrt(sensors.load_cell_noise**2 + (sensors.load_cell_range / 2**sensors.load_cell_bits) ** 2 / 12)
-        one = sqrt(sensors.encoder_noise**2 + (sensors.encoder_range / 2**sensors.encoder_bits) ** 2 / 12)
-        return one * sqrt(len(self._bends[channel.partition(".")[2]]))
+        if channel in self._tension_sensors:
+            sensor = self._tension_sensors[channel]
+            return QuantisedSensor(sensor.noise, sensor.resolution).deviation
+        return encoder(self.inst).deviation * sqrt(len(self._bends[channel.partition(".")[2]]))
 
     def _model(self, values: Array, run: int) -> dict[str, Array]:
         """Return the readings of the twin by channel, NaN where it has no equilibrium."""
@@ -347,7 +352,7 @@ class Routing(Problem):
         )
         found = {f"tension.{one.name}": tension[:, i] for i, one in enumerate(inst.tendons)}
         for bend, arcs in self._bends.items():
-            found[f"output_angle.{bend}"] = angle[:, arcs].sum(axis=1) + offsets.get(f"{bend}.encoder_offset", 0.0)
+            found[f"output_angle.{bend}"] = angle[:, arcs].sum(axis=1) + offsets.get(f"{bend}{_OFFSETS}", 0.0)
         model = {channel: found[channel] for channel in self._measured[run]}
         self._known = (key, run, model)
         return model
@@ -360,15 +365,16 @@ class Routing(Problem):
 
     def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
         """Return differences of the residuals by parameters, of a step in which stick and slip hardly turn."""
-        sizes = scales(self.parameters, values)
-        columns = []
-        for at in which:
-            one = self.parameters[at]
-            above, below = values.copy(), values.copy()
-            above[at] = min(values[at] + self._step * sizes[at], one.upper)
-            below[at] = max(values[at] - self._step * sizes[at], one.lower)
-            columns.append((self.residuals(above, run) - self.residuals(below, run)) / (above[at] - below[at]))
-        return np.stack(columns, axis=1)
+        lower, upper = (np.array([getattr(one, end) for one in self.parameters]) for end in ("lower", "upper"))
+        return differenced(
+            lambda at: self.residuals(at, run),
+            values,
+            lower,
+            upper,
+            scales(self.parameters, values),
+            which=which,
+            step=self._step,
+        )
 
     def refine(self, values: Array, runs: Sequence[int]) -> bool:
         """Halve the difference by which slopes are taken; a search that ended early goes on."""
@@ -380,14 +386,13 @@ class Routing(Problem):
         return self.derivatives(values, run, range(len(self.parameters)))
 
     def systematic_errors(self, values: Array, run: int) -> Array:
-        """Return effects of one deviation of each load cell's offset and gain on residuals, (n, 2 tendons)."""
-        sensors, measured = self.inst.sensors, self._measured[run]
-        count = len(self._times[run])
+        """Return effects of one deviation of each tension sensor's offset and gain on residuals, (n, 2 tendons)."""
+        measured, count = self._measured[run], len(self._times[run])
         effects = []
         for place, (channel, row) in enumerate(measured.items()):
-            if not channel.startswith("tension"):
+            if (sensor := self._tension_sensors.get(channel)) is None:
                 continue
-            for error in (np.full(count, sensors.load_cell_offset), sensors.load_cell_gain_error * row):
+            for error in (np.full(count, sensor.offset), sensor.gain_error * row):
                 effect = np.zeros(count * len(measured))
                 effect[place * count : (place + 1) * count] = error / self._noise(channel)
                 effects.append(effect)
@@ -420,13 +425,15 @@ def _shown(channel: str) -> tuple[str, float]:
 
 def _under(law: str, inst: FullForm) -> FullForm:
     """Return the instrument under a friction law; coefficients of zero begin above it."""
-    friction = inst.friction
     if law == "none":
-        without = dict.fromkeys(("friction.vertex_coefficient", "friction.sheath_coefficient"), 0.0)
-        return inst.replace(**{"friction.law": "none"}, **without)
-    keys = ["vertex_coefficient"] + ["sheath_coefficient"] * (friction.sheath_bend > 0)
-    started = {f"friction.{key}": getattr(friction, key) or _LEAST_COEFFICIENT for key in keys}
+        return inst.replace(**{"friction.law": "none"}, **dict.fromkeys(_COEFFICIENTS, 0.0))
+    started = {key: Routing.value(inst, key) or _LEAST_COEFFICIENT for key in _coefficients(inst)}
     return inst.replace(**{"friction.law": "capstan", **started})
+
+
+def _coefficients(inst: FullForm) -> tuple[str, ...]:
+    """Return the friction coefficients that act on an instrument: in a straight sheath there is none."""
+    return _COEFFICIENTS if inst.friction.sheath_bend > 0 else _COEFFICIENTS[:1]
 
 
 def problem(train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Any = None) -> Routing:

@@ -13,7 +13,7 @@ from scipy.ndimage import minimum_filter1d, uniform_filter1d
 from tenodesis import _core
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.twin_model import tuning
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.run import TENDONS, Array
 from tenodesis.twin.rows import columns_by_name
 
@@ -63,7 +63,7 @@ class QuantisedSensor(NamedTuple):
                 yield 2 * math.pi * harmonic / self.resolution, size
 
 
-def encoder(inst: ShortForm) -> QuantisedSensor:
+def encoder(inst: Instrument) -> QuantisedSensor:
     """Return the encoder of an instrument's joints, rad."""
     sensors = inst.sensors
     return QuantisedSensor(sensors.encoder_noise, sensors.encoder_range / 2**sensors.encoder_bits)
