@@ -11,10 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tenodesis.control import JointController, identifier
-from tenodesis.control.export import joints_header
-from tenodesis.files import atomic_file
+from tenodesis.control import JointController, joints_header
 from tenodesis.errors import InstrumentError
+from tenodesis.files import atomic_file
 from tenodesis.instrument import FullForm, expanded
 from tenodesis.toml import validated
 from tenodesis.twin import Twin
@@ -78,7 +77,9 @@ def inputs(inst: FullForm) -> bytes:
     handle = 0.3 * moved * np.ones(handles)
     target = 0.3 * moved * (-1.0) ** np.arange(n)
     arms, lengths = np.abs(inst.tendon_arms("tip")), [joint.end_effector_length or 0.0 for joint in inst.tip_joints]
-    force = float(np.max(arms.T @ inst.pretensions)) / 4 / (max(lengths) + sum(joint.offset for joint in inst.tip_joints))
+    force = (
+        float(np.max(arms.T @ inst.pretensions)) / 4 / (max(lengths) + sum(joint.offset for joint in inst.tip_joints))
+    )
     run = Twin(with_friction(inst, 1.2), seed=1, quasi_static=True).run(
         handle,
         controller=JointController(assumed),
@@ -111,13 +112,13 @@ def inputs(inst: FullForm) -> bytes:
 
 
 def main() -> None:
+    """Write headers and readings."""
     folder = Path(sys.argv[1])
     for joints, inst in ((2, expanded("real-size")), (3, expanded("needle-driver")), (6, wrist(6))):
-        header = joints_header(with_friction(inst, 1.0), f"of_{joints}", own_clock=True, source=identifier(inst.name))
-        path = folder / f"joints_{joints}.h"
-        if not path.exists() or path.read_text("utf-8") != header:
-            with atomic_file(path) as new:
-                new.write_text(header, "utf-8")
+        header = joints_header(with_friction(inst, 1.0), f"of_{joints}", own_clock=True, source=inst.name)
+        path = folder / f"of_{joints}.h"
+        with atomic_file(path) as new:
+            new.write_text(header, "utf-8")
         with atomic_file(path.with_suffix(".in")) as new:
             new.write_bytes(inputs(inst))
 

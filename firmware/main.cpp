@@ -43,8 +43,10 @@ Tally replay(semihosting::File& file, std::uint32_t ticks) {
   if (!subject.ready()) return tally;
   recording::Tick tick;
   while (file.read(tick)) {
-    instrument::Output output;
-    const std::uint32_t taken = counter.count([&] { output = subject.step(tick.input); });
+    alignas(instrument::Output) unsigned char place[sizeof(instrument::Output)];
+    const instrument::Output* made{};
+    const std::uint32_t taken = counter.count([&] { made = new (place) instrument::Output(subject.step(tick.input)); });
+    const instrument::Output& output = *made;
     compare(recording::Words(tick.output), recording::Words(output), tally);
     tally.instructions += taken;
     if (taken > tally.worst) {
