@@ -3,8 +3,8 @@
     python studies/bristles.py
 
 A needle driver of our own equations: each tendon a row of springs between points that bristles hold (Dahl's friction,
-with more at rest than in motion), spread over the sheath and both pulleys; joints without inertia. Its compliance is even
-along the lengths that the file says, but for the anchor, or even from point to point, which puts 42 % of it beyond the
+with more at rest than in motion), spread over the sheath and both pulleys; joints without inertia. Compliance is even
+along the lengths that the file says, but for the anchor, or even from point to point, which puts half of it beyond the
 stem. It is commanded and loaded as in any_routing.py. Readings have noise and constant offsets, spool angles the steps
 of their encoders, drives a lag.
 """
@@ -49,6 +49,10 @@ class Plant:
         self.inst, self.count = inst, len(friction)
         self.arms, self.noise = inst.tendon_arms("tip"), np.random.default_rng(seed)
         joints, tendons = self.arms.shape[1], len(self.arms)
+        self.draws = np.zeros((tendons, POINTS + 1, joints))
+        # Tendons of the pitch end at its pulley, those of the jaws run over it.
+        self.draws[:, SHEATH + PITCH, 0] = self.arms[:, 0]
+        self.draws[:, -1, 1:] = self.arms[:, 1:]
         length = np.ones(POINTS)
         if by_length:
             length[:SHEATH] = inst.stem_length / SHEATH
@@ -61,13 +65,11 @@ class Plant:
             if k:
                 rates[:, k, k - 1] = rates[:, k - 1, k] = -self.stiffness[:, k]
         step = TICK / STEPS_A_TICK
-        # Forward, points between stiff springs would swing without bound.
+        # Forward, points and joints between stiff springs would swing, and shake friction off.
+        turning = np.einsum("mki,mk,mkj->ij", self.draws, self.stiffness, self.draws)
+        self.turn_of_moment = np.linalg.inv(JOINT_DRAG * np.eye(joints) + step * turning)
         self.flow_of_pull = np.linalg.inv((DRAG + step * BRISTLE) * np.eye(POINTS) + step * rates)
         self.rest = inst.pretensions[:, np.newaxis]
-        self.draws = np.zeros((tendons, POINTS + 1, joints))
-        # Tendons of the pitch end at its pulley, those of the jaws run over it.
-        self.draws[:, SHEATH + PITCH, 0] = self.arms[:, 0]
-        self.draws[:, -1, 1:] = self.arms[:, 1:]
         self.base = np.array([tendon.route[0].base_wrap or 0.0 for tendon in inst.tendons])
         self.friction = friction[:, np.newaxis, np.newaxis]
         self.spool, self.speed = np.zeros((2, self.count, tendons))
@@ -118,7 +120,7 @@ class Plant:
             moment = np.einsum("mkj,nmk->nj", self.draws, tension)
             moment[:, 0] += (offset + pitch.chord + length * np.cos(self.angle[:, 1])) * force[:, 1]
             moment[:, 1] += length * force[:, 0]
-            self.angle += dt * moment / JOINT_DRAG
+            self.angle += dt * moment @ self.turn_of_moment
         self.tension = self._tensions()
 
     def read(self) -> tuple[Array, Array]:
