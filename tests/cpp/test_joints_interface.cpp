@@ -102,8 +102,13 @@ void damaged_memory_never_crashes_it_and_stops_the_motors_where_parameters_chang
   }
   const Number gain = needle_driver.gain;
   auto* const bytes = reinterpret_cast<unsigned char*>(controller.get());
+  const auto number = [&](std::size_t place) {
+    Number found;
+    std::memcpy(&found, bytes + place, sizeof found);
+    return found;
+  };
   std::size_t at = 0;
-  while (std::memcmp(bytes + at, &gain, sizeof gain) != 0) at += sizeof gain;
+  while (number(at) != gain) at += sizeof gain;
   bytes[at] ^= 1U;
   CLAIM(run(*controller, 100, 100 + 1024 + 1, output) == TENODESIS_DAMAGED);
   for (const Number sent : output.spool_velocity) CLAIM(sent == 0);
