@@ -212,7 +212,9 @@ class JointFront:
         return tuple(Objectives.of_costs(row) for row in self.costs)
 
     def ranked(self, prefer: Preference = "similarity") -> list[int]:
-        """Return the indices of the designs, the best by a preference first, of equal ones the one with least tension.
+        """Return the indices of the designs, the best by a preference first.
+
+        Of equal ones, the first has the least tension times length over the factor: a larger one is less sensitive.
 
         Raises ValueError if the preference is unknown.
         """
@@ -220,7 +222,8 @@ class JointFront:
             raise ArgumentError(key="prefer", value=prefer, allowed=f"one of {', '.join(PREFERENCES)}")
         ranks = np.argsort(np.argsort(levels(self.costs), axis=0, kind="stable"), axis=0)
         first = ranks.max(axis=1) if prefer == "balanced" else levels(self.costs)[:, PREFERENCES.index(prefer)]
-        return [int(n) for n in np.lexsort((self.tensions * self.costs[:, 2], first))]
+        factors = np.array([self.sets[row[0]].factor for row in self.rows])
+        return [int(n) for n in np.lexsort((self.tensions * self.costs[:, 2] / factors, first))]
 
     def best(self, prefer: Preference = "similarity") -> int:
         """Return the index of the first design of :meth:`ranked`."""

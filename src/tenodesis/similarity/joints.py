@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -134,8 +134,11 @@ class JointComparison:
     @cached_property
     def length_factor(self) -> float:
         """Factor of the tendons' arms about the tip's joints, by least squares."""
-        real, scaled = (inst.tendon_arms("tip") for inst in (self.real_size, self.scaled_up))
-        return float((real * scaled).sum() / (real * real).sum())
+        return self._arms_factor("tip")
+
+    def _arms_factor(self, place: Literal["tip", "handle"]) -> float:
+        real, scaled = (inst.tendon_arms(place) for inst in (self.real_size, self.scaled_up))
+        return float((real * scaled).sum() / (real * real).sum()) if real.any() else self.length_factor
 
     @cached_property
     def factors(self) -> dict[str, float]:
@@ -157,6 +160,7 @@ class JointComparison:
             "moment": moment,
             "grip_force": grip,
             "torque": stiffness * length**2,
+            "handle_torque": stiffness * length * self._arms_factor("handle"),
             "motor_stroke": length,
             "spool_angle": spool,
             "spool_velocity": spool / float(time),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -159,6 +160,14 @@ def usual_loads(inst: InstrumentLike) -> list[UsualLoad]:
         grip = _one_digit(float(np.abs(answer.by_grip).max()))
         found.append(UsualLoad("grip", grip, np.zeros(6), grip))
     return found
+
+
+def up_to_force(loads: Sequence[UsualLoad], force: float) -> list[UsualLoad]:
+    """Return loads of which the largest force at the tip has another size, N, and the others are in proportion."""
+    share = force / max((one.size for one in loads if one.wrench.any()), default=force)
+    return [
+        one._replace(size=one.size * share, wrench=one.wrench * share) if one.wrench.any() else one for one in loads
+    ]
 
 
 def _one_digit(rate: float) -> float:

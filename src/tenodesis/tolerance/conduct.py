@@ -22,7 +22,7 @@ from tenodesis.tolerance.evaluation import Evaluation, angles_of, cycles, evalua
 from tenodesis.tolerance.files import Tolerances
 from tenodesis.tolerance.joints import JointEvaluation, joint_evaluation
 from tenodesis.tolerance.parameters import Parameter, resolve
-from tenodesis.tolerance.results import Study, respond
+from tenodesis.tolerance.results import Study, base_rows, respond
 
 ENGINES = ("threads", "ray")
 SAMPLES, JOINT_SAMPLES = 4096, 128
@@ -129,6 +129,23 @@ def study(
         for n, (key, described) in enumerate(zip(task.responses, task.described, strict=True))
     }
     return replace(found, responses=responses)
+
+
+def drawn(
+    real_size: InstrumentLike, scaled_up: InstrumentLike, tolerances: Tolerances | None = None, *, samples: int, seed: int = 0
+) -> dict[str, Array]:
+    """Return the responses of instruments of several joints that are drawn from tolerances, by key, (2 samples,).
+
+    Arguments, responses and errors as of :func:`study`, without its sensitivities; rows that were lost are left out.
+    """
+    real_size, scaled_up = as_instrument(real_size, "real_size"), as_instrument(scaled_up, "scaled_up")
+    given = default(scaled_up) if tolerances is None else tolerances
+    parameters = resolve(given, real_size, scaled_up)
+    task = joint_evaluation(real_size, scaled_up, parameters, None)
+    rows = sampling.scheme(parameters, samples, seed)[base_rows(samples, len(parameters))]
+    table = task.table(rows)
+    held = table[:, -1] == Status.OK
+    return dict(zip(task.responses, table[held].T, strict=False))
 
 
 def _force(real_size: ShortForm, scaled_up: ShortForm, factor: float, force: float | None) -> float:

@@ -10,6 +10,7 @@ from tenodesis.errors import ArgumentError, InstrumentError, StudyError
 from tenodesis.instrument import FullForm, Instrument, expanded
 from tenodesis.run import Array
 from tenodesis.similarity.joints import JointComparison, JointMotions, compare_joints
+from tenodesis.statics import up_to_force
 from tenodesis.statics.bends import Bends
 from tenodesis.tolerance.files import InstrumentName
 from tenodesis.tolerance.parameters import Parameter, with_values_at
@@ -121,14 +122,7 @@ def joint_evaluation(
     try:
         pair = compare_joints(real_size, scaled_up)
         if force is not None:
-            largest = max((one.size for one in pair.loads if one.wrench.any()), default=force)
-            loads = [
-                one._replace(size=one.size * force / largest, wrench=one.wrench * force / largest)
-                if one.wrench.any()
-                else one
-                for one in pair.loads
-            ]
-            pair = compare_joints(real_size, scaled_up, loads=loads)
+            pair = compare_joints(real_size, scaled_up, loads=up_to_force(pair.loads, force))
     except ArgumentError as problem:
         raise StudyError(str(problem), key="scaled_up", value=scaled_up.name) from None
     if pair.length_factor < 1:
