@@ -126,7 +126,9 @@ def scale(  # noqa: PLR0917
         for option, value in (("--objective", objective), ("--cad", solids)):
             if value is not None:
                 raise CommandError(
-                    f"{option} is given, but {inst.name} is designed by its joints; leave it out.", key=option, value=value
+                    f"{option} is given, but {inst.name} is designed by its joints; leave it out.",
+                    key=option,
+                    value=value,
                 )
         parsed = _pins(factor, pin or [])
         parts = scaling.load(*(catalogue or ()))

@@ -19,7 +19,7 @@ from tenodesis.instrument.text import to_file
 from tenodesis.report import style
 from tenodesis.scaling import Catalogue, JointDesign, JointFront, figures, joints_plan
 from tenodesis.scaling.design import PREFERENCES, Preference
-from tenodesis.scaling.joints_plan import AsBuilt
+from tenodesis.scaling.joints_plan import AsBuilt, distance
 
 _FILES = ("scaled-up.toml", "plan.html", "plan.pdf", "parts.csv", "front.csv", "front.svg", "front.png")
 _SAMPLES = 64
@@ -107,10 +107,10 @@ def _print(front: JointFront, chosen: int, design: JointDesign, built: AsBuilt |
     pair = design.comparison
     errors = table("largest similarity error", "", *(f">{joint}" for joint in pair.joints), ">at the real-size tip")
     for name, error in (("as designed", design.error), ("with friction at rest", design.error_at_rest)):
-        errors.add_row(name, *(_angle(float(one)) for one in error.largest), f"{1e3 * error.largest_at_tip:.2g} mm")
+        errors.add_row(name, *(_angle(float(one)) for one in error.largest), distance(error.largest_at_tip))
     if built is not None:
         own = (f"{one:.2g}°" for one in built.joints)
-        errors.add_row(f"as built, {100 * built.share:g} % keep", *own, f"{1e3 * built.tip:.2g} mm")
+        errors.add_row(f"as built, {100 * built.share:g} % keep", *own, distance(built.tip))
     console.print(errors)
     factors = pair.factors
     say(

@@ -40,7 +40,10 @@ def study_tolerances(  # noqa: PLR0917
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
     force: Annotated[
-        str | None, typer.Option(help="Force on the real-size instrument. Default: the largest test force, of several joints the usual.")
+        str | None,
+        typer.Option(
+            help="Force on the real-size instrument. Default: the largest test force, of several joints the usual."
+        ),
     ] = None,
     out: Annotated[
         Path,

@@ -16,7 +16,6 @@ from tenodesis.instrument.text import to_file
 from tenodesis.recording import Blocks
 from tenodesis.scaling.transfer import KEYS, QUANTITY, Carried, carry, carry_friction
 
-
 _DIVIDES = {"wrench": ("force", "moment")}
 
 
@@ -79,7 +78,11 @@ def _print_factors(carried: Carried) -> None:
     signals = carried.run.signals()
     every = next(iter(carried.factors.values()))
     for key in (*(key for key in (*KEYS, "moment", "grip_force") if key in every), "output_velocity"):
-        used = ["time"] if key == "time" else [name for name in signals if key in _DIVIDES.get(QUANTITY.get(name, ""), (QUANTITY.get(name),))]
+        used = (
+            ["time"]
+            if key == "time"
+            else [name for name in signals if key in _DIVIDES.get(QUANTITY.get(name, ""), (QUANTITY.get(name),))]
+        )
         factors.add_row(key, *(f"{own[key]:.5g}" for own in carried.factors.values()), ", ".join(used))
     console.print(factors)
     same = [name for name in signals if name not in QUANTITY]

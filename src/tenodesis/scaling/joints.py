@@ -13,7 +13,7 @@ from pydantic import BaseModel
 
 from tenodesis import statics
 from tenodesis.errors import ArgumentError, DesignError, InstrumentError, NoSolutionError
-from tenodesis.instrument import FullForm, InstrumentLike, expanded
+from tenodesis.instrument import Crossing, FullForm, InstrumentLike, expanded
 from tenodesis.run import Array
 from tenodesis.scaling import catalogue as catalogues
 from tenodesis.scaling.catalogue import Catalogue, narrowed, parse_pins, same
@@ -34,6 +34,8 @@ _MOST_WHEELS = 64
 """Sets of wheels that are judged for each factor."""
 _LONGEST = (0.3, 1.5)
 """Overall length where no constraint bounds it, m."""
+_PAST = 0.02
+"""Share of a joint's radius up to which a tendon's arm is a rounding of none."""
 _PINS = ("factor", "overall_length", "rope", "load_cell", "spool_radius", "tendon_diameter")
 
 # Exponents of length, stiffness and time.
@@ -73,7 +75,7 @@ def enlarged(inst: InstrumentLike, length: float, stiffness: float) -> FullForm:
         "name": f"{inst.name[:50]}-scaled-up",
         "description": f"Scale model of {inst.name}, lengths times {length:.4g}"[:200],
     }
-    for key in ("stem_diameter", "stem_length", "spool_radius", "pretension"):
+    for key in ("stem_diameter", "stem_length", "spool_radius", "tendon_length", "pretension"):
         if getattr(inst, key) is not None:
             values[key] = getattr(inst, key) * _factor("N" if key == "pretension" else "m", by)
     for name in _SCALED:
@@ -86,9 +88,9 @@ def enlarged(inst: InstrumentLike, length: float, stiffness: float) -> FullForm:
     stiffnesses = inst.stiffnesses * stiffness
     values["tendon_stiffness"] = float(stiffnesses[0])
     for table, tendon, own in zip(values["tendons"], inst.as_given("tendons"), stiffnesses, strict=True):
-        table.pop("length", None)
         table.pop("stiffness", None)
-        if tendon.stiffness_by_tension is None and not math.isclose(own, stiffnesses[0], rel_tol=_SAME):
+        alike = tendon.length is None and math.isclose(own, stiffnesses[0], rel_tol=_SAME)
+        if tendon.stiffness_by_tension is None and not alike:
             table["stiffness"] = float(own)
     return inst.replace(**values)
 
@@ -313,7 +315,9 @@ class _Search:
     def __init__(self, real: FullForm, catalogue: Catalogue) -> None:
         self.real, self.catalogue = real, catalogue
         self.sizes = _sizes(real)
-        self.backbones = [joint for joint in real.as_given("joints") if joint.backbone_rigidity and joint.place == "tip"]
+        self.backbones = [
+            joint for joint in real.as_given("joints") if joint.backbone_rigidity and joint.place == "tip"
+        ]
         self.rods: tuple[Rod, ...] = catalogue.rods if self.backbones else ()
         if self.backbones and not self.rods:
             raise DesignError(f"catalogue {catalogue.name} has no rods, which {real.name} needs.", key="rods")
@@ -375,8 +379,11 @@ class _Search:
         )
         tests = {
             "tension_margin": (breaking / tension, limits.tension_margin, None),
-            "load_cell_margin": (np.array([*(one.range for one in cells), 0.0])[cell] / tension,
-                                 limits.load_cell_margin, None),
+            "load_cell_margin": (
+                np.array([*(one.range for one in cells), 0.0])[cell] / tension,
+                limits.load_cell_margin,
+                None,
+            ),
             "spool_torque": (tension * spool[by_set], None, limits.spool_torque),
             "overall_length": (length, *(limits.overall_length or (None, None))),
             "similarity_error": (np.radians(error), None, limits.similarity_error),
@@ -390,8 +397,16 @@ class _Search:
         kept = nondominated(levels(costs[met]))
         kept = kept[np.argsort(costs[met][kept, 0], kind="stable")]
         return JointFront(
-            self.real, self.catalogue, sets, self.rods, rows[kept], stiffness[met][kept], costs[met][kept],
-            tension[met][kept], met.size, int(met.sum()),
+            self.real,
+            self.catalogue,
+            sets,
+            self.rods,
+            rows[kept],
+            stiffness[met][kept],
+            costs[met][kept],
+            tension[met][kept],
+            met.size,
+            int(met.sum()),
         )
 
     def _wheels(self, progress: Progress) -> tuple[tuple[WheelSet, ...], Array]:
@@ -432,15 +447,21 @@ class _Search:
         stock = {kind: _stock(self.catalogue, kind) for kind in {size.kind for size in self.sizes}}
         for kind, radii in stock.items():
             if not len(radii):
-                raise DesignError(f"catalogue {self.catalogue.name} has no {kind}, which {self.real.name} needs.", key=kind)
-        to_size = any(size.kind == "pulleys" for size in self.sizes) and any(one.to_size for one in self.catalogue.pulleys)
+                raise DesignError(
+                    f"catalogue {self.catalogue.name} has no {kind}, which {self.real.name} needs.", key=kind
+                )
+        to_size = any(size.kind == "pulleys" for size in self.sizes) and any(
+            one.to_size for one in self.catalogue.pulleys
+        )
         factors = sorted({radius / size.radius for size in self.sizes for radius in stock[size.kind]})
         if low == high:
             factors = [low]
         bed = min(limits.print_bed or (math.inf,)) / 2
         for factor in factors:
             sizes = [factor * size.radius for size in self.sizes]
-            if not (low * (1 - _SAME) <= factor <= high * (1 + _SAME) and self._lengths_fit(factor) and max(sizes) <= bed):
+            if not (
+                low * (1 - _SAME) <= factor <= high * (1 + _SAME) and self._lengths_fit(factor) and max(sizes) <= bed
+            ):
                 continue
             near = []
             for size, wanted in zip(self.sizes, sizes, strict=True):
@@ -452,10 +473,10 @@ class _Search:
                 continue
             if to_size:
                 kinds = [size.kind == "gears" for size in self.sizes]
-                radii = (ordered[0] if gear else one for gear, ordered, one in zip(kinds, near, sizes, strict=True))
-                yield WheelSet(factor, tuple(map(float, radii)), to_size=True)
-            for radii in itertools.islice(itertools.product(*near), _MOST_WHEELS):
-                yield WheelSet(factor, tuple(map(float, radii)), to_size=False)
+                exact = (ordered[0] if gear else one for gear, ordered, one in zip(kinds, near, sizes, strict=True))
+                yield WheelSet(factor, tuple(map(float, exact)), to_size=True)
+            for chosen in itertools.islice(itertools.product(*near), _MOST_WHEELS):
+                yield WheelSet(factor, tuple(map(float, chosen)), to_size=False)
 
     def _lengths_fit(self, factor: float) -> bool:
         limits = self.catalogue.constraints.end_effector_length
@@ -479,9 +500,15 @@ def _sizes(inst: FullForm) -> list[_Size]:
         found.setdefault(_Size("gears" if joint.mechanism == "tendon-gear" else "pulleys", joint.radius))
     for tendon in inst.as_given("tendons"):
         for crossing in tendon.route:
-            if crossing.radius:
-                found.setdefault(_Size("pulleys", crossing.radius))
+            if _has_wheel(inst, crossing):
+                found.setdefault(_Size("pulleys", crossing.radius or 0.0))
     return list(found)
+
+
+def _has_wheel(inst: FullForm, crossing: Crossing) -> bool:
+    """Return whether a tendon runs over a wheel of its own there, and not past the joint's middle."""
+    joint = next(one for one in inst.as_given("joints") if one.name == crossing.joint)
+    return bool(crossing.radius and crossing.radius > _PAST * joint.radius)
 
 
 def _stock(catalogue: Catalogue, kind: str) -> Array:
@@ -507,8 +534,8 @@ def with_wheels(model: FullForm, real: FullForm, wheels: WheelSet) -> FullForm:
     tendons = [tendon.model_dump(exclude_unset=True) for tendon in model.as_given("tendons")]
     for table, tendon in zip(tendons, real.as_given("tendons"), strict=True):
         for row, crossing in zip(table["route"], tendon.route, strict=True):
-            if crossing.radius:
-                row["radius"] = by_size[_Size("pulleys", crossing.radius)]
+            if _has_wheel(real, crossing):
+                row["radius"] = by_size[_Size("pulleys", crossing.radius or 0.0)]
     return model.replace(joints=joints, tendons=tendons)
 
 
@@ -519,7 +546,7 @@ def nearest_spool(real: FullForm, catalogue: Catalogue, factor: float) -> Spool:
 
 
 def _tension_per_force(real: FullForm, loads: Sequence[UsualLoad]) -> float:
-    """Return the change of all tensions by a force at the tip, root of the squares, least over the loads' directions."""
+    """Return the change of all tensions by force at the tip, root of squares, least over the loads' directions."""
     forces = [one for one in loads if one.wrench.any()]
     small = np.array([1e-2 * one.wrench for one in forces])
     handle = np.zeros(len(real.handle_joints))
@@ -565,7 +592,11 @@ def _built(front: JointFront, index: int, wheels: WheelSet, rope: Rope, rod: Rod
     real, catalogue = front.real_size, front.catalogue
     stiffness, tension = float(front.stiffness[index]), float(front.tensions[index])
     objectives = front.objectives[index]
-    cells = [one for one in catalogue.load_cells if one.range >= catalogue.constraints.load_cell_margin * tension * (1 - _SAME)]
+    cells = [
+        one
+        for one in catalogue.load_cells
+        if one.range >= catalogue.constraints.load_cell_margin * tension * (1 - _SAME)
+    ]
     cell = min(cells, key=lambda one: one.resolution)
     spool = nearest_spool(real, catalogue, wheels.factor)
     model = with_wheels(enlarged(real, wheels.factor, stiffness), real, wheels)
@@ -587,6 +618,7 @@ def _built(front: JointFront, index: int, wheels: WheelSet, rope: Rope, rod: Rod
     tendons = [tendon.model_dump(exclude_unset=True) for tendon in model.as_given("tendons")]
     for table, own in zip(tendons, model.stiffnesses, strict=True):
         table.pop("stiffness", None)
+        table.pop("length", None)
         if "stiffness_by_tension" not in table and not math.isclose(area / own, length, rel_tol=_SAME):
             table["length"] = area / float(own)
     counts = 2 * cell.range / cell.resolution

@@ -13,6 +13,7 @@ from tenodesis.report.page import about, inline_svg
 from tenodesis.scaling.joints import JointDesign
 from tenodesis.scaling.plan import (
     Card,
+    JointPlan,
     PlanFigure,
     PlanTable,
     angle,
@@ -39,18 +40,7 @@ _FACTORS: Mapping[str, str] = {
 }
 _POINTS = 21
 _ALIKE = 1e-4
-
-
-@dataclass(frozen=True)
-class JointPlan:
-    """All content of the plan, as of :class:`tenodesis.scaling.plan.ScalePlan`."""
-
-    title: str
-    lead: str
-    cards: tuple[Card, ...]
-    warnings: tuple[str, ...]
-    rows: list[list[PlanTable | PlanFigure]]
-    footer: str
+_LEAST = 1e-6  # m
 
 
 @dataclass(frozen=True)
@@ -69,6 +59,11 @@ def write(design: JointDesign, folder: Path, built: AsBuilt | None = None) -> tu
     return write_plan(content(design, built), folder)
 
 
+def distance(metres: float) -> str:
+    """Return an error at the tip as text."""
+    return quantity(metres, "mm", 2, "m") if metres >= _LEAST else f"<{1e3 * _LEAST:g} mm"
+
+
 def content(design: JointDesign, built: AsBuilt | None = None) -> JointPlan:
     """Return the content of the plan of a design."""
     pair, error = design.comparison, design.error
@@ -76,7 +71,7 @@ def content(design: JointDesign, built: AsBuilt | None = None) -> JointPlan:
         Card(f"× {plain(pair.factors['length'])}", "length, scaled-up over real-size"),
         Card(f"× {plain(pair.factors['force'])}", "force at the tip, scaled-up over real-size"),
         Card(angle(float(error.largest.max())), "as designed: largest similarity error of a joint, without friction"),
-        Card(quantity(error.largest_at_tip, "mm", 2, "m"), "the same at the real-size tip"),
+        Card(distance(error.largest_at_tip), "the same at the real-size tip"),
     ]
     if built is not None:
         share = f"{100 * built.share:g} %"
@@ -124,7 +119,12 @@ def parts(design: JointDesign) -> Iterator[tuple[str, str, str, str]]:
         yield str(joints), "encoders at the tip", encoder.name, f"{encoder.bits} bit"
     torque = quantity(design.largest_tension * choice.spool.radius, "N*m", 3)
     motors = sum(tendon.start == "spool" for tendon in design.scaled_up.tendons)
-    yield str(motors), "spools", f"radius {quantity(choice.spool.radius, 'mm', 4, 'm')}", f"{torque} at the largest tension"
+    yield (
+        str(motors),
+        "spools",
+        f"radius {quantity(choice.spool.radius, 'mm', 4, 'm')}",
+        f"{torque} at the largest tension",
+    )
 
 
 def weights(design: JointDesign) -> list[tuple[str, float, float, WeightSelection]]:
@@ -205,23 +205,28 @@ def _resolution(design: JointDesign) -> PlanTable:
 
 def _similarity(design: JointDesign, built: AsBuilt | None) -> PlanTable:
     pair = design.comparison
-    rows = [_error("as designed, without friction", design.error), _error("with friction at rest", design.error_at_rest)]
+    rows = [
+        _error("as designed, without friction", design.error),
+        _error("with friction at rest", design.error_at_rest),
+    ]
     if built is not None:
-        tip = quantity(built.tip, "mm", 2, "m")
+        tip = distance(built.tip)
         rows.append((f"as built, {100 * built.share:g} % keep", *(angle(one) for one in built.joints), tip))
-    loads = ", ".join(f"{one.size:.3g} N {'of grip' if one.name == 'grip' else f'along {one.name}'}" for one in pair.loads)
+    loads = ", ".join(
+        f"{one.size:.3g} N {'of grip' if one.name == 'grip' else f'along {one.name}'}" for one in pair.loads
+    )
     return PlanTable(
         f"Largest similarity error, up to {loads} real-size",
         ("", *pair.joints, "at the real-size tip"),
         tuple(rows),
         names=True,
-        note="angles over the working range, scaled-up minus real-size; at the tip, how far they would move the real-size "
-        "one, of two jaws the farther; as built by general tolerances, tenodesis tolerance says which dominate",
+        note="angles over the working range, scaled-up minus real-size; at the tip, how far they would move the "
+        "real-size one, of two jaws the farther; as built by general tolerances: tenodesis tolerance has more",
     )
 
 
 def _error(name: str, error: JointError) -> tuple[str, ...]:
-    return (name, *(angle(float(one)) for one in error.largest), quantity(error.largest_at_tip, "mm", 2, "m"))
+    return (name, *(angle(float(one)) for one in error.largest), distance(error.largest_at_tip))
 
 
 def _groups(design: JointDesign) -> PlanTable:
@@ -250,7 +255,7 @@ def _losses(design: JointDesign) -> PlanFigure:
     bends = Bends.of(design.real_size)
     with style.applied():
         fig, axes = style.figure(len(pair.loads), width=3.4 * len(pair.loads), height=2.8)
-        for axis, load in zip(np.atleast_1d(axes), pair.loads, strict=True):
+        for axis, load in zip(axes, pair.loads, strict=True):
             shares = np.linspace(0.0, 1.0, _POINTS)
             wrench, grip = np.outer(shares, load.wrench), shares * load.grip_force
             own = _angles(design.real_size, states.handle[bent], states.strokes[bent], wrench, grip)
@@ -262,8 +267,8 @@ def _losses(design: JointDesign) -> PlanFigure:
                 axis.plot(shares * load.size, np.degrees(bends.summed(own))[:, n], color=color, label=name)
                 axis.plot(shares[::4] * load.size, np.degrees(bends.summed(other))[::4, n], "o", color=color, ms=3)
             axis.set_xlabel(f"force {'of grip' if load.name == 'grip' else f'along {load.name}'}, real-size [N]")
-        np.atleast_1d(axes)[0].set_ylabel("angle [deg]")
-        style.legend_above(np.atleast_1d(axes)[0], len(pair.joints))
+        axes[0].set_ylabel("angle [deg]")
+        style.legend_above(axes[0], len(pair.joints))
         drawn = inline_svg("angles", fig)
     return PlanFigure("Angles that loads leave in a bent state: real-size (lines), scaled-up (points)", drawn)
 

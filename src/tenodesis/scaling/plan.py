@@ -29,7 +29,6 @@ from tenodesis.similarity import GRID, Comparison, Group, SimilarityError
 from tenodesis.units import in_unit
 
 if TYPE_CHECKING:
-    from tenodesis.scaling.joints_plan import JointPlan
     from tenodesis.scaling.scale_model import Design, TestLoad
 
 
@@ -452,6 +451,18 @@ class ScalePlan:
         ]
 
 
+@dataclass(frozen=True)
+class JointPlan:
+    """All content of the plan of a scale model of several joints, in plain text."""
+
+    title: str
+    lead: str
+    cards: tuple[Card, ...]
+    warnings: tuple[str, ...]
+    rows: list[list[PlanTable | PlanFigure]]
+    footer: str
+
+
 def content(design: "Design", supplement: Supplement | None = None) -> ScalePlan:
     """Return the content of the plan of a design, with what another package adds to it."""
     error = design.comparison.error(pretension=design.scaled_up.pretension)
@@ -488,7 +499,7 @@ def write(design: "Design", folder: Path, supplement: Supplement | None = None) 
     return write_plan(content(design, supplement), folder)
 
 
-def write_plan(plan: "ScalePlan | JointPlan", folder: Path) -> tuple[Path, Path]:
+def write_plan(plan: ScalePlan | JointPlan, folder: Path) -> tuple[Path, Path]:
     """Write the content of a plan as :func:`write`."""
     files = {"plan.html": html(plan).encode(), "plan.pdf": pdf(plan)}
     with written(folder, DesignError) as new:
@@ -499,12 +510,12 @@ def write_plan(plan: "ScalePlan | JointPlan", folder: Path) -> tuple[Path, Path]
     return folder / "plan.html", folder / "plan.pdf"
 
 
-def html(plan: "ScalePlan | JointPlan") -> str:
+def html(plan: ScalePlan | JointPlan) -> str:
     """Return the plan as an HTML page."""
     return render("tenodesis.scaling", "plan.html.j2", plan=plan, colors=_colors(), marked=_marked)
 
 
-def pdf(plan: "ScalePlan | JointPlan") -> bytes:
+def pdf(plan: ScalePlan | JointPlan) -> bytes:
     """Return the plan as PDF, A4."""
     data = {
         "title": plan.title,

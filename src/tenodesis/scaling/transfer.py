@@ -138,8 +138,8 @@ def carry_friction(scaled: Instrument, real_size: _T, *, source: str = "", time_
     Coefficients, bends and the arrangement of contacts stay the same, since capstan friction is dimensionless; constant
     friction scales as a tension; viscous friction, the speed and memory of the Stribeck law, the references of a power
     of the tension, vertex radius and bending stiffness scale by their dimensions. Only the table friction, where routes
-    are listed their coefficients and wraps, and its source change; `source` is the file of the scaled-up instrument or recording, named in it. The factor of time is by
-    default that of the tips' periods.
+    are listed their coefficients and wraps, and its source change; `source` is the file of the scaled-up instrument or
+    recording, named in it. The factor of time is by default that of the tips' periods.
 
     Raises InstrumentError if the scaled-up instrument has no friction, no axis or another joint type in common, or the
     carried friction is not allowed.
@@ -277,7 +277,10 @@ class Carried:
             TRANSFERRED: self.source or f"a run of {self.scaled_up.name}",
             f"{BEFORE}instrument": to_toml(self.scaled_up),
             FACTORS: tomli_w.dumps(
-                {axis: {key: np.asarray(value).tolist() for key, value in own.items()} for axis, own in self.factors.items()}
+                {
+                    axis: {key: np.asarray(value).tolist() for key, value in own.items()}
+                    for axis, own in self.factors.items()
+                }
             ),
         }
 
@@ -334,8 +337,8 @@ def carry(
 
     Angles and the controller's states stay the same; forces, tensions, torques, spool angles, velocities and time are
     divided by the similarity factors of their axis, between the instruments as built: with the true stiffness and
-    pretension of their tables mismatch. A radial force is divided by the factor of tension. Where joints and tendons are
-    listed, all joints have the factors of :class:`tenodesis.similarity.JointComparison`.
+    pretension of their tables mismatch. A radial force is divided by the factor of tension. Where joints and tendons
+    are listed, all joints have the factors of :class:`tenodesis.similarity.JointComparison`.
 
     Parameters
     ----------

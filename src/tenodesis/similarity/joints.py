@@ -213,7 +213,7 @@ class JointComparison:
 
     @cached_property
     def groups(self) -> tuple[JointGroup, ...]:
-        """The dimensionless groups of both instruments, those alike as one: r and k are those of the first joint and the first tendon."""
+        """The dimensionless groups of both, those alike as one; r and k are of the first joint and the first tendon."""
         ours, theirs = (dict(_groups(inst)) for inst in (self.real_size, self.scaled_up))
         load = max((one.size for one in self.loads if one.wrench.any()), default=0.0)
         scale = [inst.stiffnesses[0] * inst.tip_joints[0].radius for inst in (self.real_size, self.scaled_up)]
@@ -321,7 +321,7 @@ class JointMotions(NamedTuple):
     @property
     def steps(self) -> int:
         """Steps of a loop after loading."""
-        return self.strokes.shape[1] - _LOADING
+        return int(self.strokes.shape[1]) - _LOADING
 
     @property
     def last_loop(self) -> tuple[slice, slice]:
@@ -438,9 +438,8 @@ def _spread(spans: Array) -> Iterator[Array]:
             if row[n]:
                 yield row
     if len(spans) > 1:
-        shares = qmc.Sobol(len(spans), scramble=True, rng=0).random(_RANDOM)
-        for share in shares:
-            yield _WITHIN * (spans[:, 0] + share * (spans[:, 1] - spans[:, 0]))
+        for point in qmc.Sobol(len(spans), scramble=True, rng=0).random(_RANDOM):
+            yield _WITHIN * (spans[:, 0] + point * (spans[:, 1] - spans[:, 0]))
 
 
 def _ends(pair: JointComparison) -> Iterator[tuple[str, int]]:
@@ -461,7 +460,8 @@ def _load_rows(loads: Sequence[UsualLoad]) -> tuple[Array, Array]:
         shares = (0.5, 1.0) if one.grip_force else (-1.0, -0.5, 0.5, 1.0)
         rows += [(share * one.wrench, share * one.grip_force) for share in shares]
     if len(loads) > 1:
-        rows.append((sum(one.wrench for one in loads) / np.sqrt(len(loads)), sum(one.grip_force for one in loads) / 2))
+        together = np.sum([one.wrench for one in loads], axis=0) / np.sqrt(len(loads))
+        rows.append((together, sum(one.grip_force for one in loads) / 2))
     return np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
 
 
@@ -475,7 +475,27 @@ def _loaded(inst: FullForm, handle: Array, strokes: Array, wrench: Array, grip: 
 def _groups(inst: FullForm) -> Iterator[tuple[tuple[str, Kind, str], float]]:
     """Yield name, kind, meaning and value of the groups without those of a load."""
     radius, stiffness, friction = inst.tip_joints[0].radius, inst.stiffnesses[0], inst.friction
-    known = {joint.name: joint for joint in inst.joints}
+    yield from _groups_of_joints(inst, radius, stiffness)
+    yield from _groups_of_tendons(inst, radius, stiffness)
+    if inst.grip is not None and inst.grip.length:
+        yield ("l(grip)/r", "elastic", "length to what jaws hold over r"), inst.grip.length / radius
+    if friction.law != "none":
+        yield ("mu", "friction", "friction coefficient at the joints"), friction.vertex_coefficient
+        yield ("mu_s", "friction", "friction coefficient in the sheath"), friction.sheath_coefficient
+        yield ("phi_s", "friction", "bend of the sheath, rad"), friction.sheath_bend
+        yield (
+            ("f_c/(k r)", "friction", "constant friction of a contact over k r"),
+            friction.constant / stiffness / radius,
+        )
+    frequencies = plant.natural_frequencies(inst)
+    for n, one in enumerate(frequencies[1:], 2):
+        meaning = "natural frequency over the lowest: how the links' inertia is spread"
+        yield (f"omega_{n}/omega_1", "inertia", meaning), float(one / frequencies[0])
+    if inst.geometry.insertion:
+        yield ("insertion/r", "elastic", "length beyond the port over r"), inst.geometry.insertion / radius
+
+
+def _groups_of_joints(inst: FullForm, radius: float, stiffness: float) -> Iterator[tuple[tuple[str, Kind, str], float]]:
     for joint in inst.joints:
         yield (f"r({joint.name})/r", "elastic", "radius of a joint over the first one's"), joint.radius / radius
         if joint.end_effector_length:
@@ -488,8 +508,12 @@ def _groups(inst: FullForm) -> Iterator[tuple[tuple[str, Kind, str], float]]:
             yield (f"kappa({joint.name})/(k r^2)", "elastic", "spring or backbone of a joint over k r²"), spring
         if joint.backbone_length:
             yield (f"L({joint.name})/r", "elastic", "length of a backbone over r"), joint.backbone_length / radius
-    if inst.grip is not None and inst.grip.length:
-        yield ("l(grip)/r", "elastic", "length to what jaws hold over r"), inst.grip.length / radius
+
+
+def _groups_of_tendons(
+    inst: FullForm, radius: float, stiffness: float
+) -> Iterator[tuple[tuple[str, Kind, str], float]]:
+    known = {joint.name: joint for joint in inst.joints}
     for tendon, k, tension in zip(inst.tendons, inst.stiffnesses, inst.pretensions, strict=True):
         name = tendon.name
         yield (f"k({name})/k", "elastic", "stiffness of a tendon over the first one's"), k / stiffness
@@ -505,14 +529,3 @@ def _groups(inst: FullForm) -> Iterator[tuple[tuple[str, Kind, str], float]]:
                 yield (f"phi_0({at})", "friction", "bend of a tendon over the straight joint, rad"), crossing.base_wrap
             if crossing.coefficient is not None:
                 yield (f"mu({at})", "friction", "friction coefficient of a contact"), crossing.coefficient
-    if friction.law != "none":
-        yield ("mu", "friction", "friction coefficient at the joints"), friction.vertex_coefficient
-        yield ("mu_s", "friction", "friction coefficient in the sheath"), friction.sheath_coefficient
-        yield ("phi_s", "friction", "bend of the sheath, rad"), friction.sheath_bend
-        yield ("f_c/(k r)", "friction", "constant friction of a contact over k r"), friction.constant / stiffness / radius
-    frequencies = plant.natural_frequencies(inst)
-    for n, one in enumerate(frequencies[1:], 2):
-        meaning = "natural frequency over the lowest: how the links' inertia is spread"
-        yield (f"omega_{n}/omega_1", "inertia", meaning), float(one / frequencies[0])
-    if inst.geometry.insertion:
-        yield ("insertion/r", "elastic", "length beyond the port over r"), inst.geometry.insertion / radius

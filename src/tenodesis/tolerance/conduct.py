@@ -101,7 +101,7 @@ def study(
     task: Evaluation | JointEvaluation
     if comparison is not None:
         factor = float(comparison.force_factor())
-        task = _task(comparison, parameters, _force(*planar, factor, force), factor)
+        task = _task(comparison, parameters, _force(comparison, factor, force), factor)
     else:
         task = joint_evaluation(real_size, scaled_up, parameters, None if force is None else _given(force))
         factor = task.comparison.factors["force"]
@@ -132,7 +132,12 @@ def study(
 
 
 def drawn(
-    real_size: InstrumentLike, scaled_up: InstrumentLike, tolerances: Tolerances | None = None, *, samples: int, seed: int = 0
+    real_size: InstrumentLike,
+    scaled_up: InstrumentLike,
+    tolerances: Tolerances | None = None,
+    *,
+    samples: int,
+    seed: int = 0,
 ) -> dict[str, Array]:
     """Return the responses of instruments of several joints that are drawn from tolerances, by key, (2 samples,).
 
@@ -148,10 +153,10 @@ def drawn(
     return dict(zip(task.responses, table[held].T, strict=False))
 
 
-def _force(real_size: ShortForm, scaled_up: ShortForm, factor: float, force: float | None) -> float:
+def _force(comparison: similarity.Comparison, factor: float, force: float | None) -> float:
     if force is None:
-        tested = max(scaled_up.conditions.forces, default=0.0) / factor
-        return tested or max(real_size.conditions.forces, default=1.0)
+        tested = max(comparison.scaled_up.conditions.forces, default=0.0) / factor
+        return tested or max(comparison.real_size.conditions.forces, default=1.0)
     return _given(force)
 
 

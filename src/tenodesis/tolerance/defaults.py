@@ -44,7 +44,8 @@ def default(scaled_up: InstrumentLike) -> Tolerances:
     """Return the default tolerances of a scaled-up instrument.
 
     Radii have ISO 2768-1 class f and lengths class m, as half widths by their size; stiffness, pretension and friction
-    have what we assume as the error of an identification; joints and tendons that are listed, each their own. Keys that the instrument lacks, or has as zero, are left out.
+    have what we assume as the error of an identification; joints and tendons that are listed have each their own. Keys
+    that the instrument lacks, or has as zero, are left out.
     """
     inst = as_instrument(scaled_up, "scaled_up")
     found = [] if isinstance(inst, ShortForm) else [*_of_joints(inst.expanded), *_of_tendons(inst.expanded)]
@@ -78,8 +79,9 @@ def _of_tendons(inst: FullForm) -> Iterator[Tolerance]:
     for tendon, tension in zip(inst.as_given("tendons"), inst.pretensions, strict=True):
         own = f"tendons.{tendon.name}"
         for crossing in tendon.route:
-            if crossing.radius:
-                yield _machined(f"{own}.{crossing.joint}.radius", crossing.radius, "f")
+            # What is smaller than its tolerance is the rounding of none.
+            if (crossing.radius or 0.0) > 1e-3 * general_tolerance(crossing.radius or 0.0, "f"):
+                yield _machined(f"{own}.{crossing.joint}.radius", crossing.radius or 0.0, "f")
         if tendon.stiffness_by_tension is None:
             yield Tolerance(key=f"{own}.stiffness", **_IDENTIFICATION["tendon_stiffness"])
         if tension:
