@@ -50,6 +50,9 @@ def study_tolerances(  # noqa: PLR0917
         typer.Option(help="Folder for page, figures, samples and results; those of an earlier study are replaced."),
     ] = Path("out/tolerance"),
     engine: Annotated[Literal["threads", "ray"], typer.Option(help="Engine that runs the samples.")] = "threads",
+    joints: Annotated[
+        bool, typer.Option("--joints", help="Of two planar axes each, study both at once instead of the first.")
+    ] = False,
     address: Annotated[
         str | None, typer.Option(help="Of the Ray cluster: host:port of its head, auto, or local.")
     ] = None,
@@ -60,6 +63,8 @@ def study_tolerances(  # noqa: PLR0917
     """
     require("SALib", "design")
     model, prototype = load_instrument(real_size), load_instrument(scaled_up)
+    if joints:
+        model, prototype = model.expanded, prototype.expanded
     given = None if tolerances is None else tolerance.load(tolerances)
     newton = None if force is None else quantity("--force", force, PositiveForce)
     begun = time.monotonic()

@@ -59,7 +59,7 @@ def study(
     Parameters
     ----------
     real_size
-        The real-size instrument.
+        The real-size instrument; where both have the short form, its first axis. Expanded, all its joints.
     scaled_up
         The scaled-up one as in its file, including mismatch.
     tolerances
@@ -87,7 +87,7 @@ def study(
         range, or the nominal instruments do not hold the force.
     """
     real_size, scaled_up = as_instrument(real_size, "real_size"), as_instrument(scaled_up, "scaled_up")
-    planar = [one for one in (real_size, scaled_up) if isinstance(one, ShortForm) and len(one.axes) == 1]
+    planar = [one.planar[0] for one in (real_size, scaled_up) if isinstance(one, ShortForm)]
     samples = (SAMPLES if planar[1:] else JOINT_SAMPLES) if samples is None else samples
     if not isinstance(samples, int | np.integer) or not LEAST_SAMPLES <= samples <= MOST_SAMPLES:
         raise StudyError(key="samples", value=samples, allowed=f"an integer from {LEAST_SAMPLES} to {MOST_SAMPLES}")
@@ -95,7 +95,10 @@ def study(
         raise StudyError(key="seed", value=seed, allowed="an integer from 0 to 2**32 - 1")
     _refuse_engine(engine, address)
     given = default(scaled_up) if tolerances is None else tolerances
-    comparison = _compared(*planar) if planar[1:] else None
+    comparison = None
+    if planar[1:]:
+        real_size, scaled_up = planar
+        comparison = _compared(*planar)
     parameters = resolve(given, real_size, scaled_up)
     count = 1 << (int(samples) - 1).bit_length()
     task: Evaluation | JointEvaluation
