@@ -11,7 +11,8 @@ PYTEST := $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loads
 CORE := $(wildcard include/tenodesis/*)
 EXTENSION := $(wildcard src/bindings/* src/engine/* src/runtime/*)
 CPP_TESTS := $(wildcard tests/cpp/*)
-TIDY := -std=c++20 -Iinclude -Isrc -Iexamples -fno-math-errno
+TIDY := -std=c++20 -Iinclude -Isrc -Iexamples -fno-math-errno \
+  -DTENODESIS_JOINTS=3 -DTENODESIS_TENDONS=6 -DTENODESIS_CONTACTS=3
 CPP_FILES := $(filter %.h %.hpp %.cpp,$(CORE) $(EXTENSION) $(CPP_TESTS) $(wildcard src/c/* firmware/*)) \
   examples/controller.c $(wildcard tests/consumers/*.c*)
 CROSS_PYTHON ?= 3.13

@@ -52,6 +52,9 @@ struct Wrench {
   Vector<S> moment{};
 };
 
+/// Components of a load: force, moment, grip.
+inline constexpr int load_components = 7;
+
 template <class S>
 struct ChainLoad {
   Wrench<S> wrench{};
@@ -264,12 +267,13 @@ struct TendonChain {
   /// angles, N m/rad, unless these are not asked for.
   ///
   /// serial: the joints stand one on another, and the wrench turns with the tip; all places are then known when this is
-  /// compiled, and numbers stay in registers.
+  /// compiled, and numbers stay in registers. by_turning: if it is asked for, the moments that the load's moment would
+  /// exert if it were as large as the force.
   template <bool serial = false, bool rates = true, class T>
   [[gnu::always_inline]] constexpr void load_moments(const Bend<T>* bend, const ChainLoad<T>& load, T* moment,
-                                                     T (*rate)[N]) const {
+                                                     T (*rate)[N], T* by_turning = nullptr) const {
     if constexpr (known && !serial)
-      if (!load.in_stem_axes) return load_moments<true, rates>(bend, load, moment, rate);
+      if (!load.in_stem_axes) return load_moments<true, rates>(bend, load, moment, rate, by_turning);
     // At the far end of every joint, in its axes: the wrench, and its rates by the angles of the joints beyond.
     Wrench<T> at[N]{};
     Wrench<T> by[N][N]{};
@@ -287,7 +291,7 @@ struct TendonChain {
       if (is_around(i)) return;
       if constexpr (!known && N > 1)
         if (is_within(i)) {
-          load_pair_moments<rates>(i, bend, load.grip, turns, at, by, beyond, moment, rate);
+          load_pair_moments<rates>(i, bend, load.grip, turns, at, by, beyond, moment, rate, by_turning);
           return;
         }
       const auto& on = joint[i];
@@ -305,6 +309,7 @@ struct TendonChain {
       };
       const int parent = serial ? i - 1 : this->parent(i);
       const Wrench<T> mid = pass(at[i], moment[i]);
+      if (by_turning != nullptr) by_turning[i] = dot(axis, mid.force);
       moment[i] = moment[i] + T(on.grip) * load.grip;
       const Wrench<T> whole = near(mid);
       if (parent >= 0) hand_on(T(on.offset), at[parent], whole);
@@ -337,17 +342,37 @@ struct TendonChain {
     });
   }
 
+  /// Moments about every joint by a unit of each component of a load in the tip's axes: forces, moments, grip.
+  template <class T>
+  constexpr void load_rows(const Bend<T>* bend, T (*row)[load_components]) const {
+    for (int k = 0; k < 3; ++k) {
+      ChainLoad<T> unit{};
+      unit.wrench.force = {T(k == 0), T(k == 1), T(k == 2)};
+      T moment[N], by_turning[N], unused[N][N];
+      load_moments<false, false>(bend, unit, moment, unused, by_turning);
+      for (int i = 0; i < N; ++i) {
+        row[i][k] = moment[i];
+        row[i][3 + k] = by_turning[i];
+      }
+    }
+    for (int i = 0; i < N; ++i) row[i][6] = T(joint[i].grip);
+  }
+
  private:
   // Two joints, i within the one before it, as load_moments has them one by one.
   template <bool rates, class T>
   [[gnu::noinline]] constexpr void load_pair_moments(int i, const Bend<T>* bend, const T& grip, bool turns,
                                                      Wrench<T>* at, Wrench<T> (*by)[N], std::uint64_t* beyond,
-                                                     T* moment, T (*rate)[N]) const {
+                                                     T* moment, T (*rate)[N], T* by_turning) const {
     const int o = i - 1;
     const Pair<T> pair(*this, bend, i);
     const auto whole = pair.inward(at[i]);
     moment[o] = whole.about_outer + T(joint[o].grip) * grip;
     moment[i] = whole.about_inner + T(joint[i].grip) * grip;
+    if (by_turning != nullptr) {
+      by_turning[o] = T(0.5) * (dot(pair.outer, whole.first.force) + dot(pair.outer, whole.last.force));
+      by_turning[i] = dot(pair.inner, whole.middle.force);
+    }
     const int on = parent(o);
     const T offset(joint[o].offset);
     if (on >= 0) hand_on(offset, at[on], whole.near);
