@@ -3,7 +3,7 @@
  *
  * Written by tenodesis 0.1.0 from needle-driver,
  * for version 1 of the C interface:
- * the input's clock.
+ * its own clock.
  *
  * Spools are at the pretension and joints straight where spool angles count from. Build src/c/joints.cpp by
  * -include of this header, and of no other.
@@ -39,7 +39,7 @@ static const tenodesis_joints_parameters needle_driver = {
     .friction_law = 0,
     .compensates = 1,
     .shows_load = 0,
-    .own_clock = 0,
+    .own_clock = 1,
     .reserved = 0,
     .handle = {0},
     .constant = TENODESIS_C(0.0), /* N: friction that does not depend on the load */
@@ -51,7 +51,9 @@ static const tenodesis_joints_parameters needle_driver = {
     .bending_loss = TENODESIS_C(0.0), /* N: of a tendon that is stiff in bending */
     .sheath_bend_rate = TENODESIS_C(0.0), /* rad/rad: bend of the sheath by the handle's angles */
     .spool_radius = TENODESIS_C(0.0025465), /* m: radius of a spool */
+    .spool_step = TENODESIS_C(0.001533980787885641), /* rad: step of a spool's encoder */
     .play = TENODESIS_C(9.765705190876963e-07), /* m: slip that stands out from noise */
+    .handle_play = TENODESIS_C(0.0), /* m: by which it is larger from the handle's joints on */
     .tension_play = TENODESIS_C(0.1444140625), /* N: tension by whose stretch that slip is larger farther on */
     .smoothing = TENODESIS_C(0.009900990099009901), /* 1: share of the handle's reading in that which contacts follow */
     .tension_deviation = TENODESIS_C(0.05862808970949522), /* N: standard deviation of a tension */
@@ -68,6 +70,8 @@ static const tenodesis_joints_parameters needle_driver = {
     .tension_limit = TENODESIS_C(80.0), /* N: above it the motors give nothing more */
     .least_tension = TENODESIS_C(0.15), /* 1: share of the pretension below which a tendon is tightened */
     .deviations = TENODESIS_C(2.0), /* 1: of the estimate that a stroke leaves room for */
+    .homing_time = TENODESIS_C(2.0), /* s: of strokes that wind all tendons alike */
+    .homing_rise = TENODESIS_C(0.6), /* 1: of the tensions in it, share of the pretension */
     .period = TENODESIS_C(0.0005), /* s: nominal time between ticks */
     .speed_limit = TENODESIS_C(20.0), /* rad/s: largest speed of a spool */
     .acceleration_limit = TENODESIS_C(400.0), /* rad/s^2: largest acceleration of a spool */

@@ -2,12 +2,13 @@
 
     python studies/any_routing.py --tool TOOL.json
 
-Instruments whose tendons turn several joints, and of which jaws have tendons through the wrist, are brought to states
-over their range, by commands or by their handle; then a force comes at the tip, such as bends a joint by half of what its pretension holds. Tendons have friction in their sheaths and at
-every bend, 0.7, 1 and 1.3 times what the controller assumes. Errors are those of all that bends over the last tenth of
-a second, against the commands, or what the handle asks for; beside them those of a rigid coupling matrix alone, and how much farther from its
-command any of them is with the law than without: at the end, and ever since the force. Last, the wrist moves while the
-jaws hold an object.
+Instruments whose tendons turn several joints, and of which jaws have tendons through the wrist, home, and are brought
+to states over their range, by commands or by their handle; then a force comes at the tip, such as bends a joint by half
+of what its pretension holds. Tendons have friction in their sheaths and at every bend, 0.7, 1 and 1.3 times what the
+controller assumes. Errors are those of all that bends over the last tenth of a second, against the commands, or what
+the handle asks for; beside them those of a rigid coupling matrix alone, and how much farther from its command any of
+them is with the law than without: at the end, and ever since the force. Last, the wrist of tools without a handle moves
+while the jaws hold an object.
 """
 
 from functools import cache
@@ -19,7 +20,7 @@ import law
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis.control import JointController, JointEstimate
+from tenodesis.control import JointController, JointEstimate, Request
 from tenodesis.instrument import FullForm, expanded, from_dvrk
 from tenodesis.run import Run
 from tenodesis.simulate import campaign
@@ -38,8 +39,8 @@ SHARES = ((0, 0, 0), (0.3, 0.3, -0.3), (-0.6, 0.3, 0.3), (0.3, -0.6, 0.6), (0.6,
 MOST = np.radians(70)
 CLOSINGS = (0.05, 0.1, 0.3, 0.6)
 """Of each jaw beyond straight, rad."""
-ARRIVED, LOADED, END, LAST, STEP = 1.0, 1.2, 4.0, 0.1, 5e-4  # s
-MOVED = round(1.5 / STEP)
+RESUMED, HOMED, ARRIVED, LOADED, END, LAST, STEP = 2.1, 2.2, 1.0, 3.4, 6.2, 0.1, 5e-4  # s
+MOVED = round((HOMED + 1.5) / STEP)
 """Step from which the wrist moves with an object."""
 
 
@@ -94,7 +95,10 @@ def run_of(
     inst = tool(name, friction)
     controller = JointController(tool(name), "joints" if compensates else "off")
     aims = {} if inst.handle_joints else {"target": target}
-    run = Twin(inst, seed=seed).run(handle, controller=controller, **aims, **loads)
+    request = np.zeros(len(target), dtype=int)
+    if compensates:
+        request[0], request[round(RESUMED / STEP)] = Request.HOME, Request.RESUME
+    run = Twin(inst, seed=seed).run(handle, controller=controller, request=request, **aims, **loads)
     return run, controller.estimate, np.degrees(summed(inst, run["output_angle"] - target))
 
 
@@ -106,7 +110,7 @@ def summed(inst: FullForm, angles: Array) -> Array:
 def trial(name: str, state: int, direction: tuple[float, float, float], friction: float) -> dict[str, Any]:
     """Run a state under a force, by a rigid coupling alone and with the law: errors, deg."""
     inst = tool(name)
-    way = eased(0, ARRIVED)
+    way = eased(HOMED, ARRIVED)
     handle, target = (way * angles for angles in commanded(inst, state))
     wrench = eased(LOADED, 0.1) * np.array([*(force_of(inst) * np.asarray(direction)), 0, 0, 0])
     _, _, alone = run_of(name, friction, handle, target, compensates=False, wrench=wrench)
@@ -137,9 +141,10 @@ def grip_kept(name: str, closing: float, friction: float) -> dict[str, float]:
     closed = inst.bent(np.zeros(len(inst.bends))) - closing * np.sign(inst.grip_arms)
     held = Held(opening=float(inst.grip_arms @ closed) / 2, stiffness=3e3, damping=1.0)
     moved = inst.bent(bends_of(inst, 1)) * (inst.grip_arms == 0)
-    target = eased(0, ARRIVED) * closed + eased(1.5, ARRIVED) * moved
+    target = eased(HOMED, ARRIVED) * closed + eased(HOMED + 1.5, ARRIVED) * moved
+    handle = np.zeros((len(target), 0))
     own, alone = (
-        run_of(name, friction, target, compensates=compensates, held=held, seed=2)[0]["grip_force"][MOVED:]
+        run_of(name, friction, handle, target, compensates=compensates, held=held, seed=2)[0]["grip_force"][MOVED:]
         for compensates in (True, False)
     )
     return {"alone": float(alone[0]), "least": float((own / alone).min()), "most": float((own / alone).max())}
@@ -170,7 +175,7 @@ def main() -> None:
         rows = campaign.run(trial, campaign.cases(**axes), Path(name).stem, results=options.results)
         print(f"{Path(name).stem}, {force_of(tool(name)):.3g} N in {len(DIRECTIONS)} directions")
         law.show(options, f"any_routing_{figures.slug(Path(name).stem)}", rows.by("friction") | {"all": rows}, columns)
-        if tool(name).grip is not None:
+        if tool(name).grip is not None and not tool(name).handle_joints:
             axes = {"name": [name], "closing": CLOSINGS, "friction": law.ASSUMED}
             rows = campaign.run(grip_kept, campaign.cases(**axes), "grip", results=options.results)
             law.show(options, f"any_routing_grip_{figures.slug(Path(name).stem)}", rows.by("closing"), grips)

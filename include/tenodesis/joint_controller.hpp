@@ -30,6 +30,8 @@ struct JointController {
     JointLawMemory<S, N, M> law{};
     JointSupervisorMemory<S, M> supervisor{};
     S aim[N]{};       ///< rad
+    S spool[M]{};     ///< spool angles between their encoders' steps, rad
+    S turning[M]{};   ///< speeds of the spools by what was sent, rad/s
     S velocity[M]{};  ///< of the spools, rad/s; finite whatever is measured
 
     /// Latched faults in a fault, otherwise those present.
@@ -42,19 +44,30 @@ struct JointController {
   JointObserver<W, most_contacts> observer{};
   JointLaw<W> law{};
   JointSupervisor<W> supervisor{};
+  S spool_step{};  ///< of the spools' encoders, rad
 
   template <bool with_load>
   void step(const Input& in, Memory& memory) const {
     S wanted[M]{};
     law.aim(in.commanded, in.wound, memory.aim);
-    const auto& found = observer.template update<with_load>(in.measured, memory.observer);
+    auto measured = in.measured;
+    for (int m = 0; m < supervisor.tendons; ++m) measured.spool_angle[m] = follow_spool(m, in.measured, memory);
+    if (in.request == Request::home) memory.observer.learned = {};
+    memory.observer.learned.continues = memory.law.homing > S(0);
+    const auto& found = observer.template update<with_load>(measured, memory.observer);
     supervisor.inspect(in.measured, found, observer.chain.handles, in.since, memory.supervisor);
     const bool works = supervisor.works(in.request, memory.law.beyond, in.since, memory.supervisor);
     const bool passes = in.direct != nullptr;
     if (passes) memory.law = {};
     for (int m = 0; m < supervisor.tendons && works && passes; ++m) wanted[m] = in.direct[m];
-    if (works && !passes) law.update(in.measured, found, memory.aim, in.compensates, memory.law, wanted);
+    auto& state = memory.supervisor.state;
+    S& homing = memory.law.homing;
+    homing = !works || !state.homing ? S(0) : in.request == Request::home ? law.homing_time : homing;
+    const bool compensates = in.compensates && !state.homing;
+    if (works && !passes) law.update(in.measured, found, memory.aim, compensates, memory.law, wanted);
     if (!works) memory.law.started = false;
+    homing = larger(homing - law.period, S(0));
+    if (homing == S(0)) Supervisor<S>::finish_homing(state);
     supervisor.command(in.measured, wanted, !passes, in.since, memory.supervisor, memory.velocity);
   }
 
@@ -75,6 +88,8 @@ struct JointController {
     observer.law.power = {constant, S(p.load_index), S(p.reference_tension), S(p.bending_loss), least};
     observer.sheath_bend_rate = S(p.sheath_bend_rate);
     observer.play = S(p.play);
+    spool_step = S(p.spool_step);
+    observer.handle_play = S(p.handle_play);
     observer.tension_play = S(p.tension_play);
     observer.smoothing = S(p.smoothing);
     observer.deviations = {S(p.tension_deviation),   S(p.length_deviation), S(p.friction_deviation),
@@ -88,6 +103,8 @@ struct JointController {
     law.tension_limit = S(p.tension_limit);
     law.least_tension = S(p.least_tension);
     law.deviations = S(p.deviations);
+    law.homing_time = S(p.homing_time);
+    law.homing_rise = S(p.homing_rise);
     auto& states = supervisor.states;
     auto& watch = supervisor.watch;
     law.period = states.period = watch.period = S(p.period);
@@ -163,6 +180,17 @@ struct JointController {
   }
 
  private:
+  // Where a spool is between two steps of its encoder, by what was sent: one step may be more than what reverses the
+  // contact beside it.
+  S follow_spool(int m, const JointMeasurement<S, N, M>& measured, Memory& memory) const {
+    const S read = measured.spool_angle[m], half = spool_step * S(0.5);
+    if (!is_finite(read)) return read;
+    const S share = law.period / (supervisor.watch.drive.time_constant + law.period);
+    memory.turning[m] = memory.turning[m] + share * (memory.velocity[m] - memory.turning[m]);
+    memory.spool[m] = clamp(memory.spool[m] + law.period * memory.turning[m], read - half, read + half);
+    return memory.spool[m];
+  }
+
   template <class P>
   void set_tendon(const P& from, int m) {
     W& chain = observer.chain;

@@ -20,6 +20,7 @@ struct JointLawMemory {
   S beyond[M]{};  ///< strokes of both, m
   S opening{};    ///< of the jaws by their targets with a play, m
   S before[M]{};  ///< strokes of the last tick, their targets' included, m
+  S homing{};     ///< time that is left of it, s
   bool started{};
 };
 
@@ -41,6 +42,8 @@ struct JointLaw {
   S least_tension{};  ///< share of the pretension
   S deviations{2};    ///< of the estimate that a stroke leaves room for
   S period{};         ///< of a tick, s
+  S homing_time{};    ///< s
+  S homing_rise{};    ///< of the tensions in it, share of the pretension
   /// What is constant.
   struct Prepared {
     S within[N][N]{};    ///< of lost coordinates, what tendons can give
@@ -90,7 +93,7 @@ struct JointLaw {
   /// joints.
   void aim(const S* commanded, const S* wound, S* angle) const {
     S x[N];
-    if (wound != nullptr) settle(wound, x);
+    if (wound != nullptr) unload(wound, x);
     for (int i = 0; i < N; ++i)
       angle[i] = commanded[i] + (wound != nullptr ? angle_at(chain.joint[i].mechanism, x[i]) : S(0));
   }
@@ -104,7 +107,7 @@ struct JointLaw {
     }
     S none[M]{}, wound[M];
     chain.wind(handle_angle, none, wound);
-    settle(wound, x);
+    unload(wound, x);
   }
 
   /// Velocities of the spools for the next tick, rad/s; unless it compensates, they follow the targets alone.
@@ -136,7 +139,11 @@ struct JointLaw {
       const S doubt = deviations * sqrt(larger(variance(i, found, turn), S(0)));
       const S room = S(2) * larger(abs(lost[i]) - doubt, S(0));
       const S aim = clamp(lost[i], -room, room);
-      const S step = tense || !compensates ? -memory.given[i] : aim - moved[i];
+      // What is certainly off is brought nearer, also where friction keeps it there after strokes that went back.
+      const S off = lost[i] - moved[i];
+      const S nearer = S(2) * larger(abs(off) - doubt, S(0));
+      const S certain = nearer > S(0) ? clamp(off, -nearer, nearer) : aim - moved[i];
+      const S step = tense || !compensates ? -memory.given[i] : certain;
       memory.given[i] = memory.given[i] + rate * period * step;
     }
     if (compensates) tighten(found, memory);
@@ -144,9 +151,11 @@ struct JointLaw {
       for (S& one : target) one = S(0);
     chain.excursions(target, stroke);
     chain.excursions(memory.given, memory.beyond);
+    S probe[M]{};
+    if (memory.homing > S(0)) wind_alike(memory.homing, probe);
     for (int m = 0; m < M; ++m) {
       memory.beyond[m] = memory.beyond[m] + memory.common[m];
-      stroke[m] = stroke[m] + memory.beyond[m];
+      stroke[m] = stroke[m] + memory.beyond[m] + probe[m];
       const S ahead = memory.started ? (stroke[m] - memory.before[m]) / period : S(0);
       const S off = stroke[m] - spool_radius * measured.spool_angle[m];
       velocity[m] = chain.motor[m] ? clamp(ahead + gain * off, -speed, speed) / spool_radius : S(0);
@@ -166,6 +175,28 @@ struct JointLaw {
     for (int i = 0; i < N; ++i) {
       x[i] = S(0);
       for (int m = 0; m < M; ++m) x[i] = x[i] + prepared.settled[i][m] * wound[m];
+    }
+  }
+
+  // Lengths (m) that wind all tendons alike and turn no joint, up and down while homing, of which so much time is left.
+  // All contacts slip both ways: tensions by lengths then tell the stiffness, and how they differ the friction.
+  void wind_alike(const S& left, S* wound) const {
+    const S rise = homing_rise * (S(1) - abs(S(2) * left / homing_time - S(1)));
+    S turned[N], drawn[M];
+    for (int m = 0; m < M; ++m)
+      wound[m] = chain.motor[m] && chain.stiffness[m] > S(0) ? rise * chain.pretension[m] / chain.stiffness[m] : S(0);
+    settle(wound, turned);
+    chain.excursions(turned, drawn);
+    for (int m = 0; m < M; ++m) wound[m] = wound[m] - drawn[m];
+  }
+
+  // Coordinates that lengths wound (m) move unloaded joints to, against their springs.
+  void unload(const S* wound, S* x) const {
+    S settled[N];
+    settle(wound, settled);
+    for (int i = 0; i < N; ++i) {
+      x[i] = S(0);
+      for (int j = 0; j < N; ++j) x[i] = x[i] + prepared.response[i][j] * settled[j];
     }
   }
 

@@ -109,16 +109,31 @@ struct JointEstimate {
   bool valid{};  ///< false: a measurement is not finite, and the last estimate stands
 };
 
+/// What homing has told of friction and stiffness.
+template <class S, int M>
+struct JointLearning {
+  S scale[2]{};    ///< of friction and stiffness, beyond 1
+  S weight[3]{};   ///< inverse of their covariance: friction, both, stiffness
+  S tension[M]{};  ///< when it was last learned, N
+  bool started{};
+  bool continues{};  ///< it goes on
+};
+
 template <class S, int N, int M, int contacts>
 struct JointMemory {
   HeldTorque<S> contact[M][contacts]{};
   S handle_angle[N]{};  ///< without the steps of its encoder, rad
+  JointLearning<S, M> learned{};
   bool started{};
   JointEstimate<S, N, M> estimate{};
 };
 
 /// Largest angles of joints that an estimate has, short of the mechanisms' limits, rad.
 inline constexpr double most_angle = 0.98 * pi, most_gear_angle = 2.7409;
+/// Change of a tension, as a share of the pretension, after which it tells anew of friction and stiffness.
+inline constexpr double least_change = 0.1;
+/// Deviations that homing leaves of them at least: contacts differ, and a rope's compliance is not all along it alike.
+inline constexpr double least_friction_std = 0.05, least_stiffness_std = 0.02;
 /// Deviation of an angle before any tendon has been read, rad.
 inline constexpr double prior_angle_std = 1.0;
 
@@ -140,6 +155,7 @@ struct JointObserver {
   S sheath_bend_rate{};  ///< bend of the sheath by the angles of the handle
   S spool_radius{};      ///< m
   S play{};              ///< length by which a contact counts as slipping, m
+  S handle_play{};       ///< by which that is larger from the handle's joints on, m
   S tension_play{};      ///< tension by whose stretch up to a contact that length is larger, N
   S smoothing{1};        ///< share of the handle's reading in that which contacts follow
   JointDeviations<S> deviations{};
@@ -165,7 +181,8 @@ struct JointObserver {
     least[at_stiffness] = S(1) / square(deviations.stiffness);
     for (int i = 0; i < N; ++i) least[at_angle + i] = S(1) / square(S(prior_angle_std));
     auto& root = equations.root;
-    for (int i = 0; i < unknowns; ++i) root.lower.at[i][i] = root.lower.at[i][i] + least[i];
+    for (int i = at_angle; i < unknowns; ++i) root.lower.at[i][i] = root.lower.at[i][i] + least[i];
+    expect(memory.learned, equations);
     now.valid = add_balance(joints, equations) && root.take(least);
     if (!now.valid) return now;
     const S* const value = equations.right;
@@ -179,8 +196,10 @@ struct JointObserver {
         now.covariance.at[i][j] = now.covariance.at[j][i] = covariance(root.lower, at_angle + i, at_angle + j);
     }
     if constexpr (with_load) add_load(equations, now);
-    now.friction_scale = S(1) + value[at_friction];
+    auto& learned = memory.learned;
+    now.friction_scale = S(1) + learned.scale[0] + value[at_friction];
     now.friction_scale_std = sqrt(covariance(root.lower, at_friction, at_friction));
+    if (learned.continues && tells(measured, learned)) learn(root.lower, value, measured, learned);
     // A stiffness that the file does not admit explains nothing.
     const S softer = clamp(value[at_stiffness], S(-2) * deviations.stiffness, S(2) * deviations.stiffness);
     for (int m = 0; m < M; ++m) {
@@ -227,6 +246,44 @@ struct JointObserver {
       }
     }
   };
+
+  // Friction is linear about what was learned of it, stiffness about the file's.
+  void expect(JointLearning<S, M>& learned, Equations& equations) const {
+    auto& [scale, weight, tension, started, continues] = learned;
+    if (!started) {
+      weight[0] = S(1) / square(deviations.friction);
+      weight[2] = S(1) / square(deviations.stiffness);
+      started = true;
+    }
+    auto& at = equations.root.lower.at;
+    at[at_friction][at_friction] = at[at_friction][at_friction] + weight[0];
+    at[at_stiffness][at_friction] = at[at_stiffness][at_friction] + weight[1];
+    at[at_stiffness][at_stiffness] = at[at_stiffness][at_stiffness] + weight[2];
+    equations.right[at_friction] = equations.right[at_friction] + weight[1] * scale[1];
+    equations.right[at_stiffness] = equations.right[at_stiffness] + weight[2] * scale[1];
+  }
+
+  // Whether tensions have changed since they last told of friction and stiffness: at the same ones errors are the same.
+  bool tells(const Measured& measured, const JointLearning<S, M>& learned) const {
+    bool changed = false;
+    for (int m = 0; m < M; ++m)
+      changed = changed || abs(measured.tension[m] - learned.tension[m]) > S(least_change) * chain.pretension[m];
+    return changed;
+  }
+
+  // inverse: of the weights' root.
+  void learn(const Square<S, unknowns>& inverse, const S* value, const Measured& measured,
+             JointLearning<S, M>& learned) const {
+    const S friction = larger(covariance(inverse, at_friction, at_friction), square(S(least_friction_std)));
+    const S stiffness = larger(covariance(inverse, at_stiffness, at_stiffness), square(S(least_stiffness_std)));
+    const S both = covariance(inverse, at_stiffness, at_friction);
+    const S by = S(1) / (friction * stiffness - square(both));
+    const S weight[3]{by * stiffness, -by * both, by * friction};
+    for (int k = 0; k < 3; ++k) learned.weight[k] = weight[k];
+    learned.scale[0] = learned.scale[0] + value[at_friction];
+    learned.scale[1] = value[at_stiffness];
+    for (int m = 0; m < M; ++m) learned.tension[m] = measured.tension[m];
+  }
 
   // Of two unknowns, by the inverse of the root.
   static S covariance(const Square<S, unknowns>& inverse, int i, int j) {
@@ -304,21 +361,26 @@ struct JointObserver {
       stretch_by_friction = stretch_by_friction + soft * by_friction;
     };
     for (int h = 0; h < chain.handles; ++h) wound = wound + chain.handle_arm[m][h] * joints.y[h];
+    S slips = play;
     for (int j = 0; j < contacts[m]; ++j) {
       const Passage<S>& at = passage[m][j];
       pass(j);
       // A joint of the handle draws the segment before its last contact.
-      if (at.joint >= N) position = position + at.arm * joints.slow[at.joint - N];
+      if (at.joint >= N && at.arm != S(0)) {
+        position = position + at.arm * joints.slow[at.joint - N];
+        slips = play + handle_play;
+      }
       const S wrap = wrap_at(at, joints);
-      const S exponent = at.coefficient * wrap;
+      const S scale = S(1) + memory.learned.scale[0];
+      const S exponent = scale * at.coefficient * wrap;
       const Band<S> band = band_of(law, exponent, wrap, at, S(0), tension);
       auto& contact = memory.contact[m][j];
       const S low = larger((tension - band.constant) / band.ratio, S(0));
       const S high = tension * band.ratio + band.constant;
-      contact.update(low, high, position, play + tension_play * total, memory.started);
+      contact.update(low, high, position, slips + tension_play * total, memory.started);
       const S way = clamp(contact.slip.run, S(-1), S(1));
       const S share = contact.torque / larger(tension, S(1e-9));
-      by_friction = share * by_friction - way * (exponent * contact.torque + band.constant);
+      by_friction = share * by_friction - way * (exponent * contact.torque + band.constant) / scale;
       hidden = hidden / band.ratio + contact.hidden;
       tension = contact.torque;
       if (at.joint < 0 || at.joint >= N || at.arm == S(0)) continue;

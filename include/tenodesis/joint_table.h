@@ -74,7 +74,9 @@
   ROW(sheath_bend_rate, "rad/rad", not_negative, "bend of the sheath by the handle's angles")        \
   /* observer */                                                                                     \
   ROW(spool_radius, "m", positive, "radius of a spool")                                              \
+  ROW(spool_step, "rad", not_negative, "step of a spool's encoder")                                  \
   ROW(play, "m", positive, "slip that stands out from noise")                                        \
+  ROW(handle_play, "m", not_negative, "by which it is larger from the handle's joints on")           \
   ROW(tension_play, "N", not_negative, "tension by whose stretch that slip is larger farther on")    \
   ROW(smoothing, "1", positive, "share of the handle's reading in that which contacts follow")       \
   ROW(tension_deviation, "N", positive, "standard deviation of a tension")                           \
@@ -92,6 +94,8 @@
   ROW(tension_limit, "N", positive, "above it the motors give nothing more")                         \
   ROW(least_tension, "1", not_negative, "share of the pretension below which a tendon is tightened") \
   ROW(deviations, "1", not_negative, "of the estimate that a stroke leaves room for")                \
+  ROW(homing_time, "s", positive, "of strokes that wind all tendons alike")                          \
+  ROW(homing_rise, "1", not_negative, "of the tensions in it, share of the pretension")              \
   ROW(period, "s", positive, "nominal time between ticks")                                           \
   /* supervisor */                                                                                   \
   ROW(speed_limit, "rad/s", positive, "largest speed of a spool")                                    \

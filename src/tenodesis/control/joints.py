@@ -39,6 +39,10 @@ _STROKES = 3.0
 """Largest stroke of a tendon beyond its target, in stretches by the largest tension."""
 _HANDLE_STEPS, _SPOOL_STEPS = 6.0, 2.5
 """By which two readings of an encoder at rest differ at most, in its steps."""
+_HOMING_TIME, _HOMING_RISE = 2.0, 0.6
+"""Of homing: time, s, and rise of the tensions as a share of the pretension, that all contacts slip both ways."""
+_LIMIT_SHARE = 0.8
+"""Part of what is left up to the tension limit that homing takes."""
 _IMBALANCE = 1e-3
 """Moment of a joint that no load explains, as a share of what tendons can hold."""
 
@@ -280,7 +284,9 @@ def _values(inst: FullForm, period: float) -> dict[str, float]:
     stiffness = float(np.min(inst.stiffnesses))
     gain = min(_SPOOL_LAG / max(drives.time_constant, period), 1 / (10 * period))
     return {
-        "play": step / _PLAY + _PLAY * drawn * sqrt(smoothing / 2),
+        "play": step / _PLAY,
+        "spool_step": step / drives.spool_radius,
+        "handle_play": _PLAY * drawn * sqrt(smoothing / 2),
         "tension_play": _PLAY * (sensor.noise + sensor.resolution),
         "smoothing": smoothing,
         "tension_deviation": hypot(sensor.noise, sensor.resolution, sensor.offset / _DEVIATIONS),
@@ -297,6 +303,8 @@ def _values(inst: FullForm, period: float) -> dict[str, float]:
         "tension_limit": limit,
         "least_tension": control.least_tension,
         "deviations": _DEVIATIONS,
+        "homing_time": _HOMING_TIME,
+        "homing_rise": min(_HOMING_RISE, _LIMIT_SHARE * max(limit / pretension - 1, 0)) if pretension else 0.0,
         "period": period,
         "speed_limit": speed,
         "acceleration_limit": drives.motor_acceleration / drives.gear_ratio,
