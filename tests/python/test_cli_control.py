@@ -54,10 +54,28 @@ def test_a_header_names_unit_and_meaning_of_each_parameter(scaled: Instrument) -
         assert f"/* {name}: {unit}, s */" in text
 
 
-def test_the_example_has_the_header_that_is_exported_today(tenodesis: Command, tmp_path: Path) -> None:
-    assert tenodesis("export", "controller", "scaled-up", "--homed", "--own-clock", "--out", "scaled_up.h")[0] == 0
-    command = "tenodesis export controller scaled-up --homed --own-clock --overwrite --out examples/scaled_up.h"
-    assert (tmp_path / "scaled_up.h").read_text() == (EXAMPLES / "scaled_up.h").read_text(), f"run: {command}"
+@pytest.mark.parametrize("options", ["scaled-up --homed --own-clock", "needle-driver"])
+def test_the_examples_have_the_headers_that_are_exported_today(
+    options: str, tenodesis: Command, tmp_path: Path
+) -> None:
+    file = f"{options.split(maxsplit=1)[0].replace('-', '_')}.h"
+    assert tenodesis("export", "controller", *options.split(), "--out", file)[0] == 0
+    command = f"tenodesis export controller {options} --overwrite --out examples/{file}"
+    assert (tmp_path / file).read_text() == (EXAMPLES / file).read_text(), f"run: {command}"
+
+
+def test_joints_whose_tendons_turn_several_have_a_controller_of_all(tenodesis: Command, tmp_path: Path) -> None:
+    code, out, _ = tenodesis("export", "controller", "needle-driver", "--law", "off", "--name", "mine")
+    said = "mine.h: mine, the controller of needle-driver (pitch, jaw_1, jaw_2), for tenodesis_joints_init.\n"
+    assert (code, out) == (0, said)
+    text = (tmp_path / "mine.h").read_text()
+    assert ".compensates = 0," in text and "Written by tenodesis" in text
+    for name, unit, meaning in _core.joint_control_parameters():
+        assert re.search(rf"^ *\.{name} = .*, /\* {re.escape(f'{unit}: {meaning}')} \*/$", text, re.MULTILINE), name
+    assert tenodesis("export", "controller", "real-size", "--law", "joints")[0] == 0
+    assert "tenodesis_joints_parameters real_size = {" in (tmp_path / "real_size.h").read_text()
+    code, _, problem = tenodesis("export", "controller", "needle-driver", "--observer", "paper")
+    assert code == 1 and "--observer is 'paper', but the law of all joints has one of its own" in problem
 
 
 def test_an_export_says_what_it_wrote(tenodesis: Command, tmp_path: Path) -> None:
