@@ -11,7 +11,7 @@ template <class S, int N, int M>
 struct JointInput {
   JointMeasurement<S, N, M> measured{};
   S commanded[N]{};   ///< of a tool without a handle, rad
-  S wound[M]{};       ///< by commands to the spools, m
+  const S* wound{};   ///< by commands to the spools, m; null: there are none
   const S* direct{};  ///< velocities of the spools that pass in place of the law's, rad/s; null: there are none
   Request request{};
   bool compensates{};  ///< else the motors only follow the targets
@@ -149,9 +149,10 @@ struct JointController {
     const auto within = [](int number, int from, int end) { return number >= from && number < end; };
     bool sound =
         within(chain.handles, 0, N + 1) && within(law.chain.handles, 0, N + 1) && within(supervisor.tendons, 0, M + 1);
-    for (int i = 0; i < N; ++i)
-      for (const auto* joint : {&chain.joint[i], &law.chain.joint[i]})
-        sound = sound && within(joint->parent, -1, i) && within(joint->tie.to, -1, i) && (!joint->within || i > 0);
+    for (int i = 0; i < N; ++i) {
+      const auto& joint = chain.joint[i];
+      sound = sound && within(joint.parent, -1, i) && within(joint.tie.to, -1, i) && (!joint.within || i > 0);
+    }
     for (int m = 0; m < M; ++m) {
       sound = sound && within(observer.contacts[m], 0, most_contacts + 1) &&
               within(chain.curves.at[m].entries, 0, most_stretch_entries + 1);

@@ -86,11 +86,13 @@ struct JointLaw {
     return true;
   }
 
-  /// Angles that are commanded (rad), and beyond them those to which lengths wound (m) turn unloaded joints.
+  /// Angles that are commanded (rad), and beyond them those to which lengths wound (m), if there are, turn unloaded
+  /// joints.
   void aim(const S* commanded, const S* wound, S* angle) const {
     S x[N];
-    settle(wound, x);
-    for (int i = 0; i < N; ++i) angle[i] = commanded[i] + angle_at(chain.joint[i].mechanism, x[i]);
+    if (wound != nullptr) settle(wound, x);
+    for (int i = 0; i < N; ++i)
+      angle[i] = commanded[i] + (wound != nullptr ? angle_at(chain.joint[i].mechanism, x[i]) : S(0));
   }
 
   /// Coordinates of the joints where tendons do not stretch: by the handle's angles, or of a tool without one by the

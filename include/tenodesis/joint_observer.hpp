@@ -117,6 +117,8 @@ struct JointMemory {
   JointEstimate<S, N, M> estimate{};
 };
 
+/// Largest angles of joints that an estimate has, short of the mechanisms' limits, rad.
+inline constexpr double most_angle = 0.98 * pi, most_gear_angle = 2.7409;
 /// Deviation of an angle before any tendon has been read, rad.
 inline constexpr double prior_angle_std = 1.0;
 
@@ -148,7 +150,7 @@ struct JointObserver {
     Found& now = memory.estimate;
     now.valid = is_finite(measured);
     if (!now.valid) return now;
-    Equations equations{};
+    Equations equations;
     for (int h = 0; h < chain.handles; ++h) {
       S& smooth = memory.handle_angle[h];
       const S& read = measured.handle_angle[h];
@@ -170,8 +172,7 @@ struct JointObserver {
     root.solve(equations.right);
     root.invert();
     for (int i = 0; i < N; ++i) {
-      const Mechanism mechanism = chain.joint[i].mechanism;
-      const S most = angle_at(mechanism, S(0.98) * smaller(coordinate_limit<S>(mechanism), S(pi)));
+      const S most = chain.joint[i].mechanism == Mechanism::gear ? S(most_gear_angle) : S(most_angle);
       now.angle[i] = clamp(now.angle[i] + value[at_angle + i], -most, most);
       now.moment[i] = joints.moment[i] + joints.moment_by_friction[i] * value[at_friction];
       for (int j = 0; j <= i; ++j)
@@ -204,17 +205,17 @@ struct JointObserver {
   // Weighted equations in shares of friction and stiffness and the changes of the angles.
   struct Equations {
     struct Tendon {
-      S row[unknowns]{};
-      S value{}, variance{};
-      S soft{1};  // m/N
-      bool counts{};
+      S row[unknowns];
+      S value, variance;
+      S soft;  // m/N
+      bool counts;
     };
     Root<S, unknowns> root{};  // of the weights
     S right[unknowns]{};
-    Tendon tendon[M]{};
+    Tendon tendon[M];
     // Balance of the joints over its root of what load and tendons leave open: rows, then values; and the load's.
-    S balance[N][unknowns + 1]{};
-    S load[N][load_components]{};
+    S balance[N][unknowns + 1];
+    S load[N][load_components];
 
     void add(const S* row, const S& value, const S& weight) {
       auto& at = root.lower.at;
@@ -372,6 +373,7 @@ struct JointObserver {
       open.lower.at[i][i] = open.lower.at[i][i] + variance[i];
       for (int j = 0; j < N; ++j) row[i][at_angle + j] = rate[i][j];
       row[i][at_friction] = joints.moment_by_friction[i];
+      row[i][at_stiffness] = S(0);
       row[i][unknowns] = -left[i];
     }
     if (!open.take(variance)) return false;

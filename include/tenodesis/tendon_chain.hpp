@@ -267,13 +267,12 @@ struct TendonChain {
   /// angles, N m/rad, unless these are not asked for.
   ///
   /// serial: the joints stand one on another, and the wrench turns with the tip; all places are then known when this is
-  /// compiled, and numbers stay in registers. by_turning: if it is asked for, the moments that the load's moment would
-  /// exert if it were as large as the force.
+  /// compiled, and numbers stay in registers.
   template <bool serial = false, bool rates = true, class T>
   [[gnu::always_inline]] constexpr void load_moments(const Bend<T>* bend, const ChainLoad<T>& load, T* moment,
-                                                     T (*rate)[N], T* by_turning = nullptr) const {
+                                                     T (*rate)[N]) const {
     if constexpr (known && !serial)
-      if (!load.in_stem_axes) return load_moments<true, rates>(bend, load, moment, rate, by_turning);
+      if (!load.in_stem_axes) return load_moments<true, rates>(bend, load, moment, rate);
     // At the far end of every joint, in its axes: the wrench, and its rates by the angles of the joints beyond.
     Wrench<T> at[N]{};
     Wrench<T> by[N][N]{};
@@ -291,7 +290,7 @@ struct TendonChain {
       if (is_around(i)) return;
       if constexpr (!known && N > 1)
         if (is_within(i)) {
-          load_pair_moments<rates>(i, bend, load.grip, turns, at, by, beyond, moment, rate, by_turning);
+          load_pair_moments<rates>(i, bend, load.grip, turns, at, by, beyond, moment, rate);
           return;
         }
       const auto& on = joint[i];
@@ -309,7 +308,6 @@ struct TendonChain {
       };
       const int parent = serial ? i - 1 : this->parent(i);
       const Wrench<T> mid = pass(at[i], moment[i]);
-      if (by_turning != nullptr) by_turning[i] = dot(axis, mid.force);
       moment[i] = moment[i] + T(on.grip) * load.grip;
       const Wrench<T> whole = near(mid);
       if (parent >= 0) hand_on(T(on.offset), at[parent], whole);
@@ -345,34 +343,67 @@ struct TendonChain {
   /// Moments about every joint by a unit of each component of a load in the tip's axes: forces, moments, grip.
   template <class T>
   constexpr void load_rows(const Bend<T>* bend, T (*row)[load_components]) const {
-    for (int k = 0; k < 3; ++k) {
-      ChainLoad<T> unit{};
-      unit.wrench.force = {T(k == 0), T(k == 1), T(k == 2)};
-      T moment[N], by_turning[N], unused[N][N];
-      load_moments<false, false>(bend, unit, moment, unused, by_turning);
-      for (int i = 0; i < N; ++i) {
-        row[i][k] = moment[i];
-        row[i][3 + k] = by_turning[i];
-      }
+    // As of load_moments, for a force along each axis; a moment along it turns as that force does.
+    Wrench<T> at[N][3];
+    for (int i = 0; i < N; ++i) {
+      const T share(joint[i].share), lever = T(joint[i].length) * share, none(0);
+      at[i][0] = {{share, none, none}, {none, lever, none}};
+      at[i][1] = {{none, share, none}, {-lever, none, none}};
+      at[i][2] = {{none, none, share}, {}};
+      row[i][6] = T(joint[i].grip);
     }
-    for (int i = 0; i < N; ++i) row[i][6] = T(joint[i].grip);
+    for (int i = N - 1; i >= 0; --i) {
+      if (is_around(i)) continue;
+      const Vector<S>& given = joint[i].axis;
+      if constexpr (!known && N > 1)
+        if (is_within(i)) {
+          const Pair<T> pair(*this, bend, i);
+          for (int k = 0; k < 3; ++k) {
+            const auto passed = pair.inward(at[i][k]);
+            row[i - 1][k] = passed.about_outer;
+            row[i][k] = passed.about_inner;
+            row[i - 1][3 + k] = T(0.5) * (dot(pair.outer, passed.first.force) + dot(pair.outer, passed.last.force));
+            row[i][3 + k] = dot(pair.inner, passed.middle.force);
+            if (parent(i - 1) >= 0) hand_on(T(joint[i - 1].offset), at[parent(i - 1)][k], passed.near);
+          }
+          continue;
+        }
+      if (given.x == S(0) && given.z == S(0))
+        pass_units(i, bend[i], Direction<T, Along::y>{T(given.y)}, at, row);
+      else if (given.y == S(0) && given.z == S(0))
+        pass_units(i, bend[i], Direction<T, Along::x>{T(given.x)}, at, row);
+      else
+        pass_units(i, bend[i], Vector<T>{T(given.x), T(given.y), T(given.z)}, at, row);
+    }
   }
 
  private:
+  template <class T, class Axis>
+  constexpr void pass_units(int i, const Bend<T>& bent, const Axis& axis, Wrench<T> (*at)[3],
+                            T (*row)[load_components]) const {
+    const auto inward = [&](const Wrench<T>& w) {
+      return Wrench<T>{turned(axis, w.force, bent.sine, bent.cosine), turned(axis, w.moment, bent.sine, bent.cosine)};
+    };
+    for (int k = 0; k < 3; ++k) {
+      const Wrench<T>& far = at[i][k];
+      Wrench<T> mid = inward(far);
+      mid.moment = mid.moment + bent.chord * along(mid.force);
+      row[i][k] = T(0.5) * (dot(axis, far.moment) + dot(axis, mid.moment)) + bent.chord_rate * mid.force.z;
+      row[i][3 + k] = dot(axis, mid.force);
+      if (parent(i) >= 0) hand_on(T(joint[i].offset), at[parent(i)][k], inward(mid));
+    }
+  }
+
   // Two joints, i within the one before it, as load_moments has them one by one.
   template <bool rates, class T>
   [[gnu::noinline]] constexpr void load_pair_moments(int i, const Bend<T>* bend, const T& grip, bool turns,
                                                      Wrench<T>* at, Wrench<T> (*by)[N], std::uint64_t* beyond,
-                                                     T* moment, T (*rate)[N], T* by_turning) const {
+                                                     T* moment, T (*rate)[N]) const {
     const int o = i - 1;
     const Pair<T> pair(*this, bend, i);
     const auto whole = pair.inward(at[i]);
     moment[o] = whole.about_outer + T(joint[o].grip) * grip;
     moment[i] = whole.about_inner + T(joint[i].grip) * grip;
-    if (by_turning != nullptr) {
-      by_turning[o] = T(0.5) * (dot(pair.outer, whole.first.force) + dot(pair.outer, whole.last.force));
-      by_turning[i] = dot(pair.inner, whole.middle.force);
-    }
     const int on = parent(o);
     const T offset(joint[o].offset);
     if (on >= 0) hand_on(offset, at[on], whole.near);

@@ -125,7 +125,9 @@ class JointControllerOf final : public AnyJointController {
     std::copy_n(tick.tension, sizes_.tendons, in.measured.tension);
     std::copy_n(tick.spool, sizes_.tendons, in.measured.spool_angle);
     std::copy_n(tick.target, sizes_.joints, in.commanded);
-    std::copy_n(tick.wound, sizes_.tendons, in.wound);
+    double wound[M]{};
+    std::copy_n(tick.wound, sizes_.tendons, wound);
+    in.wound = wound;
     in.direct = tick.direct;
     in.request = tick.request;
     in.compensates = tick.compensates;

@@ -34,6 +34,8 @@ struct Session {
   Recorder recorder{};
   Constants constants{};
   Controls::Memory memory{};
+  // Of the last tick: kept, since making it anew costs every tick more than a hundred bytes to clear.
+  Controls::Input in{};
 };
 
 static_assert(sizeof(Session) <= sizeof(tenodesis_joints), "TENODESIS_JOINTS_REALS is too small");
@@ -159,7 +161,8 @@ int tenodesis_joints_step(tenodesis_joints* controller, const tenodesis_joints_i
     return TENODESIS_DAMAGED;
   }
   const bool known = input->request <= TENODESIS_REQUEST_CLEAR && input->request != TENODESIS_REQUEST_HOME;
-  Controls::Input in{};
+  Controls::Input& in = session->in;
+  in.wound = in.direct = nullptr;
   for (int i = 0; i < N; ++i) {
     in.measured.handle_angle[i] = input->handle_angle[i];
     in.commanded[i] = input->target[i];

@@ -10,7 +10,7 @@ import numpy as np
 
 from tenodesis import _core
 from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
-from tenodesis.control.joints import JointController
+from tenodesis.control.joints import JointController, JointLawName
 from tenodesis.control.pairs import compensated
 from tenodesis.control.parameters import FAULTS, safe_state
 from tenodesis.errors import ArgumentError
@@ -141,6 +141,7 @@ def joints_header(
     inst: InstrumentLike,
     name: str | None = None,
     *,
+    law: JointLawName = "joints",
     own_clock: bool = False,
     shows_load: bool = False,
     source: str | None = None,
@@ -151,6 +152,8 @@ def joints_header(
     ----------
     inst, name, own_clock, source
         As of :func:`header`.
+    law
+        As of :class:`~tenodesis.control.JointController`.
     shows_load
         Whether the controller's output has the load at the tip.
 
@@ -160,7 +163,7 @@ def joints_header(
         The name is not valid in C, or the parameters make no controller.
     """
     given = expanded(inst)
-    controller = JointController(given)
+    controller = JointController(given, law)
     name = identifier(given.name) if name is None else _checked(name)
     rows = controller.rows
     sizes = {"JOINTS": len(given.tip_joints), "TENDONS": len(given.tendons), "CONTACTS": max(rows.contacts)}
@@ -190,7 +193,7 @@ def joints_header(
         "    .version = TENODESIS_JOINTS_VERSION,",
         f"    .handles = {len(handle)},",
         f"    .friction_law = {rows.law},",
-        "    .compensates = 1,",
+        f"    .compensates = {int(controller.compensates)},",
         f"    .shows_load = {int(shows_load)},",
         f"    .own_clock = {int(own_clock)},",
         "    .reserved = 0,",
@@ -351,8 +354,25 @@ def export_header(
     text = header(
         inst, name, observer=observer, law=law, actuation=actuation, homed=homed, own_clock=own_clock, source=source
     )
-    path = Path(path)
-    with atomic_file(path) as new:
+    _write(path, text)
+
+
+def export_joints_header(
+    inst: InstrumentLike,
+    path: str | Path,
+    name: str | None = None,
+    *,
+    law: JointLawName = "joints",
+    own_clock: bool = False,
+    shows_load: bool = False,
+    source: str | None = None,
+) -> None:
+    """Write what :func:`joints_header` returns to a file, atomically; raises as :func:`export_header`."""
+    _write(path, joints_header(inst, name, law=law, own_clock=own_clock, shows_load=shows_load, source=source))
+
+
+def _write(path: str | Path, text: str) -> None:
+    with atomic_file(Path(path)) as new:
         new.write_text(text, "utf-8")
 
 
