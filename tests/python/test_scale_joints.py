@@ -189,7 +189,8 @@ def test_scale_writes_model_plan_and_parts(tmp_path: Path, monkeypatch: pytest.M
     out = tmp_path / "prototype"
     result = CliRunner().invoke(app, ["scale", "needle-driver", "--factor", "4", "--out", str(out)])
     assert result.exit_code == 0, result.output
-    assert "with friction at rest" in result.output
+    assert "at the real-size tip" in result.output
+    assert max(map(len, result.output.splitlines()[:24])) <= 80
     assert tn.load(out / "scaled-up.toml").name == "needle-driver-scaled-up"
     assert "jaw_1_wound" in (out / "plan.html").read_text("utf-8")
     with (out / "parts.csv").open(encoding="utf-8") as file:

@@ -105,12 +105,14 @@ def _print(front: JointFront, chosen: int, design: JointDesign, built: AsBuilt |
         designs.add_row(*row, style="bold" if index == chosen else None)
     console.print(designs)
     pair = design.comparison
-    errors = table("largest similarity error", "", *(f">{joint}" for joint in pair.joints), ">at the real-size tip")
-    for name, error in (("as designed", design.error), ("with friction at rest", design.error_at_rest)):
-        errors.add_row(name, *(_angle(float(one)) for one in error.largest), distance(error.largest_at_tip))
+    found = {"as designed": design.error, "with friction\nat rest": design.error_at_rest}
+    columns = {name: (error.largest.tolist(), error.largest_at_tip) for name, error in found.items()}
     if built is not None:
-        own = (f"{one:.2g}°" for one in built.joints)
-        errors.add_row(f"as built, {100 * built.share:g} % keep", *own, distance(built.tip))
+        columns[f"as built,\n{100 * built.share:g} % keep"] = (list(built.joints), built.tip)
+    errors = table("largest similarity error", "", *(f">{name}" for name in columns))
+    for n, joint in enumerate(pair.joints):
+        errors.add_row(joint, *(_angle(angles[n]) for angles, _ in columns.values()))
+    errors.add_row("at the real-size tip", *(distance(tip) for _, tip in columns.values()))
     console.print(errors)
     factors = pair.factors
     say(

@@ -101,7 +101,8 @@ def compensated(inst: InstrumentLike) -> ShortForm:
     if not axes:
         raise ArgumentError(
             f"{inst.name} has no joint that a controller can compensate; one joint of the handle must wind two tendons "
-            "on the two sides of a yaw or pitch joint at the tip, which pass all other joints in their middle.",
+            "on the two sides of a yaw or pitch joint at the tip, which pass all other joints in their middle; the law "
+            "joints needs no such pairs.",
             key="inst",
             value=inst.name,
         )

@@ -28,7 +28,7 @@ _HISTOGRAMS = {
 }
 """Label of the axis, and responses with their names."""
 _LABEL = "largest similarity error [deg]"
-_TIP = "largest distance at the real-size tip [mm]"
+_TIP = "distance at the real-size tip [mm]"
 
 
 def plots(study: Study) -> list[Plot]:
@@ -44,7 +44,7 @@ def _shown(study: Study) -> dict[str, tuple[str, str]]:
     if not study.joints:
         return _SHOWN
     own = {f"similarity_largest.{joint}": (f"similarity error of {joint}", _LABEL) for joint in study.joints}
-    return own | {"tip_largest": ("at the real-size tip", _TIP)}
+    return own | {"tip_largest": ("at the real-size tip", "largest distance [mm]")}
 
 
 def _histograms_of(study: Study) -> dict[str, dict[str, str]]:

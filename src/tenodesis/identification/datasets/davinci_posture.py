@@ -14,7 +14,8 @@ much as the pitch draws the tendon. With u the torque at the spindle, u[1] and u
 
 Where less is held back at the wrist, the stretch beyond it follows more of the load: at small loads the jaw lags more.
 The right angle and the sign are what recordings at three pitches show when both are free (1.57 +- 0.06 rad), as is the
-half of the compliance beyond the wrist; the way of the tendons in this tool is not published.
+half of the compliance beyond the wrist; the way of the tendons in this tool is not published. Its tool file gives the
+arm of the jaw's tendons about pitch, and so the coupling, but no wrap; lengths put 3 % of the compliance there.
 
 A recording starts at a stop of the jaw, which leaves it an offset of its own. That is taken out of its errors; a small
 share of it counts in the fit, by which offset and coupling are known.
