@@ -7,12 +7,14 @@ pretension where spools and handle are at zero; from there the twin approaches w
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import degrees, sqrt
+from functools import partial
+from math import degrees, pi, sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.signal import savgol_filter
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from tenodesis.errors import ArgumentError, IdentificationError, NoSolutionError
 from tenodesis.identification.any_instrument import value_of, with_values
@@ -21,7 +23,8 @@ from tenodesis.identification.formats.mcap import first_rows
 from tenodesis.identification.formats.measured import MeasuredRun, Raw
 from tenodesis.identification.problem import Parameter, Problem, Trace, differenced, scales
 from tenodesis.identification.registry import Format
-from tenodesis.identification.twin_model.steps import QuantisedSensor, encoder
+from tenodesis.identification.twin_model.marginalise import Marginalisation, marginalise
+from tenodesis.identification.twin_model.steps import InputError, QuantisedSensor, encoder, unrounded
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
 from tenodesis.recording.blocks import Progress
 from tenodesis.run import COMPONENTS, Array, Run
@@ -34,8 +37,6 @@ _APPROACH = 0.5
 _MOST_SUBSTEPS, _DIGITS = 64, 12
 _STEP, _LEAST_STEP = 4e-2, 1e-2
 """Differences by which slopes are taken, over a parameter's scale: smaller ones see when stick and slip turn."""
-_SMOOTHED = 0.1
-"""Over which a cubic follows the spools' angles, s: by counts alone, they would shake a stiff tendon."""
 _AT_HOME = 0.01
 """Angle of a spool below which it is at zero, and only its counts say otherwise, rad."""
 _LOST = 1e3
@@ -87,22 +88,30 @@ class RoutingRun(MeasuredRun):
 
 
 class _Inputs(NamedTuple):
-    """What is given to the twin, a row each step."""
+    """What is given to the twin, a row each step, and what is compared."""
 
     handle: Array
     """(n, joints of the handle), rad"""
-    wound: Array
-    """By the spools, (n, tendons), m, where no velocities were commanded"""
+    commands: Array
+    """Wound by the spools, (n, tendons), m, where no velocities were commanded"""
     velocity: Array
     """Commanded to the spools, (n, tendons), rad/s"""
     wrench: Array
     """(n, 6), N and N m"""
     grip: Array
     """(n, 1), N"""
-    step: float
+    time_step: float
     """s"""
-    recorded: slice
-    """Steps at which there is a row of the recording."""
+    kept: NDArray[np.intp]
+    """Steps at which a row of the recording is compared."""
+    input_errors: tuple[InputError, ...]
+    """Of what the spools have wound between their encoders' counts."""
+    mixing: Array
+    """(errors, errors)"""
+    measured: dict[str, Array]
+    """Readings in these steps, by channel"""
+    stride: int = 1
+    """Readings that one of these stands for"""
 
 
 def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", notes: Sequence[str] = ()) -> RoutingRun:
@@ -189,16 +198,13 @@ class Routing(Problem):
         self._tension_sensors = {
             f"tension.{tendon.name}": sensor for tendon, sensor in zip(inst.tendons, inst.tension_sensors, strict=True)
         }
+        self._recorded, self._finer = tuple(runs), 1
         self._inputs = [self._input(one) for one in runs]
-        self._compared = [slice(None, None, -(-len(one) // MOST_COMPARED)) for one in runs]
-        self._times = [one.time[rows] for one, rows in zip(runs, self._compared, strict=True)]
-        self._measured = [
-            {channel: row[rows] for channel, row in self._channels(one).items()}
-            for one, rows in zip(runs, self._compared, strict=True)
-        ]
+        self._times = [one.time[:: _stride(one)] for one in runs]
         self.parameters = self._parameters()
         self._step = _STEP
         self._known: tuple[bytes, int, dict[str, Array]] | None = None
+        self._near: dict[int, Marginalisation] = {}
 
     def _input(self, run: MeasuredRun) -> _Inputs:
         """Return what is given to the twin, at each of its steps."""
@@ -217,9 +223,11 @@ class Routing(Problem):
                 np.stack([scale * columns.get(one, zero) for one in names], axis=1) if names else np.zeros((count, 0))
             )
 
-        window = min(round(_SMOOTHED / run.sample_time), count)
-        counted = rows([f"spool_angle.{one.name}" for one in self.inst.tendons], self.inst.own_drives.spool_radius)
-        wound = savgol_filter(counted, window, 3, axis=0) if window > 3 else counted
+        drives = self.inst.own_drives
+        counted = rows([f"spool_angle.{one.name}" for one in self.inst.tendons], drives.spool_radius)
+        resolution = drives.spool_radius * 2 * pi / drives.encoder_counts / drives.gear_ratio
+        paths = [unrounded(row, run.sample_time, resolution) for row in counted.T]
+        wound = np.stack([path.values for path in paths], axis=1)
         handle = rows([f"handle_angle.{one.name}" for one in self.inst.handle_joints])
         velocity = rows([f"spool_velocity.{one.name}" for one in self.inst.tendons])
         wrench = rows([f"wrench.{one}" for one in COMPONENTS])
@@ -243,19 +251,35 @@ class Routing(Problem):
 
         # a velocity holds for a step, and in the approach there is none
         held = np.repeat(velocity, substeps, axis=0)[: at.size]
+        stride = _stride(run)
+        errors = [(column, error) for column, path in enumerate(paths) for error in path.errors]
         return _Inputs(
-            stepped(handle),
-            stepped(wound),
-            np.concatenate([np.zeros((approach, velocity.shape[1])), held]),
-            stepped(wrench),
-            stepped(grip),
-            step,
-            slice(approach, None, substeps),
+            handle=stepped(handle),
+            commands=stepped(wound),
+            velocity=np.concatenate([np.zeros((approach, velocity.shape[1])), held]),
+            wrench=stepped(wrench),
+            grip=stepped(grip),
+            time_step=step,
+            kept=np.arange(approach, approach + at.size, substeps * stride),
+            input_errors=tuple(
+                InputError(
+                    column,
+                    approach + substeps * error.first,
+                    np.interp(
+                        np.arange((error.shape.size - 1) * substeps + 1) / substeps,
+                        np.arange(error.shape.size),
+                        error.shape,
+                    ),
+                )
+                for column, error in errors
+            ),
+            mixing=block_diag(*(path.mixing for path in paths)),
+            measured={channel: row[::stride] for channel, row in self._channels(run).items()},
         )
 
     def _steps(self, sample_time: float) -> tuple[float, int]:
         """Return the longest step of the twin that divides the time between rows, s, and how many there are in it."""
-        for substeps in range(1, _MOST_SUBSTEPS):
+        for substeps in range(self._finer, _MOST_SUBSTEPS):
             try:
                 # a clock's last digits are no time
                 return Twin(self.inst, time_step=round(sample_time / substeps, _DIGITS)).time_step, substeps
@@ -279,7 +303,7 @@ class Routing(Problem):
 
     def _parameters(self) -> tuple[Parameter, ...]:
         inst = self.inst
-        shown = {channel for measured in self._measured for channel in measured}
+        shown = {channel for one in self._inputs for channel in one.measured}
         unknowns: dict[str, _Unknown] = {}
         for tendon in inst.as_given("tendons"):
             unknowns |= {f"{tendon.name}.{key}": of for key, of in _OF_TENDON.items()}
@@ -316,11 +340,11 @@ class Routing(Problem):
 
     def channels(self, run: int) -> int:
         """Return how many tensions and angles are compared."""
-        return len(self._measured[run])
+        return len(self._inputs[run].measured)
 
     def sensors(self, run: int) -> tuple[str, ...]:
         """Return their names."""
-        return tuple(self._measured[run])
+        return tuple(self._inputs[run].measured)
 
     def _noise(self, channel: str) -> float:
         """Return the standard deviation of a reading, that of its steps included."""
@@ -332,53 +356,79 @@ class Routing(Problem):
     def _model(self, values: Array, run: int) -> dict[str, Array]:
         """Return the readings of the twin by channel, NaN where it has no equilibrium."""
         key = values.tobytes()
-        if self._known is not None and self._known[:2] == (key, run):
-            return self._known[2]
-        inputs = self._inputs[run]
-        inst = self.instrument(values)
+        while self._known is None or self._known[:2] != (key, run):
+            try:
+                self._known = (key, run, self._simulated(values, run, self._inputs[run].commands))
+            except ArgumentError as problem:
+                if problem.key != "time_step":
+                    raise
+                # stiffer tendons swing faster: from now on, steps are shorter
+                self._finer += 1
+                self._inputs = [self._input(one) for one in self._recorded]
+                self._near.clear()
+        return self._known[2]
+
+    def _simulated(self, values: Array, run: int, wound: Array) -> dict[str, Array]:
+        """Return them where spools have wound this, (steps, tendons), m."""
+        inputs, inst = self._inputs[run], self.instrument(values)
         try:
-            whole = Twin(inst, time_step=inputs.step).run(
+            whole = Twin(inst, time_step=inputs.time_step).run(
                 inputs.handle,
                 wrench=inputs.wrench,
                 spool_velocity=inputs.velocity,
-                let_out=-inputs.wound,
+                let_out=-wound,
                 grip_force=inputs.grip[:, 0],
             )
-        except (NoSolutionError, ArgumentError):
-            return {channel: np.full(row.size, np.nan) for channel, row in self._measured[run].items()}
+        except NoSolutionError:
+            return {channel: np.full(row.size, np.nan) for channel, row in inputs.measured.items()}
         offsets = dict(zip((one.name for one in self.parameters), values.tolist(), strict=True))
-        tension, angle = (
-            whole.by_column(signal)[inputs.recorded][self._compared[run]] for signal in ("tension", "output_angle")
-        )
+        tension, angle = (whole.by_column(signal)[inputs.kept] for signal in ("tension", "output_angle"))
         found = {f"tension.{one.name}": tension[:, i] for i, one in enumerate(inst.tendons)}
         for bend, arcs in self._bends.items():
             found[f"output_angle.{bend}"] = angle[:, arcs].sum(axis=1) + offsets.get(f"{bend}{_OFFSETS}", 0.0)
-        model = {channel: found[channel] for channel in self._measured[run]}
-        self._known = (key, run, model)
-        return model
+        return {channel: found[channel] for channel in inputs.measured}
+
+    def _expected(self, values: Array, run: int, wound: Array) -> Array:
+        return self._scaled(self._simulated(values, run, wound))
+
+    def _scaled(self, readings: dict[str, Array]) -> Array:
+        """Return readings over their noise, of one channel after another."""
+        return np.concatenate([row / self._noise(channel) for channel, row in readings.items()])
+
+    def plain_residuals(self, values: Array, run: int) -> Array:
+        """Return measured minus model of all channels over their noise, with what spools' counts hide."""
+        model = self._model(values, run)
+        return np.nan_to_num(self._scaled(self._inputs[run].measured) - self._scaled(model), nan=_LOST)
 
     def residuals(self, values: Array, run: int) -> Array:
-        """Return measured minus model of all tensions, then of all angles, over their noise."""
-        model = self._model(values, run)
-        parts = [(row - model[channel]) / self._noise(channel) for channel, row in self._measured[run].items()]
-        return np.nan_to_num(np.concatenate(parts), nan=_LOST)
+        """Return measured minus model of all channels over their noise, near an optimum without what counts hide."""
+        return self._whitened(self.plain_residuals(values, run), run)
+
+    def _whitened(self, rows: Array, run: int) -> Array:
+        return self._near[run].whitened(rows) if run in self._near else rows
 
     def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
         """Return differences of the residuals by parameters, of a step in which stick and slip hardly turn."""
         lower, upper = (np.array([getattr(one, end) for one in self.parameters]) for end in ("lower", "upper"))
-        return differenced(
-            lambda at: self.residuals(at, run),
-            values,
-            lower,
-            upper,
-            scales(self.parameters, values),
-            which=which,
-            step=self._step,
+        return self._whitened(
+            differenced(
+                lambda at: self.plain_residuals(at, run),
+                values,
+                lower,
+                upper,
+                scales(self.parameters, values),
+                which=which,
+                step=self._step,
+            ),
+            run,
         )
 
     def refine(self, values: Array, runs: Sequence[int]) -> bool:
-        """Halve the difference by which slopes are taken; a search that ended early goes on."""
+        """Halve the difference by which slopes are taken, and marginalise what spools' counts hide near some values."""
         self._step /= 2
+        for run in runs if self._step >= _LEAST_STEP else ():
+            if self._inputs[run].input_errors:
+                self._near[run] = marginalise(self._inputs[run], partial(self._expected, values, run))
         return self._step >= _LEAST_STEP
 
     def jacobian(self, values: Array, run: int) -> Array:
@@ -387,8 +437,8 @@ class Routing(Problem):
 
     def systematic_errors(self, values: Array, run: int) -> Array:
         """Return effects of one deviation of each tension sensor's offset and gain on residuals, (n, 2 tendons)."""
-        measured, count = self._measured[run], len(self._times[run])
-        effects = []
+        measured, count = self._inputs[run].measured, len(self._times[run])
+        effects: list[Array] = []
         for place, (channel, row) in enumerate(measured.items()):
             if (sensor := self._tension_sensors.get(channel)) is None:
                 continue
@@ -396,13 +446,16 @@ class Routing(Problem):
                 effect = np.zeros(count * len(measured))
                 effect[place * count : (place + 1) * count] = error / self._noise(channel)
                 effects.append(effect)
+        near = self._near.get(run)
+        if near is not None:
+            return near.whitened(np.concatenate([np.stack(effects, axis=1), near.nonlinear], axis=1))
         return np.stack(effects, axis=1)
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus model of tensions in N and angles in degrees, of each kind one after another."""
         model = self._model(values, run)
         of: dict[str, list[Array]] = {}
-        for channel, row in self._measured[run].items():
+        for channel, row in self._inputs[run].measured.items():
             key, scale = _shown(channel)
             of.setdefault(key, []).append(scale * (row - model[channel]))
         return {key: np.concatenate(parts) for key, parts in of.items()}
@@ -411,11 +464,16 @@ class Routing(Problem):
         """Return measured and modelled tensions and angles."""
         model = self._model(values, run)
         found = {}
-        for channel, row in self._measured[run].items():
+        for channel, row in self._inputs[run].measured.items():
             key, scale = _shown(channel)
             name = f"{channel}_{key.rpartition('_')[2]}"
             found[name] = Trace(self._times[run], scale * row, scale * model[channel])
         return found
+
+
+def _stride(run: MeasuredRun) -> int:
+    """Return every how many rows one is compared."""
+    return -(-len(run) // MOST_COMPARED)
 
 
 def _shown(channel: str) -> tuple[str, float]:
