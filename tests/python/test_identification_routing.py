@@ -33,7 +33,7 @@ def driven() -> tuple[FullForm, FullForm, Run]:
 
 def known(inst: FullForm, true: FullForm) -> FullForm:
     """The true instrument but for what is open."""
-    return inst.replace(
+    return true.replace(
         tendons=[
             one.model_copy(
                 update={
@@ -66,13 +66,13 @@ def test_the_truth_leaves_the_sensors_noise(driven: tuple[FullForm, FullForm, Ru
     assert 1.56 < np.quantile(np.abs(residuals), 0.9) < 1.75  # 1.645 of a normal distribution
     # No tendon slips earlier or later than it did.
     assert np.abs(residuals).max() < 6
-    assert {"friction", "stiffness", "pretension", "offset", "viscous"} == set(problem.groups)
+    assert {"friction", "stiffness", "pretension", "radius", "compliance", "offset", "viscous"} == set(problem.groups)
 
 
-def test_recordings_without_a_tendon_or_a_motion_are_refused(driven: tuple[FullForm, FullForm, Run]) -> None:
+def test_recordings_without_a_spool_or_a_motion_are_refused(driven: tuple[FullForm, FullForm, Run]) -> None:
     inst, _, run = driven
     whole = routing.of_run(run, inst)
-    less = {name: row for name, row in whole.columns.items() if name != "tension.jaw_1_wound"}
+    less = {name: row for name, row in whole.columns.items() if name != "spool_velocity.jaw_1_wound"}
     with refused("columns", kind=IdentificationError):
         pose(whole, less)
     still = {name: row if name.startswith("tension") else 0 * row for name, row in whole.columns.items()}

@@ -27,6 +27,7 @@ from tenodesis.identification.twin_model.marginalise import Marginalisation, mar
 from tenodesis.identification.twin_model.steps import InputError, QuantisedSensor, encoder, unrounded
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
 from tenodesis.recording.blocks import Progress
+from tenodesis.routes import handle_share
 from tenodesis.run import COMPONENTS, Array, Run
 from tenodesis.twin import Twin
 
@@ -68,11 +69,24 @@ _OF_TENDON = {
     "stiffness": _Unknown("N/m", 0.2, 5.0, "stiffness of the whole tendon", "stiffness"),
     "pretension": _Unknown("N", 0.2, 5.0, "tension with all spools at zero", "pretension"),
 }
-_OF_JOINT = {"backbone_rigidity": _Unknown("N*m^2", 0.2, 5.0, "rigidity of the backbone", "stiffness")}
+_OF_JOINT = {
+    "backbone_rigidity": _Unknown("N*m^2", 0.2, 5.0, "rigidity of the backbone", "stiffness"),
+    "radius": _Unknown("m", 0.5, 2.0, "arm of the joint's tendons", "radius"),
+}
+_OF_CROSSING = _Unknown("m", 0.5, 2.0, "arm of the tendon at the joint", "radius")
+_HANDLE_SHARE = "friction.handle_compliance_share"
+_SHARES = {
+    _HANDLE_SHARE: "share of a tendon's compliance in the handle",
+    "friction.handle_joint_compliance_share": "share of it in the span of a joint of the handle",
+    "friction.tip_joint_compliance_share": "share of it in the span of a joint at the tip",
+}
+"""Where friction divides tendons; shares that the file leaves to lengths are not unknown, but for the handle's."""
+_LEAST_SHARE, _MOST_SHARE = 0.01, 0.9
 _COEFFICIENTS = ("friction.vertex_coefficient", "friction.sheath_coefficient")
 _COEFFICIENT = _Unknown("1", 0.0, 1.0, "friction coefficient", "friction")
 _DAMPING = _Unknown("1", 0.0, 2.0, "damping of the tip over critical", "viscous")
 _OFFSETS = ".encoder_offset"
+_TABLES = ("friction.", "dynamics.")
 _OFFSET = _Unknown("rad", -0.3, 0.3, "offset of the joint's encoder", "offset")
 
 
@@ -127,8 +141,12 @@ def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", n
         notes.append(f"from {run.time[held[0]]:.4g} s on the jaws hold something, which is not in the model: left out")
         run = run.rows(0, int(held[0]))
     signals = run.signals()
-    if "measured_tension" not in signals:
-        raise IdentificationError(f"{name} lacks measured_tension.", key="signals", value=["measured_tension"])
+    if not {"measured_tension", "measured_output_angle"} & signals.keys():
+        raise IdentificationError(
+            f"{name} lacks measured_tension and measured_output_angle; it must have one of them.",
+            key="signals",
+            value=["measured_tension"],
+        )
     if np.any(signals.get("force", 0.0)):
         raise IdentificationError(
             f"{name} has forces on single axes, which are not those on one tip; --format recording takes its first "
@@ -180,8 +198,8 @@ def load(path: Path, progress: Progress | None = None) -> RoutingRun:
 class Routing(Problem):
     """Recordings of all tendons of an instrument, and what of it is unknown.
 
-    Unknown are each tendon's stiffness and pretension, rigidities of backbones, friction coefficients, damping, and
-    offsets of the joints' encoders.
+    Unknown are each tendon's stiffness and pretension, rigidities of backbones, arms of tendons at joints, friction
+    coefficients, shares of the tendons' compliance that friction divides, damping, and offsets of joints' encoders.
 
     Raises
     ------
@@ -209,10 +227,13 @@ class Routing(Problem):
     def _input(self, run: MeasuredRun) -> _Inputs:
         """Return what is given to the twin, at each of its steps."""
         name, columns, count = run.name, run.columns, len(run)
-        needed = [f"tension.{one.name}" for one in self.inst.tendons]
-        needed += [f"handle_angle.{one.name}" for one in self.inst.handle_joints]
-        lacking = [one for one in needed if one not in columns]
-        if lacking:
+        spools = [{f"{kind}.{one.name}" for one in self.inst.tendons} for kind in ("spool_velocity", "spool_angle")]
+        needed = [f"handle_angle.{one.name}" for one in self.inst.handle_joints]
+        # a spool that is not recorded rests only where all do
+        lacking = [*needed, *(one for names in spools if names & columns.keys() for one in sorted(names))]
+        lacking = [one for one in lacking if one not in columns]
+        if lacking or not self._channels(run):
+            lacking = lacking or ["tensions", "angles of joints"]
             raise IdentificationError(
                 f"{name} lacks {', '.join(lacking)} of {self.inst.name}.", key="columns", value=lacking
             )
@@ -290,7 +311,7 @@ class Routing(Problem):
     def _channels(self, run: MeasuredRun) -> dict[str, Array]:
         """Return what is compared, by channel: tensions, and angles of joints, of a backbone its arcs' sum."""
         columns = run.columns
-        found = {f"tension.{one.name}": columns[f"tension.{one.name}"] for one in self.inst.tendons}
+        found = {channel: columns[channel] for channel in self._tension_sensors if channel in columns}
         names = [joint.name for joint in self.inst.tip_joints]
         for bend, arcs in self._bends.items():
             parts = [columns.get(f"output_angle.{names[i]}") for i in arcs]
@@ -307,6 +328,8 @@ class Routing(Problem):
         unknowns: dict[str, _Unknown] = {}
         for tendon in inst.as_given("tendons"):
             unknowns |= {f"{tendon.name}.{key}": of for key, of in _OF_TENDON.items()}
+            # a radius of its own, of a tendon that the joint's rotation does not leave alone
+            unknowns |= {f"{tendon.name}.{one.joint}.radius": _OF_CROSSING for one in tendon.route if one.radius}
         for joint in inst.as_given("joints"):
             unknowns |= {f"{joint.name}.{key}": of for key, of in _OF_JOINT.items() if getattr(joint, key, None)}
         found = []
@@ -314,7 +337,11 @@ class Routing(Problem):
             # a tendon without pretension may have some, up to 1 N
             start = self.value(inst, name)
             found.append((name, of._replace(lower=of.lower * start, upper=of.upper * start or 1.0)))
-        found += [(key, _COEFFICIENT) for key in _coefficients(inst) if inst.friction.law != "none"]
+        if inst.friction.law != "none":
+            found += [(key, _COEFFICIENT) for key in _coefficients(inst)]
+            for key, meaning in _SHARES.items():
+                if key == _HANDLE_SHARE or getattr(inst.friction, key.partition(".")[2]) is not None:
+                    found.append((key, _Unknown("1", _LEAST_SHARE, _MOST_SHARE, meaning, "compliance")))
         found.append(("dynamics.damping_ratio", _DAMPING))
         found += [(f"{bend}{_OFFSETS}", _OFFSET) for bend in self._bends if f"output_angle.{bend}" in shown]
         return tuple(Parameter(name, of.unit, self.value(inst, name), *of[1:]) for name, of in found)
@@ -322,15 +349,16 @@ class Routing(Problem):
     @staticmethod
     def value(inst: FullForm, name: str) -> float:
         """Return what an instrument has as one of the parameters, of an encoder's offset nothing."""
-        table, _, key = name.partition(".")
-        if table in ("friction", "dynamics"):
-            return float(getattr(getattr(inst, table), key))
+        if name.startswith(_TABLES):
+            table, _, key = name.partition(".")
+            value = getattr(getattr(inst, table), key)
+            return handle_share(inst, inst.tendon_length) if value is None else float(value)
         return 0.0 if name.endswith(_OFFSETS) else value_of(inst, name)
 
     def instrument(self, values: Array) -> FullForm:
         """Return the instrument with these values in place."""
         named = dict(zip((one.name for one in self.parameters), values.tolist(), strict=True))
-        tables = {key: value for key, value in named.items() if key.startswith(("friction.", "dynamics."))}
+        tables = {key: value for key, value in named.items() if key.startswith(_TABLES)}
         own = {key: value for key, value in named.items() if key not in tables and not key.endswith(_OFFSETS)}
         return with_values(self.inst, list(own), np.array(list(own.values()))).replace(**tables)
 
@@ -359,9 +387,7 @@ class Routing(Problem):
         while self._known is None or self._known[:2] != (key, run):
             try:
                 self._known = (key, run, self._simulated(values, run, self._inputs[run].commands))
-            except ArgumentError as problem:
-                if problem.key != "time_step":
-                    raise
+            except ArgumentError:
                 # stiffer tendons swing faster: from now on, steps are shorter
                 self._finer += 1
                 self._inputs = [self._input(one) for one in self._recorded]
@@ -370,8 +396,9 @@ class Routing(Problem):
 
     def _simulated(self, values: Array, run: int, wound: Array) -> dict[str, Array]:
         """Return them where spools have wound this, (steps, tendons), m."""
-        inputs, inst = self._inputs[run], self.instrument(values)
+        inputs = self._inputs[run]
         try:
+            inst = self.instrument(values)
             whole = Twin(inst, time_step=inputs.time_step).run(
                 inputs.handle,
                 wrench=inputs.wrench,
@@ -379,7 +406,9 @@ class Routing(Problem):
                 let_out=-wound,
                 grip_force=inputs.grip[:, 0],
             )
-        except NoSolutionError:
+        except (NoSolutionError, ArgumentError) as problem:
+            if problem.key == "time_step":
+                raise
             return {channel: np.full(row.size, np.nan) for channel, row in inputs.measured.items()}
         offsets = dict(zip((one.name for one in self.parameters), values.tolist(), strict=True))
         tension, angle = (whole.by_column(signal)[inputs.kept] for signal in ("tension", "output_angle"))
@@ -410,18 +439,16 @@ class Routing(Problem):
     def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
         """Return differences of the residuals by parameters, of a step in which stick and slip hardly turn."""
         lower, upper = (np.array([getattr(one, end) for one in self.parameters]) for end in ("lower", "upper"))
-        return self._whitened(
-            differenced(
-                lambda at: self.plain_residuals(at, run),
-                values,
-                lower,
-                upper,
-                scales(self.parameters, values),
-                which=which,
-                step=self._step,
-            ),
-            run,
+        slopes = differenced(
+            lambda at: -self._scaled(self._model(at, run)),
+            values,
+            lower,
+            upper,
+            scales(self.parameters, values),
+            which=which,
+            step=self._step,
         )
+        return self._whitened(np.nan_to_num(slopes), run)
 
     def refine(self, values: Array, runs: Sequence[int]) -> bool:
         """Halve the difference by which slopes are taken, and marginalise what spools' counts hide near some values."""

@@ -18,19 +18,32 @@ class Commanded(Protocol):
     """A run in steps whose commands have errors, as :class:`SteppedRun` names its parts."""
 
     @property
-    def commands(self) -> Array: ...
+    def commands(self) -> Array:
+        """Commands by step, (steps, columns)."""
+
     @property
-    def input_errors(self) -> tuple[InputError, ...]: ...
+    def input_errors(self) -> tuple[InputError, ...]:
+        """Errors of the commands."""
+
     @property
-    def mixing(self) -> Array: ...
+    def mixing(self) -> Array:
+        """Independent combinations of these, one standard deviation each, (errors, combinations)."""
+
     @property
-    def measured(self) -> Mapping[str, Array]: ...
+    def measured(self) -> Mapping[str, Array]:
+        """Readings by sensor."""
+
     @property
-    def kept(self) -> NDArray[np.intp]: ...
+    def kept(self) -> NDArray[np.intp]:
+        """Steps with readings."""
+
     @property
-    def time_step(self) -> float: ...
+    def time_step(self) -> float:
+        """Length of a step, s."""
+
     @property
-    def stride(self) -> int: ...
+    def stride(self) -> int:
+        """Samples per step."""
 
 
 class Marginalisation(NamedTuple):
