@@ -223,6 +223,7 @@ class Routing(Problem):
         self._step = _STEP
         self._known: tuple[bytes, int, dict[str, Array]] | None = None
         self._near: dict[int, Marginalisation] = {}
+        self._shrunk: dict[int, tuple[Array, Array]] = {}
 
     def _input(self, run: MeasuredRun) -> _Inputs:
         """Return what is given to the twin, at each of its steps."""
@@ -392,6 +393,7 @@ class Routing(Problem):
                 self._finer += 1
                 self._inputs = [self._input(one) for one in self._recorded]
                 self._near.clear()
+                self._shrunk.clear()
         return self._known[2]
 
     def _simulated(self, values: Array, run: int, wound: Array) -> dict[str, Array]:
@@ -434,7 +436,28 @@ class Routing(Problem):
         return self._whitened(self.plain_residuals(values, run), run)
 
     def _whitened(self, rows: Array, run: int) -> Array:
-        return self._near[run].whitened(rows) if run in self._near else rows
+        """Return rows, (n,) or (n, m), without what errors of load cells and the spools' counts explain."""
+        if run not in self._shrunk:
+            self._shrink(np.array([one.start for one in self.parameters]), run)
+        near, (directions, shares) = self._near.get(run), self._shrunk[run]
+        rows = rows if near is None else near.whitened(rows)
+        return np.asarray(rows - directions @ ((directions.T @ rows).T * shares).T)
+
+    def _shrink(self, values: Array, run: int) -> None:
+        """Find by how much residuals are shrunk in the directions of load cells' offsets and gains.
+
+        With S the effect of independent errors of one standard deviation, residuals have the covariance 1 + S S'. Gains
+        act on the tensions of the model near some values: readings would have the residuals' own noise.
+        """
+        model, near = self._model(values, run), self._near.get(run)
+        effects = [np.zeros(sum(row.size for row in model.values()))]
+        for channel, sensor in self._tension_sensors.items():
+            for error in (sensor.offset, sensor.gain_error * np.nan_to_num(model.get(channel, np.zeros(0)))):
+                own = {name: 0 * row + (error if name == channel else 0.0) for name, row in model.items()}
+                effects.append(np.nan_to_num(self._scaled(own)))
+        both = np.stack(effects, axis=1)
+        directions, sizes, _ = np.linalg.svd(both if near is None else near.whitened(both), full_matrices=False)
+        self._shrunk[run] = (directions, 1 - 1 / np.sqrt(1 + sizes**2))
 
     def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
         """Return differences of the residuals by parameters, of a step in which stick and slip hardly turn."""
@@ -451,32 +474,22 @@ class Routing(Problem):
         return self._whitened(np.nan_to_num(slopes), run)
 
     def refine(self, values: Array, runs: Sequence[int]) -> bool:
-        """Halve the difference by which slopes are taken, and marginalise what spools' counts hide near some values."""
+        """Halve the difference by which slopes are taken, and marginalise what sensors hide near some values."""
         self._step /= 2
         for run in runs if self._step >= _LEAST_STEP else ():
             if self._inputs[run].input_errors:
                 self._near[run] = marginalise(self._inputs[run], partial(self._expected, values, run))
+            self._shrink(values, run)
         return self._step >= _LEAST_STEP
 
     def jacobian(self, values: Array, run: int) -> Array:
         """Return them by all parameters."""
         return self.derivatives(values, run, range(len(self.parameters)))
 
-    def systematic_errors(self, values: Array, run: int) -> Array:
-        """Return effects of one deviation of each tension sensor's offset and gain on residuals, (n, 2 tendons)."""
-        measured, count = self._inputs[run].measured, len(self._times[run])
-        effects: list[Array] = []
-        for place, (channel, row) in enumerate(measured.items()):
-            if (sensor := self._tension_sensors.get(channel)) is None:
-                continue
-            for error in (np.full(count, sensor.offset), sensor.gain_error * row):
-                effect = np.zeros(count * len(measured))
-                effect[place * count : (place + 1) * count] = error / self._noise(channel)
-                effects.append(effect)
+    def systematic_errors(self, values: Array, run: int) -> Array | None:
+        """Return what counts of spools hide and is not linear in it, (n, groups); load cells are in the residuals."""
         near = self._near.get(run)
-        if near is not None:
-            return near.whitened(np.concatenate([np.stack(effects, axis=1), near.nonlinear], axis=1))
-        return np.stack(effects, axis=1)
+        return None if near is None else self._whitened(near.nonlinear, run)
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus model of tensions in N and angles in degrees, of each kind one after another."""
