@@ -5,7 +5,7 @@ tensions at the spools and whichever of the joints' angles were measured. Joints
 pretension where spools and handle are at zero; from there the twin approaches where a recording begins.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import degrees, pi, sqrt
@@ -26,7 +26,9 @@ from tenodesis.identification.registry import Format
 from tenodesis.identification.twin_model.marginalise import Marginalisation, marginalise
 from tenodesis.identification.twin_model.steps import InputError, QuantisedSensor, encoder, unrounded
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
+from tenodesis.recording import lab_map, lab_tables, signal_tables
 from tenodesis.recording.blocks import Progress
+from tenodesis.recording.signal_tables import POSE
 from tenodesis.routes import handle_share
 from tenodesis.run import COMPONENTS, Array, Run
 from tenodesis.twin import Twin
@@ -52,6 +54,10 @@ _USED = (
     "commanded_spool_tension",
 )
 """Signals that are read of a recording."""
+_ABOUT = {"held_stiffness", "force"}
+"""Of these, what says whether it can be."""
+_MEASURED = {"measured_tension", "measured_output_angle", *POSE}
+"""What is compared."""
 LAWS = ("none", "capstan")
 
 
@@ -141,58 +147,76 @@ def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", n
         notes.append(f"from {run.time[held[0]]:.4g} s on the jaws hold something, which is not in the model: left out")
         run = run.rows(0, int(held[0]))
     signals = run.signals()
-    if not {"measured_tension", "measured_output_angle"} & signals.keys():
-        raise IdentificationError(
-            f"{name} lacks measured_tension and measured_output_angle; it must have one of them.",
-            key="signals",
-            value=["measured_tension"],
-        )
     if np.any(signals.get("force", 0.0)):
         raise IdentificationError(
             f"{name} has forces on single axes, which are not those on one tip; --format recording takes its first "
             "axis.",
             key="force",
         )
-    columns: dict[str, Array] = {}
-    handle = next((one for one in ("commanded_handle_angle", "measured_handle_angle") if one in signals), None)
+    columns = {
+        heading: row
+        for signal in _USED
+        if signal in signals and signal not in _ABOUT
+        for heading, row in zip(run.names.headings(signal), np.reshape(signals[signal], (len(run), -1)).T, strict=True)
+    }
+    return _of_columns(name, run.time, columns, notes, None if inst is None else expanded(inst))
+
+
+def _of_columns(
+    name: str, time: Array, given: Mapping[str, Array], notes: Sequence[str], inst: FullForm | None
+) -> RoutingRun:
+    """Return a recording of signals by name, ``measured_tension.NAME``; raises as :func:`of_run`."""
+    of: dict[str, dict[str, Array]] = {}
+    for heading, row in given.items():
+        signal, _, one = heading.partition(".")
+        if np.isfinite(row).any():
+            of.setdefault(signal, {})[one] = row
+    if not _MEASURED & of.keys():
+        raise IdentificationError(
+            f"{name} has neither tensions, angles of joints, nor the tip's pose; it must have one of them.",
+            key="signals",
+            value=sorted(_MEASURED),
+        )
+    handle = next((one for one in ("commanded_handle_angle", "measured_handle_angle") if one in of), None)
     # as with the handle, what was commanded is known without noise, unless drives held tensions instead
-    follows = "commanded_spool_velocity" in signals and not np.any(signals.get("commanded_spool_tension", 0.0))
+    follows = "commanded_spool_velocity" in of and not any(
+        np.any(row) for row in of.get("commanded_spool_tension", {}).values()
+    )
     spool = "commanded_spool_velocity" if follows else "measured_spool_angle"
-    listed = {"measured_tension": run.tendons, spool: run.tendons, "measured_output_angle": run.joints}
-    listed |= {} if handle is None else {handle: run.handle_joints}
-    for signal, names in listed.items():
-        if signal in signals:
-            short = "handle_angle" if signal == handle else signal.removeprefix("measured_").removeprefix("commanded_")
-            columns |= {f"{short}.{one}": row for one, row in zip(names, run.by_column(signal).T, strict=True)}
-    if "wrench" in signals:
-        columns |= {f"wrench.{one}": row for one, row in zip(COMPONENTS, signals["wrench"].T, strict=True)}
-    if np.any(signals.get("applied_grip_force", 0.0)):
-        columns["grip_force"] = signals["applied_grip_force"]
-    if follows and "measured_spool_angle" in signals:
-        begun = run.by_column("measured_spool_angle")[0]
-        begun = np.where(np.abs(begun) < _AT_HOME, 0.0, begun)
-        columns |= {f"spool_angle.{one}": np.full(len(run), at) for one, at in zip(run.tendons, begun, strict=True)}
-    columns = {key: row for key, row in columns.items() if np.isfinite(row).any()}
-    raw = Raw(name, run.time, columns)
+    columns: dict[str, Array] = {}
+    for signal in (*sorted(_MEASURED), spool, *((handle,) if handle else ()), "wrench"):
+        short = "handle_angle" if signal == handle else signal.removeprefix("measured_").removeprefix("commanded_")
+        columns |= {f"{short}.{one}": row for one, row in of.get(signal, {}).items()}
+    for row in of.get("applied_grip_force", {}).values():
+        if np.any(row):
+            columns["grip_force"] = row
+    if follows:
+        for one, row in of.get("measured_spool_angle", {}).items():
+            columns[f"spool_angle.{one}"] = np.full(row.size, 0.0 if abs(row[0]) < _AT_HOME else row[0])
+    raw = Raw(name, time, columns)
     for note in notes:
         raw.note(note)
-    if "wrench" not in signals:
+    if "wrench" not in of:
         raw.note("no load was recorded: the tip is taken to be free")
     raw.finite()
     raw.clock((("s", 1.0),))
     raw.enough()
     raw.gaps()
     done = raw.done()
-    own = None if inst is None else expanded(inst)
-    return RoutingRun(done.name, done.time, done.columns, done.notes, instrument=own)
+    return RoutingRun(done.name, done.time, done.columns, done.notes, instrument=inst)
 
 
 def load(path: Path, progress: Progress | None = None) -> RoutingRun:
-    """Return a recording with its instrument; raises IdentificationError if it has none, or as :func:`of_run`."""
+    """Return a recording, with its instrument where it is no table; raises IdentificationError as :func:`of_run`."""
     with as_identification():
-        recording, notes = first_rows(path, _USED, progress)
+        if lab_tables.is_table(path):
+            columns, notes = signal_tables.read(path)
+            if lab_map.TIME not in columns:
+                raise IdentificationError(f"{path} has no column of the time.", key="time", value=path)
+            return _of_columns(path.name, columns.pop(lab_map.TIME), columns, notes, None)
+        recording, left_out = first_rows(path, _USED, progress)
         inst = recording.instrument() if "instrument" in recording.metadata else None
-    return of_run(recording.run, inst, name=path.name, notes=notes)
+    return of_run(recording.run, inst, name=path.name, notes=left_out)
 
 
 class Routing(Problem):
