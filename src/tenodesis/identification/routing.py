@@ -26,6 +26,8 @@ from tenodesis.identification.registry import Format
 from tenodesis.identification.twin_model.marginalise import Marginalisation, marginalise
 from tenodesis.identification.twin_model.steps import InputError, QuantisedSensor, encoder, unrounded
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
+from tenodesis.kinematics import Port, tip_pose
+from tenodesis.kinematics.chain import rotated
 from tenodesis.recording import lab_map, lab_tables, signal_tables
 from tenodesis.recording.blocks import Progress
 from tenodesis.recording.signal_tables import POSE
@@ -58,6 +60,8 @@ _ABOUT = {"held_stiffness", "force"}
 """Of these, what says whether it can be."""
 _MEASURED = {"measured_tension", "measured_output_angle", *POSE}
 """What is compared."""
+_POSE = {f"{kind}.{axis}": least for kind, least in (("position", 1e-6), ("direction", 1e-5)) for axis in "xyz"}
+"""Components of the tip's pose as a camera sees it, and their least noise, m and 1: the model is no better."""
 LAWS = ("none", "capstan")
 
 
@@ -243,6 +247,12 @@ class Routing(Problem):
         self._recorded, self._finer = tuple(runs), 1
         self._inputs = [self._input(one) for one in runs]
         self._times = [one.time[:: _stride(one)] for one in runs]
+        self._pose_noise = {
+            channel: max(
+                _of_differences([one.measured[channel] for one in self._inputs if channel in one.measured]), least
+            )
+            for channel, least in _POSE.items()
+        }
         self.parameters = self._parameters()
         self._step = _STEP
         self._known: tuple[bytes, int, dict[str, Array]] | None = None
@@ -345,7 +355,7 @@ class Routing(Problem):
                 whole = np.sum([part for part in parts if part is not None], axis=0)
             if whole is not None:
                 found[f"output_angle.{bend}"] = whole
-        return found
+        return found | {name: columns[name] for name in _POSE if name in columns}
 
     def _parameters(self) -> tuple[Parameter, ...]:
         inst = self.inst
@@ -404,6 +414,8 @@ class Routing(Problem):
         if channel in self._tension_sensors:
             sensor = self._tension_sensors[channel]
             return QuantisedSensor(sensor.noise, sensor.resolution).deviation
+        if channel in _POSE:
+            return self._pose_noise[channel]
         return encoder(self.inst).deviation * sqrt(len(self._bends[channel.partition(".")[2]]))
 
     def _model(self, values: Array, run: int) -> dict[str, Array]:
@@ -441,6 +453,10 @@ class Routing(Problem):
         found = {f"tension.{one.name}": tension[:, i] for i, one in enumerate(inst.tendons)}
         for bend, arcs in self._bends.items():
             found[f"output_angle.{bend}"] = angle[:, arcs].sum(axis=1) + offsets.get(f"{bend}{_OFFSETS}", 0.0)
+        if not found.keys() >= inputs.measured.keys():
+            pose = tip_pose(inst, angle, port=Port(insertion=0.0))
+            axis = rotated(pose.quaternion[:, 0], np.array([0.0, 0.0, 1.0]))
+            found |= dict(zip(_POSE, np.concatenate([pose.position[:, 0], axis], axis=1).T, strict=True))
         return {channel: found[channel] for channel in inputs.measured}
 
     def _expected(self, values: Array, run: int, wound: Array) -> Array:
@@ -535,6 +551,12 @@ class Routing(Problem):
         return found
 
 
+def _of_differences(rows: Sequence[Array]) -> float:
+    """Return the standard deviation of white noise by second differences of signals, 0 of none."""
+    differences = [np.diff(row, 2) for row in rows]
+    return float(np.sqrt(np.mean(np.concatenate(differences) ** 2) / 6)) if differences else 0.0
+
+
 def _stride(run: MeasuredRun) -> int:
     """Return every how many rows one is compared."""
     return -(-len(run) // MOST_COMPARED)
@@ -542,6 +564,8 @@ def _stride(run: MeasuredRun) -> int:
 
 def _shown(channel: str) -> tuple[str, float]:
     """Return a channel's kind with its unit, and how much of that its SI unit is."""
+    if channel in _POSE:
+        return ("position_mm", 1e3) if channel.startswith("position") else ("direction_1", 1.0)
     return ("tension_N", 1.0) if channel.startswith("tension") else ("output_angle_deg", degrees(1))
 
 
