@@ -257,7 +257,6 @@ class Routing(Problem):
         self._step = _STEP
         self._known: tuple[bytes, int, dict[str, Array]] | None = None
         self._near: dict[int, Marginalisation] = {}
-        self._shrunk: dict[int, tuple[Array, Array]] = {}
 
     def _input(self, run: MeasuredRun) -> _Inputs:
         """Return what is given to the twin, at each of its steps."""
@@ -429,7 +428,6 @@ class Routing(Problem):
                 self._finer += 1
                 self._inputs = [self._input(one) for one in self._recorded]
                 self._near.clear()
-                self._shrunk.clear()
         return self._known[2]
 
     def _simulated(self, values: Array, run: int, wound: Array) -> dict[str, Array]:
@@ -476,28 +474,7 @@ class Routing(Problem):
         return self._whitened(self.plain_residuals(values, run), run)
 
     def _whitened(self, rows: Array, run: int) -> Array:
-        """Return rows, (n,) or (n, m), without what errors of load cells and the spools' counts explain."""
-        if run not in self._shrunk:
-            self._shrink(np.array([one.start for one in self.parameters]), run)
-        near, (directions, shares) = self._near.get(run), self._shrunk[run]
-        rows = rows if near is None else near.whitened(rows)
-        return np.asarray(rows - directions @ ((directions.T @ rows).T * shares).T)
-
-    def _shrink(self, values: Array, run: int) -> None:
-        """Find by how much residuals are shrunk in the directions of load cells' offsets and gains.
-
-        With S the effect of independent errors of one standard deviation, residuals have the covariance 1 + S S'. Gains
-        act on the tensions of the model near some values: readings would have the residuals' own noise.
-        """
-        model, near = self._model(values, run), self._near.get(run)
-        effects = [np.zeros(sum(row.size for row in model.values()))]
-        for channel, sensor in self._tension_sensors.items():
-            for error in (sensor.offset, sensor.gain_error * np.nan_to_num(model.get(channel, np.zeros(0)))):
-                own = {name: 0 * row + (error if name == channel else 0.0) for name, row in model.items()}
-                effects.append(np.nan_to_num(self._scaled(own)))
-        both = np.stack(effects, axis=1)
-        directions, sizes, _ = np.linalg.svd(both if near is None else near.whitened(both), full_matrices=False)
-        self._shrunk[run] = (directions, 1 - 1 / np.sqrt(1 + sizes**2))
+        return self._near[run].whitened(rows) if run in self._near else rows
 
     def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
         """Return differences of the residuals by parameters, of a step in which stick and slip hardly turn."""
@@ -514,22 +491,32 @@ class Routing(Problem):
         return self._whitened(np.nan_to_num(slopes), run)
 
     def refine(self, values: Array, runs: Sequence[int]) -> bool:
-        """Halve the difference by which slopes are taken, and marginalise what sensors hide near some values."""
+        """Halve the difference by which slopes are taken, and marginalise what spools' counts hide near some values."""
         self._step /= 2
         for run in runs if self._step >= _LEAST_STEP else ():
             if self._inputs[run].input_errors:
                 self._near[run] = marginalise(self._inputs[run], partial(self._expected, values, run))
-            self._shrink(values, run)
         return self._step >= _LEAST_STEP
 
     def jacobian(self, values: Array, run: int) -> Array:
         """Return them by all parameters."""
         return self.derivatives(values, run, range(len(self.parameters)))
 
-    def systematic_errors(self, values: Array, run: int) -> Array | None:
-        """Return what counts of spools hide and is not linear in it, (n, groups); load cells are in the residuals."""
-        near = self._near.get(run)
-        return None if near is None else self._whitened(near.nonlinear, run)
+    def systematic_errors(self, values: Array, run: int) -> Array:
+        """Return effects of one deviation of each load cell's offset and gain, and of counts if not linear, (n, m).
+
+        Gains act on the tensions of the model, for readings have the residuals' own noise. These errors are not in the
+        residuals' weights: what is then left tells the level of tensions by when tendons slip, where a search ends in
+        any of many optima.
+        """
+        model, near = self._model(values, run), self._near.get(run)
+        effects = [np.zeros(sum(row.size for row in model.values()))]
+        for channel, sensor in self._tension_sensors.items():
+            for error in (sensor.offset, sensor.gain_error * model[channel]) if channel in model else ():
+                own = {name: 0 * row + (error if name == channel else 0.0) for name, row in model.items()}
+                effects.append(self._scaled(own))
+        found = np.nan_to_num(np.stack(effects, axis=1))
+        return found if near is None else near.whitened(np.concatenate([found, near.nonlinear], axis=1))
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus model of tensions in N and angles in degrees, of each kind one after another."""
