@@ -206,7 +206,7 @@ def of_joints(seed: int, law: str) -> Iterable[Any]:
 
 
 ROUTED = ("needle-driver", "maryland-dissector", "two-segment-continuum", "hybrid-real-size")
-ROUTED_SECONDS, COEFFICIENT = 3.0, 0.12
+ROUTED_SECONDS, COEFFICIENT = 2.0, 0.12
 BENDING, PUSHING, OFFSET = 0.35, 0.5, 0.01  # rad, N, rad
 
 
