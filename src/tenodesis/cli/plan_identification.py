@@ -119,7 +119,7 @@ def _print_joints(found: joints.JointPlan) -> None:
             shown = "" if found.identifiable(one.name) else "not identifiable"
             intervals.add_row(one.name, f"{one.start:.5g} {one.unit}", f"{half:.2g}", f"{wider:.3g}", shown)
     console.print(intervals)
-    say(OPTIMISTIC)
+    say(joints.OPTIMISTIC)
 
 
 def _print_plan(found: ProposedProtocol) -> None:

@@ -23,6 +23,11 @@ LOAD = 0.5
 """Known force at the tip, where none is given, N."""
 HALF = 1.96
 """Half a 95 % interval, in standard deviations."""
+OPTIMISTIC = (
+    "Predicted intervals account for noise and rounding of the sensors, and for offsets and gains of the load cells as "
+    "the file states them. Effects beyond the model, inaccurate loads and an instrument that differs from its file "
+    "make them wider."
+)
 _WANTED = ("friction", "stiffness", "pretension")
 _SHARE, _MOST_ANGLE = 0.5, 0.6
 """Of a joint's range that is used, and the largest angle, rad."""
@@ -243,17 +248,21 @@ def _problem(
     return run, routing.problem([read], [], law=law)
 
 
-def _information(problem: routing.Routing) -> Information:
+def _information(problem: routing.Routing, *, systematic: bool = False) -> Information:
+    """Return what a run tells; errors of load cells do not average out over motions, and choose none."""
     values = np.array([one.start for one in problem.parameters])
     slopes = problem.jacobian(values, 0) * scales(problem.parameters, values)
     curvature = slopes.T @ slopes
-    return Information(curvature, curvature)
+    if not systematic:
+        return Information(curvature, curvature)
+    gradients = slopes.T @ problem.systematic_errors(values, 0)
+    return Information(curvature, curvature + gradients @ gradients.T)
 
 
 def _std(problem: routing.Routing) -> dict[str, float]:
     """Return the standard deviation of each parameter with all of them open, SI."""
     values = np.array([one.start for one in problem.parameters])
-    std = _information(problem).uncertainty().std * scales(problem.parameters, values)
+    std = _information(problem, systematic=True).uncertainty().std * scales(problem.parameters, values)
     return dict(zip((one.name for one in problem.parameters), std.tolist(), strict=True))
 
 
