@@ -77,7 +77,7 @@ lint: build ## Check style, types, layers and C++
 	$(BIN)/lint-imports
 	$(BIN)/clang-format --dry-run -Werror $(CPP_FILES)
 	flags="$$($(BIN)/python -c 'import nanobind, sysconfig; print("-isystem", nanobind.include_dir(), "-isystem", sysconfig.get_paths()["include"])')"; \
-	  printf '%s\n' $(wildcard src/bindings/*.cpp src/c/*.cpp tests/cpp/test_*.cpp tests/cpp/fuzz_*.cpp) | \
+	  printf '%s\n' $(filter-out %_avx2.cpp %_avx512.cpp,$(wildcard src/bindings/*.cpp src/c/*.cpp tests/cpp/test_*.cpp tests/cpp/fuzz_*.cpp)) | \
 	  xargs -P $$(nproc) -I {} $(BIN)/clang-tidy --quiet {} -- $(TIDY) $$flags
 
 format: build ## Format Python and C++

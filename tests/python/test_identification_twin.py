@@ -331,11 +331,11 @@ def test_a_start_that_loses_the_tip_comes_back() -> None:
 
 @pytest.mark.slow
 def test_an_encoder_with_an_offset_may_exceed_the_handles_range() -> None:
-    run = recorded(TRUE, commanded=False)
-    far = {**run.columns, "handle_angle": run["handle_angle"] + 0.25}
+    run = recorded(TRUE, seconds=2.0, commanded=False)
+    far = {**run.columns, "handle_angle": run["handle_angle"] + 0.26}
     found = found_again(dataclasses.replace(run, columns=far), NOMINAL, ["mismatch.handle_encoder_offset", *TRUTH])
     assert np.abs(far["handle_angle"]).max() > NOMINAL.handle_range
-    assert found.values["mismatch.handle_encoder_offset"] == pytest.approx(0.25, abs=0.01)
+    assert found.values["mismatch.handle_encoder_offset"] == pytest.approx(0.26, abs=0.01)
     with refused("handle_angle", kind=IdentificationError):
         problem(dataclasses.replace(run, columns={**far, "handle_angle": run["handle_angle"] + 0.6}), NOMINAL)
 

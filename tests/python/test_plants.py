@@ -136,9 +136,25 @@ def test_tissue_and_stop_bear_what_the_tip_presses_on_them() -> None:
     assert one.touch[0] == pytest.approx(plants.TISSUE * lever * deep, rel=1e-6)
 
 
+COMBINED = ("four", "bent-front", "bent-rough", "rough-soft", "all")
+CALIBRATED = ("nothing", "two", "rough", "wrist", "real")
+
+
+@pytest.fixture(scope="module")
+def judged() -> dict[str, dict[str, Any]]:
+    """Rows of the study, and with errors of calibration drawn ("drawn"), over 6 s; nothing is asked of motors off."""
+    asked = {"nothing": 1} | dict.fromkeys(COMBINED, 2)
+    cases = {name: plants.cases_of(plants.ROWS[name], seeds) for name, seeds in asked.items()}
+    cases |= {f"{name} drawn": plants.cases_of(plants.ROWS[name], 2, drawn=True) for name in CALIBRATED}
+    moving = {name: own[: len(own) // 2] for name, own in cases.items()}
+    traces = iter(plants.run([one for own in moving.values() for one in own], 6.0))
+    found = {name: [next(traces) for _ in own] for name, own in moving.items()}
+    return {name: plants.summary(cases[name], 2 * own) for name, own in found.items()}
+
+
 @pytest.mark.slow
-def test_on_a_plant_of_its_own_structure_the_law_keeps_its_promise() -> None:
-    found = plants.judge("nothing", seconds=6.0)
+def test_on_a_plant_of_its_own_structure_the_law_keeps_its_promise(judged: dict[str, dict[str, Any]]) -> None:
+    found = judged["nothing"]
     assert found["final_rms"] < 0.3
     assert found["final_worst"] < 0.7
     assert found["later_worst"] < 1
@@ -159,9 +175,11 @@ def test_strokes_against_strong_friction_end_and_hardly_move_the_tip() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["four", "bent-front", "bent-rough", "rough-soft", "all"])
-def test_strong_friction_beside_other_differences_leaves_what_the_paper_s_step_may_leave(name: str) -> None:
-    found = plants.judge(name, seeds=3)
+@pytest.mark.parametrize("name", COMBINED)
+def test_strong_friction_beside_other_differences_leaves_what_the_paper_s_step_may_leave(
+    judged: dict[str, dict[str, Any]], name: str
+) -> None:
+    found = judged[name]
     assert found["final_rms"] < 0.3
     assert found["final_worst"] < 0.7
     assert found["nees"] < 1.5
@@ -171,9 +189,11 @@ def test_strong_friction_beside_other_differences_leaves_what_the_paper_s_step_m
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["nothing", "two", "rough", "wrist", "real"])
-def test_the_deviation_covers_errors_of_calibration_as_the_file_states_them(name: str) -> None:
-    found = plants.judge(name, seeds=4, drawn=True)
+@pytest.mark.parametrize("name", CALIBRATED)
+def test_the_deviation_covers_errors_of_calibration_as_the_file_states_them(
+    judged: dict[str, dict[str, Any]], name: str
+) -> None:
+    found = judged[f"{name} drawn"]
     assert 0.1 < found["nees"] < 1.5
     assert found["final_rms"] < 0.3
     assert not found["faults"]
