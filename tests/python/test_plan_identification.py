@@ -327,9 +327,9 @@ def test_command_never_overwrites_the_instrument(app: typer.Typer, tmp_path: Pat
 def test_motions_of_several_joints_are_planned(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]]
 ) -> None:
-    monkeypatch.setattr(joints, "BLOCK", 0.3)
+    monkeypatch.setattr(joints, "BLOCK", 0.15)
     code, out, _ = tenodesis(
-        "plan-identification", "needle-driver", "--duration", "0.9 s", "--want", "stiffness,radius"
+        "plan-identification", "needle-driver", "--duration", "0.45 s", "--want", "stiffness,radius"
     )
     assert code == 0
     assert "both jaws" in out or "all joints" in out
