@@ -18,6 +18,7 @@ import law
 import numpy as np
 
 import tenodesis as tn
+from tenodesis.errors import ArgumentError
 from tenodesis.identification import FORMATS, AtRest, Kinematic, fit, fit_at_rest, recorded, routing
 from tenodesis.identification.any_instrument import at_rest
 from tenodesis.identification.formats.instrument_run import TENDONS, InstrumentRun, checked
@@ -205,27 +206,30 @@ def of_joints(seed: int, law: str) -> Iterable[Any]:
 
 
 ROUTED = ("needle-driver", "maryland-dissector", "two-segment-continuum", "hybrid-real-size")
-ROUTED_SECONDS, COEFFICIENT = 6.0, 0.12
-BENDING, PUSHING = 0.35, 0.5  # rad, N
+ROUTED_SECONDS, COEFFICIENT = 2.0, 0.12
+BENDING, PUSHING, OFFSET = 0.35, 0.5, 0.01  # rad, N, rad
 
 
 def routed(seed: int, name: str, seconds: float = ROUTED_SECONDS) -> tuple[FullForm, FullForm, tn.Run]:
-    """Return an instrument, a true one with other tendons, and its twin's run: all joints bend, and loads turn."""
+    """Return an instrument, a true one with other tendons and arms, and its twin's run: joints bend, loads turn."""
     inst = tn.instrument.expanded(tn.load(name))
     if inst.friction.law == "none":
         same = dict.fromkeys(("friction.vertex_coefficient", "friction.sheath_coefficient"), COEFFICIENT)
         inst = inst.replace(**{"friction.law": "capstan", "friction.sheath_bend": float(np.radians(20))}, **same)
     rng = np.random.default_rng(seed)
-    tendons = [
-        tendon.model_copy(
-            update={"stiffness": stiffness * rng.uniform(0.8, 1.2), "pretension": pretension * rng.uniform(0.9, 1.1)}
-        )
-        for tendon, stiffness, pretension in zip(
-            inst.as_given("tendons"), inst.stiffnesses, inst.pretensions, strict=True
-        )
-    ]
-    true = inst.replace(tendons=tendons)
-    time = np.arange(round(seconds / STEP)) * STEP
+    # stiffness and pretension of tendons, arms, coefficients: within a share of the file's values
+    spread = {"stiffness": 0.2, "pretension": 0.1, "radius": 0.05, "coefficient": 0.2}
+    drawn = {}
+    for parameter in routing.problem([], [], law="capstan", instrument=inst).parameters:
+        share = next((share for key, share in spread.items() if parameter.name.endswith(key)), 0.0)
+        drawn[parameter.name] = parameter.start * rng.uniform(1 - share, 1 + share)
+    true = routing.problem([], [], law="capstan", instrument=inst).instrument(np.array([*drawn.values()]))
+    try:
+        twin = tn.twin.Twin(true, time_step=STEP, seed=seed)
+    except ArgumentError:
+        twin = tn.twin.Twin(true, time_step=STEP / 2, seed=seed)
+    step = twin.time_step
+    time = np.arange(round(seconds / step)) * step
     grown = np.clip(time / 0.5, 0, 1)
 
     def wave(place: int, least: float) -> Array:
@@ -237,26 +241,49 @@ def routed(seed: int, name: str, seconds: float = ROUTED_SECONDS) -> tuple[FullF
         bent[:, arcs] = (BENDING * wave(place, 0.23) / len(arcs))[:, np.newaxis]
     wrench = np.zeros((time.size, 6))
     wrench[:, :2] = PUSHING * np.stack([wave(0, 0.45), wave(1, 0.6)], axis=1)
-    twin = tn.twin.Twin(true, seed=seed)
     # without a handle the motors bend the joints
-    wound = -np.gradient(bent @ inst.tendon_arms("tip").T, STEP, axis=0) / twin.spool_radius
+    wound = -np.gradient(bent @ inst.tendon_arms("tip").T, step, axis=0) / twin.spool_radius
     if inst.handle_joints:
         return inst, true, twin.run(handle, wrench=wrench)
     return inst, true, twin.run(np.zeros((time.size, 0)), wrench=wrench, spool_velocity=wound)
 
 
-def of_routing(seed: int, name: str) -> Iterable[Any]:
+def sensed(run: tn.Run, inst: FullForm, seed: int, *, by_encoders: bool) -> tuple[routing.RoutingRun, dict[str, float]]:
+    """Return a run's readings with errors of load cells and offsets of joints' encoders, and these offsets."""
+    rng = np.random.default_rng([seed, 1])
+    read = routing.of_run(run, inst)
+    columns = dict(read.columns)
+    if by_encoders:
+        columns = {name: row for name, row in columns.items() if not name.startswith("spool_")}
+        columns |= {
+            f"spool_angle.{name}": row
+            for name, row in zip(run.tendons, run.by_column("measured_spool_angle").T, strict=True)
+        }
+    for tendon, sensor in zip(inst.tendons, inst.tension_sensors, strict=True):
+        gain, offset = 1 + sensor.gain_error * rng.standard_normal(), sensor.offset * rng.standard_normal()
+        columns[f"tension.{tendon.name}"] = gain * columns[f"tension.{tendon.name}"] + offset
+    offsets = {}
+    for bend, arcs in inst.arc_places.items():
+        offsets[f"{bend}.encoder_offset"] = OFFSET * rng.standard_normal()
+        for joint in [inst.tip_joints[arc].name for arc in arcs]:
+            columns[f"output_angle.{joint}"] = columns[f"output_angle.{joint}"] + offsets[
+                f"{bend}.encoder_offset"
+            ] / len(arcs)
+    return routing.RoutingRun(read.name, read.time, columns, read.notes, instrument=inst), offsets
+
+
+def of_routing(seed: int, name: str, *, by_encoders: bool = False) -> Iterable[Any]:
     """Return the unknowns of all joints and tendons of an instrument by kind."""
     inst, true, run = routed(seed, name)
-    one = routing.problem([routing.of_run(run, inst)], [], law="capstan")
+    readings, offsets = sensed(run, inst, seed, by_encoders=by_encoders)
+    one = routing.problem([readings], [], law="capstan")
     found = fit(one, train=[0], starts=1)
     for parameter, interval in found.interval_95.items():
         owner, _, key = parameter.rpartition(".")
-        truth = one.value(true, parameter)
         yield judged(
             parameter if owner in {"friction", "dynamics"} else key,
             interval,
-            truth,
+            offsets.get(parameter, one.value(true, parameter)),
             identifiable=found.identifiability.identifiable[parameter],
         )
 
@@ -281,6 +308,14 @@ WORKS = {
     "twin-slack": Work("tendons slack at first", functools.partial(of_twin, run=tightened, names=[*TRUTH]), 20),
     **{file: Work(f"{file} at rest", functools.partial(of_posture, file=file), 50) for file in UNKNOWNS},
     **{one: Work(f"{one}, all tendons", functools.partial(of_routing, name=one), 50) for one in ROUTED},
+    **{
+        f"{one}-encoders": Work(
+            f"{one}, all tendons, spools by their encoders",
+            functools.partial(of_routing, name=one, by_encoders=True),
+            20,
+        )
+        for one in ROUTED[:3]
+    },
     **{f"joints-{one}": Work(f"joints, {one}", functools.partial(of_joints, law=one), 50) for one in LAWS[1:]},
 }
 COVERAGE = [

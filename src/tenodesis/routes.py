@@ -100,12 +100,9 @@ class _Route:
         places = {joint.name: i for i, joint in enumerate((*inst.tip_joints, *inst.handle_joints))}
         joints = {joint.name: joint for joint in inst.joints}
         length = inst.tendon_length if tendon.length is None else tendon.length
-        held = [joint.end_effector_length for joint in inst.handle_joints if joint.end_effector_length is not None]
 
         count = friction.sheath_contacts
-        in_handle = friction.handle_compliance_share
-        if in_handle is None:
-            in_handle = min(sum(held) / length, 0.5) if held and length else _HANDLE_SHARE
+        in_handle = handle_share(inst, length)
         bend = friction.sheath_bend / count
         self.passages = [(-1.0, friction.sheath_coefficient, bend, 1 / count, 0.0)] * count
         shares = [in_handle / (count + 1)] * (count + 1)
@@ -151,6 +148,14 @@ class _Route:
         least = 1e-3  # a segment is never quite rigid
         shares = [max(share, least) for share in shares]
         self.segments = stiffness * sum(shares) / np.array(shares)
+
+
+def handle_share(inst: FullForm, length: float | None) -> float:
+    """Return the share of the compliance of a tendon of a length, m, that is before the first joint."""
+    if inst.friction.handle_compliance_share is not None:
+        return inst.friction.handle_compliance_share
+    held = [joint.end_effector_length for joint in inst.handle_joints if joint.end_effector_length is not None]
+    return min(sum(held) / length, 0.5) if held and length else _HANDLE_SHARE
 
 
 def _rest(inst: FullForm, tendon: Tendon, taken: float) -> float:

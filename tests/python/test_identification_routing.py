@@ -33,7 +33,7 @@ def driven() -> tuple[FullForm, FullForm, Run]:
 
 def known(inst: FullForm, true: FullForm) -> FullForm:
     """The true instrument but for what is open."""
-    return inst.replace(
+    return true.replace(
         tendons=[
             one.model_copy(
                 update={
@@ -66,13 +66,13 @@ def test_the_truth_leaves_the_sensors_noise(driven: tuple[FullForm, FullForm, Ru
     assert 1.56 < np.quantile(np.abs(residuals), 0.9) < 1.75  # 1.645 of a normal distribution
     # No tendon slips earlier or later than it did.
     assert np.abs(residuals).max() < 6
-    assert {"friction", "stiffness", "pretension", "offset", "viscous"} == set(problem.groups)
+    assert {"friction", "stiffness", "pretension", "radius", "compliance", "offset", "viscous"} == set(problem.groups)
 
 
-def test_recordings_without_a_tendon_or_a_motion_are_refused(driven: tuple[FullForm, FullForm, Run]) -> None:
+def test_recordings_without_a_spool_or_a_motion_are_refused(driven: tuple[FullForm, FullForm, Run]) -> None:
     inst, _, run = driven
     whole = routing.of_run(run, inst)
-    less = {name: row for name, row in whole.columns.items() if name != "tension.jaw_1_wound"}
+    less = {name: row for name, row in whole.columns.items() if name != "spool_velocity.jaw_1_wound"}
     with refused("columns", kind=IdentificationError):
         pose(whole, less)
     still = {name: row if name.startswith("tension") else 0 * row for name, row in whole.columns.items()}
@@ -82,11 +82,81 @@ def test_recordings_without_a_tendon_or_a_motion_are_refused(driven: tuple[FullF
         routing.problem([routing.of_run(run)], [], law="capstan")
 
 
-def pose(whole: MeasuredRun, columns: dict[str, np.ndarray]) -> routing.Routing:
+def pose(whole: MeasuredRun, columns: dict[str, np.ndarray], law: str = "none") -> routing.Routing:
     assert isinstance(whole, routing.RoutingRun)
-    return routing.problem(
-        [routing.RoutingRun("run", whole.time, columns, instrument=whole.instrument)], [], law="none"
+    return routing.problem([routing.RoutingRun("run", whole.time, columns, instrument=whole.instrument)], [], law=law)
+
+
+def test_any_tensions_and_angles_will_do_with_spools_by_their_encoders(
+    driven: tuple[FullForm, FullForm, Run],
+) -> None:
+    inst, true, run = driven
+    whole = routing.of_run(run, known(inst, true))
+    kept = ("tension.jaw_1", "output_angle.pitch", "wrench")
+    columns = {name: row for name, row in whole.columns.items() if name.startswith(kept)}
+    for name, angle in zip(run.tendons, run.by_column("measured_spool_angle").T, strict=True):
+        columns[f"spool_angle.{name}"] = angle
+    problem = pose(whole, columns, law="capstan")
+    assert problem.sensors(0) == ("tension.jaw_1_wound", "tension.jaw_1_unwound", "output_angle.pitch")
+    found = fit(problem, OPEN[:3], train=[0], starts=1)
+    for name, (low, high) in found.interval_95.items():
+        assert low <= problem.value(true, name) <= high
+
+
+def test_the_tip_seen_by_a_camera_tells_arms_and_stiffness(driven: tuple[FullForm, FullForm, Run]) -> None:
+    _, true, run = driven
+    (softer,) = (one for one in true.as_given("tendons") if one.name == "jaw_1_wound")
+    others = [
+        one if one is not softer else one.model_copy(update={"stiffness": 1e5}) for one in true.as_given("tendons")
+    ]
+    whole = routing.of_run(run, true.replace(tendons=others))
+    seen = tn.kinematics.tip_pose(true, run.by_column("output_angle"), port=tn.kinematics.Port(insertion=0.0))
+    columns = {name: row for name, row in whole.columns.items() if not name.startswith(("tension", "output_angle"))}
+    noise = 1e-4 * np.random.default_rng(0).standard_normal((len(run), 3))
+    columns |= dict(zip(("position.x", "position.y", "position.z"), (seen.position[:, 0] + noise).T, strict=True))
+    problem = pose(whole, columns, law="capstan")
+    found = fit(problem, ["jaw_1_wound.stiffness", "pitch.radius"], train=[0], starts=1)
+    for name, (low, high) in found.interval_95.items():
+        assert low <= problem.value(true, name) <= high
+    assert found.train_rmse["position_mm"] == pytest.approx(0.1, rel=0.05)
+
+
+def test_a_table_is_mapped_and_fitted_and_what_was_held_out_predicted(
+    driven: tuple[FullForm, FullForm, Run], tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]]
+) -> None:
+    inst, true, run = driven
+    columns = {"t [s]": run.time}
+    for signal, unit, word in (
+        ("measured_tension", "N", "F"),
+        ("measured_spool_angle", "rad", "spool"),
+        ("commanded_spool_velocity", "rad/s", "speed"),
+        ("measured_output_angle", "rad", "encoder"),
+    ):
+        for name, row in zip(run.names.columns(signal), run.by_column(signal).T, strict=True):
+            columns[f"{word} {name} [{unit}]"] = row
+    columns |= {f"load {one} [N]": run["wrench"][:, n] for n, one in enumerate(("fx", "fy"))}
+    np.savetxt("run.csv", np.stack([*columns.values()], axis=1), "%.9g", ",", header=",".join(columns), comments="")
+    Path("known.toml").write_text(to_toml(known(inst, true)))
+    assert tenodesis("map", "run.csv", "--instrument", "known.toml")[0] == 0
+    assert '"measured_tension.jaw_1_wound" = { column = "F jaw_1_wound [N]"' in Path("run.csv.columns.toml").read_text()
+    words = (
+        "--format",
+        "tendons",
+        "--instrument",
+        "known.toml",
+        "--train-until",
+        "0.6",
+        "--fit",
+        ",".join(OPEN),
+        "--json",
     )
+    code, out, _ = tenodesis("identify", "run.csv", *words)
+    found = json.loads(out)
+    assert code == 0
+    low, high = found["parameters"][OPEN[0]]["interval_95"]
+    assert low <= routing.Routing.value(true, OPEN[0]) <= high
+    assert found["test_rmse"]["tension_N"] < 1.5 * found["train_rmse"]["tension_N"]
+    assert found["test_rmse"]["output_angle_deg"] < 1.5 * found["train_rmse"]["output_angle_deg"]
 
 
 def test_what_the_model_does_not_explain_is_not_identifiable(

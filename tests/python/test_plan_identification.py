@@ -1,7 +1,7 @@
 """Experiment design: what the planned protocol identifies, what none could, and the command around it."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from tenodesis import simulate
 from tenodesis.cli import plan_identification
 from tenodesis.errors import CommandError, IdentificationError
 from tenodesis.identification import FORMATS
-from tenodesis.identification.experiment import OPTIMISTIC, ProposedProtocol, plan, report
+from tenodesis.identification.experiment import OPTIMISTIC, ProposedProtocol, joints, plan, report
 from tenodesis.identification.experiment import candidates as blocks
 from tenodesis.identification.experiment.information import (
     Criterion,
@@ -321,3 +321,30 @@ def test_command_never_overwrites_the_instrument(app: typer.Typer, tmp_path: Pat
     given.write_text(tn.instrument.text.to_toml(tn.load("scaled-up")), "utf-8")
     with refused("--out", kind=CommandError):
         run(app, str(given), "--out", str(tmp_path))
+
+
+@pytest.mark.slow
+def test_motions_of_several_joints_are_planned(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]]
+) -> None:
+    monkeypatch.setattr(joints, "BLOCK", 0.15)
+    code, out, _ = tenodesis(
+        "plan-identification", "needle-driver", "--duration", "0.45 s", "--want", "stiffness,radius"
+    )
+    assert code == 0
+    assert "both jaws" in out or "all joints" in out
+    found = json.loads(Path("out/plan-identification/plan.json").read_text())
+    assert len(found["blocks"]) == 3
+    assert found["parameters"]["pitch.radius"]["identifiable"]
+    heading = Path("out/plan-identification/commands.csv").read_text().partition("\n")[0]
+    assert heading.startswith("time [s],commanded_spool_velocity.pitch_wound [rad/s]")
+
+
+def test_motions_that_no_duration_holds_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(joints, "BLOCK", 0.1)
+    monkeypatch.setattr(joints, "_motions", lambda inst, force: every(inst, force)[:1] + every(inst, force)[-1:])
+    with refused("duration", kind=IdentificationError):
+        joints.plan(tn.instrument.expanded(tn.load("needle-driver")), duration=0.05, force=0.0)
+
+
+every = joints._motions

@@ -8,11 +8,12 @@ from typing import Annotated
 import typer
 
 from tenodesis.cli.command import command
-from tenodesis.cli.common import ProgressBar, note, say, warn
+from tenodesis.cli.common import ProgressBar, load_instrument, note, say, warn
 from tenodesis.cli.outputs import FIGURE, Outputs, output, write_text
 from tenodesis.errors import RecordingError
 from tenodesis.files import write_errors
-from tenodesis.recording import lab_guess, lab_map, lab_tables
+from tenodesis.instrument import FullForm, expanded
+from tenodesis.recording import lab_guess, lab_map, lab_tables, signal_tables
 from tenodesis.recording.blocks import IrregularError, RegularBlocks, Thinned
 from tenodesis.run import Run
 
@@ -31,6 +32,12 @@ def write_map(
     ],
     out: Annotated[
         Path | None, output({".toml": "a map of columns"}, "The map. Default: FILE.columns.toml beside FILE.")
+    ] = None,
+    instrument_file: Annotated[
+        str | None,
+        typer.Option(
+            "--instrument", metavar="INSTRUMENT", help="Whose tendons turn several joints: columns by their names."
+        ),
     ] = None,
     plot_out: Annotated[
         Path | None, output(FIGURE, "Figure of the signals by the map. Default: FILE.columns.png beside FILE.")
@@ -51,6 +58,9 @@ def write_map(
             _draw(known, (), figure)
             return
         table = lab_map.numbers_in(file)
+        if instrument_file is not None:
+            _of_instrument(table, expanded(load_instrument(instrument_file)), file, path)
+            return
         guesses = lab_guess.guess(table)
         text = lab_guess.as_toml(table, guesses)
         mapped = lab_map.by_map(table, text, str(path))
@@ -64,6 +74,16 @@ def write_map(
             note("No signal was found to draw: name columns in the map.")
             return
         _draw(run, drawn, figure)
+
+
+def _of_instrument(table: lab_tables.Table, inst: FullForm, file: Path, path: Path) -> None:
+    """Write the map of an instrument's joints and tendons."""
+    guesses = signal_tables.guess(table, inst)
+    missing = signal_tables.lacking(inst, guesses)
+    write_text(path, lab_guess.as_toml(table, guesses, signal_tables.units(guesses), missing, signal_tables.SIGNS))
+    say(f"{path}: {', '.join(guesses) or 'no column'} of {file.name} ({table.kind}); check each line.")
+    if missing:
+        warn(f"no heading looks like {', '.join(missing)}, which tenodesis identify needs; name them in {path}.")
 
 
 def _rows_of(file: Path) -> Run | None:

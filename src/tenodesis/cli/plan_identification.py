@@ -1,5 +1,6 @@
 """The command that proposes a bench protocol for an identification."""
 
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -7,12 +8,15 @@ import typer
 
 from tenodesis.cli.command import command
 from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_instrument, quantity, say, table
-from tenodesis.cli.outputs import Outputs
-from tenodesis.identification.experiment import DURATION, OPTIMISTIC, ProposedProtocol, plan, report
+from tenodesis.cli.outputs import Outputs, write_text
+from tenodesis.errors import CommandError
+from tenodesis.identification.experiment import DURATION, OPTIMISTIC, ProposedProtocol, joints, plan, report
 from tenodesis.identification.experiment.information import CriterionName
+from tenodesis.instrument import expanded
 from tenodesis.units import Duration, PositiveForce
 
 _NONE = "none"
+COMMANDS = "commands.csv"
 
 
 @command("instrument_file")
@@ -35,11 +39,35 @@ def plan_identification(  # noqa: PLR0917
     law: Annotated[str | None, typer.Option(help="Friction law. Default: the file's.")] = None,
     criterion: Annotated[CriterionName, typer.Option(help="D: confidence region; A: sum of variances.")] = "D",
     axis: Annotated[str | None, typer.Option(help="Axis to plan for. Default: the first.")] = None,
-    out: Annotated[Path, typer.Option(help="Folder for protocol.toml, plan.html, plan.svg and plan.json.")] = Path(
-        "out/plan-identification"
-    ),
+    out: Annotated[
+        Path,
+        typer.Option(help="Folder for protocol.toml, plan.html, plan.svg and plan.json; of joints for commands.csv."),
+    ] = Path("out/plan-identification"),
 ) -> None:
     """Propose the bench protocol that makes parameters identifiable, and predict their precision."""
+    given = load_instrument(instrument_file)
+    words = None if want is None else [word.strip() for word in want.split(",") if word.strip()]
+    if given.short_form is None:
+        if axis is not None:
+            raise CommandError(key="--axis", value=axis, allowed="left out: tendons turn several joints")
+        seconds = quantity("--duration", duration, Duration)
+        force = joints.LOAD if forces is None else max(_forces(forces), default=0.0)
+        with outputs.folder(out, (COMMANDS, report.NUMBERS)), ProgressBar("motions tried") as bar:
+            planned = joints.plan(
+                expanded(given),
+                words,
+                duration=seconds,
+                force=force,
+                law=law,
+                criterion=criterion,
+                distal_encoder=not without_distal_encoder,
+                progress=bar,
+            )
+            write_text(out / COMMANDS, joints.commands(planned))
+            write_text(out / report.NUMBERS, json.dumps(joints.to_json(planned), indent=1) + "\n")
+        _print_joints(planned)
+        say(f"Written: {out / COMMANDS}, {out / report.NUMBERS}")
+        return
     inst = load_instrument(instrument_file, planar=True)
     if axis is not None:
         inst = inst.axis(axis)
@@ -52,7 +80,7 @@ def plan_identification(  # noqa: PLR0917
     ):
         found = plan(
             inst,
-            None if want is None else [word.strip() for word in want.split(",") if word.strip()],
+            words,
             duration=seconds,
             distal_encoder=not without_distal_encoder,
             forces=loads,
@@ -75,6 +103,23 @@ def _forces(text: str) -> list[float]:
     if text.strip() == _NONE:
         return []
     return [quantity("--forces", part.strip(), PositiveForce) for part in text.split(",")]
+
+
+def _print_joints(found: joints.JointPlan) -> None:
+    title = f"{found.inst.name}: proposed motions, {joints.BLOCK * len(found.blocks):.4g} s"
+    console.print(table(title, ">begins [s]", "motion", rows=((f"{one.begins:.4g}", one.name) for one in found.blocks)))
+    intervals = table(
+        "predicted 95 % intervals, all parameters open; times as wide by all joints together, without load",
+        *("wanted", ">file", ">half width", ">all joints", ""),
+    )
+    for one in found.parameters:
+        if one.name in found.wanted:
+            half = joints.HALF * found.std[one.name]
+            wider = found.alone[one.name] / found.std[one.name]
+            shown = "" if found.identifiable(one.name) else "not identifiable"
+            intervals.add_row(one.name, f"{one.start:.5g} {one.unit}", f"{half:.2g}", f"{wider:.3g}", shown)
+    console.print(intervals)
+    say(joints.OPTIMISTIC)
 
 
 def _print_plan(found: ProposedProtocol) -> None:

@@ -133,14 +133,20 @@ def differenced(
 ) -> Array:
     """Return the derivatives of a vector function by central differences within bounds, shape (n, parameters).
 
-    Those by some parameters, by index, if `which` names them; `step` is a share of each parameter's scale.
+    Those by some parameters, by index, if `which` names them; `step` is a share of each parameter's scale. To one side
+    alone where the function has no value at the other.
     """
     columns = []
     for index in range(at.size) if which is None else which:
         above, below = at.copy(), at.copy()
         above[index] = min(at[index] + step * scale[index], upper[index])
         below[index] = max(at[index] - step * scale[index], lower[index])
-        columns.append((function(above) - function(below)) / (above[index] - below[index]))
+        upper_value, lower_value = function(above), function(below)
+        if not np.isfinite(upper_value).all():
+            above, upper_value = at, function(at)
+        elif not np.isfinite(lower_value).all():
+            below, lower_value = at, function(at)
+        columns.append((upper_value - lower_value) / (above[index] - below[index]))
     return np.stack(columns, axis=1)
 
 

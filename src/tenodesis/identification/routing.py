@@ -5,14 +5,16 @@ tensions at the spools and whichever of the joints' angles were measured. Joints
 pretension where spools and handle are at zero; from there the twin approaches where a recording begins.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import degrees, sqrt
+from functools import partial
+from math import degrees, pi, sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.signal import savgol_filter
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from tenodesis.errors import ArgumentError, IdentificationError, NoSolutionError
 from tenodesis.identification.any_instrument import value_of, with_values
@@ -21,9 +23,15 @@ from tenodesis.identification.formats.mcap import first_rows
 from tenodesis.identification.formats.measured import MeasuredRun, Raw
 from tenodesis.identification.problem import Parameter, Problem, Trace, differenced, scales
 from tenodesis.identification.registry import Format
-from tenodesis.identification.twin_model.steps import QuantisedSensor, encoder
+from tenodesis.identification.twin_model.marginalise import Marginalisation, marginalise
+from tenodesis.identification.twin_model.steps import InputError, QuantisedSensor, encoder, unrounded
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
+from tenodesis.kinematics import Port, tip_pose
+from tenodesis.kinematics.chain import rotated
+from tenodesis.recording import lab_map, lab_tables, signal_tables
 from tenodesis.recording.blocks import Progress
+from tenodesis.recording.signal_tables import POSE
+from tenodesis.routes import handle_share
 from tenodesis.run import COMPONENTS, Array, Run
 from tenodesis.twin import Twin
 
@@ -34,8 +42,6 @@ _APPROACH = 0.5
 _MOST_SUBSTEPS, _DIGITS = 64, 12
 _STEP, _LEAST_STEP = 4e-2, 1e-2
 """Differences by which slopes are taken, over a parameter's scale: smaller ones see when stick and slip turn."""
-_SMOOTHED = 0.1
-"""Over which a cubic follows the spools' angles, s: by counts alone, they would shake a stiff tendon."""
 _AT_HOME = 0.01
 """Angle of a spool below which it is at zero, and only its counts say otherwise, rad."""
 _LOST = 1e3
@@ -50,6 +56,12 @@ _USED = (
     "commanded_spool_tension",
 )
 """Signals that are read of a recording."""
+_ABOUT = {"held_stiffness", "force"}
+"""Of these, what says whether it can be."""
+_MEASURED = {"measured_tension", "measured_output_angle", *POSE}
+"""What is compared."""
+_POSE = {f"{kind}.{axis}": least for kind, least in (("position", 1e-6), ("direction", 1e-5)) for axis in "xyz"}
+"""Components of the tip's pose as a camera sees it, and their least noise, m and 1: the model is no better."""
 LAWS = ("none", "capstan")
 
 
@@ -67,11 +79,24 @@ _OF_TENDON = {
     "stiffness": _Unknown("N/m", 0.2, 5.0, "stiffness of the whole tendon", "stiffness"),
     "pretension": _Unknown("N", 0.2, 5.0, "tension with all spools at zero", "pretension"),
 }
-_OF_JOINT = {"backbone_rigidity": _Unknown("N*m^2", 0.2, 5.0, "rigidity of the backbone", "stiffness")}
+_OF_JOINT = {
+    "backbone_rigidity": _Unknown("N*m^2", 0.2, 5.0, "rigidity of the backbone", "stiffness"),
+    "radius": _Unknown("m", 0.5, 2.0, "arm of the joint's tendons", "radius"),
+}
+_OF_CROSSING = _Unknown("m", 0.5, 2.0, "arm of the tendon at the joint", "radius")
+_HANDLE_SHARE = "friction.handle_compliance_share"
+_SHARES = {
+    _HANDLE_SHARE: "share of a tendon's compliance in the handle",
+    "friction.handle_joint_compliance_share": "share of it in the span of a joint of the handle",
+    "friction.tip_joint_compliance_share": "share of it in the span of a joint at the tip",
+}
+"""Where friction divides tendons; shares that the file leaves to lengths are not unknown, but for the handle's."""
+_LEAST_SHARE, _MOST_SHARE = 0.01, 0.9
 _COEFFICIENTS = ("friction.vertex_coefficient", "friction.sheath_coefficient")
 _COEFFICIENT = _Unknown("1", 0.0, 1.0, "friction coefficient", "friction")
 _DAMPING = _Unknown("1", 0.0, 2.0, "damping of the tip over critical", "viscous")
 _OFFSETS = ".encoder_offset"
+_TABLES = ("friction.", "dynamics.")
 _OFFSET = _Unknown("rad", -0.3, 0.3, "offset of the joint's encoder", "offset")
 
 
@@ -87,22 +112,30 @@ class RoutingRun(MeasuredRun):
 
 
 class _Inputs(NamedTuple):
-    """What is given to the twin, a row each step."""
+    """What is given to the twin, a row each step, and what is compared."""
 
     handle: Array
     """(n, joints of the handle), rad"""
-    wound: Array
-    """By the spools, (n, tendons), m, where no velocities were commanded"""
+    commands: Array
+    """Wound by the spools, (n, tendons), m, where no velocities were commanded"""
     velocity: Array
     """Commanded to the spools, (n, tendons), rad/s"""
     wrench: Array
     """(n, 6), N and N m"""
     grip: Array
     """(n, 1), N"""
-    step: float
+    time_step: float
     """s"""
-    recorded: slice
-    """Steps at which there is a row of the recording."""
+    kept: NDArray[np.intp]
+    """Steps at which a row of the recording is compared."""
+    input_errors: tuple[InputError, ...]
+    """Of what the spools have wound between their encoders' counts."""
+    mixing: Array
+    """(errors, errors)"""
+    measured: dict[str, Array]
+    """Readings in these steps, by channel"""
+    stride: int = 1
+    """Readings that one of these stands for"""
 
 
 def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", notes: Sequence[str] = ()) -> RoutingRun:
@@ -118,61 +151,83 @@ def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", n
         notes.append(f"from {run.time[held[0]]:.4g} s on the jaws hold something, which is not in the model: left out")
         run = run.rows(0, int(held[0]))
     signals = run.signals()
-    if "measured_tension" not in signals:
-        raise IdentificationError(f"{name} lacks measured_tension.", key="signals", value=["measured_tension"])
     if np.any(signals.get("force", 0.0)):
         raise IdentificationError(
             f"{name} has forces on single axes, which are not those on one tip; --format recording takes its first "
             "axis.",
             key="force",
         )
-    columns: dict[str, Array] = {}
-    handle = next((one for one in ("commanded_handle_angle", "measured_handle_angle") if one in signals), None)
+    columns = {
+        heading: row
+        for signal in _USED
+        if signal in signals and signal not in _ABOUT
+        for heading, row in zip(run.names.headings(signal), np.reshape(signals[signal], (len(run), -1)).T, strict=True)
+    }
+    return _of_columns(name, run.time, columns, notes, None if inst is None else expanded(inst))
+
+
+def _of_columns(
+    name: str, time: Array, given: Mapping[str, Array], notes: Sequence[str], inst: FullForm | None
+) -> RoutingRun:
+    """Return a recording of signals by name, ``measured_tension.NAME``; raises as :func:`of_run`."""
+    of: dict[str, dict[str, Array]] = {}
+    for heading, row in given.items():
+        signal, _, one = heading.partition(".")
+        if np.isfinite(row).any():
+            of.setdefault(signal, {})[one] = row
+    if not _MEASURED & of.keys():
+        raise IdentificationError(
+            f"{name} has neither tensions, angles of joints, nor the tip's pose; it must have one of them.",
+            key="signals",
+            value=sorted(_MEASURED),
+        )
+    handle = next((one for one in ("commanded_handle_angle", "measured_handle_angle") if one in of), None)
     # as with the handle, what was commanded is known without noise, unless drives held tensions instead
-    follows = "commanded_spool_velocity" in signals and not np.any(signals.get("commanded_spool_tension", 0.0))
+    follows = "commanded_spool_velocity" in of and not any(
+        np.any(row) for row in of.get("commanded_spool_tension", {}).values()
+    )
     spool = "commanded_spool_velocity" if follows else "measured_spool_angle"
-    listed = {"measured_tension": run.tendons, spool: run.tendons, "measured_output_angle": run.joints}
-    listed |= {} if handle is None else {handle: run.handle_joints}
-    for signal, names in listed.items():
-        if signal in signals:
-            short = "handle_angle" if signal == handle else signal.removeprefix("measured_").removeprefix("commanded_")
-            columns |= {f"{short}.{one}": row for one, row in zip(names, run.by_column(signal).T, strict=True)}
-    if "wrench" in signals:
-        columns |= {f"wrench.{one}": row for one, row in zip(COMPONENTS, signals["wrench"].T, strict=True)}
-    if np.any(signals.get("applied_grip_force", 0.0)):
-        columns["grip_force"] = signals["applied_grip_force"]
-    if follows and "measured_spool_angle" in signals:
-        begun = run.by_column("measured_spool_angle")[0]
-        begun = np.where(np.abs(begun) < _AT_HOME, 0.0, begun)
-        columns |= {f"spool_angle.{one}": np.full(len(run), at) for one, at in zip(run.tendons, begun, strict=True)}
-    columns = {key: row for key, row in columns.items() if np.isfinite(row).any()}
-    raw = Raw(name, run.time, columns)
+    columns: dict[str, Array] = {}
+    for signal in (*sorted(_MEASURED), spool, *((handle,) if handle else ()), "wrench"):
+        short = "handle_angle" if signal == handle else signal.removeprefix("measured_").removeprefix("commanded_")
+        columns |= {f"{short}.{one}": row for one, row in of.get(signal, {}).items()}
+    for row in of.get("applied_grip_force", {}).values():
+        if np.any(row):
+            columns["grip_force"] = row
+    if follows:
+        for one, row in of.get("measured_spool_angle", {}).items():
+            columns[f"spool_angle.{one}"] = np.full(row.size, 0.0 if abs(row[0]) < _AT_HOME else row[0])
+    raw = Raw(name, time, columns)
     for note in notes:
         raw.note(note)
-    if "wrench" not in signals:
+    if "wrench" not in of:
         raw.note("no load was recorded: the tip is taken to be free")
     raw.finite()
     raw.clock((("s", 1.0),))
     raw.enough()
     raw.gaps()
     done = raw.done()
-    own = None if inst is None else expanded(inst)
-    return RoutingRun(done.name, done.time, done.columns, done.notes, instrument=own)
+    return RoutingRun(done.name, done.time, done.columns, done.notes, instrument=inst)
 
 
 def load(path: Path, progress: Progress | None = None) -> RoutingRun:
-    """Return a recording with its instrument; raises IdentificationError if it has none, or as :func:`of_run`."""
+    """Return a recording, with its instrument where it is no table; raises IdentificationError as :func:`of_run`."""
     with as_identification():
-        recording, notes = first_rows(path, _USED, progress)
+        if lab_tables.is_table(path):
+            columns, notes = signal_tables.read(path)
+            if lab_map.TIME not in columns:
+                raise IdentificationError(f"{path} has no column of the time.", key="time", value=path)
+            return _of_columns(path.name, columns.pop(lab_map.TIME), columns, notes, None)
+        recording, left_out = first_rows(path, _USED, progress)
         inst = recording.instrument() if "instrument" in recording.metadata else None
-    return of_run(recording.run, inst, name=path.name, notes=notes)
+    return of_run(recording.run, inst, name=path.name, notes=left_out)
 
 
 class Routing(Problem):
     """Recordings of all tendons of an instrument, and what of it is unknown.
 
-    Unknown are each tendon's stiffness and pretension, rigidities of backbones, friction coefficients, damping, and
-    offsets of the joints' encoders.
+    Unknown are each tendon's stiffness and pretension, rigidities of backbones, arms of tendons at joints, friction
+    coefficients, shares of the tendons' compliance that friction divides, damping, and offsets of joints' encoders.
 
     Raises
     ------
@@ -189,24 +244,30 @@ class Routing(Problem):
         self._tension_sensors = {
             f"tension.{tendon.name}": sensor for tendon, sensor in zip(inst.tendons, inst.tension_sensors, strict=True)
         }
+        self._recorded, self._finer = tuple(runs), 1
         self._inputs = [self._input(one) for one in runs]
-        self._compared = [slice(None, None, -(-len(one) // MOST_COMPARED)) for one in runs]
-        self._times = [one.time[rows] for one, rows in zip(runs, self._compared, strict=True)]
-        self._measured = [
-            {channel: row[rows] for channel, row in self._channels(one).items()}
-            for one, rows in zip(runs, self._compared, strict=True)
-        ]
+        self._times = [one.time[:: _stride(one)] for one in runs]
+        self._pose_noise = {
+            channel: max(
+                _of_differences([one.measured[channel] for one in self._inputs if channel in one.measured]), least
+            )
+            for channel, least in _POSE.items()
+        }
         self.parameters = self._parameters()
         self._step = _STEP
         self._known: tuple[bytes, int, dict[str, Array]] | None = None
+        self._near: dict[int, Marginalisation] = {}
 
     def _input(self, run: MeasuredRun) -> _Inputs:
         """Return what is given to the twin, at each of its steps."""
         name, columns, count = run.name, run.columns, len(run)
-        needed = [f"tension.{one.name}" for one in self.inst.tendons]
-        needed += [f"handle_angle.{one.name}" for one in self.inst.handle_joints]
-        lacking = [one for one in needed if one not in columns]
-        if lacking:
+        spools = [{f"{kind}.{one.name}" for one in self.inst.tendons} for kind in ("spool_velocity", "spool_angle")]
+        needed = [f"handle_angle.{one.name}" for one in self.inst.handle_joints]
+        # a spool that is not recorded rests only where all do
+        lacking = [*needed, *(one for names in spools if names & columns.keys() for one in sorted(names))]
+        lacking = [one for one in lacking if one not in columns]
+        if lacking or not self._channels(run):
+            lacking = lacking or ["tensions", "angles of joints"]
             raise IdentificationError(
                 f"{name} lacks {', '.join(lacking)} of {self.inst.name}.", key="columns", value=lacking
             )
@@ -217,9 +278,11 @@ class Routing(Problem):
                 np.stack([scale * columns.get(one, zero) for one in names], axis=1) if names else np.zeros((count, 0))
             )
 
-        window = min(round(_SMOOTHED / run.sample_time), count)
-        counted = rows([f"spool_angle.{one.name}" for one in self.inst.tendons], self.inst.own_drives.spool_radius)
-        wound = savgol_filter(counted, window, 3, axis=0) if window > 3 else counted
+        drives = self.inst.own_drives
+        counted = rows([f"spool_angle.{one.name}" for one in self.inst.tendons], drives.spool_radius)
+        resolution = drives.spool_radius * 2 * pi / drives.encoder_counts / drives.gear_ratio
+        paths = [unrounded(row, run.sample_time, resolution) for row in counted.T]
+        wound = np.stack([path.values for path in paths], axis=1)
         handle = rows([f"handle_angle.{one.name}" for one in self.inst.handle_joints])
         velocity = rows([f"spool_velocity.{one.name}" for one in self.inst.tendons])
         wrench = rows([f"wrench.{one}" for one in COMPONENTS])
@@ -243,19 +306,35 @@ class Routing(Problem):
 
         # a velocity holds for a step, and in the approach there is none
         held = np.repeat(velocity, substeps, axis=0)[: at.size]
+        stride = _stride(run)
+        errors = [(column, error) for column, path in enumerate(paths) for error in path.errors]
         return _Inputs(
-            stepped(handle),
-            stepped(wound),
-            np.concatenate([np.zeros((approach, velocity.shape[1])), held]),
-            stepped(wrench),
-            stepped(grip),
-            step,
-            slice(approach, None, substeps),
+            handle=stepped(handle),
+            commands=stepped(wound),
+            velocity=np.concatenate([np.zeros((approach, velocity.shape[1])), held]),
+            wrench=stepped(wrench),
+            grip=stepped(grip),
+            time_step=step,
+            kept=np.arange(approach, approach + at.size, substeps * stride),
+            input_errors=tuple(
+                InputError(
+                    column,
+                    approach + substeps * error.first,
+                    np.interp(
+                        np.arange((error.shape.size - 1) * substeps + 1) / substeps,
+                        np.arange(error.shape.size),
+                        error.shape,
+                    ),
+                )
+                for column, error in errors
+            ),
+            mixing=block_diag(*(path.mixing for path in paths)),
+            measured={channel: row[::stride] for channel, row in self._channels(run).items()},
         )
 
     def _steps(self, sample_time: float) -> tuple[float, int]:
         """Return the longest step of the twin that divides the time between rows, s, and how many there are in it."""
-        for substeps in range(1, _MOST_SUBSTEPS):
+        for substeps in range(self._finer, _MOST_SUBSTEPS):
             try:
                 # a clock's last digits are no time
                 return Twin(self.inst, time_step=round(sample_time / substeps, _DIGITS)).time_step, substeps
@@ -266,7 +345,7 @@ class Routing(Problem):
     def _channels(self, run: MeasuredRun) -> dict[str, Array]:
         """Return what is compared, by channel: tensions, and angles of joints, of a backbone its arcs' sum."""
         columns = run.columns
-        found = {f"tension.{one.name}": columns[f"tension.{one.name}"] for one in self.inst.tendons}
+        found = {channel: columns[channel] for channel in self._tension_sensors if channel in columns}
         names = [joint.name for joint in self.inst.tip_joints]
         for bend, arcs in self._bends.items():
             parts = [columns.get(f"output_angle.{names[i]}") for i in arcs]
@@ -275,14 +354,16 @@ class Routing(Problem):
                 whole = np.sum([part for part in parts if part is not None], axis=0)
             if whole is not None:
                 found[f"output_angle.{bend}"] = whole
-        return found
+        return found | {name: columns[name] for name in _POSE if name in columns}
 
     def _parameters(self) -> tuple[Parameter, ...]:
         inst = self.inst
-        shown = {channel for measured in self._measured for channel in measured}
+        shown = {channel for one in self._inputs for channel in one.measured}
         unknowns: dict[str, _Unknown] = {}
         for tendon in inst.as_given("tendons"):
             unknowns |= {f"{tendon.name}.{key}": of for key, of in _OF_TENDON.items()}
+            # a radius of its own, of a tendon that the joint's rotation does not leave alone
+            unknowns |= {f"{tendon.name}.{one.joint}.radius": _OF_CROSSING for one in tendon.route if one.radius}
         for joint in inst.as_given("joints"):
             unknowns |= {f"{joint.name}.{key}": of for key, of in _OF_JOINT.items() if getattr(joint, key, None)}
         found = []
@@ -290,7 +371,11 @@ class Routing(Problem):
             # a tendon without pretension may have some, up to 1 N
             start = self.value(inst, name)
             found.append((name, of._replace(lower=of.lower * start, upper=of.upper * start or 1.0)))
-        found += [(key, _COEFFICIENT) for key in _coefficients(inst) if inst.friction.law != "none"]
+        if inst.friction.law != "none":
+            found += [(key, _COEFFICIENT) for key in _coefficients(inst)]
+            for key, meaning in _SHARES.items():
+                if key == _HANDLE_SHARE or getattr(inst.friction, key.partition(".")[2]) is not None:
+                    found.append((key, _Unknown("1", _LEAST_SHARE, _MOST_SHARE, meaning, "compliance")))
         found.append(("dynamics.damping_ratio", _DAMPING))
         found += [(f"{bend}{_OFFSETS}", _OFFSET) for bend in self._bends if f"output_angle.{bend}" in shown]
         return tuple(Parameter(name, of.unit, self.value(inst, name), *of[1:]) for name, of in found)
@@ -298,15 +383,16 @@ class Routing(Problem):
     @staticmethod
     def value(inst: FullForm, name: str) -> float:
         """Return what an instrument has as one of the parameters, of an encoder's offset nothing."""
-        table, _, key = name.partition(".")
-        if table in ("friction", "dynamics"):
-            return float(getattr(getattr(inst, table), key))
+        if name.startswith(_TABLES):
+            table, _, key = name.partition(".")
+            value = getattr(getattr(inst, table), key)
+            return handle_share(inst, inst.tendon_length) if value is None else float(value)
         return 0.0 if name.endswith(_OFFSETS) else value_of(inst, name)
 
     def instrument(self, values: Array) -> FullForm:
         """Return the instrument with these values in place."""
         named = dict(zip((one.name for one in self.parameters), values.tolist(), strict=True))
-        tables = {key: value for key, value in named.items() if key.startswith(("friction.", "dynamics."))}
+        tables = {key: value for key, value in named.items() if key.startswith(_TABLES)}
         own = {key: value for key, value in named.items() if key not in tables and not key.endswith(_OFFSETS)}
         return with_values(self.inst, list(own), np.array(list(own.values()))).replace(**tables)
 
@@ -316,58 +402,85 @@ class Routing(Problem):
 
     def channels(self, run: int) -> int:
         """Return how many tensions and angles are compared."""
-        return len(self._measured[run])
+        return len(self._inputs[run].measured)
 
     def sensors(self, run: int) -> tuple[str, ...]:
         """Return their names."""
-        return tuple(self._measured[run])
+        return tuple(self._inputs[run].measured)
 
     def _noise(self, channel: str) -> float:
         """Return the standard deviation of a reading, that of its steps included."""
         if channel in self._tension_sensors:
             sensor = self._tension_sensors[channel]
             return QuantisedSensor(sensor.noise, sensor.resolution).deviation
+        if channel in _POSE:
+            return self._pose_noise[channel]
         return encoder(self.inst).deviation * sqrt(len(self._bends[channel.partition(".")[2]]))
 
     def _model(self, values: Array, run: int) -> dict[str, Array]:
         """Return the readings of the twin by channel, NaN where it has no equilibrium."""
         key = values.tobytes()
-        if self._known is not None and self._known[:2] == (key, run):
-            return self._known[2]
+        while self._known is None or self._known[:2] != (key, run):
+            try:
+                self._known = (key, run, self._simulated(values, run, self._inputs[run].commands))
+            except ArgumentError:
+                # stiffer tendons swing faster: from now on, steps are shorter
+                self._finer += 1
+                self._inputs = [self._input(one) for one in self._recorded]
+                self._near.clear()
+        return self._known[2]
+
+    def _simulated(self, values: Array, run: int, wound: Array) -> dict[str, Array]:
+        """Return them where spools have wound this, (steps, tendons), m."""
         inputs = self._inputs[run]
-        inst = self.instrument(values)
         try:
-            whole = Twin(inst, time_step=inputs.step).run(
+            inst = self.instrument(values)
+            whole = Twin(inst, time_step=inputs.time_step).run(
                 inputs.handle,
                 wrench=inputs.wrench,
                 spool_velocity=inputs.velocity,
-                let_out=-inputs.wound,
+                let_out=-wound,
                 grip_force=inputs.grip[:, 0],
             )
-        except (NoSolutionError, ArgumentError):
-            return {channel: np.full(row.size, np.nan) for channel, row in self._measured[run].items()}
+        except (NoSolutionError, ArgumentError) as problem:
+            if problem.key == "time_step":
+                raise
+            return {channel: np.full(row.size, np.nan) for channel, row in inputs.measured.items()}
         offsets = dict(zip((one.name for one in self.parameters), values.tolist(), strict=True))
-        tension, angle = (
-            whole.by_column(signal)[inputs.recorded][self._compared[run]] for signal in ("tension", "output_angle")
-        )
+        tension, angle = (whole.by_column(signal)[inputs.kept] for signal in ("tension", "output_angle"))
         found = {f"tension.{one.name}": tension[:, i] for i, one in enumerate(inst.tendons)}
         for bend, arcs in self._bends.items():
             found[f"output_angle.{bend}"] = angle[:, arcs].sum(axis=1) + offsets.get(f"{bend}{_OFFSETS}", 0.0)
-        model = {channel: found[channel] for channel in self._measured[run]}
-        self._known = (key, run, model)
-        return model
+        if not found.keys() >= inputs.measured.keys():
+            pose = tip_pose(inst, angle, port=Port(insertion=0.0))
+            axis = rotated(pose.quaternion[:, 0], np.array([0.0, 0.0, 1.0]))
+            found |= dict(zip(_POSE, np.concatenate([pose.position[:, 0], axis], axis=1).T, strict=True))
+        return {channel: found[channel] for channel in inputs.measured}
+
+    def _expected(self, values: Array, run: int, wound: Array) -> Array:
+        return self._scaled(self._simulated(values, run, wound))
+
+    def _scaled(self, readings: dict[str, Array]) -> Array:
+        """Return readings over their noise, of one channel after another."""
+        return np.concatenate([row / self._noise(channel) for channel, row in readings.items()])
+
+    def plain_residuals(self, values: Array, run: int) -> Array:
+        """Return measured minus model of all channels over their noise, with what spools' counts hide."""
+        model = self._model(values, run)
+        return np.nan_to_num(self._scaled(self._inputs[run].measured) - self._scaled(model), nan=_LOST)
 
     def residuals(self, values: Array, run: int) -> Array:
-        """Return measured minus model of all tensions, then of all angles, over their noise."""
-        model = self._model(values, run)
-        parts = [(row - model[channel]) / self._noise(channel) for channel, row in self._measured[run].items()]
-        return np.nan_to_num(np.concatenate(parts), nan=_LOST)
+        """Return measured minus model of all channels over their noise, near an optimum without what counts hide."""
+        return self._whitened(self.plain_residuals(values, run), run)
+
+    def _whitened(self, rows: Array, run: int) -> Array:
+        return self._near[run].whitened(rows) if run in self._near else rows
 
     def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
         """Return differences of the residuals by parameters, of a step in which stick and slip hardly turn."""
         lower, upper = (np.array([getattr(one, end) for one in self.parameters]) for end in ("lower", "upper"))
-        return differenced(
-            lambda at: self.residuals(at, run),
+        slopes = differenced(
+            lambda at: -self._scaled(self._model(at, run)),
             values,
             lower,
             upper,
@@ -375,10 +488,14 @@ class Routing(Problem):
             which=which,
             step=self._step,
         )
+        return self._whitened(np.nan_to_num(slopes), run)
 
     def refine(self, values: Array, runs: Sequence[int]) -> bool:
-        """Halve the difference by which slopes are taken; a search that ended early goes on."""
+        """Halve the difference by which slopes are taken, and marginalise what spools' counts hide near some values."""
         self._step /= 2
+        for run in runs if self._step >= _LEAST_STEP else ():
+            if self._inputs[run].input_errors:
+                self._near[run] = marginalise(self._inputs[run], partial(self._expected, values, run))
         return self._step >= _LEAST_STEP
 
     def jacobian(self, values: Array, run: int) -> Array:
@@ -386,23 +503,26 @@ class Routing(Problem):
         return self.derivatives(values, run, range(len(self.parameters)))
 
     def systematic_errors(self, values: Array, run: int) -> Array:
-        """Return effects of one deviation of each tension sensor's offset and gain on residuals, (n, 2 tendons)."""
-        measured, count = self._measured[run], len(self._times[run])
-        effects = []
-        for place, (channel, row) in enumerate(measured.items()):
-            if (sensor := self._tension_sensors.get(channel)) is None:
-                continue
-            for error in (np.full(count, sensor.offset), sensor.gain_error * row):
-                effect = np.zeros(count * len(measured))
-                effect[place * count : (place + 1) * count] = error / self._noise(channel)
-                effects.append(effect)
-        return np.stack(effects, axis=1)
+        """Return effects of one deviation of each load cell's offset and gain, and of counts if not linear, (n, m).
+
+        Gains act on the tensions of the model, for readings have the residuals' own noise. These errors are not in the
+        residuals' weights: what is then left tells the level of tensions by when tendons slip, where a search ends in
+        any of many optima.
+        """
+        model, near = self._model(values, run), self._near.get(run)
+        effects = [np.zeros(sum(row.size for row in model.values()))]
+        for channel, sensor in self._tension_sensors.items():
+            for error in (sensor.offset, sensor.gain_error * model[channel]) if channel in model else ():
+                own = {name: 0 * row + (error if name == channel else 0.0) for name, row in model.items()}
+                effects.append(self._scaled(own))
+        found = np.nan_to_num(np.stack(effects, axis=1))
+        return found if near is None else near.whitened(np.concatenate([found, near.nonlinear], axis=1))
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus model of tensions in N and angles in degrees, of each kind one after another."""
         model = self._model(values, run)
         of: dict[str, list[Array]] = {}
-        for channel, row in self._measured[run].items():
+        for channel, row in self._inputs[run].measured.items():
             key, scale = _shown(channel)
             of.setdefault(key, []).append(scale * (row - model[channel]))
         return {key: np.concatenate(parts) for key, parts in of.items()}
@@ -411,15 +531,28 @@ class Routing(Problem):
         """Return measured and modelled tensions and angles."""
         model = self._model(values, run)
         found = {}
-        for channel, row in self._measured[run].items():
+        for channel, row in self._inputs[run].measured.items():
             key, scale = _shown(channel)
             name = f"{channel}_{key.rpartition('_')[2]}"
             found[name] = Trace(self._times[run], scale * row, scale * model[channel])
         return found
 
 
+def _of_differences(rows: Sequence[Array]) -> float:
+    """Return the standard deviation of white noise by second differences of signals, 0 of none."""
+    differences = [np.diff(row, 2) for row in rows]
+    return float(np.sqrt(np.mean(np.concatenate(differences) ** 2) / 6)) if differences else 0.0
+
+
+def _stride(run: MeasuredRun) -> int:
+    """Return every how many rows one is compared."""
+    return -(-len(run) // MOST_COMPARED)
+
+
 def _shown(channel: str) -> tuple[str, float]:
     """Return a channel's kind with its unit, and how much of that its SI unit is."""
+    if channel in _POSE:
+        return ("position_mm", 1e3) if channel.startswith("position") else ("direction_1", 1.0)
     return ("tension_N", 1.0) if channel.startswith("tension") else ("output_angle_deg", degrees(1))
 
 

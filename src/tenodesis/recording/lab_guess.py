@@ -1,7 +1,7 @@
 """A map of a laboratory's table, guessed from headings, units and ranges, with what to check beside each line."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import degrees
 from typing import NamedTuple
 
@@ -30,6 +30,9 @@ _FEW, _MOST = 2e-5, 0.5
 _LARGEST_RADIANS = 3.9
 _LARGEST_NEWTONS = 1e3
 _NANOSECONDS = 1e9
+
+
+SIGNS = "a positive handle angle winds the agonist, and a positive force opposes positive flexion;"
 
 
 class Guess(NamedTuple):
@@ -68,30 +71,42 @@ def guess(table: Table) -> dict[str, Guess]:
     if any(found[name].units == ("deg",) for name in angles):
         # of one file, angles without a unit are in the same
         for name in angles:
-            if _heading(found[name].columns[0]).unit is None:
+            if clean(found[name].columns[0]).unit is None:
                 found[name] = found[name]._replace(units=("deg",))
     return found
 
 
-def as_toml(table: Table, guesses: dict[str, Guess]) -> str:
-    """Return a commented map: a line per guess, what is missing, and every column that was left over."""
+def as_toml(
+    table: Table,
+    guesses: dict[str, Guess],
+    units: Mapping[str, str] = COLUMNS,
+    needed: Sequence[str] | None = None,
+    signs: str = SIGNS,
+) -> str:
+    """Return a commented map: a line per guess, what is missing, and every column that was left over.
+
+    `units` are those of all columns that there may be, `needed` what is missing, `signs` a sentence on signs.
+    """
     lines = [f"# Columns of a file ({table.kind}), guessed from headings, units and ranges: check each line.", ""]
-    for column in (TIME, *COLUMNS):
+    for column in dict.fromkeys((TIME, *units)):
         if column not in guesses:
             continue
         one = guesses[column]
-        names, units = (repr_toml(part) for part in (one.columns, one.units))
+        names, given = (repr_toml(part) for part in (one.columns, one.units))
         factor = f", factor = {one.factor}" if one.factor != 1 else ""
-        why = "" if _heading(one.columns[0]).unit else ", the unit by its range"
+        why = "" if clean(one.columns[0]).unit else ", the unit by its range"
         lines.append(f"# {_range(table, one)}{why}")
-        lines.append(f"{column} = {{ column = {names}, unit = {units}{factor} }}")
-    if needed := lacking(guesses):
+        key = repr_toml([column]) if "." in column else column
+        lines.append(f"{key} = {{ column = {names}, unit = {given}{factor} }}")
+    needed = lacking(guesses) if needed is None else needed
+    if needed:
         lines += ["", f"# Not found, and needed by tenodesis identify: {', '.join(needed)}. As an example:"]
-        lines += [f'# {name} = {{ column = "HEADING", unit = "{({TIME: "s"} | COLUMNS)[name]}" }}' for name in needed]
+        keys = {name: repr_toml([name]) if "." in name else name for name in needed}
+        si = {TIME: "s", **units}
+        lines += [f'# {keys[name]} = {{ column = "HEADING", unit = "{si.get(name, "rad")}" }}' for name in needed]
     used = {name for one in guesses.values() for name in one.columns}
     rest = [name for name in table.headings if name not in used]
-    lines += ["", "# Signs: a positive handle angle winds the agonist, and a positive force opposes positive flexion;"]
-    lines += ["# factor = -1 turns one round."]
+    lines += ["", f"# Signs: {signs}", "# factor = -1 turns one round."]
     if rest:
         lines += ["#", "# Not taken:"]
         lines += [f"#   {_range(table, Guess((name,), ('',)))}" for name in rest]
@@ -111,14 +126,14 @@ def repr_toml(texts: Sequence[str]) -> str:
 
 def _is(column: str, name: str, si: str) -> bool:
     """Return whether a heading can be a column: by its words, unless its unit says otherwise."""
-    unit = _heading(name).unit
+    unit = clean(name).unit
     if name.startswith("/") and si == "rad" and unit is None:
         return False  # of a bag only angles have the unit of one
     word = re.sub(r"[^a-z0-9_]", "", re.sub(r"[ /]", "_", _word(name)))
     return bool(re.fullmatch(_WORDS[column], word)) and (unit is None or _kind(unit) in (si, ""))
 
 
-def _heading(text: str) -> Heading:
+def clean(text: str) -> Heading:
     """Return a heading's parts, with a unit also as in ``Kraft/N``, ``Zeit in ms`` and ``tip (deg)``."""
     found = heading(text)
     other = re.fullmatch(r"(?P<name>.+?)\s*(?:/|\sin\s|\()\s*(?P<unit>m?N|k?gf|lbf|°|deg|m?rad|[mun]?s)\)?", found.name)
@@ -127,7 +142,7 @@ def _heading(text: str) -> Heading:
 
 def _word(name: str) -> str:
     """Return a heading's name in lower case: of a structure or group the last part, of a bag topic and joint."""
-    name = _heading(name).name
+    name = clean(name).name
     if name.startswith("/"):
         return re.sub(r"[./]", "_", re.sub(r"\.(position|velocity|effort|data)$", "", name.lower()).strip("/"))
     return re.split(r"[./]", name)[-1].lower()
@@ -140,7 +155,7 @@ def _kind(unit: str) -> str:
 
 
 def _with_unit(name: str, values: Array, column: str, si: str) -> Guess:
-    stated = _heading(name).unit
+    stated = clean(name).unit
     known = values[np.isfinite(values)]
     spread = float(np.ptp(np.quantile(known, [0.05, 0.95]))) if known.size else 0.0
     if si == "rad":
@@ -164,7 +179,7 @@ def _clock(values: dict[str, Array]) -> Guess | None:
         step = np.diff(values[name][np.isfinite(values[name])])
         if not step.size or (step < 0).mean() > 0.01 or not np.median(step) > 0:
             continue
-        unit = _heading(name).unit
+        unit = clean(name).unit
         units = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
         fits = [one for one, scale in units.items() if _FEW <= np.median(step) * scale <= _MOST]
         if unit in units or (fits and name in named) or (fits and np.ptp(step) < 1e-3 * np.median(step)):
