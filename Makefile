@@ -11,7 +11,8 @@ PYTEST := $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loads
 CORE := $(wildcard include/tenodesis/*)
 EXTENSION := $(wildcard src/bindings/* src/engine/* src/runtime/*)
 CPP_TESTS := $(wildcard tests/cpp/*)
-TIDY := -std=c++20 -Iinclude -Isrc -Iexamples -fno-math-errno
+TIDY := -std=c++20 -Iinclude -Isrc -Iexamples -fno-math-errno \
+  -include examples/needle_driver.h
 CPP_FILES := $(filter %.h %.hpp %.cpp,$(CORE) $(EXTENSION) $(CPP_TESTS) $(wildcard src/c/* firmware/*)) \
   examples/controller.c $(wildcard tests/consumers/*.c*)
 CROSS_PYTHON ?= 3.13
@@ -86,6 +87,7 @@ format: build ## Format Python and C++
 
 docs: build ## Regenerate what is generated: pictures, the report's figures in docs/results.json, the example's controller
 	$(BIN)/tenodesis export controller scaled-up --homed --own-clock --overwrite --out examples/scaled_up.h
+	$(BIN)/tenodesis export controller needle-driver --overwrite --out examples/needle_driver.h
 	$(BIN)/python docs/generate.py
 
 site: build ## Build the documentation site, its tutorials executed, and check its links: build/site

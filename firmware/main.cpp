@@ -1,4 +1,4 @@
-// Runs the controller (SUBJECT: instrument::Direct or instrument::ThroughC) on a recorded bench run and checks each of
+// Runs the controller (SUBJECT, of the namespace instrument) on a recorded bench run and checks each of
 // its outputs, bit for bit, against the PC's. Fails when one differs, when a tick takes more than BUDGET instructions,
 // or when the stack was full.
 
@@ -43,8 +43,10 @@ Tally replay(semihosting::File& file, std::uint32_t ticks) {
   if (!subject.ready()) return tally;
   recording::Tick tick;
   while (file.read(tick)) {
-    instrument::Output output;
-    const std::uint32_t taken = counter.count([&] { output = subject.step(tick.input); });
+    alignas(instrument::Output) unsigned char place[sizeof(instrument::Output)];
+    const instrument::Output* made{};
+    const std::uint32_t taken = counter.count([&] { made = new (place) instrument::Output(subject.step(tick.input)); });
+    const instrument::Output& output = *made;
     compare(recording::Words(tick.output), recording::Words(output), tally);
     tally.instructions += taken;
     if (taken > tally.worst) {
@@ -60,12 +62,12 @@ Tally replay(semihosting::File& file, std::uint32_t ticks) {
 }  // namespace
 
 std::uint32_t run() {
-  semihosting::File file("recording.bin");
+  semihosting::File file(RECORDING);
   recording::Header header{};
   const bool ours = file.is_open() && file.read(header) && header.tick_size == sizeof(recording::Tick);
   const Tally tally = ours ? replay(file, header.ticks) : Tally{};
   if (tally.ticks == 0) {
-    print_line("recording.bin is missing, truncated, or of another controller, or the parameters are not accepted");
+    print_line(RECORDING " is missing, truncated, or of another controller, or the parameters are not accepted");
     return 1;
   }
   print_line("ticks: ", tally.ticks, ", outputs that differ from the PC's: ", tally.mismatches);

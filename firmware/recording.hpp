@@ -5,7 +5,11 @@
 #include <cstdint>
 #include <type_traits>
 
+#ifdef PARAMETERS
+#include "joints.hpp"
+#else
 #include "instrument.hpp"
+#endif
 
 namespace recording {
 

@@ -2,10 +2,10 @@
 
     python studies/any_routing.py --tool TOOL.json
 
-Tools without a handle, whose tendons turn several joints, are commanded to states over their range; then a force comes
-at the tip, such as bends a joint by half of what its pretension holds. Tendons have friction in their sheaths and at
+Instruments whose tendons turn several joints, and of which jaws have tendons through the wrist, are brought to states
+over their range, by commands or by their handle; then a force comes at the tip, such as bends a joint by half of what its pretension holds. Tendons have friction in their sheaths and at
 every bend, 0.7, 1 and 1.3 times what the controller assumes. Errors are those of all that bends over the last tenth of
-a second, against the commands; beside them those of a rigid coupling matrix alone, and how much farther from its
+a second, against the commands, or what the handle asks for; beside them those of a rigid coupling matrix alone, and how much farther from its
 command any of them is with the law than without: at the end, and ever since the force. Last, the wrist moves while the
 jaws hold an object.
 """
@@ -24,11 +24,12 @@ from tenodesis.instrument import FullForm, expanded, from_dvrk
 from tenodesis.run import Run
 from tenodesis.simulate import campaign
 from tenodesis.simulate.campaign import Column
+from tenodesis.statics import unloaded_angle
 from tenodesis.twin import Held, Twin
 
 Array = NDArray[np.float64]
 
-NAMES = ("needle-driver", "maryland-dissector", "two-segment-continuum")
+NAMES = ("needle-driver", "maryland-dissector", "two-segment-continuum", "hybrid-real-size", "hybrid-scaled-up")
 DIRECTIONS = ((1, 0, 0), (0, -1, 0), (-0.7, 0.7, 0), (0.6, 0.5, -0.6))
 COEFFICIENT, BEND = 0.1, np.radians(20)
 """Of friction, and of the sheath."""
@@ -61,6 +62,18 @@ def bends_of(inst: FullForm, state: int) -> Array:
     return np.where(of_jaws, -angles, angles)
 
 
+def commanded(inst: FullForm, state: int) -> tuple[Array, Array]:
+    """Return angles of the handle and those that they, or commands, ask of the joints in a state, rad."""
+    if not inst.handle_joints:
+        return np.zeros(0), inst.bent(bends_of(inst, state))
+    ranges = np.array([joint.range for joint in inst.handle_joints])
+    handle = np.resize(SHARES[state], len(ranges)) * ranges
+    # A tendon against a spring only pulls.
+    pulls = (inst.tendon_arms("handle") != 0).sum(axis=0) == 1
+    handle[pulls] = np.abs(handle[pulls])
+    return handle, np.asarray(unloaded_angle(inst, handle))
+
+
 def eased(start: float, span: float) -> Array:
     """Return a smooth way from 0 to 1, by step, as a column."""
     share = np.clip((np.arange(1, round(END / STEP) + 1) * STEP - start) / span, 0, 1)
@@ -75,13 +88,13 @@ def force_of(inst: FullForm) -> float:
 
 
 def run_of(
-    name: str, friction: float, target: Array, *, compensates: bool, seed: int = 1, **loads: Any
+    name: str, friction: float, handle: Array, target: Array, *, compensates: bool, seed: int = 1, **loads: Any
 ) -> tuple[Run, JointEstimate, Array]:
-    """Return a run, its estimates and the errors of what bends, deg."""
+    """Return a run, its estimates and the errors of what bends, deg; handle, target: rad, with a row per step."""
     inst = tool(name, friction)
     controller = JointController(tool(name), "joints" if compensates else "off")
-    handle = np.zeros((len(target), 0))
-    run = Twin(inst, seed=seed).run(handle, controller=controller, target=target, **loads)
+    aims = {} if inst.handle_joints else {"target": target}
+    run = Twin(inst, seed=seed).run(handle, controller=controller, **aims, **loads)
     return run, controller.estimate, np.degrees(summed(inst, run["output_angle"] - target))
 
 
@@ -93,10 +106,11 @@ def summed(inst: FullForm, angles: Array) -> Array:
 def trial(name: str, state: int, direction: tuple[float, float, float], friction: float) -> dict[str, Any]:
     """Run a state under a force, by a rigid coupling alone and with the law: errors, deg."""
     inst = tool(name)
-    target = eased(0, ARRIVED) * inst.bent(bends_of(inst, state))
+    way = eased(0, ARRIVED)
+    handle, target = (way * angles for angles in commanded(inst, state))
     wrench = eased(LOADED, 0.1) * np.array([*(force_of(inst) * np.asarray(direction)), 0, 0, 0])
-    _, _, alone = run_of(name, friction, target, compensates=False, wrench=wrench)
-    run, estimate, with_law = run_of(name, friction, target, compensates=True, wrench=wrench)
+    _, _, alone = run_of(name, friction, handle, target, compensates=False, wrench=wrench)
+    run, estimate, with_law = run_of(name, friction, handle, target, compensates=True, wrench=wrench)
     last = slice(-round(LAST / STEP), None)
     off = np.degrees(summed(inst, estimate.angle - run["output_angle"]))[last].mean(axis=0)
     sums = np.array([np.isin(np.arange(len(inst.tip_joints)), places) for places in inst.bends.values()], float)

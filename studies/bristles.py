@@ -3,9 +3,10 @@
     python studies/bristles.py
 
 A needle driver of our own equations: each tendon a row of springs between points that bristles hold (Dahl's friction,
-with more at rest than in motion), spread over the sheath and both pulleys, its compliance even along its length but for
-the anchor; joints without inertia. It is commanded and loaded as in any_routing.py. Readings have noise and constant
-offsets, spool angles the steps of their encoders, drives a lag.
+with more at rest than in motion), spread over the sheath and both pulleys; joints without inertia. Compliance is even
+along the lengths that the file says, but for the anchor, or even from point to point, which puts half of it beyond the
+stem. It is commanded and loaded as in any_routing.py. Readings have noise and constant offsets, spool angles the steps
+of their encoders, drives a lag.
 """
 
 from concurrent.futures import ProcessPoolExecutor
@@ -26,9 +27,9 @@ STEPS_A_TICK, TICK = 10, cases.STEP  # s
 SHEATH, PITCH, JAW = 6, 3, 2
 """Points that bristles hold: in the sheath, on the pitch pulley, on the jaw's."""
 POINTS = SHEATH + PITCH + JAW
-ANCHOR = 0.15
+ANCHOR = 0.05
 """Share of a tendon's compliance beyond the last point."""
-BRISTLE, DRAG = 1e6, 300.0  # N/m, N s/m
+BRISTLE, DRAG = 1e6, 10.0  # N/m, N s/m
 AT_REST, SLOW = 1.15, 1e-4
 """Friction at rest over that in motion, and speed that tells them, m/s."""
 CONSTANT = 0.02  # N a point
@@ -39,22 +40,36 @@ STATES = [(state, direction) for state in range(len(cases.SHARES)) for direction
 class Plant:
     """So many needle drivers at once, each with its friction, from rest.
 
-    friction: coefficients, (n,).
+    friction: coefficients, (n,); by_length: whether a tendon's compliance is that of one rope along the lengths of the
+    file.
     """
 
-    def __init__(self, friction: Array, seed: int) -> None:
+    def __init__(self, friction: Array, seed: int, *, by_length: bool) -> None:
         inst = cases.tool(NAME)
         self.inst, self.count = inst, len(friction)
         self.arms, self.noise = inst.tendon_arms("tip"), np.random.default_rng(seed)
         joints, tendons = self.arms.shape[1], len(self.arms)
-        share = np.full(POINTS + 1, (1 - ANCHOR) / POINTS)
-        share[-1] = ANCHOR
-        self.stiffness = inst.stiffnesses[:, np.newaxis] / share
-        self.rest = inst.pretensions[:, np.newaxis]
         self.draws = np.zeros((tendons, POINTS + 1, joints))
         # Tendons of the pitch end at its pulley, those of the jaws run over it.
         self.draws[:, SHEATH + PITCH, 0] = self.arms[:, 0]
         self.draws[:, -1, 1:] = self.arms[:, 1:]
+        length = np.ones(POINTS)
+        if by_length:
+            length[:SHEATH] = inst.stem_length / SHEATH
+            length[SHEATH:] = inst.tip_joints[1].offset / (PITCH + JAW)
+        share = np.append((1 - ANCHOR) * length / length.sum(), ANCHOR)
+        self.stiffness = inst.stiffnesses[:, np.newaxis] / share
+        rates = np.zeros((tendons, POINTS, POINTS))
+        for k in range(POINTS):
+            rates[:, k, k] = self.stiffness[:, k] + self.stiffness[:, k + 1]
+            if k:
+                rates[:, k, k - 1] = rates[:, k - 1, k] = -self.stiffness[:, k]
+        step = TICK / STEPS_A_TICK
+        # Forward, points and joints between stiff springs would swing, and shake friction off.
+        turning = np.einsum("mki,mk,mkj->ij", self.draws, self.stiffness, self.draws)
+        self.turn_of_moment = np.linalg.inv(JOINT_DRAG * np.eye(joints) + step * turning)
+        self.flow_of_pull = np.linalg.inv((DRAG + step * BRISTLE) * np.eye(POINTS) + step * rates)
+        self.rest = inst.pretensions[:, np.newaxis]
         self.base = np.array([tendon.route[0].base_wrap or 0.0 for tendon in inst.tendons])
         self.friction = friction[:, np.newaxis, np.newaxis]
         self.spool, self.speed = np.zeros((2, self.count, tendons))
@@ -96,7 +111,7 @@ class Plant:
             self.spool += dt * self.speed
             tension = self._tensions()
             pull = tension[..., :-1] - tension[..., 1:]
-            flow = (pull - BRISTLE * self.bristle) / DRAG
+            flow = np.einsum("mkl,nml->nmk", self.flow_of_pull, pull - BRISTLE * self.bristle)
             most = coefficient * (tension[..., :-1] + tension[..., 1:]) / 2 + CONSTANT
             most *= 1 + (AT_REST - 1) * np.exp(-np.square(flow / SLOW))
             # Backward in what the bristle loses, which is stable however fast it slides.
@@ -105,7 +120,7 @@ class Plant:
             moment = np.einsum("mkj,nmk->nj", self.draws, tension)
             moment[:, 0] += (offset + pitch.chord + length * np.cos(self.angle[:, 1])) * force[:, 1]
             moment[:, 1] += length * force[:, 0]
-            self.angle += dt * moment / JOINT_DRAG
+            self.angle += dt * moment @ self.turn_of_moment
         self.tension = self._tensions()
 
     def read(self) -> tuple[Array, Array]:
@@ -115,11 +130,11 @@ class Plant:
         return self.tension[..., 0] + self.cells + noise, step * np.round(self.spool / step)
 
 
-def trials(law_name: JointLawName) -> dict[str, Array]:
+def trials(law_name: JointLawName, by_length: bool = True) -> dict[str, Array]:
     """Run all states and directions with all frictions at once; return by joint errors and more, deg, (n, joints)."""
     inst = cases.tool(NAME)
     given = STATES * len(law.ASSUMED)
-    plant = Plant(cases.COEFFICIENT * np.repeat(law.ASSUMED, len(STATES)), seed=1)
+    plant = Plant(cases.COEFFICIENT * np.repeat(law.ASSUMED, len(STATES)), seed=1, by_length=by_length)
     aims = np.array([inst.bent(cases.bends_of(inst, state)) for state, _ in given])
     forces = cases.force_of(inst) * np.array([direction for _, direction in given])
     controllers = [JointController(inst, law_name) for _ in given]
@@ -139,8 +154,17 @@ def trials(law_name: JointLawName) -> dict[str, Array]:
 
 def main() -> None:
     law.arguments(__doc__).parse_args()
+    given: list[tuple[JointLawName, bool]] = [("off", True), ("joints", True), ("off", False), ("joints", False)]
     with ProcessPoolExecutor(2) as pool:
-        alone, own = pool.map(trials, ("off", "joints"))
+        found = list(pool.map(trials, *zip(*given, strict=True)))
+    for text, alone, own in zip(("by length", "even"), found[::2], found[1::2], strict=True):
+        print(f"compliance {text}")
+        show(alone, own)
+    print("targets 0.3 RMS, 0.7 worst, farther by 0.3 at most, normalised 0.7 to 1.5, no fault")
+
+
+def show(alone: dict[str, Array], own: dict[str, Array]) -> None:
+    """Print what is left without and with the law, by friction."""
     print("friction  coupling RMS, worst  law RMS, worst  farther  estimate RMS  normalised  faults of either")
     for n, scale in enumerate([*law.ASSUMED, "all"]):
         rows = slice(None) if scale == "all" else slice(n * len(STATES), (n + 1) * len(STATES))
@@ -151,7 +175,6 @@ def main() -> None:
             f"  {campaign.rms(own['estimate'][rows]):.2f}  {campaign.rms(own['normalised'][rows]):.2f}"
             f"  {[str(one) for one in (*alone['faults'][rows], *own['faults'][rows]) if one]}"
         )
-    print("targets 0.3 RMS, 0.7 worst, farther by 0.3 at most, normalised 0.7 to 1.5, no fault")
 
 
 if __name__ == "__main__":

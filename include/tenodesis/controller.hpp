@@ -241,12 +241,8 @@ struct Controller {
     const bool first = !state.started;
     state.started = true;
     state.time = input.time;
-    if (own_clock || first) return supervisor.period;
     // Time that runs backward gives no interval, which the watch reports.
-    if (input.time <= before) return S(0);
-    // Four seconds and more are too late in any case, and 32 bits take a single instruction to convert.
-    const std::uint64_t passed = input.time - before;
-    return S(passed < UINT32_MAX ? static_cast<std::uint32_t>(passed) : UINT32_MAX) * S(1e-9);
+    return own_clock || first ? supervisor.period : tenodesis::elapsed<S>(before, input.time);
   }
 
   // Where a fault has cast doubt on the spools' zeros, homing must come before compensation; a fault that only homing

@@ -204,6 +204,12 @@ constexpr S coordinate_at(Mechanism mechanism, const S& angle) {
   return mechanism == Mechanism::gear ? TendonGear<S>::coordinate(angle) : angle;
 }
 
+/// Rate of a joint's coordinate by its angle, at a coordinate.
+template <class S>
+constexpr S turn_at(Mechanism mechanism, const S& x) {
+  return mechanism == Mechanism::gear ? sqrt((S(1) - x) * (S(1) + x)) * S(0.5) : S(1);
+}
+
 /// Tendon drawn by a unit of the coordinate at a distance from the joint's middle plane (m), m.
 template <class S>
 constexpr S excursion_slope(Mechanism mechanism, const S& distance) {

@@ -41,8 +41,15 @@ struct JointLaw {
   S least_tension{};  ///< share of the pretension
   S deviations{2};    ///< of the estimate that a stroke leaves room for
   S period{};         ///< of a tick, s
+  /// What is constant.
+  struct Prepared {
+    S within[N][N]{};    ///< of lost coordinates, what tendons can give
+    S response[N][N]{};  ///< coordinates by which joints follow those that motors wind, springs counted in
+    S settled[N][M]{};   ///< coordinates by lengths wound, were there no springs, 1/m
+  } prepared{};
 
-  /// Prepares what is constant; false where tendons and springs leave a joint free.
+  /// Prepares that; false where tendons and springs leave a joint free. In float springs of arcs would be lost in
+  /// rounding.
   bool prepare() {
     Square<S, N> tendons{};
     for (int m = 0; m < M; ++m)
@@ -52,24 +59,40 @@ struct JointLaw {
     S largest(0);
     for (int i = 0; i < N; ++i) largest = larger(largest, tendons.at[i][i]);
     // Of arcs that tendons bend together each is to have its part: the least solution.
-    by_tendons_ = whole_ = tendons;
+    Root<S, N> by_tendons{tendons}, whole{tendons};
+    S least[N];
     for (int i = 0; i < N; ++i) {
-      by_tendons_.at[i][i] = by_tendons_.at[i][i] + S(least_share) * largest;
+      least[i] = S(least_share) * largest;
+      by_tendons.lower.at[i][i] = by_tendons.lower.at[i][i] + least[i];
       const S per_turn = Bend<S>(chain.joint[i], S(0)).per_turn;
-      whole_.at[i][i] = whole_.at[i][i] + S(least_share) * largest + chain.joint[i].stiffness * per_turn * per_turn;
+      whole.lower.at[i][i] = whole.lower.at[i][i] + least[i] + chain.joint[i].stiffness * per_turn * per_turn;
     }
-    chain.add_tie_rates(S(-1), whole_.at);
-    if (!invert_definite(by_tendons_) || !invert_definite(whole_)) return false;
-    within_ = product(by_tendons_, tendons);
-    response_ = product(whole_, tendons);
+    chain.add_tie_rates(S(-1), whole.lower.at);
+    if (!by_tendons.take(least) || !whole.take(least)) return false;
+    const auto column = [](const Root<S, N>& root, S* right, auto& to, int j) {
+      root.solve(right);
+      for (int i = 0; i < N; ++i) to[i][j] = right[i];
+    };
+    for (int j = 0; j < larger(N, M); ++j) {
+      S within[N], answered[N], settled[N];
+      for (int i = 0; i < N; ++i) {
+        if (j < N) within[i] = answered[i] = tendons.at[i][j];
+        if (j < M) settled[i] = chain.stiffness[j] * chain.arm[j][i];
+      }
+      if (j < N) column(by_tendons, within, prepared.within, j);
+      if (j < N) column(whole, answered, prepared.response, j);
+      if (j < M) column(by_tendons, settled, prepared.settled, j);
+    }
     return true;
   }
 
-  /// Angles that are commanded (rad), and beyond them those to which lengths wound (m) turn unloaded joints.
+  /// Angles that are commanded (rad), and beyond them those to which lengths wound (m), if there are, turn unloaded
+  /// joints.
   void aim(const S* commanded, const S* wound, S* angle) const {
     S x[N];
-    settle(wound, x);
-    for (int i = 0; i < N; ++i) angle[i] = commanded[i] + angle_at(chain.joint[i].mechanism, x[i]);
+    if (wound != nullptr) settle(wound, x);
+    for (int i = 0; i < N; ++i)
+      angle[i] = commanded[i] + (wound != nullptr ? angle_at(chain.joint[i].mechanism, x[i]) : S(0));
   }
 
   /// Coordinates of the joints where tendons do not stretch: by the handle's angles, or of a tool without one by the
@@ -93,17 +116,24 @@ struct JointLaw {
     targets(measured.handle_angle, commanded, target);
     bool tense = false;
     for (int m = 0; m < M; ++m) tense = tense || measured.tension[m] > tension_limit;
+    S apart[N], turn[N];
+    for (int i = 0; i < N; ++i) {
+      const Mechanism mechanism = chain.joint[i].mechanism;
+      const S x = coordinate_at(mechanism, found.angle[i]);
+      apart[i] = target[i] - x;
+      turn[i] = turn_at(mechanism, x);
+    }
     for (int i = 0; i < N; ++i) {
       lost[i] = moved[i] = S(0);
       for (int j = 0; j < N; ++j) {
-        lost[i] = lost[i] + within_.at[i][j] * (target[j] - coordinate_at(chain.joint[j].mechanism, found.angle[j]));
-        moved[i] = moved[i] + response_.at[i][j] * memory.given[j];
+        lost[i] = lost[i] + prepared.within[i][j] * apart[j];
+        moved[i] = moved[i] + prepared.response[i][j] * memory.given[j];
       }
       lost[i] = lost[i] + moved[i];
     }
     leave_grip(found, target, memory, lost);
     for (int i = 0; i < N; ++i) {
-      const S doubt = deviations * sqrt(larger(variance(i, found), S(0)));
+      const S doubt = deviations * sqrt(larger(variance(i, found, turn), S(0)));
       const S room = S(2) * larger(abs(lost[i]) - doubt, S(0));
       const S aim = clamp(lost[i], -room, room);
       const S step = tense || !compensates ? -memory.given[i] : aim - moved[i];
@@ -131,35 +161,24 @@ struct JointLaw {
   // Stiffness of a joint that no tendon holds, as a share of the stiffest.
   static constexpr double least_share = 1e-7;
 
-  static Square<S, N> product(const Square<S, N>& a, const Square<S, N>& b) {
-    Square<S, N> c{};
-    for (int i = 0; i < N; ++i)
-      for (int j = 0; j < N; ++j)
-        for (int k = 0; k < N; ++k) c.at[i][j] = c.at[i][j] + a.at[i][k] * b.at[k][j];
-    return c;
-  }
-
   // Coordinates that lengths wound (m) move unloaded joints to, were there no springs.
   void settle(const S* wound, S* x) const {
-    S pull[N]{};
-    for (int m = 0; m < M; ++m)
-      for (int j = 0; j < N; ++j) pull[j] = pull[j] + chain.stiffness[m] * chain.arm[m][j] * wound[m];
     for (int i = 0; i < N; ++i) {
       x[i] = S(0);
-      for (int j = 0; j < N; ++j) x[i] = x[i] + by_tendons_.at[i][j] * pull[j];
+      for (int m = 0; m < M; ++m) x[i] = x[i] + prepared.settled[i][m] * wound[m];
     }
   }
 
-  // Of the part of a coordinate that tendons can move.
-  S variance(int i, const Estimate& found) const {
+  // Of the part of a coordinate that tendons can move; turn: rates of the coordinates by the angles.
+  S variance(int i, const Estimate& found, const S* turn) const {
     S row[N], sum(0);
+    for (int j = 0; j < N; ++j) row[j] = prepared.within[i][j] * turn[j];
     for (int j = 0; j < N; ++j) {
-      const S x = coordinate_at(chain.joint[j].mechanism, found.angle[j]);
-      row[j] = within_.at[i][j] * Bend<S>(chain.joint[j], x).turn;
+      S part = S(0.5) * found.covariance.at[j][j] * row[j];
+      for (int k = 0; k < j; ++k) part = part + found.covariance.at[j][k] * row[k];
+      sum = sum + row[j] * part;
     }
-    for (int j = 0; j < N; ++j)
-      for (int k = 0; k < N; ++k) sum = sum + row[j] * found.covariance.at[j][k] * row[k];
-    return sum;
+    return S(2) * sum;
   }
 
   // Takes the jaws' opening out of what is lost where something certainly holds jaws open that were last commanded to
@@ -201,8 +220,6 @@ struct JointLaw {
     chain.excursions(turned, drawn);
     for (int m = 0; m < M; ++m) memory.common[m] = memory.common[m] + wound[m] - drawn[m];
   }
-
-  Square<S, N> by_tendons_{}, whole_{}, within_{}, response_{};
 };
 
 template <class S, int M>
@@ -275,7 +292,8 @@ struct JointSupervisor {
       const S most = smooth ? states.acceleration_limit * dt : S(2) * states.speed_limit;
       const S aim = enabled && is_finite(wanted[m]) ? share * wanted[m] : S(0);
       const S ramped = memory.sent[m] + clamp(aim - memory.sent[m], -most, most);
-      memory.sent[m] = clamp(ramped, -states.speed_limit, over ? S(0) : states.speed_limit);
+      const S sent = clamp(ramped, -states.speed_limit, over ? S(0) : states.speed_limit);
+      memory.sent[m] = is_finite(sent) ? sent : S(0);
       velocity[m] = memory.sent[m];
     }
   }

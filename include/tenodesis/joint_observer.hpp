@@ -5,9 +5,10 @@
 // contact that slips has the tension beyond it on the edge of its band, one that sticks holds it inside. The stretch
 // that these tensions make, less what spool and handle have wound, is the length that the joints have drawn: one
 // equation a taut tendon. The balance of each joint, of its tendons' moments, its spring and the load, is another one.
-// Unknown are the angles, errors of friction and stiffness that all tendons share, and the load at the tip, each with
-// what is known of it beforehand; weighted least squares about the last estimate gives them together. What the sensors
-// do not determine is in the covariance.
+// Unknown are the angles and errors of friction and stiffness that all tendons share, each with what is known of it
+// beforehand; weighted least squares about the last estimate gives them together. The load at the tip, of which its
+// size is known beforehand, makes the balances uncertain; what is left of them gives the load. What the sensors do not
+// determine is in the covariance.
 
 #include "tenodesis/chain_statics.hpp"
 #include "tenodesis/far_end.hpp"
@@ -15,24 +16,61 @@
 
 namespace tenodesis {
 
-/// Inverts a definite matrix in its place; false where a pivot vanishes.
+/// Square root of a definite matrix of K rows: lower triangular, the inverse of its diagonal in the diagonal's place.
 template <class S, int K>
-bool invert_definite(Square<S, K>& matrix) {
-  for (int k = 0; k < K; ++k) {
-    const S pivot = matrix.at[k][k];
-    if (!(pivot > S(0))) return false;
-    const S inverse = S(1) / pivot;
-    matrix.at[k][k] = S(1);
-    for (int j = 0; j < K; ++j) matrix.at[k][j] = matrix.at[k][j] * inverse;
+struct Root {
+  Square<S, K> lower{};
+
+  /// In the place of the matrix, of which the lower half is read; least: bounds of the pivots from below, which keep it
+  /// definite whatever is rounded. False where a pivot vanishes.
+  bool take(const S* least) {
+    auto& at = lower.at;
+    for (int k = 0; k < K; ++k) {
+      S pivot = at[k][k];
+      for (int j = 0; j < k; ++j) pivot = pivot - at[k][j] * at[k][j];
+      if (!tenodesis::is_finite(pivot)) return false;
+      pivot = larger(pivot, least[k]);
+      if (!(pivot > S(0))) return false;
+      at[k][k] = S(1) / sqrt(pivot);
+      for (int i = k + 1; i < K; ++i) {
+        S sum = at[i][k];
+        for (int j = 0; j < k; ++j) sum = sum - at[i][j] * at[k][j];
+        at[i][k] = sum * at[k][k];
+      }
+    }
+    return true;
+  }
+  /// Divides columns, of a matrix with so many, by the root.
+  template <int columns>
+  void divide(S (*rows)[columns]) const {
     for (int i = 0; i < K; ++i) {
-      if (i == k) continue;
-      const S by = matrix.at[i][k];
-      matrix.at[i][k] = S(0);
-      for (int j = 0; j < K; ++j) matrix.at[i][j] = matrix.at[i][j] - by * matrix.at[k][j];
+      for (int j = 0; j < i; ++j)
+        for (int c = 0; c < columns; ++c) rows[i][c] = rows[i][c] - lower.at[i][j] * rows[j][c];
+      for (int c = 0; c < columns; ++c) rows[i][c] = rows[i][c] * lower.at[i][i];
     }
   }
-  return true;
-}
+  /// Solves the matrix times x = right, in the place of right.
+  void solve(S* right) const {
+    for (int i = 0; i < K; ++i) {
+      for (int j = 0; j < i; ++j) right[i] = right[i] - lower.at[i][j] * right[j];
+      right[i] = right[i] * lower.at[i][i];
+    }
+    for (int i = K - 1; i >= 0; --i) {
+      for (int j = i + 1; j < K; ++j) right[i] = right[i] - lower.at[j][i] * right[j];
+      right[i] = right[i] * lower.at[i][i];
+    }
+  }
+  /// In its own place its inverse, of which the lower half is written.
+  void invert() {
+    auto& at = lower.at;
+    for (int i = 0; i < K; ++i)
+      for (int j = 0; j < i; ++j) {
+        S sum = at[i][j] * at[j][j];
+        for (int k = j + 1; k < i; ++k) sum = sum + at[i][k] * at[k][j];
+        at[i][j] = -at[i][i] * sum;
+      }
+  }
+};
 
 /// What the drive end of a chain of N joints and M tendons shows.
 template <class S, int N, int M>
@@ -55,15 +93,13 @@ struct JointDeviations {
   S imbalance{};  ///< moment of a joint that no load explains, N m
 };
 
-inline constexpr int joint_load_components = 7;
-
 template <class S, int N, int M>
 struct JointEstimate {
-  S angle[N]{};                     ///< rad
-  Square<S, N> covariance{};        ///< of the angles, rad^2
-  S moment[N]{};                    ///< of the tendons about the joints, N m
-  S load[joint_load_components]{};  ///< force (N) and moment (N m) in the tip's axes, grip (N)
-  S load_std[joint_load_components]{};
+  S angle[N]{};               ///< rad
+  Square<S, N> covariance{};  ///< of the angles, rad^2
+  S moment[N]{};              ///< of the tendons about the joints, N m
+  S load[load_components]{};  ///< force (N) and moment (N m) in the tip's axes, grip (N)
+  S load_std[load_components]{};
   S friction_scale{1};  ///< over the friction that is assumed
   S friction_scale_std{};
   S far_tension[M]{};  ///< at the tendons' ends, N
@@ -81,6 +117,8 @@ struct JointMemory {
   JointEstimate<S, N, M> estimate{};
 };
 
+/// Largest angles of joints that an estimate has, short of the mechanisms' limits, rad.
+inline constexpr double most_angle = 0.98 * pi, most_gear_angle = 2.7409;
 /// Deviation of an angle before any tendon has been read, rad.
 inline constexpr double prior_angle_std = 1.0;
 
@@ -89,7 +127,7 @@ template <class W, int most_contacts>
 struct JointObserver {
   using S = W::S;
   static constexpr int N = W::joints, M = W::tendons;
-  static constexpr int unknowns = N + 2 + joint_load_components;
+  static constexpr int unknowns = 2 + N;
   using Measured = JointMeasurement<S, N, M>;
   using Found = JointEstimate<S, N, M>;
   using Memory = JointMemory<S, N, M, most_contacts>;
@@ -106,12 +144,13 @@ struct JointObserver {
   S smoothing{1};        ///< share of the handle's reading in that which contacts follow
   JointDeviations<S> deviations{};
 
-  /// Estimate after a sample of the sensors; the memory keeps it.
+  /// Estimate after a sample of the sensors; the memory keeps it. with_load: whether the load is in it, too.
+  template <bool with_load = false>
   const Found& update(const Measured& measured, Memory& memory) const {
     Found& now = memory.estimate;
     now.valid = is_finite(measured);
     if (!now.valid) return now;
-    Equations equations{};
+    Equations equations;
     for (int h = 0; h < chain.handles; ++h) {
       S& smooth = memory.handle_angle[h];
       const S& read = measured.handle_angle[h];
@@ -121,75 +160,80 @@ struct JointObserver {
     for (int m = 0; m < M; ++m)
       if (contacts[m] > 0) follow_tendon(m, measured, joints, memory, equations);
     memory.started = true;
-    add_balance(joints, equations);
-    for (int i = 0; i < N; ++i) equations.expect(i, S(prior_angle_std));
-    equations.expect(at_friction, deviations.friction);
-    equations.expect(at_stiffness, deviations.stiffness);
-    for (int k = 0; k < joint_load_components; ++k) equations.expect(at_load + k, load_deviation(k));
-    now.valid = invert_definite(equations.weight);
+    S least[unknowns];
+    least[at_friction] = S(1) / square(deviations.friction);
+    least[at_stiffness] = S(1) / square(deviations.stiffness);
+    for (int i = 0; i < N; ++i) least[at_angle + i] = S(1) / square(S(prior_angle_std));
+    auto& root = equations.root;
+    for (int i = 0; i < unknowns; ++i) root.lower.at[i][i] = root.lower.at[i][i] + least[i];
+    now.valid = add_balance(joints, equations) && root.take(least);
     if (!now.valid) return now;
-    const auto& covariance = equations.weight.at;
-    const auto value = [&](int i) {
-      S sum(0);
-      for (int j = 0; j < unknowns; ++j) sum = sum + covariance[i][j] * equations.right[j];
-      return sum;
-    };
+    const S* const value = equations.right;
+    root.solve(equations.right);
+    root.invert();
     for (int i = 0; i < N; ++i) {
-      const Mechanism mechanism = chain.joint[i].mechanism;
-      const S most = angle_at(mechanism, S(0.98) * smaller(coordinate_limit<S>(mechanism), S(pi)));
-      now.angle[i] = clamp(now.angle[i] + value(i), -most, most);
-      now.moment[i] = joints.moment[i] + joints.moment_by_friction[i] * value(at_friction);
-      for (int j = 0; j < N; ++j) now.covariance.at[i][j] = covariance[i][j];
+      const S most = chain.joint[i].mechanism == Mechanism::gear ? S(most_gear_angle) : S(most_angle);
+      now.angle[i] = clamp(now.angle[i] + value[at_angle + i], -most, most);
+      now.moment[i] = joints.moment[i] + joints.moment_by_friction[i] * value[at_friction];
+      for (int j = 0; j <= i; ++j)
+        now.covariance.at[i][j] = now.covariance.at[j][i] = covariance(root.lower, at_angle + i, at_angle + j);
     }
-    for (int k = 0; k < joint_load_components; ++k) {
-      now.load[k] = value(at_load + k);
-      now.load_std[k] = sqrt(covariance[at_load + k][at_load + k]);
-    }
-    now.friction_scale = S(1) + value(at_friction);
-    now.friction_scale_std = sqrt(covariance[at_friction][at_friction]);
+    if constexpr (with_load) add_load(equations, now);
+    now.friction_scale = S(1) + value[at_friction];
+    now.friction_scale_std = sqrt(covariance(root.lower, at_friction, at_friction));
     // A stiffness that the file does not admit explains nothing.
-    const S softer = clamp(value(at_stiffness), S(-2) * deviations.stiffness, S(2) * deviations.stiffness);
+    const S softer = clamp(value[at_stiffness], S(-2) * deviations.stiffness, S(2) * deviations.stiffness);
     for (int m = 0; m < M; ++m) {
       if (contacts[m] == 0) continue;
       const auto& tendon = equations.tendon[m];
       S left = tendon.value;
-      for (int j = 0; j < unknowns; ++j) left = left - tendon.row[j] * (j == at_stiffness ? softer : value(j));
+      for (int j = 0; j < unknowns; ++j) left = left - tendon.row[j] * (j == at_stiffness ? softer : value[j]);
       now.unexplained[m] = left / tendon.soft;
       S variance = tendon.variance;
       // An equation that did not count gave no angles.
       for (int i = 0; i < N && !tendon.counts; ++i)
-        for (int j = 0; j < N; ++j) variance = variance + tendon.row[i] * covariance[i][j] * tendon.row[j];
+        for (int j = 0; j < N; ++j)
+          variance = variance + tendon.row[at_angle + i] * now.covariance.at[i][j] * tendon.row[at_angle + j];
       now.unexplained_std[m] = sqrt(larger(variance, S(0))) / tendon.soft;
     }
     return now;
   }
 
  private:
-  static constexpr int at_friction = N, at_stiffness = N + 1, at_load = N + 2;
+  static constexpr int at_friction = 0, at_stiffness = 1, at_angle = 2;
 
-  // Weighted equations in the changes of the angles, shares of friction and stiffness, and the load.
+  // Weighted equations in shares of friction and stiffness and the changes of the angles.
   struct Equations {
     struct Tendon {
-      S row[unknowns]{};
-      S value{}, variance{};
-      S soft{1};  // m/N
-      bool counts{};
+      S row[unknowns];
+      S value, variance;
+      S soft;  // m/N
+      bool counts;
     };
-    Square<S, unknowns> weight{};
+    Root<S, unknowns> root{};  // of the weights
     S right[unknowns]{};
-    Tendon tendon[M]{};
+    Tendon tendon[M];
+    // Balance of the joints over its root of what load and tendons leave open: rows, then values; and the load's.
+    S balance[N][unknowns + 1];
+    S load[N][load_components];
 
-    void add(const S* row, const S& value, const S& variance) {
-      const S by = S(1) / variance;
+    void add(const S* row, const S& value, const S& weight) {
+      auto& at = root.lower.at;
       for (int i = 0; i < unknowns; ++i) {
         if (row[i] == S(0)) continue;
-        for (int j = 0; j < unknowns; ++j) weight.at[i][j] = weight.at[i][j] + by * row[i] * row[j];
-        right[i] = right[i] + by * row[i] * value;
+        const S by = weight * row[i];
+        for (int j = 0; j <= i; ++j) at[i][j] = at[i][j] + by * row[j];
+        right[i] = right[i] + by * value;
       }
     }
-    // An unknown that is zero within a deviation.
-    void expect(int i, const S& deviation) { weight.at[i][i] = weight.at[i][i] + S(1) / (deviation * deviation); }
   };
+
+  // Of two unknowns, by the inverse of the root.
+  static S covariance(const Square<S, unknowns>& inverse, int i, int j) {
+    S sum(0);
+    for (int k = larger(i, j); k < unknowns; ++k) sum = sum + inverse.at[k][i] * inverse.at[k][j];
+    return sum;
+  }
 
   // Joints at the last estimate, and what tendons do to them.
   struct Joints {
@@ -294,7 +338,7 @@ struct JointObserver {
     auto& [row, value, variance, soft, counts] = equations.tendon[m];
     value = wound;
     for (int i = 0; i < N; ++i) {
-      row[i] = chain.arm[m][i] * joints.bend[i].turn;
+      row[at_angle + i] = chain.arm[m][i] * joints.bend[i].turn;
       value = value - chain.arm[m][i] * joints.x[i];
     }
     row[at_friction] = stretch_by_friction;
@@ -305,35 +349,61 @@ struct JointObserver {
                square(deviations.friction * stretch_by_friction);
     // A slack tendon is longer than what it spans, unless the joints are where it would not be.
     counts = estimate.taut[m] || estimate.unexplained[m] > S(0);
-    if (counts) equations.add(row, value, variance);
+    if (counts) equations.add(row, value, S(1) / variance);
   }
 
-  // Moments about each joint: of tendons, springs and load they add up to nothing.
-  void add_balance(const Joints& joints, Equations& equations) const {
-    S row[N][unknowns]{}, left[N], unused[N][N];
-    for (int i = 0; i < N; ++i) left[i] = joints.moment[i];
-    chain.add_springs(joints.angle, left);
-    S rate[N][N]{};
-    for (int i = 0; i < N; ++i) rate[i][i] = -chain.spring_rate(i, joints.angle[i]);
-    chain.add_tie_rates(S(1), rate);
-    for (int k = 0; k < joint_load_components; ++k) {
-      ChainLoad<S> unit{};
-      S* const part[] = {&unit.wrench.force.x,
-                         &unit.wrench.force.y,
-                         &unit.wrench.force.z,
-                         &unit.wrench.moment.x,
-                         &unit.wrench.moment.y,
-                         &unit.wrench.moment.z,
-                         &unit.grip};
-      *part[k] = S(1);
-      S moment[N];
-      chain.template load_moments<false, false>(joints.bend, unit, moment, unused);
-      for (int i = 0; i < N; ++i) row[i][at_load + k] = moment[i];
-    }
+  // Moments about each joint: of tendons, springs and load they add up to nothing. What is known of the load beforehand
+  // makes its moments uncertain, all joints' together.
+  bool add_balance(const Joints& joints, Equations& equations) const {
+    auto& [root, right, tendon, row, load] = equations;
+    S left[N], variance[N], rate[N][N]{};
     for (int i = 0; i < N; ++i) {
-      for (int j = 0; j < N; ++j) row[i][j] = rate[i][j];
+      left[i] = joints.moment[i];
+      rate[i][i] = -chain.spring_rate(i, joints.angle[i]);
+    }
+    chain.add_springs(joints.angle, left);
+    chain.add_tie_rates(S(1), rate);
+    chain.load_rows(joints.bend, load);
+    Root<S, N> open{};
+    for (int i = 0; i < N; ++i) {
+      for (int k = 0; k < load_components; ++k) load[i][k] = load[i][k] * load_deviation(k);
+      for (int j = 0; j <= i; ++j)
+        for (int k = 0; k < load_components; ++k) open.lower.at[i][j] = open.lower.at[i][j] + load[i][k] * load[j][k];
+      variance[i] = joints.variance[i] + square(deviations.imbalance);
+      open.lower.at[i][i] = open.lower.at[i][i] + variance[i];
+      for (int j = 0; j < N; ++j) row[i][at_angle + j] = rate[i][j];
       row[i][at_friction] = joints.moment_by_friction[i];
-      equations.add(row[i], -left[i], joints.variance[i] + square(deviations.imbalance));
+      row[i][at_stiffness] = S(0);
+      row[i][unknowns] = -left[i];
+    }
+    if (!open.take(variance)) return false;
+    open.divide(row);
+    open.divide(load);
+    for (int i = 0; i < N; ++i) equations.add(row[i], row[i][unknowns], S(1));
+    return true;
+  }
+
+  // The load that explains what is left of the balance, and its deviation.
+  void add_load(const Equations& equations, Found& now) const {
+    const auto& balance = equations.balance;
+    for (int k = 0; k < load_components; ++k) {
+      S by[unknowns]{}, found(0), variance(1);
+      for (int i = 0; i < N; ++i) {
+        S left = balance[i][unknowns];
+        for (int j = 0; j < unknowns; ++j) {
+          left = left - balance[i][j] * equations.right[j];
+          by[j] = by[j] + balance[i][j] * equations.load[i][k];
+        }
+        found = found + equations.load[i][k] * left;
+        variance = variance - square(equations.load[i][k]);
+      }
+      for (int i = 0; i < unknowns; ++i) {
+        S sum(0);
+        for (int j = 0; j <= i; ++j) sum = sum + equations.root.lower.at[i][j] * by[j];
+        variance = variance + square(sum);
+      }
+      now.load[k] = load_deviation(k) * found;
+      now.load_std[k] = load_deviation(k) * sqrt(larger(variance, S(0)));
     }
   }
 };

@@ -52,6 +52,9 @@ struct Wrench {
   Vector<S> moment{};
 };
 
+/// Components of a load: force, moment, grip.
+inline constexpr int load_components = 7;
+
 template <class S>
 struct ChainLoad {
   Wrench<S> wrench{};
@@ -337,7 +340,60 @@ struct TendonChain {
     });
   }
 
+  /// Moments about every joint by a unit of each component of a load in the tip's axes: forces, moments, grip.
+  template <class T>
+  constexpr void load_rows(const Bend<T>* bend, T (*row)[load_components]) const {
+    // As of load_moments, for a force along each axis; a moment along it turns as that force does.
+    Wrench<T> at[N][3];
+    for (int i = 0; i < N; ++i) {
+      const T share(joint[i].share), lever = T(joint[i].length) * share, none(0);
+      at[i][0] = {{share, none, none}, {none, lever, none}};
+      at[i][1] = {{none, share, none}, {-lever, none, none}};
+      at[i][2] = {{none, none, share}, {}};
+      row[i][6] = T(joint[i].grip);
+    }
+    for (int i = N - 1; i >= 0; --i) {
+      if (is_around(i)) continue;
+      const Vector<S>& given = joint[i].axis;
+      if constexpr (!known && N > 1)
+        if (is_within(i)) {
+          const Pair<T> pair(*this, bend, i);
+          for (int k = 0; k < 3; ++k) {
+            const auto passed = pair.inward(at[i][k]);
+            row[i - 1][k] = passed.about_outer;
+            row[i][k] = passed.about_inner;
+            row[i - 1][3 + k] = T(0.5) * (dot(pair.outer, passed.first.force) + dot(pair.outer, passed.last.force));
+            row[i][3 + k] = dot(pair.inner, passed.middle.force);
+            if (parent(i - 1) >= 0) hand_on(T(joint[i - 1].offset), at[parent(i - 1)][k], passed.near);
+          }
+          continue;
+        }
+      if (given.x == S(0) && given.z == S(0))
+        pass_units(i, bend[i], Direction<T, Along::y>{T(given.y)}, at, row);
+      else if (given.y == S(0) && given.z == S(0))
+        pass_units(i, bend[i], Direction<T, Along::x>{T(given.x)}, at, row);
+      else
+        pass_units(i, bend[i], Vector<T>{T(given.x), T(given.y), T(given.z)}, at, row);
+    }
+  }
+
  private:
+  template <class T, class Axis>
+  constexpr void pass_units(int i, const Bend<T>& bent, const Axis& axis, Wrench<T> (*at)[3],
+                            T (*row)[load_components]) const {
+    const auto inward = [&](const Wrench<T>& w) {
+      return Wrench<T>{turned(axis, w.force, bent.sine, bent.cosine), turned(axis, w.moment, bent.sine, bent.cosine)};
+    };
+    for (int k = 0; k < 3; ++k) {
+      const Wrench<T>& far = at[i][k];
+      Wrench<T> mid = inward(far);
+      mid.moment = mid.moment + bent.chord * along(mid.force);
+      row[i][k] = T(0.5) * (dot(axis, far.moment) + dot(axis, mid.moment)) + bent.chord_rate * mid.force.z;
+      row[i][3 + k] = dot(axis, mid.force);
+      if (parent(i) >= 0) hand_on(T(joint[i].offset), at[parent(i)][k], inward(mid));
+    }
+  }
+
   // Two joints, i within the one before it, as load_moments has them one by one.
   template <bool rates, class T>
   [[gnu::noinline]] constexpr void load_pair_moments(int i, const Bend<T>* bend, const T& grip, bool turns,

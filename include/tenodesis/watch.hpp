@@ -70,6 +70,15 @@ struct WatchState {
   std::uint32_t late_ticks{};                  ///< ticks later than one and a half periods
 };
 
+/// Time from one tick to the next by the times of their measurements, ns, in s; 0 where it runs backward.
+template <class S>
+constexpr S elapsed(std::uint64_t before, std::uint64_t now) {
+  if (now <= before) return S(0);
+  // Four seconds and more are too late in any case, and 32 bits take a single instruction to convert.
+  const std::uint64_t passed = now - before;
+  return S(passed < UINT32_MAX ? static_cast<std::uint32_t>(passed) : UINT32_MAX) * S(1e-9);
+}
+
 /// The constants of all checks of one axis.
 template <class S>
 struct Watch {

@@ -10,9 +10,6 @@
 namespace tenodesis::bindings {
 
 using engine::most_joints, engine::most_tendons;
-/// Components of a load: force, moment, grip.
-inline constexpr std::size_t load_components = 7;
-
 /// Numbers of a joint, in this order.
 enum JointNumber {
   axis_x,

@@ -9,29 +9,31 @@
 #ifndef TENODESIS_WITHOUT_LIVE
 #include "runtime/device.hpp"
 #endif
-#include "tenodesis/joint_law.hpp"
+#include "tenodesis/joint_controller.hpp"
 
 namespace tenodesis::bindings {
 namespace {
 
 using namespace engine;
 
-/// Numbers of a controller of joints, in the order of a row.
-#define TENODESIS_JOINT_CONTROL(ROW)                                                                                 \
-  ROW(constant), ROW(static_ratio), ROW(stribeck_speed), ROW(memory), ROW(load_index), ROW(reference_tension),       \
-      ROW(bending_loss), ROW(sheath_bend_rate), ROW(spool_radius), ROW(play), ROW(tension_play), ROW(smoothing),     \
-      ROW(tension_deviation), ROW(length_deviation), ROW(friction_deviation), ROW(stiffness_deviation),              \
-      ROW(force_deviation), ROW(moment_deviation), ROW(grip_deviation), ROW(imbalance), ROW(rate), ROW(gain),        \
-      ROW(speed), ROW(tension_limit), ROW(least_tension), ROW(deviations), ROW(period), ROW(speed_limit),            \
-      ROW(acceleration_limit), ROW(drive_time_constant), ROW(engage_time), ROW(tension_of_fault), ROW(stroke_limit), \
-      ROW(pretension), ROW(stiffness), ROW(load_cell_range), ROW(handle_range), ROW(handle_noise), ROW(spool_noise)
+/// Numbers of a controller of joints: a row in the order of the table, by name.
+struct JointNumbers {
+#define TENODESIS_ROW(name, unit, bound, meaning) double name;
+  TENODESIS_JOINTS_PARAMETERS(TENODESIS_ROW)
+#undef TENODESIS_ROW
+  Limit<double> limit[fault_count], spool_jump;
+};
+#define TENODESIS_ROW(name, unit, bound, meaning) &JointNumbers::name,
+constexpr double JointNumbers::* joint_numbers_by_name[] = {TENODESIS_JOINTS_PARAMETERS(TENODESIS_ROW)};
+#undef TENODESIS_ROW
 
-#define TENODESIS_ROW(name) at_##name
-enum JointControlNumber : std::size_t { TENODESIS_JOINT_CONTROL(TENODESIS_ROW) };
+std::vector<std::tuple<std::string, std::string, std::string>> joint_control_rows() {
+  return {
+#define TENODESIS_ROW(name, unit, bound, meaning) {#name, unit, meaning},
+      TENODESIS_JOINTS_PARAMETERS(TENODESIS_ROW)
 #undef TENODESIS_ROW
-#define TENODESIS_ROW(name) #name
-constexpr std::array joint_control_names{TENODESIS_JOINT_CONTROL(TENODESIS_ROW)};
-#undef TENODESIS_ROW
+  };
+}
 
 /// What a controller takes in a tick.
 struct JointTick {
@@ -40,10 +42,10 @@ struct JointTick {
   const double* spool;    ///< rad
   const double* target;   ///< of a tool without a handle, rad
   const double* wound;    ///< by commands to the spools, m
-  const double* direct;   ///< velocities of the spools that pass in place of the law's, rad/s; null: there are none
+  const double* direct;   ///< as of JointInput
   Request request{};
-  bool compensates{};  ///< else the motors only follow the targets
-  double since{};      ///< the last tick, s
+  bool compensates{};
+  double since{};  ///< the last tick, s
 };
 
 /// A controller of a chain of any size.
@@ -62,6 +64,8 @@ class AnyJointController {
   /// tensions at the far ends, those that lengths leave unexplained and their deviations, covariance; then velocities
   /// of the spools (rad/s), angles aimed at (rad), state, faults present, and first faults.
   virtual double* store(double* out) const = 0;
+  /// What the law has prepared: of joints by joints within and response, then by tendons settled.
+  virtual std::vector<double> prepared() const = 0;
   virtual void reset() = 0;
 
   /// A tick with the request that waits, and what has been wound.
@@ -109,37 +113,30 @@ class JointControllerOf final : public AnyJointController {
  public:
   static constexpr int N = W::joints, M = W::tendons;
   static constexpr int most_contacts = 2 * most_vertices * N + most_long_sheath_contacts;
-  using Observer = JointObserver<W, most_contacts>;
+  using Controller = JointController<W, most_contacts>;
 
-  JointControllerOf(const Observer& observer, const JointLaw<W>& law, const JointSupervisor<W>& supervisor,
-                    const ChainSizes& sizes)
-      : observer_(observer), law_(law), supervisor_(supervisor), sizes_(sizes) {}
+  JointControllerOf(const Controller& controller, const ChainSizes& sizes) : controller_(controller), sizes_(sizes) {}
 
   const ChainSizes& sizes() const override { return sizes_; }
 
   void step(const JointTick& tick) override {
-    typename Observer::Measured measured{};
-    std::copy_n(tick.handle, sizes_.handles, measured.handle_angle);
-    std::copy_n(tick.tension, sizes_.tendons, measured.tension);
-    std::copy_n(tick.spool, sizes_.tendons, measured.spool_angle);
-    double commanded[N]{}, wound[M]{}, wanted[M]{};
-    std::copy_n(tick.target, sizes_.joints, commanded);
+    typename Controller::Input in{};
+    std::copy_n(tick.handle, sizes_.handles, in.measured.handle_angle);
+    std::copy_n(tick.tension, sizes_.tendons, in.measured.tension);
+    std::copy_n(tick.spool, sizes_.tendons, in.measured.spool_angle);
+    std::copy_n(tick.target, sizes_.joints, in.commanded);
+    double wound[M]{};
     std::copy_n(tick.wound, sizes_.tendons, wound);
-    Memory& memory = *memory_;
-    law_.aim(commanded, wound, memory.aim);
-    const auto& found = observer_.update(measured, memory.observer);
-    supervisor_.inspect(measured, found, int(sizes_.handles), tick.since, memory.supervisor);
-    const bool works = supervisor_.works(tick.request, memory.law.beyond, tick.since, memory.supervisor);
-    const bool passes = tick.direct != nullptr;
-    if (passes) memory.law = {};
-    if (works && passes) std::copy_n(tick.direct, sizes_.tendons, wanted);
-    if (works && !passes) law_.update(measured, found, memory.aim, tick.compensates, memory.law, wanted);
-    if (!works) memory.law.started = false;
-    supervisor_.command(measured, wanted, !passes, tick.since, memory.supervisor, memory.velocity);
+    in.wound = wound;
+    in.direct = tick.direct;
+    in.request = tick.request;
+    in.compensates = tick.compensates;
+    in.since = tick.since;
+    controller_.template step<true>(in, *memory_);
   }
 
   std::size_t width() const override {
-    return (3 + sizes_.joints) * sizes_.joints + 2 * joint_load_components + 2 + 3 * sizes_.tendons;
+    return (3 + sizes_.joints) * sizes_.joints + 2 * load_components + 2 + 3 * sizes_.tendons;
   }
 
   double* store(double* out) const override {
@@ -158,10 +155,18 @@ class JointControllerOf final : public AnyJointController {
     out = std::copy_n(memory_->velocity, m, out);
     out = std::copy_n(memory_->aim, n, out);
     const auto& state = memory_->supervisor.state;
-    const bool fault = state.operating == OperatingState::fault;
-    for (const double one :
-         {double(state.operating), double(fault ? state.faults : state.present), double(state.first)})
-      *out++ = one;
+    for (const double one : {double(state.operating), double(memory_->faults()), double(state.first)}) *out++ = one;
+    return out;
+  }
+
+  std::vector<double> prepared() const override {
+    const auto& from = controller_.law.prepared;
+    std::vector<double> out;
+    for (const auto* of_joints : {&from.within, &from.response})
+      for (std::size_t i = 0; i < sizes_.joints; ++i)
+        out.insert(out.end(), (*of_joints)[i], (*of_joints)[i] + sizes_.joints);
+    for (std::size_t i = 0; i < sizes_.joints; ++i)
+      out.insert(out.end(), from.settled[i], from.settled[i] + sizes_.tendons);
     return out;
   }
 
@@ -169,22 +174,12 @@ class JointControllerOf final : public AnyJointController {
     *memory_ = {};
     forget();
   }
-  double spool_radius() const override { return law_.spool_radius; }
+  double spool_radius() const override { return controller_.law.spool_radius; }
 
  private:
-  struct Memory {
-    Observer::Memory observer{};
-    JointLaw<W>::Memory law{};
-    JointSupervisor<W>::Memory supervisor{};
-    double aim[N]{};       // rad
-    double velocity[M]{};  // of the spools, rad/s
-  };
-
-  Observer observer_;
-  JointLaw<W> law_;
-  JointSupervisor<W> supervisor_;
+  Controller controller_;
   ChainSizes sizes_;
-  std::unique_ptr<Memory> memory_ = std::make_unique<Memory>();
+  std::unique_ptr<typename Controller::Memory> memory_ = std::make_unique<typename Controller::Memory>();
 };
 
 std::unique_ptr<AnyJointController> make_joint_controller(const ChainSpec& spec, const In<3>& passages,
@@ -194,15 +189,19 @@ std::unique_ptr<AnyJointController> make_joint_controller(const ChainSpec& spec,
   const std::size_t tendons = spec.tendons();
   require(passages.shape(0) == tendons && passages.shape(2) == passage_numbers && contacts.size() == tendons &&
               segments.shape(0) == tendons && segments.shape(1) == passages.shape(1) + 1 &&
-              numbers.size() == joint_control_names.size() && limits.shape(0) == limit_count && limits.shape(1) == 2 &&
-              law >= 0 && law <= int(ChainLaw::capstan_power),
+              numbers.size() == std::size(joint_numbers_by_name) && limits.shape(0) == limit_count &&
+              limits.shape(1) == 2 && law >= 0 && law <= int(ChainLaw::capstan_power),
           "the controller's rows do not fit the chain");
   const ChainSizes sizes{spec.joints(), spec.handles(), tendons};
-  const auto p = [&](JointControlNumber at) { return numbers[at]; };
+  JointNumbers p{};
+  for (std::size_t k = 0; k < numbers.size(); ++k) p.*joint_numbers_by_name[k] = numbers[k];
+  for (std::size_t k = 0; k < limit_count; ++k)
+    (k < std::size_t(fault_count) ? p.limit[k] : p.spool_jump) = Limit<double>{limits(k, 0), limits(k, 1)};
   return std::visit(
       [&]<class W>(const W& chain) -> std::unique_ptr<AnyJointController> {
         using Made = JointControllerOf<W>;
-        typename Made::Observer observer{};
+        typename Made::Controller controller{};
+        auto& observer = controller.observer;
         observer.chain = chain;
         for (std::size_t m = 0; m < tendons; ++m) {
           const int n = contacts[m];
@@ -220,52 +219,11 @@ std::unique_ptr<AnyJointController> make_joint_controller(const ChainSpec& spec,
                                       at[passage_arm]};
           }
         }
-        const double least = 1e-3 * *std::ranges::max_element(chain.pretension);
-        observer.law = {ChainLaw(law),
-                        {p(at_constant)},
-                        {p(at_constant), p(at_static_ratio), p(at_stribeck_speed), p(at_memory)},
-                        {p(at_constant), p(at_load_index), p(at_reference_tension), p(at_bending_loss), least}};
-        observer.sheath_bend_rate = p(at_sheath_bend_rate);
-        observer.spool_radius = p(at_spool_radius);
-        observer.play = p(at_play);
-        observer.tension_play = p(at_tension_play);
-        observer.smoothing = p(at_smoothing);
-        observer.deviations = {p(at_tension_deviation),   p(at_length_deviation), p(at_friction_deviation),
-                               p(at_stiffness_deviation), p(at_force_deviation),  p(at_moment_deviation),
-                               p(at_grip_deviation),      p(at_imbalance)};
-        JointLaw<W> compensation{};
-        compensation.chain = chain;
-        compensation.rate = p(at_rate);
-        compensation.gain = p(at_gain);
-        compensation.speed = p(at_speed);
-        compensation.spool_radius = p(at_spool_radius);
-        compensation.tension_limit = p(at_tension_limit);
-        compensation.least_tension = p(at_least_tension);
-        compensation.deviations = p(at_deviations);
-        compensation.period = p(at_period);
-        require(compensation.prepare(), "neither tendon nor spring holds a joint");
-        JointSupervisor<W> supervisor{};
-        supervisor.tendons = int(tendons);
-        supervisor.stroke_limit = p(at_stroke_limit);
-        supervisor.states.speed_limit = p(at_speed_limit);
-        supervisor.states.acceleration_limit = p(at_acceleration_limit);
-        supervisor.states.engage_time = p(at_engage_time);
-        supervisor.states.tension_limit = p(at_tension_of_fault);
-        supervisor.states.period = p(at_period);
-        auto& watch = supervisor.watch;
-        for (std::size_t k = 0; k < limit_count; ++k)
-          (k < std::size_t(fault_count) ? watch.limit[k] : watch.spool_jump) =
-              Limit<double>{limits(k, 0), limits(k, 1)};
-        watch.drive = {p(at_spool_radius), p(at_speed_limit), p(at_acceleration_limit), p(at_drive_time_constant), 0};
-        watch.pretension = p(at_pretension);
-        watch.stiffness = p(at_stiffness);
-        watch.load_cell_range = p(at_load_cell_range);
-        watch.handle_range = p(at_handle_range);
-        watch.handle_noise = p(at_handle_noise);
-        watch.spool_noise = p(at_spool_noise);
-        watch.period = p(at_period);
-        require(supervisor.states.valid() && watch.valid(), "the supervisor's numbers are out of range");
-        return std::make_unique<Made>(observer, compensation, supervisor, sizes);
+        observer.law.kind = ChainLaw(law);
+        controller.supervisor.tendons = int(tendons);
+        require(controller.set_numbers(p), "the controller's numbers are out of range");
+        require(controller.law.prepare(), "neither tendon nor spring holds a joint");
+        return std::make_unique<Made>(controller, sizes);
       },
       spec.any());
 }
@@ -395,7 +353,7 @@ class LiveJoints final : public runtime::Device {
     out = std::copy_n(velocity, sizes.tendons, out);
     out = std::copy_n(velocity + sizes.tendons, n, out);
     out = std::copy_n(said_.data(), 2 * n, out);
-    const double* const scale = said_.data() + 3 * n + 2 * joint_load_components;
+    const double* const scale = said_.data() + 3 * n + 2 * load_components;
     for (const double one : {scale[0], scale[1], said(at_state), said(at_faults)}) out = std::fill_n(out, n, one);
   }
 
@@ -500,6 +458,7 @@ void bind_joint_control(nb::module_& m) {
           "Steps of a twin with it in the loop; returns the steps taken and the last status.")
       .def_prop_ro("width", &AnyJointController::width, "Numbers of an estimate.")
       .def_prop_ro("stored", &stored, "Numbers of a tick.")
+      .def_prop_ro("prepared", &AnyJointController::prepared, "Constants of the law: within, response, settled.")
       .def("reset", &AnyJointController::reset, "Return to the initial state.");
 #ifndef TENODESIS_WITHOUT_LIVE
   nb::class_<LiveJoints, runtime::Device>(m, "LiveJoints", "A controller of all joints between live loop and device.")
@@ -509,7 +468,8 @@ void bind_joint_control(nb::module_& m) {
   nb::class_<JointSwitch, AnyController>(m, "JointSwitch", "What the live loop asks a controller of all joints.")
       .def(nb::init<LiveJoints&>(), "joints"_a, nb::keep_alive<1, 2>());
 #endif
-  m.def("joint_control_parameters", [] { return list_of(joint_control_names); });
+  m.def("joint_control_parameters", &joint_control_rows, "Name, unit and meaning of the controller's numbers.");
+  m.attr("JOINTS_VERSION") = TENODESIS_JOINTS_VERSION;
 }
 
 }  // namespace tenodesis::bindings

@@ -4,7 +4,7 @@
 function(check room) # files..., then ALLOWED and the folders that they may include from
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "FILES;ALLOWED")
   execute_process(
-    COMMAND ${CXX} -std=c++20 -MM -MG -I${ROOT}/include -I${ROOT}/src ${arg_FILES}
+    COMMAND ${CXX} -std=c++20 -MM -MG -I${ROOT}/include -I${ROOT}/src ${sizes} ${arg_FILES}
     OUTPUT_VARIABLE listing RESULT_VARIABLE failed)
   if(failed)
     message(FATAL_ERROR "${CXX} could not read ${room}")
@@ -24,6 +24,9 @@ function(check room) # files..., then ALLOWED and the folders that they may incl
     message(FATAL_ERROR "${room} includes ${wrong}; it may include from ${arg_ALLOWED} only")
   endif()
 endfunction()
+
+# joints.h is for the sizes of one instrument.
+set(sizes -DTENODESIS_JOINTS=3 -DTENODESIS_TENDONS=6 -DTENODESIS_CONTACTS=3)
 
 file(GLOB core ${ROOT}/include/tenodesis/*)
 file(GLOB engine ${ROOT}/src/engine/*)

@@ -91,6 +91,56 @@ void angles_under_load_are_those_at_rest_without_friction() {
   }
 }
 
+void moments_that_tendons_do_not_balance_are_a_load() {
+  Observer observer = observer_of(0);
+  observer.deviations.imbalance = 1e-7;
+  double stroke[6]{}, by_load[3][load_components], left[3];
+  const ChainLoad<double> load{{{1, -1, 0.5}, {}}, 1, false};
+  const auto rest = solve(observer.chain, stroke, load);
+  Observer::Memory memory{};
+  for (int n = 0; n < 20; ++n) observer.update<true>(measured_at(observer.chain, stroke, rest.x), memory);
+  const auto& found = memory.estimate;
+  Bend<double> bend[3];
+  for (int i = 0; i < 3; ++i) bend[i] = Bend<double>(observer.chain.joint[i], rest.x[i]);
+  observer.chain.load_rows(bend, by_load);
+  for (int i = 0; i < 3; ++i) {
+    left[i] = found.moment[i];
+    for (int k = 0; k < load_components; ++k) left[i] += by_load[i][k] * found.load[k];
+    CLAIM_NEAR(left[i], 0, 1e-5);
+  }
+  // What no joint feels stays as it was known; jaws feel the grip.
+  CLAIM_NEAR(found.load[2], 0, 1);
+  CLAIM_NEAR(found.load[6], 1, 3 * found.load_std[6]);
+  CLAIM(found.load_std[6] < observer.deviations.grip && found.load_std[2] < 1.01 * observer.deviations.force);
+}
+
+void components_of_a_load_are_those_of_any_load() {
+  Wrist chain = wrist();
+  chain.joint[0].mechanism = Mechanism::gear;
+  chain.joint[0].chord = 4e-3;
+  for (int i = 1; i < 3; ++i) chain.joint[i] = {.mechanism = Mechanism::continuum, .parent = i - 1, .share = 0.5};
+  chain.joint[1].axis = {1, 0, 0};
+  chain.joint[1].chord = 20e-3;
+  chain.joint[2].axis = {0, 1, 0};
+  chain.joint[2].chord = 1;
+  chain.joint[2].length = 7e-3;
+  const double x[3] = {0.2, -0.5, 0.7}, given[load_components] = {1, -2, 3, 0.04, -0.05, 0.06, 7};
+  for (const bool within : {false, true}) {
+    chain.joint[2].within = within;
+    Bend<double> bend[3];
+    for (int i = 0; i < 3; ++i) bend[i] = Bend<double>(chain.joint[i], x[i]);
+    double row[3][load_components], moment[3], unused[3][3];
+    chain.load_rows(bend, row);
+    const ChainLoad<double> load{{{1, -2, 3}, {0.04, -0.05, 0.06}}, 7, false};
+    chain.load_moments<false, false>(bend, load, moment, unused);
+    for (int i = 0; i < 3; ++i) {
+      double sum = 0;
+      for (int k = 0; k < load_components; ++k) sum += row[i][k] * given[k];
+      CLAIM_NEAR(sum, moment[i], 1e-14);
+    }
+  }
+}
+
 /// All tendons pulled alike through their sheaths, which have a friction of their own, then moved back by a length.
 Observer::Memory pulled(const Observer& observer, double coefficient, double back) {
   Observer::Memory memory{};
@@ -215,6 +265,8 @@ void a_reading_that_is_not_a_number_stops_the_spools() {
 
 int main() {
   angles_under_load_are_those_at_rest_without_friction();
+  moments_that_tendons_do_not_balance_are_a_load();
+  components_of_a_load_are_those_of_any_load();
   a_common_pull_shows_friction();
   what_sticks_after_a_reversal_is_in_the_deviation();
   joints_reach_their_targets_and_are_never_farther_than_without();

@@ -1,7 +1,7 @@
 """What commands share: arguments, what they print, and a progress bar."""
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias, overload
 
@@ -16,6 +16,8 @@ from rich.table import Table
 
 from tenodesis import instrument
 from tenodesis.cli import interrupts
+from tenodesis.control.controller import LawName
+from tenodesis.control.joints import JointLawName
 from tenodesis.control.resolution import sentences, warnings
 from tenodesis.errors import CommandError, Error, InstrumentError, ProtocolError
 from tenodesis.instrument import Instrument, ShortForm
@@ -41,6 +43,7 @@ PATIENCE = 1.0
 _LONGEST_NAME = 32
 """Of a table's text, characters up to which a word is kept whole."""
 
+AnyLaw: TypeAlias = Literal[LawName, JointLawName]
 InstrumentFile: TypeAlias = Annotated[
     str, typer.Argument(metavar="INSTRUMENT", help="Instrument file, or the name of a shipped instrument.")
 ]
@@ -260,3 +263,10 @@ def file_size(path: Path) -> str:
     """Return a file's size in words, in MB or kB."""
     size = path.stat().st_size
     return f"{size / 1e6:.3g} MB" if size >= 1e6 else f"{size / 1e3:.3g} kB"
+
+
+def refuse_choices(why: str, given: Mapping[str, str | None]) -> None:
+    """Refuse options that are given, with why they have no meaning."""
+    for option, text in given.items():
+        if text is not None:
+            raise CommandError(f"{option} is {text!r}, but {why}.", key=option)

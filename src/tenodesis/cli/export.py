@@ -8,9 +8,9 @@ import typer
 
 from tenodesis import control, kinematics
 from tenodesis.cli.command import command
-from tenodesis.cli.common import InstrumentFile, load_instrument
+from tenodesis.cli.common import AnyLaw, InstrumentFile, load_instrument, refuse_choices
 from tenodesis.cli.outputs import HEADER, MJCF, URDF, Outputs, output, write_text
-from tenodesis.control.controller import ActuationName, LawName, ObserverName
+from tenodesis.control.controller import ActuationName, ObserverName
 from tenodesis.errors import CommandError
 from tenodesis.files import write_errors
 from tenodesis.instrument import Instrument, expanded
@@ -23,9 +23,17 @@ def export_controller(  # noqa: PLR0917
     outputs: Outputs,
     instrument_file: InstrumentFile,
     axis: Annotated[str | None, typer.Option(help="Axis to control alone. Default: all.")] = None,
-    observer: Annotated[ObserverName, typer.Option(help="Observer that estimates the tip angle.")] = "friction",
-    law: Annotated[LawName, typer.Option(help="Compensation law.")] = "robust",
-    actuation: Annotated[ActuationName, typer.Option(help="Motors that act.")] = "differential",
+    observer: Annotated[
+        ObserverName | None, typer.Option(help="Observer that estimates the tip angle. Default: friction.")
+    ] = None,
+    law: Annotated[
+        AnyLaw | None,
+        typer.Option(
+            help="Compensation law; joints: of all joints, whatever tendons turn them, which starts as homed. Default: "
+            "robust, or joints where no joint has a pair of tendons of its own."
+        ),
+    ] = None,
+    actuation: Annotated[ActuationName | None, typer.Option(help="Motors that act. Default: differential.")] = None,
     homed: Annotated[
         bool,
         typer.Option(
@@ -36,8 +44,21 @@ def export_controller(  # noqa: PLR0917
     name: Annotated[str | None, typer.Option(help="Of the constant in C. Default: the instrument's.")] = None,
     out: Annotated[Path | None, output(HEADER, "The file. Default: NAME.h.")] = None,
 ) -> None:
-    """Write a controller's parameters as a C header, for tenodesis_init."""
-    inst = control.compensated(load_instrument(instrument_file))
+    """Write a controller's parameters as a C header, for tenodesis_init or tenodesis_joints_init."""
+    given = load_instrument(instrument_file)
+    if law == "joints" or (law in (None, "off") and not control.pairs(given)):
+        choices = {"--axis": axis, "--observer": observer, "--actuation": actuation}
+        refuse_choices("the law of all joints has one of its own", choices)
+        name = control.identifier(given.name) if name is None else name
+        path = Path(f"{name}.h") if out is None else out
+        with outputs.files(out=path), write_errors(path, CommandError):
+            control.export_joints_header(
+                given, path, name, law="off" if law == "off" else "joints", own_clock=own_clock, source=instrument_file
+            )
+        joints = ", ".join(joint.name for joint in expanded(given).tip_joints)
+        typer.echo(f"{path}: {name}, the controller of {given.name} ({joints}), for tenodesis_joints_init.")
+        return
+    inst = control.compensated(given)
     if axis is not None:
         inst = inst.axis(axis)
     name = control.identifier(inst.name) if name is None else name
@@ -47,9 +68,9 @@ def export_controller(  # noqa: PLR0917
             inst,
             path,
             name,
-            observer=observer,
-            law=law,
-            actuation=actuation,
+            observer=observer or "friction",
+            law=law or "robust",
+            actuation=actuation or "differential",
             homed=homed,
             own_clock=own_clock,
             source=instrument_file,

@@ -129,7 +129,7 @@ def new(  # noqa: PLR0917
     if joint_type == "continuum":
         note(
             "Its backbone bends in one plane for each pair of tendons. One that bends in space is a list of [[joints]] "
-            "and [[tendons]], which scale, cad, transfer and export controller do not take."
+            "and [[tendons]], which scale, cad and transfer do not take."
         )
     note(f"Next: tenodesis check {file}, tenodesis loss {file}, tenodesis bench {file}")
 

@@ -4,7 +4,7 @@ import signal
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias, cast
+from typing import Annotated, cast
 
 import typer
 from rich.markup import escape
@@ -13,6 +13,7 @@ from tenodesis import control, simulate
 from tenodesis import twin as twins
 from tenodesis.cli.command import Answer, command
 from tenodesis.cli.common import (
+    AnyLaw,
     InstrumentFile,
     ProgressBar,
     console,
@@ -20,6 +21,7 @@ from tenodesis.cli.common import (
     load_instrument,
     load_protocol,
     quantity,
+    refuse_choices,
     say,
     table,
     warn_resolution,
@@ -27,7 +29,6 @@ from tenodesis.cli.common import (
 from tenodesis.cli.outputs import FIGURE, RECORDING, TABLES, Outputs, output
 from tenodesis.control import Controller, JointController
 from tenodesis.control.controller import ActuationName, LawName, ObserverName
-from tenodesis.control.joints import JointLawName
 from tenodesis.errors import ArgumentError, CommandError, CommandInterruptedError, Error, ProtocolError
 from tenodesis.files import write_errors
 from tenodesis.instrument import Instrument, ShortForm, expanded
@@ -38,8 +39,6 @@ from tenodesis.recording.replay import replay_file as run_again
 from tenodesis.recording.summary import contents, describe
 from tenodesis.run import Run
 from tenodesis.units import Duration, in_unit
-
-AnyLaw: TypeAlias = Literal[LawName, JointLawName]
 
 
 @command("instrument_file", "protocol_file", "controller_instrument")
@@ -93,7 +92,7 @@ def record(  # noqa: PLR0917
     controller: Controller | JointController | None = None
     assumed: ShortForm | None = None
     if law == "joints" or (law == "off" and not has_pairs):
-        _refuse_choices("the law of all joints has one of its own", {"--observer": observer, "--actuation": actuation})
+        refuse_choices("the law of all joints has one of its own", {"--observer": observer, "--actuation": actuation})
         inst = expanded(inst)
         controller = JointController(other, law, period=period)
     else:
@@ -228,7 +227,7 @@ def _controller(
     """Return the controller of an assumed instrument, with a tick per sample; homed unless it finds slack tendons."""
     if law is None:
         given = {"--observer": observer, "--actuation": actuation, "--controller-instrument": other}
-        _refuse_choices("there is no controller without --law", given)
+        refuse_choices("there is no controller without --law", given)
         return None
     return Controller(
         cast("ShortForm", assumed),
@@ -243,12 +242,6 @@ def _controller(
 def _summary(path: Path) -> summary.Summary:
     with ProgressBar(f"reading {path.name}", None) as bar:
         return summary.read(path, bar)
-
-
-def _refuse_choices(why: str, given: Mapping[str, str | None]) -> None:
-    for option, text in given.items():
-        if text is not None:
-            raise CommandError(f"{option} is {text!r}, but {why}.", key=option)
 
 
 def _assumed(inst: Instrument, law: LawName | None) -> ShortForm:

@@ -10,7 +10,7 @@ from tenodesis.control.controller import (
     Request,
     homing_failure,
 )
-from tenodesis.control.export import export_header, header, identifier
+from tenodesis.control.export import export_header, export_joints_header, header, identifier, joints_header
 from tenodesis.control.joints import JointController, JointEstimate, JointOutput
 from tenodesis.control.pairs import Pair, compensated, names_of, pairs
 from tenodesis.control.parameters import (
@@ -48,10 +48,12 @@ __all__ = [
     "compensated",
     "estimated_wrench",
     "export_header",
+    "export_joints_header",
     "header",
     "homing_failure",
     "identifier",
     "implausible",
+    "joints_header",
     "names_of",
     "pairs",
     "parameters",

@@ -18,11 +18,13 @@ from tenodesis.plant import TIME_STEP
 from tenodesis.routes import twin_rows, twin_values
 from tenodesis.run import Array, Names
 
-_NAMES = _core.joint_control_parameters()
+_NAMES = [name for name, _, _ in _core.joint_control_parameters()]
 _COMPONENTS = 7
 """Of the load: force, moment, grip."""
 _DEVIATIONS = 2.0
 """Of an estimate, that strokes leave room for and that the file's uncertainties mean."""
+_KNOWN = 1e-6
+"""Deviation of a share that is known exactly."""
 _PLAY = 4.0
 """Deviations of sensors by which a tendon counts as slipping; part of a step that a spool at rest stays within."""
 _SMOOTHING = 0.05
@@ -134,16 +136,17 @@ class JointController(LoopState):
         super().__init__(enabled=enabled)
         rows = twin_rows(given, TIME_STEP, quasi_static=True)
         values = twin_values(given, TIME_STEP) | _values(given, self.period)
-        numbers = [float(values[name]) for name in _NAMES]
+        self.numbers = {name: float(values[name]) for name in _NAMES}
         pretension = float(np.max(given.pretensions))
         found = limits(given, self.period, pretension, given.tension_sensors[0])
         for name in ("load_cell_drift", "tendon_break"):
             # Friction unlike the observer's explains as much, too.
             least, persistence = found[name]
             found[name] = least + given.control.mean_band * pretension, persistence
+        self.rows, self.limits = rows, found
         checks = np.array([found[name] for name in (*FAULTS, "spool_jump")])
         self.core = _core.JointController(
-            given.core, rows.passages, rows.contacts, rows.segments, numbers, checks, rows.law
+            given.core, rows.passages, rows.contacts, rows.segments, list(self.numbers.values()), checks, rows.law
         )
 
     def __repr__(self) -> str:
@@ -282,8 +285,8 @@ def _values(inst: FullForm, period: float) -> dict[str, float]:
         "smoothing": smoothing,
         "tension_deviation": hypot(sensor.noise, sensor.resolution, sensor.offset / _DEVIATIONS),
         "length_deviation": hypot(step / sqrt(12), drawn / _DEVIATIONS, control.reference_uncertainty / _DEVIATIONS),
-        "friction_deviation": control.friction_uncertainty / _DEVIATIONS,
-        "stiffness_deviation": control.stiffness_uncertainty / _DEVIATIONS,
+        "friction_deviation": max(control.friction_uncertainty / _DEVIATIONS, _KNOWN),
+        "stiffness_deviation": max(control.stiffness_uncertainty / _DEVIATIONS, _KNOWN),
         "force_deviation": held / reach,
         "moment_deviation": held,
         "grip_deviation": held / reach,

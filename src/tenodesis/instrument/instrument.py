@@ -238,9 +238,9 @@ class Instrument(FileTable, AnyForm):
         """What measures the tension of every tendon."""
         return tuple(tension_sensor(self.own_drives, self.sensors, float(tension)) for tension in self.pretensions)
 
-    @cached_property
-    def core(self) -> _core.TendonChain:
-        """The instrument in the core's form."""
+    @property
+    def joint_rows(self) -> Array:
+        """Numbers of the tip's joints as the core takes them: axis, offset, chord, length, springs, tie, load, grip."""
         joints, bearing = self.tip_joints, self.bearing
         numbers = np.zeros((len(joints), 15))
         for i, joint in enumerate(joints):
@@ -259,20 +259,25 @@ class Instrument(FileTable, AnyForm):
                 arm,
                 joint.within is not None,
             )
+        return numbers
+
+    @cached_property
+    def core(self) -> _core.TendonChain:
+        """The instrument in the core's form."""
         return _core.TendonChain(
-            [MECHANISMS[joint.mechanism] for joint in joints],
+            [MECHANISMS[joint.mechanism] for joint in self.tip_joints],
             list(self.parents),
-            numbers,
+            self.joint_rows,
             self.tendon_arms("tip"),
             np.column_stack([self.stiffnesses, self.pretensions]),
             [int(tendon.start == "spool") for tendon in self.tendons],
             [MECHANISMS[joint.mechanism] for joint in self.handle_joints],
             np.ascontiguousarray(self.tendon_arms("handle")),
-            self._growth,
+            self.growth_rows,
         )
 
     @property
-    def _growth(self) -> Array:
+    def growth_rows(self) -> Array:
         """Tension (N) and stiffness over that at rest of the tendons' tables, (tendons, entries, 2); none: no rows."""
         tables = [tendon.stiffness_by_tension for tendon in self.tendons]
         longest = max((len(table.tension) for table in tables if table is not None), default=0)
