@@ -241,7 +241,7 @@ def test_what_a_load_takes_is_what_the_statics_say(
 @pytest.mark.parametrize("name", ["real-size", "scaled-up"])
 def test_a_tendon_is_slack_from_the_load_that_is_printed_on(tenodesis: Run, name: str) -> None:
     inst = tn.load(name).planar[0]
-    for row in rows(tenodesis, name):
+    for row in rows(tenodesis, name, "--axis", "yaw"):
         handle = tn.statics.handle_angle(inst, row["output_angle"])
         below, above = (tn.statics.tensions(inst, handle, share * row["slack_force"]) for share in (0.999, 1.001))
         assert below.antagonist > 0
@@ -257,18 +257,22 @@ def test_loads_and_angles_are_those_of_the_file_or_those_asked_for(tenodesis: Ru
 
 
 def test_where_there_is_no_solution_json_has_null_and_the_table_a_dash(tenodesis: Run) -> None:
-    (row,) = rows(tenodesis, "real-size", "--load", "50 N", "--angle", "80 deg")
+    (row,) = rows(tenodesis, "real-size", "--axis", "yaw", "--load", "50 N", "--angle", "80 deg")
     assert row["lost"] is None
-    said = tenodesis("loss", "real-size", "--load", "50 N", "--angle", "80 deg")[1]
+    said = tenodesis("loss", "real-size", "--axis", "yaw", "--load", "50 N", "--angle", "80 deg")[1]
     assert "–" in said
     assert "the tip cannot be held under that load" in said
+    both = rows(tenodesis, "real-size", "--load", "50 N", "--angle", "80 deg")
+    assert [row["lost"] for row in both] == [[None, None], [None, None]]
 
 
 def test_the_table_fits_a_terminal_of_80_columns(tenodesis: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(common.console, "width", 80)
-    said = tenodesis("loss", "real-size", "--load", "12.34 N", "--angle", "33.3 deg", "--load", "1.234 N")[1]
-    assert max(map(len, said.splitlines())) <= 80
-    assert "…" not in said
+    words = ("--load", "12.34 N", "--angle", "33.3 deg", "--load", "1.234 N")
+    for axis in ((), ("--axis", "yaw")):
+        said = tenodesis("loss", "real-size", *axis, *words)[1]
+        assert max(map(len, said.splitlines())) <= 80
+        assert "…" not in said
     assert re.search(r"^ +1\.234 +33\.3 +\d+\.\d\d +\d+\.\d\d ", said, re.M)
 
 

@@ -207,13 +207,15 @@ def test_lost_tips_are_counted_and_left_out_and_then_there_are_no_indices(real: 
 def test_few_lost_tips_cost_the_indices_only_their_base_samples(
     small: tolerance.Study, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    evaluate = evaluation.evaluate
+
     def loses(task: evaluation.Evaluation, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        found = evaluation.evaluate(task, rows)
+        found = evaluate(task, rows)
         if len(rows) == conduct.CHUNK:
             found[6] = [*[np.nan] * 5, evaluation.INVALID]
         return found
 
-    monkeypatch.setattr(conduct, "evaluate", loses)
+    monkeypatch.setattr(evaluation, "evaluate", loses)
     found = tolerance.study(small.real_size, small.scaled_up, small.tolerances, samples=64)
     assert found.incomplete == pytest.approx(1 / 64)
     assert found.failed == 0

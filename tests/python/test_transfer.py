@@ -155,8 +155,7 @@ def test_there_and_back_is_where_it_began(any_inst: Instrument, tmp_path: Path) 
 
 def test_every_signal_with_a_dimension_is_carried_by_its_factor() -> None:
     for name, signal in SIGNALS.items():
-        of_axis = signal.of not in ("components", "run")
-        dimensional = of_axis and (signal.unit not in ("rad", "1") or "spool" in name)
+        dimensional = signal.unit not in ("rad", "1") or "spool" in name
         assert (name in QUANTITY) == dimensional, name
 
 

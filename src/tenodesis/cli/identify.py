@@ -39,6 +39,8 @@ from tenodesis.units import Duration
 
 _HELD = {"sheath_bend": "sheath bend", "wrist_pitch": "pitch"}
 """Angles that are held through a recording, by column."""
+_WIDE = 2
+"""Columns of errors up to which their headings have one line."""
 _TEXTS = (".txt", ".csv")
 _JOINTS, _TENDONS = "joints", "tendons"
 _OF_INSTRUMENTS = ("recording", "csv", "mcap")
@@ -491,7 +493,8 @@ def _print_fit(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, 
         say(f"{names}: {sentence}.")
     _print_parameters(found)
     keys = list(dict.fromkeys(key for one in found.files for key in one.rmse))
-    errors = table("rmse, measured minus model", "run", "use", *(f">{axis_label(key)}" for key in keys))
+    labels = [axis_label(key) if len(keys) <= _WIDE else axis_label(key).replace(" ", "\n", 1) for key in keys]
+    errors = table("rmse, measured minus model", "run", "use", *(f">{label}" for label in labels))
     for run in found.files:
         values = (f"{run.rmse[key]:.4g}" if key in run.rmse else "" for key in keys)
         errors.add_row(escape(run.name), "fitted" if run.split == "train" else "held out", *values)

@@ -14,7 +14,6 @@ from rich.table import Table
 from tenodesis import statics
 from tenodesis.cli.command import Answer, command
 from tenodesis.cli.common import (
-    AxisToCompute,
     InstrumentFile,
     components,
     console,
@@ -92,14 +91,14 @@ def loss(  # noqa: PLR0917
         list[str] | None,
         typer.Option(
             help="Load at the tip, like '2 N', repeatable. Default: conditions.forces, or 1 N. Of joints that share "
-            "tendons: x, y and z in the tip's axes, like '0 0 -1 N'. Default: 1 N along each."
+            "tendons, and of two axes: x, y and z in the tip's axes, like '0 0 -1 N'. Default: 1 N along each."
         ),
     ] = None,
     angle: Annotated[
         list[str] | None,
         typer.Option(
             help="Unloaded output angle, like '60 deg', repeatable. Default: straight, half and end of the range. Of "
-            "joints that share tendons: one each, like '30 0 15 deg'. Default: straight and half."
+            "several joints: one each, like '30 0 15 deg'. Default: straight and half."
         ),
     ] = None,
     moment: Annotated[
@@ -111,13 +110,17 @@ def loss(  # noqa: PLR0917
     grip: Annotated[
         str | None, typer.Option(help="Force by which an object presses the jaws apart, like '2 N'. Default: none.")
     ] = None,
-    axis: AxisToCompute = None,
+    axis: Annotated[
+        str | None, typer.Option(help="One axis of two, as if the other were rigid. Default: both.")
+    ] = None,
 ) -> Answer:
     """Print the angle that loads take at the tip, what restores it, and the load at which a tendon goes slack."""
     inst = load_instrument(instrument_file)
     asked = Asked(load or (), angle or (), moment, grip, axis)
     short = inst.short_form
-    return _of_joints(inst.expanded, asked) if short is None else _of_axis(short, asked)
+    if short is None or (len(short.axes) > 1 and axis is None):
+        return _of_joints(inst.expanded, asked, planar=short is not None)
+    return _of_axis(short, asked)
 
 
 def _of_axis(inst: ShortForm, asked: Asked) -> Answer:
@@ -148,13 +151,18 @@ def _of_axis(inst: ShortForm, asked: Asked) -> Answer:
     return Answer(lambda: {"instrument": inst.name, "axis": inst.axes[0], "units": _UNITS, "rows": rows}, show)
 
 
-def _of_joints(inst: FullForm, asked: Asked) -> Answer:
+def _of_joints(inst: FullForm, asked: Asked, *, planar: bool) -> Answer:
+    """Return what is asked of all joints at once; those of planar axes also take one force or angle for each."""
     if asked.axis is not None:
         raise _no_option("--axis", inst.name, "has joints that share tendons", "left out")
     count = len(inst.bends)
     example = f"{' '.join(['30', *['0'] * (count - 1)])} deg"
-    forces = _forces(inst, asked.load)
-    states = [inst.bent(_numbers("--angle", text, Angle, count, example)) for text in asked.angle]
+    forces = _forces(inst, asked.load, planar=planar)
+    alike = [
+        f"{' '.join([text.split()[0]] * count)} {text.split()[-1]}" if planar and len(text.split()) == 2 else text
+        for text in asked.angle
+    ]
+    states = [inst.bent(_numbers("--angle", text, Angle, count, example)) for text in alike]
     _check_within_range(inst, states)
     beside = np.zeros(3) if asked.moment is None else _numbers("--moment", asked.moment, SignedMoment, 3, "0 0 5 N*mm")
     wrenches = np.hstack([forces, np.broadcast_to(beside, forces.shape)])
@@ -173,10 +181,23 @@ def _of_joints(inst: FullForm, asked: Asked) -> Answer:
     return Answer(lambda: losses_as_json(inst, found), show)
 
 
-def _forces(inst: FullForm, given: Sequence[str]) -> Array:
-    """Return loads on joints, (n, 3), N; where one thing bends, a single force is against its flexion."""
+def _forces(inst: FullForm, given: Sequence[str], *, planar: bool) -> Array:
+    """Return loads on joints, (n, 3), N; where one thing bends, or planar axes, single forces are against flexion."""
     axes = [inst.tip_joints[places[0]].axis for places in inst.bends.values()]
     across = [0.0 - np.eye(3)[("yaw", "pitch").index(axis)] for axis in axes if axis in {"yaw", "pitch"}]
+    if planar:
+        texts = given or [f"{force:.17g} N" for force in sorted(inst.conditions.forces) or [_USUAL_LOAD]]
+        return np.array(
+            [
+                row
+                for text in texts
+                for row in (
+                    [_numbers("--load", text, SignedForce, 3, "0 0 -1 N")]
+                    if len(text.split()) > 2
+                    else [quantity("--load", text, PositiveForce) * one for one in across]
+                )
+            ]
+        )
     if len(axes) > 1 or not across:
         return np.array([_numbers("--load", text, SignedForce, 3, "0 0 -1 N") for text in given] or np.eye(3))
     if not given:

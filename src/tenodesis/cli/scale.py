@@ -1,6 +1,5 @@
 """The command that designs a scale model: ``tenodesis scale``."""
 
-import csv
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
@@ -25,6 +24,7 @@ from tenodesis.cli.common import (
     table,
 )
 from tenodesis.cli.outputs import Outputs
+from tenodesis.cli.scale_joints import scale_joints, write_front
 from tenodesis.errors import CommandError, NoSolutionError, ProtocolError, StudyError
 from tenodesis.extras import require
 from tenodesis.files import atomic_files, write_errors
@@ -93,8 +93,15 @@ def scale(  # noqa: PLR0917
         Path | None, typer.Option("--cad", help="Folder for its solids, drawings and pictures as well.")
     ] = None,
     process: Annotated[str, typer.Option("--cad-process", help="How its parts are made, as of tenodesis cad.")] = "sla",
+    joints: Annotated[
+        bool, typer.Option("--joints", help="Of two planar axes, design both at once instead of the first.")
+    ] = False,
 ) -> None:
-    """Design a scale model of an instrument from stock parts: instrument file, test plan, and how similar it is."""
+    """Design a scale model of an instrument from stock parts: instrument file, test plan, and how similar it is.
+
+    Of an instrument that lists joints and tendons, all joints at once; tolerances, assembly and first run, --objective
+    and --cad are of planar instruments alone.
+    """
     require("typst", "design")
     if objective is not None and pick is not None:
         raise CommandError(
@@ -114,6 +121,19 @@ def scale(  # noqa: PLR0917
         )
     files = ["scaled-up.toml", "plan.html", "plan.pdf", "front.csv", "front.svg", "front.png"]
     files += workshop.FILES if parts_too else ()
+    inst = load_instrument(instrument_file)
+    if joints or inst.short_form is None:
+        for option, value in (("--objective", objective), ("--cad", solids)):
+            if value is not None:
+                raise CommandError(
+                    f"{option} is given, but {inst.name} is designed by its joints; leave it out.",
+                    key=option,
+                    value=value,
+                )
+        parsed = _pins(factor, pin or [])
+        parts = scaling.load(*(catalogue or ()))
+        scale_joints(outputs, inst, parts, parsed, prefer, pick, out)
+        return
     with ExitStack() as stack:
         if solids is not None:
             stack.enter_context(writing_solids(outputs, solids, "--cad"))
@@ -250,17 +270,8 @@ def _write(  # noqa: PLR0917
         plan.write(design, new, supplement)
         if pack is not None:
             pack.write(new)
-        _write_front(front, new / "front.csv")
+        write_front(front, new / "front.csv")
         _draw_front(free or front, design.objectives, new)
-
-
-def _write_front(front: Front, path: Path) -> None:
-    table = {"row": list(range(1, len(front) + 1)), **front.table()}
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(table)
-        for row in zip(*table.values(), strict=True):
-            writer.writerow(f"{value:.9g}" if isinstance(value, float) else value for value in row)
 
 
 def _draw_front(front: Front, chosen: Objectives, folder: Path) -> None:

@@ -14,7 +14,7 @@ from tenodesis.cli.common import ProgressBar, console, load_instrument, quantity
 from tenodesis.cli.outputs import Outputs, written_by_us
 from tenodesis.extras import require
 from tenodesis.report.content import fixed
-from tenodesis.tolerance.conduct import SAMPLES
+from tenodesis.tolerance.conduct import JOINT_SAMPLES, SAMPLES
 from tenodesis.tolerance.report import NUMBERS, PAGE, SAMPLES_FILE, write
 from tenodesis.tolerance.results import QUANTILES
 from tenodesis.units import PositiveForce
@@ -32,24 +32,39 @@ def study_tolerances(  # noqa: PLR0917
         Path | None, typer.Option(help="Tolerance file. Default: ISO 2768-1 and errors of identification.")
     ] = None,
     samples: Annotated[
-        int, typer.Option(help="Base samples N, rounded up to a power of two; N (parameters + 2) runs.")
-    ] = SAMPLES,
+        int | None,
+        typer.Option(
+            help=f"Base samples N, rounded up to a power of two; N (parameters + 2) runs. Default: {SAMPLES}, of "
+            f"several joints {JOINT_SAMPLES}."
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
     force: Annotated[
-        str | None, typer.Option(help="Force on the real-size instrument. Default: the largest test force.")
+        str | None,
+        typer.Option(
+            help="Force on the real-size instrument. Default: the largest test force, of several joints the usual."
+        ),
     ] = None,
     out: Annotated[
         Path,
         typer.Option(help="Folder for page, figures, samples and results; those of an earlier study are replaced."),
     ] = Path("out/tolerance"),
     engine: Annotated[Literal["threads", "ray"], typer.Option(help="Engine that runs the samples.")] = "threads",
+    joints: Annotated[
+        bool, typer.Option("--joints", help="Of two planar axes each, study both at once instead of the first.")
+    ] = False,
     address: Annotated[
         str | None, typer.Option(help="Of the Ray cluster: host:port of its head, auto, or local.")
     ] = None,
 ) -> None:
-    """Study what tolerances do to a scale model's loss of angle and similarity, and which of them dominate."""
+    """Study what tolerances do to a scale model's loss of angle and similarity, and which of them dominate.
+
+    Of several joints, each has its own figures, and the tip has millimetres.
+    """
     require("SALib", "design")
-    model, prototype = load_instrument(real_size, planar=True), load_instrument(scaled_up, planar=True)
+    model, prototype = load_instrument(real_size), load_instrument(scaled_up)
+    if joints:
+        model, prototype = model.expanded, prototype.expanded
     given = None if tolerances is None else tolerance.load(tolerances)
     newton = None if force is None else quantity("--force", force, PositiveForce)
     begun = time.monotonic()
@@ -83,11 +98,11 @@ def study_tolerances(  # noqa: PLR0917
 
 def _distributions(study: tolerance.Study) -> Table:
     names = f"{study.scaled_up.name} for {study.real_size.name}"
-    title = f"{names}, {study.force:.3g} N at real size: quantiles in deg"
+    title = f"{names}, {study.force:.3g} N at real size: quantiles"
     quantiles = table(title, "response", ">nominal", ">mean", ">std", *(f">{100 * share:g} %" for share in QUANTILES))
     for one in study.responses.values():
         values = (one.nominal, one.mean, one.std, *(one.quantile(share) for share in QUANTILES))
-        quantiles.add_row(one.description, *(fixed(value) for value in values))
+        quantiles.add_row(f"{one.description} ({one.unit})", *(fixed(value) for value in values))
     return quantiles
 
 

@@ -16,6 +16,8 @@ from tenodesis.instrument.text import to_file
 from tenodesis.recording import Blocks
 from tenodesis.scaling.transfer import KEYS, QUANTITY, Carried, carry, carry_friction
 
+_DIVIDES = {"wrench": ("force", "moment")}
+
 
 @command("log", "real_size", "scaled_up")
 def transfer(  # noqa: PLR0917
@@ -33,8 +35,8 @@ def transfer(  # noqa: PLR0917
     time_factor: Annotated[float | None, typer.Option(help="Time factor. Default: ratio of the tips' periods.")] = None,
 ) -> None:
     """Carry a recording of a scaled-up instrument to real-size units, and its friction to the real-size file."""
-    model = load_instrument(real_size, planar=True)
-    given = None if scaled_up is None else load_instrument(scaled_up, planar=True)
+    model = load_instrument(real_size)
+    given = None if scaled_up is None else load_instrument(scaled_up)
     path = log.with_name(f"{log.stem}-{Path(real_size).stem}.mcap") if out is None else out
     with outputs.files(out=path, instrument_out=instrument_out), ProgressBar(f"converting {log.name}", None) as bar:
         blocks = Blocks(log, progress=bar)
@@ -74,8 +76,13 @@ def _print_factors(carried: Carried) -> None:
     title = f"{carried.scaled_up.name} over {carried.real_size.name}"
     factors = table(title, "factor", *(f">{axis}" for axis in carried.factors), "divides")
     signals = carried.run.signals()
-    for key in (*KEYS, "output_velocity"):
-        used = ["time"] if key == "time" else [name for name in signals if QUANTITY.get(name) == key]
+    every = next(iter(carried.factors.values()))
+    for key in (*(key for key in (*KEYS, "moment", "grip_force") if key in every), "output_velocity"):
+        used = (
+            ["time"]
+            if key == "time"
+            else [name for name in signals if key in _DIVIDES.get(QUANTITY.get(name, ""), (QUANTITY.get(name),))]
+        )
         factors.add_row(key, *(f"{own[key]:.5g}" for own in carried.factors.values()), ", ".join(used))
     console.print(factors)
     same = [name for name in signals if name not in QUANTITY]

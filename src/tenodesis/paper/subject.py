@@ -29,11 +29,6 @@ SPEED = float(np.radians(20))
 """Of the joint that follows, about, rad/s."""
 _MULTIPLES = (0.5, 1.0, 2.0)
 """Of the shown load, in tables."""
-_TAKEN = np.radians(10.0)
-"""What the shown load takes about, from the joint that gives way most."""
-_LARGEST = 5.0  # N
-_FELT = 0.02
-"""Share of the largest loss, by direction of a force, below which the direction is left out."""
 _FARTHEST = 1.8
 """How far curves go, over the bent state."""
 _POINTS = 81
@@ -241,31 +236,19 @@ class Subject:
 
     @cached_property
     def loads(self) -> list[Load]:
-        """The forces along the tip's axes that take something from a joint, and the grip if there are jaws.
-
-        Forces have the sizes of the instrument's conditions. Without them, and of the grip, the size is one digit of
-        what takes about ten degrees from a joint of the bent state, at most five newtons. Of a planar instrument, the
-        force across the tip.
-        """
+        """The loads of :func:`tenodesis.statics.usual_loads`; of a planar instrument, the force across the tip."""
         if self.plane is not None:
             return [Load("", "", 1.0, np.empty(0), 0.0, tuple(forces(self.plane)[1:]))]
-        bent = self.states[-1]
-        rates = self.rates(bent.handle, bent.strokes)
-        by_force = rates.by_wrench[:, :3]
-        most = np.abs(by_force).max(axis=0)
+        usual = statics.usual_loads(self.inst)
         given = sorted(self.inst.conditions.forces)
-        size = given[min(1, len(given) - 1)] if given else _shown(float(most.max()))
-        multiples = tuple(force / size for force in given) or _MULTIPLES
         found = []
-        for n, axis in enumerate("xyz"):
-            if most[n] >= _FELT * most.max():
-                sign = -1.0 if by_force[:, n] @ np.sign(self.bends.summed(bent.angles) + 1e-12) > 0 else 1.0
-                wrench = np.zeros(6)
-                wrench[n] = sign * size
-                found.append(Load(axis, f"along {'−' if sign < 0 else ''}{axis}", size, wrench, 0.0, multiples))
-        if self.inst.jaws:
-            grip = _shown(float(np.abs(rates.by_grip).max()))
-            found.append(Load("grip", "between the jaws", grip, np.zeros(6), grip, _MULTIPLES))
+        for load in usual:
+            if load.name == "grip":
+                found.append(Load("grip", "between the jaws", load.size, load.wrench, load.grip_force, _MULTIPLES))
+                continue
+            multiples = tuple(force / load.size for force in given) or _MULTIPLES
+            sign = "−" if load.wrench["xyz".index(load.name)] < 0 else ""
+            found.append(Load(load.name, f"along {sign}{load.name}", load.size, load.wrench, 0.0, multiples))
         return found
 
     def loads_of(self, motion: FarMotion) -> list[Load | None]:
@@ -368,7 +351,3 @@ class Subject:
 def panels(count: int, wide: float = 2.6, height: float = 3.6) -> tuple[Chart, Sequence[Axes]]:
     """Return a chart of panels of a width, inches, side by side."""
     return Chart.panels(count, width=max(7.0, wide * count + 0.4), height=height)
-
-
-def _shown(rate: float) -> float:
-    return float(f"{_TAKEN / max(rate, _TAKEN / _LARGEST):.1g}")

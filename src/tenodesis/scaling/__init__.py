@@ -4,6 +4,7 @@ from tenodesis.errors import DesignError
 from tenodesis.scaling.candidates import COMBINATIONS, Wheel
 from tenodesis.scaling.catalogue import PINS, Catalogue, Constraints, json_schema, load, parse_pins, shipped
 from tenodesis.scaling.design import Front, design, rivals_text
+from tenodesis.scaling.joints import JointDesign, JointFront, design_joints, enlarged
 from tenodesis.scaling.practical import Objective, Practical, PracticalFront, practical_front
 from tenodesis.scaling.scale_model import Choice, Design, Objectives, TestLoad, name_of
 from tenodesis.scaling.weights import WeightSelection, select_weights
@@ -17,6 +18,8 @@ __all__ = [
     "Design",
     "DesignError",
     "Front",
+    "JointDesign",
+    "JointFront",
     "Objective",
     "Objectives",
     "Practical",
@@ -25,6 +28,8 @@ __all__ = [
     "WeightSelection",
     "Wheel",
     "design",
+    "design_joints",
+    "enlarged",
     "json_schema",
     "load",
     "name_of",

@@ -113,6 +113,11 @@ class Front:
         return self.sweep.real_size
 
     @property
+    def costs(self) -> Array:
+        """Costs of the designs as of :attr:`Objectives.costs`, (designs, 4)."""
+        return self.sweep.costs
+
+    @property
     def examined(self) -> int:
         """Number of scale models judged."""
         return self.sweep.examined

@@ -19,6 +19,7 @@ from tenodesis.similarity import SimilarityError
 
 if TYPE_CHECKING:
     from tenodesis.scaling.design import Front
+    from tenodesis.scaling.joints import JointFront
     from tenodesis.scaling.scale_model import Design, Objectives, TestLoad
 
 MOST_CURVES = 4
@@ -135,9 +136,9 @@ def _output(inst: ShortForm, handle: ArrayLike, force: float) -> Array:
     return angles
 
 
-def draw_front(front: "Front", marked: Mapping[str, "Objectives"]) -> Figure:
+def draw_front(front: "Front | JointFront", marked: Mapping[str, "Objectives"]) -> Figure:
     """Return the front as a figure, with some designs marked by name; use within ``style.applied()``."""
-    costs = front.sweep.costs
+    costs = front.costs
     if len(costs) > _MOST_DOTS:
         costs = costs[:: -(-len(costs) // _MOST_DOTS)]
     error = np.maximum(costs[:, 0], _LEAST_ERROR)

@@ -145,7 +145,7 @@ class PlanTable:
     wide: tuple[int, ...] = (0,)
     """Columns that share the remaining width."""
     names: bool = False
-    """Whether cells hold names of parts, in which an underscore is no index."""
+    """Whether cells and note hold names of parts, in which an underscore is no index."""
     note: str = ""
 
 
@@ -451,6 +451,18 @@ class ScalePlan:
         ]
 
 
+@dataclass(frozen=True)
+class JointPlan:
+    """All content of the plan of a scale model of several joints, in plain text."""
+
+    title: str
+    lead: str
+    cards: tuple[Card, ...]
+    warnings: tuple[str, ...]
+    rows: list[list[PlanTable | PlanFigure]]
+    footer: str
+
+
 def content(design: "Design", supplement: Supplement | None = None) -> ScalePlan:
     """Return the content of the plan of a design, with what another package adds to it."""
     error = design.comparison.error(pretension=design.scaled_up.pretension)
@@ -484,7 +496,11 @@ def write(design: "Design", folder: Path, supplement: Supplement | None = None) 
 
     Raises DesignError if the folder cannot be written.
     """
-    plan = content(design, supplement)
+    return write_plan(content(design, supplement), folder)
+
+
+def write_plan(plan: ScalePlan | JointPlan, folder: Path) -> tuple[Path, Path]:
+    """Write the content of a plan as :func:`write`."""
     files = {"plan.html": html(plan).encode(), "plan.pdf": pdf(plan)}
     with written(folder, DesignError) as new:
         for name, data in files.items():
@@ -494,12 +510,12 @@ def write(design: "Design", folder: Path, supplement: Supplement | None = None) 
     return folder / "plan.html", folder / "plan.pdf"
 
 
-def html(plan: ScalePlan) -> str:
+def html(plan: ScalePlan | JointPlan) -> str:
     """Return the plan as an HTML page."""
     return render("tenodesis.scaling", "plan.html.j2", plan=plan, colors=_colors(), marked=_marked)
 
 
-def pdf(plan: ScalePlan) -> bytes:
+def pdf(plan: ScalePlan | JointPlan) -> bytes:
     """Return the plan as PDF, A4."""
     data = {
         "title": plan.title,

@@ -138,7 +138,7 @@ def make(found: Sweep, number: int) -> Design:
         rope,
         rod,
         judge.load_cell(values["largest_tension"]),
-        _encoder(found.catalogue, values["distal_radius"]),
+        finest_encoder(found.catalogue, values["distal_radius"]),
         judge.spool(number),
     )
     tests = tuple(weights_for(found.catalogue, force, values) for force in found.forces.tests)
@@ -159,8 +159,8 @@ def make(found: Sweep, number: int) -> Design:
     )
 
 
-def _encoder(catalogue: Catalogue, radius: float) -> Encoder | None:
-    """Return the finest encoder that fits."""
+def finest_encoder(catalogue: Catalogue, radius: float) -> Encoder | None:
+    """Return the finest encoder that fits a distal radius, m."""
     fitting = [encoder for encoder in catalogue.encoders if encoder.least_distal_radius <= radius * (1 + 1e-9)]
     return min(fitting, key=lambda one: (one.range / 2**one.bits, one.noise), default=None)
 

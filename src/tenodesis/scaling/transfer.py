@@ -13,13 +13,14 @@ import tomli_w
 
 from tenodesis import plant
 from tenodesis.errors import ArgumentError, InstrumentError, RecordingError
-from tenodesis.instrument import ShortForm, as_short_form
+from tenodesis.instrument import FullForm, Instrument, ShortForm, expanded
 from tenodesis.instrument.text import to_toml
 from tenodesis.recording import Recorder, Recording
 from tenodesis.recording.schemas import TRANSFERRED
 from tenodesis.run import SIGNALS, TENDONS, Array, Run, concatenate
-from tenodesis.similarity import Comparison, compare
+from tenodesis.similarity import Comparison, JointComparison, compare, compare_joints
 from tenodesis.simulate import Cycles, Protocol, execute
+from tenodesis.statics import up_to_force
 from tenodesis.twin import TIME_STEP, Twin
 
 KEYS = (
@@ -56,8 +57,17 @@ QUANTITY = {
     "commanded_spool_tension": "tension",
     "spool_velocity": "spool_velocity",
     "output_velocity": "output_velocity",
+    "wrench": "wrench",
+    "applied_grip_force": "grip_force",
+    "grip_force": "grip_force",
+    "held_opening": "length",
+    "held_stiffness": "held_stiffness",
+    "held_damping": "held_damping",
 }
 """Factor of each signal that scales; the others are the same on both instruments: angles, ratios and states."""
+
+ALL_JOINTS = "all joints"
+"""Of the factors that hold for all of several joints."""
 
 
 def as_built(inst: ShortForm) -> ShortForm:
@@ -89,7 +99,11 @@ def factors(compared: Comparison, time_factor: float | None = None) -> Mapping[s
 
     Raises ValueError if the time factor is not a number above 0.
     """
-    found = {key: float(compared.factors[key]) for key in KEYS}
+    return _with_time({key: float(compared.factors[key]) for key in KEYS}, time_factor)
+
+
+def _with_time(found: dict[str, float], time_factor: float | None) -> dict[str, float]:
+    """Return factors with a given factor of time, and those that follow."""
     if time_factor is not None:
         if not 0 < time_factor < math.inf:
             raise ArgumentError(key="time_factor", value=time_factor, allowed="a number above 0")
@@ -104,17 +118,28 @@ def factors(compared: Comparison, time_factor: float | None = None) -> Mapping[s
     }
 
 
-_T = TypeVar("_T", bound=ShortForm)
+def joint_factors(compared: JointComparison, time_factor: float | None = None) -> Mapping[str, Any]:
+    """Return the factors of two instruments of several joints, as :func:`factors`, and those of wrenches and jaws."""
+    found = _with_time(dict(compared.factors), time_factor)
+    held = found["grip_force"] / found["length"]
+    return found | {
+        "wrench": np.repeat([found["force"], found["moment"]], 3),
+        "held_stiffness": held,
+        "held_damping": held * found["time"],
+    }
 
 
-def carry_friction(scaled: ShortForm, real_size: _T, *, source: str = "", time_factor: float | None = None) -> _T:
+_T = TypeVar("_T", bound=Instrument)
+
+
+def carry_friction(scaled: Instrument, real_size: _T, *, source: str = "", time_factor: float | None = None) -> _T:
     """Return the real-size instrument with the friction of the scaled-up instrument.
 
     Coefficients, bends and the arrangement of contacts stay the same, since capstan friction is dimensionless; constant
     friction scales as a tension; viscous friction, the speed and memory of the Stribeck law, the references of a power
-    of the tension, vertex radius and bending stiffness scale by their dimensions. Only the table friction and its
-    source change; `source` is the file of the scaled-up instrument or recording, named in it. The factor of time is by
-    default that of the tips' periods.
+    of the tension, vertex radius and bending stiffness scale by their dimensions. Only the table friction, where routes
+    are listed their coefficients and wraps, and its source change; `source` is the file of the scaled-up instrument or
+    recording, named in it. The factor of time is by default that of the tips' periods.
 
     Raises InstrumentError if the scaled-up instrument has no friction, no axis or another joint type in common, or the
     carried friction is not allowed.
@@ -126,11 +151,26 @@ def carry_friction(scaled: ShortForm, real_size: _T, *, source: str = "", time_f
             value=scaled.friction.law,
             allowed="a law other than none",
         )
-    axis = shared_axes(scaled, real_size)[0]
-    scale = factors(comparison(real_size.axis(axis), scaled.axis(axis)), time_factor)
+    changes: dict[str, Any] = {}
+    if isinstance(scaled, ShortForm) and isinstance(real_size, ShortForm):
+        axis = shared_axes(scaled, real_size)[0]
+        scale = factors(comparison(real_size.axis(axis), scaled.axis(axis)), time_factor)
+    else:
+        scale = joint_factors(compare_joints(real_size, scaled), time_factor)
+        changes["tendons"] = _routed_as(expanded(scaled), expanded(real_size))
     sources = {key: text for key, text in real_size.sources.items() if key.partition(".")[0] != "friction"}
     sources["friction"] = f"transferred from {scaled.name}" + (f" ({source})" if source else "")
-    return real_size.replace(friction=_scaled(scaled, scale), sources=sources)
+    return real_size.replace(friction=_scaled(scaled, scale), sources=sources, **changes)
+
+
+def _routed_as(scaled: FullForm, real_size: FullForm) -> list[dict[str, Any]]:
+    """Return the tendons of the real-size instrument with coefficients and wraps of the scaled-up one's routes."""
+    tables = [tendon.model_dump(exclude_unset=True) for tendon in real_size.as_given("tendons")]
+    for table, tendon in zip(tables, scaled.as_given("tendons"), strict=True):
+        for row, crossing in zip(table["route"], tendon.route, strict=True):
+            own = crossing.model_dump(include={"coefficient", "base_wrap"}, exclude_unset=True)
+            row.update({key: value for key, value in own.items() if value is not None})
+    return tables
 
 
 def shared_axes(scaled: ShortForm, real_size: ShortForm) -> tuple[str, ...]:
@@ -173,7 +213,7 @@ def left_behind(scaled: ShortForm) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-def _scaled(scaled: ShortForm, scale: Mapping[str, float]) -> dict[str, object]:
+def _scaled(scaled: Instrument, scale: Mapping[str, float]) -> dict[str, object]:
     """Return the table friction of the real-size file, without defaults and without keys that its law does not use."""
     friction = scaled.friction
     speed = scale["motor_stroke"] / scale["time"]
@@ -201,7 +241,7 @@ BEFORE = "scaled_up_"
 
 _RENEWED = ("axes", "tenodesis", "python", "numpy")
 """Metadata that the recorder writes itself."""
-_LOADS = ("force", "tension", "distal_tension", "measured_tension")
+_LOADS = ("force", "wrench", "tension", "distal_tension", "measured_tension")
 _SAME = 0.01
 """Share by which a pretension or a ratio may differ and still count as the same."""
 
@@ -212,14 +252,14 @@ class Carried:
 
     run: Run
     """In real-size units; of blocks, the rows of the largest loads and the last."""
-    real_size: ShortForm
+    real_size: Instrument
     """The real-size instrument with the axes of the run, and with the transferred friction if there is any."""
-    scaled_up: ShortForm
+    scaled_up: Instrument
     """The scaled-up instrument of the original run."""
-    comparisons: Mapping[str, Comparison]
-    """Both instruments as built, by axis."""
-    factors: Mapping[str, Mapping[str, float]]
-    """Scaled-up over real-size, by axis and key."""
+    comparisons: Mapping[str, Comparison | JointComparison]
+    """Both instruments as built, by axis; of several joints one for all."""
+    factors: Mapping[str, Mapping[str, Any]]
+    """Scaled-up over real-size, by axis and key; of several joints for all."""
     warnings: tuple[str, ...]
     """Sentences on what was not similar, damaged or not converted."""
     source: str = ""
@@ -236,27 +276,31 @@ class Carried:
             "instrument": to_toml(self.real_size),
             TRANSFERRED: self.source or f"a run of {self.scaled_up.name}",
             f"{BEFORE}instrument": to_toml(self.scaled_up),
-            FACTORS: tomli_w.dumps({axis: dict(own) for axis, own in self.factors.items()}),
+            FACTORS: tomli_w.dumps(
+                {
+                    axis: {key: np.asarray(value).tolist() for key, value in own.items()}
+                    for axis, own in self.factors.items()
+                }
+            ),
         }
 
     @property
     def largest_force(self) -> float:
-        """Largest tangential force at the tip, N; NaN if none was recorded."""
+        """Largest force at the tip, N, tangential where axes have each their own; NaN if none was recorded."""
+        if self.run.wrench is not None:
+            return float(np.linalg.norm(self.run.wrench[:, :3], axis=1).max())
         return _largest(self.run, "force")
 
     @property
     def largest_tension(self) -> float:
         """Largest tension of a tendon, N; NaN if none was recorded."""
-        return _largest(self.run, *_LOADS[1:])
+        return _largest(self.run, *_LOADS[2:])
 
     def similarity_error(self) -> float:
         """Return the largest similarity error up to the largest force, without friction, deg; NaN if no force."""
         if not self.largest_force > 0:
             return math.nan
-        return max(
-            pair.error(pretension=pair.scaled_up.pretension, largest_force=self.largest_force).largest
-            for pair in self.comparisons.values()
-        )
+        return max(_similarity_error(pair, self.largest_force) for pair in self.comparisons.values())
 
     def write(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write it as a recording, with the topics of the original.
@@ -284,16 +328,17 @@ class Carried:
 
 def carry(
     source: Recording | Run,
-    real_size: ShortForm,
+    real_size: Instrument,
     *,
-    scaled_up: ShortForm | None = None,
+    scaled_up: Instrument | None = None,
     time_factor: float | None = None,
 ) -> Carried:
     """Convert a recording or run of a scaled-up instrument to real-size units.
 
     Angles and the controller's states stay the same; forces, tensions, torques, spool angles, velocities and time are
     divided by the similarity factors of their axis, between the instruments as built: with the true stiffness and
-    pretension of their tables mismatch. A radial force is divided by the factor of tension.
+    pretension of their tables mismatch. A radial force is divided by the factor of tension. Where joints and tendons
+    are listed, all joints have the factors of :class:`tenodesis.similarity.JointComparison`.
 
     Parameters
     ----------
@@ -319,9 +364,11 @@ def carry(
     run = source if isinstance(source, Run) else source.run
     where = str(recording.path) if recording else "the run"
     original = _scaled_up(recording, run, scaled_up, where)
-    shared_axes(original, real_size)
     if not len(run):
         raise RecordingError(f"{where} has no rows; there is nothing to convert.", key="rows", value=0)
+    if not (isinstance(original, ShortForm) and isinstance(real_size, ShortForm)):
+        return _carry_joints(recording, run, original, real_size, time_factor)
+    shared_axes(original, real_size)
     undivided = [name for name in run.signals() if SIGNALS[name].of in ("components", "run")]
     if undivided:
         raise RecordingError(
@@ -350,35 +397,73 @@ def carry(
     )
 
 
-def _scaled_up(recording: Recording | None, run: Run, given: ShortForm | None, where: str) -> ShortForm:
+def _carry_joints(
+    recording: Recording | None, run: Run, original: Instrument, real_size: Instrument, time_factor: float | None
+) -> Carried:
+    """Convert a run by factors that all joints have."""
+    pair = compare_joints(real_size, original)
+    scale = joint_factors(pair, time_factor)
+    name = recording.path.name if recording else ""
+    result = real_size
+    if original.friction.law != "none":
+        result = carry_friction(original, real_size, source=name, time_factor=time_factor)
+    warnings = list(_damages(recording)) if recording else []
+    scales = {ALL_JOINTS: scale}
+    return Carried(
+        _divided(run, scales),
+        result,
+        original,
+        {ALL_JOINTS: pair},
+        scales,
+        (*warnings, *_unlike_joints(pair)),
+        name,
+        recording.metadata if recording else None,
+    )
+
+
+def _unlike_joints(pair: JointComparison) -> list[str]:
+    """Return warnings on groups of several joints that differ, and on friction that there is not."""
+    real, scaled = pair.real_size.name, pair.scaled_up.name
+    sentences = [
+        f"{group.name} is {group.scaled_up:.4g} on {scaled} and {group.real_size:.4g} on {real}: {group.meaning}."
+        for group in pair.groups
+        if group.kind in ("elastic", "pretension") and not abs(group.ratio - 1) <= _SAME and group.real_size
+    ]
+    if pair.scaled_up.friction.law == "none":
+        sentences.append(f"{scaled} has no friction to transfer: {real} keeps its own.")
+    return sentences
+
+
+def _scaled_up(recording: Recording | None, run: Run, given: Instrument | None, where: str) -> Instrument:
     if given is not None:
         inst = given
     elif recording is not None and "instrument" in recording.metadata:
-        inst = as_short_form(recording.instrument())
+        inst = recording.instrument()
     else:
         raise RecordingError(
             f"{where} does not contain its instrument; give the scaled-up instrument as well.",
             key="instrument",
             allowed="in the recording",
         )
-    if inst.axes != run.axes:
+    own = inst.axes if isinstance(inst, ShortForm) else tuple(joint.name for joint in inst.tip_joints)
+    if own != run.axes:
         raise RecordingError(
-            f"{where} has the axes {' and '.join(run.axes)}, {inst.name} {' and '.join(inst.axes)}; "
+            f"{where} has the axes {' and '.join(run.axes)}, {inst.name} {' and '.join(own)}; "
             "the scaled-up instrument must have the same.",
             key="axes",
             value=run.axes,
-            allowed=" and ".join(inst.axes),
+            allowed=" and ".join(own),
         )
     return inst
 
 
-def _divided(run: Run, scale: Mapping[str, Mapping[str, float]]) -> Run:
+def _divided(run: Run, scale: Mapping[str, Mapping[str, Any]]) -> Run:
     """Return a run in real-size units by the factors of its axes."""
     carried: dict[str, Any] = {
         name: values / _by_axis([own[QUANTITY[name]] for own in scale.values()], name) if name in QUANTITY else values
         for name, values in run.signals().items()
     }
-    return replace(run, time=run.time / scale[run.axes[0]]["time"], **carried)
+    return replace(run, time=run.time / next(iter(scale.values()))["time"], **carried)
 
 
 def _peaks(runs: Sequence[Run]) -> list[Run]:
@@ -389,7 +474,7 @@ def _peaks(runs: Sequence[Run]) -> list[Run]:
     return [concatenate([run.rows(row, row + 1)]) for row in sorted(rows)]
 
 
-def _by_axis(scales: list[float], signal: str) -> Array | float:
+def _by_axis(scales: list[Any], signal: str) -> Any:
     """Return factors by axis in the shape of a signal's columns."""
     if len(scales) == 1:
         return scales[0]
@@ -436,6 +521,14 @@ def _dissimilar(pair: Comparison, where: str) -> list[str]:
             f"{real_size.name} scale to: slack is not similar."
         )
     return sentences
+
+
+def _similarity_error(pair: Comparison | JointComparison, force: float) -> float:
+    """Return the largest error up to a force, without friction, with the pretensions as built, deg."""
+    if isinstance(pair, Comparison):
+        return pair.error(pretension=pair.scaled_up.pretension, largest_force=force).largest
+    up_to = compare_joints(pair.real_size, pair.scaled_up, loads=up_to_force(pair.loads, force))
+    return float(up_to.error(pretensions=pair.scaled_up.pretensions).largest.max())
 
 
 SPEED = float(np.radians(40))

@@ -8,9 +8,25 @@ from tenodesis.similarity.causes import Cause, Causes
 from tenodesis.similarity.comparison import Comparison, compare
 from tenodesis.similarity.frictionless import GRID, SimilarityError
 from tenodesis.similarity.groups import Group, Kind
+from tenodesis.similarity.joints import JointComparison, JointError, JointGroup, compare_joints
 from tenodesis.similarity.loops import LoopError, Place
 
-__all__ = ["GRID", "Cause", "Causes", "Comparison", "Group", "Kind", "LoopError", "Place", "SimilarityError", "compare"]
+__all__ = [
+    "GRID",
+    "Cause",
+    "Causes",
+    "Comparison",
+    "Group",
+    "JointComparison",
+    "JointError",
+    "JointGroup",
+    "Kind",
+    "LoopError",
+    "Place",
+    "SimilarityError",
+    "compare",
+    "compare_joints",
+]
 
 
 def __dir__() -> list[str]:

@@ -19,6 +19,11 @@ IMPOSED = ("Theta", "J/(kappa t^2)")
 """Groups that are equal in any two instruments, since the factors of force and of time follow from them."""
 
 
+def near(one: float, other: float) -> bool:
+    """Return whether two values of a group count as equal."""
+    return abs(other - one) <= SAME * abs(one)
+
+
 class Definition(NamedTuple):
     """Definition of a group, and what it governs."""
 
@@ -100,7 +105,7 @@ class Group(NamedTuple):
     @property
     def matches(self) -> bool:
         """Whether the group is the same in both instruments."""
-        return abs(self.scaled_up - self.real_size) <= SAME * abs(self.real_size)
+        return near(self.real_size, self.scaled_up)
 
 
 def unit_of_time(inst: ShortForm) -> float:

@@ -21,7 +21,7 @@ from tenodesis.statics.equations import (
     torque_transmissibility,
     unloaded_angle,
 )
-from tenodesis.statics.loss import Loss, hold, loss, usual_states
+from tenodesis.statics.loss import Loss, UsualLoad, hold, loss, up_to_force, usual_loads, usual_states
 from tenodesis.statics.query import Equilibrium, Tensions
 from tenodesis.statics.slack import slack_load
 from tenodesis.statics.target import targets
@@ -38,6 +38,7 @@ __all__ = [
     "Status",
     "Tensions",
     "TipWrench",
+    "UsualLoad",
     "compensation_stroke",
     "compensation_strokes",
     "coupling",
@@ -62,6 +63,8 @@ __all__ = [
     "tip_wrench",
     "torque_transmissibility",
     "unloaded_angle",
+    "up_to_force",
+    "usual_loads",
     "usual_states",
 ]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis.errors import ArgumentError, NoSolutionError
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
-from tenodesis.statics.chain import compensation_strokes, coordinates, equilibrium, handle_angles
+from tenodesis.statics.bends import Bends
+from tenodesis.statics.chain import compensation_strokes, coordinates, equilibrium, handle_angles, rates
 from tenodesis.statics.loads import rows
 from tenodesis.statics.slack import first_slack
 
@@ -17,6 +19,11 @@ Array = NDArray[np.float64]
 
 _HALF = 0.5
 _WEIGHT = 1e4
+_TAKEN = np.radians(10.0)
+"""What a usual load takes about, from the joint that gives way most."""
+_LARGEST = 5.0  # N
+_FELT = 0.02
+"""Share of the largest loss, by direction of a force, below which the direction is left out."""
 
 
 class Loss(NamedTuple):
@@ -113,6 +120,58 @@ def usual_states(inst: InstrumentLike) -> list[Array]:
             continue
         return [straight, bent]
     return [straight]
+
+
+class UsualLoad(NamedTuple):
+    """A load against flexion of the bent state of :func:`usual_states`."""
+
+    name: str
+    """x, y, z of the tip's axes, or grip"""
+    size: float
+    """N"""
+    wrench: Array
+    """Force and moment at the tip, (6,), N and N m"""
+    grip_force: float
+    """Force that presses the jaws apart, N"""
+
+
+def usual_loads(inst: InstrumentLike) -> list[UsualLoad]:
+    """Return the forces along the tip's axes that take something from a joint, and the grip if there are jaws.
+
+    Forces have the second size of the instrument's conditions. Without them, and of the grip, the size is one digit of
+    what takes about ten degrees from a joint of the bent state, at most five newtons.
+    """
+    inst = expanded(inst)
+    bends, bent = Bends.of(inst), usual_states(inst)[-1]
+    handle, strokes = hold(inst, bent)
+    answer = bends.rates(rates(inst, handle, strokes=strokes))
+    by_force = answer.by_wrench[:, :3]
+    most = np.abs(by_force).max(axis=0)
+    given = sorted(inst.conditions.forces)
+    size = given[min(1, len(given) - 1)] if given else _one_digit(float(most.max()))
+    found = []
+    for n, axis in enumerate("xyz"):
+        if most[n] >= _FELT * most.max():
+            sign = -1.0 if by_force[:, n] @ np.sign(bends.summed(bent) + 1e-12) > 0 else 1.0
+            wrench = np.zeros(6)
+            wrench[n] = sign * size
+            found.append(UsualLoad(axis, size, wrench, 0.0))
+    if inst.jaws:
+        grip = _one_digit(float(np.abs(answer.by_grip).max()))
+        found.append(UsualLoad("grip", grip, np.zeros(6), grip))
+    return found
+
+
+def up_to_force(loads: Sequence[UsualLoad], force: float) -> list[UsualLoad]:
+    """Return loads of which the largest force at the tip has another size, N, and the others are in proportion."""
+    share = force / max((one.size for one in loads if one.wrench.any()), default=force)
+    return [
+        one._replace(size=one.size * share, wrench=one.wrench * share) if one.wrench.any() else one for one in loads
+    ]
+
+
+def _one_digit(rate: float) -> float:
+    return float(f"{_TAKEN / max(rate, _TAKEN / _LARGEST):.1g}")
 
 
 def loss(inst: InstrumentLike, output_angles: ArrayLike, wrench: ArrayLike, grip_force: float = 0.0) -> Loss:

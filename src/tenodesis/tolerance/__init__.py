@@ -1,6 +1,6 @@
 """Tolerance studies: the effect of manufacturing tolerances and identification errors on a scale model."""
 
-from tenodesis.tolerance.conduct import study
+from tenodesis.tolerance.conduct import drawn, study
 from tenodesis.tolerance.defaults import default
 from tenodesis.tolerance.files import Tolerance, Tolerances, json_schema, load, parse
 from tenodesis.tolerance.parameters import Parameter
@@ -15,6 +15,7 @@ __all__ = [
     "Tolerance",
     "Tolerances",
     "default",
+    "drawn",
     "json_schema",
     "load",
     "parse",

@@ -1,9 +1,11 @@
 """Default tolerances: a workshop's general tolerances, and typical errors of an identification."""
 
+from collections.abc import Iterator
 from math import inf
 from typing import Any
 
-from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
+from tenodesis.instrument import FullForm, Instrument, InstrumentLike, ShortForm
+from tenodesis.instrument.reading import as_instrument
 from tenodesis.similarity.parameters import RADII
 from tenodesis.tolerance.files import Tolerance, Tolerances
 
@@ -42,22 +44,48 @@ def default(scaled_up: InstrumentLike) -> Tolerances:
     """Return the default tolerances of a scaled-up instrument.
 
     Radii have ISO 2768-1 class f and lengths class m, as half widths by their size; stiffness, pretension and friction
-    have what we assume as the error of an identification. Keys that the instrument lacks, or has as zero, are left out.
+    have what we assume as the error of an identification; joints and tendons that are listed have each their own. Keys
+    that the instrument lacks, or has as zero, are left out.
     """
-    scaled_up = as_short_form(scaled_up, "scaled_up")
-    found = []
+    inst = as_instrument(scaled_up, "scaled_up")
+    found = [] if isinstance(inst, ShortForm) else [*_of_joints(inst.expanded), *_of_tendons(inst.expanded)]
     for keys, grade in ((RADII, "f"), (_LENGTHS, "m")):
         for key in keys:
-            if getattr(scaled_up, key, None):
-                found.append(_machined(key, getattr(scaled_up, key), grade))
+            if isinstance(inst, ShortForm) and getattr(inst, key, None):
+                found.append(_machined(key, getattr(inst, key), grade))
     for key, values in _IDENTIFICATION.items():
-        if _given(scaled_up, key):
+        if (isinstance(inst, ShortForm) or key.startswith("friction.")) and _given(inst, key):
             found.append(Tolerance(key=key, **values))
     return Tolerances(
         name="defaults",
         description="ISO 2768-1 for radii (f) and lengths (m); ours for what is identified",
         parameters=tuple(found),
     )
+
+
+def _of_joints(inst: FullForm) -> Iterator[Tolerance]:
+    for joint in inst.as_given("joints"):
+        own = f"joints.{joint.name}"
+        yield _machined(f"{own}.radius", joint.radius, "f")
+        for key in ("end_effector_length", "backbone_length"):
+            if getattr(joint, key):
+                yield _machined(f"{own}.{key}", getattr(joint, key), "m")
+        for key in ("backbone_rigidity", "stiffness"):
+            if getattr(joint, key):
+                yield Tolerance(key=f"{own}.{key}", **_IDENTIFICATION["backbone_rigidity"])
+
+
+def _of_tendons(inst: FullForm) -> Iterator[Tolerance]:
+    for tendon, tension in zip(inst.as_given("tendons"), inst.pretensions, strict=True):
+        own = f"tendons.{tendon.name}"
+        for crossing in tendon.route:
+            # What is smaller than its tolerance is the rounding of none.
+            if (crossing.radius or 0.0) > 1e-3 * general_tolerance(crossing.radius or 0.0, "f"):
+                yield _machined(f"{own}.{crossing.joint}.radius", crossing.radius or 0.0, "f")
+        if tendon.stiffness_by_tension is None:
+            yield Tolerance(key=f"{own}.stiffness", **_IDENTIFICATION["tendon_stiffness"])
+        if tension:
+            yield Tolerance(key=f"{own}.pretension", **_IDENTIFICATION["pretension"])
 
 
 def general_tolerance(size: float, grade: str) -> float:
@@ -72,7 +100,7 @@ def _machined(key: str, size: float, grade: str) -> Tolerance:
     )
 
 
-def _given(inst: ShortForm, key: str) -> bool:
+def _given(inst: Instrument, key: str) -> bool:
     if key == "tendon_stiffness":
         return inst.given_stiffness is not None
     if key == "tendon_modulus":

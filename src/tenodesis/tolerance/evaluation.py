@@ -17,6 +17,7 @@ from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.similarity import Comparison
 from tenodesis.tolerance.files import InstrumentName
+from tenodesis.tolerance.results import DESCRIPTIONS
 
 INVALID = -1
 """Status of a sample that is not a valid instrument."""
@@ -93,6 +94,20 @@ class Evaluation(NamedTuple):
     def responses(self) -> tuple[str, ...]:
         """Names of the responses, by column."""
         return OF_SCALED_UP if self.reference is not None else (*OF_SCALED_UP, *OF_REAL_SIZE)
+
+    @property
+    def end(self) -> float:
+        """Handle angle at which the losses are read, rad."""
+        return self.cycle.end
+
+    @property
+    def described(self) -> list[tuple[str, str]]:
+        """Description and unit of the responses."""
+        return [(DESCRIPTIONS[key], "deg") for key in self.responses]
+
+    def table(self, rows: Array) -> Array:
+        """Return responses and status of samples, as :func:`evaluate`."""
+        return evaluate(self, rows)
 
 
 def evaluate(task: Evaluation, rows: Array) -> Array:

@@ -2,14 +2,14 @@
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, NamedTuple, get_args
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 from tenodesis.errors import StudyError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import FullForm, Instrument
 from tenodesis.report.content import unit_text
 from tenodesis.tolerance.files import DistributionName, InstrumentName, Tolerance, Tolerances
 from tenodesis.toml import did_you_mean
@@ -23,6 +23,7 @@ _FIXED = {
     "output_range": "it bounds the cycle, which is the same for all samples",
     "sensors.sampling_rate": "it is the same for all runs of a batch",
 }
+_LISTS = ("joints", "tendons")
 _PERCENT = re.compile(r"\s*(?P<number>[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*%\s*")
 _SHOWN = {"m": "mm", "Pa": "GPa", "rad": "deg"}
 
@@ -70,7 +71,7 @@ class _Number(NamedTuple):
     upper: float
 
 
-def resolve(tolerances: Tolerances, real_size: ShortForm, scaled_up: ShortForm) -> tuple[Parameter, ...]:
+def resolve(tolerances: Tolerances, real_size: Instrument, scaled_up: Instrument) -> tuple[Parameter, ...]:
     """Return the parameters of a study, from tolerances and the two instruments.
 
     Raises StudyError if a key is unknown or not a number, a width is not understood, zero or negative, or a
@@ -81,7 +82,7 @@ def resolve(tolerances: Tolerances, real_size: ShortForm, scaled_up: ShortForm) 
     )
 
 
-def _parameter(tolerance: Tolerance, inst: ShortForm) -> Parameter:
+def _parameter(tolerance: Tolerance, inst: Instrument) -> Parameter:
     number = _number(tolerance.key, inst)
     width = _width(tolerance, inst, number)
     parameter = Parameter(
@@ -99,7 +100,7 @@ def _parameter(tolerance: Tolerance, inst: ShortForm) -> Parameter:
     return parameter
 
 
-def _number(key: str, inst: ShortForm) -> _Number:
+def _number(key: str, inst: Instrument) -> _Number:
     if key in _FIXED:
         raise StudyError(f"{key} of {inst.name} cannot vary: {_FIXED[key]}.", key=key)
     known = dict(_fields(inst))
@@ -127,10 +128,46 @@ def _kind(value: object) -> str:
 
 def _fields(table: BaseModel, prefix: str = "") -> Iterator[tuple[str, tuple[Any, FieldInfo]]]:
     for name, field in type(table).model_fields.items():
-        value, key = getattr(table, name), prefix + (field.alias or name)
+        value = table.as_given(name) if isinstance(table, Instrument) else getattr(table, name)
+        key = prefix + (field.alias or name)
         if isinstance(value, BaseModel):
             yield from _fields(value, f"{key}.")
+        elif isinstance(value, tuple) and isinstance(table, FullForm):
+            for n, one in enumerate(value):
+                if isinstance(one, BaseModel):
+                    yield from _of_entry(table, key, n, one)
         yield key, (value, field)
+
+
+def _of_entry(inst: FullForm, key: str, place: int, entry: BaseModel) -> Iterator[tuple[str, tuple[Any, FieldInfo]]]:
+    """Yield the values of a joint or a tendon, by its name; a tendon's are those that it has by default, too."""
+    own = f"{key}.{getattr(entry, 'name', place)}"
+    used = {} if key != "tendons" else {"stiffness": inst.stiffnesses[place], "pretension": inst.pretensions[place]}
+    for name, (value, field) in _fields(entry, f"{own}."):
+        yield name, (float(used[one]) if (one := name.rpartition(".")[2]) in used else value, field)
+    for crossing in getattr(entry, "route", ()):
+        joint = next(one for one in inst.as_given("joints") if one.name == crossing.joint)
+        for name, (value, field) in _fields(crossing, f"{own}.{crossing.joint}."):
+            yield name, (joint.radius if name.endswith(".radius") and value is None else value, field)
+
+
+def with_values_at(inst: Instrument, changes: Mapping[str, float]) -> Instrument:
+    """Return an instrument with values changed by the keys of a study: joints.NAME.KEY, tendons.NAME.JOINT.KEY.
+
+    Raises InstrumentError if a value is not allowed.
+    """
+    plain = {key: value for key, value in changes.items() if key.partition(".")[0] not in _LISTS}
+    lists: dict[str, list[dict[str, Any]]] = {}
+    for key, value in changes.items():
+        if key in plain:
+            continue
+        listed, name, *inner = key.split(".")
+        tables = lists.setdefault(listed, [one.model_dump(exclude_unset=True) for one in inst.as_given(listed)])
+        table = next(one for one in tables if one["name"] == name)
+        if len(inner) > 1:
+            table = next(one for one in table["route"] if one["joint"] == inner[0])
+        table[inner[-1]] = value
+    return inst.replace(**plain, **lists)
 
 
 def _metadata(field: FieldInfo) -> list[Any]:
@@ -149,7 +186,7 @@ def _bounds(field: FieldInfo) -> tuple[float, float]:
     return float(max(lower)), float(min(upper))
 
 
-def _width(tolerance: Tolerance, inst: ShortForm, number: _Number) -> float:
+def _width(tolerance: Tolerance, inst: Instrument, number: _Number) -> float:
     place = f"{tolerance.key} of {inst.name}: {tolerance.width_key} = {tolerance.width!r}"
     percent = _PERCENT.fullmatch(tolerance.width) if isinstance(tolerance.width, str) else None
     if percent is not None:
@@ -188,7 +225,7 @@ def _width(tolerance: Tolerance, inst: ShortForm, number: _Number) -> float:
     return width
 
 
-def _refuse_outside(parameter: Parameter, inst: ShortForm, width_key: str) -> None:
+def _refuse_outside(parameter: Parameter, inst: Instrument, width_key: str) -> None:
     outside = probability_outside(parameter)
     if outside <= MOST_OUTSIDE:
         return

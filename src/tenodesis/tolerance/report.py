@@ -48,7 +48,7 @@ def _write_samples(study: Study, path: Path) -> None:
     """Write every row of the scheme: its parameters in SI units, its responses in deg, its status."""
     headings = [f"{one.instrument} {one.key} [{one.unit}]" for one in study.parameters]
     columns = dict(zip(headings, study.matrix.T, strict=True))
-    columns |= {f"{key} [deg]": one.scheme for key, one in study.responses.items()}
+    columns |= {f"{key} [{one.unit}]": one.scheme for key, one in study.responses.items()}
     write_columns(columns | {"status": study.status}, path, digits=12)
 
 
@@ -63,7 +63,7 @@ def _results(study: Study) -> dict[str, Any]:
         found = one.indices
         responses[key] = {
             "description": one.description,
-            "unit": "deg",
+            "unit": one.unit,
             "varies": one.varies,
             "nominal": one.nominal,
             "mean": one.mean,
@@ -91,7 +91,7 @@ def _results(study: Study) -> dict[str, Any]:
         "seed": study.seed,
         "force": study.force,
         "force_factor": study.force_factor,
-        "handle_angle": math.degrees(study.end),
+        "handle_angle": None if study.joints else math.degrees(study.end),
         "failed": study.failed,
         "incomplete": study.incomplete,
         "indices_valid": study.indices_valid,
@@ -101,14 +101,7 @@ def _results(study: Study) -> dict[str, Any]:
 
 
 def _rendered(study: Study, plots: list[tuple[Plot, Markup]]) -> str:
-    loss, similarity = study.responses["loss_flexion"], study.responses["similarity_rms"]
-    low, high = (fixed(loss.quantile(share), 1) for share in (0.05, 0.95))
-    cards = [
-        ("output loss in flexion, 5 to 95 %", f"{low} … {high}°"),
-        ("similarity error (rms), 95 % stay below", f"{fixed(similarity.quantile(0.95))}°"),
-        ("dominates the loss", _dominating(study, loss)),
-        ("dominates the similarity error", _dominating(study, similarity)),
-    ]
+    cards = _joint_cards(study) if study.joints else _cards(study)
     return render(
         "tenodesis.tolerance",
         "tolerance.html.j2",
@@ -116,9 +109,30 @@ def _rendered(study: Study, plots: list[tuple[Plot, Markup]]) -> str:
         key_figures=cards,
         quantiles=QUANTILES,
         ranked=next((one.order for one in study.responses.values() if one.indices), ()),
-        end=fixed(math.degrees(study.end), 1),
+        end="" if study.joints else fixed(math.degrees(study.end), 1),
         plots=plots,
     )
+
+
+def _cards(study: Study) -> list[tuple[str, str]]:
+    loss, similarity = study.responses["loss_flexion"], study.responses["similarity_rms"]
+    low, high = (fixed(loss.quantile(share), 1) for share in (0.05, 0.95))
+    return [
+        ("output loss in flexion, 5 to 95 %", f"{low} … {high}°"),
+        ("similarity error (rms), 95 % stay below", f"{fixed(similarity.quantile(0.95))}°"),
+        ("dominates the loss", _dominating(study, loss)),
+        ("dominates the similarity error", _dominating(study, similarity)),
+    ]
+
+
+def _joint_cards(study: Study) -> list[tuple[str, str]]:
+    own = [(joint, study.responses[f"similarity_largest.{joint}"].quantile(0.95)) for joint in study.joints]
+    tip = study.responses["tip_largest"]
+    return [
+        *((f"largest similarity error of {joint}, 95 % stay below", f"{fixed(value)}°") for joint, value in own),
+        ("largest distance at the real-size tip, 95 % stay below", f"{fixed(tip.quantile(0.95))} mm"),
+        ("dominates at the tip", _dominating(study, tip)),
+    ]
 
 
 def _dominating(study: Study, response: Response) -> str:

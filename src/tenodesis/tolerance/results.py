@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.tolerance.files import Tolerances
 from tenodesis.tolerance.parameters import Parameter
@@ -36,7 +36,7 @@ DESCRIPTIONS: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class Response:
-    """A response of a study, deg: over all rows of the scheme, at the nominal values, and by tornado."""
+    """A response of a study, in its unit: over all rows of the scheme, at the nominal values, and by tornado."""
 
     key: str
     scheme: Array
@@ -48,10 +48,14 @@ class Response:
     """Values of the independent samples, the scheme's A and B, without lost samples."""
     indices: Indices | None
     """Sobol indices; None where they are not valid or the response does not vary."""
+    description: str
+    """Name in reports."""
+    unit: str = "deg"
 
     def __repr__(self) -> str:
         return (
-            f"<Response {self.key}: mean {self.mean:.4g} deg, std {self.std:.3g} deg, nominal {self.nominal:.4g} deg>"
+            f"<Response {self.key}: mean {self.mean:.4g} {self.unit}, std {self.std:.3g} {self.unit}, "
+            f"nominal {self.nominal:.4g} {self.unit}>"
         )
 
     @property
@@ -60,22 +64,17 @@ class Response:
         return bool(np.ptp(self.scheme[~np.isnan(self.scheme)]) > LEAST_RANGE)
 
     @property
-    def description(self) -> str:
-        """Name in reports."""
-        return DESCRIPTIONS[self.key]
-
-    @property
     def mean(self) -> float:
-        """Mean, deg."""
+        """Mean."""
         return float(self.samples.mean())
 
     @property
     def std(self) -> float:
-        """Standard deviation, deg."""
+        """Standard deviation."""
         return float(self.samples.std(ddof=1))
 
     def quantile(self, share: float) -> float:
-        """Return a quantile, deg."""
+        """Return a quantile."""
         return float(np.quantile(self.samples, share))
 
     @cached_property
@@ -95,8 +94,8 @@ class Response:
 class Study:
     """A tolerance study; :func:`tenodesis.tolerance.study` makes it."""
 
-    real_size: ShortForm
-    scaled_up: ShortForm
+    real_size: Instrument
+    scaled_up: Instrument
     tolerances: Tolerances
     parameters: tuple[Parameter, ...]
     samples: int
@@ -106,7 +105,7 @@ class Study:
     """Force on the real-size instrument, N."""
     force_factor: float
     end: float
-    """Handle angle at which the losses are read, rad."""
+    """Handle angle at which the losses are read, rad; of several joints NaN."""
     matrix: Array
     """Values by row of the scheme and parameter, SI units."""
     status: NDArray[np.int64]
@@ -114,10 +113,15 @@ class Study:
     responses: Mapping[str, Response] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        found = ", ".join(f"{key} {one.mean:.3g} ± {one.std:.2g} deg" for key, one in self.responses.items())
+        found = ", ".join(f"{key} {one.mean:.3g} ± {one.std:.2g} {one.unit}" for key, one in self.responses.items())
         lost = f", {100 * self.failed:.2g} % lost" if self.failed else ""
         pair = f"{self.real_size.name!r} and {self.scaled_up.name!r}"
         return f"<Study of {pair}: {len(self.parameters)} parameters, {self.runs} runs{lost}; {found}>"
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Joints at the tip that have responses of their own; none where there is one plane."""
+        return tuple(key.partition(".")[2] for key in self.responses if key.startswith("similarity_largest."))
 
     @property
     def runs(self) -> int:
@@ -163,7 +167,7 @@ class Study:
                 f"{100 * self.incomplete:.2g} % of the base samples lack a run and are left out of the indices."
             )
         sentences += [
-            f"The {one.description} does not vary: all its samples are within {LEAST_RANGE:g} deg."
+            f"The {one.description} does not vary: all its samples are within {LEAST_RANGE:g} {one.unit}."
             for one in self.responses.values()
             if not one.varies
         ]
@@ -194,8 +198,11 @@ def complete_blocks(status: NDArray[np.int64], samples: int) -> NDArray[np.bool_
     return complete
 
 
-def respond(key: str, scheme: Array, study: Study, rest: Array) -> Response:
-    """Return a response from its values by row of the scheme and, in `rest`, of the nominal and the tornado's rows."""
+def respond(key: str, scheme: Array, study: Study, rest: Array, described: tuple[str, str]) -> Response:
+    """Return a response from its values by row of the scheme and, in `rest`, of the nominal and the tornado's rows.
+
+    `described` are its description and unit.
+    """
     samples = scheme[study.base]
     complete = complete_blocks(study.status, study.samples)
     values = scheme.reshape(study.samples, -1)[complete].ravel()
@@ -203,4 +210,4 @@ def respond(key: str, scheme: Array, study: Study, rest: Array) -> Response:
     if study.indices_valid and values.size and np.ptp(values) > LEAST_RANGE:
         indices = estimate(study.parameters, values, study.seed)
     at_quantiles = rest[1:].reshape(2, len(study.parameters)).T
-    return Response(key, scheme, float(rest[0]), at_quantiles, samples[~np.isnan(samples)], indices)
+    return Response(key, scheme, float(rest[0]), at_quantiles, samples[~np.isnan(samples)], indices, *described)

@@ -71,6 +71,7 @@ def run_many(
     radial_force: ArrayLike = 0.0,
     weight: ArrayLike = 0.0,
     wrench: ArrayLike = 0.0,
+    grip_force: ArrayLike = 0.0,
     spool_velocity: ArrayLike = 0.0,
     spool_tension: ArrayLike = 0.0,
     contact: Contacts | None = None,
@@ -97,6 +98,8 @@ def run_many(
         with an axis of columns, (n, columns) or (runs, n, columns).
     wrench
         On an instrument that lists joints and tendons, as for :meth:`Twin.run`, or (runs, n, 6).
+    grip_force
+        On one with jaws, likewise, (n, 1) or (runs, n, 1).
     spool_velocity
         Spool velocities, rad/s, shape (n, tendons) for all runs or (runs, n, tendons).
     spool_tension
@@ -137,6 +140,8 @@ def run_many(
         "spool_velocity": spool_velocity,
         "spool_tension": spool_tension,
     }
+    if np.any(grip_force):
+        arguments["grip_force"] = grip_force
     steps = Steps(time_step, quasi_static)
     if any(one.short_form is None for one in chosen):
         many = chains(_varied(chosen, vary or {}), arguments, contact, seeds, steps)

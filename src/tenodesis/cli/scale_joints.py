@@ -1,0 +1,126 @@
+"""What ``tenodesis scale`` does with an instrument of several joints."""
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.markup import escape
+
+from tenodesis import scaling, tolerance
+from tenodesis.cli.cad import in_step
+from tenodesis.cli.common import ProgressBar, console, say, table
+from tenodesis.cli.outputs import Outputs
+from tenodesis.errors import CommandError, StudyError
+from tenodesis.files import atomic_files, write_errors
+from tenodesis.instrument import Instrument
+from tenodesis.instrument.text import to_file
+from tenodesis.report import style
+from tenodesis.scaling import Catalogue, JointDesign, JointFront, figures, joints_plan
+from tenodesis.scaling.design import PREFERENCES, Preference
+from tenodesis.scaling.joints_plan import AsBuilt, distance
+
+_FILES = ("scaled-up.toml", "plan.html", "plan.pdf", "parts.csv", "front.csv", "front.svg", "front.png")
+_SAMPLES = 64
+_SHARE = 0.95
+_HEADING = """Scale model of {}, designed by tenodesis scale; plan.html lists what to build and which weights to use.
+The links' inertia and damping, and the ropes' true modulus, are to be measured once it stands."""
+
+
+def scale_joints(  # noqa: PLR0917
+    outputs: Outputs,
+    inst: Instrument,
+    parts: Catalogue,
+    pins: Mapping[str, Any],
+    prefer: Preference,
+    pick: int | None,
+    out: Path,
+) -> None:
+    """Design a scale model, write its files, and print front, factors and errors."""
+    with outputs.folder(out, _FILES), ProgressBar("", None) as bar:
+        report = in_step(bar)
+        front = scaling.design_joints(
+            inst, parts, pins=pins, progress=lambda doing, done, total: report(done, total, doing)
+        )
+        if pick is not None and not 1 <= pick <= len(front):
+            raise CommandError(key="--pick", value=pick, allowed=f"a row of the front, from 1 to {len(front)}")
+        chosen = front.best(prefer) if pick is None else pick - 1
+        design = front[chosen]
+        report(0, 1, "drawing instruments from tolerances")
+        built, lacking = _built(design)
+        report(0, 1, "writing the plan")
+        _write(out, front, design, built)
+    _print(front, chosen, design, built)
+    if lacking:
+        say(lacking)
+    say(f"{', '.join(str(out / name) for name in _FILES[:5])} and a picture of the front are written.")
+
+
+def _built(design: JointDesign) -> tuple[AsBuilt | None, str]:
+    """Return the errors that most instruments keep that are built to usual tolerances; or a sentence on why not."""
+    try:
+        found = tolerance.drawn(design.real_size, design.scaled_up, samples=_SAMPLES)
+    except StudyError as problem:
+        return None, f"As built is left out: {problem}"
+    kept = [float(np.quantile(found[f"similarity_largest.{one}"], _SHARE)) for one in design.comparison.joints]
+    return AsBuilt(_SHARE, tuple(kept), 1e-3 * float(np.quantile(found["tip_largest"], _SHARE))), ""
+
+
+def _write(out: Path, front: JointFront, design: JointDesign, built: AsBuilt | None) -> None:
+    with write_errors(out, CommandError), atomic_files(out) as new:
+        (new / _FILES[0]).write_text(to_file(design.scaled_up, comment=_HEADING.format(design.real_size.name)), "utf-8")
+        joints_plan.write(design, new, built)
+        with (new / "parts.csv").open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file).writerows([("number", "part", "take", "which is"), *joints_plan.parts(design)])
+        write_front(front, new / "front.csv")
+        with style.applied():
+            figure = figures.draw_front(front, {"this design": design.objectives})
+            figure.savefig(new / "front.svg", metadata={"Date": None}, dpi=200)
+            figure.savefig(new / "front.png", dpi=200)
+
+
+def write_front(front: "scaling.Front | JointFront", path: Path) -> None:
+    """Write the designs of a front as CSV."""
+    columns = {"row": list(range(1, len(front) + 1)), **front.table()}
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        for row in zip(*columns.values(), strict=True):
+            writer.writerow(f"{value:.9g}" if isinstance(value, float) else value for value in row)
+
+
+def _print(front: JointFront, chosen: int, design: JointDesign, built: AsBuilt | None) -> None:
+    title = (
+        f"{front.real_size.name}: {front.examined} scale models judged, {front.feasible} meet every constraint, "
+        f"{len(front)} on the front"
+    )
+    designs = table(title, ">row", ">as designed", ">resolution", ">length", ">margin", "made of")
+    for index in sorted({front.best(one) for one in PREFERENCES} | {chosen}):
+        one = front.objectives[index]
+        row = (
+            str(index + 1), _angle(one.similarity_error), f"{1e3 * one.force_resolution:.3g} mN",
+            f"{1e3 * one.overall_length:.4g} mm", f"{one.tension_margin:.3g}", escape(front.described(index)),
+        )  # fmt: skip
+        designs.add_row(*row, style="bold" if index == chosen else None)
+    console.print(designs)
+    pair = design.comparison
+    errors = table("largest similarity error", "", *(f">{joint}" for joint in pair.joints), ">at the real-size tip")
+    for name, error in (("as designed", design.error), ("with friction at rest", design.error_at_rest)):
+        errors.add_row(name, *(_angle(float(one)) for one in error.largest), distance(error.largest_at_tip))
+    if built is not None:
+        own = (f"{one:.2g}°" for one in built.joints)
+        errors.add_row(f"as built, {100 * built.share:g} % keep", *own, distance(built.tip))
+    console.print(errors)
+    factors = pair.factors
+    say(
+        f"Row {chosen + 1} is taken: {design.scaled_up.name}, length x {factors['length']:.4g}, force x "
+        f"{factors['force']:.4g}, tension x {factors['tension']:.4g}, time x {factors['time']:.4g}."
+    )
+    if (stock := front.in_stock) is not None:
+        say(f"With wheels in stock alone: {_angle(stock.error)} as designed, length x {stock.factor:.4g}.")
+    say("As built: by usual tolerances; tenodesis tolerance says which of them dominate.")
+
+
+def _angle(degrees: float) -> str:
+    return f"{degrees:.2f}°" if degrees >= 0.01 else "<0.01°"

@@ -1,0 +1,286 @@
+"""The plan of a scale model of several joints: what to build, with which weights, and how similar it is."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tenodesis.instrument.joints import Joint
+from tenodesis.report import style
+from tenodesis.report.page import about, inline_svg
+from tenodesis.scaling.joints import JointDesign
+from tenodesis.scaling.plan import (
+    Card,
+    JointPlan,
+    PlanFigure,
+    PlanTable,
+    angle,
+    masses,
+    plain,
+    quantity,
+    write_plan,
+)
+from tenodesis.scaling.weights import WeightSelection, select_weights
+from tenodesis.similarity.joints import JointError
+from tenodesis.statics import chain
+from tenodesis.statics.bends import Bends
+
+_FACTORS: Mapping[str, str] = {
+    "length": "length, and strokes of motors",
+    "tendon_stiffness": "stiffness of tendons",
+    "tension": "tension",
+    "force": "force at the tip",
+    "moment": "moment at the tip",
+    "grip_force": "grip force",
+    "torque": "moment about a joint",
+    "spool_angle": "spool angle",
+    "time": "time",
+}
+_POINTS = 21
+_ALIKE = 1e-4
+_LEAST = 1e-6  # m
+
+
+@dataclass(frozen=True)
+class AsBuilt:
+    """Largest errors that a share of the instruments keep that are built to tolerances."""
+
+    share: float
+    joints: tuple[float, ...]
+    """By joint, deg"""
+    tip: float
+    """At the real-size tip, m"""
+
+
+def write(design: JointDesign, folder: Path, built: AsBuilt | None = None) -> tuple[Path, Path]:
+    """Write the plan as plan.html and plan.pdf, and return their paths; raises DesignError if they cannot be."""
+    return write_plan(content(design, built), folder)
+
+
+def distance(metres: float) -> str:
+    """Return an error at the tip as text."""
+    return quantity(metres, "mm", 2, "m") if metres >= _LEAST else f"<{1e3 * _LEAST:g} mm"
+
+
+def content(design: JointDesign, built: AsBuilt | None = None) -> JointPlan:
+    """Return the content of the plan of a design."""
+    pair, error = design.comparison, design.error
+    cards = [
+        Card(f"× {plain(pair.factors['length'])}", "length, scaled-up over real-size"),
+        Card(f"× {plain(pair.factors['force'])}", "force at the tip, scaled-up over real-size"),
+        Card(angle(float(error.largest.max())), "as designed: largest similarity error of a joint, without friction"),
+        Card(distance(error.largest_at_tip), "the same at the real-size tip"),
+    ]
+    if built is not None:
+        share = f"{100 * built.share:g} %"
+        cards.append(Card(angle(max(built.joints)), f"as built: {share} keep, with friction, by usual tolerances"))
+    return JointPlan(
+        title=f"{design.scaled_up.name}: scale model of {design.real_size.name}",
+        lead=f"{', '.join(pair.joints)} · {len(design.scaled_up.tendons)} tendons · catalogue {design.catalogue.name}",
+        cards=tuple(cards),
+        warnings=tuple(_warnings(design)),
+        rows=[
+            [_parts(design)],
+            [_loads(design)],
+            [_lengths(design), _factors(design)],
+            [_tendons(design), _resolution(design)],
+            [_losses(design)],
+            [_similarity(design, built)],
+            [_groups(design)],
+        ],
+        footer=f"tenodesis {about()['tenodesis']} · research software, not a medical device",
+    )
+
+
+def parts(design: JointDesign) -> Iterator[tuple[str, str, str, str]]:
+    """Yield number, part, what to take and what it is, of all parts."""
+    choice, count = design.choice, len(design.scaled_up.tendons)
+    for what, radius in choice.wheels.items():
+        made = "wheel" + (", turned to size if no stock has it" if choice.to_size else " in stock")
+        yield "", made, f"radius {quantity(radius, 'mm', 5, 'm')}", what
+    rope = choice.rope
+    yield (
+        str(count),
+        "rope for tendons",
+        rope.name,
+        f"⌀ {quantity(rope.diameter, 'mm', 3, 'm')}, E = {quantity(rope.modulus, 'GPa', 3, 'Pa')}; breaks at "
+        f"{quantity(rope.breaking_load, 'N', 4)}, largest tension {quantity(design.largest_tension, 'N', 3)}",
+    )
+    for name, rod in choice.rods:
+        yield "1", "rod for a backbone", f"{rod.name}, ⌀ {quantity(rod.diameter, 'mm', 3, 'm')}", name
+    for name, spring in choice.springs:
+        yield "1", "spring", quantity(spring, "N*mm", 4, "N*m") + " per rad", f"{name}; made to this value"
+    cell, encoder = choice.load_cell, choice.encoder
+    yield str(count), "load cells", cell.name, f"resolution {quantity(cell.resolution, 'N', 2)}"
+    if encoder is not None:
+        joints = len([joint for joint in design.scaled_up.as_given("joints") if joint.place == "tip"])
+        yield str(joints), "encoders at the tip", encoder.name, f"{encoder.bits} bit"
+    torque = quantity(design.largest_tension * choice.spool.radius, "N*m", 3)
+    motors = sum(tendon.start == "spool" for tendon in design.scaled_up.tendons)
+    yield (
+        str(motors),
+        "spools",
+        f"radius {quantity(choice.spool.radius, 'mm', 4, 'm')}",
+        f"{torque} at the largest tension",
+    )
+
+
+def weights(design: JointDesign) -> list[tuple[str, float, float, WeightSelection]]:
+    """Return direction, real-size and scaled-up force (N), and weights on two cables at the tip, of the test loads."""
+    factors, at_hand = design.comparison.factors, design.catalogue.weights
+    found = []
+    for load in design.comparison.loads:
+        factor = factors["force"] if load.wrench.any() else factors["grip_force"]
+        cable = design.catalogue.constraints.cable_mass
+        for share in (0.5, 1.0):
+            force = share * load.size
+            found.append((load.name, force, force * factor, select_weights(force * factor, at_hand, cable_mass=cable)))
+    return found
+
+
+def _parts(design: JointDesign) -> PlanTable:
+    return PlanTable("Parts", ("no.", "part", "take", "which is"), tuple(parts(design)), 4, (2, 3), names=True)
+
+
+def _loads(design: JointDesign) -> PlanTable:
+    rows = tuple(
+        (
+            "between the jaws" if name == "grip" else f"along {name}",
+            quantity(real, "N", 3),
+            quantity(scaled, "N", 4),
+            masses(chosen.loading),
+            masses(chosen.counter),
+            f"{100 * chosen.relative_error:+.2g} %",
+        )
+        for name, real, scaled, chosen in weights(design)
+    )
+    columns = ("force at the tip", "real-size", "scaled-up", "loading cable", "counter cable", "off by")
+    return PlanTable("Test loads, on two cables that pull at the tip against each other", columns, rows, 1, (0, 3, 4))
+
+
+def _lengths(design: JointDesign) -> PlanTable:
+    inst = design.scaled_up
+    rows = [("tendons, from spool to tip", inst.tendon_length), ("stem", inst.stem_length)]
+    for joint in inst.as_given("joints"):
+        rows += [(f"{joint.name}: {text}", value) for text, value in _of_joint(joint)]
+    if inst.grip is not None and inst.grip.length:
+        rows.append(("jaws' axis to what they hold", inst.grip.length))
+    table = tuple((name, f"{1e3 * value:.5g}") for name, value in rows if value)
+    return PlanTable("Lengths to make", ("", "mm"), table, names=True)
+
+
+def _of_joint(joint: Joint) -> Iterator[tuple[str, float | None]]:
+    yield "before it", joint.offset
+    yield "backbone", joint.backbone_length
+    yield "to where forces act", joint.end_effector_length
+
+
+def _factors(design: JointDesign) -> PlanTable:
+    factors = design.comparison.factors
+    rows = [(text, plain(factors[key])) for key, text in _FACTORS.items()]
+    return PlanTable("Factors, scaled-up over real-size", ("", "factor"), (*rows, ("angles", "1")))
+
+
+def _tendons(design: JointDesign) -> PlanTable:
+    inst = design.scaled_up
+    rows = tuple(
+        (tendon.name, quantity(float(tension), "N", 4), quantity(float(stiffness), "N/mm", 4, "N/m"))
+        for tendon, tension, stiffness in zip(inst.tendons, inst.pretensions, inst.stiffnesses, strict=True)
+    )
+    return PlanTable("Tendons", ("", "pretension", "stiffness"), rows, names=True)
+
+
+def _resolution(design: JointDesign) -> PlanTable:
+    factors, encoder = design.comparison.factors, design.choice.encoder
+    least = "–" if encoder is None else f"{plain(math.degrees(encoder.range / 2**encoder.bits), 2)}°"
+    rows = (
+        ("angle of a joint, by an encoder", least),
+        ("tendon tension", quantity(design.choice.load_cell.resolution / factors["tension"], "N", 2)),
+        ("force at the tip, set and measured", quantity(design.objectives.force_resolution, "N", 2)),
+    )
+    return PlanTable("Resolution, real-size", ("", "smallest difference"), rows)
+
+
+def _similarity(design: JointDesign, built: AsBuilt | None) -> PlanTable:
+    pair = design.comparison
+    rows = [
+        _error("as designed, without friction", design.error),
+        _error("with friction at rest", design.error_at_rest),
+    ]
+    if built is not None:
+        tip = distance(built.tip)
+        rows.append((f"as built, {100 * built.share:g} % keep", *(angle(one) for one in built.joints), tip))
+    loads = ", ".join(
+        f"{one.size:.3g} N {'of grip' if one.name == 'grip' else f'along {one.name}'}" for one in pair.loads
+    )
+    return PlanTable(
+        f"Largest similarity error, up to {loads} real-size",
+        ("", *pair.joints, "at the real-size tip"),
+        tuple(rows),
+        names=True,
+        note="angles over the working range, scaled-up minus real-size; at the tip, how far they would move the "
+        "real-size one, of two jaws the farther; as built by general tolerances: tenodesis tolerance has more",
+    )
+
+
+def _error(name: str, error: JointError) -> tuple[str, ...]:
+    return (name, *(angle(float(one)) for one in error.largest), distance(error.largest_at_tip))
+
+
+def _groups(design: JointDesign) -> PlanTable:
+    groups = design.comparison.groups
+    others = [group for group in groups if not (group.matches or abs(group.ratio - 1) < _ALIKE) and group.real_size]
+    alike = [group.name for group in groups if group not in others]
+    rows = tuple(
+        (group.name, group.meaning, plain(group.real_size, 3), plain(group.scaled_up, 3), plain(group.ratio))
+        for group in others
+    )
+    return PlanTable(
+        "Groups that do not match",
+        ("", "", "real-size", "scaled-up", "ratio"),
+        rows,
+        texts=2,
+        wide=(0, 1),
+        names=True,
+        note=f"matching: {', '.join(alike) or 'none'}",
+    )
+
+
+def _losses(design: JointDesign) -> PlanFigure:
+    """Return the angles that each load leaves in the bent state, of both instruments."""
+    pair, states = design.comparison, design.comparison.states
+    bent = int(np.argmax(np.abs(states.angles).sum(axis=1)))
+    bends = Bends.of(design.real_size)
+    with style.applied():
+        fig, axes = style.figure(len(pair.loads), width=3.4 * len(pair.loads), height=2.8)
+        for axis, load in zip(axes, pair.loads, strict=True):
+            shares = np.linspace(0.0, 1.0, _POINTS)
+            wrench, grip = np.outer(shares, load.wrench), shares * load.grip_force
+            own = _angles(design.real_size, states.handle[bent], states.strokes[bent], wrench, grip)
+            other = _angles(
+                design.scaled_up, states.handle[bent], states.scaled_strokes[bent], *pair.scaled_loads(wrench, grip)
+            )
+            colors = style.colors(len(pair.joints))
+            for n, (name, color) in enumerate(zip(pair.joints, colors, strict=True)):
+                axis.plot(shares * load.size, np.degrees(bends.summed(own))[:, n], color=color, label=name)
+                axis.plot(shares[::4] * load.size, np.degrees(bends.summed(other))[::4, n], "o", color=color, ms=3)
+            axis.set_xlabel(f"force {'of grip' if load.name == 'grip' else f'along {load.name}'}, real-size [N]")
+        axes[0].set_ylabel("angle [deg]")
+        style.legend_above(axes[0], len(pair.joints))
+        drawn = inline_svg("angles", fig)
+    return PlanFigure("Angles that loads leave in a bent state: real-size (lines), scaled-up (points)", drawn)
+
+
+def _angles(inst: object, handle: np.ndarray, strokes: np.ndarray, wrench: np.ndarray, grip: np.ndarray) -> np.ndarray:
+    return chain.output_angles(inst, handle, wrench, grip_force=grip, strokes=strokes)  # type: ignore[arg-type]
+
+
+def _warnings(design: JointDesign) -> Iterator[str]:
+    if design.error.unsolved > design.comparison.error().unsolved:
+        yield "Where both do not hold a load, no error is counted."
+    for name, spring in design.choice.springs:
+        yield f"The spring of {name}, {spring:.4g} N m/rad, is in no catalogue: it must be made, or set by trying."
+    if any(tendon.stiffness_by_tension is not None for tendon in design.scaled_up.tendons):
+        yield "Ropes whose stiffness grows with the tension must have the scaled table of the instrument file."
