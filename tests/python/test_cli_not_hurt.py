@@ -386,7 +386,6 @@ NEW, LOSS, MANY, HEADER = "new mine --defaults", "loss real-size", "loss needle-
         ("record scaled-up short.toml --time-step 0.5", "--time-step"),
         ("check absent.toml --json", "file"),
         ("loss absent.toml --json", "file"),
-        ("export controller needle-driver", "inst"),
         (f"{HEADER} --axis pitch", "axis"),
         (f"{HEADER} --observer paper", "observer"),
         *((f"{HEADER} --name {name}", "name") for name in ("2nd", "static", "tenodesis_step")),
