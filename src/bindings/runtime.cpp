@@ -10,15 +10,14 @@
 #include "chain_spec.hpp"
 #include "module.hpp"
 #include "runtime/mailbox_device.hpp"
-#include "runtime/motor_switch.hpp"
 #include "runtime/twin_device.hpp"
 
 namespace tenodesis::bindings {
 namespace {
 
 using namespace engine;
-using runtime::TwinDevice, runtime::MailboxDevice, runtime::MotorSwitch, runtime::OrderKind, runtime::Problem,
-    runtime::RingReader, runtime::Runtime;
+using runtime::TwinDevice, runtime::MailboxDevice, runtime::OrderKind, runtime::Problem, runtime::RingReader,
+    runtime::Runtime;
 
 constexpr double nanoseconds = 1e9;
 
@@ -176,8 +175,6 @@ void bind_runtime(nb::module_& m) {
           "Names and widths of the signals' columns.");
   nb::class_<TwinDevice, runtime::Device>(m, "TwinDevice", "A digital twin, which each write advances by a tick.")
       .def(nb::init<AnyTwin&, double, int>(), "twin"_a, "time_step"_a, "steps_per_tick"_a, nb::keep_alive<1, 2>());
-  nb::class_<MotorSwitch, AnyController>(m, "MotorSwitch", "In place of a controller where no joint has a law.")
-      .def(nb::init<>());
   nb::class_<MailboxDevice, runtime::Device>(m, "MailboxDevice", "A device that another thread serves.")
       .def(nb::new_([](std::size_t joints, std::size_t handles, std::size_t tendons, bool distal_encoder,
                        bool holds_tension) {

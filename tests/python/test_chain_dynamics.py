@@ -75,11 +75,3 @@ def test_the_mass_matrix_and_what_rates_take_are_mujocos(inst: FullForm) -> None
         expected, moments = chain_dynamics.mass_matrix(inst, angles, rates)
         assert matrix == pytest.approx(expected, abs=for_matrix * np.abs(expected).max())
         assert bias == pytest.approx(moments, abs=for_rates * np.abs(moments).max())
-
-
-def test_mujocos_steps_are_counted_and_a_tip_without_a_place_to_start_is_refused() -> None:
-    inst = instrument.expanded("hybrid-real-size")
-    for as_exported in (True, False):
-        assert chain_dynamics.steps_per_second(inst, [0.2, 0.1, 0, 0, 0, 0], seconds=0, as_exported=as_exported) > 0
-    with pytest.raises(chain_dynamics.NoSolutionError):
-        chain_dynamics.simulate(inst, 0.0, [[1e3, 0, 0, 0, 0, 0]], STEP)

@@ -325,11 +325,13 @@ INTERRUPTED = (130, -signal.SIGINT)
 def test_ctrl_c_during_the_work_says_what_is_written_and_leaves_nothing_else(tmp_path: Path) -> None:
     first = start_command(tmp_path, "vertices", "--out", "there")
     until((tmp_path / "there").exists, first)
+    first.send_signal(signal.SIGSTOP)
     second = start_command(tmp_path, "vertices", "--out", "there")
     stderr = second.communicate(timeout=120)[1]
     assert second.returncode == 1
     assert stderr.startswith("tenodesis: there is being written by another command")
     first.send_signal(signal.SIGINT)
+    first.send_signal(signal.SIGCONT)
     stderr = first.communicate(timeout=120)[1]
     assert first.returncode in INTERRUPTED
     assert stderr.strip() == "tenodesis: interrupted; nothing is written to there."

@@ -108,6 +108,19 @@ def test_the_map_of_contributing_names_every_header_and_every_package() -> None:
     assert cells == headers | {"package": parts - {"__init__", "__pycache__"}}
 
 
+def test_every_guarantee_names_tests_that_exist() -> None:
+    rows = re.findall(r"^\| (?!guarantee)(\w.*) \|$", (ROOT / "docs/guarantees.md").read_text("utf-8"), re.M)
+    assert len(rows) > 25
+    for row in rows:
+        *_, tests = row.split(" | ")
+        named = re.findall(r"`(\w+)(\.cpp)?::(\w+)`", tests)
+        assert named or (tests == "–" and re.search(r"benchmarks/|make firmware", row)), row
+        for file, ending, function in named:
+            path = ROOT / ("tests/cpp" if ending else "tests/python") / f"{file}{ending or '.py'}"
+            kind = r"\b" if ending else "^def "
+            assert re.search(rf"{kind}{function}\(", path.read_text("utf-8"), re.M), f"{file}::{function}"
+
+
 def test_links_between_the_documents_lead_somewhere() -> None:
     for page in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]:
         for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8")):

@@ -177,6 +177,8 @@ def test_other_designs_beat_the_papers_scaled_up_instrument(paper: Report) -> No
     for name in ("similarity_error", "overall_length", "force_resolution"):
         own, rival = (results[f"design.paper.{of}{name}"].value for of in ("", "rival."))
         assert rival <= own * (1 + 1e-6), name
+    margin = results["design.paper.tension_margin"].value
+    assert results["design.paper.rival.tension_margin"].value >= margin * (1 - 1e-6)
     assert results["design.paper.similarity_error"].value == pytest.approx(
         results["similarity.scaled.to_0.52N.largest"].value, abs=2e-3
     )

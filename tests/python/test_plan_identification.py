@@ -52,7 +52,7 @@ def test_predicted_intervals_are_the_scatter_of_estimates_over_seeds(scaled_up: 
     commands = scaled_up.protocol.commands(scaled_up.inst, bench.time_step)
     free = [number for number, one in enumerate(scaled_up.parameters) if one.name in scaled_up.open]
     inverse, estimates = None, []
-    for seed in range(1, 17):
+    for seed in range(1, 11):
         run = Twin(scaled_up.inst, seed=seed, time_step=bench.time_step).run(**commands)
         problem, _ = bench.information(run)
         if inverse is None:

@@ -18,7 +18,6 @@ LIVE = (
         "TwinDevice",
         "JointSwitch",
         "LiveJoints",
-        "MotorSwitch",
         "MailboxDevice",
         "Runtime",
         "RingReader",

@@ -16,7 +16,7 @@ from tenodesis.live import events
 from tenodesis.live.events import Tail
 from tenodesis.live.ticks import RowSource, start_time
 from tenodesis.recording import cdr, schemas
-from tenodesis.recording.schemas import Messages
+from tenodesis.recording.schemas import TopicMessages
 from tenodesis.run import Run
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ class FoxgloveServer:
         self._stride = 1 if rate is None else max(1, round(1 / (rate * source.time_step)))
         self._tail = None if folder is None else Tail(folder / events.FILE, at_end=True)
         self._context = foxglove.Context()
-        self._channels: list[tuple[Messages, Channel]] | None = None
+        self._channels: list[tuple[TopicMessages, Channel]] | None = None
         self._start = 0
         self._time = 0.0
         self._row = 0

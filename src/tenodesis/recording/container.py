@@ -44,22 +44,22 @@ class Message(NamedTuple):
     data: bytes
 
 
-class Part(NamedTuple):
+class MessageRows(NamedTuple):
     """Successive messages of a topic that are equally long: numbers (n,), stamps (n,) in ns, and bytes (n, size)."""
 
     sequences: NDArray[np.uint32]
     stamps: NDArray[np.uint64]
     data: NDArray[np.uint8]
 
-    def rows(self, first: int, last: int) -> "Part":
+    def rows(self, first: int, last: int) -> "MessageRows":
         """Return some of them."""
-        return Part(self.sequences[first:last], self.stamps[first:last], self.data[first:last])
+        return MessageRows(self.sequences[first:last], self.stamps[first:last], self.data[first:last])
 
 
 class Messages(Sequence[Message]):
     """Messages of a topic, in parts."""
 
-    def __init__(self, parts: Iterable[Part] = ()) -> None:
+    def __init__(self, parts: Iterable[MessageRows] = ()) -> None:
         self.parts = list(parts)
 
     @classmethod
@@ -74,7 +74,7 @@ class Messages(Sequence[Message]):
                 same = messages[first:last]
                 data = np.frombuffer(b"".join(one.data for one in same), np.uint8)
                 found.parts.append(
-                    Part(
+                    MessageRows(
                         np.array([one.sequence % 2**32 for one in same], np.uint32),
                         np.array([one.stamp for one in same]).astype(np.uint64),
                         data.reshape(len(same), -1 if data.size else 0),
@@ -306,7 +306,7 @@ class _Loose:
         self._found.setdefault(channel, []).append(Message(sequence, stamp, data[start + _MESSAGE.size : end]))
         self.size += end - start
 
-    def add_part(self, channel: int, part: Part) -> None:
+    def add_part(self, channel: int, part: MessageRows) -> None:
         """Add several at once."""
         messages = self._parts.setdefault(channel, Messages())
         messages.parts += Messages.of(self._found.pop(channel, [])).parts
@@ -377,7 +377,7 @@ def _rows(data: bytes, begin: int, row: Sequence[tuple[int, int]], found: _Loose
         return 0
     for n, (channel, _) in enumerate(row):
         head = rows[f"head{n}"][:count]
-        found.add_part(channel, Part(head["sequence"], head["log"], rows[f"data{n}"][:count]))
+        found.add_part(channel, MessageRows(head["sequence"], head["log"], rows[f"data{n}"][:count]))
     return count
 
 

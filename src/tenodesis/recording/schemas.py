@@ -279,7 +279,7 @@ def _axis_of(joint: str) -> str:
     return "" if side is None else joint.removesuffix(f"_{side}")
 
 
-class Messages(NamedTuple):
+class TopicMessages(NamedTuple):
     """The messages on a topic: the signal in each of their arrays, and the layout of their bytes."""
 
     topic: Topic
@@ -292,13 +292,13 @@ class Messages(NamedTuple):
         return self.layout.encode(stamps, numbers)
 
 
-def messages_of(names: Names, carried: Collection[str]) -> list[Messages]:
+def messages_of(names: Names, carried: Collection[str]) -> list[TopicMessages]:
     """Return the messages that carry signals by name, ``time`` included."""
     found = []
     for topic in topics(names):
         signals = {field: signal for field, signal in topic.signals.items() if signal in carried}
         if signals:
-            found.append(Messages(topic, signals, _layout(topic, signals)))
+            found.append(TopicMessages(topic, signals, _layout(topic, signals)))
     return found
 
 

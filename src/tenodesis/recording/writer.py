@@ -17,7 +17,7 @@ from tenodesis.errors import RecordingError
 from tenodesis.recording import cdr, schemas
 from tenodesis.recording.chunks import ChunkedFile
 from tenodesis.recording.kept import Keeper
-from tenodesis.recording.schemas import Messages
+from tenodesis.recording.schemas import TopicMessages
 from tenodesis.run import Array, Names, Run
 
 _LAST_STAMP = 2**31 * cdr.SECOND - 1
@@ -26,7 +26,7 @@ _SEQUENCES = 2**32
 
 class _Channel(NamedTuple):
     id: int
-    messages: Messages
+    messages: TopicMessages
 
 
 class Recorder:

@@ -13,7 +13,7 @@ from tenodesis.instrument import FullForm
 from tenodesis.routes import twin_rows
 from tenodesis.run import ACROSS, COMPONENTS, Array
 from tenodesis.twin.commands import Frame
-from tenodesis.twin.core import Constant, Outcome, Ticks, TwinCore
+from tenodesis.twin.core import Stepped, Surroundings, Ticks, TwinCore
 from tenodesis.twin.rows import check_rig
 
 _NOT_TAKEN = ("in_stem_axes", "held", "contact")
@@ -79,7 +79,7 @@ class ChainCore(TwinCore):
         if axes != "tip" and any(np.any(commands.get(name, 0)) for name in ("force", "radial_force")):
             raise ArgumentError(key="axes", value=axes, allowed="tip, with the forces of axes")
 
-    def rows(self, commands: Mapping[str, Array], constant: Constant) -> Array:
+    def rows(self, commands: Mapping[str, Array], constant: Surroundings) -> Array:
         """Return the commands as rows; forces of axes are added to the wrench: yaw bends toward x, pitch toward y."""
         rows = super().rows(commands, constant)
         rows[:, self.columns["in_stem_axes"]] = constant.axes == "stem"
@@ -92,7 +92,7 @@ class ChainCore(TwinCore):
 
     def run_joints(
         self, controller: JointController, rows: Array, targets: Array, requests: Sequence[int], ticks: Ticks
-    ) -> tuple[Outcome, dict[str, Array]]:
+    ) -> tuple[Stepped, dict[str, Array]]:
         """Step over commands with observer and law of all joints; return the outcome, and their signals by step."""
         out = self._room(len(rows))
         control = np.empty((len(rows), controller.core.stored))
@@ -108,7 +108,7 @@ class ChainCore(TwinCore):
             out,
             control,
         )
-        return Outcome(steps, Status(status), self.named(out)), controller.signals_of(control)
+        return Stepped(steps, Status(status), self.named(out)), controller.signals_of(control)
 
 
 def _rig(inst: FullForm) -> list[float]:

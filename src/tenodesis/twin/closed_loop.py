@@ -15,7 +15,7 @@ from tenodesis.instrument import Instrument, InstrumentLike
 from tenodesis.run import TENDONS, Array, Run
 from tenodesis.twin.chain_core import ChainCore
 from tenodesis.twin.commands import check_finite
-from tenodesis.twin.core import Outcome, Ticks, TwinCore
+from tenodesis.twin.core import Stepped, Ticks, TwinCore
 from tenodesis.twin.rows import CONTROL
 
 
@@ -55,7 +55,7 @@ def run_closed_loop(
     first_step: int,
     time_step: float,
     relay: float,
-) -> Outcome:
+) -> Stepped:
     """Step a twin of the core with the controller in the loop."""
     if not relay >= 0:
         raise ArgumentError(key="relay", value=relay, allowed="a time in s, 0 or more")
@@ -84,7 +84,7 @@ def run_joint_loop(
     faults: Sequence[SignalFault],
     first_step: int,
     time_step: float,
-) -> tuple[Outcome, dict[str, Array]]:
+) -> tuple[Stepped, dict[str, Array]]:
     """Step a twin of the core with the controller of all joints in the loop; return the outcome, and its signals."""
     inst, count = controller.inst, len(rows)
     if not isinstance(core, ChainCore):

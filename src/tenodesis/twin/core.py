@@ -17,7 +17,7 @@ from tenodesis.twin.rows import CONTROL, columns_by_name, signals_of_commands
 _UNSEEN = ("sweeps",)
 
 
-class Constant(NamedTuple):
+class Surroundings(NamedTuple):
     """What acts on a twin during an entire call: tissue by joint, what the jaws hold, and the wrench's axes."""
 
     contact: Sequence[Contact | None] = ()
@@ -36,7 +36,7 @@ class Ticks(NamedTuple):
     modes: NDArray[np.uint8] | None
 
 
-class Outcome(NamedTuple):
+class Stepped(NamedTuple):
     """Steps taken, the last status, and signals by name, each of shape (n, columns)."""
 
     steps: int
@@ -108,7 +108,7 @@ class TwinCore(ABC):
     def check_axes(self, commands: Mapping[str, Array], axes: Frame) -> None:
         """Raise ArgumentError for axes of a wrench that do not go with the commands."""
 
-    def rows(self, commands: Mapping[str, Array], constant: Constant) -> Array:
+    def rows(self, commands: Mapping[str, Array], constant: Surroundings) -> Array:
         """Return the commands as rows of the core's columns."""
         self.check_axes(commands, constant.axes)
         rows = np.zeros((len(commands["handle_angle"]), sum(width for _, width in self.core.commands)))
@@ -125,13 +125,13 @@ class TwinCore(ABC):
         commands = {name: rows[:, columns] for name, columns in self.columns.items()}
         return signals_of_commands(commands, tissue=tissue, grip=self.grips, tension=tension)
 
-    def run(self, rows: Array) -> Outcome:
+    def run(self, rows: Array) -> Stepped:
         """Step over commands."""
         out = self._room(len(rows))
         steps, status = self.core.run(rows, out)
-        return Outcome(steps, Status(status), self.named(out))
+        return Stepped(steps, Status(status), self.named(out))
 
-    def run_controlled(self, controller: _core.Controller, rows: Array, ticks: Ticks) -> Outcome:
+    def run_controlled(self, controller: _core.Controller, rows: Array, ticks: Ticks) -> Stepped:
         """Step over commands, with a controller in the loop."""
         out = self._room(len(rows))
         control = np.empty((len(rows), len(self.pairs), len(CONTROL)))
@@ -149,7 +149,7 @@ class TwinCore(ABC):
             out,
             control,
         )
-        return Outcome(steps, Status(status), self.named(out), control)
+        return Stepped(steps, Status(status), self.named(out), control)
 
     def audit(self, rows: Array) -> tuple[int, Status, list[float]]:
         """Step over commands; return steps, the last status, and the values of an energy balance."""

@@ -17,7 +17,7 @@ from tenodesis.twin.axes_core import AxesCore
 from tenodesis.twin.chain_core import ChainCore
 from tenodesis.twin.commands import as_columns, check_finite, check_no_wrench, check_spool_tension
 from tenodesis.twin.contact import Contact, Contacts, by_axis, rows_of
-from tenodesis.twin.core import Constant, TwinCore
+from tenodesis.twin.core import Surroundings, TwinCore
 from tenodesis.twin.rows import check_handle_range, check_rig, check_seed
 
 _BY_TENDON = ("spool_velocity", "spool_tension")
@@ -154,7 +154,7 @@ def _rows(twin: ChainCore, inst: Instrument, arrays: Mapping[str, Array], tissue
     commands = as_columns(dict.fromkeys(twin.widths, 0.0) | given, twin.widths, inst)
     twin.check(commands)
     check_spool_tension(commands["spool_tension"], inst)
-    return twin.rows(commands, Constant(tissue, None, "tip"))
+    return twin.rows(commands, Surroundings(tissue, None, "tip"))
 
 
 def _shape(runs: int, arrays: Mapping[str, Array]) -> tuple[int, int]:

@@ -31,7 +31,7 @@ from tenodesis.twin.closed_loop import (
 )
 from tenodesis.twin.commands import Frame, Held, Loads, as_columns, check_held, check_spool_tension, grip_error
 from tenodesis.twin.contact import Contact, Contacts, by_axis
-from tenodesis.twin.core import Constant, Outcome, TwinCore
+from tenodesis.twin.core import Stepped, Surroundings, TwinCore
 from tenodesis.twin.rows import check_seed, lost, with_currents
 
 _LOOSENING_BLOCK = 0.05  # s
@@ -325,7 +325,7 @@ class Twin:
             warn_of_faults(run, self.inst)
         return run
 
-    def _advance(self, done: Outcome, count: int, before: State) -> None:
+    def _advance(self, done: Stepped, count: int, before: State) -> None:
         """Count steps that were taken; of those that were not, return to the state before and raise the reason."""
         if done.status != Status.OK:
             self.state = before
@@ -399,7 +399,7 @@ class Twin:
         tissue = by_axis(contact, self.names.joints)
         if contact is not None or held is not None:
             self._check_outside(tissue, held)
-        rows = core.rows(commands, Constant(tissue, held, axes))
+        rows = core.rows(commands, Surroundings(tissue, held, axes))
         self._held = held
         return rows, len(commands["handle_angle"])
 
