@@ -141,9 +141,12 @@ struct JointLaw {
       const S aim = clamp(lost[i], -room, room);
       // What is certainly off is brought nearer, also where friction keeps it there after strokes that went back.
       const S off = lost[i] - moved[i];
-      const S nearer = S(2) * larger(abs(off) - doubt, S(0));
-      const S certain = nearer > S(0) ? clamp(off, -nearer, nearer) : aim - moved[i];
-      const S step = tense || !compensates ? -memory.given[i] : certain;
+      const S most = S(2) * larger(abs(off) - doubt, S(0));
+      const S nearer = clamp(off, -most, most);
+      const S change = most == S(0) ? aim - moved[i]
+                       : off > S(0) ? larger(aim - moved[i], nearer)
+                                    : smaller(aim - moved[i], nearer);
+      const S step = tense || !compensates ? -memory.given[i] : change;
       memory.given[i] = memory.given[i] + rate * period * step;
     }
     if (compensates) tighten(found, memory);
