@@ -361,6 +361,7 @@ struct JointObserver {
       stretch_by_friction = stretch_by_friction + soft * by_friction;
     };
     for (int h = 0; h < chain.handles; ++h) wound = wound + chain.handle_arm[m][h] * joints.y[h];
+    const S scale = S(1) + memory.learned.scale[0];
     S slips = play;
     for (int j = 0; j < contacts[m]; ++j) {
       const Passage<S>& at = passage[m][j];
@@ -371,8 +372,7 @@ struct JointObserver {
         slips = play + handle_play;
       }
       const S wrap = wrap_at(at, joints);
-      const S scale = S(1) + memory.learned.scale[0];
-      const S exponent = scale * at.coefficient * wrap;
+      const S known = at.coefficient * wrap, exponent = scale * known;
       const Band<S> band = band_of(law, exponent, wrap, at, S(0), tension);
       auto& contact = memory.contact[m][j];
       const S low = larger((tension - band.constant) / band.ratio, S(0));
@@ -380,7 +380,7 @@ struct JointObserver {
       contact.update(low, high, position, slips + tension_play * total, memory.started);
       const S way = clamp(contact.slip.run, S(-1), S(1));
       const S share = contact.torque / larger(tension, S(1e-9));
-      by_friction = share * by_friction - way * (exponent * contact.torque + band.constant) / scale;
+      by_friction = share * by_friction - way * (known * contact.torque + band.constant);
       hidden = hidden / band.ratio + contact.hidden;
       tension = contact.torque;
       if (at.joint < 0 || at.joint >= N || at.arm == S(0)) continue;
