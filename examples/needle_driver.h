@@ -3,7 +3,7 @@
  *
  * Written by tenodesis 0.1.0 from needle-driver,
  * for version 1 of the C interface:
- * its own clock.
+ * the input's clock.
  *
  * Spools are at the pretension and joints straight where spool angles count from. Build src/c/joints.cpp by
  * -include of this header, and of no other.
@@ -39,7 +39,7 @@ static const tenodesis_joints_parameters needle_driver = {
     .friction_law = 0,
     .compensates = 1,
     .shows_load = 0,
-    .own_clock = 1,
+    .own_clock = 0,
     .reserved = 0,
     .handle = {0},
     .constant = TENODESIS_C(0.0), /* N: friction that does not depend on the load */

@@ -152,7 +152,7 @@ def grip_kept(name: str, closing: float, friction: float) -> dict[str, float]:
 
 def main() -> None:
     parser = law.arguments(__doc__)
-    parser.add_argument("--name", choices=NAMES, action="append", help="by default all")
+    parser.add_argument("--name", choices=NAMES, action="append", help="by default all, without --tool")
     parser.add_argument("--tool", action="append", default=[], help="tool file of the da Vinci Research Kit")
     options = parser.parse_args()
     columns = [
@@ -170,7 +170,7 @@ def main() -> None:
         Column("least with the law, 1", "least", np.min),
         Column("most, 1", "most", np.max),
     ]
-    for name in [*(options.name or NAMES), *options.tool]:
+    for name in [*(options.name or (() if options.tool else NAMES)), *options.tool]:
         axes = {"name": [name], "state": range(len(SHARES)), "direction": DIRECTIONS, "friction": law.ASSUMED}
         rows = campaign.run(trial, campaign.cases(**axes), Path(name).stem, results=options.results)
         print(f"{Path(name).stem}, {force_of(tool(name)):.3g} N in {len(DIRECTIONS)} directions")

@@ -44,7 +44,8 @@ struct JointController {
   JointObserver<W, most_contacts> observer{};
   JointLaw<W> law{};
   JointSupervisor<W> supervisor{};
-  S spool_step{};  ///< of the spools' encoders, rad
+  S spool_step{};   ///< of the spools' encoders, rad
+  S spool_share{};  ///< of what was sent, by which the spools' speed changes in a tick
 
   template <bool with_load>
   void step(const Input& in, Memory& memory) const {
@@ -108,6 +109,7 @@ struct JointController {
     auto& states = supervisor.states;
     auto& watch = supervisor.watch;
     law.period = states.period = watch.period = S(p.period);
+    spool_share = law.period / (S(p.drive_time_constant) + law.period);
     supervisor.stroke_limit = S(p.stroke_limit);
     states.speed_limit = S(p.speed_limit);
     states.acceleration_limit = S(p.acceleration_limit);
@@ -170,11 +172,13 @@ struct JointController {
       const auto& joint = chain.joint[i];
       sound = sound && within(joint.parent, -1, i) && within(joint.tie.to, -1, i) && (!joint.within || i > 0);
     }
+    // With the sheath, which is -1.
+    const auto joints = static_cast<unsigned>(N + chain.handles);
     for (int m = 0; m < M; ++m) {
       sound = sound && within(observer.contacts[m], 0, most_contacts + 1) &&
               within(chain.curves.at[m].entries, 0, most_stretch_entries + 1);
       for (int j = 0; j < observer.contacts[m] && sound; ++j)
-        sound = within(observer.passage[m][j].joint, -1, N + chain.handles);
+        sound = static_cast<unsigned>(observer.passage[m][j].joint + 1) <= joints;
     }
     return sound;
   }
@@ -185,8 +189,7 @@ struct JointController {
   S follow_spool(int m, const JointMeasurement<S, N, M>& measured, Memory& memory) const {
     const S read = measured.spool_angle[m], half = spool_step * S(0.5);
     if (!is_finite(read)) return read;
-    const S share = law.period / (supervisor.watch.drive.time_constant + law.period);
-    memory.turning[m] = memory.turning[m] + share * (memory.velocity[m] - memory.turning[m]);
+    memory.turning[m] = memory.turning[m] + spool_share * (memory.velocity[m] - memory.turning[m]);
     memory.spool[m] = clamp(memory.spool[m] + law.period * memory.turning[m], read - half, read + half);
     return memory.spool[m];
   }

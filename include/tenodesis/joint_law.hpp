@@ -154,11 +154,10 @@ struct JointLaw {
       for (S& one : target) one = S(0);
     chain.excursions(target, stroke);
     chain.excursions(memory.given, memory.beyond);
-    S probe[M]{};
-    if (memory.homing > S(0)) wind_alike(memory.homing, probe);
+    if (memory.homing > S(0)) wind_alike(memory.homing, stroke);
     for (int m = 0; m < M; ++m) {
       memory.beyond[m] = memory.beyond[m] + memory.common[m];
-      stroke[m] = stroke[m] + memory.beyond[m] + probe[m];
+      stroke[m] = stroke[m] + memory.beyond[m];
       const S ahead = memory.started ? (stroke[m] - memory.before[m]) / period : S(0);
       const S off = stroke[m] - spool_radius * measured.spool_angle[m];
       velocity[m] = chain.motor[m] ? clamp(ahead + gain * off, -speed, speed) / spool_radius : S(0);
@@ -181,16 +180,16 @@ struct JointLaw {
     }
   }
 
-  // Lengths (m) that wind all tendons alike and turn no joint, up and down while homing, of which so much time is left.
+  // Strokes (m) that wind all tendons alike and turn no joint, up and down while homing, of which so much time is left.
   // All contacts slip both ways: tensions by lengths then tell the stiffness, and how they differ the friction.
-  void wind_alike(const S& left, S* wound) const {
+  void wind_alike(const S& left, S* stroke) const {
     const S rise = homing_rise * (S(1) - abs(S(2) * left / homing_time - S(1)));
-    S turned[N], drawn[M];
+    S wound[M], turned[N], drawn[M];
     for (int m = 0; m < M; ++m)
       wound[m] = chain.motor[m] && chain.stiffness[m] > S(0) ? rise * chain.pretension[m] / chain.stiffness[m] : S(0);
     settle(wound, turned);
     chain.excursions(turned, drawn);
-    for (int m = 0; m < M; ++m) wound[m] = wound[m] - drawn[m];
+    for (int m = 0; m < M; ++m) stroke[m] = stroke[m] + wound[m] - drawn[m];
   }
 
   // Coordinates that lengths wound (m) move unloaded joints to, against their springs.
@@ -219,17 +218,18 @@ struct JointLaw {
   // close: their grip is as commanded.
   void leave_grip(const Estimate& found, const S* target, Memory& memory, S* lost) const {
     S size(0), opened(0), spread(0), aim(0), play(0);
+    for (int i = 0; i < N; ++i) size = size + chain.joint[i].grip * chain.joint[i].grip;
+    if (!(size > S(0))) return;
     for (int i = 0; i < N; ++i) {
       aim = aim + chain.joint[i].grip * target[i];
       play = play + abs(chain.joint[i].grip) * S(least_closing);
-      size = size + chain.joint[i].grip * chain.joint[i].grip;
       opened = opened - chain.joint[i].grip * lost[i];
       for (int j = 0; j < N; ++j)
         spread = spread + chain.joint[i].grip * found.covariance.at[i][j] * chain.joint[j].grip;
     }
     memory.opening = memory.started ? clamp(memory.opening, aim - play, aim + play) : aim;
     const bool closes = memory.opening > aim + S(0.99) * play;
-    if (!(size > S(0)) || !closes || opened <= deviations * sqrt(larger(spread, S(0)))) return;
+    if (!closes || opened <= deviations * sqrt(larger(spread, S(0)))) return;
     for (int i = 0; i < N; ++i) lost[i] = lost[i] + chain.joint[i].grip * (opened / size);
   }
 

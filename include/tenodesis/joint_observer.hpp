@@ -339,21 +339,17 @@ struct JointObserver {
     return at.wrap + turned * at.share;
   }
 
-  // Stretch of a segment at a tension, m.
-  S stretch(int m, int i, const S& tension) const {
-    return compliance[m][i] * (chain.linear_at(m, tension) - chain.pretension[m]);
-  }
-
   // Tensions along a tendon, its moments about the joints, and its equation.
   void follow_tendon(int m, const Measured& measured, Joints& joints, Memory& memory, Equations& equations) const {
     S tension = larger(measured.tension[m], S(0)), hidden(0), by_friction(0);
     S position = spool_radius * measured.spool_angle[m];
-    S wound = position;  // by spool and handle, less the stretch
+    S wound = position;  // by spool and handle
     S hidden_stretch(0), stretch_by_friction(0), stretched(0), total(0);
+    const bool grows = chain.grows(m);
     const auto pass = [&](int i) {
-      const S longer = stretch(m, i, tension);
-      const S soft = compliance[m][i] / chain.growth_at(m, tension);
-      wound = wound - longer;
+      const S& at_rest = compliance[m][i];
+      const S longer = at_rest * ((grows ? chain.linear_at(m, tension) : tension) - chain.pretension[m]);
+      const S soft = grows ? at_rest / chain.growth_at(m, tension) : at_rest;
       position = position - longer;
       stretched = stretched + longer;
       total = total + soft;
@@ -398,7 +394,7 @@ struct JointObserver {
     estimate.far_tension[m] = tension;
     estimate.taut[m] = tension > S(3) * deviations.tension;
     auto& [row, value, variance, soft, counts] = equations.tendon[m];
-    value = wound;
+    value = wound - stretched;
     for (int i = 0; i < N; ++i) {
       row[at_angle + i] = chain.arm[m][i] * joints.bend[i].turn;
       value = value - chain.arm[m][i] * joints.x[i];

@@ -10,7 +10,8 @@
  *   tenodesis_joints_init(&controller, &parameters);
  *   each tick: tenodesis_joints_step(&controller, &input, &output);  then send output.spool_velocity
  *
- * It does not home: spools are at the pretension, joints straight, where their angles count from. SI units and radians.
+ * Spools are at the pretension, joints straight, where their angles count from. Homing, which it does without, learns
+ * stiffness and friction: it winds all tendons alike and back, with a free tip, and ends paused. SI units and radians.
  * Research software, not a medical device.
  */
 #ifndef TENODESIS_JOINTS_H
@@ -77,7 +78,7 @@ typedef struct {
 
 typedef struct {
   uint64_t time;    /* ns */
-  uint32_t request; /* TENODESIS_REQUEST_..., but HOME */
+  uint32_t request; /* TENODESIS_REQUEST_... */
   uint32_t reserved;
   tenodesis_real handle_angle[TENODESIS_JOINTS]; /* rad */
   tenodesis_real target[TENODESIS_JOINTS];       /* angles commanded of a tool without a handle, rad */

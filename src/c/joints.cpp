@@ -160,7 +160,7 @@ int tenodesis_joints_step(tenodesis_joints* controller, const tenodesis_joints_i
     *output = {};
     return TENODESIS_DAMAGED;
   }
-  const bool known = input->request <= TENODESIS_REQUEST_CLEAR && input->request != TENODESIS_REQUEST_HOME;
+  const bool known = input->request <= TENODESIS_REQUEST_CLEAR;
   Controls::Input& in = session->in;
   in.wound = in.direct = nullptr;
   for (int i = 0; i < N; ++i) {

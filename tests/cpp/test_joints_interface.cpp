@@ -76,7 +76,7 @@ void a_reading_that_is_no_number_stops_the_motors_and_is_recorded() {
   CLAIM(tenodesis_joints_reset(controller.get()) == TENODESIS_OK);
   CLAIM(run(*controller, 0, 5, output) == TENODESIS_OK && output.state == TENODESIS_ENABLED);
   input = at_rest(5);
-  input.request = TENODESIS_REQUEST_HOME;
+  input.request = TENODESIS_REQUEST_CLEAR + 1;
   CLAIM(tenodesis_joints_step(controller.get(), &input, &output) == TENODESIS_BAD_REQUEST);
   CLAIM(tenodesis_joints_choose(controller.get(), 2) == TENODESIS_BAD_PARAMETER);
   CLAIM(tenodesis_joints_choose(controller.get(), 0) == TENODESIS_OK);

@@ -74,6 +74,28 @@ def test_with_a_handle_its_angles_are_the_targets() -> None:
         assert np.degrees(run["output_angle"][-1, n] - wanted) == pytest.approx(0, abs=0.7)
 
 
+def test_homing_learns_how_stiff_and_rough_tendons_are_and_turns_no_joint() -> None:
+    assumed = with_friction("hybrid-real-size", 0.1)
+    truth = with_friction("hybrid-real-size", 0.13).replace(tendon_modulus=45e9)
+    way = eased(2.1, 0.3)
+    handle = way * np.array([0.2, -0.3, 0.0])
+    target = tn.statics.unloaded_angle(truth, handle[-1])
+    wrench = eased(2.1, 0.3) * np.array([1.0, 0.5, 0, 0, 0, 0])
+    request = np.zeros(STEPS, dtype=int)
+    request[0], request[4200] = tn.control.Request.HOME, tn.control.Request.RESUME
+    off = {}
+    for homes in (False, True):
+        controller = tn.control.JointController(assumed)
+        run = tn.twin.Twin(truth).run(handle, controller=controller, wrench=wrench, request=request * homes)
+        off[homes] = np.degrees(run["output_angle"][-1] - target)[:2]
+        if homes:
+            assert (run["operating_state"][4150] == tn.control.OperatingState.PAUSED).all()
+            assert np.abs(np.degrees(run["output_angle"][:4200])).max() < 0.1
+            assert controller.estimate.friction_scale[4200] == pytest.approx(1.3, abs=0.1)
+            assert controller.estimate.friction_scale_std[4200] < 0.1
+    assert np.abs(off[True]).max() < 0.5 < np.abs(off[False]).max()
+
+
 def test_a_tick_is_that_of_the_loop_and_reset_starts_again() -> None:
     inst = expanded("needle-driver")
     controller = tn.control.JointController(inst)
