@@ -280,8 +280,9 @@ struct JointObserver {
     const S by = S(1) / (friction * stiffness - square(both));
     const S weight[3]{by * stiffness, -by * both, by * friction};
     for (int k = 0; k < 3; ++k) learned.weight[k] = weight[k];
-    learned.scale[0] = learned.scale[0] + value[at_friction];
-    learned.scale[1] = value[at_stiffness];
+    const S most[2]{S(2) * deviations.friction, S(2) * deviations.stiffness};
+    learned.scale[0] = clamp(learned.scale[0] + value[at_friction], -most[0], most[0]);
+    learned.scale[1] = clamp(value[at_stiffness], -most[1], most[1]);
     for (int m = 0; m < M; ++m) learned.tension[m] = measured.tension[m];
   }
 

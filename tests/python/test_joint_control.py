@@ -170,7 +170,8 @@ def test_a_torn_tendon_is_named_and_the_motors_stand() -> None:
     assert not run["commanded_spool_velocity"][1100:].any()
 
 
-def test_a_law_of_all_joints_is_recorded_and_replayed_bit_by_bit(tmp_path: Path) -> None:
+@pytest.mark.parametrize("home", [False, True])
+def test_a_law_of_all_joints_is_recorded_and_replayed_bit_by_bit(tmp_path: Path, home: bool) -> None:
     controller = tn.control.JointController("needle-driver")
     protocol = tn.simulate.Protocol(
         name="wrist",
@@ -181,8 +182,9 @@ def test_a_law_of_all_joints_is_recorded_and_replayed_bit_by_bit(tmp_path: Path)
         ],
     )
     path = tmp_path / "wrist.mcap"
-    run = record("needle-driver", protocol, path, controller=controller)
+    run = record("needle-driver", protocol, path, controller=controller, home=home)
     assert run.compensated == run.joints
+    assert run.time[-1] > (2.9 if home else 0.8)
     assert run["commanded_output_angle.pitch"][-1] == pytest.approx(0.12 * 2.5465 / 2.5, abs=1e-3)
     recording = Recording.open(path)
     assert np.array_equal(recording.run["commanded_output_angle"], run["commanded_output_angle"])

@@ -194,7 +194,6 @@ def test_what_the_jaws_hold_presses_back_until_it_is_taken_away(tmp_path: Path) 
         ("needle-driver", lambda loop: loop.force([1.0]), "force cannot be given to needle-driver: it takes wrench"),
         ("needle-driver", lambda loop: loop.wrench([np.nan, 0, 0, 0, 0, 0]), "wrench is .*6 finite numbers"),
         ("needle-driver", lambda loop: loop.choose("robust", "agonist"), "it must be one of off, joints"),
-        ("needle-driver", lambda loop: loop.request("home"), "law of all joints does not home"),
         ("needle-driver", lambda loop: loop.inject_fault("tick", "add", 1, 1), "takes no injected faults"),
         ("needle-driver", lambda loop: loop.move_motors([0.1]), "angles is .*6 finite numbers"),
         ("two-segment-continuum", lambda loop: loop.grip_force(1.0), "nothing that grips"),

@@ -75,6 +75,10 @@ def record(  # noqa: PLR0917
     every: Annotated[
         int, typer.Option(help="Of how many rows one is written; a file of fewer than all is not replayed.", min=1)
     ] = 1,
+    home: Annotated[
+        bool,
+        typer.Option("--home", help="With --law joints: home first, which learns the tendons' stiffness and friction."),
+    ] = False,
 ) -> None:
     """Run a protocol on the twin of an instrument and record it, with --law under a controller.
 
@@ -96,6 +100,11 @@ def record(  # noqa: PLR0917
         inst = expanded(inst)
         controller = JointController(other, law, period=period)
     else:
+        if home:
+            raise CommandError(
+                "--home goes with --law joints; other laws home where a protocol begins with a pretension phase",
+                key="--home",
+            )
         # Without a law an instrument need not have a joint that one could serve.
         assumed = _assumed(other, law) if law is not None or has_pairs else None
         controller = _controller(
@@ -116,6 +125,7 @@ def record(  # noqa: PLR0917
             seed=seed,
             quasi_static=quasi_static,
             every=every,
+            home=home,
             overwrite=outputs.overwrite,
             progress=progress,
             each=progress.add,

@@ -62,7 +62,8 @@ class LawTab:
         self._law_text = gui.add_markdown("")
         self._actuation = gui.add_dropdown("Motors", tuple(ACTUATIONS), initial_value=status.actuation, visible=served)
         self._actuation_text = gui.add_markdown("", visible=served)
-        self._home = gui.add_button("Home: find the pretension again", icon="home", visible=served)
+        finds = "learn stiffness and friction" if all_joints else "find the pretension again"
+        self._home = gui.add_button(f"Home: {finds}", icon="home")
         tried = served and session.link.capabilities.simulated
         with gui.add_folder("Try a fault", expand_by_default=False, visible=tried):
             self._fault = gui.add_dropdown("Fault", tuple(faults))

@@ -278,7 +278,7 @@ class Instrument(FileTable, AnyForm):
 
     @property
     def growth_rows(self) -> Array:
-        """Tension (N) and stiffness over that at rest of the tendons' tables, (tendons, entries, 2); none: no rows."""
+        """Tension (N) and stiffness over that at rest of tendons' tables, (tendons, entries, 2), or no rows."""
         tables = [tendon.stiffness_by_tension for tendon in self.tendons]
         longest = max((len(table.tension) for table in tables if table is not None), default=0)
         rows = np.full((len(tables) if longest else 0, longest, 2), np.nan)

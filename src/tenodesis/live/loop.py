@@ -255,8 +255,6 @@ class LiveLoop:
         except (KeyError, ValueError):
             names = [request.name.lower() for request in Request]
             raise LiveError(key="request", value=what, allowed=_one_of(names)) from None
-        if asked == Request.HOME and self.refused is not None:
-            raise LiveError("the law of all joints does not home.", key="request", value="home")
         self._order("request", int(asked))
 
     def stop(self) -> None:

@@ -33,6 +33,7 @@ def record(
     seed: int = 0,
     quasi_static: bool = False,
     every: int = 1,
+    home: bool = False,
     overwrite: bool = False,
     progress: Callable[[float, float], object] | None = None,
     each: Callable[[Run], object] | None = None,
@@ -57,6 +58,8 @@ def record(
         As for :class:`tenodesis.twin.Twin`.
     every
         Of how many rows one is written, the first and on; such a file cannot be replayed.
+    home
+        Whether the controller homes before the protocol, from tight tendons.
     overwrite
         Whether to replace a file that exists.
     progress
@@ -97,7 +100,7 @@ def record(
     with Recorder(path, axes=names, metadata=metadata, overwrite=overwrite) as recorder:
         rows = 0
         kept: list[Run] = []
-        for run in _blocks(twin, protocol, controller, progress):
+        for run in _blocks(twin, protocol, controller, progress, home=home):
             recorder.write(run.rows(-rows % every, None, every))
             rows += len(run)
             kept.append(run)
@@ -112,13 +115,15 @@ def _blocks(
     protocol: Protocol,
     controller: Controller | JointController | None,
     progress: Callable[[float, float], object] | None,
+    *,
+    home: bool,
 ) -> Iterator[Run]:
     """Yield the run of a protocol, before which the motors let tendons out that it is to pretension."""
     if isinstance(protocol.phases[0], Pretension):
         loosened = twin.loosen(max(_LEAST_SLACK, _SLACKENING * twin.stretch))
         loosened = without_tissue(loosened) if protocol.has_tissue else loosened
         yield loosened if controller is None else without_control(loosened)
-    yield from blocks(twin, protocol, controller, progress=progress)
+    yield from blocks(twin, protocol, controller, home=home, progress=progress)
 
 
 def write_run(

@@ -23,6 +23,8 @@ _BLOCK = 1.0
 
 _HOMING_BLOCK = 0.01
 """Time between two checks of whether homing is done, s."""
+_HOMING_TIMEOUT = 60.0
+"""Time after which homing before a protocol is given up, s."""
 
 
 class _Bench:
@@ -150,9 +152,13 @@ def blocks(
     protocol: Protocol,
     controller: Controller | JointController | None = None,
     *,
+    home: bool = False,
     progress: Callable[[float, float], object] | None = None,
 ) -> Iterator[Run]:
-    """Yield the run of :func:`execute` in blocks of 1 s at most, none of which is kept; parameters and errors alike."""
+    """Yield the run of :func:`execute` in blocks of 1 s at most, none of which is kept; parameters and errors alike.
+
+    home: whether the controller homes before the first phase, from tight tendons.
+    """
     plan = protocol.plan(plant.inst, plant.time_step)
     if controller is not None:
         controller.check_instrument(plant.inst)
@@ -161,6 +167,10 @@ def blocks(
     total = sum(planned.seconds for planned in plan)
     begun = 0.0
     fault: Run | None = None
+    if home:
+        for run in bench.home(plan[0].initial, _HOMING_TIMEOUT):
+            yield run
+            fault = fault or _fault(run)
     for planned in plan:
         done = begun
         begun += planned.seconds
@@ -187,9 +197,9 @@ def _fault(run: Run) -> Run | None:
 def check_controllable(plan: Sequence[Planned], inst: Instrument, assumed: Instrument) -> None:
     """Check that a controller can run phases on an instrument: they leave its spools to it, and match its homing.
 
-    The controller is made for the instrument `assumed`; one in the full form has a controller of all joints, which does
-    not home, and to which velocities of the spools of a tool without a handle are commands. Raises ProtocolError if it
-    cannot run a phase.
+    The controller is made for the instrument `assumed`; one in the full form has a controller of all joints, which
+    tightens no tendon, and to which velocities of the spools of a tool without a handle are commands. Raises
+    ProtocolError if it cannot run a phase.
     """
     all_joints = not isinstance(assumed, ShortForm)
     own = served_motors(inst, all_joints=all_joints)
@@ -200,7 +210,7 @@ def check_controllable(plan: Sequence[Planned], inst: Instrument, assumed: Instr
                     _check_homing(planned.phase, planned.initial, assumed)
                     continue
                 raise ProtocolError(
-                    "a controller of all joints does not home; the protocol must begin with tight tendons",
+                    "a controller of all joints homes tendons that are tight, and tightens none; leave the phase out",
                     key="phase",
                     value="pretension",
                 )
