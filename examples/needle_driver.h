@@ -78,6 +78,7 @@ static const tenodesis_joints_parameters needle_driver = {
     .drive_time_constant = TENODESIS_C(0.01), /* s: of the drives' speed loop */
     .engage_time = TENODESIS_C(0.2), /* s: over which motion is faded in */
     .tension_of_fault = TENODESIS_C(100.0), /* N: above it a tendon is only unwound; 0: no limit */
+    .unlike_friction = TENODESIS_C(6.0), /* N: tension that is not missed before homing */
     .stroke_limit = TENODESIS_C(0.0024), /* m: largest stroke of a tendon beyond its target */
     .pretension = TENODESIS_C(20.0), /* N: largest of all tendons */
     .stiffness = TENODESIS_C(100000.0), /* N/m: least of all tendons */
@@ -93,7 +94,7 @@ static const tenodesis_joints_parameters needle_driver = {
             {TENODESIS_C(100.0), TENODESIS_C(0.003)}, /* over_tension: N, s */
             {TENODESIS_C(0.009), TENODESIS_C(0.04)}, /* load_cell_stuck: N, s */
             {TENODESIS_C(1.6), TENODESIS_C(0.005)}, /* load_cell_range: N, s */
-            {TENODESIS_C(7.0), TENODESIS_C(0.5)}, /* load_cell_drift: N, s */
+            {TENODESIS_C(1.0), TENODESIS_C(0.5)}, /* load_cell_drift: N, s */
             {TENODESIS_C(0.1), TENODESIS_C(0.005)}, /* encoder_dropout: rad, s */
             {TENODESIS_C(30.0), TENODESIS_C(0.0006)}, /* encoder_jump: rad/s, s */
             {TENODESIS_C(2.0), TENODESIS_C(0.006)}, /* spool_slip: N, s */

@@ -5,8 +5,8 @@
 A needle driver of our own equations: each tendon a row of springs between points that bristles hold (Dahl's friction,
 with more at rest than in motion), spread over the sheath and both pulleys; joints without inertia. Compliance is even
 along the lengths that the file says, but for the anchor, or even from point to point, which puts half of it beyond the
-stem. It is commanded and loaded as in any_routing.py. Readings have noise and constant offsets, spool angles the steps
-of their encoders, drives a lag.
+stem. It homes, is commanded and loaded as in any_routing.py. Readings have noise and constant offsets, spool angles the
+steps of their encoders, drives a lag.
 """
 
 from concurrent.futures import ProcessPoolExecutor
@@ -16,7 +16,7 @@ import law
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis.control import JointController
+from tenodesis.control import JointController, Request
 from tenodesis.control.joints import JointLawName
 from tenodesis.simulate import campaign
 
@@ -138,11 +138,13 @@ def trials(law_name: JointLawName, by_length: bool = True) -> dict[str, Array]:
     aims = np.array([inst.bent(cases.bends_of(inst, state)) for state, _ in given])
     forces = cases.force_of(inst) * np.array([direction for _, direction in given])
     controllers = [JointController(inst, law_name) for _ in given]
-    rising, loading = cases.eased(0, cases.ARRIVED)[:, 0], cases.eased(cases.LOADED, 0.1)[:, 0]
+    rising, loading = cases.eased(cases.HOMED, cases.ARRIVED)[:, 0], cases.eased(cases.LOADED, 0.1)[:, 0]
+    requests = {0: Request.HOME, round(cases.RESUMED / TICK): Request.RESUME} if law_name == "joints" else {}
     kept: list[tuple[Array, ...]] = []
-    for share, loaded in zip(rising, loading, strict=True):
+    for tick, (share, loaded) in enumerate(zip(rising, loading, strict=True)):
         tensions, spools = plant.read()
-        said = [one.step(tensions[n], spools[n], target=share * aims[n]) for n, one in enumerate(controllers)]
+        asked = requests.get(tick, Request.NONE)
+        said = [one.step(tensions[n], spools[n], (), share * aims[n], asked) for n, one in enumerate(controllers)]
         plant.step(np.array([one.spool_velocity for one in said]), loaded * forces)
         estimate = np.array([one.estimate.angle for one in said])
         std = np.array([one.estimate.angle_std for one in said])

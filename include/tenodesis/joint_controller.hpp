@@ -29,6 +29,7 @@ struct JointController {
     JointMemory<S, N, M, most_contacts> observer{};
     JointLawMemory<S, N, M> law{};
     JointSupervisorMemory<S, M> supervisor{};
+    bool homed{};     ///< what homing has learned counts
     S aim[N]{};       ///< rad
     S spool[M]{};     ///< spool angles between their encoders' steps, rad
     S turning[M]{};   ///< speeds of the spools by what was sent, rad/s
@@ -53,10 +54,13 @@ struct JointController {
     law.aim(in.commanded, in.wound, memory.aim);
     auto measured = in.measured;
     for (int m = 0; m < supervisor.tendons; ++m) measured.spool_angle[m] = follow_spool(m, in.measured, memory);
-    if (in.request == Request::home) memory.observer.learned = {};
+    if (in.request == Request::home) {
+      memory.observer.learned = {};
+      memory.homed = false;
+    }
     memory.observer.learned.continues = memory.law.homing > S(0);
     const auto& found = observer.template update<with_load>(measured, memory.observer);
-    supervisor.inspect(in.measured, found, observer.chain.handles, in.since, memory.supervisor);
+    supervisor.inspect(in.measured, found, observer.chain.handles, memory.homed, in.since, memory.supervisor);
     const bool works = supervisor.works(in.request, memory.law.beyond, in.since, memory.supervisor);
     const bool passes = in.direct != nullptr;
     if (passes) memory.law = {};
@@ -68,7 +72,10 @@ struct JointController {
     if (works && !passes) law.update(in.measured, found, memory.aim, compensates, memory.law, wanted);
     if (!works) memory.law.started = false;
     homing = larger(homing - law.period, S(0));
-    if (homing == S(0)) Supervisor<S>::finish_homing(state);
+    if (homing == S(0) && state.homing) {
+      memory.homed = works && !passes;
+      Supervisor<S>::finish_homing(state);
+    }
     supervisor.command(in.measured, wanted, !passes, in.since, memory.supervisor, memory.velocity);
   }
 
@@ -111,6 +118,7 @@ struct JointController {
     law.period = states.period = watch.period = S(p.period);
     spool_share = law.period / (S(p.drive_time_constant) + law.period);
     supervisor.stroke_limit = S(p.stroke_limit);
+    supervisor.unlike = S(p.unlike_friction);
     states.speed_limit = S(p.speed_limit);
     states.acceleration_limit = S(p.acceleration_limit);
     states.engage_time = S(p.engage_time);

@@ -285,9 +285,11 @@ struct JointSupervisor {
   int tendons{};     ///< that there are
   S stroke_limit{};  ///< of a tendon, beyond what its target needs, m
   S least_doubt{4};  ///< deviations within which a tension is explained
+  S unlike{};        ///< tension that friction unlike the observer's explains, too, before homing, N
 
   /// Faults of this tick by what is measured, before the law moves; dt: since the last tick, s.
-  void inspect(const Measured& measured, const Estimate& found, int handles, const S& dt, Memory& memory) const {
+  void inspect(const Measured& measured, const Estimate& found, int handles, bool homed, const S& dt,
+               Memory& memory) const {
     std::uint32_t faults = found.valid ? 0U : bit(Fault::not_a_number);
     for (int k = 0; 2 * k < tendons; ++k) {
       const int a = 2 * k, b = smaller(a + 1, tendons - 1);
@@ -299,7 +301,8 @@ struct JointSupervisor {
     }
     for (int m = 0; m < tendons && found.valid; ++m) {
       const S doubt = least_doubt * found.unexplained_std[m];
-      faults |= lasts(Fault::load_cell_drift, found.taut[m] && abs(found.unexplained[m]) > doubt, found.unexplained[m],
+      const S least = larger(doubt, watch.of(Fault::load_cell_drift).threshold + (homed ? S(0) : unlike));
+      faults |= lasts(Fault::load_cell_drift, found.taut[m] && abs(found.unexplained[m]) > least, found.unexplained[m],
                       dt, memory.drifted[m]);
       faults |= lasts(Fault::tendon_break, !found.taut[m] && found.unexplained[m] > doubt, found.unexplained[m], dt,
                       memory.missing[m]);

@@ -103,6 +103,7 @@
   ROW(drive_time_constant, "s", not_negative, "of the drives' speed loop")                           \
   ROW(engage_time, "s", not_negative, "over which motion is faded in")                               \
   ROW(tension_of_fault, "N", not_negative, "above it a tendon is only unwound; 0: no limit")         \
+  ROW(unlike_friction, "N", not_negative, "tension that is not missed before homing")                \
   ROW(stroke_limit, "m", positive, "largest stroke of a tendon beyond its target")                   \
   ROW(pretension, "N", not_negative, "largest of all tendons")                                       \
   ROW(stiffness, "N/m", positive, "least of all tendons")                                            \

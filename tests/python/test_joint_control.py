@@ -96,6 +96,22 @@ def test_homing_learns_how_stiff_and_rough_tendons_are_and_turns_no_joint() -> N
     assert np.abs(off[True]).max() < 0.5 < np.abs(off[False]).max()
 
 
+def test_a_cell_that_is_off_after_homing_is_named_before_the_tip_has_moved_a_degree() -> None:
+    inst = with_friction("needle-driver", 0.1)
+    twin, controller = tn.twin.Twin(inst, seed=1), tn.control.JointController(inst)
+    velocity, faults = np.zeros((1, 6)), []
+    requests = {0: "home", 4100: "resume"}
+    for tick in range(6000):
+        run = twin.run(np.zeros((1, 0)), spool_velocity=velocity)
+        tension = run["measured_tension"][0] + np.array([0, 0, 5.0, 0, 0, 0]) * (tick > 4500)
+        out = controller.step(tension, run["measured_spool_angle"][0], request=requests.get(tick, "none"))
+        velocity = out.spool_velocity[np.newaxis]
+        assert np.abs(np.degrees(run["output_angle"])).max() < 1
+        assert not out.faults or tick > 4500
+        faults += out.faults
+    assert set(faults) == {"load_cell_drift"}
+
+
 def test_a_tick_is_that_of_the_loop_and_reset_starts_again() -> None:
     inst = expanded("needle-driver")
     controller = tn.control.JointController(inst)

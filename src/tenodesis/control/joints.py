@@ -143,10 +143,9 @@ class JointController(LoopState):
         self.numbers = {name: float(values[name]) for name in _NAMES}
         pretension = float(np.max(given.pretensions))
         found = limits(given, self.period, pretension, given.tension_sensors[0])
-        for name in ("load_cell_drift", "tendon_break"):
-            # Friction unlike the observer's explains as much, too.
-            least, persistence = found[name]
-            found[name] = least + given.control.mean_band * pretension, persistence
+        # Before a slack tendon is taut again, friction unlike the observer's explains as much, too.
+        least, persistence = found["tendon_break"]
+        found["tendon_break"] = least + values["unlike_friction"], persistence
         self.rows, self.limits = rows, found
         checks = np.array([found[name] for name in (*FAULTS, "spool_jump")])
         self.core = _core.JointController(
@@ -311,6 +310,7 @@ def _values(inst: FullForm, period: float) -> dict[str, float]:
         "drive_time_constant": drives.time_constant,
         "engage_time": _ENGAGE_TIME,
         "tension_of_fault": FAULT_OVER_LIMIT * limit,
+        "unlike_friction": control.mean_band * pretension,
         "stroke_limit": _STROKES * limit / stiffness,
         "pretension": pretension,
         "stiffness": stiffness,

@@ -238,7 +238,7 @@ def _groups(design: JointDesign) -> PlanTable:
         for group in others
     )
     return PlanTable(
-        "Groups that do not match",
+        "Groups that do not match" if others else "All groups match",
         ("", "", "real-size", "scaled-up", "ratio"),
         rows,
         texts=2,
