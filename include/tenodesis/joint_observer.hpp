@@ -130,8 +130,8 @@ struct JointMemory {
 
 /// Largest angles of joints that an estimate has, short of the mechanisms' limits, rad.
 inline constexpr double most_angle = 0.98 * pi, most_gear_angle = 2.7409;
-/// Change of a tension, as a share of the pretension, after which it tells anew of friction and stiffness.
-inline constexpr double least_change = 0.1;
+/// Change of a tension, as a share of the pretension, above noise: it tells anew of friction and stiffness.
+inline constexpr double least_change = 0.02;
 /// Deviations that homing leaves of them at least: contacts differ, and a rope's compliance is not all along it alike.
 inline constexpr double least_friction_std = 0.05, least_stiffness_std = 0.02;
 /// Deviation of an angle before any tendon has been read, rad.
@@ -266,8 +266,10 @@ struct JointObserver {
   // Whether tensions have changed since they last told of friction and stiffness: at the same ones errors are the same.
   bool tells(const Measured& measured, const JointLearning<S, M>& learned) const {
     bool changed = false;
-    for (int m = 0; m < M; ++m)
-      changed = changed || abs(measured.tension[m] - learned.tension[m]) > S(least_change) * chain.pretension[m];
+    for (int m = 0; m < M; ++m) {
+      const S least = S(least_change) * chain.pretension[m];
+      changed = changed || (least > S(0) && abs(measured.tension[m] - learned.tension[m]) > least);
+    }
     return changed;
   }
 
