@@ -58,8 +58,8 @@ struct JointController {
       memory.observer.learned = {};
       memory.homed = false;
     }
-    memory.observer.learned.continues = memory.law.homing > S(0);
-    const auto& found = observer.template update<with_load>(measured, memory.observer);
+    const bool learns = memory.law.homing > S(0);
+    const auto& found = observer.template update<with_load>(measured, memory.observer, learns);
     supervisor.inspect(in.measured, found, observer.chain.handles, memory.homed, in.since, memory.supervisor);
     const bool works = supervisor.works(in.request, memory.law.beyond, in.since, memory.supervisor);
     const bool passes = in.direct != nullptr;
@@ -123,15 +123,8 @@ struct JointController {
     states.acceleration_limit = S(p.acceleration_limit);
     states.engage_time = S(p.engage_time);
     states.tension_limit = S(p.tension_of_fault);
-    for (int n = 0; n < fault_count; ++n) watch.limit[n] = {S(p.limit[n].threshold), S(p.limit[n].persistence)};
-    watch.spool_jump = {S(p.spool_jump.threshold), S(p.spool_jump.persistence)};
+    watch.set_readings(p);
     watch.drive = {S(p.spool_radius), S(p.speed_limit), S(p.acceleration_limit), S(p.drive_time_constant), S(0)};
-    watch.pretension = S(p.pretension);
-    watch.stiffness = S(p.stiffness);
-    watch.load_cell_range = S(p.load_cell_range);
-    watch.handle_range = S(p.handle_range);
-    watch.handle_noise = S(p.handle_noise);
-    watch.spool_noise = S(p.spool_noise);
     return states.valid() && watch.valid();
   }
 

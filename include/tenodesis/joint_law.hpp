@@ -181,7 +181,7 @@ struct JointLaw {
   }
 
   // Strokes (m) that wind all tendons alike and turn no joint, up and down while homing, of which so much time is left.
-  // All contacts slip both ways: tensions by lengths then tell the stiffness, and how they differ the friction.
+  // All contacts slip both ways: stiffness follows from tensions by lengths, friction from how these differ.
   void wind_alike(const S& left, S* stroke) const {
     const S rise = homing_rise * (S(1) - abs(S(2) * left / homing_time - S(1)));
     S wound[M], turned[N], drawn[M];

@@ -109,14 +109,12 @@ struct JointEstimate {
   bool valid{};  ///< false: a measurement is not finite, and the last estimate stands
 };
 
-/// What homing has told of friction and stiffness.
+/// Friction and stiffness as homing has found them.
 template <class S, int M>
 struct JointLearning {
   S scale[2]{};    ///< of friction and stiffness, beyond 1
   S weight[3]{};   ///< inverse of their covariance: friction, both, stiffness
-  S tension[M]{};  ///< when it was last learned, N
-  bool started{};
-  bool continues{};  ///< it goes on
+  S tension[M]{};  ///< at the last evidence, N
 };
 
 template <class S, int N, int M, int contacts>
@@ -130,7 +128,7 @@ struct JointMemory {
 
 /// Largest angles of joints that an estimate has, short of the mechanisms' limits, rad.
 inline constexpr double most_angle = 0.98 * pi, most_gear_angle = 2.7409;
-/// Change of a tension, as a share of the pretension, above noise: it tells anew of friction and stiffness.
+/// Change of a tension, as a share of the pretension, above noise: evidence on friction and stiffness.
 inline constexpr double least_change = 0.02;
 /// Deviations that homing leaves of them at least: contacts differ, and a rope's compliance is not all along it alike.
 inline constexpr double least_friction_std = 0.05, least_stiffness_std = 0.02;
@@ -160,9 +158,10 @@ struct JointObserver {
   S smoothing{1};        ///< share of the handle's reading in that which contacts follow
   JointDeviations<S> deviations{};
 
-  /// Estimate after a sample of the sensors; the memory keeps it. with_load: whether the load is in it, too.
+  /// Estimate after a sample of the sensors; the memory keeps it. with_load: whether the load is in it, too; learns:
+  /// whether friction and stiffness are learned from it.
   template <bool with_load = false>
-  const Found& update(const Measured& measured, Memory& memory) const {
+  const Found& update(const Measured& measured, Memory& memory, bool learns = false) const {
     Found& now = memory.estimate;
     now.valid = is_finite(measured);
     if (!now.valid) return now;
@@ -199,7 +198,7 @@ struct JointObserver {
     auto& learned = memory.learned;
     now.friction_scale = S(1) + learned.scale[0] + value[at_friction];
     now.friction_scale_std = sqrt(covariance(root.lower, at_friction, at_friction));
-    if (learned.continues && tells(measured, learned)) learn(root.lower, value, measured, learned);
+    if (learns && is_evidence(measured, learned)) learn(root.lower, value, measured, learned);
     // A stiffness that the file does not admit explains nothing.
     const S softer = clamp(value[at_stiffness], S(-2) * deviations.stiffness, S(2) * deviations.stiffness);
     for (int m = 0; m < M; ++m) {
@@ -249,11 +248,10 @@ struct JointObserver {
 
   // Friction is linear about what was learned of it, stiffness about the file's.
   void expect(JointLearning<S, M>& learned, Equations& equations) const {
-    auto& [scale, weight, tension, started, continues] = learned;
-    if (!started) {
+    auto& [scale, weight, tension] = learned;
+    if (!(weight[0] > S(0))) {
       weight[0] = S(1) / square(deviations.friction);
       weight[2] = S(1) / square(deviations.stiffness);
-      started = true;
     }
     auto& at = equations.root.lower.at;
     at[at_friction][at_friction] = at[at_friction][at_friction] + weight[0];
@@ -263,8 +261,8 @@ struct JointObserver {
     equations.right[at_stiffness] = equations.right[at_stiffness] + weight[2] * scale[1];
   }
 
-  // Whether tensions have changed since they last told of friction and stiffness: at the same ones errors are the same.
-  bool tells(const Measured& measured, const JointLearning<S, M>& learned) const {
+  // Whether tensions have changed since the last evidence: at the same ones errors are the same.
+  bool is_evidence(const Measured& measured, const JointLearning<S, M>& learned) const {
     bool changed = false;
     for (int m = 0; m < M; ++m) {
       const S least = S(least_change) * chain.pretension[m];

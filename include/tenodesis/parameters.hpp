@@ -94,16 +94,9 @@ constexpr AxisController<A> axis_controller(const P& all, int number) {
                   S(p.homing_offset), S(p.homing_notice), hand_travel, S(p.drive_time_constant), homing_drive<S>(p),
                   S(tuning::homing_rest)}};
   Watch<S>& watch = axis.watch;
-  for (int n = 0; n < fault_count; ++n) watch.limit[n] = {S(p.limit[n].threshold), S(p.limit[n].persistence)};
-  watch.spool_jump = {S(p.spool_jump.threshold), S(p.spool_jump.persistence)};
+  watch.set_readings(p);
   watch.drive = {S(p.spool_radius), S(all.speed_limit), S(all.acceleration_limit), S(p.drive_time_constant), S(0)};
-  watch.pretension = S(p.pretension);
-  watch.stiffness = S(p.stiffness);
   watch.mean_band = S(p.mean_band);
-  watch.load_cell_range = S(p.load_cell_range);
-  watch.handle_range = S(p.handle_range);
-  watch.handle_noise = S(p.handle_noise);
-  watch.spool_noise = S(p.spool_noise);
   watch.period = period;
   return axis;
 }

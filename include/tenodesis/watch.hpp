@@ -98,6 +98,19 @@ struct Watch {
 
   constexpr const Limit<S>& of(Fault fault) const { return limit[static_cast<int>(fault)]; }
 
+  /// Sets limits, and what readings are compared with, by parameters of these names.
+  template <class P>
+  void set_readings(const P& p) {
+    for (int n = 0; n < fault_count; ++n) limit[n] = {S(p.limit[n].threshold), S(p.limit[n].persistence)};
+    spool_jump = {S(p.spool_jump.threshold), S(p.spool_jump.persistence)};
+    pretension = S(p.pretension);
+    stiffness = S(p.stiffness);
+    load_cell_range = S(p.load_cell_range);
+    handle_range = S(p.handle_range);
+    handle_noise = S(p.handle_noise);
+    spool_noise = S(p.spool_noise);
+  }
+
   bool valid() const {
     bool sound = spool_jump.threshold >= S(0) && spool_jump.persistence >= S(0);
     for (const auto& check : limit) sound = sound && check.threshold >= S(0) && check.persistence >= S(0);

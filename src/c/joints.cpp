@@ -6,6 +6,7 @@
 #include <new>
 #include <type_traits>
 
+#include "tenodesis/caller_memory.hpp"
 #include "tenodesis/check_word.hpp"
 #include "tenodesis/flight_recorder.hpp"
 #include "tenodesis/joint_controller.hpp"
@@ -64,19 +65,7 @@ constexpr std::uint64_t mark = 0x6a6f696e7473U ^ (std::uint64_t(TENODESIS_JOINTS
 // In its place once the parameters have changed.
 constexpr std::uint64_t damaged = ~mark;
 
-// Neither null nor misaligned.
-template <class... T>
-bool good(const T*... pointer) {
-  return ((pointer != nullptr && reinterpret_cast<std::uintptr_t>(pointer) % alignof(T) == 0) && ...);
-}
-
-// What tenodesis_joints_init has left here: reads nothing else.
-std::uint64_t mark_of(const tenodesis_joints* controller) {
-  std::uint64_t found{};
-  static_assert(offsetof(Session, mark) == 0);
-  std::memcpy(&found, controller, sizeof found);
-  return found;
-}
+static_assert(offsetof(Session, mark) == 0);
 
 Session* session_of(tenodesis_joints* controller) {
   return mark_of(controller) == mark ? std::launder(reinterpret_cast<Session*>(controller)) : nullptr;

@@ -506,8 +506,8 @@ class Routing(Problem):
         """Return effects of one deviation of each load cell's offset and gain, and of counts if not linear, (n, m).
 
         Gains act on the tensions of the model, for readings have the residuals' own noise. These errors are not in the
-        residuals' weights: what is then left tells the level of tensions by when tendons slip, where a search ends in
-        any of many optima.
+        residuals' weights: what is then left determines the level of tensions by when tendons slip, where a search ends
+        in any of many optima.
         """
         model, near = self._model(values, run), self._near.get(run)
         effects = [np.zeros(sum(row.size for row in model.values()))]

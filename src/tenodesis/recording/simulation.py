@@ -87,6 +87,8 @@ def record(
     inst = as_instrument(inst)
     if every < 1:
         raise RecordingError(key="every", value=every, allowed="1 or more")
+    if home and controller is None:
+        raise RecordingError(key="home", value=home, allowed="left out where there is no controller")
     twin = Twin(inst, time_step=time_step, seed=seed, quasi_static=quasi_static)
     plan = protocol.plan(inst, time_step)
     if controller is not None:

@@ -580,7 +580,7 @@ def _unmet(real: FullForm, tests: Mapping[str, tuple[Array, float | None, float 
     nearest = float(among.max() if low is not None and (among < low).all() else among.min())
     return DesignError(
         f"no scale model of {real.name} meets every constraint; without {key} there would be "
-        f"{int(left[key].sum())}, of which the nearest has {nearest:.4g} in SI units, and allowed is "
+        f"{int(left[key].sum())}, of which the nearest has {nearest:.4g} in SI units; it must be "
         f"{' to '.join(f'{one:.4g}' for one in (low, high) if one is not None)}.",
         key=key,
         value=nearest,

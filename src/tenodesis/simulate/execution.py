@@ -167,14 +167,13 @@ def blocks(
     total = sum(planned.seconds for planned in plan)
     begun = 0.0
     fault: Run | None = None
+    parts = [(planned.seconds, _runs(bench, planned)) for planned in plan]
     if home:
-        for run in bench.home(plan[0].initial, _HOMING_TIMEOUT):
-            yield run
-            fault = fault or _fault(run)
-    for planned in plan:
+        parts.insert(0, (0.0, bench.home(plan[0].initial, _HOMING_TIMEOUT)))
+    for seconds, part in parts:
         done = begun
-        begun += planned.seconds
-        for run in _runs(bench, planned):
+        begun += seconds
+        for run in part:
             yield run
             done += len(run) * plant.time_step
             if fault is None and controller is not None:

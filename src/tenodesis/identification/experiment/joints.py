@@ -46,7 +46,7 @@ class Block(NamedTuple):
 
 
 class JointPlan(NamedTuple):
-    """Motions of an instrument's joints, in their order, and what they are predicted to tell."""
+    """Motions of an instrument's joints, in their order, and what they are predicted to determine."""
 
     inst: FullForm
     blocks: tuple[Block, ...]
@@ -163,7 +163,7 @@ def to_json(found: JointPlan) -> dict[str, Any]:
 
 
 def _tell(progress: Callable[[int, int], None] | None, done: int, total: int) -> None:
-    """Tell how many of how many runs are done, if anyone asks."""
+    """Report how many of how many runs are done, where progress is wanted."""
     if progress is not None:
         progress(done, total)
 
@@ -249,7 +249,7 @@ def _problem(
 
 
 def _information(problem: routing.Routing, *, systematic: bool = False) -> Information:
-    """Return what a run tells; errors of load cells do not average out over motions, and choose none."""
+    """Return the information in a run; errors of load cells do not average out over motions, and choose none."""
     values = np.array([one.start for one in problem.parameters])
     slopes = problem.jacobian(values, 0) * scales(problem.parameters, values)
     curvature = slopes.T @ slopes
