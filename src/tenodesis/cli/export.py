@@ -29,7 +29,7 @@ def export_controller(  # noqa: PLR0917
     law: Annotated[
         AnyLaw | None,
         typer.Option(
-            help="Compensation law; joints: of all joints, whatever tendons turn them, which may do without homing. Default: "
+            help="Compensation law; joints: of all joints, whatever tendons turn them, which need not home. Default: "
             "robust, or joints where no joint has a pair of tendons of its own."
         ),
     ] = None,
