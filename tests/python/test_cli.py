@@ -165,6 +165,23 @@ def test_bench_computes_the_chapters_that_are_named(
     assert all(re.search(rf"\b{name}\b", listed) for name in CHAPTERS if "-" not in name)
 
 
+def test_bench_computes_all_joints_of_ones_own_two_axes_unless_one_is_named(
+    tenodesis: Run, tmp_path: Path, declined: Callable[..., Error]
+) -> None:
+    own = (EXAMPLES / "pulley.toml").read_text("utf-8")
+    own = own.replace('joint_type = "tendon-pulley"', 'joint_type = "tendon-pulley"\naxes = ["yaw", "pitch"]')
+    (tmp_path / "own.toml").write_text(own, "utf-8")
+
+    def joints(*options: str) -> set[str]:
+        assert tenodesis("bench", "own.toml", "--only", "loss", "--overwrite", *options)[0] == 0
+        names = json.loads((tmp_path / "out/results.json").read_text("utf-8"))["results"]
+        return {joint for joint in ("yaw", "pitch") if any(f".{joint}." in name for name in names)}
+
+    assert joints() == {"yaw", "pitch"}
+    assert joints("--axis", "pitch") == set()
+    assert declined("bench", "own.toml", "--scaled-up", "needle-driver").key == "scaled_up"
+
+
 def test_check_prints_values_and_sources(tenodesis: Run) -> None:
     code, said, _ = tenodesis("check", "scaled-up")
     assert code == 0

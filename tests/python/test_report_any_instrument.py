@@ -17,6 +17,7 @@ from tenodesis.paper.cycles import cycle
 from tenodesis.paper.run import CHAPTERS, chosen, left_out, steps
 from tenodesis.paper.subject import Subject
 from tenodesis.report import style
+from tenodesis.similarity.joints import compare_joints
 from tenodesis.statics import chain
 from tenodesis.statics.bends import Bends
 
@@ -31,9 +32,9 @@ def sample(name: str) -> Instrument:
     return ANY[name]() if name in ANY else tn.load(name)
 
 
-def computed(inst: Instrument, *names: str) -> tuple[Context, str]:
+def computed(inst: Instrument, *names: str, scaled: Instrument | None = None) -> tuple[Context, str]:
     """Compute chapters, lay out their figures without saving them, and return the text of the report on them."""
-    context = Context.of(inst)
+    context = Context.of(inst, scaled)
     with style.applied():
         sections = [chosen(context, [name])[name].section(context) for name in names]
         for plot in (plot for section in sections for plot in section.plots):
@@ -116,6 +117,27 @@ def test_matrices_are_the_rates_at_rest(name: str) -> None:
             for j, axis in enumerate("xyz"):
                 shown = context.results[f"compliance.{state.name}.{joint}.{axis}"].value
                 assert shown == pytest.approx(np.degrees(rates.by_wrench[i, j]), abs=1e-12)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("name", "friction"), [("hybrid-real-size", True), ("needle-driver", False)])
+def test_the_chapter_on_the_scale_model_of_several_joints_has_the_errors_of_their_comparison(
+    name: str, friction: bool
+) -> None:
+    inst = tn.load(name)
+    stiffer = inst.replace(tendon_stiffness=2e5, name="stiffer", pretension=25)
+    context, text = computed(inst, "similarity", scaled=stiffer)
+    pair = compare_joints(inst, stiffer)
+    assert context.results["factors.tendon_stiffness"].value == pair.factors["tendon_stiffness"]
+    for pretension, tensions in (("scaled", None), ("as_used", stiffer.pretensions)):
+        error = pair.error(pretensions=tensions)
+        key = f"similarity.{pretension}.without_friction"
+        for joint, rms, largest in zip(error.joints, error.rms, error.largest, strict=True):
+            assert context.results[f"{key}.{joint}.rms"].value == rms
+            assert context.results[f"{key}.{joint}.largest"].value == largest
+        assert context.results[f"{key}.tip.largest"].value == 1e3 * error.largest_at_tip
+    assert ("with friction, at rest" in text) == friction
+    assert "similarity" not in chosen(Context.of(inst))
 
 
 @pytest.mark.parametrize("name", ["real-size", "scaled-up"])

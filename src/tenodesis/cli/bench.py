@@ -21,8 +21,10 @@ from tenodesis.cli.common import (
 )
 from tenodesis.cli.outputs import Outputs, written_by_us
 from tenodesis.errors import CommandError, InstrumentError
+from tenodesis.instrument import Instrument, as_short_form, expanded
 from tenodesis.paper.context import Context
 from tenodesis.paper.run import CHAPTERS, run, steps
+from tenodesis.similarity.joints import compare_joints
 
 _BRIEF = (
     r"loss\.at_\d+deg\.|tension\.slack_load|transmissibility\.straight|table1\.stiffness|table2\.(force|tension)|"
@@ -53,26 +55,7 @@ def bench(  # noqa: PLR0917
     inst = load_instrument(instrument_file)
     if scaled_up is None and instrument_file == "real-size":
         scaled_up = "scaled-up"
-    planar = inst.short_form is not None
-    for option, given in (("--axis", axis), ("--scaled-up", scaled_up)):
-        if given is not None and not planar:
-            raise CommandError(
-                f"{option} is given, but {inst.name} lists joints and tendons; it must be left out.",
-                key=option,
-                value=given,
-                allowed="left out",
-            )
-    scaled = None if scaled_up is None else load_instrument(scaled_up, planar=True)
-    if scaled is not None and scaled.joint_type != inst.joint_type:
-        raise InstrumentError(
-            f"{scaled.name} has joint_type {scaled.joint_type}, {inst.name} {inst.joint_type}; a scale model must "
-            "be of the same joint type.",
-            key="joint_type",
-            value=scaled.joint_type,
-            allowed=inst.joint_type,
-        )
-    if planar and (axis is not None or inst.overrides):
-        inst = inst.axis(axis or inst.axes[0])
+    inst, scaled = _studied(inst, scaled_up, axis)
     done, total = 0, steps(inst, scaled, chapters)
     # A report of some chapters must not take the place of one that has more.
     own = written_by_us(out / "results.json", "results", chapters=chapters)
@@ -94,6 +77,32 @@ def bench(  # noqa: PLR0917
         say_resolution(context.controlled)
     say(f"Report: {out / 'report.html'}")
     say("with figures/, curves/, recordings/ and results.json beside it")
+
+
+def _studied(inst: Instrument, scaled_up: str | None, axis: str | None) -> tuple[Instrument, Instrument | None]:
+    """Return instrument and scale model: of one axis, or all joints unless the scale model has one axis alone."""
+    scaled = None if scaled_up is None else load_instrument(scaled_up)
+    if inst.short_form is None and axis is not None:
+        raise CommandError(
+            f"--axis is given, but {inst.name} lists joints and tendons; it must be left out.",
+            key="--axis",
+            value=axis,
+            allowed="left out",
+        )
+    all_joints = axis is None and Context.of(inst, scaled).is_own and (scaled is None or len(scaled.bends) > 1)
+    if inst.short_form is None or (all_joints and len(inst.bends) > 1):
+        if scaled is not None:
+            compare_joints(inst, scaled)
+        return expanded(inst), scaled
+    if scaled is not None and as_short_form(scaled, "--scaled-up").joint_type != inst.joint_type:
+        raise InstrumentError(
+            f"{scaled.name} has joint_type {scaled.joint_type}, {inst.name} {inst.joint_type}; a scale model must "
+            "be of the same joint type.",
+            key="joint_type",
+            value=scaled.joint_type,
+            allowed=inst.joint_type,
+        )
+    return (inst.axis(axis or inst.axes[0]) if axis is not None or inst.overrides else inst), scaled
 
 
 def _summary(context: Context) -> Table:

@@ -49,7 +49,7 @@ InstrumentFile: TypeAlias = Annotated[
 ]
 AxisToCompute: TypeAlias = Annotated[
     str | None,
-    typer.Option(help="Axis to compute, where yaw and pitch have values of their own. Default: the first."),
+    typer.Option(help="One axis of two, with the chapters on planar instruments. Default: all joints."),
 ]
 SerialAddress: TypeAlias = Annotated[
     str | None, typer.Option(help="Of a serial device: /dev/ttyACM0, or socket://127.0.0.1:5555.")

@@ -20,7 +20,7 @@ _LAWS: tuple[tuple[str, statics.Actuation, statics.Law, str], ...] = (
 
 def section(context: Context) -> Section:
     """Compute the loss that remains under each law at four held states."""
-    inst = context.scaled if context.is_paper and context.scaled is not None else context.inst
+    inst = context.tested
     force = max(inst.conditions.forces) if context.is_paper else shown_force(inst)
     states = np.array(inst.conditions.output_angles or np.linspace(0.0, inst.output_range, 4))
     handle = statics.handle_angle(inst, states)

@@ -60,7 +60,7 @@ class Context:
     """Input of the sections, and their results."""
 
     given: Instrument
-    scaled: ShortForm | None
+    scaled: Instrument | None
     is_paper: bool
     """Whether both instruments are the paper's own, so that its printed numbers apply."""
     seeds: int = SEEDS
@@ -81,7 +81,7 @@ class Context:
     def of(
         cls,
         inst: Instrument,
-        scaled: ShortForm | None = None,
+        scaled: Instrument | None = None,
         *,
         seeds: int = SEEDS,
         progress: Callable[[str], None] = _ignore,

@@ -16,7 +16,11 @@ TESTS = Path(__file__).parents[3] / "tests"
 
 def planar(context: Context) -> str:
     """Whether the file has the short form, with a joint_type."""
-    return "" if context.short is not None else "it is for planar instruments, whose file has a joint_type."
+    return (
+        ""
+        if context.short is not None
+        else "it is for one planar axis: of a file with a joint_type, and of two axes with --axis."
+    )
 
 
 def law(context: Context) -> str:

@@ -43,7 +43,8 @@ def headlines(context: Context) -> list[tuple[str, str]]:
 def render(context: Context, sections: Sequence[Section], drawings: Mapping[str, Markup]) -> str:
     """Return the report as HTML; drawings are the figures as SVG, by name."""
     instruments = [inst for inst in (context.given, context.scaled) if inst is not None]
-    sensing = (context.short or context.controlled, context.scaled)
+    scaled = None if context.scaled is None else context.scaled.short_form
+    sensing = (context.short or context.controlled, scaled)
     return page.render(
         __package__,
         "report.html.j2",

@@ -8,7 +8,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from tenodesis.errors import ArgumentError, ReportError
-from tenodesis.instrument import Instrument, ShortForm
+from tenodesis.instrument import Instrument
 from tenodesis.paper import report
 from tenodesis.paper.context import SEEDS, Context
 from tenodesis.paper.needs import (
@@ -75,7 +75,9 @@ CHAPTERS = {
     "stiffness": Chapter("stiffness", (matrices,)),
     "compensation": Chapter("compensation_laws", (planar,)),
     "workspace": Chapter("workspace"),
-    "similarity": Chapter("tables_1_2_scale_model", (planar,), (scale_model,)),
+    "similarity": Chapter(
+        "tables_1_2_scale_model", (planar,), (scale_model,), Chapter("joints_scale_model", (scale_model, listed))
+    ),
     "design": Chapter("scale_model_design", (planar,), (papers,)),
     "cycles": Chapter("cycles"),
     "step-load": Chapter("step_load"),
@@ -118,7 +120,7 @@ def left_out(context: Context) -> dict[str, str]:
     return {name: reason for name, reason in reasons.items() if reason}
 
 
-def steps(inst: Instrument, scaled: ShortForm | None, only: Collection[str] = ()) -> int:
+def steps(inst: Instrument, scaled: Instrument | None, only: Collection[str] = ()) -> int:
     """Return how often a run reports progress."""
     context = Context.of(inst, scaled)
     chapters = chosen(context, only)
@@ -129,7 +131,7 @@ def steps(inst: Instrument, scaled: ShortForm | None, only: Collection[str] = ()
 
 def run(
     inst: Instrument,
-    scaled: ShortForm | None = None,
+    scaled: Instrument | None = None,
     out: Path = Path("out"),
     progress: Callable[[str], None] = lambda _: None,
     recordings: bool = True,
@@ -142,7 +144,8 @@ def run(
     Parameters
     ----------
     scaled
-        Its scale model, of the same joint type, if it is planar; without it the report leaves similarity out.
+        Its scale model, of the same joint type, or the same joints and tendons; without it the report leaves similarity
+        out.
     out
         Folder for report.html, results.json, figures/, curves/ and recordings/; made if absent.
     progress

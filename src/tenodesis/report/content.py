@@ -120,7 +120,7 @@ class Table:
 class Column:
     """A column of numbers in a table, which may also be results of the report.
 
-    Key and description are patterns for `str.format`, filled in from the labels of each row.
+    Key, unit and description are patterns for `str.format`, filled in from the labels of each row.
     """
 
     heading: str
@@ -162,7 +162,7 @@ class ResultTable(Table):
             value, printed = cell if isinstance(cell, tuple) else (cell, None)
             if column.key and (np.isfinite(value) or not column.optional):
                 description = column.description.format(**labels)
-                self._record(column.key.format(**labels), value, column.unit, description, printed)
+                self._record(column.key.format(**labels), value, column.unit.format(**labels), description, printed)
             texts.append(fixed(value, column.digits) if column.form is None else column.form(float(value)))
         self.rows.append(texts)
 

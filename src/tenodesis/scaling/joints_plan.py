@@ -9,6 +9,7 @@ import numpy as np
 
 from tenodesis.instrument.joints import Joint
 from tenodesis.report import style
+from tenodesis.report.content import Chart
 from tenodesis.report.page import about, inline_svg
 from tenodesis.scaling.joints import JointDesign
 from tenodesis.scaling.plan import (
@@ -23,11 +24,11 @@ from tenodesis.scaling.plan import (
     write_plan,
 )
 from tenodesis.scaling.weights import WeightSelection, select_weights
-from tenodesis.similarity.joints import JointError
+from tenodesis.similarity.joints import JointComparison, JointError
 from tenodesis.statics import chain
 from tenodesis.statics.bends import Bends
 
-_FACTORS: Mapping[str, str] = {
+FACTORS: Mapping[str, str] = {
     "length": "length, and strokes of motors",
     "tendon_stiffness": "stiffness of tendons",
     "tension": "tension",
@@ -179,7 +180,7 @@ def _of_joint(joint: Joint) -> Iterator[tuple[str, float | None]]:
 
 def _factors(design: JointDesign) -> PlanTable:
     factors = design.comparison.factors
-    rows = [(text, plain(factors[key])) for key, text in _FACTORS.items()]
+    rows = [(text, plain(factors[key])) for key, text in FACTORS.items()]
     return PlanTable("Factors, scaled-up over real-size", ("", "factor"), (*rows, ("angles", "1")))
 
 
@@ -248,28 +249,36 @@ def _groups(design: JointDesign) -> PlanTable:
     )
 
 
-def _losses(design: JointDesign) -> PlanFigure:
-    """Return the angles that each load leaves in the bent state, of both instruments."""
-    pair, states = design.comparison, design.comparison.states
+def draw_losses(pair: JointComparison) -> Chart:
+    """Return a chart of the angles that each load leaves in the bent state, of both instruments."""
+    states = pair.states
     bent = int(np.argmax(np.abs(states.angles).sum(axis=1)))
-    bends = Bends.of(design.real_size)
+    bends = Bends.of(pair.real_size)
+    chart, axes = Chart.panels(len(pair.loads), width=3.4 * len(pair.loads), height=2.8)
+    shares = np.linspace(0.0, 1.0, _POINTS)
+    for axis, load in zip(axes, pair.loads, strict=True):
+        wrench, grip = np.outer(shares, load.wrench), shares * load.grip_force
+        own = _angles(pair.real_size, states.handle[bent], states.strokes[bent], wrench, grip)
+        other = _angles(
+            pair.scaled_up, states.handle[bent], states.scaled_strokes[bent], *pair.scaled_loads(wrench, grip)
+        )
+        along = "of grip" if load.name == "grip" else f"along {load.name}"
+        force = chart.keep(f"force {along} [N]", shares * load.size)
+        colors = style.colors(len(pair.joints))
+        for n, (name, color) in enumerate(zip(pair.joints, colors, strict=True)):
+            real, scaled = (np.degrees(bends.summed(angles))[:, n] for angles in (own, other))
+            chart.curve(axis, force, f"{name}, force {along} [deg]", real, color=color, label=name)
+            kept = chart.keep(f"{name}, scale model, force {along} [deg]", scaled)
+            axis.plot(force[::4], kept[::4], "o", color=color, ms=3)
+        axis.set_xlabel(f"force {along}, real-size [N]")
+    axes[0].set_ylabel("angle [deg]")
+    style.legend_above(axes[0], len(pair.joints))
+    return chart
+
+
+def _losses(design: JointDesign) -> PlanFigure:
     with style.applied():
-        fig, axes = style.figure(len(pair.loads), width=3.4 * len(pair.loads), height=2.8)
-        for axis, load in zip(axes, pair.loads, strict=True):
-            shares = np.linspace(0.0, 1.0, _POINTS)
-            wrench, grip = np.outer(shares, load.wrench), shares * load.grip_force
-            own = _angles(design.real_size, states.handle[bent], states.strokes[bent], wrench, grip)
-            other = _angles(
-                design.scaled_up, states.handle[bent], states.scaled_strokes[bent], *pair.scaled_loads(wrench, grip)
-            )
-            colors = style.colors(len(pair.joints))
-            for n, (name, color) in enumerate(zip(pair.joints, colors, strict=True)):
-                axis.plot(shares * load.size, np.degrees(bends.summed(own))[:, n], color=color, label=name)
-                axis.plot(shares[::4] * load.size, np.degrees(bends.summed(other))[::4, n], "o", color=color, ms=3)
-            axis.set_xlabel(f"force {'of grip' if load.name == 'grip' else f'along {load.name}'}, real-size [N]")
-        axes[0].set_ylabel("angle [deg]")
-        style.legend_above(axes[0], len(pair.joints))
-        drawn = inline_svg("angles", fig)
+        drawn = inline_svg("angles", draw_losses(design.comparison).figure)
     return PlanFigure("Angles that loads leave in a bent state: real-size (lines), scaled-up (points)", drawn)
 
 

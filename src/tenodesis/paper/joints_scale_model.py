@@ -1,0 +1,93 @@
+"""The scale model of an instrument of several joints: factors, groups, and errors of its joints and at the tip."""
+
+from tenodesis.paper.context import Context, has_friction
+from tenodesis.report.content import Column, Section, Table, fixed, named, number
+from tenodesis.scaling.joints_plan import FACTORS, draw_losses
+from tenodesis.similarity.joints import JointComparison, JointError, compare_joints
+
+
+def section(context: Context) -> Section:
+    """Compare the instrument with its scale model."""
+    pair = compare_joints(context.given, context.scaled or context.given)
+    text = (
+        "<p>Two instruments of different size lose the same angles if loads are larger by their factors, which make "
+        "both lose the same to first order, by least squares over the working range. Groups that do not match show in "
+        "degrees below, and in how far they would move the real-size tip, of two jaws the farther one.</p>"
+    )
+    plot = draw_losses(pair).plot(
+        "similarity",
+        f"Angles that loads leave in a bent state: {named(pair.real_size)} (lines) and {named(pair.scaled_up)} "
+        "(points), whose loads are divided by their factors.",
+    )
+    return Section(
+        "similarity",
+        "Scale model",
+        text,
+        [plot],
+        [_factors(context, pair), _groups(context, pair), *_errors(context, pair)],
+    )
+
+
+def _factors(context: Context, pair: JointComparison) -> Table:
+    about = "Scale factor: {about}"
+    table = context.table(
+        "Scale factors; of angles it is 1", "", Column("factor", "factors.{key}", "1", about, digits=4)
+    )
+    for key, name in FACTORS.items():
+        table.row(name, pair.factors[key], key=key, about=name)
+    return table
+
+
+def _groups(context: Context, pair: JointComparison) -> Table:
+    def column(heading: str, name: str, about: str) -> Column:
+        key = f"groups.{{group}}.{name}"
+        return Column(heading, key, "1", f"{{meaning}}, {about}", form=_four_digits, optional=True)
+
+    table = context.table(
+        "Dimensionless groups, those alike in one row",
+        "group",
+        "",
+        column(named(pair.real_size), "instrument", "instrument"),
+        column(named(pair.scaled_up), "scale_model", "scale model"),
+        column("ratio", "ratio", "ratio of the two"),
+        "",
+    )
+    for group in pair.groups:
+        judged = "matches" if group.matches else "differs"
+        values = (group.real_size, group.scaled_up, group.ratio)
+        table.row(group.name, group.meaning, *values, judged, group=group.name, meaning=group.meaning)
+    return table
+
+
+def _four_digits(value: float) -> str:
+    return number(value, 4)
+
+
+def _errors(context: Context, pair: JointComparison) -> list[Table]:
+    """Return the errors with the scale model's pretensions scaled and as in its file."""
+    loads = ", ".join(f"{one.size:.3g} N {one.name}" for one in pair.loads)
+    found: list[Table] = []
+    kinds = [("without friction", "without_friction", pair.error)]
+    if has_friction(pair.real_size) or has_friction(pair.scaled_up):
+        kinds.append(("with friction, at rest", "with_friction", pair.error_at_rest))
+    for kind, name, measure in kinds:
+        for pretension, tensions in (("scaled", None), ("as used", pair.scaled_up.pretensions)):
+            caption = f"Similarity error {kind}, pretension {pretension}, loads up to {loads} real-size"
+            key = f"similarity.{pretension.replace(' ', '_')}.{name}"
+            found.append(
+                _error(context, caption, key, f"{kind}, pretension {pretension}", measure(pretensions=tensions))
+            )
+    return found
+
+
+def _error(context: Context, caption: str, key: str, about: str, error: JointError) -> Table:
+    table = context.table(
+        f"{caption}; no equilibrium at {fixed(100 * error.unsolved, 1)} % of the points",
+        "",
+        Column("rms", f"{key}.{{of}}.rms", "{unit}", f"Root mean square similarity error of {{of}}, {about}"),
+        Column("largest", f"{key}.{{of}}.largest", "{unit}", f"Largest similarity error of {{of}}, {about}"),
+    )
+    for joint, rms, largest in zip(error.joints, error.rms, error.largest, strict=True):
+        table.row(f"{joint} [°]", rms, largest, of=joint, unit="deg")
+    table.row("real-size tip [mm]", 1e3 * error.rms_at_tip, 1e3 * error.largest_at_tip, of="tip", unit="mm")
+    return table
