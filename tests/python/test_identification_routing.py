@@ -193,3 +193,29 @@ def test_the_command_fits_all_tendons_of_a_recording(
     own = next(one for one in identified.as_given("tendons") if one.name == "jaw_1_wound")
     named = found["parameters"]
     assert_allclose(own.stiffness, named["jaw_1_wound.stiffness"]["value"], rtol=1e-8)
+
+
+def test_forces_on_two_planar_axes_are_one_force_on_the_tip_and_the_command_fits_both(
+    tenodesis: Callable[..., tuple[int, str, str]],
+) -> None:
+    inst = tn.load("real-size")
+    count = np.arange(600)
+    handle = 0.2 * np.sin(count[:, np.newaxis] / (200, 150))
+    force = 0.3 * np.sin(count[:, np.newaxis] / (120, 170))
+    planar = tn.twin.Twin(inst, time_step=1e-3).run(handle, force)
+    columns = routing.of_run(planar, inst).columns
+    assert_allclose(columns["wrench.fx"], -force[:, 0])
+    assert_allclose(columns["wrench.fy"], -force[:, 1])
+    assert_allclose(columns["handle_angle.handle_pitch"], handle[:, 1])
+    # its joints act on each other, as those of a bench do
+    run = tn.twin.Twin(inst.expanded, time_step=1e-3).run(handle)
+    with Recorder("two.mcap", axes=run.names, metadata={"instrument": to_toml(inst)}) as recorder:
+        recorder.write(run)
+    code, out, _ = tenodesis(
+        "identify", "two.mcap", "--fit", "yaw_agonist.pretension,pitch_agonist.pretension", "--json"
+    )
+    found = json.loads(out)
+    assert (code, found["format"]) == (0, "tendons")
+    for axis in inst.axes:
+        low, high = found["parameters"][f"{axis}_agonist.pretension"]["interval_95"]
+        assert low <= 30.0 <= high

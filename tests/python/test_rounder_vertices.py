@@ -41,7 +41,7 @@ def small(scaled_up: Instrument) -> VertexStudy:
 
 def _hysteresis(inst: Instrument, radius: float, rope: VertexRope = SPRINGY, surface: rounder.Surface = METAL) -> float:
     changed = rounder.redesigned(inst, VertexDesign(radius, 0.1, rope, surface), REFERENCE)
-    return rounder.loop(changed, 1.5)[0]
+    return rounder.loop(changed, "yaw", 1.5)[0]
 
 
 def test_rounder_vertices_never_reduce_friction_without_bending(scaled_up: Instrument) -> None:
@@ -145,11 +145,29 @@ def test_the_study_writes_a_page_with_its_figure_and_results(small: VertexStudy,
 def test_wrong_inputs_are_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(InstrumentError, match=r"^absent: there is no such file"):
         command.study_vertices("absent")
-    with pytest.raises(
-        InstrumentError, match=r"^joint_type is 'tendon-pulley'; it must be tendon-gear, whose vertices"
-    ):
+    with pytest.raises(InstrumentError, match=r"^joints.mechanism is 'pulley'; it must be tendon-gear, whose vertices"):
         command.study_vertices(str(EXAMPLES / "pulley.toml"), out=tmp_path)
     with pytest.raises(CommandError, match=r"^--force = '-1 N'"):
         command.study_vertices("scaled-up", force="-1 N", out=tmp_path)
     with pytest.raises(InstrumentError, match=r"^friction.vertex_coefficient is 0; it must be above 0"):
         rounder.study(instrument.load("scaled-up").planar[0].replace(friction=None))
+
+
+def test_of_several_joints_those_of_gears_are_judged_one_by_one() -> None:
+    inst = instrument.load("hybrid-real-size")
+    assert rounder.axes_of(inst) == ("yaw", "pitch")
+    plane = instrument.load("real-size").planar[0]
+    assert rounder.radius_limits(inst) == pytest.approx(rounder.radius_limits(plane))
+    for name in ("needle-driver", "two-segment-continuum"):
+        with refused("joints.mechanism", kind=InstrumentError):
+            rounder.axes_of(instrument.load(name))
+    with refused("axis", "jaw", kind=InstrumentError):
+        rounder.study(inst, axis="jaw")
+
+
+@pytest.mark.slow
+def test_joints_have_the_loop_of_the_planar_instrument_while_the_others_are_straight() -> None:
+    inst, plane = instrument.load("hybrid-real-size"), instrument.load("real-size").planar[0]
+    yaw, pitch = (rounder.loop(inst, axis, 0.0)[0] for axis in ("yaw", "pitch"))
+    assert yaw == pytest.approx(rounder.loop(plane, "yaw", 0.0)[0], rel=0.02)
+    assert pitch == pytest.approx(yaw, rel=0.02)

@@ -77,8 +77,8 @@ def load_instrument(name_or_path: str, *, planar: bool = False) -> Instrument:
     if planar and inst.short_form is None:
         raise InstrumentError(
             f"{name_or_path} lists joints and tendons, and this command takes planar instruments; tenodesis check, "
-            "loss, compare, bench, record, replay, console, devices test, scale, tolerance, transfer, identify, export "
-            "controller, export urdf and export mjcf take such files, and tn in Python.",
+            "loss, compare, bench, record, replay, console, devices test, scale, tolerance, transfer, identify, "
+            "vertices, export controller, export urdf and export mjcf take such files, and tn in Python.",
             key="file",
             value=name_or_path,
             allowed="a planar instrument",

@@ -198,7 +198,7 @@ def identify(  # noqa: PLR0917
 def _loaded(format_name: str, files: Sequence[Path]) -> tuple[str, list[MeasuredRun]]:
     """Return recordings and their format: that of joints where an instrument's recording holds no tensions."""
     try:
-        return format_name, _read_as(format_name, files)
+        found = _read_as(format_name, files)
     except IdentificationError as lacking:
         if format_name in _OF_INSTRUMENTS and lacking.key == "joint":
             note("Tendons turn several joints: all of them are fitted together (--format tendons).")
@@ -212,6 +212,14 @@ def _loaded(format_name: str, files: Sequence[Path]) -> tuple[str, list[Measured
             raise (problem if problem.key == "time" else lacking) from None
         note("No tensions were recorded: coupling, play and offset of the joints are identified (--format joints).")
         return _JOINTS, found
+    if any(isinstance(run, InstrumentRun) and run.others for run in found):
+        try:
+            together = _read_as(_TENDONS, files)
+        except IdentificationError:
+            return format_name, found
+        note("The instrument has two axes: both are fitted together (--format tendons).")
+        return _TENDONS, together
+    return format_name, found
 
 
 def _read_as(format_name: str, files: Sequence[Path]) -> list[MeasuredRun]:

@@ -9,6 +9,7 @@ from rich.markup import escape
 from tenodesis.cli.command import command
 from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_instrument, quantity, say, table
 from tenodesis.cli.outputs import Outputs, written_by_us
+from tenodesis.instrument import expanded
 from tenodesis.paper import rounder_vertices
 from tenodesis.paper.rounder_vertices import NUMBERS, PAGE, SWEEP, tables, write
 from tenodesis.units import PositiveForce
@@ -22,17 +23,21 @@ def study_vertices(
         str | None,
         typer.Option(help="Load at the tip. Default: that of the load rig, or the second of the conditions."),
     ] = None,
+    axis: Annotated[
+        str | None, typer.Option(help="Axis of the joint that is judged, the others straight. Default: the first.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for page, figure, sweep and results.")] = Path("out/vertices"),
 ) -> None:
     """Study rounder vertices: radius, coefficient and rope against loss, hysteresis and final errors."""
-    inst = load_instrument(instrument_file, planar=True).planar[0]
+    inst = load_instrument(instrument_file)
+    inst = inst if len(inst.bends) == 1 else expanded(inst)
     newton = None if force is None else quantity("--force", force, PositiveForce)
     own = written_by_us(out / NUMBERS, "designs")
     with (
         outputs.folder(out, (PAGE, NUMBERS, SWEEP), ("figures",), replace=own),
         ProgressBar("designs") as bar,
     ):
-        found = rounder_vertices.study(inst, newton, progress=bar)
+        found = rounder_vertices.study(inst, newton, axis=axis, progress=bar)
         write(found, out)
     for one in tables(found):
         first, *others = one.columns

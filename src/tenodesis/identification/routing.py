@@ -32,7 +32,7 @@ from tenodesis.recording import lab_map, lab_tables, signal_tables
 from tenodesis.recording.blocks import Progress
 from tenodesis.recording.signal_tables import POSE
 from tenodesis.routes import handle_share
-from tenodesis.run import COMPONENTS, Array, Run
+from tenodesis.run import ACROSS, COMPONENTS, Array, Run
 from tenodesis.twin import Twin
 
 MOST_COMPARED = 3000
@@ -54,9 +54,10 @@ _USED = (
     *("commanded_handle_angle", "measured_handle_angle", "commanded_spool_velocity", "measured_spool_angle"),
     *("measured_tension", "measured_output_angle", "wrench", "applied_grip_force", "held_stiffness", "force"),
     "commanded_spool_tension",
+    "radial_force",
 )
 """Signals that are read of a recording."""
-_ABOUT = {"held_stiffness", "force"}
+_ABOUT = {"held_stiffness", "force", "radial_force"}
 """Of these, what says whether it can be."""
 _MEASURED = {"measured_tension", "measured_output_angle", *POSE}
 """What is compared."""
@@ -91,7 +92,7 @@ _SHARES = {
     "friction.tip_joint_compliance_share": "share of it in the span of a joint at the tip",
 }
 """Where friction divides tendons; shares that the file leaves to lengths are not unknown, but for the handle's."""
-_LEAST_SHARE, _MOST_SHARE = 0.01, 0.9
+_LEAST_SHARE, _MOST_SHARE = 0.001, 0.9
 _COEFFICIENTS = ("friction.vertex_coefficient", "friction.sheath_coefficient")
 _COEFFICIENT = _Unknown("1", 0.0, 1.0, "friction coefficient", "friction")
 _DAMPING = _Unknown("1", 0.0, 2.0, "damping of the tip over critical", "viscous")
@@ -151,19 +152,22 @@ def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", n
         notes.append(f"from {run.time[held[0]]:.4g} s on the jaws hold something, which is not in the model: left out")
         run = run.rows(0, int(held[0]))
     signals = run.signals()
-    if np.any(signals.get("force", 0.0)):
-        raise IdentificationError(
-            f"{name} has forces on single axes, which are not those on one tip; --format recording takes its first "
-            "axis.",
-            key="force",
-        )
     columns = {
-        heading: row
+        f"{signal}.{column}" if column else signal: rows[:, n]
         for signal in _USED
         if signal in signals and signal not in _ABOUT
-        for heading, row in zip(run.names.headings(signal), np.reshape(signals[signal], (len(run), -1)).T, strict=True)
-    }
+        for rows in [run.by_column(signal)]
+        for n, column in enumerate(run.columns(signal) or [""] * rows.shape[1])
+    } | _on_one_tip(run)
     return _of_columns(name, run.time, columns, notes, None if inst is None else expanded(inst))
+
+
+def _on_one_tip(run: Run) -> dict[str, Array]:
+    """Return forces by axis, which oppose flexion, as components of the force on the tip that all axes have."""
+    if "force" not in run.signals():
+        return {}
+    across = zip(run.axes, run.by_column("force").T, strict=True)
+    return {f"wrench.{ACROSS[axis]}": -row for axis, row in across} | {"wrench.fz": run.by_column("radial_force")[:, 0]}
 
 
 def _of_columns(

@@ -13,18 +13,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from tenodesis import statics
-from tenodesis.control import LawName
+from tenodesis.control import Controller, LawName, compensated
 from tenodesis.errors import InstrumentError, NoSolutionError, StudyError
-from tenodesis.instrument import ShortForm, TendonGear
+from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.paper import published, step_load, step_response
 from tenodesis.paper.context import WAYS
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Plot, Table, fixed
 from tenodesis.report.page import about, json_text, render, write_columns, write_figure, written
+from tenodesis.run import COMPONENTS
 from tenodesis.scaling import catalogue
 from tenodesis.simulate import campaign
 from tenodesis.simulate.campaign import Rows
+from tenodesis.simulate.places import Place, Places
 from tenodesis.twin import Twin
 
 LAWS: tuple[LawName, ...] = ("off", "paper", "robust")
@@ -41,6 +42,8 @@ _RADII = 5  # up to that
 _SCAN = 20  # steps up to the coefficient of the file
 _STEP = math.radians(0.1)
 _MOVES = math.radians(0.1)
+_SEED = 15
+_GEARS = "tendon-gear"
 _WIRES_ACROSS_STRAND = {7: 3, 19: 5}
 
 
@@ -101,7 +104,9 @@ class VertexDesign(NamedTuple):
 class VertexStudy:
     """The designs of a sweep, each a row with what it costs (:func:`costs`)."""
 
-    inst: ShortForm
+    inst: Instrument
+    axis: str
+    """Of the joint that is judged; the vertices of all joints of gears are alike."""
     force: float
     """Load at the tip, N."""
     states: tuple[float, ...]
@@ -123,6 +128,17 @@ class VertexStudy:
     def coefficient(self) -> float:
         """The coefficient of the instrument file."""
         return self.inst.friction.vertex_coefficient
+
+    @property
+    def plane(self) -> ShortForm:
+        """The instrument of the judged joint alone."""
+        return _place(self.inst, self.axis)[1]
+
+    @property
+    def title(self) -> str:
+        """The instrument's name, with the judged joint if there are several."""
+        several = len(self.inst.tip_joints) > 1
+        return f"{self.inst.name}, {self.axis}" if several else self.inst.name
 
     def along_radius(self, rope: VertexRope, surface: Surface) -> Rows:
         """Return the designs by radius, at the coefficient of the instrument file."""
@@ -149,29 +165,50 @@ def worst(row: Mapping[str, Any], law: LawName) -> float:
     return float(np.nan_to_num(np.abs(row[law]), nan=np.inf).max())
 
 
-def radius_limits(inst: ShortForm) -> RadiusLimits:
-    """Return the largest radii of the arcs that round the vertices of an instrument's joints.
+def _place(inst: Instrument, axis: str) -> tuple[Place, ShortForm]:
+    """Return where a joint is commanded, by axis, and the instrument of it alone; raises InstrumentError if nowhere."""
+    known = Places.of(inst).axes
+    plane = known[axis].plane if axis in known else None
+    if plane is None:
+        allowed = " or ".join(known) or "a joint with a joint of the handle and a pair of tendons of its own"
+        raise InstrumentError(key="axis", value=axis, allowed=allowed)
+    return known[axis], plane
+
+
+def axes_of(inst: Instrument) -> tuple[str, ...]:
+    """Return the axes of the joints of gears that a controller compensates, whose vertices can be studied.
+
+    Raises
+    ------
+    InstrumentError
+        There is none.
+    """
+    geared = [joint.name for joint in inst.tip_joints if joint.mechanism == _GEARS]
+    if not geared:
+        kinds = ", ".join(dict.fromkeys(joint.mechanism for joint in inst.tip_joints))
+        raise InstrumentError(key="joints.mechanism", value=kinds, allowed=f"{_GEARS}, whose vertices are sharp")
+    known = Places.of(inst).axes.items()
+    return tuple(axis for axis, place in known if inst.tip_joints[place.tip].mechanism == _GEARS)
+
+
+def radius_limits(inst: Instrument) -> RadiusLimits:
+    """Return the largest radii of the arcs that round the vertices of an instrument's joints of gears.
 
     At a vertex a tendon turns by half of its joint's angle, phi = theta / 2. An arc of radius rho that leaves the
     vertex in its place takes rho tan(phi / 2) of the tendon's way on either side of it. In the free span, 2 r (1 -
     sin phi) between two gears of pitch radius r, two arcs meet: rho <= r (1 - sin phi) / tan(phi / 2). Sideways an arc
     takes rho (1 - cos phi) of the wall between the tendon and the outer diameter of the stem, whose tendons run r to
     the side: rho <= (D / 2 - r - d / 2) / (1 - cos phi), where nothing of the wall is left at its mouth.
-
-    Raises
-    ------
-    InstrumentError
-        The joint has no gears, whose vertices could be rounded.
     """
-    if not isinstance(inst, TendonGear):
-        raise InstrumentError(key="joint_type", value=inst.joint_type, allowed="tendon-gear, whose vertices are sharp")
-    distal, proximal = inst.distal_gear_radius, inst.proximal_gear_radius
-    phi = inst.output_range / 2
-    wall = math.inf
+    tips, handles = ([one for one in of if one.mechanism == _GEARS] for of in (inst.tip_joints, inst.handle_joints))
+    walls = [math.inf]
     if inst.stem_diameter is not None:
-        room = inst.stem_diameter / 2 - distal - (inst.tendon_diameter or 0.0) / 2
-        wall = max(0.0, room) / (1 - math.cos(phi))
-    return RadiusLimits(_span_limit(distal, phi), _span_limit(proximal, inst.handle_range / 2), wall)
+        for joint in tips:
+            room = inst.stem_diameter / 2 - joint.radius - (inst.tendon_diameter or 0.0) / 2
+            walls.append(max(0.0, room) / (1 - math.cos(joint.range / 2)))
+    spans = ([_span_limit(joint.radius, joint.range / 2) for joint in of] for of in (tips, handles))
+    span, handle_span = (min(of, default=math.inf) for of in spans)
+    return RadiusLimits(span, handle_span, min(walls))
 
 
 def _span_limit(radius: float, phi: float) -> float:
@@ -197,7 +234,7 @@ def bending_stiffness(name: str, diameter: float, modulus: float) -> float:
     return modulus * math.pi * diameter**2 / 4 * wire**2 / 16
 
 
-def ropes(inst: ShortForm) -> tuple[VertexRope, ...]:
+def ropes(inst: Instrument) -> tuple[VertexRope, ...]:
     """Return a tendon that springs back, and of each construction in the catalogue the rope nearest in diameter.
 
     Raises
@@ -216,7 +253,7 @@ def ropes(inst: ShortForm) -> tuple[VertexRope, ...]:
     return SPRINGY, *(rope for _, rope in by_construction.values())
 
 
-def _diameter(inst: ShortForm) -> float:
+def _diameter(inst: Instrument) -> float:
     if inst.tendon_diameter is None:
         raise InstrumentError(
             f"{inst.name} has no tendon_diameter, which the study of its vertices needs; give it in the file.",
@@ -225,7 +262,7 @@ def _diameter(inst: ShortForm) -> float:
     return inst.tendon_diameter
 
 
-def redesigned(inst: ShortForm, design: VertexDesign, reference_radius: float) -> ShortForm:
+def redesigned(inst: Instrument, design: VertexDesign, reference_radius: float) -> Instrument:
     """Return an instrument with other vertices; coefficients are at its pretension and the reference radius (m).
 
     The tendons keep their stiffness: of a rope only the bending counts.
@@ -243,40 +280,61 @@ def redesigned(inst: ShortForm, design: VertexDesign, reference_radius: float) -
     return inst.replace(**{f"friction.{key}": value for key, value in friction.items()})
 
 
-def _assumed(inst: ShortForm, changed: ShortForm) -> ShortForm:
+def _assumed(inst: Instrument, changed: Instrument) -> ShortForm:
     """Return the controller's model: stiffness and coefficient at the pretension are identified, bending is not."""
     effective = changed.friction.vertex_coefficient * changed.friction.vertex_factor
-    return step_response.controller_model(inst.replace(**{"friction.vertex_coefficient": effective}))
+    return step_response.controller_model(compensated(inst.replace(**{"friction.vertex_coefficient": effective})))
 
 
-def held(inst: ShortForm, changed: ShortForm, state: float, force: float, law: LawName) -> float:
-    """Return the final error, deg, of an output angle (rad) held under a load (N) by a law; NaN if it faults or falls.
+def _commands(inst: Instrument, place: Place, handle: Array, force: Array | float) -> dict[str, Any]:
+    """Return a twin's commands by which a joint is moved (n,), rad, against a force on it, N; the others are straight.
+
+    A force that opposes flexion of a joint is along an axis of the tip where joints act on each other.
+    """
+    widths = {"handle_angle": len(inst.handle_joints), "force": len(inst.tip_joints), "wrench": len(COMPONENTS)}
+    found = {}
+    for name, values in (("handle_angle", handle), ("force", np.broadcast_to(force, handle.shape))):
+        where = place.where(name)
+        found[where.field] = np.zeros((handle.size, widths[where.field]))
+        found[where.field][:, where.columns] = where.sign * values[:, np.newaxis]
+    return found
+
+
+def held(  # noqa: PLR0917
+    inst: Instrument, changed: Instrument, axis: str, state: float, force: float, law: LawName
+) -> float:
+    """Return the final error, deg, of a joint's angle (rad) held under a load (N) by a law; NaN if it faults or falls.
 
     `inst` is the instrument as in its file.
     """
-    motion = step_response.held_motion(inst, state, force, BEFORE, AFTER)
+    place, plane = _place(inst, axis)
+    motion = step_response.held_motion(plane, state, force, BEFORE, AFTER)
+    controller = Controller(_assumed(inst, changed), law=law)
+    commands = _commands(inst, place, motion.handle_angle, motion.force)
     try:
-        run = step_response.simulate_motion(changed, _assumed(inst, changed), motion, law)
+        run = Twin(changed, seed=_SEED).run(**commands, controller=controller)
     except NoSolutionError:
         return math.nan
-    response = step_response.response(run, motion)
+    response = step_response.response(run.axis(axis), motion)
     return math.nan if response.faulted else response.final
 
 
-def loop(inst: ShortForm, force: float) -> tuple[float, float]:
+def loop(inst: Instrument, axis: str, force: float) -> tuple[float, float]:
     """Return the mean width of the loop of output over handle angle under a load (N), deg, and the delay, deg.
 
     The handle goes through its working range to either side at rest; the width is between 0.15 and 0.9 of the range in
     flexion, the delay the way of the handle after its reversal in flexion until the tip has moved by 0.1 deg.
     """
-    reach = statics.reach(inst)
+    place, _ = _place(inst, axis)
+    reach = place.reach
     count = max(2, round(reach / _STEP))
     up = np.linspace(-reach, reach, 2 * count + 1)
     path = np.concatenate([np.linspace(0, reach, count + 1), up[-2::-1], up[1:], up[-2::-1]])
     try:
-        output = Twin(inst, quasi_static=True).run(path, force)["output_angle"]
+        run = Twin(inst, quasi_static=True).run(**_commands(inst, place, path, force))
     except NoSolutionError:
         return math.nan, math.nan
+    output = run.by_column("output_angle")[:, place.tip]
     down = output[-up.size :]
     rising = output[-2 * up.size + 1 : -up.size + 1]
     grid = WAYS * reach
@@ -286,8 +344,8 @@ def loop(inst: ShortForm, force: float) -> tuple[float, float]:
     return float(np.degrees(width.mean())), float(np.degrees(delay))
 
 
-def costs(
-    inst: ShortForm, design: VertexDesign, states: Sequence[float], force: float, reference_radius: float
+def costs(  # noqa: PLR0917
+    inst: Instrument, axis: str, design: VertexDesign, states: Sequence[float], force: float, reference_radius: float
 ) -> dict[str, Any]:
     """Return what a design costs in the held states (rad) under a load (N); NaN where the joint does not hold it.
 
@@ -296,9 +354,9 @@ def costs(
     NaN where the controller faulted; all deg.
     """
     changed = redesigned(inst, design, reference_radius)
-    hysteresis, delay = loop(changed, force)
+    hysteresis, delay = loop(changed, axis, force)
     final: dict[str, Array] = {
-        law: np.array([held(inst, changed, state, force, law) for state in states]) for law in LAWS
+        law: np.array([held(inst, changed, axis, state, force, law) for state in states]) for law in LAWS
     }
     return {"hysteresis": hysteresis, "delay": delay, **final}
 
@@ -312,21 +370,24 @@ def held_states(inst: ShortForm) -> tuple[float, ...]:
 
 
 def study(
-    inst: ShortForm,
+    inst: Instrument,
     force: float | None = None,
     *,
+    axis: str | None = None,
     radii: Iterable[float] | None = None,
     shares: Iterable[float] = SHARES,
     tendons: tuple[VertexRope, ...] | None = None,
     surfaces: tuple[Surface, ...] = (METAL, PLASTIC),
     progress: Callable[[float, float], None] = lambda _done, _total: None,
 ) -> VertexStudy:
-    """Sweep the vertices of a planar instrument: radius, coefficient, rope and surface.
+    """Sweep the vertices of an instrument's joints of gears: radius, coefficient, rope and surface.
 
     Parameters
     ----------
     force
         Load at the tip, N; by default that of the load rig or the second of the instrument's conditions.
+    axis
+        Of the joint that is judged, the others straight; by default the first of :func:`axes_of`.
     radii
         Radii of the vertices, m; by default from the tendon's own to four times the largest that the joint holds. The
         present radius, half of the tendon's diameter, is always among them.
@@ -340,8 +401,11 @@ def study(
     Raises
     ------
     InstrumentError
-        The joint has no gears, its file no diameter of the tendons or no friction at the vertices.
+        No joint has gears and a pair of tendons of its own, or there is none of this axis; the file has no diameter of
+        the tendons or no friction at the vertices.
     """
+    axis = axes_of(inst)[0] if axis is None else axis
+    _, plane = _place(inst, axis)
     limits = radius_limits(inst)
     reference = _diameter(inst) / 2
     present = inst.friction.vertex_coefficient
@@ -349,8 +413,8 @@ def study(
         raise InstrumentError(
             key="friction.vertex_coefficient", value=0, allowed="above 0: friction at the vertices is what is studied"
         )
-    load = step_load.step_force(inst) if force is None else force
-    states = held_states(inst)
+    load = step_load.step_force(plane) if force is None else force
+    states = held_states(plane)
     if radii is None:
         most = limits.largest
         radii = [*np.geomspace(min(reference, most), most, _RADII), *(factor * most for factor in _BEYOND)]
@@ -376,10 +440,10 @@ def study(
     total = len(distinct) + len(scans)
 
     def cost(key: tuple[float, float, float]) -> dict[str, Any]:
-        return costs(inst, distinct[key], states, load, reference)
+        return costs(inst, axis, distinct[key], states, load, reference)
 
     def largest(rope: VertexRope, radius: float) -> dict[str, float]:
-        return {"coefficient": _largest_coefficient(inst, states, load, reference, (rope, radius))}
+        return {"coefficient": _largest_coefficient(inst, axis, states, load, reference, (rope, radius))}
 
     done = campaign.run(
         cost, campaign.cases(key=distinct), on="threads", progress=lambda count, _: progress(count, total)
@@ -390,6 +454,7 @@ def study(
     )
     return VertexStudy(
         inst,
+        axis,
         load,
         states,
         reference,
@@ -404,15 +469,15 @@ def _held(radii: Sequence[float], limits: RadiusLimits) -> float:
     return max((radius for radius in radii if radius <= limits.largest * (1 + 1e-9)), default=radii[0])
 
 
-def _largest_coefficient(
-    inst: ShortForm, states: Sequence[float], force: float, reference: float, case: tuple[VertexRope, float]
+def _largest_coefficient(  # noqa: PLR0917
+    inst: Instrument, axis: str, states: Sequence[float], force: float, reference: float, case: tuple[VertexRope, float]
 ) -> float:
     """Return the largest coefficient below which, in steps, the paper's law is good enough in every state."""
     rope, radius = case
     good = math.nan
     for coefficient in np.linspace(0.0, inst.friction.vertex_coefficient, _SCAN + 1):
         changed = redesigned(inst, VertexDesign(radius, float(coefficient), rope, METAL), reference)
-        ends = (held(inst, changed, state, force, "paper") for state in states)
+        ends = (held(inst, changed, axis, state, force, "paper") for state in states)
         if any(not abs(end) <= GOOD for end in ends):
             break
         good = float(coefficient)
@@ -477,7 +542,7 @@ def write(found: VertexStudy, out: Path) -> None:
 
     Raises StudyError if the folder cannot be written.
     """
-    shift, states = pretension_shift(found.inst, found.held_radius), _states(found)
+    shift, states = pretension_shift(found.plane, found.held_radius), _states(found)
     with style.applied(), written(out, StudyError, last=PAGE) as new:
         (new / "figures").mkdir()
         drawn = plot(found)
@@ -522,6 +587,7 @@ def _results(found: VertexStudy, shift: float) -> dict[str, Any]:
         "schema": RESULTS_SCHEMA,
         "about": about(),
         "instrument": found.inst.name,
+        "axis": found.axis,
         "answer": answer(found),
         "force": found.force,
         "states": [math.degrees(state) for state in found.states],
@@ -637,7 +703,7 @@ def plot(found: VertexStudy) -> Plot:
     chart.figure.legend(handles, names, loc="outside upper left", ncols=len(surfaces) + 1)
     return chart.plot(
         "vertices",
-        f"{found.inst.name} under {found.force:.3g} N, coefficient {found.coefficient:.3g}. The joint holds "
+        f"{found.title} under {found.force:.3g} N, coefficient {found.coefficient:.3g}. The joint holds "
         f"{1e3 * found.limits.largest:.2g} mm; dotted: the coefficient of the file; "
         f"dashed: {GOOD:g}°.",
     )

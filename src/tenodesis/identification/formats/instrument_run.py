@@ -45,6 +45,8 @@ class InstrumentRun(MeasuredRun):
     """
 
     instrument: ShortForm | None = None
+    others: tuple[str, ...] = ()
+    """Axes of the recording that are left out"""
 
 
 def checked(
@@ -54,6 +56,7 @@ def checked(
     *,
     notes: Sequence[str] = (),
     instrument: ShortForm | None = None,
+    axes: Sequence[str] = (),
     clocks: Sequence[tuple[str, float]] = CLOCKS,
 ) -> InstrumentRun:
     """Return a run whose columns are in SI and in order, or refuse it with the reason.
@@ -62,7 +65,7 @@ def checked(
     run is corrupt, it is too short, or the handle does not move.
     """
     raw = Raw(name, time, columns)
-    for note in notes:
+    for note in (*notes, *_first_alone(axes)):
         raw.note(note)
     if "force" not in columns:
         raw.note("no force was recorded: the tip is taken to be free")
@@ -82,7 +85,7 @@ def checked(
     raw.frozen([one for one in _ANGLES if one in raw.columns], "handle_angle")
     raw.frozen(tensions, "handle_angle", may_rest_at_zero=True)
     done = raw.done()
-    return InstrumentRun(done.name, done.time, done.columns, done.notes, instrument=instrument)
+    return InstrumentRun(done.name, done.time, done.columns, done.notes, instrument=instrument, others=tuple(axes[1:]))
 
 
 def measured(run: Run, instrument: InstrumentLike | None = None, *, name: str = "run") -> InstrumentRun:
@@ -102,9 +105,8 @@ def measured(run: Run, instrument: InstrumentLike | None = None, *, name: str = 
     """
     notes: list[str] = []
     columns = columns_of(first_axis(run), name, notes)
-    notes += first_alone(run.axes)
     inst = None if instrument is None else as_short_form(instrument).planar[0]
-    return checked(name, run.time, columns, notes=notes, instrument=inst, clocks=SECONDS)
+    return checked(name, run.time, columns, notes=notes, instrument=inst, axes=run.axes, clocks=SECONDS)
 
 
 def first_axis(run: Run) -> dict[str, Array]:
@@ -126,7 +128,7 @@ def first_axis(run: Run) -> dict[str, Array]:
     return {name: values for name, values in alone.signals().items() if name in USED}
 
 
-def first_alone(axes: Sequence[str]) -> list[str]:
+def _first_alone(axes: Sequence[str]) -> list[str]:
     """Return a note if there are more axes than the first."""
     return (
         [f"of the axes {' and '.join(axes)} the first is taken, and the instrument found has it alone"]

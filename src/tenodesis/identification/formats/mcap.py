@@ -23,7 +23,6 @@ from tenodesis.identification.formats.instrument_run import (
     InstrumentRun,
     checked,
     columns_of,
-    first_alone,
     first_axis,
 )
 from tenodesis.identification.formats.measured import WIDE, Raw
@@ -187,9 +186,8 @@ def load(path: Path, progress: Progress | None = None) -> InstrumentRun:
         raise IdentificationError(str(problem), key=problem.key, value=problem.value, allowed=problem.allowed) from None
     notes = list(read.notes)
     columns = columns_of(read.signals, str(path), notes)
-    notes += first_alone(read.axes)
     name = path.resolve().name
-    return checked(name, read.time, columns, notes=notes, instrument=read.instrument, clocks=SECONDS)
+    return checked(name, read.time, columns, notes=notes, instrument=read.instrument, axes=read.axes, clocks=SECONDS)
 
 
 def _files(path: Path) -> list[Path]:
