@@ -7,8 +7,8 @@ to states over their range, by commands or by their handle; then a force comes a
 of what its pretension holds. Tendons have friction in their sheaths and at every bend, 0.7, 1 and 1.3 times what the
 controller assumes. Errors are those of all that bends over the last tenth of a second, against the commands, or what
 the handle asks for; beside them those of a rigid coupling matrix alone, and how much farther from its command any of
-them is with the law than without: at the end, and ever since the force. Last, the wrist of tools without a handle moves
-while the jaws hold an object.
+them is with the law than without: at the end, and ever since the force. Last, the wrist moves while the jaws hold an
+object.
 """
 
 from functools import cache
@@ -69,10 +69,13 @@ def commanded(inst: FullForm, state: int) -> tuple[Array, Array]:
         return np.zeros(0), inst.bent(bends_of(inst, state))
     ranges = np.array([joint.range for joint in inst.handle_joints])
     handle = np.resize(SHARES[state], len(ranges)) * ranges
-    # A tendon against a spring only pulls.
-    pulls = (inst.tendon_arms("handle") != 0).sum(axis=0) == 1
-    handle[pulls] = np.abs(handle[pulls])
+    handle[triggers(inst)] = np.abs(handle[triggers(inst)])
     return handle, np.asarray(unloaded_angle(inst, handle))
+
+
+def triggers(inst: FullForm) -> NDArray[np.bool_]:
+    """Return which joints of the handle have a single tendon, against a spring: it only pulls."""
+    return np.asarray((inst.tendon_arms("handle") != 0).sum(axis=0) == 1)
 
 
 def eased(start: float, span: float) -> Array:
@@ -141,8 +144,12 @@ def grip_kept(name: str, closing: float, friction: float) -> dict[str, float]:
     closed = inst.bent(np.zeros(len(inst.bends))) - closing * np.sign(inst.grip_arms)
     held = Held(opening=float(inst.grip_arms @ closed) / 2, stiffness=3e3, damping=1.0)
     moved = inst.bent(bends_of(inst, 1)) * (inst.grip_arms == 0)
-    target = eased(HOMED, ARRIVED) * closed + eased(HOMED + 1.5, ARRIVED) * moved
-    handle = np.zeros((len(target), 0))
+    closes, moves = eased(HOMED, ARRIVED), eased(HOMED + 1.5, ARRIVED)
+    target, handle = closes * closed + moves * moved, np.zeros((len(closes), 0))
+    if inst.handle_joints:
+        # The trigger draws what the closed jaws take.
+        drawn = np.linalg.pinv(inst.tendon_arms("handle")) @ inst.tendon_arms("tip") @ closed
+        handle = closes * drawn + moves * np.where(triggers(inst), 0, commanded(inst, 1)[0])
     own, alone = (
         run_of(name, friction, handle, target, compensates=compensates, held=held, seed=2)[0]["grip_force"][MOVED:]
         for compensates in (True, False)
@@ -175,7 +182,7 @@ def main() -> None:
         rows = campaign.run(trial, campaign.cases(**axes), Path(name).stem, results=options.results)
         print(f"{Path(name).stem}, {force_of(tool(name)):.3g} N in {len(DIRECTIONS)} directions")
         law.show(options, f"any_routing_{figures.slug(Path(name).stem)}", rows.by("friction") | {"all": rows}, columns)
-        if tool(name).grip is not None and not tool(name).handle_joints:
+        if tool(name).grip is not None:
             axes = {"name": [name], "closing": CLOSINGS, "friction": law.ASSUMED}
             rows = campaign.run(grip_kept, campaign.cases(**axes), "grip", results=options.results)
             law.show(options, f"any_routing_grip_{figures.slug(Path(name).stem)}", rows.by("closing"), grips)

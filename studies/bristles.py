@@ -93,9 +93,11 @@ class Plant:
     def _wraps(self) -> Array:
         """Return the bend at every point, rad."""
         turned = np.abs(self.angle)
+        # A pulley that turns to a tendon's side unwinds it.
+        on_pitch = np.abs(self.base - np.sign(self.arms[:, 0]) * self.angle[:, :1])
         wraps = np.empty((self.count, len(self.arms), POINTS))
         wraps[..., :SHEATH] = cases.BEND / SHEATH
-        wraps[..., SHEATH : SHEATH + PITCH] = ((self.base + turned[:, :1])[..., np.newaxis]) / PITCH
+        wraps[..., SHEATH : SHEATH + PITCH] = on_pitch[..., np.newaxis] / PITCH
         of_jaw = np.where(self.arms[:, 1:] != 0, turned[:, np.newaxis, 1:], 0.0).sum(-1)
         wraps[..., SHEATH + PITCH :] = of_jaw[..., np.newaxis] / JAW
         return wraps

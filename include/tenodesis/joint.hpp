@@ -217,6 +217,17 @@ constexpr S excursion_slope(Mechanism mechanism, const S& distance) {
                                       : TendonPulley<S>{distance}.excursion_slope();
 }
 
+/// Bend of a tendon over a straight joint that the joint's angle unwinds before it bends the tendon the other way, rad,
+/// positive in the sense of a positive angle; lengthens: by a positive angle, the tendon's way over the joint, m.
+///
+/// A tendon of a constant arm r about a pulley's axis lies on it along r times its wrap, and the wrap changes by what
+/// lengthens its way. At a gear's edges, along a backbone and in the middle of a joint bends add up either way.
+template <class S>
+constexpr S wound_bend(Mechanism mechanism, const S& bend, const S& lengthens) {
+  if (mechanism != Mechanism::pulley || lengthens == S(0)) return S(0);
+  return lengthens > S(0) ? bend : -bend;
+}
+
 /// Chord of a straight joint of a radius or, of a backbone, of a length, m.
 template <class S>
 constexpr S straight_chord(Mechanism mechanism, const S& radius, const S& backbone_length) {

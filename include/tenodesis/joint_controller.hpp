@@ -214,7 +214,8 @@ struct JointController {
     observer.contacts[m] = static_cast<int>(from.contacts);
     for (int j = 0; j < most_contacts; ++j) {
       const auto& at = from.contact[j];
-      observer.passage[m][j] = {static_cast<int>(at.joint) - 1, S(at.coefficient), S(at.wrap), S(at.share), S(at.arm)};
+      observer.passage[m][j] = {
+          static_cast<int>(at.joint) - 1, S(at.coefficient), S(at.wrap), S(at.share), S(at.arm), S(at.wound)};
       observer.compliance[m][j] = S(at.compliance);
     }
     if (observer.contacts[m] >= 0 && observer.contacts[m] <= most_contacts)

@@ -171,7 +171,7 @@ struct JointObserver {
       const S& read = measured.handle_angle[h];
       smooth = memory.started ? smooth + smoothing * (read - smooth) : read;
     }
-    Joints joints(chain, measured, memory.handle_angle, now.angle);
+    Joints joints(chain, measured, memory.handle_angle, now.angle, sheath_bend_rate);
     for (int m = 0; m < M; ++m)
       if (contacts[m] > 0) follow_tendon(m, measured, joints, memory, equations);
     memory.started = true;
@@ -298,26 +298,33 @@ struct JointObserver {
     Bend<S> bend[N];
     S angle[N];  // of the tip
     S x[N];
-    S y[N]{};     // of the handle
-    S slow[N]{};  // likewise, without its encoder's steps
-    S bent{};     // sum of the handle's angles
-    S handle_angle[N]{};
+    S y[N]{};           // of the handle
+    S slow[N]{};        // likewise, without its encoder's steps
+    S bent{};           // of the sheath by the handle's angles, rad
+    S turned[2 * N]{};  // by which tendons wrap; the handle's joints from N on
     S moment[N]{};
     S moment_by_friction[N]{};
     S variance[N]{};
+    // The last band in the sheaths and at every joint, which most tendons come past alike.
+    struct {
+      S exponent{-1}, share;
+      Band<S> band;
+    } last_band[2 * N + 1];
 
-    Joints(const W& of, const Measured& measured, const S* smooth, const S* estimated) {
+    Joints(const W& of, const Measured& measured, const S* smooth, const S* estimated, const S& bend_rate) {
       for (int i = 0; i < N; ++i) {
         angle[i] = estimated[i];
         x[i] = coordinate_at(of.joint[i].mechanism, angle[i]);
         bend[i] = Bend<S>(of.joint[i], x[i]);
+        turned[i] = of.is_around(i) ? sqrt(square(angle[i]) + square(estimated[i + 1])) : angle[i];
       }
       for (int h = 0; h < of.handles; ++h) {
-        handle_angle[h] = measured.handle_angle[h];
-        y[h] = coordinate_at(of.handle[h], handle_angle[h]);
+        turned[N + h] = measured.handle_angle[h];
+        y[h] = coordinate_at(of.handle[h], turned[N + h]);
         slow[h] = coordinate_at(of.handle[h], smooth[h]);
-        bent = bent + abs(handle_angle[h]);
+        bent = bent + abs(turned[N + h]);
       }
+      bent = bend_rate * bent;
     }
   };
 
@@ -331,13 +338,9 @@ struct JointObserver {
 
   S load_deviation(int k) const { return k < 3 ? deviations.force : k < 6 ? deviations.moment : deviations.grip; }
 
-  // Wrap of a contact; the handle's joints are counted from N on.
-  S wrap_at(const Passage<S>& at, const Joints& joints) const {
-    if (at.joint < 0) return larger(at.wrap + sheath_bend_rate * joints.bent * at.share, S(0));
-    if (at.joint >= N) return at.wrap + abs(joints.handle_angle[at.joint - N]) * at.share;
-    S turned = abs(joints.angle[at.joint]);
-    if (chain.is_around(at.joint)) turned = sqrt(square(turned) + square(joints.angle[at.joint + 1]));
-    return at.wrap + turned * at.share;
+  S wrap_of(const Passage<S>& at, const Joints& joints) const {
+    if (at.joint < 0) return larger(at.wrap + joints.bent * at.share, S(0));
+    return wrap_at(at, joints.turned[at.joint]);
   }
 
   // Tensions along a tendon, its moments about the joints, and its equation.
@@ -368,9 +371,14 @@ struct JointObserver {
         position = position + at.arm * joints.slow[at.joint - N];
         slips = play + handle_play;
       }
-      const S wrap = wrap_at(at, joints);
+      const S wrap = wrap_of(at, joints);
       const S known = at.coefficient * wrap, exponent = scale * known;
-      const Band<S> band = band_of(law, exponent, wrap, at, S(0), tension);
+      auto& [of, share_of, band] = joints.last_band[at.joint + 1];
+      if (of != exponent || share_of != at.share || law.kind == ChosenLaw<S>::Kind::capstan_power) {
+        of = exponent;
+        share_of = at.share;
+        band = band_of(law, exponent, wrap, at, S(0), tension);
+      }
       auto& contact = memory.contact[m][j];
       const S low = larger((tension - band.constant) / band.ratio, S(0));
       const S high = tension * band.ratio + band.constant;

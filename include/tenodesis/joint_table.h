@@ -6,7 +6,7 @@
 #define TENODESIS_JOINT_TABLE_H
 
 /* Of the interface in joints.h: raised whenever a struct or a meaning changes. NOLINTNEXTLINE(*-macro-to-enum) */
-#define TENODESIS_JOINTS_VERSION 1u
+#define TENODESIS_JOINTS_VERSION 2u
 
 /* Integers at the head of the parameters: name, meaning. */
 #define TENODESIS_JOINTS_CHOICES(ROW)                                                \
@@ -54,12 +54,13 @@
 #define TENODESIS_CONTACT_CHOICES(ROW)                                                        \
   ROW(joint, "0: the sheath; joint of the tip from 1, of the handle behind those of the tip") \
   ROW(reserved, "0")
-#define TENODESIS_CONTACT_PARAMETERS(ROW)                                         \
-  ROW(compliance, "m/N", not_negative, "at rest, of the segment before it")       \
-  ROW(coefficient, "1", not_negative, "of friction")                              \
-  ROW(wrap, "rad", not_negative, "in the sheath, or on the straight joint")       \
-  ROW(share, "1", not_negative, "of the joint's angle, and of constant friction") \
-  ROW(arm, "m", finite, "by which a unit of the joint's coordinate lengthens the segment it draws")
+#define TENODESIS_CONTACT_PARAMETERS(ROW)                                                           \
+  ROW(compliance, "m/N", not_negative, "at rest, of the segment before it")                         \
+  ROW(coefficient, "1", not_negative, "of friction")                                                \
+  ROW(wrap, "rad", not_negative, "in the sheath, or at a joint whatever its angle")                 \
+  ROW(share, "1", not_negative, "of the joint's angle, and of constant friction")                   \
+  ROW(arm, "m", finite, "by which a unit of the joint's coordinate lengthens the segment it draws") \
+  ROW(wound, "rad", finite, "bend over the straight joint that its angle unwinds, positive in its sense")
 
 /* Numbers of the whole controller: name, unit, bound, meaning. */
 #define TENODESIS_JOINTS_PARAMETERS(ROW)                                                             \

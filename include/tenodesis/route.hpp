@@ -84,10 +84,18 @@ template <class S>
 struct Passage {
   int joint{-1};    ///< of the tip, or of the handle counted from N on; -1: the sheath
   S coefficient{};  ///< of friction
-  S wrap{};         ///< in the sheath, or on the straight joint, rad
+  S wrap{};         ///< in the sheath, or at a joint whatever its angle, rad
   S share{1};       ///< of the joint's angle, and of the constant and viscous friction of joint or sheath
   S arm{};          ///< by which a unit of the joint's coordinate lengthens the segment that it draws, m
+  S wound{};        ///< bend over the straight joint that its angle unwinds (wound_bend), rad
 };
+
+/// Wrap of a tendon at a joint's contact, rad; turned: the joint's angle. By a joint that turns, the tendon's direction
+/// behind it is turned against that before it: beyond what a pulley unwinds, a guide opposite bends the tendon.
+template <class S>
+constexpr S wrap_at(const Passage<S>& at, const S& turned) {
+  return at.wrap + abs(at.wound + turned * at.share);
+}
 
 /// Band of a contact, without its drag, by a law of friction.hpp; speed: at which it slips (m/s), held: the tension
 /// that the band is linear about, N.

@@ -162,12 +162,12 @@ struct Twin {
 
   TipPath<S> path(int i) const { return {mechanism(i), chain.joint[chain.is_within(i) ? i - 1 : i].chord, reach[i]}; }
 
-  /// Wrap of a tendon over a joint, rad; where another bends within it, over both.
-  S wrapped(const S* angle, int joint) const {
+  /// Angle of a joint, rad; where another bends within it, of both.
+  S turned(const S* angle, int joint) const {
     if constexpr (!known && N > 1)
       if (joint < N && chain.is_around(joint))
         return sqrt(angle[joint] * angle[joint] + angle[joint + 1] * angle[joint + 1]);
-    return abs(angle[joint]);
+    return angle[joint];
   }
 
   /// The segment whose tension turns a tendon's last joint.
@@ -309,7 +309,7 @@ struct Twin {
       const Passage<S>& at = passage[m][j];
       const int joint = joint_at(m, j);
       const bool in_sheath = joint < 0;
-      const S wrap = in_sheath ? larger(at.wrap + bent * at.share, S(0)) : at.wrap + wrapped(angle, joint) * at.share;
+      const S wrap = in_sheath ? larger(at.wrap + bent * at.share, S(0)) : wrap_at(at, turned(angle, joint));
       const S exponent = at.coefficient * wrap;
       const auto& tension = before.tendon[m].tension;
       // The held side is the slacker one.
@@ -357,7 +357,7 @@ struct Twin {
     bool same = contacts(m) == contacts(other) && chain.stiffness[m] == chain.stiffness[other];
     for (int j = 0; same && j < contacts(m); ++j) {
       const Passage<S>&a = passage[m][j], &b = passage[other][j];
-      same = a.coefficient == b.coefficient && a.wrap == b.wrap && a.share == b.share &&
+      same = a.coefficient == b.coefficient && a.wrap == b.wrap && a.wound == b.wound && a.share == b.share &&
              joint_at(m, j) == joint_at(other, j) && (joint_at(m, j) < N || draws(m, j) == draws(other, j));
     }
     return same;

@@ -102,6 +102,7 @@ template <class Many, class One, class Visit>
       auto& a = many.passage[m][j];
       auto& b = one.passage[m][j];
       visit(a.coefficient, b.coefficient), visit(a.wrap, b.wrap), visit(a.share, b.share), visit(a.arm, b.arm);
+      visit(a.wound, b.wound);
     }
     pair_sensors(many.load_cell[m], one.load_cell[m]);
   }

@@ -665,7 +665,10 @@ struct TwinStep {
     if (!any(held.stiffness > S(0))) return;
     const S pressed = held.opening - twin.opening(angle);
     const S drag = twin.quasi_static ? S(0) : held.damping * per_second;
-    const S push = held.stiffness * pressed + drag * (twin.opening(before.angle) - twin.opening(angle));
+    // Only the way within the object: a push that began with the speed at which jaws come would have them touch in no
+    // step, neither with it nor without.
+    const S was = larger(held.opening - twin.opening(before.angle), S(0));
+    const S push = held.stiffness * pressed + drag * (pressed - was);
     const Flag<S> holds = held.stiffness > S(0) && pressed > S(0) && push > S(0);
     gripped = where(holds, push, S(0));
     const S stiffness = where(holds, held.stiffness + drag, S(0));

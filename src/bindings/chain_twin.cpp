@@ -85,7 +85,8 @@ void bind_chain_twin(nb::module_& m) {
   m.def("chain_twin", &make_chain_twin, "chain"_a, "passages"_a, "contacts"_a, "segments"_a, "links"_a, "load_cells"_a,
         "damping"_a, "rig"_a, "parameters"_a, "law"_a, "steps_per_sample"_a, "quasi_static"_a, "currents"_a, "seed"_a,
         "The twin of a chain, at rest. passages: by tendon and contact the joint (-1: the sheath; the handle's count "
-        "on), friction coefficient, wrap in rad of the straight joint or in the sheath, share, arm in m; links: by "
+        "on), friction coefficient, wrap in rad of sheath or guides, share, arm in m, bend that the joint unwinds; "
+        "links: by "
         "joint mass, its centre, inertia about x, y, z, damping, its stops and their stiffness, reach of the tip; "
         "load_cells: gain, bias, noise, range and resolution by tendon; damping: by tendon, N s/m; rig: wrench on the "
         "tip by a newton of weight; law: 0 "

@@ -2,6 +2,7 @@
 
 #include "tenodesis/joint.hpp"
 #include "module.hpp"
+#include "tenodesis/route.hpp"
 
 namespace tenodesis::bindings {
 namespace {
@@ -53,6 +54,14 @@ void bind_joint(nb::module_& m) {
       "joint_excursion",
       [](int mechanism, double distance) { return excursion_slope(mechanism_of(mechanism), distance); }, "mechanism"_a,
       "distance"_a, "Tendon drawn by a unit of the coordinate at a distance (m) from the joint's middle plane, m.");
+  m.def(
+      "joint_wound_bend",
+      [](int mechanism, double bend, double lengthens) { return wound_bend(mechanism_of(mechanism), bend, lengthens); },
+      "mechanism"_a, "bend"_a, "lengthens"_a,
+      "Bend of a tendon over a straight joint that the joint's angle unwinds, rad, positive in the angle's sense.");
+  m.def(
+      "joint_wrap", [](double wound, double angle) { return wrap_at(Passage<double>{.wound = wound}, angle); },
+      "wound"_a, "angle"_a, "Wrap of a tendon over a joint at an angle, by the bend that the angle unwinds, rad.");
 }
 
 }  // namespace tenodesis::bindings

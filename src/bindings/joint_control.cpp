@@ -215,8 +215,8 @@ std::unique_ptr<AnyJointController> make_joint_controller(const ChainSpec& spec,
             require(joint >= -1 && std::cmp_less(joint, sizes.joints + sizes.handles),
                     "a tendon crosses a joint that is not there");
             const int place = std::cmp_less(joint, sizes.joints) ? joint : joint - int(sizes.joints) + W::joints;
-            observer.passage[m][j] = {place, at[passage_coefficient], at[passage_wrap], at[passage_share],
-                                      at[passage_arm]};
+            observer.passage[m][j] = {place,           at[passage_coefficient], at[passage_wrap], at[passage_share],
+                                      at[passage_arm], at[passage_wound]};
           }
         }
         observer.law.kind = ChainLaw(law);

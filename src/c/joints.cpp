@@ -51,7 +51,7 @@ constexpr char choice_rows[] = {TENODESIS_JOINTS_CHOICES(TENODESIS_ROW)};
 constexpr char number_rows[] = {TENODESIS_JOINTS_PARAMETERS(TENODESIS_ROW)};
 #undef TENODESIS_ROW
 static_assert(sizeof(tenodesis_joint) == 12 * sizeof(S) + 16);
-static_assert(sizeof(tenodesis_contact) == 5 * sizeof(S) + 8);
+static_assert(sizeof(tenodesis_contact) == 6 * sizeof(S) + 8);
 static_assert(sizeof(tenodesis_tendon) == (3 + 2 * N + 2 * TENODESIS_CURVE_ENTRIES) * sizeof(S) + 16 +
                                               TENODESIS_CONTACTS * sizeof(tenodesis_contact));
 static_assert(sizeof(tenodesis_joints_parameters) ==

@@ -18,7 +18,15 @@ namespace tenodesis::engine {
 
 /// Numbers of a contact, of a joint's link and of a load cell, in this order; share: of the joint's angle that the
 /// contact takes, and of the constant and viscous friction of joint or sheath.
-enum PassageNumber { passage_joint, passage_coefficient, passage_wrap, passage_share, passage_arm, passage_numbers };
+enum PassageNumber {
+  passage_joint,
+  passage_coefficient,
+  passage_wrap,
+  passage_share,
+  passage_arm,
+  passage_wound,
+  passage_numbers
+};
 enum LinkNumber {
   link_mass,
   link_centre,
@@ -107,7 +115,8 @@ void fill(T& twin, const TwinRows& rows, const ChainSizes& sizes) {
       const int joint = int(at[passage_joint]);
       // Joints of the handle are counted from the room for the tip's on.
       const int place = std::cmp_less(joint, sizes.joints) ? joint : joint - int(sizes.joints) + N;
-      twin.passage[m][j] = {place, at[passage_coefficient], at[passage_wrap], at[passage_share], at[passage_arm]};
+      twin.passage[m][j] = {place,           at[passage_coefficient], at[passage_wrap], at[passage_share],
+                            at[passage_arm], at[passage_wound]};
     }
     const double* cell = rows.load_cells + m * load_cell_numbers;
     twin.load_cell[m] = {cell[load_cell_gain], cell[load_cell_bias], cell[sensor_noise],

@@ -11,7 +11,7 @@ from tenodesis.errors import ArgumentError
 from tenodesis.instrument import FullForm, Joint, Tendon
 from tenodesis.instrument.hardware import Friction
 from tenodesis.instrument.instrument import arm_of
-from tenodesis.instrument.joints import Crossing
+from tenodesis.instrument.joints import MECHANISMS, Crossing
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ class TwinRows(NamedTuple):
     """Arguments of the core's twin."""
 
     passages: Array
-    """By tendon and contact: joint (-1: the sheath), coefficient, wrap of sheath or straight joint, share, arm."""
+    """By tendon and contact: joint (-1: the sheath), coefficient, wrap of sheath or guides, share, arm, bend unwound"""
     contacts: list[int]
     segments: Array
     """Stiffness by tendon and segment, N/m."""
@@ -55,7 +55,7 @@ def twin_rows(inst: FullForm, time_step: float, quasi_static: bool) -> TwinRows:
     per_sample = plant.steps_per_period(inst.sensors.sampling_rate, time_step)
     routes = [_Route(inst, tendon, float(k)) for tendon, k in zip(inst.tendons, inst.stiffnesses, strict=True)]
     width = max(len(route.passages) for route in routes)
-    passages, segments = np.zeros((len(routes), width, 5)), np.ones((len(routes), width + 1))
+    passages, segments = np.zeros((len(routes), width, 6)), np.ones((len(routes), width + 1))
     for m, route in enumerate(routes):
         passages[m, : len(route.passages)] = route.passages
         segments[m, : len(route.passages) + 1] = route.segments
@@ -104,7 +104,7 @@ class _Route:
         count = friction.sheath_contacts
         in_handle = handle_share(inst, length)
         bend = friction.sheath_bend / count
-        self.passages = [(-1.0, friction.sheath_coefficient, bend, 1 / count, 0.0)] * count
+        self.passages = [(-1.0, friction.sheath_coefficient, bend, 1 / count, 0.0, 0.0)] * count
         shares = [in_handle / (count + 1)] * (count + 1)
         stem = None
         spans = span = 0.0
@@ -125,19 +125,22 @@ class _Route:
                 arm = arm_of(crossing, joint) * (1.0 if place == "handle" else -1.0)
                 coefficient = _coefficient(friction, crossing, joint, before)
                 before = before if inside else joint
-                one = (float(places[name]), coefficient, crossing.base_wrap / vertices, 0.0 if inside else part)
+                base = crossing.base_wrap / vertices
+                wound = _core.joint_wound_bend(MECHANISMS[joint.mechanism], base, arm)
+                fixed = crossing.guide_wrap / vertices + base - abs(wound)
+                one = (float(places[name]), coefficient, fixed, 0.0 if inside else part)
                 # A joint's span is the segment that it draws: between two vertices, or before the only one at the
                 # handle and beyond it at the tip.
                 if vertices > 1:
                     stem = len(shares) - 1 if stem is None and place == "tip" else stem
-                    self.passages += [(*one, 0.0), (*one, arm)] if place == "handle" else [(*one, arm), (*one, 0.0)]
+                    self.passages += [(*one, by, wound) for by in ((0.0, arm) if place == "handle" else (arm, 0.0))]
                     shares += [span, 0.0]
                 elif place == "handle":
-                    self.passages.append((*one, arm))
+                    self.passages.append((*one, arm, wound))
                     shares[-1] += span
                     shares.append(0.0)
                 else:
-                    self.passages.append((*one, arm))
+                    self.passages.append((*one, arm, wound))
                     stem = len(shares) - 1 if stem is None else stem
                     shares.append(span)
         if vertices > 1 and stem is not None:

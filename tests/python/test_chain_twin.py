@@ -408,3 +408,19 @@ def test_rows_and_columns_are_found_by_name() -> None:
     with pytest.raises(KeyError):
         run["output_angle.roll"]
     assert list(itertools.islice(run.signals(), 1)) == ["commanded_handle_angle"]
+
+
+@pytest.mark.parametrize("name", ["hybrid-real-size", "hybrid-scaled-up"])
+@pytest.mark.parametrize("damping", [0.0, 1.0, 30.0])
+def test_jaws_that_touch_an_object_press_it_from_nothing_on(name: str, damping: float) -> None:
+    inst = shipped(name)
+    arms, steps = inst.grip_arms, 1200
+    handle = np.zeros((steps, 3))
+    handle[:, 2] = np.radians(25) * np.linspace(0, 1, steps)
+    held = tn.twin.Held(opening=float(arms @ [0, 0, np.radians(-12)]), stiffness=3e3, damping=damping)
+    run = tn.twin.Twin(inst).run(handle, held=held)
+    pressed = held.opening - run["output_angle"] @ arms
+    way = np.diff(np.maximum(pressed, 0), prepend=0)
+    expected = np.where(pressed > 0, np.maximum(held.stiffness * pressed + damping * way / 5e-4, 0), 0)
+    assert (pressed > 0).any() and (pressed <= 0).any()
+    np.testing.assert_allclose(run["grip_force"], expected, rtol=1e-6, atol=1e-6)

@@ -82,8 +82,9 @@ def route(inst: FullForm, tendon: Tendon) -> str:
     for crossing in tendon.route:
         radius = radii[crossing.joint] if crossing.radius is None else crossing.radius
         at = "" if crossing.side == "middle" else f" at {1e3 * radius:.4g} mm"
-        wrap = f", wrap {degrees(crossing.base_wrap):.4g}°" if crossing.base_wrap else ""
-        words.append(f"{crossing.joint} {crossing.side}{at}{wrap}")
+        bends = {"wrap": crossing.base_wrap, "guides": crossing.guide_wrap}
+        wraps = "".join(f", {name} {degrees(bend):.4g}°" for name, bend in bends.items() if bend)
+        words.append(f"{crossing.joint} {crossing.side}{at}{wraps}")
     return f"{' → '.join(words)} → end"
 
 

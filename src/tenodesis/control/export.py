@@ -254,7 +254,7 @@ def _tendons(inst: FullForm, controller: JointController) -> list[str]:
             "curve_tension": curve[:, 0],
             "curve_ratio": curve[:, 1],
         }
-        names = ("compliance", "coefficient", "wrap", "share", "arm")
+        names = ("compliance", "coefficient", "wrap", "share", "arm", "wound")
         along = [
             _fields(
                 {"joint": int(passages[m, j, 0]) + 1, "reserved": 0},

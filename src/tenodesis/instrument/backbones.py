@@ -161,10 +161,16 @@ def _crossed(crossing: Crossing, joint: Joint, parts: Sequence[Joint]) -> list[C
     for part in parts:
         if part.is_twist:
             continue
-        own: dict[str, Any] = {"joint": part.name, "base_wrap": 0.0, "angle": None, "far_radius": None}
+        own: dict[str, Any] = {
+            "joint": part.name,
+            "base_wrap": 0.0,
+            "guide_wrap": 0.0,
+            "angle": None,
+            "far_radius": None,
+        }
         if part.within is None:
             # Over an arc in two planes a tendon wraps once: the outer joint has the friction of both.
-            own["base_wrap"] = crossing.base_wrap / arcs
+            own |= {key: getattr(crossing, key) / arcs for key in ("base_wrap", "guide_wrap")}
         if crossing.angle is not None or crossing.far_radius is not None or len(names) > 1:
             radius = near + (far - near) * (max(part.arc, 1) - 0.5) / arcs
             sign = 1.0 if crossing.side is None else SIGNS[crossing.side]

@@ -56,7 +56,7 @@ def expand(inst: "ShortForm") -> FullForm:
             beyond = [{"joint": other, "side": "middle"} for other in inst.axes[:i]]
             # A handle's tendon starts at its own joint and passes those that stand nearer to the stem.
             route = [{"joint": f"handle_{axis}", "side": side}, *passed, *beyond, {"joint": axis, "side": side}]
-            wrapped = [crossing | {"base_wrap": inst.friction.base_wrap} for crossing in route]
+            wrapped = [crossing | {"guide_wrap": inst.friction.base_wrap} for crossing in route]
             tendon = {"name": f"{axis}_{side}", "route": wrapped, "stiffness": planar.tendon_stiffness}
             tendons.append(tendon | {"pretension": planar.pretension})
     values = {

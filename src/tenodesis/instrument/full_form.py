@@ -173,7 +173,7 @@ class FullForm(Instrument):
         for key in ("base_wrap", "passing_coefficient"):
             given, default = getattr(friction, key), Friction.model_fields[key].default
             if given != default:
-                instead = "; give base_wrap in a tendon's route" if key == "base_wrap" else ""
+                instead = "; give base_wrap or guide_wrap in a tendon's route" if key == "base_wrap" else ""
                 raise ArgumentError(
                     f"friction.{key} is {given:g}, which only the short form has{instead}",
                     key=f"friction.{key}",

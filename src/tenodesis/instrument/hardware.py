@@ -67,7 +67,9 @@ class Friction(FileTable):
     vertices_per_joint: int = Field(
         default=1, ge=1, le=2, strict=True, description="Contacts of a joint: 1, or 2 with the drawn span between them"
     )
-    base_wrap: AngleError = Field(default=0.0, description="Wrap angle of a joint when it is straight")
+    base_wrap: AngleError = Field(
+        default=0.0, description="Bend over the vertices of a straight joint, to which its angle adds either way"
+    )
     handle_compliance_share: ComplianceShare | None = Field(
         default=None,
         description="Share of a tendon's compliance between spool and handle joint; without it, by the handle's length",

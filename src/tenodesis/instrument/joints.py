@@ -259,7 +259,13 @@ class Crossing(FileTable):
     far_radius: Spacing | None = Field(
         default=None, description="The same at the far end of a backbone in arcs, if it changes evenly along it"
     )
-    base_wrap: SheathBend = Field(default=0.0, description="Bend of the tendon over the straight joint")
+    base_wrap: SheathBend = Field(
+        default=0.0,
+        description="Bend over the straight joint; a pulley that turns to the tendon's side unwinds it, else bends add",
+    )
+    guide_wrap: SheathBend = Field(
+        default=0.0, description="Bend over guides or edges beside the joint, to which its angle adds either way"
+    )
     coefficient: Coefficient | None = Field(
         default=None, description="Friction coefficient there; by default friction.vertex_coefficient"
     )

@@ -168,7 +168,7 @@ def _routed_as(scaled: FullForm, real_size: FullForm) -> list[dict[str, Any]]:
     tables = [tendon.model_dump(exclude_unset=True) for tendon in real_size.as_given("tendons")]
     for table, tendon in zip(tables, scaled.as_given("tendons"), strict=True):
         for row, crossing in zip(table["route"], tendon.route, strict=True):
-            own = crossing.model_dump(include={"coefficient", "base_wrap"}, exclude_unset=True)
+            own = crossing.model_dump(include={"coefficient", "base_wrap", "guide_wrap"}, exclude_unset=True)
             row.update({key: value for key, value in own.items() if value is not None})
     return tables
 

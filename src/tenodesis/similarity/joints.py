@@ -527,5 +527,7 @@ def _groups_of_tendons(
                 yield (f"a({at})/r", "elastic", meaning), abs(arm_of(crossing, joint)) / radius
             if crossing.base_wrap:
                 yield (f"phi_0({at})", "friction", "bend of a tendon over the straight joint, rad"), crossing.base_wrap
+            if crossing.guide_wrap:
+                yield (f"phi_g({at})", "friction", "bend of a tendon over guides, rad"), crossing.guide_wrap
             if crossing.coefficient is not None:
                 yield (f"mu({at})", "friction", "friction coefficient of a contact"), crossing.coefficient
