@@ -348,7 +348,9 @@ def searched(inst: tn.instrument.FullForm, moments: np.ndarray) -> np.ndarray:
 
 def ratios(rows: TwinRows, contacts: list[tuple[int, int]], angles: np.ndarray) -> np.ndarray:
     passed = np.array([rows.passages[m, j] for m, j in contacts])
-    return np.exp(passed[:, 1] * (passed[:, 2] + np.abs(angles[passed[:, 0].astype(int)])))
+    # A pulley winds as much tendon as an angle lengthens its way, from what is on the straight joint.
+    straight = passed[:, 2] + np.abs(passed[:, 5])
+    return np.exp(passed[:, 1] * np.abs(straight + np.sign(passed[:, 4]) * angles[passed[:, 0].astype(int)]))
 
 
 def test_the_default_masses_give_the_lowest_frequency_of_the_file() -> None:

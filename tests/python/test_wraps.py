@@ -13,6 +13,8 @@ from tenodesis.instrument import FullForm
 from tenodesis.instrument.joints import MECHANISMS
 from tenodesis.routes import TwinRows, twin_rows
 
+from .conftest import EXAMPLES
+
 Array = NDArray[np.float64]
 
 ANGLES = np.radians([-80.0, -30.0, 0.0, 30.0, 80.0])
@@ -80,7 +82,7 @@ def test_guides_bend_a_tendon_whatever_the_angle_and_two_vertices_share_all() ->
 
 
 def test_a_pulley_of_the_handle_winds_the_tendon_that_it_draws() -> None:
-    planar = tn.load("scaled-up").axis("yaw").replace(joint_type="tendon-pulley")
+    planar = tn.load(EXAMPLES / "pulley.toml")
     inst = tn.instrument.expanded(planar)
     tables = [one.model_dump(exclude_unset=True) for one in inst.tendons]
     for table in tables:
@@ -90,7 +92,7 @@ def test_a_pulley_of_the_handle_winds_the_tendon_that_it_draws() -> None:
     assert wraps(based, 0, 0.4) == pytest.approx([1.4, 0.6])
     assert wraps(based, 1, 0.4) == pytest.approx([0.6, 1.4])
     # The vertices of all joints of the short form unwind nothing.
-    stated = tn.instrument.expanded(planar.replace(friction=planar.friction.model_dump() | {"base_wrap": 1.0}))
+    stated = tn.instrument.expanded(planar.replace(**{"friction.base_wrap": 1.0}))
     assert wraps(stated, 0, 0.4) == wraps(stated, 1, -0.4) == pytest.approx([1.4, 1.4])
 
 
@@ -142,7 +144,8 @@ def by_capstans(inst: FullForm, stroke: Array) -> tuple[Array, Array]:
 
 @pytest.mark.parametrize(("pitch", "jaw"), [(1.0, 0.4), (-1.0, 0.4), (0.5, -0.7)])
 def test_tendons_pulled_through_a_wrist_have_the_tensions_of_capstans_by_their_sides(pitch: float, jaw: float) -> None:
-    inst = needle_driver()
+    # Behind stiff ends a joint's two tendons slip opposite ways.
+    inst = needle_driver(tip_joint_compliance_share=0.25)
     stroke, angles, tensions = pulled(inst, pitch, jaw)
     expected, at_spools = by_capstans(inst, stroke)
     np.testing.assert_allclose(angles, expected, rtol=0, atol=2e-7)
