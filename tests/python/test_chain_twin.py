@@ -425,4 +425,6 @@ def test_jaws_that_touch_an_object_press_it_from_nothing_on(name: str, damping: 
     way = np.diff(np.maximum(pressed, 0), prepend=0)
     expected = np.where(pressed > 0, np.maximum(held.stiffness * pressed + damping * way / 5e-4, 0), 0)
     assert (pressed > 0).any() and (pressed <= 0).any()
-    np.testing.assert_allclose(run["grip_force"], expected, rtol=1e-6, atol=1e-6)
+    # An iteration in motion ends where it has corrected an angle by 1e-7 rad; the force is that before.
+    corrected = 1e-7 * arms.max() * (held.stiffness + damping / 5e-4)
+    np.testing.assert_allclose(run["grip_force"], expected, rtol=0, atol=corrected)
