@@ -2,7 +2,7 @@
  * pitch, jaw_1, jaw_2.
  *
  * Written by tenodesis 0.1.0 from needle-driver,
- * for version 1 of the C interface:
+ * for version 2 of the C interface:
  * the input's clock.
  *
  * Spools are at the pretension and joints straight where spool angles count from. Build src/c/joints.cpp by
@@ -28,7 +28,7 @@
 #endif
 #include "tenodesis/joints.h"
 
-#if TENODESIS_JOINTS_VERSION != 1u
+#if TENODESIS_JOINTS_VERSION != 2u
 #error "written for another version of the C interface: export the instrument again"
 #endif
 
@@ -60,10 +60,10 @@ static const tenodesis_joints_parameters needle_driver = {
     .length_deviation = TENODESIS_C(2.7425511186366157e-06), /* m: standard deviation of a tendon's length */
     .friction_deviation = TENODESIS_C(0.2), /* 1: standard deviation of the friction scale */
     .stiffness_deviation = TENODESIS_C(0.125), /* 1: standard deviation of the stiffness scale */
-    .force_deviation = TENODESIS_C(8.324292941092958), /* N: size of a component of the force at the tip */
-    .moment_deviation = TENODESIS_C(0.23640991952704005), /* N m: size of a component of the moment at the tip */
-    .grip_deviation = TENODESIS_C(8.324292941092958), /* N: size of the force that presses jaws apart */
-    .imbalance = TENODESIS_C(0.00023640991952704005), /* N m: moment of a joint that no load explains */
+    .force_deviation = TENODESIS_C(8.324292941092956), /* N: size of a component of the force at the tip */
+    .moment_deviation = TENODESIS_C(0.23640991952704), /* N m: size of a component of the moment at the tip */
+    .grip_deviation = TENODESIS_C(8.324292941092956), /* N: size of the force that presses jaws apart */
+    .imbalance = TENODESIS_C(0.00023640991952704), /* N m: moment of a joint that no load explains */
     .rate = TENODESIS_C(8.0), /* 1/s: at which a loss is given back */
     .gain = TENODESIS_C(40.0), /* 1/s: of the spools' positions */
     .speed = TENODESIS_C(0.05093), /* m/s: largest speed of a tendon */
@@ -120,8 +120,8 @@ static const tenodesis_joints_parameters needle_driver = {
                 .curve_ratio = {0},
                 .contact =
                     {
-                        {.joint = 0, .reserved = 0, .compliance = TENODESIS_C(4.995004995004996e-07), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.0)},
-                        {.joint = 1, .reserved = 0, .compliance = TENODESIS_C(9.490509490509493e-06), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(-0.0025)},
+                        {.joint = 0, .reserved = 0, .compliance = TENODESIS_C(4.995004995004996e-07), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.0), .wound = TENODESIS_C(0.0)},
+                        {.joint = 1, .reserved = 0, .compliance = TENODESIS_C(9.490509490509493e-06), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(-0.0025), .wound = TENODESIS_C(-0.0)},
                     },
             },
             { /* pitch_unwound */
@@ -132,8 +132,8 @@ static const tenodesis_joints_parameters needle_driver = {
                 .curve_ratio = {0},
                 .contact =
                     {
-                        {.joint = 0, .reserved = 0, .compliance = TENODESIS_C(4.995004995004996e-07), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.0)},
-                        {.joint = 1, .reserved = 0, .compliance = TENODESIS_C(9.490509490509493e-06), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.0025)},
+                        {.joint = 0, .reserved = 0, .compliance = TENODESIS_C(4.995004995004996e-07), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.0), .wound = TENODESIS_C(0.0)},
+                        {.joint = 1, .reserved = 0, .compliance = TENODESIS_C(9.490509490509493e-06), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.0025), .wound = TENODESIS_C(0.0)},
                     },
             },
             { /* jaw_1_wound */
@@ -144,9 +144,9 @@ static const tenodesis_joints_parameters needle_driver = {
                 .curve_ratio = {0},
                 .contact =
                     {
-                        {.joint = 0, .reserved = 0, .compliance = TENODESIS_C(4.990019960079842e-07), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.0)},
-                        {.joint = 1, .reserved = 0, .compliance = TENODESIS_C(9.4810379241517e-06), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(1.0471975511965976), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(-0.001705123994088)},
-                        {.joint = 2, .reserved = 0, .compliance = TENODESIS_C(9.980039920159684e-09), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(-0.002091065856462)},
+                        {.joint = 0, .reserved = 0, .compliance = TENODESIS_C(4.990019960079842e-07), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.0), .wound = TENODESIS_C(0.0)},
+                        {.joint = 1, .reserved = 0, .compliance = TENODESIS_C(9.4810379241517e-06), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(-0.001705123994088), .wound = TENODESIS_C(-1.5707963267948966)},
+                        {.joint = 2, .reserved = 0, .compliance = TENODESIS_C(9.980039920159684e-09), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(-0.002091065856462), .wound = TENODESIS_C(-0.0)},
                     },
             },
             { /* jaw_1_unwound */
@@ -157,9 +157,9 @@ static const tenodesis_joints_parameters needle_driver = {
                 .curve_ratio = {0},
                 .contact =
                     {
-                        {.joint = 0, .reserved = 0, .compliance = TENODESIS_C(4.990019960079842e-07), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.0)},
-                        {.joint = 1, .reserved = 0, .compliance = TENODESIS_C(9.4810379241517e-06), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(1.0471975511965976), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.001705123994088)},
-                        {.joint = 2, .reserved = 0, .compliance = TENODESIS_C(9.980039920159684e-09), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.002091065856462)},
+                        {.joint = 0, .reserved = 0, .compliance = TENODESIS_C(4.990019960079842e-07), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.0), .wound = TENODESIS_C(0.0)},
+                        {.joint = 1, .reserved = 0, .compliance = TENODESIS_C(9.4810379241517e-06), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.001705123994088), .wound = TENODESIS_C(1.5707963267948966)},
+                        {.joint = 2, .reserved = 0, .compliance = TENODESIS_C(9.980039920159684e-09), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.002091065856462), .wound = TENODESIS_C(0.0)},
                     },
             },
             { /* jaw_2_wound */
@@ -170,9 +170,9 @@ static const tenodesis_joints_parameters needle_driver = {
                 .curve_ratio = {0},
                 .contact =
                     {
-                        {.joint = 0, .reserved = 0, .compliance = TENODESIS_C(4.990019960079842e-07), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.0)},
-                        {.joint = 1, .reserved = 0, .compliance = TENODESIS_C(9.4810379241517e-06), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(1.0471975511965976), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(-0.001705123994088)},
-                        {.joint = 3, .reserved = 0, .compliance = TENODESIS_C(9.980039920159684e-09), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(-0.002091065856462)},
+                        {.joint = 0, .reserved = 0, .compliance = TENODESIS_C(4.990019960079842e-07), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.0), .wound = TENODESIS_C(0.0)},
+                        {.joint = 1, .reserved = 0, .compliance = TENODESIS_C(9.4810379241517e-06), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(-0.001705123994088), .wound = TENODESIS_C(-1.5707963267948966)},
+                        {.joint = 3, .reserved = 0, .compliance = TENODESIS_C(9.980039920159684e-09), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(-0.002091065856462), .wound = TENODESIS_C(-0.0)},
                     },
             },
             { /* jaw_2_unwound */
@@ -183,9 +183,9 @@ static const tenodesis_joints_parameters needle_driver = {
                 .curve_ratio = {0},
                 .contact =
                     {
-                        {.joint = 0, .reserved = 0, .compliance = TENODESIS_C(4.990019960079842e-07), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.0)},
-                        {.joint = 1, .reserved = 0, .compliance = TENODESIS_C(9.4810379241517e-06), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(1.0471975511965976), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.001705123994088)},
-                        {.joint = 3, .reserved = 0, .compliance = TENODESIS_C(9.980039920159684e-09), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.002091065856462)},
+                        {.joint = 0, .reserved = 0, .compliance = TENODESIS_C(4.990019960079842e-07), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.0), .wound = TENODESIS_C(0.0)},
+                        {.joint = 1, .reserved = 0, .compliance = TENODESIS_C(9.4810379241517e-06), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.001705123994088), .wound = TENODESIS_C(1.5707963267948966)},
+                        {.joint = 3, .reserved = 0, .compliance = TENODESIS_C(9.980039920159684e-09), .coefficient = TENODESIS_C(0.0), .wrap = TENODESIS_C(0.0), .share = TENODESIS_C(1.0), .arm = TENODESIS_C(0.002091065856462), .wound = TENODESIS_C(0.0)},
                     },
             },
         },

@@ -167,7 +167,7 @@ struct JointLaw {
   }
 
  private:
-  // By which jaws are commanded to close at least, as an angle of each, rad.
+  // By which jaws are commanded to close, or to open again, at least, as an angle of each, rad.
   static constexpr double least_closing = 0.01;
   // Stiffness of a joint that no tendon holds, as a share of the stiffest.
   static constexpr double least_share = 1e-7;
@@ -227,8 +227,9 @@ struct JointLaw {
       for (int j = 0; j < N; ++j)
         spread = spread + chain.joint[i].grip * found.covariance.at[i][j] * chain.joint[j].grip;
     }
-    memory.opening = memory.started ? clamp(memory.opening, aim - play, aim + play) : aim;
-    const bool closes = memory.opening > aim + S(0.99) * play;
+    // To and fro by less than that is the noise of a handle.
+    memory.opening = memory.started ? clamp(memory.opening, aim - play, aim + play) : aim - play;
+    const bool closes = memory.opening > aim;
     if (!closes || opened <= deviations * sqrt(larger(spread, S(0)))) return;
     for (int i = 0; i < N; ++i) lost[i] = lost[i] + chain.joint[i].grip * (opened / size);
   }

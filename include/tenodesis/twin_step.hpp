@@ -528,7 +528,7 @@ struct TwinStep {
     S last[joints]{};
     S share(1);
     S smallest(-1);
-    S step[U]{};
+    S weight[U], step[U]{};
     set_coordinates();
     for (int n = 0; n < 4 * most_corrections; ++n) {
       // Near a fold there may be no equilibrium with the friction of other angles.
@@ -546,7 +546,11 @@ struct TwinStep {
       S scaled[U];
       for (int u = 0; u < U; ++u) scaled[u] = off[u];
       if (solve_linear(slope, scaled) == 0) return Status::no_equilibrium;
-      for (int u = 0; u < U; ++u) size = size + off[u] * off[u] / (slope.at[u][u] * slope.at[u][u]);
+      // By slopes that stay: where a tendon starts to slip, they fall by orders, and what is left over does not rise.
+      for (int u = 0; u < U; ++u) {
+        if (n == 0) weight[u] = S(1) / (slope.at[u][u] * slope.at[u][u]);
+        size = size + off[u] * off[u] * weight[u];
+      }
       S largest(0);
       for (int u = 0; u < U; ++u) largest = larger(largest, abs(scaled[u]));
       for (int u = 0; u < U; ++u) pushed[u] = pushes[u];

@@ -74,6 +74,19 @@ def test_with_a_handle_its_angles_are_the_targets() -> None:
         assert np.degrees(run["output_angle"][-1, n] - wanted) == pytest.approx(0, abs=0.7)
 
 
+@pytest.mark.parametrize("name", ["hybrid-real-size", "hybrid-scaled-up"])
+def test_an_object_is_gripped_as_the_trigger_asks_whatever_its_encoder_reads(name: str) -> None:
+    inst = with_friction(name, 0.1)
+    handle = eased(0, 1) * [0, 0, 0.225] + eased(1.2, 1) * [0.3, 0.3, 0]
+    held = tn.twin.Held(-0.15 * float(inst.grip_arms.max()), 3e3, 1.0)
+    grips = []
+    for law in ("off", "joints"):
+        run = tn.twin.Twin(inst).run(handle, controller=tn.control.JointController(inst, law), held=held)
+        grips.append(run["grip_force"][2400:])
+    assert grips[0].min() > 0.5
+    np.testing.assert_allclose(grips[1], grips[0], rtol=0.01)
+
+
 def test_homing_learns_how_stiff_and_rough_tendons_are_and_turns_no_joint() -> None:
     assumed = with_friction("hybrid-real-size", 0.1)
     truth = with_friction("hybrid-real-size", 0.13).replace(tendon_modulus=45e9)
