@@ -528,7 +528,8 @@ struct TwinStep {
     S last[joints]{};
     S share(1);
     S smallest(-1);
-    S weight[U], step[U]{};
+    S weight[U]{};
+    S step[U]{};
     set_coordinates();
     for (int n = 0; n < 4 * most_corrections; ++n) {
       // Near a fold there may be no equilibrium with the friction of other angles.

@@ -428,3 +428,20 @@ def test_jaws_that_touch_an_object_press_it_from_nothing_on(name: str, damping: 
     # An iteration in motion ends where it has corrected an angle by 1e-7 rad; the force is that before.
     corrected = 1e-7 * arms.max() * (held.stiffness + damping / 5e-4)
     np.testing.assert_allclose(run["grip_force"], expected, rtol=0, atol=corrected)
+
+
+def test_jaws_whose_tendons_begin_to_slip_before_stiff_ends_find_an_equilibrium() -> None:
+    """Where a tendon slips, a joint gives way a hundred times as easily as where it sticks: a case that was lost."""
+    friction = FRICTION | {"vertex_coefficient": 0.13, "sheath_coefficient": 0.13}
+    inst, steps = shipped("maryland-dissector", friction=friction), 7400
+    time = np.arange(1, steps + 1)[:, np.newaxis] * 5e-4
+
+    def eased(start: float, span: float) -> np.ndarray:
+        share = np.clip((time - start) / span, 0, 1)
+        return share**2 * (3 - 2 * share)
+
+    target = eased(2.2, 1.0) * np.radians([-42, 39, 39])
+    wrench = eased(3.4, 0.1) * np.array([-2.0104, 2.0104, 0, 0, 0, 0])
+    controller = tn.control.JointController(inst, "off")
+    run = tn.twin.Twin(inst, seed=1).run(np.zeros((steps, 0)), controller=controller, target=target, wrench=wrench)
+    assert len(run.time) == steps
