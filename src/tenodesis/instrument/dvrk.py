@@ -36,15 +36,11 @@ DVRK_UNKNOWN = (
     ("stiffness of the tendons", "100 N/mm", "a known load at the locked tip"),
     ("pretension", "20 N", "a load cell, or the load at slack"),
     ("friction", "none", "currents or tensions both ways"),
-    ("wrap over the pitch pulley", "90 deg", "the same at several pitches"),
     ("play, offsets, coupling as built", "none, zero, the file's matrix", "identify, command and angle"),
     ("length of the end-effector", "10 mm", "a caliper"),
 )
 """What a tool file does not say, what is assumed for it, and what would tell."""
 
-_PITCH_WRAP = "90 deg"
-"""Wrap on the straight wrist's pitch pulley of tendons that run over it."""
-_PITCH_WRAP_SOURCE = "of a da Vinci Maryland dissector recorded at three pitches: docs/identification.md"
 _LARGEST = 1_000_000
 """Largest tool file, bytes."""
 _MOST = math.radians(179)
@@ -168,7 +164,6 @@ def dvrk_text(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS, jaw_ang
     values["sources"] = {
         "joints": f"coupling, limits and DH parameters of {path.name}",
         **_OURS,
-        **({} if is_snake else {"tendons.route.base_wrap": _PITCH_WRAP_SOURCE}),
         "stem_diameter": "ours: of the da Vinci S and Si tools" + ", those with a snake" * is_snake,
     }
     kind = "roll, pitch, and two jaws on the yaw axis" if jaws else "roll, pitch, and yaw"
@@ -238,12 +233,11 @@ def _before(name: str, content: dict[str, Any], is_snake: bool) -> tuple[str | N
 
 
 def _route(names: tuple[str, ...], arms: Array) -> list[dict[str, str]]:
-    # what is left of zeros by the inversion
-    crossed = [(name, arm) for name, arm in zip(names, arms.tolist(), strict=True) if abs(arm) > 1e-14]
     return [
         {"joint": name, "side": "agonist" if arm > 0 else "antagonist", "radius": _mm(abs(arm))}
-        | ({"base_wrap": _PITCH_WRAP} if name == "pitch" and name != crossed[-1][0] else {})
-        for name, arm in crossed
+        for name, arm in zip(names, arms.tolist(), strict=True)
+        # what is left of zeros by the inversion
+        if abs(arm) > 1e-14
     ]
 
 
