@@ -20,6 +20,22 @@ def test_rounding_is_taken_off_a_turning_spool() -> None:
     assert np.array_equal(unrounded(np.full(100, 3.0), STEP, step).values, np.full(100, 3.0))
 
 
+@pytest.mark.parametrize("amplitude", [6.3, 6.7, 20.2])
+def test_a_signal_turns_within_a_step_as_deep_as_its_acceleration_says(amplitude: float) -> None:
+    time = np.arange(0, 2, STEP)
+    signal = amplitude * np.sin(5.6 * time + 0.3)
+    path = unrounded(np.round(signal), STEP, 1.0)
+    inside = slice(300, -300)
+    turning = (np.abs(signal) > amplitude - 0.5)[inside]
+    off = (path.values - signal)[inside]
+    # a path that turned in the middle of its step would be off by 0.13 to 0.2 steps
+    assert np.sqrt(np.mean(off[turning] ** 2)) < 0.075
+    known = np.zeros(time.size)
+    for error in path.errors:
+        known[error.first : error.first + error.shape.size] += error.shape**2
+    assert np.sqrt(np.mean(off**2)) < np.sqrt(np.mean(known[inside]))
+
+
 def test_smoothing_takes_noise_off_and_leaves_the_signal() -> None:
     time = np.arange(0, 8, STEP)
     angle = 0.4 * 2 / np.pi * np.arcsin(np.sin(np.pi * time))

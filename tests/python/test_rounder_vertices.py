@@ -171,3 +171,20 @@ def test_joints_have_the_loop_of_the_planar_instrument_while_the_others_are_stra
     yaw, pitch = (rounder.loop(inst, axis, 0.0)[0] for axis in ("yaw", "pitch"))
     assert yaw == pytest.approx(rounder.loop(plane, "yaw", 0.0)[0], rel=0.02)
     assert pitch == pytest.approx(yaw, rel=0.02)
+
+
+@pytest.mark.parametrize(("given", "studied"), [(None, "yaw"), ("pitch", "pitch")])
+def test_of_two_planar_axes_one_is_studied(
+    given: str | None, studied: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    seen: list[Instrument] = []
+
+    def study(inst: Instrument, *_: object, **__: object) -> VertexStudy:
+        seen.append(inst)
+        raise StudyError(key="seen", value=inst.name, allowed="no more")
+
+    monkeypatch.setattr(rounder, "study", study)
+    with refused("seen", kind=StudyError):
+        command.study_vertices("real-size", axis=given, out=tmp_path)
+    assert seen == [instrument.load("real-size").axis(studied)]
+    assert rounder.radius_limits(seen[0]).largest < inf

@@ -9,7 +9,6 @@ from rich.markup import escape
 from tenodesis.cli.command import command
 from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_instrument, quantity, say, table
 from tenodesis.cli.outputs import Outputs, written_by_us
-from tenodesis.instrument import expanded
 from tenodesis.paper import rounder_vertices
 from tenodesis.paper.rounder_vertices import NUMBERS, PAGE, SWEEP, tables, write
 from tenodesis.units import PositiveForce
@@ -30,7 +29,8 @@ def study_vertices(
 ) -> None:
     """Study rounder vertices: radius, coefficient and rope against loss, hysteresis and final errors."""
     inst = load_instrument(instrument_file)
-    inst = inst if len(inst.bends) == 1 else expanded(inst)
+    if inst.short_form is not None:
+        inst = inst.axis(axis or inst.axes[0])
     newton = None if force is None else quantity("--force", force, PositiveForce)
     own = written_by_us(out / NUMBERS, "designs")
     with (

@@ -18,6 +18,8 @@ from tenodesis.run import TENDONS, Array
 from tenodesis.twin.rows import columns_by_name
 
 _HARMONICS = 49
+_WITHIN = np.array([0.25, 0.5, 0.75])
+"""Of a step in which a signal turns, where its parabola is drawn through."""
 _NEGLIGIBLE = 1e-4
 """Variance of a rounding error, over that of a reading, below which it is left out."""
 
@@ -143,14 +145,21 @@ def unrounded(values: Array, sample_time: float, resolution: float) -> Reconstru
     neighbour = np.minimum(np.append(np.inf, lengths[:-1]), np.append(lengths[1:], np.inf))
     resting = lengths > tuning.REST_LENGTH * neighbour
     resting[[0, -1]] = True
-    resting[1:-1] |= middles[:-2] == middles[2:]
+    back = np.flatnonzero(middles[:-2] == middles[2:]) + 1
+    turns = _turns(lengths, back, resting)
+    resting[back] = True
+    resting[[*turns]] = False
     stopping = np.minimum(np.minimum(neighbour, lengths) / 2, tuning.STOPPING_TIME / sample_time)
     at = np.concatenate([edges[1:-1], (edges[:-1] + stopping)[resting], (edges[1:] - stopping)[resting]])
     there = np.concatenate([(middles[1:] + middles[:-1]) / 2, middles[resting], middles[resting]])
+    for step, (depth, _) in turns.items():
+        beyond = middles[step] - middles[step - 1]
+        at = np.append(at, edges[step] + lengths[step] * _WITHIN)
+        there = np.append(there, middles[step] - beyond / 2 + beyond * depth * 4 * _WITHIN * (1 - _WITHIN))
     order = np.argsort(at, kind="stable")
     path = np.asarray(np.interp(np.arange(values.size), at[order], there[order]))
     errors = _errors_of_rests(edges, stopping, resting, resolution) + _errors_of_speed(
-        edges, lengths, resting, resolution
+        edges, lengths, resting, turns, resolution
     )
     return ReconstructedPath(path, tuple(errors), np.eye(len(errors)))
 
@@ -255,6 +264,23 @@ def _smoothing_errors(penalised: Array, blur: float, deviation: float) -> tuple[
     return errors, directions[:, kept] / np.sqrt(variances[kept])
 
 
+def _turns(lengths: Array, back: NDArray[np.intp], resting: NDArray[np.bool_]) -> dict[int, tuple[float, float]]:
+    """Return how far into a step a signal goes that turns there, and that depth's error, in steps, by step.
+
+    At a constant acceleration a signal that took a time L for the step before and is back after T went T² / 4 L (L + T)
+    of a step far; the step after says the same, and their difference what the acceleration's change makes of it. One
+    that would come to the next step rests.
+    """
+    found = {}
+    for step in back.tolist():
+        beside = lengths[[step - 1, step + 1]]
+        depths = lengths[step] ** 2 / (4 * beside * (beside + lengths[step]))
+        if not (resting[step - 1 : step + 2].any() or depths.max() >= 1):
+            depth = float(depths.mean())
+            found[step] = depth, max(float(np.ptp(depths)) / 2, tuning.CHORD_ERROR * depth)
+    return found
+
+
 def _errors_of_rests(edges: Array, stopping: Array, resting: Array, resolution: float) -> list[PathError]:
     """Return the errors that rounding hides where a signal rests: its position, its arrival and its departure."""
     errors = []
@@ -277,10 +303,16 @@ def _errors_of_rests(edges: Array, stopping: Array, resting: Array, resolution: 
     return errors
 
 
-def _errors_of_speed(edges: Array, lengths: Array, resting: Array, resolution: float) -> list[PathError]:
-    """Return by how much a signal whose speed changes bends away from the straight lines between its steps."""
+def _errors_of_speed(
+    edges: Array, lengths: Array, resting: Array, turns: Mapping[int, tuple[float, float]], resolution: float
+) -> list[PathError]:
+    """Return by how much a signal whose speed changes bends away from its path between its steps."""
     errors = []
     for step in np.flatnonzero(np.logical_not(resting)).tolist():
+        if step in turns:
+            begin, end = edges[step : step + 2]
+            errors.append(_polyline([begin, (begin + end) / 2, end], [0, turns[step][1] * resolution, 0], edges))
+            continue
         before, own, after = lengths[step - 1 : step + 2].tolist()
         # the length of a rest does not show a speed
         before = own if resting[step - 1] else before
