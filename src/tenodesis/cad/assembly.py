@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -89,19 +89,19 @@ def postures(model: Model, output_angles: Sequence[float], handle_angles: Sequen
     found = []
     for place, angles in enumerate((output_angles, handle_angles)):
         joints = [one.joint for one in model.at(tip=place == 0)]
-        shares = [angle / joints[0].range for angle in angles]
+        # Ends of the ranges over that of the first joint.
+        ends = [tuple(limit / joints[0].range for limit in joint.limits) for joint in joints]
         bent = [
-            (number == 0, abs(share) * joint.limits[share > 0] * np.eye(len(joints))[number])
-            for number, joint in enumerate(joints)
-            for share in shares
-            if number == 0 or share != 0
+            (number == 0, abs(angle) * limits[int(angle > 0)] * np.eye(len(joints))[number])
+            for number, limits in enumerate(ends)
+            for angle in angles
+            if number == 0 or angle != 0
         ]
-        if len(joints) > 1 and shares:
-            most = max(map(abs, shares))
-            bent += [(False, most * np.array(ends)) for ends in product(*(joint.limits for joint in joints))]
-        for first, row in bent:
-            rows = (row, still[1]) if place == 0 else (still[0], row)
-            found.append(Posture(*(np.array(one) for one in rows), first or place == 1))
+        if len(joints) > 1 and angles:
+            most = max(map(abs, angles))
+            bent += [(False, most * np.array(corner)) for corner in product(*ends)]
+        for alone, row in bent:
+            found.append(Posture(row, still[1], alone) if place == 0 else Posture(still[0], row, True))
     return found
 
 
@@ -113,7 +113,7 @@ def interference(
     All parts are compared in the first posture, and in the others those that have moved against each other.
     """
     found: list[Overlap] = []
-    before: dict[tuple[str, str], Array] = {}
+    before: dict[tuple[str, str], Any] = {}
     every = postures(model, output_angles, handle_angles)
     for done, posture in enumerate(every):
         if progress is not None:
@@ -171,7 +171,7 @@ def mesh_play(model: Model, output_angle: float, *, tip: bool = True, joint: int
         teeth = [
             k.common(frame(part, k.at()) * place * part.solid, window)
             for part in model.parts
-            if part.body == body and "gear" in part.title.lower()
+            if part.body == body and part.made
             for place in part.places
         ]
         halves.append(max(teeth, key=lambda solid: float(solid.volume)))

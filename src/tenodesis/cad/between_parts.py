@@ -10,14 +10,10 @@ def outer_place(inner: End, outer: End) -> k.Location:
     return inner.place(far=True).inverse() * outer.place(outer.start)
 
 
-def between_part(inner: GearJoint, inner_end: End, outer: GearJoint, outer_end: End, sizes: Sizes) -> Part:
-    """Return the far half of a joint with the near half of the next.
-
-    Raises InstrumentError if their axes are too near to each other.
-    """
+def check_between(inner: GearJoint, outer: GearJoint, outer_end: End, sizes: Sizes) -> None:
+    """Refuse axes so near to each other that there is no room for the ends of the tendons between their links."""
     apart = abs(outer_end.start)
-    collar = apart - inner.depth - outer.depth
-    least = 2 * sizes.rope + 2 * sizes.wall
+    collar, least = apart - inner.depth - outer.depth, 2 * sizes.rope + 2 * sizes.wall
     if collar < least:
         refuse(
             f"{outer_end.key.removesuffix('radius')}offset",
@@ -25,6 +21,12 @@ def between_part(inner: GearJoint, inner_end: End, outer: GearJoint, outer_end: 
             f"the links of both joints leave {max(collar, 0.0):.3g} mm between them for the ends of the tendons",
             f"at least {apart - collar + least:.4g} mm for process {sizes.process.name}",
         )
+
+
+def between_part(inner: GearJoint, inner_end: End, outer: GearJoint, outer_end: End, sizes: Sizes) -> Part:
+    """Return the far half of a joint with the near half of the next."""
+    apart = abs(outer_end.start)
+    collar = apart - inner.depth - outer.depth
     body, bottom = far_half(inner, inner_end, sizes, collar)
     place = outer_place(inner_end, outer_end)
     half = toothed_half(

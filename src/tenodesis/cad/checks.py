@@ -35,7 +35,9 @@ def tendon_lengths(model: Model, output_angles: ArrayLike, handle_angles: ArrayL
     between the mouths of tunnels, on their axes, and round a pulley at its groove's bottom plus half a rope. Angles are
     in rad, those of one joint (...), of several (..., joints), and broadcast.
     """
-    outputs, handles = (_rows(model, angles, tip=tip) for angles, tip in ((output_angles, True), (handle_angles, False)))
+    outputs, handles = (
+        _rows(model, angles, tip=tip) for angles, tip in ((output_angles, True), (handle_angles, False))
+    )
     shape = np.broadcast_shapes(outputs.shape[:-1], handles.shape[:-1])
     outputs, handles = (
         np.broadcast_to(rows, (*shape, rows.shape[-1])).reshape(-1, rows.shape[-1]) for rows in (outputs, handles)

@@ -248,9 +248,7 @@ def toothed_half(joint: GearJoint, sizes: Sizes, passing: Sequence[tuple[float, 
     return body
 
 
-def bored(
-    joint: GearJoint, body: Solid, length: float, passing: Sequence[tuple[float, float]] = ()
-) -> Solid:
+def bored(joint: GearJoint, body: Solid, length: float, passing: Sequence[tuple[float, float]] = ()) -> Solid:
     """Return a half with its tunnels, through a length, and the bore of its pin or pins."""
     for bore in bores(joint, length, passing):
         body -= bore
@@ -440,7 +438,9 @@ def _far(joint: GearJoint, end: End, sizes: Sizes) -> k.Solid:
 def far_half(joint: GearJoint, end: End, sizes: Sizes, collar: float) -> tuple[k.Solid, float]:
     """Return the far half with a collar of a length, where its tendons end or leave for the motors, and its bottom."""
     radius, top = joint.gear.pitch_radius, -joint.depth
-    body = toothed_half(joint._replace(collar=min(joint.collar, collar)), sizes, end.passing_in(far=True), tooth_ahead=False)
+    body = toothed_half(
+        joint._replace(collar=min(joint.collar, collar)), sizes, end.passing_in(far=True), tooth_ahead=False
+    )
     bottom = top - collar
     if end.tip:
         body += k.rod((0, 0, bottom), (0, 0, top), ferrule_collar(radius, end, sizes))
@@ -458,6 +458,7 @@ def far_half(joint: GearJoint, end: End, sizes: Sizes, collar: float) -> tuple[k
 
 
 def gear_notes(joint: GearJoint) -> tuple[str, ...]:
+    """Return the notes in the drawing of a half."""
     gear, rope = joint.gear, joint.rope
     return (
         f"Gear: module {gear.module:.4g} mm, {gear.teeth} teeth, 20 deg, no profile shift; "

@@ -4,11 +4,11 @@ import math
 from typing import NamedTuple
 
 from tenodesis.cad import kernel as k
-from tenodesis.cad.between_parts import outer_place
 from tenodesis.cad.bench_parts import TIP_PIN
+from tenodesis.cad.between_parts import outer_place
 from tenodesis.cad.gears import GearJoint, far_half, gear_notes, half_dimensions
 from tenodesis.cad.kernel import Solid
-from tenodesis.cad.parts import Dimension, End, Part, Sizes, bought, ferrule, groove_dimensions, pin, refuse, socket
+from tenodesis.cad.parts import Dimension, End, Part, Sizes, bought, ferrule, groove_dimensions, pin, refuse
 from tenodesis.cad.pulley_parts import PulleyJoint, tendon_end
 
 _FINGER = 30.0
@@ -72,7 +72,7 @@ class Lever(NamedTuple):
     """From the far axis of the gear pair to its own."""
     spring: Spring | None
     length: float
-    """Of the lever from its axis, 0 if it follows from the eye's place."""
+    """Of the lever from its axis; a jaw is shorter where the eye of the fixed one is in its way."""
     closed: float
     """Angle at which a jaw is closed."""
     reach: float
@@ -101,6 +101,10 @@ class Lever(NamedTuple):
         """Half the width of an arm of the fork."""
         return self.pulley.fork_arm
 
+    def jaw(self, sizes: Sizes) -> float:
+        """Return the length of the jaw that moves: as far as the eye of the fixed one."""
+        return min(self.length, self.reach - _eye(sizes) - 1.0)
+
     def clear(self, sizes: Sizes) -> float:
         """Return how far from its axis the fork's block begins, and the bridge on the other side."""
         own = self.pulley.rim + 2 * self.pulley.play + sizes.wall
@@ -117,6 +121,34 @@ class Lever(NamedTuple):
     def foot(self, sizes: Sizes, seat: float) -> float:
         """Return where the socket of the grip begins, from the gear's far axis."""
         return self.offset + self.bridge(sizes, seat) + sizes.wall
+
+
+def check_lever(  # noqa: PLR0917
+    gear: GearJoint, gear_end: End, lever: Lever, end: End, sizes: Sizes, way: tuple[float, float]
+) -> None:
+    """Refuse an axis so near to the gear pair, or to the force, that tendon or jaw have no room.
+
+    `way` is where the tendon passes the gear's middle plane.
+    """
+    key = f"{end.key.removesuffix('radius')}offset"
+    taken = gear.depth + gear_end.far_collar + lever.clear(sizes)
+    least = taken + math.hypot(lever.pulley.radius, *way) / math.tan(_STEEPEST)
+    if lever.offset < least:
+        refuse(
+            key,
+            lever.offset,
+            f"the gear pair and the fork of {end.prefix} take {taken:.4g} mm, and its tendon needs the rest to get to "
+            "the side of its pulley",
+            f"at least {least:.4g} mm for process {sizes.process.name}",
+        )
+    short = lever.clear(sizes) + 2 * lever.thick - lever.jaw(sizes)
+    if end.tip and short > 0:
+        refuse(
+            key,
+            lever.offset,
+            f"the eye of the fixed jaw leaves {max(lever.jaw(sizes), 0.0):.3g} mm for the jaw that moves",
+            f"at most {lever.offset - short:.4g} mm",
+        )
 
 
 def lever_parts(  # noqa: PLR0917
@@ -162,7 +194,15 @@ def lever_parts(  # noqa: PLR0917
             notes=(f"For a rope of {sizes.rope:.3g} mm; groove's bottom rounded with {p.groove:.3g} mm.",),
             away=(0, 0, out),
         ),
-        pin(f"{end.prefix}_pin", p.pin, 2 * half, dowel, gear_end.far, (end.place(end.start),), (0, 4 * half, end.outward * shift)),
+        pin(
+            f"{end.prefix}_pin",
+            p.pin,
+            2 * half,
+            dowel,
+            gear_end.far,
+            (end.place(end.start),),
+            (0, 4 * half, end.outward * shift),
+        ),
     ]
     if lever.spring is not None:
         wire, diameter, coils = lever.spring
@@ -191,7 +231,6 @@ def _carrier(  # noqa: PLR0917
     across: float,
 ) -> Part:
     """Return the far half of the gear pair with the fork of the lever, and the fixed jaw or the grip's socket."""
-    _check_room(gear, gear_end, lever, end, sizes, way)
     body, bottom = far_half(gear, gear_end, sizes, gear_end.far_collar)
     place = outer_place(gear_end, end)
     own, cuts = _fork(lever, sizes, -lever.offset - bottom)
@@ -257,22 +296,6 @@ def _carrier(  # noqa: PLR0917
     )
 
 
-def _check_room(  # noqa: PLR0917
-    gear: GearJoint, gear_end: End, lever: Lever, end: End, sizes: Sizes, way: tuple[float, float]
-) -> None:
-    """Refuse an axis so near to the gear pair that the lever's tendon cannot get to the side of its pulley."""
-    taken = gear.depth + gear_end.far_collar + lever.clear(sizes)
-    least = taken + math.hypot(lever.pulley.radius, *way) / math.tan(_STEEPEST)
-    if lever.offset < least:
-        refuse(
-            f"{end.key.removesuffix('radius')}offset",
-            lever.offset,
-            f"the gear pair and the fork of {end.prefix} take {taken:.4g} mm, and its tendon needs the rest to get to "
-            "the side of its pulley",
-            f"at least {least:.4g} mm for process {sizes.process.name}",
-        )
-
-
 def _fork(lever: Lever, sizes: Sizes, begin: float) -> tuple[Solid, list[Solid]]:
     """Return block and arms of the fork in the lever's near frame, z outward, from a height, and the pin's bore."""
     p, front = lever.pulley, -lever.clear(sizes)
@@ -289,8 +312,8 @@ def _fixed_jaw(lever: Lever, sizes: Sizes, across: float) -> tuple[Solid, Solid]
     """Return the fixed jaw with its eye where forces act, and the eye's bore, in the lever's near frame."""
     p, s, gap = lever.pulley, -lever.side, lever.pulley.play
     clear, eye = lever.clear(sizes), _eye(sizes)
-    x = tuple(sorted((s * gap, s * lever.thick)))
-    arms = tuple(sorted((s * gap, s * max(lever.thick, lever.arm))))
+    x = _bounds(s * gap, s * lever.thick)
+    arms = _bounds(s * gap, s * max(lever.thick, lever.arm))
     body = k.box(arms, (-lever.outer, lever.outer), (clear, clear + lever.thick))
     for low in (-lever.outer, lever.inner):
         body += k.box(arms, (low, low + p.fork), (0.0, clear + lever.thick))
@@ -299,6 +322,10 @@ def _fixed_jaw(lever: Lever, sizes: Sizes, across: float) -> tuple[Solid, Solid]
     turned = k.at(turn=(0, 0, across))
     body += turned * k.rod((0, -half, end), (0, half, end), eye)
     return body, turned * k.rod((0, -half - 9, end), (0, half + 9, end), TIP_PIN / 2)
+
+
+def _bounds(one: float, other: float) -> tuple[float, float]:
+    return min(one, other), max(one, other)
 
 
 def _eye(sizes: Sizes) -> float:
@@ -321,21 +348,14 @@ def _lever(lever: Lever, end: End, sizes: Sizes) -> Solid:
     p, thick = lever.pulley, lever.thick
     body = k.rod((0, -p.outside, 0), (0, p.outside, 0), p.rim)
     if end.tip:
-        length = min(lever.length, lever.reach - _eye(sizes) - 1.0)
-        if length < 1.5 * p.rim:
-            refuse(
-                f"{end.key.removesuffix('radius')}offset",
-                lever.offset,
-                f"the eye of the fixed jaw leaves {max(length, 0.0):.3g} mm for the jaw that moves",
-                f"at most {lever.offset - 1.5 * p.rim + length:.4g} mm",
-            )
+        length = lever.jaw(sizes)
         s = lever.side
         outline = [(s * p.play, 0.0), (s * thick, 0.0), (s * thick, -length), (s * p.play, -length)]
         # As it is when closed, turned back; in this frame, whose z is flipped, about y the other way.
         body += k.turned_about_y(lever.closed) * k.bar(outline, -p.outside, p.outside)
     else:
         side = p.sides[0]
-        x = tuple(sorted((0.0, -side * lever.length)))
+        x = _bounds(0.0, -side * lever.length)
         body += k.box(x, (-p.outside, p.outside), (-thick / 2, thick / 2))
         body += k.rod((-side * lever.length, -p.outside, 0), (-side * lever.length, p.outside, 0), thick)
         for plate in _sheath_plates(p, end, sizes):
@@ -355,7 +375,7 @@ def _sheath_plates(p: PulleyJoint, end: End, sizes: Sizes) -> list[Solid]:
         foot = (side * p.radius * cos, -p.radius * sin)
         way, across = (-side * sin, -cos), (cos, -side * sin)
         corners = [
-            tuple(foot[i] + along * way[i] + out * across[i] for i in (0, 1))
+            (foot[0] + along * way[0] + out * across[0], foot[1] + along * way[1] + out * across[1])
             for along, out in ((0, -wide), (long, -wide), (long, wide), (0, wide))
         ]
         for low in (-p.outside, p.half):

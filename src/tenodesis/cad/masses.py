@@ -89,14 +89,14 @@ def tip_inertia(model: Model) -> float:
     apart = joint.length if isinstance(joint, Backbone) else k.MM * first.joint.chord
     middle = place[first.end.far] - np.array([0.0, 0.0, 5e-4 * apart])
     turning = [first.end.far, *(body for one in others for body in (one.end.carrier, one.end.far) if body in bodies)]
-    found = sum(float(axis @ bodies[body].about(middle - place[body]) @ axis) for body in turning)
+    found = sum((float(axis @ bodies[body].about(middle - place[body]) @ axis) for body in turning), 0.0)
     if isinstance(joint, Backbone):
         # A disc turns by its share of the angle, about the middle of the backbone before it.
         return found + sum(
-            1e-9 * one.solid.volume * one.density * (5e-4 * float(place.position.Z) ** 2 / joint.length) ** 2
+            1e-9 * one.solid.volume * one.density * (5e-4 * float(disc.position.Z) ** 2 / joint.length) ** 2
             for one in model.parts
             if one.body == "arc"
-            for place in one.places
+            for disc in one.places
         )
     return found + _links(first, bodies, axis)
 
@@ -127,9 +127,7 @@ def with_inertia(model: Model) -> Instrument:
             "centre_of_mass": float(link.centre[2]),
             "inertia": across + _links(one, bodies, axis),
         }
-    joints = [
-        joint.model_dump(exclude_unset=True) | changes.get(joint.name, {}) for joint in given.as_given("joints")
-    ]
+    joints = [joint.model_dump(exclude_unset=True) | changes.get(joint.name, {}) for joint in given.as_given("joints")]
     keys = ("mass", "centre_of_mass", "inertia")
     return given.replace(joints=joints, sources={**given.sources, **{f"joints.{key}": source for key in keys}})
 

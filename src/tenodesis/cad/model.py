@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -20,14 +21,14 @@ from tenodesis.cad.bench_parts import (
     stem_part,
     tip_pin_part,
 )
-from tenodesis.cad.between_parts import between_part
+from tenodesis.cad.between_parts import between_part, check_between
 from tenodesis.cad.gears import Gear, GearJoint, gear_joint, gear_parts
-from tenodesis.cad.lever_parts import Lever, lever_length, lever_parts, spring
+from tenodesis.cad.lever_parts import Lever, check_lever, lever_length, lever_parts, spring
 from tenodesis.cad.parts import End, Part, Process, Sizes, ferrule, refuse, transition_length, turned
 from tenodesis.cad.parts import process as process_of
 from tenodesis.cad.pulley_parts import PulleyJoint, pulley_joint, pulley_parts
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument import FullForm, Instrument, InstrumentLike, Joint, ShortForm, Tendon, as_instrument
+from tenodesis.instrument import FullForm, Instrument, InstrumentLike, Joint, as_instrument
 from tenodesis.instrument.joints import SIGNS
 from tenodesis.instrument.lengths import STEM_PER_RADIUS
 from tenodesis.kinematics.chain import bend_side, crossed
@@ -137,13 +138,13 @@ def build(
     full = built.expanded
     chosen = process_of(process)
     bought = hardware or Hardware()
+    _check_joints(full)
     if built.tendon_diameter is None:
         raise InstrumentError(
             f"{built.name} has no tendon_diameter; tunnels and grooves need it: give it, 0.5 mm say.",
             key="tendon_diameter",
             allowed="given",
         )
-    _check_joints(full)
     sizes = Sizes(chosen, k.MM * built.tendon_diameter)
     stations, ways = _stations(built, full, sizes, bought, dict(modules or {}))
     tips, hands = (tuple(one for one in stations if one.end.tip == tip) for tip in (True, False))
@@ -164,6 +165,8 @@ def build(
             f"what is before the grip takes {hand_foot + hand.end.far_collar:.3g} mm of it",
             f"at least {hand_foot + hand.end.far_collar + _LEAST_SHAFT:.3g} mm",
         )
+    for own in (tips, hands):
+        _check_row(own, sizes)
     turn = tips[0].end.turn
     parts: list[Part] = []
     for own in (tips, hands):
@@ -217,6 +220,14 @@ def _check_joints(full: FullForm) -> None:
                     key=f"{key}.on",
                     value=joint.on,
                     allowed=before,
+                )
+            if joint.mechanism == "continuum" and place == "handle":
+                raise InstrumentError(
+                    f"{key}.mechanism is 'continuum': no parts are made of backbones at the handle; it must be "
+                    "'tendon-gear' or 'pulley'.",
+                    key=f"{key}.mechanism",
+                    value=joint.mechanism,
+                    allowed="tendon-gear or pulley",
                 )
             is_lever = joint.mechanism == "pulley" and joint.end_effector_length is None
             if len(joints) > 1 and joint.mechanism != "tendon-gear" and not (number == len(joints) - 1 and is_lever):
@@ -278,6 +289,16 @@ def _bearing(stations: tuple[Station, ...]) -> Station:
 def _lever(stations: tuple[Station, ...]) -> Lever | None:
     last = stations[-1].sizes
     return last if isinstance(last, Lever) else None
+
+
+def _check_row(stations: tuple[Station, ...], sizes: Sizes) -> None:
+    """Refuse joints that are too near to each other."""
+    for one, other in pairwise(stations):
+        assert isinstance(one.sizes, GearJoint)
+        if isinstance(other.sizes, GearJoint):
+            check_between(one.sizes, other.sizes, other.end, sizes)
+        elif isinstance(other.sizes, Lever):
+            check_lever(one.sizes, one.end, other.sizes, other.end, sizes, other.end.passing[0])
 
 
 def _joint_parts(stations: tuple[Station, ...], sizes: Sizes, turn: float) -> list[Part]:
@@ -419,8 +440,8 @@ def _ways(full: FullForm, sized: Mapping[str, tuple[Joint, AnyJoint]], sizes: Si
         middle = [tendon for tendon, way in ways.items() if way == (0.0, 0.0)]
         if len(middle) > 1 and isinstance(sized[name][1], GearJoint):
             raise InstrumentError(
-                f"joints.{name}.radius is {k.MM * sized[name][0].radius:.4g} mm: {' and '.join(middle)} would both pass "
-                "on its axis; give the joints beyond larger radii, so that one of them passes beside its links.",
+                f"joints.{name}.radius is {k.MM * sized[name][0].radius:.4g} mm: {' and '.join(middle)} would both "
+                "pass on its axis; give the joints beyond larger radii, so that one of them passes beside its links.",
                 key=f"joints.{name}.radius",
                 value=sized[name][0].radius,
                 allowed="larger radii beyond",
@@ -447,6 +468,8 @@ def _ends(  # noqa: PLR0917
 ) -> list[End]:
     tips, hands = ([one for one in found if one[0].place == place] for place in ("tip", "handle"))
     (first, tip), (hand_first, hand) = tips[0], hands[0]
+    assert not isinstance(tip, Lever)
+    assert not isinstance(hand, Lever | Backbone)
     if full.stem_length is None:
         raise InstrumentError(
             f"{full.name} has no stem_length, which its tube needs: give it, 300 mm say.",
@@ -461,8 +484,8 @@ def _ends(  # noqa: PLR0917
         refuse(
             "stem_diameter",
             2 * stem,
-            f"tendons of {sizes.rope:.3g} mm at {outermost:.4g} mm from its axis leave {max(stem - needed, 0.0):.3g} mm "
-            "for the tube's wall",
+            f"tendons of {sizes.rope:.3g} mm at {outermost:.4g} mm from its axis leave {max(stem - needed, 0.0):.3g} "
+            "mm for the tube's wall",
             f"at least {2 * (needed + 0.15):.3g} mm",
         )
     bore = max(needed, stem - max(1.0, 0.05 * stem))
@@ -485,10 +508,10 @@ def _ends(  # noqa: PLR0917
     near_hand = hand.depth + hand.collar + slant
     if near_tip + near_hand + 3 * stem > stem_length:
         short = near_tip + near_hand + 3 * stem - stem_length
-        of_stem = inst.short_form is None
-        value = stem_length if of_stem else k.MM * inst.short_form.overall_length
+        given = inst.short_form
+        value = stem_length if given is None else k.MM * given.overall_length
         refuse(
-            "stem_length" if of_stem else "overall_length",
+            "stem_length" if given is None else "overall_length",
             value,
             f"of the stem's {stem_length:.4g} mm the ends of its joints take {near_tip + near_hand + 3 * stem:.4g} mm",
             f"at least {value + short:.4g} mm",
@@ -540,9 +563,7 @@ def _ends(  # noqa: PLR0917
     return ends
 
 
-def _check_straight(
-    inst: Instrument, joints: list[tuple[Joint, AnyJoint]], number: int, ways: Ways
-) -> None:
+def _check_straight(inst: Instrument, joints: list[tuple[Joint, AnyJoint]], number: int, ways: Ways) -> None:
     """Refuse tendons that would have to change sides between two gear pairs."""
     if not number:
         return
@@ -560,13 +581,15 @@ def _check_straight(
             )
 
 
-def _stem_ways(  # noqa: PLR0917
+def _stem_ways(
     full: FullForm, one: AnyJoint, joint: Joint, tip: AnyJoint, ways: Ways, *, at_tip: bool
 ) -> tuple[tuple[tuple[float, float], tuple[float, float]], ...]:
     """Return where every tendon is at the first joint of an end and where within the stem, in that joint's frame."""
     first = full.tip_joints[0]
     shift = tip.shift if isinstance(tip, PulleyJoint) else 0.0
     found = []
+    # Seen from its mate, the near half at the handle has y the other way.
+    side = 1.0 if at_tip else -1.0
     for name, (x, y) in ways[joint.name].items():
         place = ways[first.name].get(name)
         if place is None:
@@ -574,14 +597,9 @@ def _stem_ways(  # noqa: PLR0917
         x_low, y_low = (
             0.0 if abs(value) < _SAME_PLACE else value for value in turned(place, _turn(first) - _turn(joint))
         )
-        if not at_tip:
-            # Seen from its mate, the near half at the handle has y the other way.
-            y, y_low = -y, -y_low
-        if isinstance(one, PulleyJoint):
-            y = math.copysign(one.shift, x)
-        if shift and x_low:
-            y_low = math.copysign(shift, x_low)
-        found.append(((x, y), (x_low, y_low)))
+        at_joint = (x, math.copysign(one.shift, x) if isinstance(one, PulleyJoint) else side * y)
+        in_stem = (x_low, math.copysign(shift, x_low) if shift and x_low else side * y_low)
+        found.append((at_joint, in_stem))
     return tuple(found)
 
 
@@ -601,6 +619,7 @@ def _foot(stations: tuple[Station, ...], sizes: Sizes) -> float:
     if lever is not None:
         return lever.foot(sizes, stations[0].end.seat)
     joint = stations[-1].sizes
+    assert not isinstance(joint, Lever)
     return (joint.collar if isinstance(joint, Backbone) else joint.depth) + sizes.wall
 
 
@@ -623,8 +642,7 @@ def _rig(full: FullForm, tips: tuple[Station, ...], turn: float) -> Rig:
         begin = k.MM * (straight[one.end.near].position - straight["stem"].position)[0, 2] + one.end.start
         middle = k.MM * one.joint.chord / 2 if isinstance(one.sizes, Backbone) else 0.0
         pivots.append(float(begin + middle))
-        across = np.hypot(places[:, 0], places[:, 1])
-        bent.append(np.hypot(across, places[:, 2] - pivots[-1]))
+        bent.append(np.hypot(np.hypot(places[:, 0], places[:, 1]), places[:, 2] - pivots[-1]))
     distances = np.concatenate(bent)
     half = bearing.stem_radius
     for one in tips:

@@ -163,9 +163,7 @@ def check(model: Model, progress: Progress | None = None, *, steps: int = _STEPS
     Raises InstrumentError if parts overlap; the message names the first two, the angle and the volume.
     """
     inst = model.instrument
-    outputs, handles = (
-        np.linspace(-1, 1, steps) * model.at(tip=tip)[0].joint.range for tip in (True, False)
-    )
+    outputs, handles = (np.linspace(-1, 1, steps) * model.at(tip=tip)[0].joint.range for tip in (True, False))
     overlaps = interference(model, [0.0, *outputs], list(handles), progress)
     if overlaps:
         one = overlaps[0]
@@ -181,11 +179,11 @@ def check(model: Model, progress: Progress | None = None, *, steps: int = _STEPS
         )
     play = {}
     for tip in (True, False):
-        for number, one in enumerate(model.at(tip=tip)):
-            if isinstance(one.sizes, GearJoint):
+        for number, station in enumerate(model.at(tip=tip)):
+            if isinstance(station.sizes, GearJoint):
                 if progress is not None:
                     progress(number, len(model.stations), "mesh of the gears")
-                play[one.end.prefix] = mesh_play(model, 0.0, tip=tip, joint=number)
+                play[station.end.prefix] = mesh_play(model, 0.0, tip=tip, joint=number)
     return Checks(agreement(model), tuple(overlaps), play, (), tip_inertia(model), with_inertia(model))
 
 

@@ -317,8 +317,8 @@ def transition(end: End, sizes: Sizes, width: float, middle: float, top: float) 
             continue
         own = width if turn == 0 else 0.0
         wide = max(own, *(abs(x) + sizes.tunnel / 2 + wall for (x, _), _ in ways))
-        deep = [abs(y) + sizes.tunnel / 2 + sizes.wall for way in ways for _, y in way]
-        deep = max(middle, 0.4 * end.stem_radius, *deep)
+        depths = [abs(y) + sizes.tunnel / 2 + sizes.wall for way in ways for _, y in way]
+        deep = max(middle, 0.4 * end.stem_radius, *depths)
         prism = k.bar([(-wide, top), (-narrow, low), (narrow, low), (wide, top)], -deep, deep)
         body += prism if turn == 0 else k.at(turn=(0, 0, turn)) * prism
     radius, tunnels = sizes.tunnel / 2, []

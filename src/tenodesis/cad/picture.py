@@ -56,7 +56,14 @@ def draw_assembly(model: Model, output_angle: float = math.radians(40)) -> Figur
         f"Tip, bent by {math.degrees(output_angle):.0f}°",
         (1000, 350),
     )
-    _show(handle, _near(model, placed, tip=False), colours, None, "Joint of the handle" if len(tips) == 1 else "Joints of the handle", (1000, 430))
+    _show(
+        handle,
+        _near(model, placed, tip=False),
+        colours,
+        None,
+        "Joint of the handle" if len(tips) == 1 else "Joints of the handle",
+        (1000, 430),
+    )
     return fig
 
 

@@ -18,6 +18,7 @@ from tenodesis.cli.outputs import Outputs
 from tenodesis.errors import CommandError, InstrumentError
 from tenodesis.extras import require
 from tenodesis.files import write_errors
+from tenodesis.instrument import as_short_form
 from tenodesis.instrument.tip_motion import tip_inertia
 from tenodesis.report import style
 from tenodesis.scaling import Design
@@ -131,7 +132,7 @@ class DesignSolids:
         except InstrumentError as problem:
             self._refused = problem
             return design
-        return design.built_as(cad.with_inertia(self._model))
+        return design.built_as(as_short_form(cad.with_inertia(self._model)))
 
     @property
     def backlash(self) -> float | None:
