@@ -157,14 +157,22 @@ def _with_joint(name: str, **changes: Any) -> Instrument:
 @pytest.mark.parametrize(
     ("changed", "key", "says"),
     [
-        (("trigger", {"offset": 0.0}), "joints.trigger.offset", r"the fork of trigger take .* at least \d+.* process fdm"),
+        (
+            ("trigger", {"offset": 0.0}),
+            "joints.trigger.offset",
+            r"the fork of trigger take .* at least \d+.* process fdm",
+        ),
         (("jaw", {"offset": 15e-3}), "joints.jaw.offset", r"the fork of jaw take .* at least"),
         (("jaw", {"offset": 78e-3}), "joints.jaw.offset", r"leaves .* for the jaw that moves; it must be at most"),
         (("jaw", {"stiffness": 5.0}), "joints.jaw.stiffness", r"is 5 N m/rad: no wire of .* two springs of it"),
         (("pitch", {"offset": 8e-3}), "joints.pitch.offset", r"leave .* between them .* at least 9"),
         (("pitch", {"radius": 7.61e-3}), "joints.pitch.radius", r"no gear has that pitch radius"),
         (("pitch", {"axis": [1.0, 1.0, 0.0]}), "joints.pitch.axis", "by quarter turns; it must be yaw or pitch"),
-        (("handle_pitch", {"end_effector_length": 80e-3}), "joints.handle_pitch.end_effector_length", "before the grip"),
+        (
+            ("handle_pitch", {"end_effector_length": 80e-3}),
+            "joints.handle_pitch.end_effector_length",
+            "before the grip",
+        ),
     ],
 )
 def test_what_cannot_be_made_of_several_joints_is_named_by_its_key(

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,8 +20,8 @@ from tenodesis.run import Array
 
 _TOUCHING = 1e-3
 """Shared volume, mm³, below which parts count as touching only."""
-_STILL = 1e-9
-"""Difference of places, mm and of unit vectors, below which parts have not moved against each other."""
+_STILL = 1e-7
+"""To which places of parts against each other are told apart, mm and of unit vectors."""
 Progress = Callable[[float, float, str], None]
 Placing = Callable[[Part, Location], Location]
 """The place of a part's body, by the part and its place in it."""
@@ -110,10 +110,10 @@ def interference(
 ) -> list[Overlap]:
     """Return parts that overlap by more than 0.001 mm³ in any of :func:`postures`.
 
-    All parts are compared in the first posture, and in the others those that have moved against each other.
+    All parts are compared in the first posture, and in the others those that have not been placed so before.
     """
     found: list[Overlap] = []
-    before: dict[tuple[str, str], Any] = {}
+    compared: set[tuple[str, str, tuple[float, ...]]] = set()
     every = postures(model, output_angles, handle_angles)
     for done, posture in enumerate(every):
         if progress is not None:
@@ -123,15 +123,16 @@ def interference(
         places = [matrix(frame(one.part, one.part.places[one.number])) for one in placed]
         boxes = [k.bounds(one.solid) for one in placed]
         for number, one in enumerate(placed):
+            back = np.linalg.inv(places[number])
             for beyond, other in enumerate(placed[number + 1 :], start=number + 1):
-                pair = (one.name, other.name)
-                now = np.linalg.solve(places[number], places[beyond])
-                first = before.setdefault(pair, now)
-                bends = "rod" in (one.part.body, other.part.body)
-                if done and not bends and np.abs(now - first).max() < _STILL:
-                    continue
                 if done and not posture.with_rig and (_is_rig(one.part) or _is_rig(other.part)):
                     continue
+                bent = posture.tip if "rod" in (one.part.body, other.part.body) else posture.tip[:0]
+                apart = np.concatenate([(back @ places[beyond]).ravel(), bent])
+                pair = (one.name, other.name, tuple((apart / _STILL).round().tolist()))
+                if pair in compared:
+                    continue
+                compared.add(pair)
                 (low, high), (least, most) = boxes[number], boxes[beyond]
                 if (low >= most).any() or (high <= least).any():
                     continue

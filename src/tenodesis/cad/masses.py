@@ -92,12 +92,13 @@ def tip_inertia(model: Model) -> float:
     found = sum((float(axis @ bodies[body].about(middle - place[body]) @ axis) for body in turning), 0.0)
     if isinstance(joint, Backbone):
         # A disc turns by its share of the angle, about the middle of the backbone before it.
-        return found + sum(
+        discs: float = sum(
             1e-9 * one.solid.volume * one.density * (5e-4 * float(disc.position.Z) ** 2 / joint.length) ** 2
             for one in model.parts
             if one.body == "arc"
             for disc in one.places
         )
+        return found + discs
     return found + _links(first, bodies, axis)
 
 

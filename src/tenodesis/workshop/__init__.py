@@ -1,7 +1,8 @@
 """From a scale model's plan to its parts: tolerances, order list, assembly and first run."""
 
-from tenodesis.workshop.budget import TARGET, Budget, Dimension, Grade, Spread, tolerate
+from tenodesis.workshop.budget import TARGET, Budget, Dimension, Spread, tolerate
 from tenodesis.workshop.first_run import Demand, FirstRun, Reading, rehearse
+from tenodesis.workshop.grades import Grade
 from tenodesis.workshop.order import Item, RopeLength, Step, checklist, order_list, rope_length
 from tenodesis.workshop.pack import FILES, Pack, prepare
 

@@ -21,7 +21,7 @@ from tenodesis.report.page import inline_svg
 from tenodesis.scaling import Design
 from tenodesis.scaling.plan import Card, PlanFigure, PlanTable, Supplement, angle, plain, quantity
 from tenodesis.scaling.practical import OBJECTIVES, PracticalFront
-from tenodesis.workshop.budget import BACKLASHES, NAMES, PULLEY, TARGET, Budget, Spread, nominal, tolerance, tolerate
+from tenodesis.workshop.budget import BACKLASHES, PULLEY, TARGET, Budget, Spread, named, nominal, tolerance, tolerate
 from tenodesis.workshop.first_run import CONTROLLED, FIRST_RUN, FirstRun, protocol_text, rehearse
 from tenodesis.workshop.order import HEADER, Item, Step, checklist, order_list
 
@@ -56,7 +56,7 @@ def _budget(budget: Budget) -> Figure:
         axis.grid(visible=False, axis="y")
         for y, value in zip(at, values, strict=True):
             axis.annotate(f"{value:.3g}", (value, y), (3, 0), textcoords="offset points", va="center", fontsize=6)
-    left.set_yticks(at, [f"{NAMES[one.key].replace('_', '')}, {one.grade.name}" for one in rows])
+    left.set_yticks(at, [f"{named(one.key).replace('_', '')}, {one.grade.name}" for one in rows])
     left.tick_params(axis="y", length=0, labelcolor=style.INK)
     right.tick_params(axis="y", length=0)
     return fig
@@ -209,7 +209,8 @@ def study_file(budget: Budget) -> str:
         width = f"{1e3 * one.tolerance:.6g} mm" if one.is_drawn else f"{100 * one.tolerance / one.nominal:.6g} %"
         kind = {"distribution": "normal", "standard_deviation": width} if one.grade.is_normal else {
             "distribution": "uniform", "half_width": width}  # fmt: skip
-        tables.append({"key": one.key, **kind, "source": f"{one.grade.name}; {one.grade.source}"[:200]})
+        source = f"{one.grade.name}; {one.grade.source}"[:200]
+        tables += [{"key": key, **kind, "source": source} for key in one.keys]
     about = (
         f"keeps {budget.target:g} deg for {100 * budget.share:g} % of the instruments built" if budget.is_kept else ""
     )
@@ -299,7 +300,7 @@ def _spread(name: str, spread: Spread) -> tuple[str, str, str]:
 
 
 def _causes(shares: Sequence[tuple[str, float]]) -> str:
-    named = [f"{NAMES[key]} {100 * share:.0f} %" for key, share in shares[:_NAMED] if share >= _LEAST_CAUSE]
+    named = [f"{named(key)} {100 * share:.0f} %" for key, share in shares[:_NAMED] if share >= _LEAST_CAUSE]
     return ", ".join(named)
 
 
@@ -312,7 +313,7 @@ _TOLERANCE_COLUMNS = (
 def _tolerance_rows(budget: Budget) -> list[tuple[str, ...]]:
     return [
         (
-            one.key, NAMES[one.key], f"{one.nominal:.9g}", f"{one.tolerance:.6g}",
+            one.key, named(one.key), f"{one.nominal:.9g}", f"{one.tolerance:.6g}",
             "standard deviation" if one.grade.is_normal else "half width", one.grade.name, f"{one.share:.4f}",
             f"{one.effect:.4f}", f"{one.cost:.4g}", "yes" if one.is_drawn else "no", one.grade.source,
         )
@@ -323,7 +324,7 @@ def _tolerance_rows(budget: Budget) -> list[tuple[str, ...]]:
 def _tolerances(budget: Budget) -> PlanTable:
     rows = [
         (
-            NAMES[one.key], one.grade.name, nominal(one), tolerance(one), f"{100 * one.share:.0f}",
+            named(one.key), one.grade.name, nominal(one), tolerance(one), f"{100 * one.share:.0f}",
             fixed(one.effect, 3), fixed(one.cost, 1),
         )
         for one in budget.dimensions.values()
