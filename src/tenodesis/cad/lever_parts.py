@@ -191,7 +191,11 @@ def lever_parts(  # noqa: PLR0917
                     "Ø",
                 ),
             ),
-            notes=(f"For a rope of {sizes.rope:.3g} mm; groove's bottom rounded with {p.groove:.3g} mm.",),
+            notes=(
+                f"For a rope of {sizes.rope:.3g} mm; groove's bottom rounded with {p.groove:.3g} mm.",
+                f"Lever {lever.jaw(sizes) if end.tip else lever.length:.4g} mm from the pin's axis, "
+                f"{lever.thick:.3g} mm thick; as it stands at the angle zero.",
+            ),
             away=(0, 0, out),
         ),
         pin(

@@ -85,7 +85,8 @@ def print_checks(checks: cad.Checks, model: cad.Model) -> None:
         f"{len(checks.printable)} meshes are closed."
     )
     for place, play in checks.play.items():
-        say(f"Backlash of the gears at the {place}: {math.degrees(sum(play)):.2g}°.")
+        of = f"at the {place}" if model.axis is not None else f"of {place}"
+        say(f"Backlash of the gears {of}: {math.degrees(sum(play)):.2g}°.")
     _print_inertia(checks, model)
     least = model.process.wall
     thin = {one.part: one.least_wall for one in checks.printable if one.least_wall < 0.98 * least}

@@ -4,9 +4,10 @@ from tenodesis.workshop.budget import TARGET, Budget, Dimension, Spread, tolerat
 from tenodesis.workshop.first_run import Demand, FirstRun, Reading, rehearse
 from tenodesis.workshop.grades import Grade
 from tenodesis.workshop.order import Item, RopeLength, Step, checklist, order_list, rope_length
-from tenodesis.workshop.pack import FILES, Pack, prepare
+from tenodesis.workshop.pack import BUDGET_FILES, FILES, Pack, budget_supplement, prepare, write_budget
 
 __all__ = [
+    "BUDGET_FILES",
     "FILES",
     "TARGET",
     "Budget",
@@ -20,12 +21,14 @@ __all__ = [
     "RopeLength",
     "Spread",
     "Step",
+    "budget_supplement",
     "checklist",
     "order_list",
     "prepare",
     "rehearse",
     "rope_length",
     "tolerate",
+    "write_budget",
 ]
 
 

@@ -231,6 +231,7 @@ class _Compared(Protocol):
     def columns(self) -> dict[str, dict[str, float]]: ...
 
     def grades(self, key: str, turn: float, backlash: float | None) -> tuple[Grade, ...]: ...
+    def members(self, key: str) -> tuple[str, ...]: ...
     def is_drawn(self, key: str) -> bool: ...
     def pieces(self, key: str) -> int: ...
     def errors(self, built: Any, forces: Sequence[int] | None = None) -> Array: ...
@@ -331,6 +332,10 @@ class _Pair:
         if key == "backbone_rigidity":
             return of_backbone(nominal)
         return of_stiffness(nominal, turn) if key in _SETTINGS else of_radius(nominal)
+
+    def members(self, key: str) -> tuple[str, ...]:
+        """Return the keys of the instrument file that have a dimension."""
+        return (key,)
 
     def is_drawn(self, key: str) -> bool:
         """Return whether a drawing has a dimension."""
@@ -504,7 +509,7 @@ def _budget(choosing: _Choosing, taken: tuple[Grade, ...], errors: Array, count:
     effect = [float(slopes[choosing.of == n].max()) for n in range(len(choosing.keys))]
     dimensions = [
         Dimension(
-            key, tuple(choosing.columns[key]), next(iter(choosing.columns[key].values())), grade, pair.pieces(key),
+            key, pair.members(key), next(iter(choosing.columns[key].values())), grade, pair.pieces(key),
             float(shares[n]), effect[n] * grade.width, pair.is_drawn(key),
         )
         for n, (key, grade) in enumerate(zip(choosing.keys, taken, strict=True))

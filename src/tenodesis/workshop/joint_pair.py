@@ -1,5 +1,6 @@
 """The errors of scale models of several joints that are built to tolerances, and the grades of their dimensions."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -74,19 +75,30 @@ class JointPair:
 
     @cached_property
     def alike(self) -> dict[str, list[Parameter]]:
-        """Values that the workshop makes or sets, by what is alike: the same key and value, at the same place."""
-        given = tolerance.default(self.scaled_up)
+        """Values that the workshop makes or sets, by what is alike: key and value, of joints also place and mechanism.
+
+        What is alike has one grade.
+        """
+        kinds = {joint.name: (joint.place, joint.mechanism) for joint in self.scaled_up.as_given("joints")}
         found: dict[tuple[str, ...], list[Parameter]] = {}
-        for one in resolve(given, self.real_size, self.scaled_up):
-            listed, *_, key = one.key.split(".")
+        for one in resolve(tolerance.default(self.scaled_up), self.real_size, self.scaled_up):
+            listed, *inner, key = one.key.split(".")
             if listed != "friction":
-                found.setdefault((listed, key, f"{one.nominal:.9g}"), []).append(one)
+                kind = kinds[inner[0]] if listed == "joints" else ()
+                found.setdefault((listed, key, f"{one.nominal:.9g}", *kind), []).append(one)
         return {_name(own): own for own in found.values()}
 
     @property
     def columns(self) -> dict[str, dict[str, float]]:
-        """Nominal values, SI units, by dimension and key."""
-        return {name: {one.key: one.nominal for one in own} for name, own in self.alike.items()}
+        """Nominal values, SI units, by dimension and key; ropes of one kind have one stiffness, off alike."""
+        return {
+            name: {one.key: one.nominal for one in (own[:1] if _of_rope(own[0]) else own)}
+            for name, own in self.alike.items()
+        }
+
+    def members(self, key: str) -> tuple[str, ...]:
+        """Return the keys of the instrument file that have a dimension."""
+        return tuple(one.key for one in self.alike[key])
 
     def grades(self, key: str, turn: float, backlash: float | None) -> tuple[Grade, ...]:
         """Return the grades of a dimension; `turn` is how far a joint turns (rad) per share of it.
@@ -111,7 +123,9 @@ class JointPair:
         return last == "radius" or last in _LENGTHS
 
     def pieces(self, key: str) -> int:
-        """Return how many pieces have a dimension: a joint of gears has two."""
+        """Return how many pieces have a dimension: a joint of gears has two, a rope's grade is for two tendons."""
+        if self.alike[key][0].key.startswith("tendons.") and not self.is_drawn(key):
+            return math.ceil(len(self.alike[key]) / 2)
         gears = {f"joints.{joint.name}.radius" for joint in self.scaled_up.joints if joint.mechanism == "tendon-gear"}
         return sum(2 if one.key in gears else 1 for one in self.alike[key])
 
@@ -128,7 +142,19 @@ class JointPair:
 
     def built(self, keys: Sequence[str], rows: Array) -> BuiltJoints:
         """Return the instruments that values by key (SI units) make."""
-        return BuiltJoints([self._one(dict(zip(keys, map(float, row), strict=True))) for row in rows])
+        ropes = {own[0].key: [one.key for one in own] for own in self.alike.values() if _of_rope(own[0])}
+        return BuiltJoints(
+            [
+                self._one(
+                    {
+                        member: float(value)
+                        for key, value in zip(keys, row, strict=True)
+                        for member in ropes.get(key, [key])
+                    }
+                )
+                for row in rows
+            ]
+        )
 
     def nominal(self) -> BuiltJoints:
         """Return the instrument as designed."""
@@ -139,6 +165,10 @@ class JointPair:
             return expanded(with_values_at(self.scaled_up, values))
         except InstrumentError:
             return None
+
+
+def _of_rope(one: Parameter) -> bool:
+    return one.key.startswith("tendons.") and one.key.endswith(".stiffness")
 
 
 def _name(alike: Sequence[Parameter]) -> str:

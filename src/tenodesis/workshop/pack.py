@@ -105,10 +105,26 @@ def _mark(axis: Axes, found: PracticalFront, x: Any, chosen: int | None) -> None
 
 
 ORDER, TOLERANCES, STUDY, CHECKLIST = "order.csv", "tolerances.csv", "tolerances.toml", "checklist.csv"
+BUDGET_FILES = (TOLERANCES, STUDY)
+"""Names of the files of :func:`write_budget`."""
 FILES = (ORDER, TOLERANCES, STUDY, CHECKLIST, FIRST_RUN, CONTROLLED, HEADER)
 """Names of the files of a pack."""
 _NAMED = 3  # causes in a sentence
 _LEAST_CAUSE = 0.05
+
+
+def budget_supplement(budget: Budget) -> Supplement:
+    """Return what a plan shows of a budget alone."""
+    figure = PlanFigure("Where the error comes from, and what each tolerance costs", budget_svg(budget))
+    return Supplement(
+        _card(budget), ((_as_built(budget),), (_tolerances(budget),), (figure,)), tuple(_warnings(budget, 0))
+    )
+
+
+def write_budget(budget: Budget, folder: Path) -> None:
+    """Write the tolerances, as a table and as a file for ``tenodesis tolerance``, to a folder."""
+    (folder / TOLERANCES).write_text(to_csv(_TOLERANCE_COLUMNS, _tolerance_rows(budget)), "utf-8")
+    (folder / STUDY).write_text(study_file(budget), "utf-8")
 
 
 @dataclass(frozen=True)
@@ -151,13 +167,12 @@ class Pack:
         )
         texts = {
             ORDER: to_csv(Item._fields, self.items),
-            TOLERANCES: to_csv(_TOLERANCE_COLUMNS, _tolerance_rows(self.budget)),
-            STUDY: study_file(self.budget),
             CHECKLIST: to_csv(("step", "do", "see"), [(str(n), *step) for n, step in enumerate(self.steps, 1)]),
             FIRST_RUN: protocol_text(self.design, about),
             CONTROLLED: protocol_text(self.design, about, controlled=True),
             HEADER: header(self.design.scaled_up, homed=False),
         }
+        write_budget(self.budget, folder)
         for name, text in texts.items():
             (folder / name).write_text(text, "utf-8")
 
@@ -300,8 +315,8 @@ def _spread(name: str, spread: Spread) -> tuple[str, str, str]:
 
 
 def _causes(shares: Sequence[tuple[str, float]]) -> str:
-    named = [f"{named(key)} {100 * share:.0f} %" for key, share in shares[:_NAMED] if share >= _LEAST_CAUSE]
-    return ", ".join(named)
+    shown = [f"{named(key)} {100 * share:.0f} %" for key, share in shares[:_NAMED] if share >= _LEAST_CAUSE]
+    return ", ".join(shown)
 
 
 _TOLERANCE_COLUMNS = (
