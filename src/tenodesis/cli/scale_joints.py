@@ -66,7 +66,8 @@ def scale_joints(  # noqa: PLR0917
     for sentence in (lacking, without):
         if sentence:
             say(sentence)
-    say(f"{', '.join(str(out / name) for name in _FILES[:5])} and a picture of the front are written.")
+    written = (*_FILES[:5], *(workshop.BUDGET_FILES if budget is not None else ()))
+    say(f"{', '.join(str(out / name) for name in written)} and a picture of the front are written.")
 
 
 def _built(design: JointDesign) -> tuple[AsBuilt | None, str]:

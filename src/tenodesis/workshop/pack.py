@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import matplotlib as mpl
@@ -26,6 +27,7 @@ from tenodesis.workshop.first_run import CONTROLLED, FIRST_RUN, FirstRun, protoc
 from tenodesis.workshop.order import HEADER, Item, Step, checklist, order_list
 
 _SMALL: Any = {"font.size": 6.5, "legend.fontsize": 6, "axes.linewidth": 0.6, "axes.titlesize": 7}
+_LINE = 60  # letters of a label
 _SHOWN = 0.005  # of the error or of the cost: smaller shares have no bar
 
 
@@ -56,7 +58,8 @@ def _budget(budget: Budget) -> Figure:
         axis.grid(visible=False, axis="y")
         for y, value in zip(at, values, strict=True):
             axis.annotate(f"{value:.3g}", (value, y), (3, 0), textcoords="offset points", va="center", fontsize=6)
-    left.set_yticks(at, [f"{named(one.key).replace('_', '')}, {one.grade.name}" for one in rows])
+    labels = [f"{named(one.key).replace('_', '')}, {one.grade.name}" for one in rows]
+    left.set_yticks(at, [fill(label, _LINE) for label in labels])
     left.tick_params(axis="y", length=0, labelcolor=style.INK)
     right.tick_params(axis="y", length=0)
     return fig
@@ -328,7 +331,7 @@ _TOLERANCE_COLUMNS = (
 def _tolerance_rows(budget: Budget) -> list[tuple[str, ...]]:
     return [
         (
-            one.key, named(one.key), f"{one.nominal:.9g}", f"{one.tolerance:.6g}",
+            " ".join(one.keys), named(one.key), f"{one.nominal:.9g}", f"{one.tolerance:.6g}",
             "standard deviation" if one.grade.is_normal else "half width", one.grade.name, f"{one.share:.4f}",
             f"{one.effect:.4f}", f"{one.cost:.4g}", "yes" if one.is_drawn else "no", one.grade.source,
         )
