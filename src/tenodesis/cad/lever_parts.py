@@ -261,7 +261,10 @@ def _carrier(  # noqa: PLR0917
     for side in lever.pulley.sides:
         target = (side * lever.pulley.radius, side * lever.pulley.shift)
         tunnel = k.rod((start.X, start.Y, start.Z), (*target, front), sizes.tunnel / 2)
-        tunnel += k.kernel().Pos(start.X, start.Y, start.Z) * k.kernel().Sphere(sizes.tunnel / 2)
+        # Its ends are across it, not across the tunnels before and after.
+        tunnel += k.rod((*target, front), (*target, front + sizes.tunnel), sizes.tunnel / 2)
+        for x, y, z in ((start.X, start.Y, start.Z), (*target, front)):
+            tunnel += k.kernel().Pos(x, y, z) * k.kernel().Sphere(sizes.tunnel / 2)
         body -= place * tunnel
     of = f"{gear_end.prefix} and the fork of {end.prefix}".replace("_", " ")
     eye_or_socket = lever.offset + lever.reach if gear_end.tip else lever.foot(sizes, gear_end.seat)

@@ -1,6 +1,6 @@
 """Masses and inertias of parts and bodies, from their solids."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +12,8 @@ from tenodesis.cad.backbone_parts import Backbone
 from tenodesis.cad.model import Model, Station
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
+
+_LEAST_MORE = 1e-9  # kg m^2, where the search for what a link needs more begins
 
 
 class Mass(NamedTuple):
@@ -111,7 +113,7 @@ def _links(station: Station, bodies: Mapping[str, Inertia], axis: Array) -> floa
 def with_inertia(model: Model) -> Instrument:
     """Return the instrument with the inertia of its solids, for its twin: of the tip, or of every link of several.
 
-    A tip that is too light for the twin's time steps gets the least inertia that they can follow.
+    A tip that is too light for the twin's time steps gets the least inertia that they can follow, links the least more.
     """
     given, source = model.given, f"solids of tenodesis cad, process {model.process.name}"
     short = given.short_form
@@ -128,9 +130,34 @@ def with_inertia(model: Model) -> Instrument:
             "centre_of_mass": float(link.centre[2]),
             "inertia": across + _links(one, bodies, axis),
         }
-    joints = [joint.model_dump(exclude_unset=True) | changes.get(joint.name, {}) for joint in given.as_given("joints")]
     keys = ("mass", "centre_of_mass", "inertia")
-    return given.replace(joints=joints, sources={**given.sources, **{f"joints.{key}": source for key in keys}})
+
+    def built(more: float) -> Instrument:
+        joints = []
+        for joint in given.as_given("joints"):
+            own = dict(changes.get(joint.name, {}))
+            if own:
+                own["inertia"] += more
+            joints.append(joint.model_dump(exclude_unset=True) | own)
+        note = f"{source}; {more:.2g} kg*m^2 more than theirs, the least that its twin can follow" if more else source
+        sources = {f"joints.{key}": note if key == "inertia" else source for key in keys}
+        return given.replace(joints=joints, sources={**given.sources, **sources})
+
+    return built(_least_more(lambda more: float(plant.natural_frequencies(built(more).expanded)[-1])))
+
+
+def _least_more(fastest: Callable[[float], float]) -> float:
+    """Return the least inertia, kg·m², to add to every link so that the twin's time steps follow the fastest motion."""
+    most = plant.LARGEST_PHASE_STEP / plant.TIME_STEP
+    if fastest(0.0) <= most:
+        return 0.0
+    low, high = 0.0, _LEAST_MORE
+    while fastest(high) > most:
+        low, high = high, 2 * high
+    while high - low > _LEAST_MORE * 1e-3 + 1e-3 * high:
+        middle = (low + high) / 2
+        low, high = (middle, high) if fastest(middle) > most else (low, middle)
+    return high
 
 
 def _joined(pieces: Sequence[Inertia]) -> Inertia:

@@ -29,6 +29,7 @@ _FINE = 2  # samples per pixel and direction
 _EDGE = 0.35
 _NAME = 72.0  # pt, of a part's name in small type
 _LETTER = 4.2  # pt, of a letter of it
+_HIGH = 220.0  # pt, of a picture
 _LINE = 9.0  # pt, of its line
 
 
@@ -117,10 +118,11 @@ def _show(  # noqa: PLR0917
     for one, centre in zip(placed, centres, strict=True):
         if centre is not None and (names is None or one.part.name in names):
             kinds.setdefault(one.part.name, centre)
+    points = min(width[1], _HIGH * wide / high)
     needed = max(_NAME, _LETTER * max(map(len, kinds), default=0))
-    flat = wide > 1.5 * high and (len(kinds) + 1) // 2 * needed <= width[1]
-    line = max(0.06, _LINE * wide / (width[1] * high))
-    _name(axis, kinds, (wide, high), needed / width[1] if flat else line, across=0 if flat else 1)
+    flat = wide > 1.5 * high and (len(kinds) + 1) // 2 * needed <= points
+    line = max(0.06, _LINE * wide / (points * high))
+    _name(axis, kinds, (wide, high), needed / points if flat else line, across=0 if flat else 1)
 
 
 def _name(

@@ -101,7 +101,11 @@ def _print_inertia(checks: cad.Checks, model: cad.Model) -> None:
         links = ", ".join(
             f"{joint.name} {1e3 * (joint.mass or 0.0):.3g} g" for joint in checks.instrument.expanded.tip_joints
         )
-        say(f"Links of the tip from their solids: {links}; the instrument file that is written has them.")
+        more = checks.instrument.sources["joints.inertia"].partition("; ")[2]
+        say(
+            f"Links of the tip from their solids: {links}; the instrument file that is written has them"
+            f"{f', and inertias {more}' if more else ''}."
+        )
         return
     old, new = (tip_inertia(inst.axis(model.axis or "yaw")) for inst in (given, built))
     light = "" if new <= checks.tip_inertia * (1 + 1e-9) else f", {new:.3g} in the file, the least its twin can follow"
