@@ -330,7 +330,7 @@ def test_tolerances_of_several_joints_keep_the_target_for_instruments_that_the_s
     assert of_joints.designed < 0.02 < of_joints.built.kept <= 0.6 < of_joints.coarsest.kept
     # Without the grades the same study misses it.
     drawn = tolerance.drawn(
-        of_joints.real_size, of_joints.scaled_up, tolerance.parse(pack.study_file(of_joints)), samples=100, seed=7
+        of_joints.real_size, of_joints.scaled_up, tolerance.parse(pack.study_file(of_joints)), samples=128, seed=7
     )
     largest = np.max([drawn[f"similarity_largest.{name}"] for name in ("yaw", "pitch", "jaw")], axis=0)
     assert np.quantile(largest, of_joints.share) < 1.15 * of_joints.target

@@ -108,9 +108,11 @@ def postures(model: Model, output_angles: Sequence[float], handle_angles: Sequen
 def interference(
     model: Model, output_angles: Sequence[float], handle_angles: Sequence[float] = (), progress: Progress | None = None
 ) -> list[Overlap]:
-    """Return parts that overlap by more than 0.001 mm³ in any of :func:`postures`.
+    """Return parts that overlap by more than 0.001 mm³ at any of the output angles, or of the handle angles, rad.
 
-    All parts are compared in the first posture, and in the others those that have not been placed so before.
+    Angles are those of the first joint at either end; of several, each is bent to the same shares of its range, and
+    last all of an end at once to their limits. The load rig stands there for the first joint alone. All parts are
+    compared in the first posture, and in the others those that have not been placed so before.
     """
     found: list[Overlap] = []
     compared: set[tuple[str, str, tuple[float, ...]]] = set()

@@ -71,6 +71,7 @@ class Model:
     stations: tuple[Station, ...]
     """Its joints, from the stem outward, those of the tip first."""
     ways: "Ways"
+    """Where tendons are at a joint, mm, in its own frame: by joint and by tendon."""
     rig: Rig
     stop: float
     """Output angle up to which the first joint of the tip was sized, rad."""
