@@ -229,7 +229,7 @@ def test_a_grip_is_refused_where_there_is_none(declined: Callable[..., Error], t
 
 @pytest.mark.usefixtures("driver")
 def test_other_commands_say_which_ones_take_such_files(tenodesis: Run) -> None:
-    code, _, wrong = tenodesis("cad", "driver.toml")
+    code, _, wrong = tenodesis("plan-identification", "driver.toml")
     assert code == 1
     takers = "check, loss, compare, bench, record, replay, console, devices test, scale, tolerance"
     assert f"takes planar instruments; tenodesis {takers}" in wrong
