@@ -227,11 +227,10 @@ def test_a_grip_is_refused_where_there_is_none(declined: Callable[..., Error], t
     assert declined("loss", "open.toml", "--grip", "1 N").key == "--grip"
 
 
-@pytest.mark.usefixtures("driver")
 def test_what_takes_planar_instruments_says_which_commands_take_such_files() -> None:
     takers = "check, loss, compare, bench, record, replay, console, devices test, scale, tolerance"
     with pytest.raises(InstrumentError, match=f"takes planar instruments; tenodesis {takers}") as found:
-        common.load_instrument("driver.toml", planar=True)
+        common.load_instrument("needle-driver", planar=True)
     assert found.value.key == "file"
 
 
