@@ -30,7 +30,7 @@ _EDGE = 0.35
 _NAME = 72.0  # pt, of a part's name in small type
 _LETTER = 4.2  # pt, of a letter of it
 _HIGH = 220.0  # pt, of a picture
-_LINE = 9.0  # pt, of its line
+_LINE = 15.0  # pt, of its line
 
 
 def draw_assembly(model: Model, output_angle: float = math.radians(40)) -> Figure:
