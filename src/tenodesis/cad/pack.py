@@ -317,6 +317,7 @@ def _summary(model: Model, found: Checks) -> dict[str, Any]:
             }
             for name, one in inertias(model).items()
         },
+        "rig_axes": [height / k.MM for height in (model.rig.pivot, *model.rig.others)],
         "mesh_play": found.play,
         "excursion_difference": found.agreement.excursion,
         "tip_difference": found.agreement.tip,
