@@ -18,6 +18,7 @@ import tenodesis as tn
 from tenodesis import cad, kinematics, plant
 from tenodesis.cad import kernel, pack, picture
 from tenodesis.cad.gears import Gear
+from tenodesis.cad.lever_parts import Lever
 from tenodesis.cad.model import gear_of
 from tenodesis.errors import InstrumentError, MissingExtraError
 from tenodesis.instrument import Instrument
@@ -60,6 +61,12 @@ ENDS = [math.radians(-80), 0.0, math.radians(80)]
 def gears() -> cad.Model:
     pytest.importorskip("build123d", reason="the extra [cad] is not installed")
     return cad.build("scaled-up", process="fdm", rig=False)
+
+
+@pytest.fixture(scope="module")
+def hybrid() -> cad.Model:
+    pytest.importorskip("build123d", reason="the extra [cad] is not installed")
+    return cad.build("hybrid-scaled-up", process="fdm")
 
 
 @pytest.fixture(scope="module")
@@ -140,6 +147,58 @@ def test_a_pulley_too_small_for_its_pin_is_refused() -> None:
         cad.build(tn.parse(PULLEY.replace('"8 mm"', '"1.5 mm"').replace("45 deg", "5 deg")), process="fdm")
 
 
+def _with_joint(name: str, **changes: Any) -> Instrument:
+    """Return the hybrid instrument with keys of a joint changed."""
+    inst = tn.load("hybrid-scaled-up")
+    tables = [joint.model_dump(exclude_unset=True) for joint in inst.as_given("joints")]
+    return inst.replace(joints=[table | (changes if table["name"] == name else {}) for table in tables])
+
+
+@pytest.mark.parametrize(
+    ("changed", "key", "says"),
+    [
+        (
+            ("trigger", {"offset": 0.0}),
+            "joints.trigger.offset",
+            r"the fork of trigger take .* at least \d+.* process fdm",
+        ),
+        (("jaw", {"offset": 15e-3}), "joints.jaw.offset", r"the fork of jaw take .* at least"),
+        (("jaw", {"offset": 78e-3}), "joints.jaw.offset", r"leaves .* for the jaw that moves; it must be at most"),
+        (("jaw", {"stiffness": 5.0}), "joints.jaw.stiffness", r"is 5 N m/rad: no wire of .* two springs of it"),
+        (("pitch", {"offset": 8e-3}), "joints.pitch.offset", r"leave .* between them .* at least 9"),
+        (("pitch", {"radius": 7.61e-3}), "joints.pitch.radius", r"no gear has that pitch radius"),
+        (("pitch", {"axis": [1.0, 1.0, 0.0]}), "joints.pitch.axis", "by quarter turns; it must be yaw or pitch"),
+        (
+            ("handle_pitch", {"end_effector_length": 80e-3}),
+            "joints.handle_pitch.end_effector_length",
+            "before the grip",
+        ),
+    ],
+)
+def test_what_cannot_be_made_of_several_joints_is_named_by_its_key(
+    changed: tuple[str, dict[str, Any]], key: str, says: str
+) -> None:
+    pytest.importorskip("build123d", reason="the extra [cad] is not installed")
+    with pytest.raises(InstrumentError, match=says) as found:
+        cad.build(_with_joint(changed[0], **changed[1]), process="fdm")
+    assert found.value.key == key
+
+
+@pytest.mark.parametrize(
+    ("name", "choices", "key"),
+    [
+        ("needle-driver", {}, "joints.pitch.mechanism"),
+        ("maryland-dissector", {}, "joints.pitch.mechanism"),
+        ("two-segment-continuum", {}, "joints.near_arc1.mechanism"),
+        ("hybrid-scaled-up", {"axis": "yaw"}, "axis"),
+    ],
+)
+def test_joints_of_which_no_parts_are_made_are_refused(name: str, choices: dict[str, Any], key: str) -> None:
+    with pytest.raises(InstrumentError) as found:
+        cad.build(name, **choices)
+    assert found.value.key == key
+
+
 def test_a_backbone_whose_discs_touch_is_refused() -> None:
     with refused("backbone_length", 12.0, kind=InstrumentError):
         cad.build(tn.parse(CONTINUUM.replace('backbone_length = "80 mm"', 'backbone_length = "12 mm"')), process="fdm")
@@ -178,6 +237,57 @@ def test_tendons_and_tip_of_gears_and_pulleys_are_where_the_model_has_them(gears
         assert found.angles == 50
         assert found.excursion < 1e-6
         assert found.tip < 1e-9
+
+
+@pytest.mark.slow
+def test_tendons_and_tip_of_several_joints_are_where_the_model_has_them(hybrid: cad.Model) -> None:
+    found = cad.agreement(hybrid)
+    assert found.angles == 50
+    assert found.excursion < 1e-9
+    assert found.tip < 1e-9
+
+
+@pytest.mark.slow
+def test_each_tendon_of_several_joints_changes_length_with_its_own_joints_alone(hybrid: cad.Model) -> None:
+    yaw, pitch, jaw = np.radians((50.0, -70.0, -20.0))
+    handle_yaw, handle_pitch, trigger = np.radians((30.0, 40.0, 15.0))
+    straight = cad.tendon_lengths(hybrid, np.zeros(3), np.zeros(3))
+    bent = cad.tendon_lengths(hybrid, [yaw, pitch, jaw], [handle_yaw, handle_pitch, trigger])
+    # A gear pair's span is 2 r (1 -+ sin of half its angle); a pulley winds its radius times its angle.
+    pairs = [
+        2 * 16.875e-3 * math.sin(handle / 2) - 2 * 7.5e-3 * math.sin(angle / 2)
+        for handle, angle in ((handle_yaw, yaw), (handle_pitch, pitch))
+    ]
+    grip = 7.5e-3 * trigger + 5.625e-3 * jaw
+    assert bent - straight == pytest.approx([pairs[0], -pairs[0], pairs[1], -pairs[1], grip], abs=1e-12)
+
+
+@pytest.mark.slow
+def test_nothing_of_several_joints_collides_with_all_of_them_bent_to_their_ends(hybrid: cad.Model) -> None:
+    assert cad.interference(hybrid, ENDS[2:], [math.radians(45)]) == []
+
+
+@pytest.mark.slow
+def test_the_bench_has_a_drive_for_every_tendon_and_the_instrument_gets_the_masses_of_its_links(
+    hybrid: cad.Model,
+) -> None:
+    assert [len(hybrid.part(name).places) for name in ("spool", "motor_mount", "load_cell_mount")] == [5, 5, 5]
+    bodies, inst = cad.inertias(hybrid), cad.with_inertia(hybrid)
+    masses = {joint.name: joint.mass for joint in inst.expanded.tip_joints}
+    assert masses == pytest.approx({name: bodies[f"{name}_far"].mass for name in ("yaw", "pitch", "jaw")})
+    run = tn.twin.Twin(inst).run(np.zeros((50, 3)))
+    assert np.isfinite(run.measured_output_angle).all()
+
+
+@pytest.mark.slow
+def test_the_springs_of_a_jaw_have_its_stiffness(hybrid: cad.Model) -> None:
+    lever = next(one.sizes for one in hybrid.stations if one.joint.name == "jaw")
+    assert isinstance(lever, Lever)
+    assert lever.spring is not None
+    wire, diameter, coils = lever.spring
+    # A wire as long as its coils bends by moment x length / (E I); two springs side by side.
+    length, rigidity = coils * math.pi * diameter * 1e-3, 206e9 * math.pi * (wire * 1e-3) ** 4 / 64
+    assert 2 * rigidity / length == pytest.approx(2e-2, rel=1e-9)
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import tenodesis as tn
 from tenodesis.cli import common
-from tenodesis.errors import Error
+from tenodesis.errors import Error, InstrumentError
 
 from .chain_samples import LISTED
 
@@ -227,12 +227,11 @@ def test_a_grip_is_refused_where_there_is_none(declined: Callable[..., Error], t
     assert declined("loss", "open.toml", "--grip", "1 N").key == "--grip"
 
 
-@pytest.mark.usefixtures("driver")
-def test_other_commands_say_which_ones_take_such_files(tenodesis: Run) -> None:
-    code, _, wrong = tenodesis("cad", "driver.toml")
-    assert code == 1
+def test_what_takes_planar_instruments_says_which_commands_take_such_files() -> None:
     takers = "check, loss, compare, bench, record, replay, console, devices test, scale, tolerance"
-    assert f"takes planar instruments; tenodesis {takers}" in wrong
+    with pytest.raises(InstrumentError, match=f"takes planar instruments; tenodesis {takers}") as found:
+        common.load_instrument("needle-driver", planar=True)
+    assert found.value.key == "file"
 
 
 # ---------------------------------------------------------------------- picture

@@ -186,6 +186,7 @@ def test_the_real_size_instrument_comes_first(driver: FullForm) -> None:
 @pytest.mark.slow
 def test_scale_writes_model_plan_and_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tenodesis.cli.scale_joints._SAMPLES", 4)
+    monkeypatch.setattr("tenodesis.workshop.budget.JOINT_SAMPLES", 100)
     out = tmp_path / "prototype"
     result = CliRunner().invoke(app, ["scale", "needle-driver", "--factor", "4", "--out", str(out)])
     assert result.exit_code == 0, result.output
@@ -195,6 +196,9 @@ def test_scale_writes_model_plan_and_parts(tmp_path: Path, monkeypatch: pytest.M
     assert "jaw_1_wound" in (out / "plan.html").read_text("utf-8")
     with (out / "parts.csv").open(encoding="utf-8") as file:
         assert any(row["part"] == "rope for tendons" for row in csv.DictReader(file))
+    assert "Tolerances:" in (out / "plan.html").read_text("utf-8")
+    studied = tn.tolerance.load(out / "tolerances.toml")
+    assert {"joints.pitch.radius", "tendons.jaw_2_wound.stiffness"} <= {one.key for one in studied.parameters}
 
 
 def test_loss_of_two_axes_has_both_joints_at_once(tmp_path: Path) -> None:

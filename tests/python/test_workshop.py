@@ -16,7 +16,7 @@ from tenodesis.errors import DesignError, StudyError
 from tenodesis.scaling.practical import OBJECTIVES, PracticalFront, is_stock, practical_front
 from tenodesis.simulate.execution import check_controllable
 from tenodesis.workshop import budget as budgets
-from tenodesis.workshop import first_run, pack
+from tenodesis.workshop import first_run, grades, pack
 from tenodesis.workshop.budget import NAMES
 
 from .conftest import ROOT, refused
@@ -52,14 +52,14 @@ def found() -> workshop.Budget:
 
 def test_standard_tolerances_are_those_of_iso_286() -> None:
     """The standard's table: 10 mm IT7 15 um, 30 mm IT9 52 um, above 50 mm IT6 19 um."""
-    assert budgets.standard_tolerance(10e-3, 7) == pytest.approx(15e-6)
-    assert budgets.standard_tolerance(30e-3, 9) == pytest.approx(52e-6)
-    assert budgets.standard_tolerance(50.01e-3, 6) == pytest.approx(19e-6)
+    assert grades.standard_tolerance(10e-3, 7) == pytest.approx(15e-6)
+    assert grades.standard_tolerance(30e-3, 9) == pytest.approx(52e-6)
+    assert grades.standard_tolerance(50.01e-3, 6) == pytest.approx(19e-6)
 
 
 @pytest.mark.parametrize("radius", [1.2e-3, 5e-3, 50e-3, 400e-3])
 def test_every_dearer_grade_is_finer(radius: float) -> None:
-    for offered in (budgets.of_radius(radius), budgets.of_length(radius), budgets.of_stiffness(5e10, 0.5)):
+    for offered in (grades.of_radius(radius), grades.of_length(radius), grades.of_stiffness(5e10, 0.5)):
         costs, widths = [one.cost for one in offered], [one.width for one in offered]
         assert costs == sorted(costs)
         assert widths == sorted(widths, reverse=True)
@@ -146,8 +146,8 @@ def test_printed_gears_need_their_play_taken_out_and_the_budget_says_what_it_cos
         assert one.is_kept
         assert one.dimensions[key].grade.width < 0.03e-3
         assert key not in one.drawn
-    assert "DIN 3967" in budgets.of_backlash(radii[0], None)[0].name
-    assert "0.15 mm" in budgets.of_backlash(radii[0], 0.15e-3)[0].name
+    assert "DIN 3967" in grades.of_backlash(radii[0], None)[0].name
+    assert "0.15 mm" in grades.of_backlash(radii[0], 0.15e-3)[0].name
 
 
 @pytest.mark.slow
@@ -311,6 +311,45 @@ def test_the_first_ten_minutes_run_on_the_twin_of_every_mechanism(file: str) -> 
     assert all(one.low <= one.expected <= one.high for one in run.readings)
     limit = tension_limit(design.scaled_up)
     assert run.demand.seen < run.demand.largest_tension == limit < design.choice.rope.breaking_load
+
+
+# ---- several joints
+
+
+@pytest.fixture(scope="module")
+def of_joints() -> workshop.Budget:
+    real = tn.load("hybrid-real-size")
+    return workshop.tolerate(real, scaling.enlarged(real, 3.75, 0.4), target=0.6, samples=100)
+
+
+@pytest.mark.slow
+def test_tolerances_of_several_joints_keep_the_target_for_instruments_that_the_study_draws(
+    of_joints: workshop.Budget,
+) -> None:
+    assert of_joints.is_kept
+    assert of_joints.designed < 0.02 < of_joints.built.kept <= 0.6 < of_joints.coarsest.kept
+    # Without the grades the same study misses it.
+    drawn = tolerance.drawn(
+        of_joints.real_size, of_joints.scaled_up, tolerance.parse(pack.study_file(of_joints)), samples=128, seed=7
+    )
+    largest = np.max([drawn[f"similarity_largest.{name}"] for name in ("yaw", "pitch", "jaw")], axis=0)
+    assert np.quantile(largest, of_joints.share) < 1.15 * of_joints.target
+
+
+@pytest.mark.slow
+def test_what_is_alike_has_one_grade_and_a_cost_for_every_piece(of_joints: workshop.Budget) -> None:
+    gears = next(one for one in of_joints.dimensions.values() if "joints.yaw.radius" in one.keys)
+    assert gears.keys == ("joints.yaw.radius", "joints.pitch.radius")
+    assert gears.pieces == 4
+    ropes = next(one for one in of_joints.dimensions.values() if "tendons.grip.stiffness" in one.keys)
+    assert len(ropes.keys) == 5
+    assert of_joints.drawn["joints.pitch.radius"] == gears.tolerance
+    assert sum(one.share for one in of_joints.dimensions.values()) == pytest.approx(1.0)
+
+
+def test_instruments_of_other_joints_have_no_tolerances() -> None:
+    with refused("scaled_up", kind=StudyError):
+        workshop.tolerate("hybrid-real-size", "needle-driver")
 
 
 # ---- what a workshop asks

@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from tenodesis import kinematics
+from tenodesis import kinematics, statics
 from tenodesis.cad import kernel as k
 from tenodesis.cad.backbone_parts import Backbone, arc_place, bent_rod
 from tenodesis.cad.gears import GearJoint
@@ -14,11 +16,12 @@ from tenodesis.cad.kernel import Location, Solid
 from tenodesis.cad.model import Model
 from tenodesis.cad.parts import Part
 from tenodesis.errors import ArgumentError
-from tenodesis.kinematics import Posture
 from tenodesis.run import Array
 
 _TOUCHING = 1e-3
 """Shared volume, mm³, below which parts count as touching only."""
+_STILL = 1e-7
+"""To which places of parts against each other are told apart, mm and of unit vectors."""
 Progress = Callable[[float, float, str], None]
 Placing = Callable[[Part, Location], Location]
 """The place of a part's body, by the part and its place in it."""
@@ -39,7 +42,7 @@ class Placed(NamedTuple):
 
 
 class Overlap(NamedTuple):
-    """Two parts that share a volume, m³, at an output and a handle angle, rad."""
+    """Two parts that share a volume, m³, at an output and a handle angle, rad: of several joints the largest."""
 
     first: str
     second: str
@@ -49,12 +52,13 @@ class Overlap(NamedTuple):
 
 
 def assembled(
-    model: Model, output_angle: float = 0.0, handle_angle: float | None = None, *, exploded: float = 0.0
+    model: Model, output_angle: ArrayLike = 0.0, handle_angle: ArrayLike | None = None, *, exploded: float = 0.0
 ) -> list[Placed]:
     """Return all parts in their places in the frame of the stem's distal end, mm, at angles in rad.
 
-    Without a handle angle it is that of the output angle without a load (eq. 18). A share `exploded` moves parts apart.
-    Raises ValueError if the handle cannot bend as far.
+    Angles are of the joints of the tip, and of the handle, or one for all. Without a handle angle it is that of the
+    output angle without a load (eq. 18). A share `exploded` moves parts apart. Raises ValueError if the handle cannot
+    bend as far.
     """
     frame = frames_of(model, output_angle, handle_angle)
     found = []
@@ -62,8 +66,42 @@ def assembled(
         x, y, z = part.away
         away = k.at(exploded * x, exploded * y, exploded * z)
         for number, place in enumerate(part.places):
-            solid = bent_rod(backbone_of(model), output_angle) if part.body == "rod" else part.solid
+            solid = bent_rod(backbone_of(model), float(np.ravel(output_angle)[0])) if part.body == "rod" else part.solid
             found.append(Placed(part, number, frame(part, place) * away * own_place(place, part) * solid))
+    return found
+
+
+class Posture(NamedTuple):
+    """Angles of the joints of tip and handle, rad, and whether the load rig stands there."""
+
+    tip: Array
+    handle: Array
+    with_rig: bool
+
+
+def postures(model: Model, output_angles: Sequence[float], handle_angles: Sequence[float] = ()) -> list[Posture]:
+    """Return the straight posture, each joint bent to each of the angles, and all of an end at once to their ends.
+
+    Angles are those of the first joint at either end, rad; the others are bent to the same shares of their ranges. The
+    rig stands where it loads the first joint; for the others the instrument is turned and moved in its clamps.
+    """
+    still = np.zeros(len(model.at(tip=True))), np.zeros(len(model.at(tip=False)))
+    found = []
+    for place, angles in enumerate((output_angles, handle_angles)):
+        joints = [one.joint for one in model.at(tip=place == 0)]
+        # Ends of the ranges over that of the first joint.
+        ends = [tuple(limit / joints[0].range for limit in joint.limits) for joint in joints]
+        bent = [
+            (number == 0, abs(angle) * limits[int(angle > 0)] * np.eye(len(joints))[number])
+            for number, limits in enumerate(ends)
+            for angle in angles
+            if number == 0 or angle != 0
+        ]
+        if len(joints) > 1 and angles:
+            most = max(map(abs, angles))
+            bent += [(False, most * np.array(corner)) for corner in product(*ends)]
+        for alone, row in bent:
+            found.append(Posture(row, still[1], alone) if place == 0 else Posture(still[0], row, True))
     return found
 
 
@@ -72,90 +110,123 @@ def interference(
 ) -> list[Overlap]:
     """Return parts that overlap by more than 0.001 mm³ at any of the output angles, or of the handle angles, rad.
 
-    Parts at one end of the stem are compared at every angle of that end, all parts at the first angle.
+    Angles are those of the first joint at either end; of several, each is bent to the same shares of its range, and
+    last all of an end at once to their limits. The load rig stands there for the first joint alone. All parts are
+    compared in the first posture, and in the others those that have not been placed so before.
     """
-    postures = [(angle, 0.0) for angle in output_angles] + [(0.0, angle) for angle in handle_angles]
     found: list[Overlap] = []
-    for done, (output, handle) in enumerate(postures):
+    compared: set[tuple[str, str, tuple[float, ...]]] = set()
+    every = postures(model, output_angles, handle_angles)
+    for done, posture in enumerate(every):
         if progress is not None:
-            progress(done, len(postures), "interference")
-        placed = assembled(model, output, handle)
+            progress(done, len(every), "interference")
+        placed = assembled(model, posture.tip, posture.handle)
+        frame = frames_of(model, posture.tip, posture.handle)
+        places = [matrix(frame(one.part, one.part.places[one.number])) for one in placed]
         boxes = [k.bounds(one.solid) for one in placed]
-        at_tip = done < len(output_angles)
         for number, one in enumerate(placed):
+            back = np.linalg.inv(places[number])
             for beyond, other in enumerate(placed[number + 1 :], start=number + 1):
+                if done and not posture.with_rig and (_is_rig(one.part) or _is_rig(other.part)):
+                    continue
+                bent = posture.tip if "rod" in (one.part.body, other.part.body) else posture.tip[:0]
+                apart = np.concatenate([(back @ places[beyond]).ravel(), bent])
+                pair = (one.name, other.name, tuple((apart / _STILL).round().tolist()))
+                if pair in compared:
+                    continue
+                compared.add(pair)
                 (low, high), (least, most) = boxes[number], boxes[beyond]
                 if (low >= most).any() or (high <= least).any():
                     continue
-                fixed = one.part.body == other.part.body and one.part.body != "arc"
-                if done and (fixed or not (_moves(one, at_tip) or _moves(other, at_tip))):
-                    continue
                 volume = k.common_volume(one.solid, other.solid)
                 if volume > _TOUCHING:
+                    output, handle = (
+                        float(angles[np.abs(angles).argmax()]) for angles in (posture.tip, posture.handle)
+                    )
                     found.append(Overlap(one.name, other.name, volume * 1e-9, output, handle))
     return found
 
 
-def mesh_play(model: Model, output_angle: float, *, tip: bool = True) -> tuple[float, float]:
+def _is_rig(part: Part) -> bool:
+    return part.name.startswith("rig_")
+
+
+def mesh_play(model: Model, output_angle: float, *, tip: bool = True, joint: int = 0) -> tuple[float, float]:
     """Return how far a gear pair's far body can turn about its axis either way until its teeth touch, rad.
 
-    The two angles are the backlash that the solids have; found by bisection, to a tenth of the process's backlash.
-    Raises ValueError if the joint is no gear pair.
+    The two angles are the backlash that the solids have; found by bisection, to a tenth of the process's backlash. The
+    joint is the first at its end, or another by its number. Raises ValueError if the joint is no gear pair.
     """
-    names = ("tip_gear_near", "tip_gear_far") if tip else ("handle_gear_near", "handle_gear_far")
-    if model.instrument.joint_type != "tendon-gear":
-        raise ArgumentError(key="model", value=model.instrument.joint_type, allowed="an instrument of gear pairs")
-    angles = (output_angle, 0.0) if tip else (0.0, output_angle)
-    near, far = (next(one for one in assembled(model, *angles) if one.name == name) for name in names)
-    frame = frames_of(model, *angles)(far.part, k.at())
+    station = model.at(tip=tip)[joint]
+    sizes, end = station.sizes, station.end
+    if not isinstance(sizes, GearJoint):
+        raise ArgumentError(key="model", value=station.joint.mechanism, allowed="an instrument of gear pairs")
+    angles = [np.zeros(len(model.at(tip=True))), np.zeros(len(model.at(tip=False)))]
+    angles[0 if tip else 1][joint] = output_angle
+    frame = frames_of(model, *angles)
+    link = model.part(f"{end.prefix}_link")
     # Only the teeth about the point of contact matter.
-    joint = model.joints[0 if tip else 1]
-    assert isinstance(joint, GearJoint)
-    reach = 3 * joint.gear.module
-    window = k.at(z=(1 if tip else -1) * joint.gear.pitch_radius) * k.box(*[(-reach, reach)] * 3)
-    window = frames_of(model, *angles)(model.part("tip_link" if tip else "handle_link"), k.at()) * window
-    teeth = k.common(near.solid, window)
-    back = frame.inverse() * k.common(far.solid, window)
+    reach = 3 * sizes.gear.module
+    window = k.at(z=end.outward * sizes.gear.pitch_radius) * k.box(*[(-reach, reach)] * 3)
+    window = frame(link, k.at()) * window
+    halves = []
+    for body in (end.near, end.far):
+        teeth = [
+            k.common(frame(part, k.at()) * place * part.solid, window)
+            for part in model.parts
+            if part.body == body and part.made
+            for place in part.places
+        ]
+        halves.append(max(teeth, key=lambda solid: float(solid.volume)))
+    moved = frame(next(part for part in model.parts if part.body == end.far), k.at())
+    moved = moved * k.at(turn=(0, 0, end.turn))
+    teeth, back = halves[0], moved.inverse() * halves[1]
     found = []
     for side in (1, -1):
-        usual = joint.gear.backlash / (2 * joint.gear.pitch_radius)
+        usual = sizes.gear.backlash / (2 * sizes.gear.pitch_radius)
         free, stuck = 0.0, 3 * usual
         while stuck - free > usual / 10:
             middle = (free + stuck) / 2
-            turned = frame * k.turned_about_y(side * middle) * back
+            turned = moved * k.turned_about_y(side * middle) * back
             free, stuck = (free, middle) if k.common_volume(teeth, turned) > 1e-4 else (middle, stuck)
         found.append(free)
     return found[0], found[1]
 
 
-def frames_of(model: Model, output_angle: float, handle_angle: float | None) -> Placing:
+def frames_of(model: Model, output_angle: ArrayLike, handle_angle: ArrayLike | None) -> Placing:
     """Return the function that places a part's body, by the part and its place."""
-    inst = model.instrument
-    frames = kinematics.frames(inst, Posture(yaw=output_angle, handle_yaw=handle_angle))
+    full = model.instrument.expanded
+    angles = np.broadcast_to(np.asarray(output_angle, float), (len(full.tip_joints),))
+    handles = _handle_angles(model, angles) if handle_angle is None else np.asarray(handle_angle, float)
+    frames = kinematics.frames(full, angles, np.broadcast_to(handles, (len(full.handle_joints),)))
     stem = frames.bodies["stem"].position
-    places = {}
-    for name, frame in frames.bodies.items():
-        x, _, z = k.MM * (frame.position - stem)
-        w, _, y, _ = frame.quaternion
-        places[name] = (float(x), float(z), 2 * math.atan2(float(y), float(w)))
-    if not np.isfinite(places["grip"]).all():
-        raise ArgumentError(
-            key="output_angle",
-            value=output_angle,
-            allowed=f"within what the handle of {inst.name} reaches, or given with a handle_angle",
-        )
-    tip, pivot = places["tip"], model.rig.pivot
-    places["rig_bar"] = (0.0, pivot, math.atan2(tip[0], tip[1] - pivot))
+    places = {name: k.placed(k.MM * (one.position - stem), one.quaternion) for name, one in frames.bodies.items()}
+    rig = model.rig
+    plane = k.at(turn=(0, 0, rig.turn))
+    tip = (plane.inverse() * places[f"{model.bearing.joint.name}_tip"]).position
+    places["bench"] = plane
+    places["rig_bar"] = plane * k.at(z=rig.pivot) * k.turned_about_y(math.atan2(tip.X, tip.Z - rig.pivot))
+    places["rod"] = k.at()
 
     def placed(part: Part, place: Location) -> Location:
-        if part.body in ("bench", "rod"):
-            return k.at()
         if part.body == "arc":
-            return arc_place(place.position.Z, backbone_of(model).length, output_angle)
-        x, z, turn = places[part.body]
-        return k.at(x, 0.0, z) * k.turned_about_y(turn)
+            return arc_place(place.position.Z, backbone_of(model).length, float(angles[0]))
+        return places[part.body]
 
     return placed
+
+
+def _handle_angles(model: Model, angles: Array) -> Array:
+    """Return the handle angles at which the unloaded tip has angles, rad."""
+    inst = model.instrument
+    found = np.atleast_1d(statics.handle_angle(inst, np.array(angles)))
+    if not np.isfinite(found).all():
+        raise ArgumentError(
+            key="output_angle",
+            value=float(angles[np.abs(angles).argmax()]),
+            allowed=f"within what the handle of {inst.name} reaches, or given with a handle_angle",
+        )
+    return found
 
 
 def own_place(place: Location, part: Part) -> Location:
@@ -168,13 +239,6 @@ def backbone_of(model: Model) -> Backbone:
     joint = model.joints[0]
     assert isinstance(joint, Backbone)
     return joint
-
-
-def _moves(one: Placed, at_tip: bool) -> bool:
-    body = one.part.body
-    if body in ("bench", "stem"):
-        return False
-    return body.startswith("handle_") != at_tip
 
 
 def matrix(place: Location) -> Array:

@@ -50,8 +50,11 @@ def stem_part(end: End, other: End) -> Part:
     )
 
 
-def end_effector_part(end: End, sizes: Sizes, length: float, start: float) -> Part:
-    """Return the end-effector of the bench: a rod with an eye where the force acts; `start` is its socket's bottom."""
+def end_effector_part(end: End, sizes: Sizes, length: float, start: float, turn: float) -> Part:
+    """Return the end-effector of the bench: a rod with an eye where the force acts; `start` is its socket's bottom.
+
+    The eye's axis is across the plane that the load rig moves in, whose turn about the stem is given, deg.
+    """
     eye = TIP_PIN / 2 + max(2 * sizes.wall, 1.5)
     thick = max(end.rod / 2, eye / 2)
     body = k.rod((0, 0, start), (0, 0, length - eye / 2), end.rod / 2)
@@ -62,7 +65,7 @@ def end_effector_part(end: End, sizes: Sizes, length: float, start: float) -> Pa
         "End-effector of the bench",
         body,
         end.far,
-        (k.at(),),
+        (k.at(turn=(0, 0, turn)),),
         dimensions=(
             Dimension(
                 "joint's far axis to the force",
@@ -82,10 +85,10 @@ def end_effector_part(end: End, sizes: Sizes, length: float, start: float) -> Pa
     )
 
 
-def tip_pin_part(end: End, length: float, low: float) -> Part:
+def tip_pin_part(end: End, length: float, low: float, turn: float) -> Part:
     """Return the pin at the tip, that reaches down into the load rig's bar."""
     rod = k.rod((0, low, length), (0, 3.0, length), TIP_PIN / 2)
-    return pin("tip_force_pin", TIP_PIN, 3.0 - low, rod, end.far, (k.at(),), (0, 20, 60))
+    return pin("tip_force_pin", TIP_PIN, 3.0 - low, rod, end.far, (k.at(turn=(0, 0, turn)),), (0, 20, 60))
 
 
 def grip_part(end: End, sizes: Sizes, length: float, start: float) -> Part:
@@ -115,8 +118,8 @@ def grip_part(end: End, sizes: Sizes, length: float, start: float) -> Part:
     )
 
 
-def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float) -> list[Part]:
-    """Return spools, motor mounts and load-cell mounts of both tendons; they stand from z = start downward.
+def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float, count: int) -> list[Part]:
+    """Return spools, motor mounts and load-cell mounts of so many tendons; they stand from z = start downward.
 
     Each rope comes out of its sheath, which presses on a ring of a load cell, and goes on its spool.
     """
@@ -133,7 +136,7 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float) ->
     anchor = bottom + sizes.tunnel / 2
     body -= k.rod((anchor, 0, 0), (anchor, half + 1, 0), sizes.tunnel / 2)
     apart, level = plate + 30, half + _MOUNT + 1
-    columns = (apart / 2, -apart / 2)
+    columns = [apart * ((count - 1) / 2 - number) for number in range(count)]
     lead = start - plate / 2 - 60
     mount = _motor_mount(plate, height, boss + 2 * sizes.bore, bolts)
     cell, cell_height = 1e3 * hardware.load_cell, level + height
@@ -246,6 +249,10 @@ class Rig(NamedTuple):
     furthest: float
     level: float
     """Of the top of the slotted bar, below the plane of the joint."""
+    turn: float = 0.0
+    """Of its plane about the stem, deg."""
+    others: tuple[float, ...] = ()
+    """Heights along the stem of the axes about which the other joints of the tip are loaded."""
 
     @property
     def pulley_half(self) -> float:

@@ -7,47 +7,86 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tenodesis import kinematics, statics
+from tenodesis import kinematics
 from tenodesis.cad import kernel as k
 from tenodesis.cad.assembly import Placing, frames_of, matrix, own_place
-from tenodesis.cad.gears import GearJoint
-from tenodesis.cad.kernel import Solid
-from tenodesis.cad.model import Model
+from tenodesis.cad.bench_parts import TIP_PIN
+from tenodesis.cad.kernel import Location, Solid
+from tenodesis.cad.lever_parts import Lever
+from tenodesis.cad.model import Model, Station
 from tenodesis.cad.parts import Part
 from tenodesis.cad.pulley_parts import PulleyJoint
 from tenodesis.extras import require
-from tenodesis.kinematics import Posture
+from tenodesis.instrument import Tendon
+from tenodesis.kinematics.chain import bend_side
 from tenodesis.run import Array
+from tenodesis.statics import chain
 
 _SAME = 1e-6  # mm
 _ALONG = 0.999  # of a unit vector
+_NEAR = 1e-4  # mm
+_ROUNDING = 1e-9  # rad
 
 
 def tendon_lengths(model: Model, output_angles: ArrayLike, handle_angles: ArrayLike = 0.0) -> Array:
-    """Return the lengths of agonist and antagonist over both joints, m (..., 2), read from the solids.
+    """Return the lengths of all tendons over their joints, m (..., tendons), read from the solids.
 
     Tunnels are the cylindrical faces of the parts, pulleys the round bottoms of their grooves; a tendon goes straight
     between the mouths of tunnels, on their axes, and round a pulley at its groove's bottom plus half a rope. Angles are
-    in rad and broadcast.
+    in rad, those of one joint (...), of several (..., joints), and broadcast.
     """
-    outputs, handles = np.broadcast_arrays(np.asarray(output_angles, float), np.asarray(handle_angles, float))
-    ways = [_way(model, side, tip=tip) for side in (1, -1) for tip in (True, False)]
-    found = np.empty((outputs.size, 2))
-    for number, (output, handle) in enumerate(zip(outputs.flat, handles.flat, strict=True)):
-        frame = frames_of(model, float(output), float(handle))
-        lengths = [way(frame, float(output), float(handle)) for way in ways]
-        found[number] = lengths[0] + lengths[1], lengths[2] + lengths[3]
-    return 1e-3 * found.reshape(*outputs.shape, 2)
+    outputs, handles = (
+        _rows(model, angles, tip=tip) for angles, tip in ((output_angles, True), (handle_angles, False))
+    )
+    shape = np.broadcast_shapes(outputs.shape[:-1], handles.shape[:-1])
+    outputs, handles = (
+        np.broadcast_to(rows, (*shape, rows.shape[-1])).reshape(-1, rows.shape[-1]) for rows in (outputs, handles)
+    )
+    full = model.instrument.expanded
+    ways = [[_way(model, one, tendon.name) for one in _crossed(model, tendon)] for tendon in full.tendons]
+    found = np.empty((len(outputs), len(ways)))
+    for number, (output, handle) in enumerate(zip(outputs, handles, strict=True)):
+        frame = frames_of(model, output, handle)
+        found[number] = [sum(way(frame, output, handle) for way in own) for own in ways]
+    return 1e-3 * found.reshape(*shape, len(ways))
 
 
 def tip_places(model: Model, output_angles: ArrayLike) -> Array:
-    """Return where the end-effector's eye is from the stem's distal end, m (..., 3), read from the face of its bore."""
-    part = model.part("end_effector")
-    axes = [axis for axis in _bores(part.solid) if abs(axis.way[1]) > _ALONG]
-    eye = max(axes, key=lambda axis: float(axis.middle[2])).middle * (1, 0, 1)
-    angles = np.asarray(output_angles, float)
-    places = [matrix(frames_of(model, float(angle), 0.0)(part, k.at())) @ np.append(eye, 1.0) for angle in angles.flat]
-    return 1e-3 * np.array(places)[:, :3].reshape(*angles.shape, 3)
+    """Return where the end-effector's eye is from the stem's distal end, m (..., 3), read from the face of its bore.
+
+    Angles are in rad, those of one joint (...), of several (..., joints).
+    """
+    far = model.bearing.end.far
+    eyes = [
+        (abs(float(bore.middle[2])), part, bore)
+        for part in model.parts
+        if part.body == far and part.made
+        for bore in _bores(part.solid)
+        if abs(bore.radius - TIP_PIN / 2) < _SAME and abs(bore.way[2]) < 1 - _ALONG
+    ]
+    _, part, bore = max(eyes, key=lambda one: one[0])
+    eye = bore.middle - (bore.middle @ bore.way) * bore.way
+    angles = _rows(model, output_angles, tip=True)
+    still = np.zeros(len(model.at(tip=False)))
+    places = [
+        matrix(frames_of(model, row, still)(part, k.at()) * part.places[0]) @ np.append(eye, 1.0)
+        for row in angles.reshape(-1, angles.shape[-1])
+    ]
+    return 1e-3 * np.array(places)[:, :3].reshape(*angles.shape[:-1], 3)
+
+
+def _rows(model: Model, angles: ArrayLike, *, tip: bool) -> Array:
+    """Return angles with the joints of an end in the last axis; a single 0 stands for all zeros."""
+    given, count = np.asarray(angles, float), len(model.at(tip=tip))
+    if count == 1:
+        return given[..., np.newaxis]
+    return np.broadcast_to(given, (count,)) if given.ndim == 0 else given
+
+
+def _crossed(model: Model, tendon: Tendon) -> list[Station]:
+    """Return the joints that a tendon crosses."""
+    names = {crossing.joint for crossing in tendon.route}
+    return [one for one in model.stations if one.joint.name in names]
 
 
 class _Bore(NamedTuple):
@@ -72,38 +111,66 @@ def _bores(solid: Solid) -> Iterator[_Bore]:
         yield _Bore(way, (ends[0] + ends[1]) / 2, ends, cylinder.Radius())
 
 
-_Way = Callable[[Placing, float, float], float]
+_Way = Callable[[Placing, Array, Array], float]
 
 
-def _mouths(part: Part, side: int, tunnel: float) -> tuple[Array, Array]:
-    """Return the mouths of a tunnel of a part, mm: toward its z, and at the other end."""
+def _mouths(part: Part, place: tuple[float, float], tunnel: float) -> list[Array]:
+    """Return the mouths of a tunnel at a place across a part, mm, by their height; none if it has no such tunnel."""
     ends = [
         end
         for bore in _bores(part.solid)
-        if abs(bore.radius - tunnel / 2) < _SAME and abs(bore.way[2]) > _ALONG and side * bore.middle[0] > _SAME
+        if abs(bore.radius - tunnel / 2) < _SAME
+        and abs(bore.way[2]) > _ALONG
+        and np.hypot(*(bore.middle[:2] - place)) < _NEAR
         for end in bore.ends
     ]
-    return max(ends, key=lambda end: float(end[2])), min(ends, key=lambda end: float(end[2]))
+    return sorted(ends, key=lambda end: float(end[2]))
 
 
-def _way(model: Model, side: int, *, tip: bool) -> _Way:
-    """Return the function of a tendon's length over one joint, mm, with what its parts' faces say; side 1: agonist."""
-    joint = model.joints[0 if tip else 1]
+def _within(place: Location, across: Location) -> tuple[float, float]:
+    """Return where a tendon is across a part at a place, mm."""
+    local = (place.inverse() * k.at(across.position.X, across.position.Y, place.position.Z)).position
+    return local.X, local.Y
+
+
+def _way(model: Model, station: Station, tendon: str) -> _Way:
+    """Return the function of a tendon's length over one joint, mm, with what its parts' faces say."""
+    joint, end = station.sizes, station.end
     rope = k.MM * (model.instrument.tendon_diameter or 0.0)
-    prefix = "tip" if tip else "handle"
-    if isinstance(joint, PulleyJoint):
-        return _wound(model.part(f"{prefix}_pulley"), joint.wrap, rope, side, tip=tip)
-    tunnel = rope + k.MM * model.process.bore
-    gears = (f"{prefix}_gear_near", f"{prefix}_gear_far")
-    names = gears if isinstance(joint, GearJoint) else ("tip_socket", "tip_disc", "tip_plate")
-    stations = []
-    for part in map(model.part, names):
-        ahead, behind = _mouths(part, side, tunnel)
-        # A tendon passes both mouths of a disc.
-        points = (behind, ahead) if part.body == "arc" else (ahead,)
-        stations += [(part, place, point) for place in part.places for point in points]
+    own = [one.joint.name for one in model.at(tip=end.tip)]
+    number = own.index(station.joint.name)
+    x, y = model.ways[station.joint.name][tendon]
+    if isinstance(joint, PulleyJoint | Lever):
+        part = next(one for one in model.parts if one.body == end.far and _grooves(one, rope))
+        wrap = joint.wrap if isinstance(joint, PulleyJoint) else joint.pulley.wrap
+        side = 1 if x > 0 else -1
+        radii = _grooves(part, rope)
+        radius = radii[side > 0] if len(radii) > 1 else next(iter(radii.values()))
+        tip = end.tip
 
-    def straight(frame: Placing, _output: float, _handle: float) -> float:
+        def wound(_frame: Placing, output: Array, handle: Array) -> float:
+            # The tendon meets the pulley where its way along the stem touches the circle; bending unwinds the agonist
+            # at the tip and winds it on at the handle.
+            return float(radius * (wrap - side * (output if tip else -handle)[number]))
+
+        return wound
+    tunnel = rope + k.MM * model.process.bore
+    stations = []
+    for body, far in ((end.near, False), (end.carrier, False), ("arc", False), (end.far, True)):
+        # Where it is in the frame of the body, and which end of the tunnel is toward the joint.
+        across = (end.place() if body != end.far else end.place(far=True)) * k.at(x, -y if far == end.tip else y)
+        axis = 0.0 if far else end.start
+        mouths = [
+            (abs((place * k.at(*mouth)).position.Z - axis), (part, place, mouth))
+            for part in model.parts
+            if part.body == body and part.made
+            for place in part.places
+            for mouth in _mouths(part, _within(place, across), tunnel)
+        ]
+        # A tendon passes both mouths of a disc.
+        stations += [one for _, one in (mouths if body == "arc" else sorted(mouths, key=lambda one: one[0])[:1])]
+
+    def straight(frame: Placing, _output: Array, _handle: Array) -> float:
         points = [
             (matrix(frame(part, place) * own_place(place, part)) @ np.append(point, 1.0))[:3]
             for part, place, point in stations
@@ -113,18 +180,13 @@ def _way(model: Model, side: int, *, tip: bool) -> _Way:
     return straight
 
 
-def _wound(part: Part, wrap: float, rope: float, side: int, *, tip: bool) -> _Way:
+def _grooves(part: Part, rope: float) -> dict[bool, float]:
+    """Return the radii to a rope's centre of the grooves of a part, by whether they are toward y."""
     radii = {}
     for face in part.solid.faces().filter_by(k.kernel().GeomType.TORUS):
         torus = k.surface(face).Torus()
         radii[torus.Axis().Location().Y() > 0] = torus.MajorRadius() - torus.MinorRadius() + rope / 2
-
-    def wound(_frame: Placing, output: float, handle: float) -> float:
-        # The tendon meets the pulley where its way along the stem touches the circle; bending unwinds the agonist at
-        # the tip and winds it on at the handle.
-        return float(radii[side > 0] * (wrap - side * (output if tip else -handle)))
-
-    return wound
+    return radii
 
 
 ANGLES = 50
@@ -162,27 +224,42 @@ class Printable(NamedTuple):
 def agreement(model: Model, count: int = ANGLES) -> Agreement:
     """Return how solids and model agree at angles over the working range, the tip under a force.
 
-    The tendons' stretch is the statics' tension less the pretension, over the stiffness; the solids' is the change of
-    the length of the way through their tunnels and grooves. Pretension is high, so that no tendon goes slack.
+    The tendons' stretch is what the statics' tensions mean; the solids' is the change of the length of the way through
+    their tunnels and grooves. Pretension is high, so that no tendon of a pair goes slack; one that a spring holds is
+    compared while it is taut. Of several joints all are bent at once, at random.
     """
-    inst = model.instrument
-    stiffness = inst.tendon_stiffness
-    radius = kinematics.dimensions(inst).distal_radii[0]
-    force = 0.05 * stiffness * radius**2 / inst.end_effector_length
-    tight = inst.replace(pretension=min(stiffness * radius, 1e4), breaking_load=None)
-    handles = np.linspace(-inst.handle_range, inst.handle_range, 20 * count + 1)
-    angles = statics.output_angle(tight, handles, force)
-    usable = np.flatnonzero(np.abs(angles) <= inst.output_range)
-    chosen = usable[np.linspace(0, usable.size - 1, count).astype(int)]
-    handles, angles = handles[chosen], np.asarray(angles)[chosen]
-    tensions = np.stack(statics.tensions(tight, handles, force))
-    stretch = (tensions - tight.pretension) / stiffness
-    ways = tendon_lengths(model, angles, handles) - tendon_lengths(model, 0.0)
-    frames = kinematics.frames(inst, Posture(yaw=angles, handle_yaw=0.0))
-    expected = frames.bodies["tip"].position - frames.bodies["stem"].position
-    found = tip_places(model, angles)
+    full = model.instrument.expanded
+    tip = model.bearing.joint
+    stiffness = float(full.stiffnesses[0])
+    radius = full.tip_joints[0].radius
+    force = 0.05 * stiffness * radius**2 / (tip.end_effector_length or radius)
+    tight = model.instrument.replace(pretension=min(stiffness * radius, 1e4), breaking_load=None).expanded
+    ranges = np.array([joint.range for joint in full.handle_joints])
+    if len(ranges) == 1:
+        handles = np.linspace(-ranges, ranges, 20 * count + 1)
+    else:
+        handles = ranges * np.random.default_rng(0).uniform(-1.0, 1.0, (20 * count, len(ranges)))
+    wrench = np.zeros(6)
+    wrench[:3] = -force * bend_side(full.tip_joints[0].axis_vector)
+    found = chain.equilibrium(tight, handles, wrench)
+    angles = np.asarray(found.output_angle)
+    limits = np.array([joint.limits for joint in full.tip_joints])
+    inside = ((angles >= limits[:, 0] - _ROUNDING) & (angles <= limits[:, 1] + _ROUNDING)).all(axis=1)
+    usable = np.flatnonzero(inside)
+    chosen = usable[np.linspace(0, usable.size - 1, min(count, usable.size)).astype(int)]
+    handles, angles = handles[chosen], angles[chosen]
+    tensions = np.asarray(found.tensions)[chosen]
+    taut = tensions > 0
+    stretch = np.where(taut, tight.stretches(np.where(taut, tensions, 1.0)), np.nan)
+    rows = (angles, handles) if len(model.at(tip=True)) > 1 else (angles[:, 0], handles[:, 0])
+    ways = tendon_lengths(model, *rows) - tendon_lengths(model, 0.0)
+    frames = kinematics.frames(full, angles)
+    expected = frames.bodies[f"{tip.name}_tip"].position - frames.bodies["stem"].position
+    places = tip_places(model, rows[0])
     return Agreement(
-        count, float(np.abs(ways - stretch.T).max()), float(np.linalg.norm(found - expected, axis=1).max())
+        len(chosen),
+        float(np.nanmax(np.abs(ways - stretch))),
+        float(np.linalg.norm(places - expected, axis=1).max()),
     )
 
 

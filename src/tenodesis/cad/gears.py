@@ -1,13 +1,14 @@
 """Parts of a joint of gears at either end of the stem: flanks, toothed bodies with tunnels for the tendons, links."""
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from tenodesis.cad import kernel as k
-from tenodesis.cad.kernel import FLIP, Solid
+from tenodesis.cad.kernel import Solid
 from tenodesis.cad.parts import (
     PROCESSES,
     Dimension,
@@ -121,6 +122,7 @@ class GearJoint(NamedTuple):
     """Half the width of the block, square to the plates' axes."""
     pin: float
     """Diameter."""
+    pin_bore: float
     link: float
     """Half the width of a link, and the radius of its ends."""
     link_thickness: float
@@ -131,6 +133,15 @@ class GearJoint(NamedTuple):
     """Thickness of the collar."""
     stop: float
     """Output angle that the joint has to reach."""
+    ring: float
+    """Length of a pin beyond a link, where a ring holds it."""
+    gap: float = 0.0
+    """Half of what is free between two short pins on one axis, where a tendon passes; 0 of one pin."""
+
+    @property
+    def links(self) -> float:
+        """Half the thickness over both links."""
+        return self.outside + self.play + self.link_thickness
 
     @property
     def outside(self) -> float:
@@ -139,8 +150,20 @@ class GearJoint(NamedTuple):
 
     @property
     def pin_length(self) -> float:
-        """Over both links, with a groove's width for a ring on either side."""
-        return 2 * (self.outside + self.play + self.link_thickness + 0.4 * self.pin)
+        """Over both links and rings."""
+        return 2 * (self.links + self.ring)
+
+    def passed(self, places: Sequence[tuple[float, float]], sizes: Sizes) -> "GearJoint":
+        """Return the joint with pins that leave room for tendons in its middle plane: beyond the links, or on its axis.
+
+        There is then no room for rings: such pins are glued into the links.
+        """
+        gap = sizes.tunnel / 2 + sizes.wall if any(not any(place) for place in places) else 0.0
+        return self._replace(ring=0.0, gap=gap) if places else self
+
+    def nearest_passage(self, sizes: Sizes) -> float:
+        """Return the least distance from the middle at which a tendon passes beyond the links."""
+        return self.links + self.play + sizes.tunnel / 2 + sizes.wall
 
 
 def gear_joint(sizes: Sizes, key: str, radius: float, gear: Gear, stop: float) -> GearJoint:
@@ -198,34 +221,47 @@ def gear_joint(sizes: Sizes, key: str, radius: float, gear: Gear, stop: float) -
         plate=max(2 * gear.module, 2 * wall),
         width=radius + tunnel / 2 + min(room, 2 * wall),
         pin=pin,
+        pin_bore=pin + sizes.bore,
         link=link,
         link_thickness=max(2 * wall, 0.5 * pin),
         play=sizes.play,
         depth=link + 2 * sizes.play,
         collar=max(3 * wall, 0.5 * radius),
         stop=stop,
+        ring=0.4 * pin,
     )
 
 
-def toothed_half(joint: GearJoint, *, tooth_ahead: bool) -> Solid:
+def toothed_half(joint: GearJoint, sizes: Sizes, passing: Sequence[tuple[float, float]], *, tooth_ahead: bool) -> Solid:
     """Return toothed plates and block of one half, its axis along y at the origin, its mate toward z.
 
-    Either a tooth or a space is on the line of centres; the tunnels are parallel to z and end at the axis' height.
+    Either a tooth or a space is on the line of centres; the tunnels are parallel to z and end at the axis' height, as
+    do the posts about tendons that pass beyond the links.
     """
     outline = _outline(joint, tooth_ahead=tooth_ahead)
     body = k.box((-joint.width, joint.width), (-joint.middle, joint.middle), (-joint.depth - joint.collar, 0.0))
     for low in (-joint.outside, joint.middle):
         body += _plate(joint, outline, low, low + joint.plate)
+    for x, y in passing:
+        if y:
+            body += k.rod((x, y, -joint.depth - joint.collar), (x, y, 0), joint.tunnel / 2 + sizes.wall)
     return body
 
 
-def bored(joint: GearJoint, body: Solid, sizes: Sizes, length: float) -> Solid:
-    """Return a half with its tunnels, through a length, and the bore of its pin."""
-    radius = joint.gear.pitch_radius
-    for x in (-radius, radius):
-        body -= k.rod((x, 0, -length), (x, 0, 0), joint.tunnel / 2)
-    reach = joint.outside + 1
-    return body - k.rod((0, -reach, 0), (0, reach, 0), (joint.pin + sizes.bore) / 2)
+def bored(joint: GearJoint, body: Solid, length: float, passing: Sequence[tuple[float, float]] = ()) -> Solid:
+    """Return a half with its tunnels, through a length, and the bore of its pin or pins."""
+    for bore in bores(joint, length, passing):
+        body -= bore
+    return body
+
+
+def bores(joint: GearJoint, length: float, passing: Sequence[tuple[float, float]]) -> list[Solid]:
+    """Return the tunnels of a half, through a length, and the bore of its pin or pins."""
+    radius, reach = joint.gear.pitch_radius, joint.outside + 1
+    ways = ((-radius, 0.0), (radius, 0.0), *passing)
+    sides = ((-reach, -joint.gap), (joint.gap, reach)) if joint.gap else ((-reach, reach),)
+    tunnels = [k.rod((x, y, -length), (x, y, 0), joint.tunnel / 2) for x, y in ways]
+    return [*tunnels, *(k.rod((0, low, 0), (0, high, 0), joint.pin_bore / 2) for low, high in sides)]
 
 
 def link(joint: GearJoint, sizes: Sizes) -> Solid:
@@ -233,7 +269,7 @@ def link(joint: GearJoint, sizes: Sizes) -> Solid:
     apart = 2 * joint.gear.pitch_radius
     body = k.stadium(apart, joint.link, 0.0, joint.link_thickness)
     for z in (0.0, apart):
-        body -= k.rod((0, -1, z), (0, joint.link_thickness + 1, z), (joint.pin + sizes.bore) / 2)
+        body -= k.rod((0, -1, z), (0, joint.link_thickness + 1, z), joint.pin_bore / 2)
     return body
 
 
@@ -310,89 +346,119 @@ def _arc(start: Array, end: Array, radius: float) -> Array:
 
 
 def gear_parts(joint: GearJoint, end: End, sizes: Sizes) -> list[Part]:
-    """Return the parts of a gear pair at the tip or at the handle."""
+    """Return the parts of a gear pair, but for its halves on bodies that it has in common with another joint."""
     tip = end.tip
-    names = tuple(f"{'tip' if tip else 'handle'}_{kind}" for kind in ("gear_near", "gear_far", "link", "pin"))
+    alone = end.last and not end.order
+    of = end.prefix.replace("_", " ")
     titles = (
-        ("Gear on the stem", "Gear of the end-effector", "Link of the tip")
+        (f"Gear of {of} on the stem", f"Gear of {of}", f"Link of {of}")
+        if not alone
+        else ("Gear on the stem", "Gear of the end-effector", "Link of the tip")
         if tip
         else ("Gear at the stem's handle end", "Gear of the grip", "Link of the handle")
     )
     side = joint.outside + joint.play
-    places = tuple(k.at(0, y) if tip else k.at(0, -y, turn=FLIP) for y in (side, -side - joint.link_thickness))
-    radius = joint.gear.pitch_radius
-    pins = tuple(k.at(z=z if tip else -z) for z in (0.0, 2 * radius))
-    dowel = k.rod((0, -joint.pin_length / 2, 0), (0, joint.pin_length / 2, 0), joint.pin / 2)
-    out = 2.5 * radius
+    step = 2.5 * joint.gear.pitch_radius
+    out = end.outward * step * (2 * end.order + 1)
+    beside = end.outward * step * (2 * end.order + 0.5)
+    lengths = (joint.gap, joint.links + joint.ring) if joint.gap else (-joint.pin_length / 2, joint.pin_length / 2)
+    dowel = k.rod((0, lengths[0], 0), (0, lengths[1], 0), joint.pin / 2)
+    sides = (0.0, 180.0) if joint.gap else (0.0,)
+    found = []
+    if not end.order:
+        found.append(
+            Part(
+                f"{end.prefix}_gear_near",
+                titles[0],
+                _near(joint, end, sizes),
+                end.near,
+                (end.place(end.start),),
+                dimensions=(*half_dimensions(joint, end), *tube_dimensions(end, sizes)),
+                notes=gear_notes(joint),
+            )
+        )
+    if end.last:
+        found.append(
+            Part(
+                f"{end.prefix}_gear_far",
+                titles[1],
+                _far(joint, end, sizes),
+                end.far,
+                (end.place(far=True),),
+                dimensions=_far_half_dimensions(joint, end, sizes),
+                notes=gear_notes(joint),
+                away=(0, 0, out),
+            )
+        )
     return [
+        *found,
         Part(
-            names[0],
-            titles[0],
-            _near(joint, end, sizes),
-            "stem",
-            (k.at() if tip else k.at(z=-end.stem_length, turn=FLIP),),
-            dimensions=_half_dimensions(joint, end, sizes, near=True),
-            notes=_notes(joint),
-        ),
-        Part(
-            names[1],
-            titles[1],
-            _far(joint, end, sizes),
-            end.far,
-            (k.at(turn=FLIP) if tip else k.at(),),
-            dimensions=_half_dimensions(joint, end, sizes, near=False),
-            notes=_notes(joint),
-            away=(0, 0, out if tip else -out),
-        ),
-        Part(
-            names[2],
+            f"{end.prefix}_link",
             titles[2],
             link(joint, sizes),
             end.carrier,
-            places,
+            tuple(end.place() * k.at(0, y) for y in (side, -side - joint.link_thickness)),
             dimensions=_link_dimensions(joint, sizes, end.key),
-            away=(0, out, out / 2 if tip else -out / 2),
+            away=(0, step, beside),
         ),
         pin(
-            names[3], joint.pin, joint.pin_length, dowel, end.carrier, pins, (0, 2 * out, out / 2 if tip else -out / 2)
+            f"{end.prefix}_pin",
+            joint.pin,
+            lengths[1] - lengths[0],
+            dowel,
+            end.carrier,
+            tuple(
+                end.place() * k.at(z=z, turn=(0, 0, turn)) for z in (0.0, 2 * joint.gear.pitch_radius) for turn in sides
+            ),
+            (0, 2 * step, beside),
         ),
     ]
 
 
 def _near(joint: GearJoint, end: End, sizes: Sizes) -> k.Solid:
-    radius, stem = joint.gear.pitch_radius, end.stem_radius
-    body = toothed_half(joint, tooth_ahead=True)
+    body = toothed_half(joint, sizes, end.passing_in(), tooth_ahead=True)
     top = -joint.depth
     if end.tip:
-        body += k.rod((0, 0, top - joint.collar), (0, 0, top), stem)
+        wide = max((abs(y) + joint.tunnel / 2 + sizes.wall for _, y in end.passing_in()), default=0.0)
+        body += k.rod((0, 0, top - joint.collar), (0, 0, top), max(end.stem_radius, wide))
         body += spigot(end, sizes, top - joint.collar)
-        return bored(joint, body, sizes, joint.depth + joint.collar)
-    ways = [((x, 0.0), (math.copysign(end.tendon_radius, x), 0.0)) for x in (-radius, radius)]
-    body += transition(end, sizes, joint.width, joint.middle, top, ways)[0]
-    body = bored(joint, body, sizes, joint.depth)
-    for tunnel in transition(end, sizes, joint.width, joint.middle, top, ways)[1]:
+        return bored(joint, body, joint.depth + joint.collar, end.passing_in())
+    joined, tunnels = transition(end, sizes, joint.width, joint.middle, top)
+    body = bored(joint, body + joined, joint.depth, end.passing_in())
+    for tunnel in tunnels:
         body -= tunnel
     return body + spigot(end, sizes, -end.near_length)
 
 
 def _far(joint: GearJoint, end: End, sizes: Sizes) -> k.Solid:
-    radius, top = joint.gear.pitch_radius, -joint.depth
-    body = toothed_half(joint, tooth_ahead=False)
-    bottom = top - end.far_collar
-    if end.tip:
-        body += k.rod((0, 0, bottom), (0, 0, top), ferrule_collar(radius, end, sizes))
-        body = bored(joint, body, sizes, joint.depth + end.far_collar)
-        body -= ferrule_pockets(radius, sizes, bottom, end.far_collar)
-    else:
-        reach = radius + end.seat + sizes.wall
-        deep = max(end.seat, (end.rod + sizes.bore) / 2) + sizes.wall
-        body += k.box((-reach, reach), (-deep, deep), (bottom, top))
-        body = bored(joint, body, sizes, joint.depth + end.far_collar)
-        body -= sheath_seats(radius, end, sizes, bottom)
+    body, bottom = far_half(joint, end, sizes, end.far_collar)
     return body - socket(end, sizes, bottom)
 
 
-def _notes(joint: GearJoint) -> tuple[str, ...]:
+def far_half(joint: GearJoint, end: End, sizes: Sizes, collar: float) -> tuple[k.Solid, float]:
+    """Return the far half with a collar of a length, where its tendons end or leave for the motors, and its bottom."""
+    radius, top = joint.gear.pitch_radius, -joint.depth
+    body = toothed_half(
+        joint._replace(collar=min(joint.collar, collar)), sizes, end.passing_in(far=True), tooth_ahead=False
+    )
+    bottom = top - collar
+    if end.tip:
+        body += k.rod((0, 0, bottom), (0, 0, top), ferrule_collar(radius, end, sizes))
+        body = bored(joint, body, joint.depth + collar, end.passing_in(far=True))
+        return body - ferrule_pockets(radius, sizes, bottom, collar), bottom
+    reach = radius + end.seat + sizes.wall
+    deep = max(end.seat, (end.rod + sizes.bore) / 2) + sizes.wall
+    body += k.box((-reach, reach), (-deep, deep), (bottom, top))
+    for x, y in end.passing_in(far=True):
+        if y:
+            wide = joint.tunnel / 2 + sizes.wall
+            body += k.box((x - deep, x + deep), (min(0.0, y - wide), max(0.0, y + wide)), (bottom, top))
+    body = bored(joint, body, joint.depth + collar, end.passing_in(far=True))
+    return body - sheath_seats(radius, end, sizes, bottom), bottom
+
+
+def gear_notes(joint: GearJoint) -> tuple[str, ...]:
+    """Return the notes in the drawing of a half."""
     gear, rope = joint.gear, joint.rope
     return (
         f"Gear: module {gear.module:.4g} mm, {gear.teeth} teeth, 20 deg, no profile shift; "
@@ -402,12 +468,11 @@ def _notes(joint: GearJoint) -> tuple[str, ...]:
     )
 
 
-def _half_dimensions(joint: GearJoint, end: End, sizes: Sizes, *, near: bool) -> tuple[Dimension, ...]:
+def half_dimensions(joint: GearJoint, end: End) -> tuple[Dimension, ...]:
+    """Return the dimensions of the teeth, tunnels and bore of either half."""
     gear, y = joint.gear, -joint.outside
-    radius, bore = gear.pitch_radius, (joint.pin + sizes.bore) / 2
-    bottom = -joint.depth - end.far_collar
-    wide, _ = ferrule(sizes)
-    own = (
+    radius, bore = gear.pitch_radius, joint.pin_bore / 2
+    return (
         Dimension("radius to the rope's centre", (0, y, 0), (radius, y, 0), "front", 1, "R", end.key),
         Dimension("tip circle", (0, y, 0), (0, y, gear.tip_radius), "front", -1, "R", along="y"),
         Dimension("tunnels apart", (-radius, 0, 0), (radius, 0, 0), "top", 1, "", end.key, 2),
@@ -415,16 +480,22 @@ def _half_dimensions(joint: GearJoint, end: End, sizes: Sizes, *, near: bool) ->
         Dimension("between the toothed plates", (0, -joint.middle, 0), (0, joint.middle, 0), "side", 1),
         Dimension("pin's bore", (-bore, y, 0), (bore, y, 0), "front", 1, "Ø"),
     )
-    if near:
-        return own + tube_dimensions(end, sizes)
-    pocket = wide if end.tip else end.seat
+
+
+def _far_half_dimensions(joint: GearJoint, end: End, sizes: Sizes) -> tuple[Dimension, ...]:
+    bottom = -joint.depth - end.far_collar
+    return (*half_dimensions(joint, end), *far_dimensions(end, sizes, bottom), end_dimension(joint, end, sizes, bottom))
+
+
+def end_dimension(joint: GearJoint, end: End, sizes: Sizes, bottom: float) -> Dimension:
+    """Return the dimension of the bores in which a far half's tendons end, or their sheaths."""
+    half, radius = ferrule(sizes)[0] if end.tip else end.seat, joint.gear.pitch_radius
     name = "ferrule's pocket" if end.tip else "sheath's seat"
-    ends = Dimension(name, (radius - pocket, 0, bottom), (radius + pocket, 0, bottom), "top", 1, "Ø")
-    return (*own, *far_dimensions(end, sizes, bottom), ends)
+    return Dimension(name, (radius - half, 0, bottom), (radius + half, 0, bottom), "top", 1, "Ø")
 
 
 def _link_dimensions(joint: GearJoint, sizes: Sizes, key: str) -> tuple[Dimension, ...]:
-    apart, bore = 2 * joint.gear.pitch_radius, (joint.pin + sizes.bore) / 2
+    apart, bore = 2 * joint.gear.pitch_radius, joint.pin_bore / 2
     return (
         Dimension("distance of the axes", (0, 0, 0), (0, 0, apart), "front", -1, key=key, factor=2, along="y"),
         Dimension("bore", (-bore, 0, apart), (bore, 0, apart), "front", 1, "Ø"),

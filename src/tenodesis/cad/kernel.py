@@ -37,6 +37,16 @@ def at(x: float = 0.0, y: float = 0.0, z: float = 0.0, turn: Point = (0.0, 0.0, 
     return kernel().Location((x, y, z), turn)
 
 
+def placed(position: Array, quaternion: Array) -> Location:
+    """Return a place from a position, mm, and a unit quaternion w, x, y, z."""
+    w, *v = (float(one) for one in quaternion)
+    sine = math.hypot(*v)
+    x, y, z = (float(one) for one in position)
+    if sine < 1e-15:
+        return at(x, y, z)
+    return kernel().Location((x, y, z), tuple(one / sine for one in v), math.degrees(2 * math.atan2(sine, w)))
+
+
 def turned_about_y(angle: float) -> Location:
     """Return a turn about y by an angle in rad, positive from z toward x."""
     return at(turn=(0.0, math.degrees(angle), 0.0))
@@ -74,6 +84,14 @@ def prism(edges: Sequence[Any], height: float) -> Solid:
     b = kernel()
     face = b.Face(b.Wire(edges))
     return b.Solid.extrude(face, (0, -height, 0))
+
+
+def coil(wire: float, diameter: float, coils: float, pitch: float, start: Point) -> Solid:
+    """Return a wire coiled about y from a height on, its mean diameter, number of coils and pitch given."""
+    b = kernel()
+    helix = b.Helix(pitch, coils * pitch, diameter / 2)
+    section = b.Plane(origin=helix @ 0, z_dir=helix % 0) * b.Circle(wire / 2)
+    return b.Pos(*start) * at(turn=(-90, 0, 0)) * b.sweep(section, path=helix)
 
 
 def stadium(length: float, radius: float, low: float, high: float) -> Solid:

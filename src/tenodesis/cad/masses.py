@@ -1,18 +1,19 @@
 """Masses and inertias of parts and bodies, from their solids."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from tenodesis import plant
 from tenodesis.cad import kernel as k
-from tenodesis.cad.assembly import matrix
+from tenodesis.cad.assembly import frames_of, matrix
 from tenodesis.cad.backbone_parts import Backbone
-from tenodesis.cad.gears import GearJoint
-from tenodesis.cad.model import Model
-from tenodesis.instrument import ShortForm
+from tenodesis.cad.model import Model, Station
+from tenodesis.instrument import Instrument
 from tenodesis.run import Array
+
+_LEAST_MORE = 1e-9  # kg m^2, where the search for what a link needs more begins
 
 
 class Mass(NamedTuple):
@@ -76,39 +77,87 @@ def inertias(model: Model) -> dict[str, Inertia]:
 
 
 def tip_inertia(model: Model) -> float:
-    """Return the inertia about the output angle of what turns with the tip, kg·m², for the twin's dynamics.tip_inertia.
+    """Return the inertia about the first output angle of all that turns with the tip, kg·m², the others straight.
 
-    A gear pair's far body goes round the near axis as well: at a straight joint it is as if it turned about the line of
-    centres' middle, and the links turn by half the angle. A backbone's discs count by their share of the angle.
+    Of a planar instrument it is the twin's dynamics.tip_inertia. A gear pair's far body goes round the near axis as
+    well: at a straight joint it is as if it turned about the line of centres' middle, and the links turn by half the
+    angle. A backbone's discs count by their share of the angle.
     """
     bodies = inertias(model)
-    joint = model.joints[0]
-    far = bodies["yaw_far"]
+    first, *others = model.at(tip=True)
+    joint, axis = first.sizes, np.array(first.joint.axis_vector)
+    frame = frames_of(model, 0.0, 0.0)
+    place = {part.body: matrix(frame(part, k.at()))[:3, 3] * 1e-3 for part in model.parts if part.body != "arc"}
+    apart = joint.length if isinstance(joint, Backbone) else k.MM * first.joint.chord
+    middle = place[first.end.far] - np.array([0.0, 0.0, 5e-4 * apart])
+    turning = [first.end.far, *(body for one in others for body in (one.end.carrier, one.end.far) if body in bodies)]
+    found = sum((float(axis @ bodies[body].about(middle - place[body]) @ axis) for body in turning), 0.0)
     if isinstance(joint, Backbone):
         # A disc turns by its share of the angle, about the middle of the backbone before it.
-        discs = [
-            1e-9 * one.solid.volume * one.density * (5e-4 * float(place.position.Z) ** 2 / joint.length) ** 2
+        discs: float = sum(
+            1e-9 * one.solid.volume * one.density * (5e-4 * float(disc.position.Z) ** 2 / joint.length) ** 2
             for one in model.parts
             if one.body == "arc"
-            for place in one.places
-        ]
-        return float(far.about(np.array([0.0, 0.0, -joint.length * 1e-3 / 2]))[1, 1] + sum(discs))
-    apart = 2e-3 * joint.gear.pitch_radius if isinstance(joint, GearJoint) else 0.0
-    own = float(far.about(np.array([0.0, 0.0, -apart / 2]))[1, 1])
-    carrier = bodies.get("yaw_carrier")
-    links = float(carrier.about(np.zeros(3))[1, 1]) / 4 if carrier is not None and apart else 0.0
-    return own + links
+            for disc in one.places
+        )
+        return found + discs
+    return found + _links(first, bodies, axis)
 
 
-def with_inertia(model: Model) -> ShortForm:
-    """Return the instrument with the inertia of its solids' tip, for its twin.
+def _links(station: Station, bodies: Mapping[str, Inertia], axis: Array) -> float:
+    """Return what the links of a gear pair, which turn by half its angle, add to its inertia, kg·m²."""
+    carrier = bodies.get(station.end.carrier)
+    return 0.0 if carrier is None else float(axis @ carrier.about(np.zeros(3)) @ axis) / 4
 
-    A tip that is too light for the twin's time steps gets the least inertia that they can follow.
+
+def with_inertia(model: Model) -> Instrument:
+    """Return the instrument with the inertia of its solids, for its twin: of the tip, or of every link of several.
+
+    A tip that is too light for the twin's time steps gets the least inertia that they can follow, links the least more.
     """
-    least = max(plant.least_tip_inertia(one) for one in model.given.planar)
-    source = f"solids of tenodesis cad, process {model.process.name}"
-    inertia = {"dynamics.tip_inertia": max(tip_inertia(model), least)}
-    return model.given.replace(**inertia, sources={**model.given.sources, "dynamics.tip_inertia": source})
+    given, source = model.given, f"solids of tenodesis cad, process {model.process.name}"
+    short = given.short_form
+    if short is not None:
+        least = max(plant.least_tip_inertia(one) for one in short.planar)
+        inertia = {"dynamics.tip_inertia": max(tip_inertia(model), least)}
+        return short.replace(**inertia, sources={**given.sources, "dynamics.tip_inertia": source})
+    bodies, changes = inertias(model), {}
+    for one in model.at(tip=True):
+        link, axis = bodies[one.end.far], np.array(one.joint.axis_vector)
+        across = float(np.diag(link.about(np.zeros(3)))[:2].mean())
+        changes[one.joint.name] = {
+            "mass": link.mass,
+            "centre_of_mass": float(link.centre[2]),
+            "inertia": across + _links(one, bodies, axis),
+        }
+    keys = ("mass", "centre_of_mass", "inertia")
+
+    def built(more: float) -> Instrument:
+        joints = []
+        for joint in given.as_given("joints"):
+            own = dict(changes.get(joint.name, {}))
+            if own:
+                own["inertia"] += more
+            joints.append(joint.model_dump(exclude_unset=True) | own)
+        note = f"{source}; {more:.2g} kg*m^2 more than theirs, the least that its twin can follow" if more else source
+        sources = {f"joints.{key}": note if key == "inertia" else source for key in keys}
+        return given.replace(joints=joints, sources={**given.sources, **sources})
+
+    return built(_least_more(lambda more: float(plant.natural_frequencies(built(more).expanded)[-1])))
+
+
+def _least_more(fastest: Callable[[float], float]) -> float:
+    """Return the least inertia, kg·m², to add to every link so that the twin's time steps follow the fastest motion."""
+    most = plant.LARGEST_PHASE_STEP / plant.TIME_STEP
+    if fastest(0.0) <= most:
+        return 0.0
+    low, high = 0.0, _LEAST_MORE
+    while fastest(high) > most:
+        low, high = high, 2 * high
+    while high - low > _LEAST_MORE * 1e-3 + 1e-3 * high:
+        middle = (low + high) / 2
+        low, high = (middle, high) if fastest(middle) > most else (low, middle)
+    return high
 
 
 def _joined(pieces: Sequence[Inertia]) -> Inertia:

@@ -1,8 +1,10 @@
-"""A planar instrument as solids: its parts, from the instrument's file and a process."""
+"""An instrument as solids: its parts, from the instrument's file and a process."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -19,13 +21,17 @@ from tenodesis.cad.bench_parts import (
     stem_part,
     tip_pin_part,
 )
+from tenodesis.cad.between_parts import between_part, check_between
 from tenodesis.cad.gears import Gear, GearJoint, gear_joint, gear_parts
-from tenodesis.cad.parts import End, Part, Process, Sizes, ferrule, refuse, transition_length
+from tenodesis.cad.lever_parts import Lever, check_lever, lever_length, lever_parts, spring
+from tenodesis.cad.parts import End, Part, Process, Sizes, ferrule, refuse, transition_length, turned
 from tenodesis.cad.parts import process as process_of
 from tenodesis.cad.pulley_parts import PulleyJoint, pulley_joint, pulley_parts
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
-from tenodesis.kinematics import Posture
+from tenodesis.instrument import FullForm, Instrument, InstrumentLike, Joint, as_instrument
+from tenodesis.instrument.joints import SIGNS
+from tenodesis.instrument.lengths import STEM_PER_RADIUS
+from tenodesis.kinematics.chain import bend_side, crossed
 from tenodesis.scaling import catalogue as catalogues
 
 _MODULES = (0.1e-3, 0.12e-3, 0.15e-3, 0.2e-3, 0.25e-3)
@@ -34,25 +40,46 @@ _LEAST_TEETH = 12
 _CABLE_RADIUS = 15e-3  # m, the paper's load rig
 _RODS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 _MACHINE_ROUNDING = 1e-6
+_SAME_PLACE = 1e-6  # mm
+_LEAST_SHAFT = 5.0  # mm, of the grip before where the hand acts
+_BEYOND_RANGE = {"tip": math.radians(10), "handle": math.radians(5)}
+"""By how much a joint turns farther than its working range before its parts touch."""
+
+AnyJoint: TypeAlias = GearJoint | PulleyJoint | Backbone | Lever
+
+
+class Station(NamedTuple):
+    """A joint of the instrument, the sizes of its parts, and where it is."""
+
+    joint: Joint
+    sizes: AnyJoint
+    end: End
 
 
 @dataclass(frozen=True)
 class Model:
-    """The solids of a planar instrument; use :func:`build`."""
+    """The solids of an instrument; use :func:`build`."""
 
-    given: ShortForm
+    given: Instrument
     """The instrument as it was given, with all its axes."""
-    instrument: ShortForm
-    """Its bending axis that was built, called yaw."""
-    axis: str
-    """Name of that axis in the instrument given."""
+    instrument: Instrument
+    """What was built of it: all of its joints, or of a planar one the bending axis, called yaw."""
+    axis: str | None
+    """Name of that axis in the instrument given; None where all joints were built."""
     process: Process
     parts: tuple[Part, ...]
-    joints: "tuple[GearJoint | PulleyJoint | Backbone, GearJoint | PulleyJoint]"
-    """At the tip and at the handle."""
+    stations: tuple[Station, ...]
+    """Its joints, from the stem outward, those of the tip first."""
+    ways: "Ways"
+    """Where tendons are at a joint, mm, in its own frame: by joint and by tendon."""
     rig: Rig
     stop: float
-    """Output angle up to which the distal joint was sized, rad."""
+    """Output angle up to which the first joint of the tip was sized, rad."""
+
+    @property
+    def joints(self) -> tuple[AnyJoint, ...]:
+        """Sizes of its joints, from the stem outward, those of the tip first."""
+        return tuple(one.sizes for one in self.stations)
 
     def part(self, name: str) -> Part:
         """Return a part by its name. Raises KeyError if there is none."""
@@ -60,6 +87,15 @@ class Model:
         if found is None:
             raise KeyError(name)
         return found
+
+    @property
+    def bearing(self) -> Station:
+        """The joint whose link bears the force at the tip."""
+        return _bearing(self.at(tip=True))
+
+    def at(self, *, tip: bool) -> tuple[Station, ...]:
+        """Return the joints at one end, from the stem outward."""
+        return tuple(one for one in self.stations if one.end.tip == tip)
 
 
 def build(
@@ -71,16 +107,16 @@ def build(
     hardware: Hardware | None = None,
     rig: bool = True,
 ) -> Model:
-    """Return the solids of one bending axis of an instrument on its bench.
+    """Return the solids of an instrument on its bench: of a planar one of one bending axis.
 
     Parameters
     ----------
     inst
-        The instrument.
+        The instrument: planar, or of gear pairs one on the other, with one pulley on the last of them at either end.
     process
         How its parts are made: fdm, sla, milled, or a process of your own.
     axis
-        Which bending axis; by default the first. The bench of Fig. 13 has one axis.
+        Which bending axis of a planar one; by default the first.
     modules
         Modules of gears by end, "distal" and "proximal", m; by default the largest of the standard catalogue and then
         of finer series with a whole number of teeth, at least 12.
@@ -93,57 +129,196 @@ def build(
     ------
     InstrumentError
         A dimension cannot be made: radii that fit no whole number of teeth, walls thinner than the process allows, a
-        joint that touches before its range; the message names the dimension, its value and what would do.
+        joint that touches before its range; the message names the dimension, its value and what would do. Or its
+        joints are of other kinds.
     MissingExtraError
         build123d is not installed.
     """
-    given = as_short_form(inst)
-    axis = axis or given.axes[0]
-    planar = given.axis(axis)
-    if planar.axes != ("yaw",):
-        planar = planar.replace(axes=("yaw",))
+    given = as_instrument(inst)
+    built, axis = _built(given, axis)
+    full = built.expanded
     chosen = process_of(process)
     bought = hardware or Hardware()
-    if planar.tendon_diameter is None:
+    _check_joints(full)
+    if built.tendon_diameter is None:
         raise InstrumentError(
-            f"{planar.name} has no tendon_diameter; tunnels and grooves need it: give it, 0.5 mm say.",
+            f"{built.name} has no tendon_diameter; tunnels and grooves need it: give it, 0.5 mm say.",
             key="tendon_diameter",
             allowed="given",
         )
-    sizes = Sizes(chosen, k.MM * planar.tendon_diameter)
-    stop = min(planar.output_stop, planar.output_range + math.radians(10))
-    teeth = dict(modules or {})
-    tip_joint, hand_joint = _joints(planar, sizes, bought, teeth, stop)
-    tip, hand = _ends(planar, sizes, bought, tip_joint, hand_joint)
-    foot = _foot(tip_joint, sizes)
-    length = k.MM * planar.end_effector_length
-    if foot + tip.far_collar + 4 > length:
+    sizes = Sizes(chosen, k.MM * built.tendon_diameter)
+    stations, ways = _stations(built, full, sizes, bought, dict(modules or {}))
+    tips, hands = (tuple(one for one in stations if one.end.tip == tip) for tip in (True, False))
+    tip, hand = _bearing(tips), _bearing(hands)
+    lengths = [k.MM * (one.joint.end_effector_length or 0.0) for one in (tip, hand)]
+    foot, hand_foot = _foot(tips, sizes), _foot(hands, sizes)
+    if foot + tip.end.far_collar + 4 > lengths[0] and not _lever(tips):
         refuse(
-            "end_effector_length",
-            length,
-            f"the far half of the joint takes {foot + tip.far_collar:.3g} mm of it",
-            f"at least {foot + tip.far_collar + 4:.3g} mm",
+            _key(built, tip.joint, "end_effector_length"),
+            lengths[0],
+            f"the far half of the joint takes {foot + tip.end.far_collar:.3g} mm of it",
+            f"at least {foot + tip.end.far_collar + 4:.3g} mm",
         )
+    if hand_foot + hand.end.far_collar + _LEAST_SHAFT > lengths[1]:
+        refuse(
+            _key(built, hand.joint, "end_effector_length"),
+            lengths[1],
+            f"what is before the grip takes {hand_foot + hand.end.far_collar:.3g} mm of it",
+            f"at least {hand_foot + hand.end.far_collar + _LEAST_SHAFT:.3g} mm",
+        )
+    for own in (tips, hands):
+        _check_row(own, sizes)
+    turn = tips[0].end.turn
     parts: list[Part] = []
-    for joint, end in ((tip_joint, tip), (hand_joint, hand)):
+    for own in (tips, hands):
+        parts += _joint_parts(own, sizes, turn)
+    parts.append(stem_part(tips[0].end, hands[0].end))
+    where = _rig(full, tips, turn)
+    if not _lever(tips):
+        parts.append(end_effector_part(tip.end, sizes, lengths[0], foot, turn))
+    parts.append(grip_part(hand.end, sizes, lengths[1], hand_foot))
+    if rig:
+        parts.append(tip_pin_part(tip.end, lengths[0], -where.level - 4.0, turn))
+        parts += rig_parts(where, sizes, bought, tip.end.stem_radius)
+        between = _along(hands, hands[0]) - _along(hands, hand)
+        behind = -k.MM * (full.stem_length or 0.0) - between - 1.4 * lengths[1] - 120
+        drawn = sum(tendon.start == "spool" for tendon in full.tendons)
+        parts += drive_parts(sizes, bought, k.MM * full.own_drives.spool_radius, behind, drawn)
+    parts = [part if part.density else replace(part, density=chosen.density) for part in parts]
+    return Model(given, built, axis, chosen, tuple(parts), stations, ways, where, _stop(tips[0].joint))
+
+
+def _built(given: Instrument, axis: str | None) -> tuple[Instrument, str | None]:
+    """Return what is built of an instrument: all of it, or one bending axis of a planar one, called yaw."""
+    short = given.short_form
+    if short is None:
+        if axis is not None:
+            raise InstrumentError(
+                f"{given.name} lists joints and tendons, all of which are built; leave the axis out.",
+                key="axis",
+                value=axis,
+                allowed="left out",
+            )
+        return given, None
+    axis = axis or short.axes[0]
+    planar = short.axis(axis)
+    return (planar if planar.axes == ("yaw",) else planar.replace(axes=("yaw",))), axis
+
+
+def _check_joints(full: FullForm) -> None:
+    """Refuse joints of which no parts are made."""
+    for place, joints in (("tip", full.tip_joints), ("handle", full.handle_joints)):
+        if not joints:
+            raise InstrumentError(
+                f"{full.name} has no joint at the {place}, which a bench needs.", key="joints", allowed="one at least"
+            )
+        for number, joint in enumerate(joints):
+            key = f"joints.{joint.name}"
+            before = joints[number - 1].name if number else "stem"
+            if len(joints) > 1 and joint.on not in (None, before):
+                raise InstrumentError(
+                    f"{key}.on is {joint.on!r}: parts are made of joints in a row; it must be {before!r}.",
+                    key=f"{key}.on",
+                    value=joint.on,
+                    allowed=before,
+                )
+            if joint.mechanism == "continuum" and place == "handle":
+                raise InstrumentError(
+                    f"{key}.mechanism is 'continuum': no parts are made of backbones at the handle; it must be "
+                    "'tendon-gear' or 'pulley'.",
+                    key=f"{key}.mechanism",
+                    value=joint.mechanism,
+                    allowed="tendon-gear or pulley",
+                )
+            is_lever = joint.mechanism == "pulley" and joint.end_effector_length is None
+            if len(joints) > 1 and joint.mechanism != "tendon-gear" and not (number == len(joints) - 1 and is_lever):
+                raise InstrumentError(
+                    f"{key}.mechanism is {joint.mechanism!r}: of several joints at an end, parts are made of "
+                    "tendon-gear, and of one pulley with a lever on the last of them, without an end_effector_length; "
+                    "it must be 'tendon-gear'.",
+                    key=f"{key}.mechanism",
+                    value=joint.mechanism,
+                    allowed="tendon-gear",
+                )
+            if _turn(joint) % 90 > 1e-9 and _turn(joint) % 90 < 90 - 1e-9:
+                raise InstrumentError(
+                    f"{key}.axis is {joint.axis}: parts are made of joints that are turned against each other by "
+                    "quarter turns; it must be yaw or pitch.",
+                    key=f"{key}.axis",
+                    value=joint.axis,
+                    allowed="yaw or pitch",
+                )
+            if abs(joint.axis_vector[2]) > 1e-9:
+                raise InstrumentError(
+                    f"{key}.axis is {joint.axis}: no parts are made of joints that roll; it must be yaw or pitch.",
+                    key=f"{key}.axis",
+                    value=joint.axis,
+                    allowed="yaw or pitch",
+                )
+
+
+def _turn(joint: Joint) -> float:
+    """Return the turn about the stem of the side that a joint bends to, deg."""
+    x, y, _ = bend_side(joint.axis_vector)
+    return round(math.degrees(math.atan2(y, x)), 9)
+
+
+def _stop(joint: Joint) -> float:
+    """Return the angle up to which a joint is sized, rad."""
+    most = joint.range + _BEYOND_RANGE[joint.place]
+    return min(max(map(abs, joint.stops)), most) if joint.place == "tip" else most
+
+
+def _key(inst: Instrument, joint: Joint, key: str = "radius") -> str:
+    """Return the key of a joint's dimension in the instrument's file."""
+    short, tip = inst.short_form, joint.place == "tip"
+    if short is None:
+        return f"joints.{joint.name}.{key}"
+    if key == "end_effector_length":
+        return key if tip else "handle_length"
+    if key != "radius":
+        return key
+    wanted = "distal_radius" if tip else "proximal_radius"
+    return next(field for field, name in short.parameter_fields.items() if name == wanted)
+
+
+def _bearing(stations: tuple[Station, ...]) -> Station:
+    """Return the last joint at an end that is no lever: what it turns bears the force, or the hand."""
+    return next(one for one in reversed(stations) if not isinstance(one.sizes, Lever))
+
+
+def _lever(stations: tuple[Station, ...]) -> Lever | None:
+    last = stations[-1].sizes
+    return last if isinstance(last, Lever) else None
+
+
+def _check_row(stations: tuple[Station, ...], sizes: Sizes) -> None:
+    """Refuse joints that are too near to each other."""
+    for one, other in pairwise(stations):
+        assert isinstance(one.sizes, GearJoint)
+        if isinstance(other.sizes, GearJoint):
+            check_between(one.sizes, other.sizes, other.end, sizes)
+        elif isinstance(other.sizes, Lever):
+            check_lever(one.sizes, one.end, other.sizes, other.end, sizes, other.end.passing[0])
+
+
+def _joint_parts(stations: tuple[Station, ...], sizes: Sizes, turn: float) -> list[Part]:
+    """Return the parts of the joints at one end; `turn` is that of the plane that the load rig moves in, deg."""
+    parts: list[Part] = []
+    for number, (_, joint, end) in enumerate(stations):
+        beyond = stations[number + 1] if number + 1 < len(stations) else None
         if isinstance(joint, GearJoint):
             parts += gear_parts(joint, end, sizes)
+            if beyond is not None and isinstance(beyond.sizes, GearJoint):
+                parts.append(between_part(joint, end, beyond.sizes, beyond.end, sizes))
+            elif beyond is not None and isinstance(beyond.sizes, Lever):
+                across = turn - beyond.end.turn
+                parts += lever_parts(joint, end, beyond.sizes, beyond.end, sizes, beyond.end.passing[0], across)
         elif isinstance(joint, PulleyJoint):
             parts += pulley_parts(joint, end, sizes)
-        else:
+        elif isinstance(joint, Backbone):
             parts += backbone_parts(joint, end, sizes)
-    parts.append(stem_part(tip, hand))
-    where = _rig(planar, tip, tip_joint, hand_joint)
-    parts.append(end_effector_part(tip, sizes, length, foot))
-    parts.append(grip_part(hand, sizes, k.MM * planar.handle_length, _foot(hand_joint, sizes)))
-    if rig:
-        parts.append(tip_pin_part(tip, length, -where.level - 4.0))
-        parts += rig_parts(where, sizes, bought, tip.stem_radius)
-        lengths = kinematics.dimensions(planar)
-        behind = -k.MM * (lengths.stem_length + 1.4 * lengths.handle_length) - 120
-        parts += drive_parts(sizes, bought, k.MM * planar.drives.spool_radius, behind)
-    parts = [part if part.density else replace(part, density=chosen.density) for part in parts]
-    return Model(given, planar, axis, chosen, tuple(parts), (tip_joint, hand_joint), where, stop)
+    return parts
 
 
 def gear_of(key: str, radius: float, module: float | None = None) -> tuple[float, int]:
@@ -175,51 +350,143 @@ def gear_of(key: str, radius: float, module: float | None = None) -> tuple[float
     )
 
 
-def _joints(
-    inst: ShortForm, sizes: Sizes, bought: Hardware, modules: Mapping[str, float], stop: float
-) -> "tuple[GearJoint | PulleyJoint | Backbone, GearJoint | PulleyJoint]":
-    play = k.MM * sizes.process.backlash
-    hand_stop = inst.handle_range + math.radians(5)
-    if inst.joint_type == "tendon-gear":
-        found = []
-        for end, key, most in (
-            ("distal", "distal_gear_radius", stop),
-            ("proximal", "proximal_gear_radius", hand_stop),
-        ):
-            radius = getattr(inst, key)
-            module, teeth = gear_of(key, radius, modules.get(end))
-            found.append(gear_joint(sizes, key, k.MM * radius, Gear(k.MM * module, teeth, play), most))
-        return found[0], found[1]
-    seat = _seat(sizes, bought)
-    hand = pulley_joint(sizes, "proximal_pulley_radius", k.MM * inst.proximal_pulley_radius, hand_stop, seat)
-    if inst.joint_type == "tendon-pulley":
-        return pulley_joint(sizes, "distal_pulley_radius", k.MM * inst.distal_pulley_radius, stop, None), hand
-    rod = (64 * inst.backbone_rigidity / (math.pi * 60e9)) ** 0.25
-    tip = backbone(sizes, k.MM * inst.distal_tendon_offset, k.MM * inst.backbone_length, k.MM * rod, stop)
-    return tip, hand
+def _stations(
+    inst: Instrument, full: FullForm, sizes: Sizes, bought: Hardware, modules: Mapping[str, float]
+) -> "tuple[tuple[Station, ...], Ways]":
+    """Return the joints of an instrument with their sizes and places, those of the tip first, and its tendons' ways."""
+    seat = (k.MM * bought.sheath + sizes.bore) / 2
+    found: list[tuple[Joint, AnyJoint]] = [
+        (joint, _sized(inst, full, joint, sizes, seat, modules)) for joint in (*full.tip_joints, *full.handle_joints)
+    ]
+    ways = _ways(full, {joint.name: (joint, one) for joint, one in found}, sizes)
+    found = [
+        (joint, one.passed(_passing(ways[joint.name]), sizes) if isinstance(one, GearJoint) else one)
+        for joint, one in found
+    ]
+    ends = _ends(inst, full, sizes, seat, found, ways)
+    return tuple(Station(joint, one, end) for (joint, one), end in zip(found, ends, strict=True)), ways
 
 
-def _seat(sizes: Sizes, bought: Hardware) -> float:
-    return (k.MM * bought.sheath + sizes.bore) / 2
+def _sized(  # noqa: PLR0917
+    inst: Instrument, full: FullForm, joint: Joint, sizes: Sizes, seat: float, modules: Mapping[str, float]
+) -> AnyJoint:
+    """Return the sizes of a joint's parts."""
+    key, stop, tip = _key(inst, joint), _stop(joint), joint.place == "tip"
+    radius = k.MM * joint.radius
+    if joint.mechanism == "tendon-gear":
+        module, teeth = gear_of(key, joint.radius, modules.get("distal" if tip else "proximal"))
+        gear = Gear(k.MM * module, teeth, k.MM * sizes.process.backlash)
+        return gear_joint(sizes, key, radius, gear, stop)
+    if joint.mechanism == "continuum":
+        rigidity, length = joint.backbone_rigidity or 0.0, joint.backbone_length or 0.0
+        rod = (64 * rigidity / (math.pi * 60e9)) ** 0.25
+        return backbone(sizes, radius, k.MM * length, k.MM * rod, stop)
+    joints = full.tip_joints if tip else full.handle_joints
+    if len(joints) == 1:
+        return pulley_joint(sizes, key, radius, stop, None if tip else seat)
+    bending = {
+        crossing.side: tendon
+        for tendon in full.tendons
+        for crossing in tendon.route
+        if crossing.joint == joint.name and crossing.side in ("agonist", "antagonist")
+    }
+    sides = tuple(int(SIGNS[side]) for side in ("agonist", "antagonist") if side in bending)
+    pulley = pulley_joint(sizes, key, radius, stop, None if tip else seat, sides)
+    own = joint.stiffness or 0.0
+    coil = (
+        spring(sizes, f"joints.{joint.name}.stiffness", pulley.pin, 1e3 * own / 2, pulley.rim) if own and tip else None
+    )
+    bearing = joints[-2].end_effector_length or 0.0
+    held = full.grip.length if full.grip is not None and joint.name in full.grip.jaws else None
+    low, high = joint.limits
+    opens = full.grip_arms[full.tip_joints.index(joint)] if tip else 0.0
+    stem = k.MM * _stem_diameter(full) / 2
+    return Lever(
+        pulley,
+        joint.range,
+        k.MM * joint.offset,
+        coil,
+        lever_length(tip=tip, radius=radius, held=k.MM * (held or 0.0)),
+        (low if opens >= 0 else high) if tip else 0.0,
+        k.MM * (bearing - joint.offset) if tip else 0.0,
+        max(2 * sizes.wall, 0.35 * stem if tip else 0.3 * radius, 0.4 * radius),
+    )
 
 
-def _ends(
-    inst: ShortForm,
+Ways: TypeAlias = dict[str, dict[str, tuple[float, float]]]
+"""Where tendons are at a joint, mm, in its own frame: by joint and by tendon."""
+
+
+def _ways(full: FullForm, sized: Mapping[str, tuple[Joint, AnyJoint]], sizes: Sizes) -> Ways:
+    """Return where all tendons are at all joints.
+
+    Those that pass a gear pair in its middle plane do so as far along its axis as at the next joint that they bend
+    where that is beyond the links, and on its axis otherwise. Raises InstrumentError if two would.
+    """
+    found: Ways = {name: {} for name in sized}
+    for tendon in full.tendons:
+        for joint, offset in crossed(full, tendon):
+            x, y = turned((k.MM * float(offset[0]), k.MM * float(offset[1])), -_turn(joint))
+            if math.hypot(x, y) < _SAME_PLACE:
+                x, y = 0.0, 0.0
+            if abs(x) < _SAME_PLACE:
+                one = sized[joint.name][1]
+                x = 0.0
+                if isinstance(one, GearJoint) and abs(y) < one.nearest_passage(sizes):
+                    y = 0.0
+            else:
+                y = 0.0
+            found[joint.name][tendon.name] = (x, y)
+    for name, ways in found.items():
+        middle = [tendon for tendon, way in ways.items() if way == (0.0, 0.0)]
+        if len(middle) > 1 and isinstance(sized[name][1], GearJoint):
+            raise InstrumentError(
+                f"joints.{name}.radius is {k.MM * sized[name][0].radius:.4g} mm: {' and '.join(middle)} would both "
+                "pass on its axis; give the joints beyond larger radii, so that one of them passes beside its links.",
+                key=f"joints.{name}.radius",
+                value=sized[name][0].radius,
+                allowed="larger radii beyond",
+            )
+    return found
+
+
+def _passing(ways: Mapping[str, tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    return tuple(dict.fromkeys(way for way in ways.values() if not way[0]))
+
+
+def _stem_diameter(full: FullForm) -> float:
+    given = full.stem_diameter
+    return STEM_PER_RADIUS * max(joint.radius for joint in full.tip_joints) if given is None else given
+
+
+def _ends(  # noqa: PLR0917
+    inst: Instrument,
+    full: FullForm,
     sizes: Sizes,
-    bought: Hardware,
-    tip: "GearJoint | PulleyJoint | Backbone",
-    hand: "GearJoint | PulleyJoint",
-) -> tuple[End, End]:
-    lengths = kinematics.dimensions(inst)
-    stem = k.MM * lengths.stem_diameter / 2
-    radius, shift = k.MM * lengths.distal_radii[0], tip.shift if isinstance(tip, PulleyJoint) else 0.0
-    needed = math.hypot(radius, shift) + sizes.rope / 2 + 0.02
+    seat: float,
+    found: list[tuple[Joint, AnyJoint]],
+    ways: Ways,
+) -> list[End]:
+    tips, hands = ([one for one in found if one[0].place == place] for place in ("tip", "handle"))
+    (first, tip), (hand_first, hand) = tips[0], hands[0]
+    assert not isinstance(tip, Lever)
+    assert not isinstance(hand, Lever | Backbone)
+    if full.stem_length is None:
+        raise InstrumentError(
+            f"{full.name} has no stem_length, which its tube needs: give it, 300 mm say.",
+            key="stem_length",
+            allowed="given",
+        )
+    stem = k.MM * _stem_diameter(full) / 2
+    radius, shift = k.MM * first.radius, tip.shift if isinstance(tip, PulleyJoint) else 0.0
+    outermost = max(radius, *(math.hypot(*way) for way in ways[first.name].values()))
+    needed = math.hypot(outermost, shift) + sizes.rope / 2 + 0.02
     if stem - needed < sizes.process.wall * k.MM / 2 and stem - needed < 0.15:
         refuse(
             "stem_diameter",
             2 * stem,
-            f"tendons of {sizes.rope:.3g} mm at {radius:.4g} mm from its axis leave {max(stem - needed, 0.0):.3g} mm "
-            "for the tube's wall",
+            f"tendons of {sizes.rope:.3g} mm at {outermost:.4g} mm from its axis leave {max(stem - needed, 0.0):.3g} "
+            "mm for the tube's wall",
             f"at least {2 * (needed + 0.15):.3g} mm",
         )
     bore = max(needed, stem - max(1.0, 0.05 * stem))
@@ -229,71 +496,172 @@ def _ends(
     rods = [rod for rod in _RODS if rod <= most]
     if not rods:
         refuse(
-            next(key for key, name in inst.parameter_fields.items() if name == "distal_radius"),
+            _key(inst, first),
             radius,
             f"no rod of {_RODS[0]:g} mm for the end-effector fits between the tendons' ends",
             f"at least {wide + sizes.wall + (_RODS[0] + sizes.bore) / 2:.3g} mm",
         )
-    seat = _seat(sizes, bought)
-    far = "yaw_far"
     near_tip = tip.collar if isinstance(tip, Backbone) else tip.depth + tip.collar
-    collar = max(tip.collar, 1.5 * rods[-1])
-    key = {name: key for key, name in inst.parameter_fields.items()}
-    stem_length = k.MM * lengths.stem_length
-    big = k.MM * lengths.proximal_radii[0]
-    slant = transition_length(big, radius) + min(stem, 15.0) + stem / 2
+    stem_length = k.MM * full.stem_length
+    big = k.MM * hand_first.radius
+    widest = max(big, *(math.hypot(*way) for way in ways[hand_first.name].values()))
+    slant = transition_length(widest, outermost) + min(stem, 15.0) + stem / 2
     near_hand = hand.depth + hand.collar + slant
     if near_tip + near_hand + 3 * stem > stem_length:
+        short = near_tip + near_hand + 3 * stem - stem_length
+        given = inst.short_form
+        value = stem_length if given is None else k.MM * given.overall_length
         refuse(
-            "overall_length",
-            k.MM * inst.overall_length,
+            "stem_length" if given is None else "overall_length",
+            value,
             f"of the stem's {stem_length:.4g} mm the ends of its joints take {near_tip + near_hand + 3 * stem:.4g} mm",
-            f"at least {k.MM * inst.overall_length + near_tip + near_hand + 3 * stem - stem_length:.4g} mm",
+            f"at least {value + short:.4g} mm",
         )
-    common = {"stem_length": stem_length, "stem_radius": stem, "stem_bore": bore, "tendon_radius": radius}
     rod_hand = max(rod for rod in (*_RODS, 10.0) if rod <= max(0.6 * big, _RODS[0]))
-    return (
-        End(
-            True,
-            key["distal_radius"],
-            "yaw_carrier",
-            far,
-            **common,
-            near_length=near_tip,
-            far_collar=collar,
-            rod=rods[-1],
-            seat=seat,
-            shift=shift,
-        ),
-        End(
-            False,
-            key["proximal_radius"],
-            "handle_yaw_carrier",
-            "handle_yaw_far",
-            **common,
-            near_length=near_hand,
-            far_collar=max(hand.collar, 1.5 * rod_hand, 4 * sizes.wall + 2 * seat),
-            rod=rod_hand,
-            seat=seat,
-            shift=shift,
-        ),
-    )
+    ends = []
+    for joints in (tips, hands):
+        at_tip = joints is tips
+        # A jaw or trigger stands on the last gear pair.
+        near = "stem"
+        for number, (joint, one) in enumerate(joints):
+            collar = getattr(one, "collar", 0.0)
+            places = ways[joint.name]
+            before = ways[joints[number - 1][0].name] if number else {}
+            if isinstance(one, Lever):
+                passing = tuple(before[name] for name in places)
+            else:
+                passing = _passing(places) if isinstance(one, GearJoint) else ()
+                _check_straight(inst, joints, number, ways)
+            start = joint.offset if at_tip else -joint.offset - (0.0 if number else full.stem_length)
+            ends.append(
+                End(
+                    tip=at_tip,
+                    prefix=("tip" if at_tip else "handle") if len(joints) == 1 else joint.name,
+                    key=_key(inst, joint),
+                    near=near,
+                    carrier=f"{joint.name}_carrier",
+                    far=f"{joint.name}_far",
+                    turn=_turn(joint),
+                    start=k.MM * start,
+                    order=number,
+                    last=number + 1 == len(joints),
+                    passing=passing,
+                    stem_ways=_stem_ways(full, one, joint, tip, ways, at_tip=at_tip) if not number else (),
+                    stem_length=stem_length,
+                    stem_radius=stem,
+                    stem_bore=bore,
+                    tendon_radius=outermost,
+                    near_length=near_tip if at_tip else near_hand,
+                    far_collar=max(collar, 1.5 * rods[-1])
+                    if at_tip
+                    else max(collar, 1.5 * rod_hand, 4 * sizes.wall + 2 * seat),
+                    rod=rods[-1] if at_tip else rod_hand,
+                    seat=seat,
+                    shift=shift,
+                )
+            )
+            near = ends[-1].far
+    return ends
 
 
-def _foot(joint: "GearJoint | PulleyJoint | Backbone", sizes: Sizes) -> float:
-    """Return where the socket of a far body begins, from its axis, mm."""
+def _check_straight(inst: Instrument, joints: list[tuple[Joint, AnyJoint]], number: int, ways: Ways) -> None:
+    """Refuse tendons that would have to change sides between two gear pairs."""
+    if not number:
+        return
+    joint, before = joints[number][0], joints[number - 1][0]
+    for name, way in ways[joint.name].items():
+        place = turned(way, _turn(joint) - _turn(before))
+        own = ways[before.name].get(name)
+        if own is None or math.dist(own, place) > _SAME_PLACE:
+            raise InstrumentError(
+                f"{_key(inst, joint, 'axis')} is {joint.axis}: tendon {name} would not pass straight from it to "
+                f"{before.name}; it must bend across it, with room beside its links.",
+                key=_key(inst, joint, "axis"),
+                value=joint.axis,
+                allowed=f"across that of {before.name}",
+            )
+
+
+def _stem_ways(
+    full: FullForm, one: AnyJoint, joint: Joint, tip: AnyJoint, ways: Ways, *, at_tip: bool
+) -> tuple[tuple[tuple[float, float], tuple[float, float]], ...]:
+    """Return where every tendon is at the first joint of an end and where within the stem, in that joint's frame."""
+    first = full.tip_joints[0]
+    shift = tip.shift if isinstance(tip, PulleyJoint) else 0.0
+    found = []
+    # Seen from its mate, the near half at the handle has y the other way.
+    side = 1.0 if at_tip else -1.0
+    for name, (x, y) in ways[joint.name].items():
+        place = ways[first.name].get(name)
+        if place is None:
+            continue
+        x_low, y_low = (
+            0.0 if abs(value) < _SAME_PLACE else value for value in turned(place, _turn(first) - _turn(joint))
+        )
+        at_joint = (x, math.copysign(one.shift, x) if isinstance(one, PulleyJoint) else side * y)
+        in_stem = (x_low, math.copysign(shift, x_low) if shift and x_low else side * y_low)
+        found.append((at_joint, in_stem))
+    return tuple(found)
+
+
+def _along(stations: tuple[Station, ...], wanted: Station) -> float:
+    """Return how far along the stem's axis the far axis of a joint is, from the stem's distal end, mm."""
+    at = 0.0
+    for one in stations:
+        at += one.end.start + one.end.outward * k.MM * one.joint.chord
+        if one is wanted:
+            break
+    return at
+
+
+def _foot(stations: tuple[Station, ...], sizes: Sizes) -> float:
+    """Return where the socket of what is fixed to the far body begins, from its axis, mm."""
+    lever = _lever(stations)
+    if lever is not None:
+        return lever.foot(sizes, stations[0].end.seat)
+    joint = stations[-1].sizes
+    assert not isinstance(joint, Lever)
     return (joint.collar if isinstance(joint, Backbone) else joint.depth) + sizes.wall
 
 
-def _rig(
-    inst: ShortForm, tip: End, joint: "GearJoint | PulleyJoint | Backbone", hand: "GearJoint | PulleyJoint"
-) -> Rig:
-    angles = np.linspace(-inst.output_range, inst.output_range, 41)
-    frames = kinematics.frames(inst, Posture(yaw=angles, handle_yaw=0.0))
-    places = k.MM * (frames.bodies["tip"].position - frames.bodies["stem"].position)
-    straight = float(places[20, 2])
-    pivot = straight - k.MM * inst.rig_arm
-    distances = np.hypot(places[:, 0], places[:, 2] - pivot)
-    half = tip.stem_radius if isinstance(joint, Backbone) else max(tip.stem_radius, joint.pin_length / 2)
-    cable = inst.conditions.cable_pulley_radius or _CABLE_RADIUS
-    return Rig(pivot, k.MM * cable, float(distances.min()), float(distances.max()), half + 3.0)
+def _rig(full: FullForm, tips: tuple[Station, ...], turn: float) -> Rig:
+    """Return where the load rig stands: for the first joint, its slot long enough for the others."""
+    bent = []
+    gears = [one for one in tips if not isinstance(one.sizes, Lever)]
+    bearing = gears[-1].end
+    name = f"{gears[-1].joint.name}_tip"
+    pivots = []
+    for number, one in enumerate(gears):
+        low, high = one.joint.limits
+        angles = np.zeros((41, len(tips)))
+        angles[:, number] = np.linspace(low, high, 41)
+        frames = kinematics.frames(full, angles)
+        stem = frames.bodies["stem"].position
+        places = k.MM * (frames.bodies[name].position - stem)
+        flat = np.zeros((1, len(tips)))
+        straight = kinematics.frames(full, flat).bodies
+        begin = k.MM * (straight[one.end.near].position - straight["stem"].position)[0, 2] + one.end.start
+        middle = k.MM * one.joint.chord / 2 if isinstance(one.sizes, Backbone) else 0.0
+        pivots.append(float(begin + middle))
+        bent.append(np.hypot(np.hypot(places[:, 0], places[:, 1]), places[:, 2] - pivots[-1]))
+    distances = np.concatenate(bent)
+    half = bearing.stem_radius
+    for one in tips:
+        joint = one.sizes
+        across = abs(math.cos(math.radians(one.end.turn - turn))) > 0.5
+        if isinstance(joint, GearJoint):
+            half = max(half, joint.pin_length / 2 if across else joint.width)
+        elif isinstance(joint, PulleyJoint):
+            half = max(half, joint.pin_length / 2)
+        elif isinstance(joint, Lever):
+            half = max(half, joint.outer + joint.pulley.pin if across else joint.length)
+    cable = full.conditions.cable_pulley_radius or _CABLE_RADIUS
+    return Rig(
+        pivots[0],
+        k.MM * cable,
+        float(distances.min()),
+        float(distances.max()),
+        half + 3.0,
+        turn,
+        tuple(pivots[1:]),
+    )

@@ -16,12 +16,13 @@ from tenodesis.cad import kernel as k
 from tenodesis.cad.assembly import Overlap, Progress, assembled, frames_of, interference, matrix, mesh_play
 from tenodesis.cad.checks import Agreement, Printable, agreement, printable, write_mesh
 from tenodesis.cad.drawing import write_drawings
+from tenodesis.cad.gears import GearJoint
 from tenodesis.cad.masses import Inertia, inertias, masses, tip_inertia, with_inertia
 from tenodesis.cad.model import Model
 from tenodesis.cad.picture import colours_of, draw_assembly, draw_exploded
 from tenodesis.errors import InstrumentError
 from tenodesis.extras import require
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument
 from tenodesis.instrument.text import to_file
 from tenodesis.kinematics.gltf import BODY_NODE, described
 from tenodesis.report import style
@@ -72,6 +73,7 @@ def _metres(place: Array) -> Array:
 _AXES = "xyz"
 _FIXED = ("end_effector", "tip", "grip")
 """Links without a mass of their own: their solids are counted with the far bodies they are fixed to."""
+_FIXED_ENDS = ("_tip", "_grip")
 _LEAST_MASS, _LEAST_INERTIA = 1e-6, 1e-9
 
 
@@ -87,7 +89,7 @@ def urdf(model: Model) -> str:
         name = link.get("name", "")
         if name in bodies:
             _write(link, bodies[name])
-        elif name in _FIXED:
+        elif name in _FIXED or name.endswith(_FIXED_ENDS):
             _write(link, None)
     for note in root:
         if not isinstance(note.tag, str) and note.text:
@@ -135,7 +137,7 @@ FILES = (
 """Files of a pack, beside a STEP file of each part in step/ and an STL file of each part to make in stl/."""
 FOLDERS = ("step", "stl")
 _COLUMNS = ("part", "title", "pieces", "make", "mass each [g]", "volume each [mm3]", "least wall [mm]", "support [mm2]")
-_HEADING = "With the inertia of its tip by the solids of tenodesis cad, process {}: dynamics.tip_inertia."
+_HEADING = "With the inertia of its tip by the solids of tenodesis cad, process {}."
 _STEPS = 9  # angles over the working range
 _SAME_VOLUME = 1e-6
 
@@ -150,8 +152,8 @@ class Checks:
     """Angle by which each gear pair turns either way until its teeth touch, rad."""
     printable: tuple[Printable, ...]
     tip_inertia: float
-    """About the output angle, kg·m²."""
-    instrument: ShortForm
+    """About the first output angle, kg·m²."""
+    instrument: Instrument
     """The instrument with that inertia, as its file in the pack has it."""
 
 
@@ -161,8 +163,7 @@ def check(model: Model, progress: Progress | None = None, *, steps: int = _STEPS
     Raises InstrumentError if parts overlap; the message names the first two, the angle and the volume.
     """
     inst = model.instrument
-    outputs = np.linspace(-inst.output_range, inst.output_range, steps)
-    handles = np.linspace(-inst.handle_range, inst.handle_range, steps)
+    outputs, handles = (np.linspace(-1, 1, steps) * model.at(tip=tip)[0].joint.range for tip in (True, False))
     overlaps = interference(model, [0.0, *outputs], list(handles), progress)
     if overlaps:
         one = overlaps[0]
@@ -177,10 +178,12 @@ def check(model: Model, progress: Progress | None = None, *, steps: int = _STEPS
             allowed="apart",
         )
     play = {}
-    if inst.joint_type == "tendon-gear":
-        if progress is not None:
-            progress(0, 1, "mesh of the gears")
-        play = {"tip": mesh_play(model, 0.0), "handle": mesh_play(model, 0.0, tip=False)}
+    for tip in (True, False):
+        for number, station in enumerate(model.at(tip=tip)):
+            if isinstance(station.sizes, GearJoint):
+                if progress is not None:
+                    progress(number, len(model.stations), "mesh of the gears")
+                play[station.end.prefix] = mesh_play(model, 0.0, tip=tip, joint=number)
     return Checks(agreement(model), tuple(overlaps), play, (), tip_inertia(model), with_inertia(model))
 
 
@@ -314,6 +317,7 @@ def _summary(model: Model, found: Checks) -> dict[str, Any]:
             }
             for name, one in inertias(model).items()
         },
+        "rig_axes": [height / k.MM for height in (model.rig.pivot, *model.rig.others)],
         "mesh_play": found.play,
         "excursion_difference": found.agreement.excursion,
         "tip_difference": found.agreement.tip,

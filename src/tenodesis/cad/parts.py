@@ -1,12 +1,12 @@
 """What an instrument is made of: processes, sizes that all parts share, parts, dimensions, and ends of the stem."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, NoReturn
 
 from tenodesis.cad import kernel as k
-from tenodesis.cad.kernel import Location, Point, Solid
+from tenodesis.cad.kernel import FLIP, Location, Point, Solid
 from tenodesis.errors import ArgumentError, InstrumentError
 
 
@@ -183,13 +183,30 @@ _STEEPEST = math.radians(20)
 
 
 class End(NamedTuple):
-    """One end of the stem, mm: what its joint's parts have in common."""
+    """Where a joint is along the instrument, mm: what its parts have in common."""
 
     tip: bool
+    """Whether it is at the tip; otherwise at the handle."""
+    prefix: str
+    """Begin of the names of its parts."""
     key: str
     """Key of the instrument file for the radius of its joint."""
+    near: str
+    """Body that it stands on: the stem, or the far body of the joint before."""
     carrier: str
     far: str
+    turn: float
+    """Turn about the stem of its own frame, whose x is the side that it bends to, deg."""
+    start: float
+    """Of its near axis along the body that it stands on."""
+    order: int
+    """Number of joints between it and the stem."""
+    last: bool
+    """Whether no other joint stands on it."""
+    passing: tuple[tuple[float, float], ...]
+    """Where tendons of joints beyond pass its middle plane, in its own frame."""
+    stem_ways: tuple[tuple[tuple[float, float], tuple[float, float]], ...]
+    """Of every tendon, where it is at the joint and where within the stem, in the frame of the joint."""
     stem_length: float
     stem_radius: float
     stem_bore: float
@@ -207,6 +224,20 @@ class End(NamedTuple):
     shift: float = 0.0
     """Distance of a tendon within the stem from the plane that the joint bends in."""
 
+    def place(self, along: float = 0.0, *, far: bool = False) -> Location:
+        """Return where a half of the joint, or a link, is in its body, so far along it; z of a half is to its mate."""
+        turned = k.at(z=along, turn=(0.0, 0.0, self.turn))
+        return turned * k.at(turn=FLIP) if far == self.tip else turned
+
+    def passing_in(self, *, far: bool = False) -> tuple[tuple[float, float], ...]:
+        """Return where tendons pass, in the frame of a half."""
+        return tuple((x, -y) for x, y in self.passing) if far == self.tip else self.passing
+
+    @property
+    def outward(self) -> float:
+        """Direction from the stem along it: 1 at the tip, -1 at the handle."""
+        return 1.0 if self.tip else -1.0
+
 
 def _spigot_length(end: End) -> float:
     return 1.2 * end.stem_radius
@@ -217,9 +248,20 @@ def spigot(end: End, sizes: Sizes, top: float) -> Solid:
     radius, length = end.stem_bore - sizes.play / 2, _spigot_length(end)
     flat = end.tendon_radius - sizes.tunnel / 2
     body = k.rod((0, 0, top - length), (0, 0, top), radius)
-    for low, high in ((flat, radius + 1), (-radius - 1, -flat)):
-        body -= k.box((low, high), (-radius, radius), (top - length, top))
+    lows = [low for _, low in end.stem_ways]
+    for turn in (0.0, 90.0):
+        if any(_across(low) == turn for low in lows):
+            for low, high in ((flat, radius + 1), (-radius - 1, -flat)):
+                body -= k.at(turn=(0, 0, turn)) * k.box((low, high), (-radius, radius), (top - length, top))
+    if any(not any(low) for low in lows):
+        body -= k.rod((0, 0, top - length), (0, 0, top), sizes.tunnel / 2)
     return body
+
+
+def _across(place: tuple[float, float]) -> float | None:
+    """Return the turn of the plane in which a tendon is beside the axis, deg; None on the axis."""
+    x, y = map(abs, place)
+    return None if not x and not y else 0.0 if x >= y else 90.0
 
 
 def tube_dimensions(end: End, sizes: Sizes) -> tuple[Dimension, ...]:
@@ -260,33 +302,39 @@ def transition_length(radius: float, tendon_radius: float) -> float:
     return abs(radius - tendon_radius) / math.tan(_STEEPEST)
 
 
-def transition(  # noqa: PLR0917
-    end: End,
-    sizes: Sizes,
-    width: float,
-    middle: float,
-    top: float,
-    ways: Sequence[tuple[tuple[float, float], tuple[float, float]]],
-) -> tuple[Solid, list[Solid]]:
-    """Return the body between a joint's collar and the stem, and its tunnels: from (x, y) at the top to (x, y)."""
+def transition(end: End, sizes: Sizes, width: float, middle: float, top: float) -> tuple[Solid, list[Solid]]:
+    """Return the body between a joint's collar and the stem, and its tunnels, from a height at the top."""
     length = -end.near_length - top
     straight = min(0.25 * -length, end.stem_radius)
     low = -end.near_length + straight
     # The walls beside the slanted tunnels are slanted as well.
     wall = sizes.wall / math.cos(_STEEPEST) + 0.01
-    width = max(width, *(abs(x) + sizes.tunnel / 2 + wall for (x, _), _ in ways))
+    body = k.rod((0, 0, -end.near_length), (0, 0, low), end.stem_radius)
     narrow = end.tendon_radius + sizes.tunnel / 2 + wall
-    deep = max(middle, 0.4 * end.stem_radius, *(abs(y) + sizes.tunnel / 2 + sizes.wall for way in ways for _, y in way))
-    body = k.bar([(-width, top), (-narrow, low), (narrow, low), (width, top)], -deep, deep)
-    body += k.rod((0, 0, -end.near_length), (0, 0, low), end.stem_radius)
-    tunnels = []
-    for (x, y), (x_low, y_low) in ways:
-        radius = sizes.tunnel / 2
+    for turn in (0.0, 90.0):
+        ways = [[turned(place, -turn) for place in way] for way in end.stem_ways if _across(way[0]) == turn]
+        if not ways:
+            continue
+        own = width if turn == 0 else 0.0
+        wide = max(own, *(abs(x) + sizes.tunnel / 2 + wall for (x, _), _ in ways))
+        depths = [abs(y) + sizes.tunnel / 2 + sizes.wall for way in ways for _, y in way]
+        deep = max(middle, 0.4 * end.stem_radius, *depths)
+        prism = k.bar([(-wide, top), (-narrow, low), (narrow, low), (wide, top)], -deep, deep)
+        body += prism if turn == 0 else k.at(turn=(0, 0, turn)) * prism
+    radius, tunnels = sizes.tunnel / 2, []
+    for (x, y), (x_low, y_low) in end.stem_ways:
         slanted = k.rod((x, y, top), (x_low, y_low, low), radius)
         for place in ((x, y, top), (x_low, y_low, low)):
             slanted += k.kernel().Pos(*place) * k.kernel().Sphere(radius)
         tunnels += [slanted, k.rod((x_low, y_low, -end.near_length), (x_low, y_low, low), radius)]
     return body, tunnels
+
+
+def turned(place: tuple[float, float], turn: float) -> tuple[float, float]:
+    """Return a place in the plane across, turned by an angle, deg."""
+    x, y = place
+    cos, sin = math.cos(math.radians(turn)), math.sin(math.radians(turn))
+    return cos * x - sin * y, sin * x + cos * y
 
 
 def ferrule(sizes: Sizes) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from tenodesis.cad import kernel as k
 from tenodesis.cad.assembly import Placed, assembled
+from tenodesis.cad.lever_parts import Lever
 from tenodesis.cad.model import Model
 from tenodesis.report import style
 from tenodesis.run import Array
@@ -27,11 +28,20 @@ _Colours: TypeAlias = Mapping[str, tuple[float, float, float]]
 _FINE = 2  # samples per pixel and direction
 _EDGE = 0.35
 _NAME = 72.0  # pt, of a part's name in small type
+_LETTER = 4.2  # pt, of a letter of it
+_HIGH = 220.0  # pt, of a picture
+_LINE = 15.0  # pt, of its line
 
 
 def draw_assembly(model: Model, output_angle: float = math.radians(40)) -> Figure:
-    """Return a picture of the whole assembly, its tip bent to an angle (rad), and of both joints."""
-    placed = assembled(model, output_angle)
+    """Return a picture of the whole assembly, its tip bent to an angle (rad), and of both ends; a jaw half closed."""
+    tips = model.at(tip=True)
+    angles = [
+        one.sizes.closed / 2 if isinstance(one.sizes, Lever) else min(output_angle, one.joint.limits[1]) for one in tips
+    ]
+    placed = assembled(model, angles)
+    # The load rig follows the first joint alone.
+    loaded = assembled(model, [angles[0], *(0.0 for _ in angles[1:])])
     fig = style.StyledFigure(figsize=(11.0, 7.2), layout="constrained")
     places = "AA;BC"
     whole, tip, handle = fig.subplot_mosaic(places, height_ratios=(0.62, 1.0), width_ratios=(1.0, 1.25)).values()
@@ -39,7 +49,7 @@ def draw_assembly(model: Model, output_angle: float = math.radians(40)) -> Figur
         one.part.name for one in placed if one.part.body in ("bench", "rig_bar", "stem") or one.part.name == "grip"
     )
     colours = colours_of(model)
-    _show(whole, placed, colours, groups, "Assembly on its bench", (2200, 780))
+    _show(whole, loaded, colours, groups, "Assembly on its bench", (2200, 780))
     _show(
         tip,
         _near(model, placed, tip=True),
@@ -48,7 +58,14 @@ def draw_assembly(model: Model, output_angle: float = math.radians(40)) -> Figur
         f"Tip, bent by {math.degrees(output_angle):.0f}°",
         (1000, 350),
     )
-    _show(handle, _near(model, placed, tip=False), colours, None, "Joint of the handle", (1000, 430))
+    _show(
+        handle,
+        _near(model, placed, tip=False),
+        colours,
+        None,
+        "Joint of the handle" if len(tips) == 1 else "Joints of the handle",
+        (1000, 430),
+    )
     return fig
 
 
@@ -72,7 +89,8 @@ def draw_exploded(model: Model) -> Figure:
 
 def _near(model: Model, placed: Sequence[Placed], *, tip: bool) -> list[Placed]:
     """Return what belongs to one end: its joint and what is fixed to it."""
-    other = ("handle_", "grip") if tip else ("tip_", "end_effector", "backbone")
+    other = tuple(f"{one.end.prefix}_" for one in model.at(tip=not tip))
+    other += ("grip",) if tip else ("end_effector", "backbone")
     return [
         one
         for one in placed
@@ -100,8 +118,11 @@ def _show(  # noqa: PLR0917
     for one, centre in zip(placed, centres, strict=True):
         if centre is not None and (names is None or one.part.name in names):
             kinds.setdefault(one.part.name, centre)
-    flat = wide > 1.5 * high
-    _name(axis, kinds, (wide, high), _NAME / width[1] if flat else 0.06, across=0 if flat else 1)
+    points = min(width[1], _HIGH * wide / high)
+    needed = max(_NAME, _LETTER * max(map(len, kinds), default=0))
+    flat = wide > 1.5 * high and (len(kinds) + 1) // 2 * needed <= points
+    line = max(0.06, _LINE * wide / (points * high))
+    _name(axis, kinds, (wide, high), needed / points if flat else line, across=0 if flat else 1)
 
 
 def _name(

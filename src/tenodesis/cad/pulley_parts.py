@@ -47,11 +47,14 @@ class PulleyJoint(NamedTuple):
     """Thickness of either arm of the fork."""
     pin: float
     play: float
+    wall: float
     depth: float
     """From the axis to the fork's collar."""
     collar: float
     wrap: float
     """Angle from where the tendon meets the straight joint's pulley to where it is anchored or leaves it."""
+    sides: tuple[int, ...] = (1, -1)
+    """Of its tendons: 1 of the agonist, -1 of the antagonist."""
 
     @property
     def bottom_radius(self) -> float:
@@ -64,12 +67,19 @@ class PulleyJoint(NamedTuple):
         return self.half + self.cheek
 
     @property
+    def fork_arm(self) -> float:
+        """Half the width of either arm of the fork."""
+        return self.pin / 2 + max(2 * self.wall, 0.3 * self.radius)
+
+    @property
     def pin_length(self) -> float:
         """Over the fork, with a groove's width for a ring on either side."""
         return 2 * (self.outside + self.play + self.fork + 0.4 * self.pin)
 
 
-def pulley_joint(sizes: Sizes, key: str, radius: float, stop: float, seat: float | None) -> PulleyJoint:
+def pulley_joint(  # noqa: PLR0917
+    sizes: Sizes, key: str, radius: float, stop: float, seat: float | None, sides: tuple[int, ...] = (1, -1)
+) -> PulleyJoint:
     """Return the sizes of a pulley that turns up to an angle, rad; with the radius of a sheath's seat if it has one.
 
     Raises InstrumentError if no pin fits in it.
@@ -85,7 +95,7 @@ def pulley_joint(sizes: Sizes, key: str, radius: float, stop: float, seat: float
             f"{sizes.process.name} allows",
             f"at least {least:.3g} mm",
         )
-    shift = groove + wall / 2
+    shift = groove + wall / 2 if len(sides) > 1 else 0.0
     half = shift + groove + wall
     rim = radius + sizes.rope
     boss = 0.0 if seat is None else shift + seat + wall - half
@@ -107,9 +117,11 @@ def pulley_joint(sizes: Sizes, key: str, radius: float, stop: float, seat: float
         fork=max(2 * wall, 0.12 * radius),
         pin=pins[-1],
         play=sizes.play,
+        wall=wall,
         depth=depth,
         collar=max(3 * wall, 0.5 * radius),
         wrap=wrap,
+        sides=sides,
     )
 
 
@@ -157,7 +169,7 @@ def pulley_parts(joint: PulleyJoint, end: End, sizes: Sizes) -> list[Part]:
 
 def _near(joint: PulleyJoint, end: End, sizes: Sizes) -> Solid:
     inner = joint.outside + joint.play
-    arm, top = joint.pin / 2 + max(2 * sizes.wall, 0.3 * joint.radius), -joint.depth
+    arm, top = joint.fork_arm, -joint.depth
     width = max(joint.radius + sizes.tunnel / 2 + sizes.wall, arm)
     body = k.box((-width, width), (-inner - joint.fork, inner + joint.fork), (top - joint.collar, top))
     for low in (-inner - joint.fork, inner):
@@ -169,8 +181,7 @@ def _near(joint: PulleyJoint, end: End, sizes: Sizes) -> Solid:
         cuts = [k.rod((x, y, top - joint.collar), (x, y, top), sizes.tunnel / 2) for x, y in places]
     else:
         low = top - joint.collar
-        ways = [((x, y), (math.copysign(end.tendon_radius, x), math.copysign(end.shift, y))) for x, y in places]
-        joined, cuts = transition(end, sizes, width, inner + joint.fork, low, ways)
+        joined, cuts = transition(end, sizes, width, inner + joint.fork, low)
         body += joined
         cuts += [k.rod((x, y, low), (x, y, top), sizes.tunnel / 2) for x, y in places]
     for cut in cuts:
@@ -194,12 +205,12 @@ def _far(joint: PulleyJoint, end: End, sizes: Sizes) -> Solid:
     for y in (joint.shift, -joint.shift):
         body = k.grooved(body, joint.bottom_radius, y, joint.groove, rim + 1e-3)
     for side in (1, -1):
-        body = _tendon_end(joint, end, sizes, body, side)
+        body = tendon_end(joint, end, sizes, body, side)
     body -= k.rod((0, -joint.outside - 1, 0), (0, joint.outside + 1, 0), (joint.pin + sizes.bore) / 2)
     return body - socket(end, sizes, bottom)
 
 
-def _tendon_end(joint: PulleyJoint, end: End, sizes: Sizes, body: Solid, side: int) -> Solid:
+def tendon_end(joint: PulleyJoint, end: End, sizes: Sizes, body: Solid, side: int) -> Solid:
     """Return the far body with the anchor of a tendon, or at the handle its tunnel and the seat of its sheath."""
     y = side * joint.shift
     x, z = side * joint.radius * math.cos(joint.wrap), -joint.radius * math.sin(joint.wrap)

@@ -18,6 +18,7 @@ from tenodesis.cli.outputs import Outputs
 from tenodesis.errors import CommandError, InstrumentError
 from tenodesis.extras import require
 from tenodesis.files import write_errors
+from tenodesis.instrument import as_short_form
 from tenodesis.instrument.tip_motion import tip_inertia
 from tenodesis.report import style
 from tenodesis.scaling import Design
@@ -45,10 +46,10 @@ def write_cad(  # noqa: PLR0917
     out: Annotated[Path, typer.Option(help="Folder for solids, drawings and pictures.")] = Path("cad"),
 ) -> None:
     """Write an instrument on its bench as solids: STEP, STL, glTF, drawings, pictures; checked over its range."""
-    inst = load_instrument(instrument_file, planar=True)
+    inst = load_instrument(instrument_file)
     check_choice("--process", process, cad.PROCESSES)
-    if axis is not None:
-        check_choice("--axis", axis, inst.axes)
+    if axis is not None and inst.short_form is not None:
+        check_choice("--axis", axis, inst.short_form.axes)
     modules = _modules(module or [])
     with (
         writing_solids(outputs, out, "--out"),
@@ -84,19 +85,35 @@ def print_checks(checks: cad.Checks, model: cad.Model) -> None:
         f"{len(checks.printable)} meshes are closed."
     )
     for place, play in checks.play.items():
-        say(f"Backlash of the gears at the {place}: {math.degrees(sum(play)):.2g}°.")
-    old, new = (tip_inertia(inst.axis(model.axis)) for inst in (model.given, checks.instrument))
-    light = "" if new <= checks.tip_inertia * (1 + 1e-9) else f", {new:.3g} in the file, the least its twin can follow"
-    was = "" if model.given.dynamics.tip_inertia is not None else ", of a tip that swings at 20 Hz"
-    say(
-        f"Inertia of the tip from its solids: {checks.tip_inertia:.3g} kg·m²{light} (before: {old:.3g} kg·m²{was}); "
-        f"the instrument file that is written has it{' for both axes' if len(model.given.axes) > 1 else ''}."
-    )
+        of = f"at the {place}" if model.axis is not None else f"of {place}"
+        say(f"Backlash of the gears {of}: {math.degrees(sum(play)):.2g}°.")
+    _print_inertia(checks, model)
     least = model.process.wall
     thin = {one.part: one.least_wall for one in checks.printable if one.least_wall < 0.98 * least}
     if thin:
         parts = ", ".join(f"{part} {1e3 * wall:.2g} mm" for part, wall in thin.items())
         say(f"Thinner somewhere than the {1e3 * least:g} mm that {model.process.name} allows: {parts}.")
+
+
+def _print_inertia(checks: cad.Checks, model: cad.Model) -> None:
+    given, built = model.given.short_form, checks.instrument.short_form
+    if given is None or built is None:
+        links = ", ".join(
+            f"{joint.name} {1e3 * (joint.mass or 0.0):.3g} g" for joint in checks.instrument.expanded.tip_joints
+        )
+        more = checks.instrument.sources["joints.inertia"].partition("; ")[2]
+        say(
+            f"Links of the tip from their solids: {links}; the instrument file that is written has them"
+            f"{f', and inertias {more}' if more else ''}."
+        )
+        return
+    old, new = (tip_inertia(inst.axis(model.axis or "yaw")) for inst in (given, built))
+    light = "" if new <= checks.tip_inertia * (1 + 1e-9) else f", {new:.3g} in the file, the least its twin can follow"
+    was = "" if given.dynamics.tip_inertia is not None else ", of a tip that swings at 20 Hz"
+    say(
+        f"Inertia of the tip from its solids: {checks.tip_inertia:.3g} kg·m²{light} (before: {old:.3g} kg·m²{was}); "
+        f"the instrument file that is written has it{' for both axes' if len(given.axes) > 1 else ''}."
+    )
 
 
 class DesignSolids:
@@ -120,7 +137,7 @@ class DesignSolids:
         except InstrumentError as problem:
             self._refused = problem
             return design
-        return design.built_as(cad.with_inertia(self._model))
+        return design.built_as(as_short_form(cad.with_inertia(self._model)))
 
     @property
     def backlash(self) -> float | None:

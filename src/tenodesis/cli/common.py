@@ -78,7 +78,7 @@ def load_instrument(name_or_path: str, *, planar: bool = False) -> Instrument:
         raise InstrumentError(
             f"{name_or_path} lists joints and tendons, and this command takes planar instruments; tenodesis check, "
             "loss, compare, bench, record, replay, console, devices test, scale, tolerance, transfer, identify, "
-            "vertices, export controller, export urdf and export mjcf take such files, and tn in Python.",
+            "vertices, cad, export controller, export urdf and export mjcf take such files, and tn in Python.",
             key="file",
             value=name_or_path,
             allowed="a planar instrument",

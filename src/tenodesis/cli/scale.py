@@ -24,7 +24,7 @@ from tenodesis.cli.common import (
     table,
 )
 from tenodesis.cli.outputs import Outputs
-from tenodesis.cli.scale_joints import scale_joints, write_front
+from tenodesis.cli.scale_joints import print_built, scale_joints, write_front
 from tenodesis.errors import CommandError, NoSolutionError, ProtocolError, StudyError
 from tenodesis.extras import require
 from tenodesis.files import atomic_files, write_errors
@@ -99,8 +99,8 @@ def scale(  # noqa: PLR0917
 ) -> None:
     """Design a scale model of an instrument from stock parts: instrument file, test plan, and how similar it is.
 
-    Of an instrument that lists joints and tendons, all joints at once; tolerances, assembly and first run, --objective
-    and --cad are of planar instruments alone.
+    Of an instrument that lists joints and tendons, all joints at once, with tolerances; order list, assembly and first
+    run, --objective and --cad are of planar instruments alone.
     """
     require("typst", "design")
     if objective is not None and pick is not None:
@@ -132,7 +132,7 @@ def scale(  # noqa: PLR0917
                 )
         parsed = _pins(factor, pin or [])
         parts = scaling.load(*(catalogue or ()))
-        scale_joints(outputs, inst, parts, parsed, prefer, pick, out)
+        scale_joints(outputs, inst, parts, parsed, prefer, pick, out, target if parts_too else None)
         return
     with ExitStack() as stack:
         if solids is not None:
@@ -367,17 +367,8 @@ def _print_objectives(practical: PracticalFront, taken: Objective | None) -> Non
 
 
 def _print_built(pack: workshop.Pack, usually: float) -> None:
-    budget = pack.budget
-    forces = budget.forces or tuple(budget.by_force)
-    keeps = "keep" if budget.is_kept else "keep, with every grade that lowers it by 1 % for a cost of 1,"
-    dearest = max(budget.dimensions.values(), key=lambda one: one.cost)
-    say(
-        f"As built with usual tolerances {usually:.2g}°, without friction, as in the tables. With friction: as "
-        f"designed {budget.designed:.2g}°; as built to the tolerances of the plan, up to {max(forces):.3g} N: median "
-        f"{budget.built.median:.2g}°, {100 * budget.share:g} % {keeps} {budget.built.kept:.2g}° ({budget.samples} "
-        f"drawn); cost {budget.cost:.3g}, most of it {dearest.key} ({dearest.cost:.2g}). With the cheapest grades "
-        f"{budget.coarsest.kept:.2g}°."
-    )
+    say(f"As built with usual tolerances {usually:.2g}°, without friction, as in the tables.")
+    print_built(pack.budget)
 
 
 def _representatives(front: Front, chosen: int | None) -> list[int]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rich.markup import escape
 
-from tenodesis import scaling, tolerance
+from tenodesis import scaling, tolerance, workshop
 from tenodesis.cli.cad import in_step
 from tenodesis.cli.common import ProgressBar, console, say, table
 from tenodesis.cli.outputs import Outputs
@@ -36,9 +36,14 @@ def scale_joints(  # noqa: PLR0917
     prefer: Preference,
     pick: int | None,
     out: Path,
+    target: float | None,
 ) -> None:
-    """Design a scale model, write its files, and print front, factors and errors."""
-    with outputs.folder(out, _FILES), ProgressBar("", None) as bar:
+    """Design a scale model, write its files, and print front, factors and errors.
+
+    With a target, deg, also the cheapest tolerances found that keep it.
+    """
+    files = (*_FILES, *(workshop.BUDGET_FILES if target is not None else ()))
+    with outputs.folder(out, files), ProgressBar("", None) as bar:
         report = in_step(bar)
         front = scaling.design_joints(
             inst, parts, pins=pins, progress=lambda doing, done, total: report(done, total, doing)
@@ -49,12 +54,20 @@ def scale_joints(  # noqa: PLR0917
         design = front[chosen]
         report(0, 1, "drawing instruments from tolerances")
         built, lacking = _built(design)
+        budget, without = None, ""
+        if target is not None:
+            report(0, 1, "choosing tolerances")
+            budget, without = _tolerated(design, target)
         report(0, 1, "writing the plan")
-        _write(out, front, design, built)
+        _write(out, front, design, built, budget)
     _print(front, chosen, design, built)
-    if lacking:
-        say(lacking)
-    say(f"{', '.join(str(out / name) for name in _FILES[:5])} and a picture of the front are written.")
+    if budget is not None:
+        print_built(budget)
+    for sentence in (lacking, without):
+        if sentence:
+            say(sentence)
+    written = (*_FILES[:5], *(workshop.BUDGET_FILES if budget is not None else ()))
+    say(f"{', '.join(str(out / name) for name in written)} and a picture of the front are written.")
 
 
 def _built(design: JointDesign) -> tuple[AsBuilt | None, str]:
@@ -67,10 +80,35 @@ def _built(design: JointDesign) -> tuple[AsBuilt | None, str]:
     return AsBuilt(_SHARE, tuple(kept), 1e-3 * float(np.quantile(found["tip_largest"], _SHARE))), ""
 
 
-def _write(out: Path, front: JointFront, design: JointDesign, built: AsBuilt | None) -> None:
+def _tolerated(design: JointDesign, target: float) -> tuple[workshop.Budget | None, str]:
+    """Return the tolerances of a design; or a sentence on why it has none."""
+    try:
+        return workshop.tolerate(design.real_size, design.scaled_up, target=target), ""
+    except StudyError as problem:
+        return None, f"There are no tolerances for it: {problem}"
+
+
+def print_built(budget: workshop.Budget) -> None:
+    """Print what instruments built to a budget keep, and what that costs."""
+    forces = budget.forces or tuple(budget.by_force)
+    keeps = "keep" if budget.is_kept else "keep, with every grade that lowers it by 1 % for a cost of 1,"
+    dearest = max(budget.dimensions.values(), key=lambda one: one.cost)
+    say(
+        f"With friction: as designed {budget.designed:.2g}°; as built to the tolerances of the plan, up to "
+        f"{max(forces):.3g} N: median {budget.built.median:.2g}°, {100 * budget.share:g} % {keeps} "
+        f"{budget.built.kept:.2g}° ({budget.samples} drawn); cost {budget.cost:.3g}, most of it {dearest.key} "
+        f"({dearest.cost:.2g}). With the cheapest grades {budget.coarsest.kept:.2g}°."
+    )
+
+
+def _write(
+    out: Path, front: JointFront, design: JointDesign, built: AsBuilt | None, budget: workshop.Budget | None
+) -> None:
     with write_errors(out, CommandError), atomic_files(out) as new:
         (new / _FILES[0]).write_text(to_file(design.scaled_up, comment=_HEADING.format(design.real_size.name)), "utf-8")
-        joints_plan.write(design, new, built)
+        joints_plan.write(design, new, built, None if budget is None else workshop.budget_supplement(budget))
+        if budget is not None:
+            workshop.write_budget(budget, new)
         with (new / "parts.csv").open("w", newline="", encoding="utf-8") as file:
             csv.writer(file).writerows([("number", "part", "take", "which is"), *joints_plan.parts(design)])
         write_front(front, new / "front.csv")

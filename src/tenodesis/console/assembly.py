@@ -27,32 +27,30 @@ _TUBE = 0.35
 
 
 class Assembly(NamedTuple):
-    """Parts of an instrument of one bending axis, called yaw, in the frames of its bodies; :func:`load` makes it."""
+    """Parts of an instrument in the frames of its bodies, of a planar one of one axis, yaw; :func:`load` makes it."""
 
     described: Mapping[str, str | float]
-    """Joint type and lengths of the instrument, m."""
+    """Joint type and lengths of the instrument, m, or those of its joints."""
     solids: tuple[Solid, ...]
 
     def differs(self, inst: Instrument) -> str:
         """Return how an instrument differs from the one whose parts these are; nothing where they are its own."""
-        if inst.short_form is None:
-            return f"{inst.name} lists joints and tendons, the solids are of a bending axis"
-        if len(inst.axes) > 1:
+        if inst.short_form is not None and len(inst.short_form.axes) > 1:
             return f"{inst.name} has two bending axes, the solids have one"
         for key, value in described(inst).items():
             given: Any = self.described.get(key)
             if isinstance(value, str):
                 if given != value:
-                    return f"joint_type is {value}, that of the solids {given}"
+                    return f"{key} is {value}, that of the solids {given or 'missing'}"
             elif not isinstance(given, int | float) or abs(given - value) > _SAME:
                 shown = f"{1e3 * given:.6g} mm" if isinstance(given, int | float) else "missing"
                 return f"{key} of {inst.name} is {1e3 * value:.6g} mm, that of the solids {shown}"
         return ""
 
     def of(self, inst: Instrument, stem_length: float) -> list[Solid]:
-        """Return the parts for an instrument of one axis of any name, its stem cut to a length, m, in the middle."""
-        (axis,), short = inst.axes, float(self.described["stem_length"]) - stem_length
-        turned = about(AXES[axis])
+        """Return the parts for an instrument, its axis of any name if it has one, its stem cut to a length, m."""
+        axis = "yaw" if inst.short_form is None else inst.short_form.axes[0]
+        short, turned = float(self.described["stem_length"]) - stem_length, about(AXES[axis])
         found = []
         for solid in self.solids:
             mesh = solid.mesh.copy()

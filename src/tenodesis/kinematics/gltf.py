@@ -1,6 +1,6 @@
 """What the glTF file of an assembly says of its instrument: for those that write and those that read it."""
 
-from tenodesis.instrument import Continuum, InstrumentLike, as_short_form
+from tenodesis.instrument import Continuum, InstrumentLike, as_instrument
 from tenodesis.kinematics.dimensions import dimensions
 
 BODY_NODE = "body "
@@ -10,9 +10,17 @@ BODY_NODE = "body "
 def described(inst: InstrumentLike) -> dict[str, str | float]:
     """Return what solids must have in common with an instrument to be its own: joint type and lengths (m) of its axis.
 
-    Raises as :func:`tenodesis.kinematics.dimensions` does.
+    Of joints and tendons it is the mechanism, radius and offset of every joint. Raises as
+    :func:`tenodesis.kinematics.dimensions` does.
     """
-    inst = as_short_form(inst)
+    given = as_instrument(inst)
+    if given.short_form is None:
+        full = given.expanded
+        found: dict[str, str | float] = {f"{one.name}.mechanism": one.mechanism for one in full.joints}
+        for key in ("radius", "offset"):
+            found |= {f"{one.name}.{key}": getattr(one, key) for one in full.joints}
+        return found | {"stem_length": full.stem_length or 0.0}
+    inst = given.short_form
     lengths = dimensions(inst)
     return {
         "joint_type": inst.joint_type,

@@ -17,6 +17,7 @@ from tenodesis.scaling.plan import (
     JointPlan,
     PlanFigure,
     PlanTable,
+    Supplement,
     angle,
     masses,
     plain,
@@ -55,9 +56,11 @@ class AsBuilt:
     """At the real-size tip, m"""
 
 
-def write(design: JointDesign, folder: Path, built: AsBuilt | None = None) -> tuple[Path, Path]:
+def write(
+    design: JointDesign, folder: Path, built: AsBuilt | None = None, supplement: Supplement | None = None
+) -> tuple[Path, Path]:
     """Write the plan as plan.html and plan.pdf, and return their paths; raises DesignError if they cannot be."""
-    return write_plan(content(design, built), folder)
+    return write_plan(content(design, built, supplement), folder)
 
 
 def distance(metres: float) -> str:
@@ -65,8 +68,8 @@ def distance(metres: float) -> str:
     return quantity(metres, "mm", 2, "m") if metres >= _LEAST else f"<{1e3 * _LEAST:g} mm"
 
 
-def content(design: JointDesign, built: AsBuilt | None = None) -> JointPlan:
-    """Return the content of the plan of a design."""
+def content(design: JointDesign, built: AsBuilt | None = None, supplement: Supplement | None = None) -> JointPlan:
+    """Return the content of the plan of a design, with what another package adds to it."""
     pair, error = design.comparison, design.error
     cards = [
         Card(f"× {plain(pair.factors['length'])}", "length, scaled-up over real-size"),
@@ -77,11 +80,13 @@ def content(design: JointDesign, built: AsBuilt | None = None) -> JointPlan:
     if built is not None:
         share = f"{100 * built.share:g} %"
         cards.append(Card(angle(max(built.joints)), f"as built: {share} keep, with friction, by usual tolerances"))
+    if supplement is not None and supplement.card is not None:
+        cards.append(supplement.card)
     return JointPlan(
         title=f"{design.scaled_up.name}: scale model of {design.real_size.name}",
         lead=f"{', '.join(pair.joints)} · {len(design.scaled_up.tendons)} tendons · catalogue {design.catalogue.name}",
         cards=tuple(cards),
-        warnings=tuple(_warnings(design)),
+        warnings=(*_warnings(design), *(supplement.warnings if supplement else ())),
         rows=[
             [_parts(design)],
             [_loads(design)],
@@ -90,6 +95,7 @@ def content(design: JointDesign, built: AsBuilt | None = None) -> JointPlan:
             [_losses(design)],
             [_similarity(design, built)],
             [_groups(design)],
+            *(map(list, supplement.rows) if supplement else ()),
         ],
         footer=f"tenodesis {about()['tenodesis']} · research software, not a medical device",
     )

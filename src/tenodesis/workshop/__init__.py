@@ -1,11 +1,13 @@
 """From a scale model's plan to its parts: tolerances, order list, assembly and first run."""
 
-from tenodesis.workshop.budget import TARGET, Budget, Dimension, Grade, Spread, tolerate
+from tenodesis.workshop.budget import TARGET, Budget, Dimension, Spread, tolerate
 from tenodesis.workshop.first_run import Demand, FirstRun, Reading, rehearse
+from tenodesis.workshop.grades import Grade
 from tenodesis.workshop.order import Item, RopeLength, Step, checklist, order_list, rope_length
-from tenodesis.workshop.pack import FILES, Pack, prepare
+from tenodesis.workshop.pack import BUDGET_FILES, FILES, Pack, budget_supplement, prepare, write_budget
 
 __all__ = [
+    "BUDGET_FILES",
     "FILES",
     "TARGET",
     "Budget",
@@ -19,12 +21,14 @@ __all__ = [
     "RopeLength",
     "Spread",
     "Step",
+    "budget_supplement",
     "checklist",
     "order_list",
     "prepare",
     "rehearse",
     "rope_length",
     "tolerate",
+    "write_budget",
 ]
 
 

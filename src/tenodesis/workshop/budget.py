@@ -1,187 +1,33 @@
-"""The tolerances of a scale model: grades and what they cost, and the cheapest set of them that keeps a target.
-
-Costs are relative: 1 is one part turned to general tolerances. All costs are ours: from IT8 on they double about every
-two grades; replace them by your workshop's.
-"""
+"""The tolerances of a scale model: the cheapest set of grades that keeps a target."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
-from math import hypot, inf, radians
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis import statics
 from tenodesis.errors import ArgumentError, InstrumentError, StudyError
-from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
+from tenodesis.instrument import Instrument, InstrumentLike, ShortForm, as_instrument, as_short_form, expanded
 from tenodesis.run import Array
 from tenodesis.scaling.plan import plain, quantity
 from tenodesis.similarity import Comparison, compare
 from tenodesis.similarity.parameters import field_of
-from tenodesis.tolerance.defaults import general_tolerance
 from tenodesis.tolerance.evaluation import Cycle, angles_of_many, cycles
-
-# ISO 286-1, standard tolerances in um by grade, of the diameters up to each of the sizes, mm.
-_SIZES = (3, 6, 10, 18, 30, 50, 80, 120, 180, 250, 315, 400, 500)
-_IT = {
-    5: (4, 5, 6, 8, 9, 11, 13, 15, 18, 20, 23, 25, 27),
-    6: (6, 8, 9, 11, 13, 16, 19, 22, 25, 29, 32, 36, 40),
-    7: (10, 12, 15, 18, 21, 25, 30, 35, 40, 46, 52, 57, 63),
-    8: (14, 18, 22, 27, 33, 39, 46, 54, 63, 72, 81, 89, 97),
-    9: (25, 30, 36, 43, 52, 62, 74, 87, 100, 115, 130, 140, 155),
-    10: (40, 48, 58, 70, 84, 100, 120, 140, 160, 185, 210, 230, 250),
-    11: (60, 75, 90, 110, 130, 160, 190, 220, 250, 290, 320, 360, 400),
-}
-_IT_COST = {11: 0.4, 10: 0.6, 9: 0.9, 8: 1.3, 7: 1.9, 6: 3.0, 5: 5.0}
-# DIN 3967, um by reference diameters up to each of the sizes, mm: allowance and tolerance of a tooth's thickness.
-_GEAR_SIZES = (10, 50, 125, 280)
-_TEETH = {
-    "cd25": ((40, 54, 70, 95), (20, 30, 40, 50), 0.0),
-    "e24": ((22, 30, 40, 56), (12, 20, 25, 30), 0.8),
-}
-_FITTED, _TURNED_PLATES = (0.02e-3, 1.0), (0.004e-3, 1.5)  # m of play, and the cost
-_DIN_3967 = "DIN 3967, largest play of two gears alike, quoted from memory of its tables; cost ours"
-_GENERAL_COST = {"c": 0.0, "m": 0.1, "f": 0.3}
-_SET_LENGTH = (0.02e-3, 1.0)  # m, and its cost
-_TRIMMED = radians(0.05)
-_ISO_286 = "ISO 286-1, quoted from memory of its table; cost ours"
-_ISO_2768 = "ISO 2768-1; cost ours"
-
-
-class Grade(NamedTuple):
-    """A grade: its name, how far off a value may be (SI units), and its cost per piece."""
-
-    name: str
-    width: float
-    """Half width of a uniform distribution, or the standard deviation of a normal one."""
-    cost: float
-    source: str
-    is_normal: bool = False
-
-
-def standard_tolerance(diameter: float, grade: int) -> float:
-    """Return the standard tolerance (m) of a diameter (m, up to 500 mm) by ISO 286-1, grades IT5 to IT11."""
-    column = next(n for n, size in enumerate(_SIZES) if 1e3 * diameter <= size * (1 + 1e-9))
-    return 1e-6 * _IT[grade][column]
-
-
-def of_radius(radius: float) -> tuple[Grade, ...]:
-    """Return the grades of a radius (m) to the rope's centre, toleranced on the drawing as a diameter."""
-    diameter = 2 * radius
-    found = [
-        Grade(f"ISO 2768-{one}", 1e-3 * general_tolerance(diameter, one) / 2, cost, _ISO_2768)
-        for one, cost in _GENERAL_COST.items()
-    ]
-    if 1e3 * diameter <= _SIZES[-1]:
-        found += [
-            Grade(f"IT{grade}", standard_tolerance(diameter, grade) / 4, cost, _ISO_286)
-            for grade, cost in _IT_COST.items()
-        ]
-    return _worthwhile(found)
-
-
-def of_length(length: float) -> tuple[Grade, ...]:
-    """Return the grades of a length (m)."""
-    found = [
-        Grade(f"ISO 2768-{one}", 1e-3 * general_tolerance(length, one), cost, _ISO_2768)
-        for one, cost in _GENERAL_COST.items()
-    ]
-    width, cost = _SET_LENGTH
-    return _worthwhile([*found, Grade("set by a height gauge", width, cost, "ours: an adjustable stop")])
-
-
-def of_backlash(radius: float, made: float | None) -> tuple[Grade, ...]:
-    """Return the grades of the play of two gears alike (pitch radius, m) along the pitch circle, half of it each way.
-
-    `made` is the play (m) of gears that are printed or milled with the part; without it, gears are cut and bought.
-    """
-    if made is not None:
-        found = [Grade(f"as made, play {1e3 * made:.3g} mm", made / 2, 0.0, "play that the process needs, ours")]
-    else:
-        column = next((n for n, size in enumerate(_GEAR_SIZES) if 2e3 * radius <= size), len(_GEAR_SIZES) - 1)
-        found = [
-            Grade(f"DIN 3967 {name}", 1e-6 * (allowance[column] + width[column]), cost, _DIN_3967)
-            for name, (allowance, width, cost) in _TEETH.items()
-        ]
-    for name, (play, cost), source in (
-        ("links bored to the gears' play", _FITTED, "ours: centre distance set until 0.02 mm of play are left"),
-        ("plates turned apart", _TURNED_PLATES, "ours: of a half's two toothed plates one is turned and then fixed"),
-    ):
-        found.append(Grade(name, play / 2, cost, source))
-    return _worthwhile(found)
-
-
-def of_stiffness(nominal: float, turn: float) -> tuple[Grade, ...]:
-    """Return the grades of a tendon's stiffness or modulus; `turn` is how far the tip turns (rad) per share of it.
-
-    What is left after a measurement is its uncertainty, since pretension and weights are set for the measured value.
-    """
-    grades = [
-        _share("rope as bought", nominal, 0.05, 0.0, "ours: spread of catalogue moduli, a bedded-in rope"),
-        _share("pull test of one rope", nominal, 0.02, 1.0, "ours: load cell and dial gauge"),
-        _share(
-            "pull test of every tendon", nominal, 0.01, 2.0, "ours: with its terminations, load cell and dial gauge"
-        ),
-    ]
-    trimmed = _TRIMMED / turn if turn > 0 else inf
-    if trimmed < 0.01:
-        source = "ours: the tip's encoder reads the loss under the largest weight to 0.05 deg, mean of both directions"
-        grades.append(_share("weights trimmed on the loaded tip", nominal, trimmed, 4.0, source))
-    return _worthwhile(grades)
-
-
-def of_pretension(inst: ShortForm) -> tuple[Grade, ...]:
-    """Return the grades of an instrument's pretension."""
-    nominal, sensors = inst.pretension, inst.sensors
-    step = sensors.load_cell_range / 2**sensors.load_cell_bits
-    in_sheath = 0.2 * inst.friction.sheath_coefficient * inst.friction.sheath_bend
-    as_sold = hypot(sensors.load_cell_gain_error, sensors.load_cell_offset / nominal, in_sheath)
-    calibrated = hypot(0.001, step / nominal, in_sheath / 5)
-    return _worthwhile(
-        [
-            _share("spring balance", nominal, 0.05, 0.0, "ours"),
-            _share(
-                "load cells, tared", nominal, as_sold, 0.5,
-                "the file's gain error and offset; a fifth of the sheath's friction",
-            ),
-            _share(
-                "load cells calibrated by weights", nominal, calibrated, 1.5,
-                "ours: 0.1 %, a step of the cell, tendons worked to and fro so that the sheath's friction cancels",
-            ),
-        ]
-    )  # fmt: skip
-
-
-def of_backbone(nominal: float) -> tuple[Grade, ...]:
-    """Return the grades of a backbone's flexural rigidity."""
-    return (
-        _share("wire as bought", nominal, 0.04, 0.0, "ours: 1 % of its diameter, to the fourth power"),
-        _share("bending test", nominal, 0.01, 1.0, "ours"),
-    )
-
-
-def _share(name: str, nominal: float, share: float, cost: float, source: str) -> Grade:
-    return Grade(name, nominal * share, cost, source, is_normal=True)
-
-
-def _worthwhile(grades: list[Grade]) -> tuple[Grade, ...]:
-    """Return the grades, cheapest first, without those that a cheaper one is as fine as."""
-    kept: list[Grade] = []
-    for one in sorted(grades, key=lambda grade: (grade.cost, grade.width)):
-        if not kept or one.width < kept[-1].width * (1 - 1e-9):
-            kept.append(one)
-    return tuple(kept)
-
+from tenodesis.workshop.grades import Grade, of_backbone, of_backlash, of_length, of_pretension, of_radius, of_stiffness
+from tenodesis.workshop.joint_pair import JointPair
 
 TARGET = 0.3
 """Default similarity error to keep, deg."""
 SHARE = 0.95
 """Share of the instruments that must keep it."""
 SAMPLES = 2000
-"""Instruments drawn from the tolerances to verify them."""
+"""Planar instruments drawn from the tolerances to verify them."""
+JOINT_SAMPLES = 200
+"""The same of several joints, whose loops take longer."""
 PULLEY = "conditions.cable_pulley_radius"
 BACKLASHES = ("distal_gear_backlash", "proximal_gear_backlash")
 """Play of gears along their pitch circle: no keys of an instrument file, since the tendons hold the halves' angles.
@@ -206,7 +52,9 @@ class Dimension(NamedTuple):
     """A dimension of the drawings, or a setting of the assembly, with its tolerance."""
 
     key: str
-    """Key of the instrument file."""
+    """Key of the instrument file; of joints and tendons, what several alike have in common."""
+    keys: tuple[str, ...]
+    """Keys of the instrument file that have it."""
     nominal: float
     """SI units."""
     grade: Grade
@@ -252,8 +100,8 @@ class Spread(NamedTuple):
 class Budget:
     """The cheapest tolerances found that keep a similarity error; :func:`tolerate` makes it."""
 
-    real_size: ShortForm
-    scaled_up: ShortForm
+    real_size: Instrument
+    scaled_up: Instrument
     target: float
     """Similarity error to keep, deg."""
     share: float
@@ -289,7 +137,7 @@ class Budget:
     @property
     def drawn(self) -> dict[str, float]:
         """Half widths, m, of what drawings have, by key of the instrument file."""
-        return {key: one.tolerance for key, one in self.dimensions.items() if one.is_drawn}
+        return {key: one.tolerance for one in self.dimensions.values() if one.is_drawn for key in one.keys}
 
     @property
     def has_friction(self) -> bool:
@@ -309,7 +157,7 @@ def tolerate(
     *,
     target: float = TARGET,
     share: float = SHARE,
-    samples: int = SAMPLES,
+    samples: int | None = None,
     seed: int = 0,
     backlash: float | None = None,
 ) -> Budget:
@@ -324,13 +172,14 @@ def tolerate(
     Parameters
     ----------
     real_size, scaled_up
-        The instruments; of two axes, the first.
+        The instruments: planar, of two axes the first; or of several joints, which are then each to keep the target in
+        loops of every joint with friction, without and under the loads of the working range.
     target
         Similarity error to keep, deg.
     share
         Share of the instruments that keep it.
     samples, seed
-        How many instruments are drawn, and the seed.
+        How many instruments are drawn, by default 2000 planar ones or 200 of several joints, and the seed.
     backlash
         Play of gears that are printed or milled, m along the pitch circle; by default gears are cut and bought.
 
@@ -345,12 +194,18 @@ def tolerate(
         raise ArgumentError(key="target", value=target, allowed="an angle above 0 deg")
     if not 0.5 <= share < 1:
         raise ArgumentError(key="share", value=share, allowed="a share from 0.5 to below 1")
+    planar = as_instrument(scaled_up, "scaled_up").short_form
+    samples = (SAMPLES if planar is not None else JOINT_SAMPLES) if samples is None else samples
     if isinstance(samples, bool) or not isinstance(samples, int) or not 100 <= samples <= 100_000:
         raise ArgumentError(key="samples", value=samples, allowed="an integer from 100 to 100000")
     is_number = isinstance(backlash, int | float) and not isinstance(backlash, bool)
     if backlash is not None and not (is_number and 0 <= backlash < np.inf):
         raise ArgumentError(key="backlash", value=backlash, allowed="a length of at least 0 m, or None")
-    pair = _Pair.of(as_short_form(real_size, "real_size"), as_short_form(scaled_up, "scaled_up"))
+    pair: _Compared = (
+        JointPair.of(expanded(real_size, "real_size"), expanded(scaled_up, "scaled_up"))
+        if planar is None
+        else _Pair.of(as_short_form(real_size, "real_size"), planar)
+    )
     choosing = _Choosing(pair, target, share, samples, seed, backlash)
     every = len(pair.forces)
     for count in range(every, 0, -1):
@@ -361,6 +216,27 @@ def tolerate(
             return _budget(choosing, taken, np.concatenate([errors, beyond]), count, is_kept=True)
     taken = choosing.worthwhile
     return _budget(choosing, taken, choosing.drawn(taken, range(every)), every, is_kept=False)
+
+
+class _Compared(Protocol):
+    """A real-size instrument and its scale model, and the errors of models that are built to tolerances."""
+
+    @property
+    def real_size(self) -> Instrument: ...
+    @property
+    def scaled_up(self) -> Instrument: ...
+    @property
+    def forces(self) -> tuple[float, ...]: ...
+    @property
+    def columns(self) -> dict[str, dict[str, float]]: ...
+
+    def grades(self, key: str, turn: float, backlash: float | None) -> tuple[Grade, ...]: ...
+    def members(self, key: str) -> tuple[str, ...]: ...
+    def is_drawn(self, key: str) -> bool: ...
+    def pieces(self, key: str) -> int: ...
+    def errors(self, built: Any, forces: Sequence[int] | None = None) -> Array: ...
+    def built(self, keys: Sequence[str], rows: Array) -> Any: ...
+    def nominal(self) -> Any: ...
 
 
 @dataclass(frozen=True)
@@ -438,6 +314,37 @@ class _Pair:
         own = [n for n, key in enumerate(keys) if key != PULLEY and key not in BACKLASHES]
         return _Built([self._one({keys[n]: float(row[n]) for n in own}) for row in rows], load, misread)
 
+    @property
+    def columns(self) -> dict[str, dict[str, float]]:
+        """Nominal values, SI units, by dimension and key."""
+        return {key: {key: _value(self.scaled_up, key)} for key in _keys(self.scaled_up)}
+
+    def grades(self, key: str, turn: float, backlash: float | None) -> tuple[Grade, ...]:
+        """Return the grades of a dimension; `turn` is how far the tip turns (rad) per share of it."""
+        inst = self.scaled_up
+        nominal = _value(inst, key)
+        if key in _LENGTHS:
+            return of_length(nominal)
+        if key in BACKLASHES:
+            return of_backlash(_value(inst, key.replace("backlash", "radius")), backlash)
+        if key == "pretension":
+            return of_pretension(inst, nominal)
+        if key == "backbone_rigidity":
+            return of_backbone(nominal)
+        return of_stiffness(nominal, turn) if key in _SETTINGS else of_radius(nominal)
+
+    def members(self, key: str) -> tuple[str, ...]:
+        """Return the keys of the instrument file that have a dimension."""
+        return (key,)
+
+    def is_drawn(self, key: str) -> bool:
+        """Return whether a drawing has a dimension."""
+        return key not in _SETTINGS and key not in BACKLASHES
+
+    def pieces(self, key: str) -> int:
+        """Return how many pieces have a dimension."""
+        return _pieces(self.scaled_up, key)
+
     def nominal(self) -> _Built:
         """Return the instrument as designed."""
         return _Built([self.scaled_up], np.ones(1), np.zeros((2, 1)))
@@ -453,52 +360,54 @@ class _Choosing:
     """The grades of every dimension, the error's derivatives, and the sets of grades by cost."""
 
     def __init__(  # noqa: PLR0917
-        self, pair: _Pair, target: float, share: float, samples: int, seed: int, backlash: float | None
+        self, pair: _Compared, target: float, share: float, samples: int, seed: int, backlash: float | None
     ) -> None:
-        self.backlash = backlash
         self.pair, self.target, self.share, self.samples, self.seed = pair, target, share, samples, seed
-        inst = pair.scaled_up
-        self.nominal = {key: _value(inst, key) for key in _keys(inst)}
-        self.keys = list(self.nominal)
-        values = np.array(list(self.nominal.values()))
+        self.columns = pair.columns
+        self.keys = list(self.columns)
+        self.of = np.array([n for n, own in enumerate(self.columns.values()) for _ in own])
+        """Dimension of each key of the instrument file."""
+        self.names = [key for own in self.columns.values() for key in own]
+        self.values = np.array([value for own in self.columns.values() for value in own.values()])
+        values = self.values
         steps = np.where(values > 0, _STEP * values, _PLAY_STEP)
         shifted = np.concatenate([values + sign * np.diag(steps) for sign in (1, -1)])
-        at = pair.errors(pair.built(self.keys, shifted))
+        at = pair.errors(pair.built(self.names, shifted))
         count = len(values)
         # By force, key and step: deg per SI unit.
         slopes = (at[:, :count] - at[:, count:]) / (2 * steps[:, np.newaxis])
         # A tip that is lost so near to the nominal one is lost within any tolerance.
         self.slopes = np.nan_to_num(slopes, nan=_LOST)
         self.designed = pair.errors(pair.nominal())[:, 0]
-        self.grades = [self._grades_of(n, key) for n, key in enumerate(self.keys)]
+        self.grades = [pair.grades(key, self._turn(n), backlash) for n, key in enumerate(self.keys)]
         random = np.random.default_rng(seed)
         normal, uniform = random.standard_normal((samples, count)), random.uniform(-1, 1, (samples, count))
-        self.draws = np.where([one[0].is_normal for one in self.grades], normal, uniform)
+        self.draws = np.where([self.grades[n][0].is_normal for n in self.of], normal, uniform)
 
-    def _grades_of(self, n: int, key: str) -> tuple[Grade, ...]:
-        inst, nominal = self.pair.scaled_up, self.nominal[key]
-        if key in _LENGTHS:
-            return of_length(nominal)
-        if key in BACKLASHES:
-            return of_backlash(_value(inst, key.replace("backlash", "radius")), self.backlash)
-        if key == "pretension":
-            return of_pretension(inst)
-        if key == "backbone_rigidity":
-            return of_backbone(nominal)
-        if key in _SETTINGS:
-            turns = np.radians(np.abs(self.slopes[:, n]).max(axis=1)) * nominal
-            return of_stiffness(nominal, float(max(turns[turns < _LOST], default=0.0)))
-        return of_radius(nominal)
+    def _turn(self, n: int) -> float:
+        """Return how far the tip turns, rad, per share of a dimension."""
+        own = np.flatnonzero(self.of == n)
+        turns = np.radians(np.abs(self.slopes[:, own]).max(axis=(0, 2))) * self.values[own]
+        return float(max(turns[turns < _LOST], default=0.0))
+
+    def _widths(self, taken: Sequence[Grade]) -> Array:
+        """Return the width of every key, SI units."""
+        widths: Array = np.array([one.width for one in taken])[self.of]
+        return widths
+
+    def _power(self, slopes: Array) -> Array:
+        """Return the square of the error by a width of one, by dimension and step, from slopes by key and step."""
+        return np.array([(slopes[self.of == n] ** 2).sum(axis=0) for n in range(len(self.keys))])
 
     @property
     def worthwhile(self) -> tuple[Grade, ...]:
         """The finest grade of everything, made cheaper for as long as that costs little error for what it saves."""
         places = [len(one) - 1 for one in self.grades]
         designed, slopes = np.concatenate(self.designed), np.concatenate(self.slopes, axis=1)
-        pieces = [_pieces(self.pair.scaled_up, key) for key in self.keys]
+        pieces = [self.pair.pieces(key) for key in self.keys]
 
         def kept(at: Sequence[int]) -> float:
-            widths = np.array([one[place].width for one, place in zip(self.grades, at, strict=True)])
+            widths = self._widths([one[place] for one, place in zip(self.grades, at, strict=True)])
             errors = np.abs(designed + (self.draws[::_FEWER] * widths) @ slopes).max(axis=1)
             return float(np.quantile(errors, self.share))
 
@@ -529,7 +438,7 @@ class _Choosing:
         designed = np.concatenate(self.designed[:count])
         slopes = np.concatenate(self.slopes[:count], axis=1)
         for taken in self._by_cost(slopes):
-            widths = np.array([one.width for one in taken])
+            widths = self._widths(taken)
             # Most sets miss by so much that a few instruments show it.
             if any(
                 np.quantile(np.abs(designed + (draws * widths) @ slopes).max(axis=1), self.share) > bound
@@ -546,19 +455,20 @@ class _Choosing:
 
     def _by_cost(self, slopes: Array) -> Iterator[tuple[Grade, ...]]:
         """Yield sets of grades that may keep the target, by rising cost; of equal costs those with the least error."""
-        effect = np.abs(slopes).max(axis=1)
+        power = self._power(slopes)
+        effect = np.sqrt(power.max(axis=1))
         # A grade without effect needs no choice.
         choices = [
             one[:1] if one[0].width * effect[n] < _NEGLIGIBLE * self.target else one
             for n, one in enumerate(self.grades)
         ]
-        at = np.unique(np.abs(slopes).argmax(axis=1))
+        at = np.unique(power.argmax(axis=1))
         variance, cost = np.zeros((1, at.size)), np.zeros(1)
         picked: NDArray[np.intp] = np.zeros((1, 0), np.intp)
         most = (self.target / _LEAST_QUANTILE) ** 2
         for n, offered in enumerate(choices):
-            own = np.array([_variance(one) * slopes[n, at] ** 2 for one in offered])
-            price = np.array([one.cost * _pieces(self.pair.scaled_up, self.keys[n]) for one in offered])
+            own = np.array([_variance(one) * power[n, at] for one in offered])
+            price = np.array([one.cost * self.pair.pieces(self.keys[n]) for one in offered])
             places = np.indices((len(variance), len(offered))).reshape(2, -1)
             variance, cost = variance[places[0]] + own[places[1]], cost[places[0]] + price[places[1]]
             picked = np.concatenate([picked[places[0]], places[1][:, np.newaxis]], axis=1)
@@ -575,8 +485,7 @@ class _Choosing:
         if not len(forces):
             return np.empty((0, self.samples // fewer))
         draws = self.draws[: self.samples // fewer]
-        rows = np.array(list(self.nominal.values())) + draws * np.array([one.width for one in taken])
-        built = self.pair.built(self.keys, rows)
+        built = self.pair.built(self.names, self.values + draws * self._widths(taken))
         if friction:
             random = np.random.default_rng(self.seed + 1)
             built = built._replace(insts=[_with_friction(one, random.normal(1, friction, 2)) for one in built.insts])
@@ -586,7 +495,7 @@ class _Choosing:
     def shares(self, taken: Sequence[Grade], count: int) -> Array:
         """Return each dimension's share of the error's variance where that is largest."""
         slopes = np.concatenate(self.slopes[:count], axis=1)
-        variance = np.array([[_variance(one)] for one in taken]) * slopes**2
+        variance = np.array([[_variance(one)] for one in taken]) * self._power(slopes)
         worst = variance[:, variance.sum(axis=0).argmax()]
         found: Array = worst / (worst.sum() or 1.0)
         return found
@@ -595,11 +504,13 @@ class _Choosing:
 def _budget(choosing: _Choosing, taken: tuple[Grade, ...], errors: Array, count: int, *, is_kept: bool) -> Budget:
     """Return the budget of a set of grades, with the errors of its instruments by force."""
     pair = choosing.pair
-    shares, effect = choosing.shares(taken, count), np.abs(np.concatenate(choosing.slopes[:count], axis=1)).max(axis=1)
+    shares = choosing.shares(taken, count)
+    slopes = np.abs(np.concatenate(choosing.slopes[:count], axis=1)).max(axis=1)
+    effect = [float(slopes[choosing.of == n].max()) for n in range(len(choosing.keys))]
     dimensions = [
         Dimension(
-            key, choosing.nominal[key], grade, _pieces(pair.scaled_up, key), float(shares[n]),
-            float(effect[n] * grade.width), key not in _SETTINGS and key not in BACKLASHES,
+            key, pair.members(key), next(iter(choosing.columns[key].values())), grade, pair.pieces(key),
+            float(shares[n]), effect[n] * grade.width, pair.is_drawn(key),
         )
         for n, (key, grade) in enumerate(zip(choosing.keys, taken, strict=True))
     ]  # fmt: skip
@@ -623,7 +534,7 @@ def _budget(choosing: _Choosing, taken: tuple[Grade, ...], errors: Array, count:
         dict(zip(choosing.keys, choosing.shares(coarsest, count).tolist(), strict=True)),
         reported(taken, _FRICTION),
         sum(
-            float(effect[choosing.keys.index(key)]) * choosing.grades[choosing.keys.index(key)][0].width
+            effect[choosing.keys.index(key)] * choosing.grades[choosing.keys.index(key)][0].width
             for key in BACKLASHES
             if key in choosing.keys
         ),
@@ -664,7 +575,7 @@ def _variance(grade: Grade) -> float:
     return grade.width**2 * (1.0 if grade.is_normal else 1 / 3)
 
 
-def _with_friction(inst: ShortForm | None, factors: NDArray[np.float64]) -> ShortForm | None:
+def _with_friction(inst: Any, factors: NDArray[np.float64]) -> Any:
     if inst is None:
         return None
     friction = inst.friction
@@ -696,7 +607,13 @@ NAMES = {
     "pretension": "pretension",
     "backbone_rigidity": "backbone's rigidity",
 }
-"""Dimensions and settings by key of the instrument file."""
+"""Dimensions and settings of planar instruments by key of the instrument file."""
+
+
+def named(key: str) -> str:
+    """Return the name of a dimension."""
+    return NAMES.get(key, key)
+
 
 _UNITS = {
     "tendon_modulus": ("GPa", "Pa"),
@@ -706,14 +623,22 @@ _UNITS = {
 }
 
 
+def _unit(one: Dimension) -> tuple[str, str]:
+    """Return the unit that a value is shown in, and its SI unit."""
+    listed, key = one.keys[0].partition(".")[0], one.keys[0].rpartition(".")[2]
+    if key == "stiffness":
+        return ("N/mm", "N/m") if listed == "tendons" else ("N*mm", "N*m")
+    return _UNITS.get(key, ("mm", "m"))
+
+
 def nominal(one: Dimension) -> str:
     """Return the nominal value with its unit."""
-    unit, si = _UNITS.get(one.key, ("mm", "m"))
+    unit, si = _unit(one)
     return quantity(one.nominal, unit, 6, si)
 
 
 def tolerance(one: Dimension) -> str:
     """Return the tolerance with its unit: plus or minus, or the standard deviation of a setting in percent."""
-    if one.key in _UNITS:
+    if one.grade.is_normal:
         return f"s = {plain(100 * one.tolerance / one.nominal, 2)} %"
     return f"± {quantity(one.tolerance, 'mm', 3, 'm')}"

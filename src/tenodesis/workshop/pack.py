@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import matplotlib as mpl
@@ -21,11 +22,12 @@ from tenodesis.report.page import inline_svg
 from tenodesis.scaling import Design
 from tenodesis.scaling.plan import Card, PlanFigure, PlanTable, Supplement, angle, plain, quantity
 from tenodesis.scaling.practical import OBJECTIVES, PracticalFront
-from tenodesis.workshop.budget import BACKLASHES, NAMES, PULLEY, TARGET, Budget, Spread, nominal, tolerance, tolerate
+from tenodesis.workshop.budget import BACKLASHES, PULLEY, TARGET, Budget, Spread, named, nominal, tolerance, tolerate
 from tenodesis.workshop.first_run import CONTROLLED, FIRST_RUN, FirstRun, protocol_text, rehearse
 from tenodesis.workshop.order import HEADER, Item, Step, checklist, order_list
 
 _SMALL: Any = {"font.size": 6.5, "legend.fontsize": 6, "axes.linewidth": 0.6, "axes.titlesize": 7}
+_LINE = 60  # letters of a label
 _SHOWN = 0.005  # of the error or of the cost: smaller shares have no bar
 
 
@@ -56,7 +58,8 @@ def _budget(budget: Budget) -> Figure:
         axis.grid(visible=False, axis="y")
         for y, value in zip(at, values, strict=True):
             axis.annotate(f"{value:.3g}", (value, y), (3, 0), textcoords="offset points", va="center", fontsize=6)
-    left.set_yticks(at, [f"{NAMES[one.key].replace('_', '')}, {one.grade.name}" for one in rows])
+    labels = [f"{named(one.key).replace('_', '')}, {one.grade.name}" for one in rows]
+    left.set_yticks(at, [fill(label, _LINE) for label in labels])
     left.tick_params(axis="y", length=0, labelcolor=style.INK)
     right.tick_params(axis="y", length=0)
     return fig
@@ -105,10 +108,26 @@ def _mark(axis: Axes, found: PracticalFront, x: Any, chosen: int | None) -> None
 
 
 ORDER, TOLERANCES, STUDY, CHECKLIST = "order.csv", "tolerances.csv", "tolerances.toml", "checklist.csv"
+BUDGET_FILES = (TOLERANCES, STUDY)
+"""Names of the files of :func:`write_budget`."""
 FILES = (ORDER, TOLERANCES, STUDY, CHECKLIST, FIRST_RUN, CONTROLLED, HEADER)
 """Names of the files of a pack."""
 _NAMED = 3  # causes in a sentence
 _LEAST_CAUSE = 0.05
+
+
+def budget_supplement(budget: Budget) -> Supplement:
+    """Return what a plan shows of a budget alone."""
+    figure = PlanFigure("Where the error comes from, and what each tolerance costs", budget_svg(budget))
+    return Supplement(
+        _card(budget), ((_as_built(budget),), (_tolerances(budget),), (figure,)), tuple(_warnings(budget, 0))
+    )
+
+
+def write_budget(budget: Budget, folder: Path) -> None:
+    """Write the tolerances, as a table and as a file for ``tenodesis tolerance``, to a folder."""
+    (folder / TOLERANCES).write_text(to_csv(_TOLERANCE_COLUMNS, _tolerance_rows(budget)), "utf-8")
+    (folder / STUDY).write_text(study_file(budget), "utf-8")
 
 
 @dataclass(frozen=True)
@@ -151,13 +170,12 @@ class Pack:
         )
         texts = {
             ORDER: to_csv(Item._fields, self.items),
-            TOLERANCES: to_csv(_TOLERANCE_COLUMNS, _tolerance_rows(self.budget)),
-            STUDY: study_file(self.budget),
             CHECKLIST: to_csv(("step", "do", "see"), [(str(n), *step) for n, step in enumerate(self.steps, 1)]),
             FIRST_RUN: protocol_text(self.design, about),
             CONTROLLED: protocol_text(self.design, about, controlled=True),
             HEADER: header(self.design.scaled_up, homed=False),
         }
+        write_budget(self.budget, folder)
         for name, text in texts.items():
             (folder / name).write_text(text, "utf-8")
 
@@ -209,7 +227,8 @@ def study_file(budget: Budget) -> str:
         width = f"{1e3 * one.tolerance:.6g} mm" if one.is_drawn else f"{100 * one.tolerance / one.nominal:.6g} %"
         kind = {"distribution": "normal", "standard_deviation": width} if one.grade.is_normal else {
             "distribution": "uniform", "half_width": width}  # fmt: skip
-        tables.append({"key": one.key, **kind, "source": f"{one.grade.name}; {one.grade.source}"[:200]})
+        source = f"{one.grade.name}; {one.grade.source}"[:200]
+        tables += [{"key": key, **kind, "source": source} for key in one.keys]
     about = (
         f"keeps {budget.target:g} deg for {100 * budget.share:g} % of the instruments built" if budget.is_kept else ""
     )
@@ -299,8 +318,8 @@ def _spread(name: str, spread: Spread) -> tuple[str, str, str]:
 
 
 def _causes(shares: Sequence[tuple[str, float]]) -> str:
-    named = [f"{NAMES[key]} {100 * share:.0f} %" for key, share in shares[:_NAMED] if share >= _LEAST_CAUSE]
-    return ", ".join(named)
+    shown = [f"{named(key)} {100 * share:.0f} %" for key, share in shares[:_NAMED] if share >= _LEAST_CAUSE]
+    return ", ".join(shown)
 
 
 _TOLERANCE_COLUMNS = (
@@ -312,7 +331,7 @@ _TOLERANCE_COLUMNS = (
 def _tolerance_rows(budget: Budget) -> list[tuple[str, ...]]:
     return [
         (
-            one.key, NAMES[one.key], f"{one.nominal:.9g}", f"{one.tolerance:.6g}",
+            " ".join(one.keys), named(one.key), f"{one.nominal:.9g}", f"{one.tolerance:.6g}",
             "standard deviation" if one.grade.is_normal else "half width", one.grade.name, f"{one.share:.4f}",
             f"{one.effect:.4f}", f"{one.cost:.4g}", "yes" if one.is_drawn else "no", one.grade.source,
         )
@@ -323,7 +342,7 @@ def _tolerance_rows(budget: Budget) -> list[tuple[str, ...]]:
 def _tolerances(budget: Budget) -> PlanTable:
     rows = [
         (
-            NAMES[one.key], one.grade.name, nominal(one), tolerance(one), f"{100 * one.share:.0f}",
+            named(one.key), one.grade.name, nominal(one), tolerance(one), f"{100 * one.share:.0f}",
             fixed(one.effect, 3), fixed(one.cost, 1),
         )
         for one in budget.dimensions.values()
