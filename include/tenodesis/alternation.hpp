@@ -111,8 +111,8 @@ void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
 template <class S>
 S leaning_speed(const AlternationState<S>& state, const S& stroke, const S& holds) {
   const S left = state.mean - stroke;
-  const S most = state.fast ? abs(left) : S(tuning::alternation_spare) * holds;
-  return S(tuning::alternation_return) * clamp(left, -most, most) + S(tuning::alternation_offset) * state.offset;
+  const S most = state.fast ? abs(left) : (S(1) - S(tuning::alternation_left)) * holds;
+  return S(tuning::return_rate) * (clamp(left, -most, most) + state.offset);
 }
 
 }  // namespace tenodesis

@@ -262,7 +262,7 @@ struct Compensator {
     const S certain = observer.certain(missing, memory);
     AlternationState<S>& load = state.load;
     if (state.second) {
-      const S jump = model.stroke_for(S(tuning::alternation_step) * memory.arm) + S(0.5) * tremor;
+      const S jump = model.stroke_for(S(tuning::notable_angle) * memory.arm) + S(0.5) * tremor;
       follow<S>({certain, stroke, dead, waking, jump, memory.intent.angle, moving}, S(2) * dt, load);
     }
     if (state.phase == Phase::rest && !load.leans) return {};
