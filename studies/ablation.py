@@ -41,13 +41,13 @@ MECHANISMS: dict[str, dict[str, float]] = {
 PARTS = ("plants", "random", "changing", "alternating", "stopped", "tremor")
 
 
-def trial(mechanism: str) -> dict[str, Any]:
+def trial(mechanism: str, parts: list[str]) -> dict[str, Any]:
     """Return the figures of the reference work without a mechanism."""
     changed = MECHANISMS[mechanism]
     for name, value in changed.items():
         _core.tune(name, value)
     try:
-        return {name: value for part in PARTS for name, value in tuning.figures_of(part).items()}
+        return {name: value for part in parts for name, value in tuning.figures_of(part).items()}
     finally:
         for name in changed:
             _core.tune(name, TUNING[name].value)
@@ -56,14 +56,16 @@ def trial(mechanism: str) -> dict[str, Any]:
 def main() -> None:
     parser = law.arguments(__doc__)
     parser.add_argument("--mechanisms", nargs="+", choices=[*MECHANISMS], metavar="NAME", default=[*MECHANISMS])
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=[*PARTS], help="of the reference work")
     options = parser.parse_args()
     tuning.check_build()
-    rows = campaign.run(trial, campaign.cases(mechanism=options.mechanisms), "ablation", results=options.results)
+    cases = campaign.cases(mechanism=options.mechanisms, parts=[options.parts])
+    rows = campaign.run(trial, cases, "ablation", results=options.results)
     groups: dict[Any, Rows] = rows.by("mechanism")
     columns = [
         Column(name, name) if one.tolerance < 1 else Column(f"{name}, ", name, form=".0f")
         for name, one in tuning.FIGURES.items()
-        if one.part in PARTS
+        if one.part in options.parts
     ]
     law.show(options, "ablation", groups, columns, "without")
 

@@ -76,7 +76,7 @@
       "of the tension limit, above which no stroke tightens, and below which a tendon may be wound again")             \
   ROW(tremor_in_band, 0.15, "1", "studies/tremor.py", "of the tremor, that widens the dead band")                      \
   /* envelope */                                                                                                       \
-  ROW(envelope_friction, 2, "1", "bound", "largest plausible friction over the observer's")                            \
+  ROW(envelope_friction, 1.5, "1", "studies/harm.py", "largest plausible friction over the observer's")                \
   ROW(envelope_compliance, 1.3, "1", "bound", "largest plausible compliance over the observer's")                      \
   ROW(envelope_smoothing, 0.1, "s", "studies/harm.py", "time constant of a stroke's bounds")                           \
   ROW(least_swing, 2, "1", "studies/harm.py", "tracking error by which its reversal stands out, in dead bands")        \
