@@ -50,10 +50,10 @@
   ROW(tremor_spare, 1.2, "1", "studies/tremor.py", "largest over usual swing of a hand, or of a tip that it draws")    \
   ROW(tremor_pulsation, 0.2, "1", "studies/tremor.py", "share by which a swing changes the pulsation")                 \
   /* law */                                                                                                            \
-  ROW(breakaway_time, 0.025, "s", "chosen", "in which friction is overcome after the hand reverses")                   \
-  ROW(far, 15, "1", "chosen", "error that is corrected first without a stroke, in dead bands")                         \
-  ROW(patience, 0.3, "s", "chosen", "for which that is tried")                                                         \
-  ROW(settle_time, 0.03, "s", "chosen", "within the dead band before the motors rest")                                 \
+  ROW(breakaway_time, 0.025, "s", "studies/changes.py", "in which friction is overcome after the hand reverses")       \
+  ROW(far, 15, "1", "studies/harm.py", "error that is corrected first without a stroke, in dead bands")                \
+  ROW(patience, 0.3, "s", "studies/tremor.py", "for which that is tried")                                              \
+  ROW(settle_time, 0.03, "s", "studies/harm.py", "within the dead band before the motors rest")                        \
   ROW(breakaway_angle, 0.010471975511965976, "rad", "chosen",                                                          \
       "speed of a tip that breaks away, over its angular frequency (0.6 deg)")                                         \
   ROW(stroke_time, 0.25, "s", "chosen", "in which a common stroke goes from its middle to either end")                 \
@@ -61,13 +61,13 @@
   ROW(still_time, 0.1, "s", "studies/homing.py", "for which a hand, or a mean tension while homing, must be still")    \
   ROW(waking, 2, "1", "chosen", "error that moves motors at rest, in dead bands")                                      \
   ROW(unseen, 4, "1", "chosen", "what strokes would show, in dead bands, that keeps the motors awake")                 \
-  ROW(long_rest, 1, "s", "chosen", "after which a disturbance is a new load")                                          \
+  ROW(long_rest, 1, "s", "studies/changes.py", "after which a disturbance is a new load")                              \
   ROW(correction_time, 1, "s", "chosen", "longest time of a correction between two strokes")                           \
   ROW(correction_over_breakaway, 1.3, "1", "chosen", "stroke of a correction over that which frees the tip")           \
   ROW(approach_rate, 30, "1/s", "chosen", "at which a stroke may approach its bounds")                                 \
-  ROW(few_turns, 2, "1", "chosen",                                                                                     \
+  ROW(few_turns, 2, "1", "studies/tremor.py",                                                                          \
       "reversals of strokes after which the dead band grows, where a wider one had ended them")                        \
-  ROW(most_turns, 4, "1", "chosen", "the same where it had not")                                                       \
+  ROW(most_turns, 4, "1", "studies/harm.py", "the same where it had not")                                              \
   ROW(tolerance_growth, 1.5, "1", "chosen", "of the dead band by a stroke")                                            \
   ROW(most_tolerance, 3, "1", "chosen", "dead bands up to which it grows")                                             \
   ROW(differential_share, 0.8, "1", "chosen", "of a common stroke's speed: no tendon is to reverse")                   \
