@@ -60,18 +60,18 @@
   ROW(hand_travel, 5, "1", "chosen", "travel of the handle, in plays, above which the hand counts as moving")          \
   ROW(still_time, 0.1, "s", "studies/homing.py", "for which a hand, or a mean tension while homing, must be still")    \
   ROW(waking, 2, "1", "chosen", "error that moves motors at rest, in dead bands")                                      \
-  ROW(unseen, 4, "1", "chosen", "what strokes would show, in dead bands, that keeps the motors awake")                 \
+  ROW(unseen, 4, "1", "studies/changes.py", "what strokes would show, in dead bands, that keeps the motors awake")     \
   ROW(long_rest, 1, "s", "studies/changes.py", "after which a disturbance is a new load")                              \
-  ROW(correction_time, 1, "s", "chosen", "longest time of a correction between two strokes")                           \
+  ROW(correction_time, 1, "s", "studies/changes.py", "longest time of a correction between two strokes")               \
   ROW(correction_over_breakaway, 1.3, "1", "chosen", "stroke of a correction over that which frees the tip")           \
   ROW(approach_rate, 30, "1/s", "chosen", "at which a stroke may approach its bounds")                                 \
   ROW(few_turns, 2, "1", "studies/tremor.py",                                                                          \
       "reversals of strokes after which the dead band grows, where a wider one had ended them")                        \
   ROW(most_turns, 4, "1", "studies/harm.py", "the same where it had not")                                              \
   ROW(tolerance_growth, 1.5, "1", "chosen", "of the dead band by a stroke")                                            \
-  ROW(most_tolerance, 3, "1", "chosen", "dead bands up to which it grows")                                             \
+  ROW(most_tolerance, 3, "1", "studies/tremor.py", "dead bands up to which it grows")                                  \
   ROW(differential_share, 0.8, "1", "chosen", "of a common stroke's speed: no tendon is to reverse")                   \
-  ROW(slow_stroke, 0.25, "1", "chosen", "of the speed of a stroke on target")                                          \
+  ROW(slow_stroke, 0.25, "1", "studies/tremor.py", "of the speed of a stroke on target")                               \
   ROW(near_limit, 0.94, "1", "bound: beside the noise of a cell",                                                      \
       "of the tension limit, above which no stroke tightens, and below which a tendon may be wound again")             \
   ROW(tremor_in_band, 0.15, "1", "studies/tremor.py", "of the tremor, that widens the dead band")                      \
@@ -102,7 +102,7 @@
   /* supervisor */                                                                                                     \
   ROW(time_to_obey, 0.05, "s", "studies/faults.py",                                                                    \
       "in a fault, after which a motor that does not follow is not only slow to stop")                                 \
-  ROW(hanging, 0.05, "1", "chosen", "of the pretension, below which a tendon hangs")                                   \
+  ROW(hanging, 0.05, "1", "bound", "of the pretension, below which a tendon hangs")                                    \
   ROW(press_time, 0.3, "s", "chosen", "after which a tip that yields presses on something")                            \
   /* watch */                                                                                                          \
   ROW(watch_window, 0.1, "s", "studies/faults.py", "in which slip and a motor's lag are judged")                       \
