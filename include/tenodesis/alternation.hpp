@@ -107,12 +107,13 @@ void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
   if (state.leans) state.leaned = state.leaned + dt;
 }
 
-/// Differential speed while the tip is left to friction, m/s; holds: how much less stroke still holds it, m.
+/// Differential speed while the tip is left to friction, m/s; holds: how much less stroke still holds it, m; gain:
+/// of a tracking error, 1/s.
 template <class S>
-S leaning_speed(const AlternationState<S>& state, const S& stroke, const S& holds) {
+S leaning_speed(const AlternationState<S>& state, const S& stroke, const S& holds, const S& gain) {
   const S left = state.mean - stroke;
-  const S most = state.fast ? abs(left) : S(tuning::alternation_spare) * holds;
-  return S(tuning::alternation_return) * clamp(left, -most, most) + S(tuning::alternation_offset) * state.offset;
+  const S most = state.fast ? abs(left) : (S(1) - S(tuning::alternation_left)) * holds;
+  return gain * clamp(left, -most, most) + S(tuning::return_rate) * state.offset;
 }
 
 }  // namespace tenodesis

@@ -262,7 +262,7 @@ struct Compensator {
     const S certain = observer.certain(missing, memory);
     AlternationState<S>& load = state.load;
     if (state.second) {
-      const S jump = model.stroke_for(S(tuning::alternation_step) * memory.arm) + S(0.5) * tremor;
+      const S jump = model.stroke_for(S(tuning::notable_angle) * memory.arm) + S(0.5) * tremor;
       follow<S>({certain, stroke, dead, waking, jump, memory.intent.angle, moving}, S(2) * dt, load);
     }
     if (state.phase == Phase::rest && !load.leans) return {};
@@ -271,7 +271,8 @@ struct Compensator {
     const S gain_factor = load.alternates() ? S(1) : state.envelope.gain_factor;
     S differential = settings.gain * gain_factor * (strokes ? missing : certain);
     if (!strokes && !state.correcting && load.leans)
-      differential = leaning_speed(load, stroke, observer.breakaway(memory, S(load.mean > stroke ? 1 : -1)));
+      differential =
+          leaning_speed(load, stroke, observer.breakaway(memory, S(load.mean > stroke ? 1 : -1)), settings.gain);
     else if (!strokes && !state.correcting && gain_factor < S(1))
       differential =
           differential + (S(1) - gain_factor) * envelope.returning(stroke, settings.assistance, observer, memory);

@@ -67,7 +67,7 @@ struct Envelope {
   S returning(const S& differential, const S& assistance, const FrictionObserver<A>& observer,
               const FrictionMemory<S>& memory) const {
     const S lost = observer.measured_loss(memory);
-    const S hidden = observer.hidden_loss(memory, S(tuning::proven_friction));
+    const S hidden = observer.hidden_loss(memory, S(tuning::envelope_friction));
     const S proven = lost > S(0) ? larger(lost - hidden, S(0)) : smaller(lost + hidden, S(0));
     return S(tuning::return_rate) * (assistance * proven - differential);
   }
@@ -107,7 +107,7 @@ struct Envelope {
       // A tip that friction holds stays behind by what the hand has drawn, and by no more.
       const S excursion = abs(model.excursion(handle_angle) - model.excursion(state.handle_angle));
       const bool by_hand = abs(handle_angle - state.handle_angle) >= S(tuning::swing_hand_travel) &&
-                           abs(state.extreme - state.reversed) <= S(tuning::swing_of_hand) * excursion;
+                           abs(state.extreme - state.reversed) <= S(tuning::tremor_spare) * excursion;
       if (!by_hand && state.since >= settings.swing_time) state.reversals = state.reversals + S(1);
       state.since = S(0);
       state.direction = -state.direction;

@@ -470,7 +470,7 @@ struct Homing {
     }
     state.settled = near ? state.settled + dt : S(0);
     // Of two axes, the first one done holds its tension until the other is.
-    if (state.stage != done && state.settled >= S(tuning::homing_settle_time))
+    if (state.stage != done && state.settled >= S(tuning::still_time))
       go(HomingStage(static_cast<unsigned char>(state.stage) + 1), state);
     return together(speed, state);
   }
@@ -486,8 +486,8 @@ struct Homing {
     state.gain_difference = (imbalance(state) - state.imbalance_before) / (mean(state) - state.mean_before);
     const S constant = imbalance(state) - state.gain_difference * mean(state);
     const int steeper = slope[0] > slope[1] ? 0 : 1;
-    if (abs(state.gain_difference) > S(tuning::homing_gain_error)) return fail(cell_gains_apart, 1 - steeper, state);
-    if (slope[steeper] * S(tuning::homing_least_stretch) > S(1)) return fail(tendon_jammed, steeper, state);
+    if (abs(state.gain_difference) > S(tuning::most_gain_difference)) return fail(cell_gains_apart, 1 - steeper, state);
+    if (slope[steeper] * S(tuning::homing_least_slope) > S(1)) return fail(tendon_jammed, steeper, state);
     if (abs(constant) > S(1.5) * settings.offset) return fail(tip_loaded, no_tendon, state);
     if (slope[0] < S(tuning::homing_least_slope) || slope[1] < S(tuning::homing_least_slope))
       return fail(stiffness_wrong, no_tendon, state);

@@ -326,7 +326,7 @@ struct JointSupervisor {
     for (int m = 0; m < tendons; ++m) {
       bool& over = memory.over_tension[m];
       if (measured.tension[m] > states.tension_limit) over = true;
-      if (measured.tension[m] < S(tuning::relaxed) * states.tension_limit) over = false;
+      if (measured.tension[m] < S(tuning::near_limit) * states.tension_limit) over = false;
       const S most = smooth ? states.acceleration_limit * dt : S(2) * states.speed_limit;
       const S aim = enabled && is_finite(wanted[m]) ? share * wanted[m] : S(0);
       const S ramped = memory.sent[m] + clamp(aim - memory.sent[m], -most, most);

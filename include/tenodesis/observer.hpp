@@ -106,7 +106,7 @@ struct FrictionObserver {
   /// Whether a tendon is slack, or as good as slack.
   bool loose(const Memory& memory) const {
     return smaller(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]) <=
-           S(tuning::loose_tensions) * settings.slack_below;
+           S(2) * S(tuning::calm_lag) * settings.slack_below;
   }
 
   /// How far friction, so many times as strong as it is taken for, may have changed that difference, m.
@@ -147,7 +147,7 @@ struct FrictionObserver {
     }
     const S both = left[agonist] + left[antagonist];
     // Near its least value, the scale says that there is no friction.
-    const bool rubs = memory.scale > S(2) * S(tuning::least_friction_scale);
+    const bool rubs = memory.scale * S(tuning::friction_range) > S(2);
     return rubs && both > settings.slack_below ? (left[agonist] - left[antagonist]) / both : S(0);
   }
 
@@ -240,10 +240,9 @@ struct FrictionObserver {
     memory.intent = IntentState<S>::at(measured.handle_angle);
     memory.covariance[0][0] = settings.scale_std * settings.scale_std;
     memory.covariance[1][1] = settings.reference_std * settings.reference_std;
-    memory.covariance[2][2] = homed ? larger(unsure, square(S(tuning::homed_compliance_std)))
-                                    : settings.compliance_std * settings.compliance_std;
-    const S gain_std = homed ? S(tuning::homed_gain_share) * settings.gain_std : settings.gain_std;
-    memory.covariance[3][3] = gain_std * gain_std;
+    const S left = homed ? S(tuning::homed_share) : S(1);
+    memory.covariance[2][2] = larger(unsure, square(left * settings.compliance_std));
+    memory.covariance[3][3] = square(left * settings.gain_std);
     memory.share_variance = square(S(tuning::share_std));
     const S excursion = model.excursion(measured.handle_angle);
     S tip(0);
@@ -452,14 +451,13 @@ struct FrictionObserver {
     spread = spread + noise / weight;
     const S trusted = S(1) / spread;
     const S step = residual * trusted;
-    memory.scale =
-        clamp(memory.scale - gain[0] * step, S(tuning::least_friction_scale), S(tuning::most_friction_scale));
+    memory.scale = clamp(memory.scale - gain[0] * step, S(1) / S(tuning::friction_range), S(tuning::friction_range));
     memory.reference = memory.reference - gain[1] * step;
     memory.compliance_scale =
         clamp(memory.compliance_scale - gain[2] * step, S(1) / S(tuning::most_compliance), S(tuning::most_compliance));
     memory.compliance = memory.compliance_scale / model.axis.stiffness;
-    memory.gain_error =
-        clamp(memory.gain_error - gain[3] * step, -S(tuning::most_gain_error), S(tuning::most_gain_error));
+    memory.gain_error = clamp(memory.gain_error - gain[3] * step, S(-0.5) * S(tuning::most_gain_difference),
+                              S(0.5) * S(tuning::most_gain_difference));
     for (int n = 0; n < unknowns; ++n) {
       const S part = gain[n] * trusted;
       // Rounding must not make it negative.

@@ -70,11 +70,11 @@ constexpr AxisController<A> axis_controller(const P& all, int number) {
   const S hand_travel = S(tuning::hand_travel) * S(p.hand_play);
   AxisController<A> axis{};
   const ControlModel<A> model = control_model<A>(p);
-  axis.friction = {model,
-                   {S(p.hand_play), S(p.sheath_play),
-                    larger(S(0.8) * S(p.spool_noise) * S(p.spool_radius), S(tuning::least_length_noise)), S(p.play),
-                    S(tuning::smoothing) * period, S(p.friction_scale_std), S(p.reference_std), S(p.compliance_std),
-                    S(p.slack_tension), S(p.cell_gain_std), S(p.bias_std), S(p.hand_play)}};
+  axis.friction = {
+      model,
+      {S(p.hand_play), S(p.sheath_play), larger(S(0.8) * S(p.spool_noise) * S(p.spool_radius), S(p.sheath_play)),
+       S(p.play), S(tuning::smoothing) * period, S(p.friction_scale_std), S(p.reference_std), S(p.compliance_std),
+       S(p.slack_tension), S(p.cell_gain_std), S(p.bias_std), S(p.hand_play)}};
   axis.compensator.model = model;
   axis.compensator.settings = {S(p.gain),          S(tuning::breakaway_angle) * S(p.tip_frequency),
                                S(p.position_gain), S(p.dead_band),
@@ -84,15 +84,14 @@ constexpr AxisController<A> axis_controller(const P& all, int number) {
                                S(p.force_limit),   S(p.assistance),
                                hand_travel,        S(p.tremor_delay),
                                S(p.tremor_gain)};
-  axis.compensator.envelope = {
-      model,
-      {model.stroke_for(S(tuning::envelope_margin) * model.axis.distal.moment_arm(S(0))),
-       larger(S(tuning::least_swing_time), S(tuning::swing_half_periods * pi) / S(p.tip_frequency))}};
+  axis.compensator.envelope = {model,
+                               {model.stroke_for(S(tuning::notable_angle) * model.axis.distal.moment_arm(S(0))),
+                                S(tuning::swing_half_periods * pi) / S(p.tip_frequency)}};
   axis.homing = {model,
                  {S(p.homing_speed), S(p.homing_stroke), S(p.homing_overshoot), S(p.homing_tolerance),
                   S(p.homing_stroke) / S(p.homing_speed) + S(tuning::homing_time), S(p.homing_jog), S(p.homing_travel),
                   S(p.homing_offset), S(p.homing_notice), hand_travel, S(p.drive_time_constant), homing_drive<S>(p),
-                  S(tuning::homing_rest)}};
+                  S(tuning::still_time)}};
   Watch<S>& watch = axis.watch;
   watch.set_readings(p);
   watch.drive = {S(p.spool_radius), S(all.speed_limit), S(all.acceleration_limit), S(p.drive_time_constant), S(0)};

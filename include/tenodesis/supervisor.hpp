@@ -184,7 +184,7 @@ struct Supervisor {
   // A clock that has stopped must not keep the motors running.
   S usable(const S& dt) const { return dt > S(0) && is_finite(dt) ? dt : period; }
 
-  S relaxed() const { return S(tuning::relaxed) * tension_limit; }
+  S relaxed() const { return S(tuning::near_limit) * tension_limit; }
 
   // What a fault is judged by: where the spools were before, and how fast they turn.
   static void remember(int i, const Measurement<S>& measured, const S& dt, const State& state, CommandState<S>& axis) {
@@ -256,8 +256,9 @@ struct Supervisor {
   }
 
   // A return first goes below home by a common stroke, so that at last both tendons are wound alike: friction, which
-  // would hold the tip where the motors had brought it, then acts on both alike.
-  S dip() const { return S(tuning::below_home) * relief; }
+  // would hold the tip where the motors had brought it, then acts on both alike, and is weak where they turn back: as
+  // far below as leaves a tendon tight that is stiffer than its parameters say.
+  S dip() const { return S(2) / S(tuning::envelope_compliance) * relief; }
   S hangs() const { return stretch > S(0) ? S(2) * S(tuning::hanging) * relief / stretch : S(0); }
 
   void follow_return(const Measurement<S>& measured, const State& state, CommandState<S>& axis) const {
@@ -266,25 +267,26 @@ struct Supervisor {
     const bool fault = state.operating == OperatingState::fault;
     const Distrust distrust = distrusted(fault ? state.faults : state.present);
     const bool loose = smaller(measured.tension[0], measured.tension[1]) < hangs();
-    const bool there = at(S(0));
+    // On the way down they pass it.
+    const bool stands = abs(axis.sent[0]) + abs(axis.sent[1]) <= S(0);
+    const bool there = at(S(0)) && (axis.rising || stands);
     if (there || distrust.spool) axis.returning = false;
     if (there || at(-dip()) || (loose && !distrust.tension)) axis.rising = true;
   }
 
-  // Both spools at the same time, the faster at most at neutral_speed. By tensions, where these are trusted, no tendon
-  // is wound above its limit, nor let out until it hangs: of what both still have to let out, neither is.
+  // No spool faster than neutral_speed, and what moves the tip first: a load that goes meanwhile finds as little of the
+  // stroke as can be. By tensions, where these are trusted, no tendon is wound above its limit, nor let out until it
+  // hangs: of what both still have to let out, neither is.
   S return_velocity(int i, const Measurement<S>& measured, bool by_tension, const CommandState<S>& axis) const {
     if (axis.kept || !axis.knows_home || !all_finite(measured.spool_angle[0], measured.spool_angle[1])) return S(0);
     const S place = axis.rising ? S(0) : -dip();
     const S left[2]{place - away(0, measured, axis), place - away(1, measured, axis)};
-    const S farther = abs(left[0]) > abs(left[1]) ? left[0] : left[1];
-    if (!(abs(farther) > S(0))) return S(0);
-    const S pace = crept(farther) / farther;
-    const S speed = pace * left[i];
-    if (!by_tension) return speed;
-    const S common = pace * (left[0] + left[1]) * S(0.5);
+    const S apart = crept((left[i] - left[1 - i]) * S(0.5));
+    const S room = neutral_speed - abs(apart);
+    const S common = clamp(crept((left[0] + left[1]) * S(0.5)), -room, room);
+    if (!by_tension) return common + apart;
     const bool loose = smaller(measured.tension[0], measured.tension[1]) < hangs();
-    const S kept = loose && common < S(0) ? speed - common : speed;
+    const S kept = loose && common < S(0) ? apart : common + apart;
     if (kept > S(0)) return tension_limit > S(0) && !(measured.tension[i] < relaxed()) ? S(0) : kept;
     return measured.tension[i] < hangs() ? S(0) : kept;
   }

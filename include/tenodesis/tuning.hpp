@@ -11,27 +11,24 @@
 /// is plausible, the study whose figures it was chosen by, or chosen, where no study has shown yet that it matters.
 #define TENODESIS_TUNING(ROW)                                                                                          \
   /* slip and friction at the contacts */                                                                              \
-  ROW(least_friction_scale, 0.05, "1", "bound", "least friction over that of the parameters")                          \
-  ROW(most_friction_scale, 12, "1", "bound", "most: a sheath may be bent ten times as far as assumed")                 \
+  ROW(friction_range, 20, "1", "bound: a sheath bent ten times as far, twice as rough",                                \
+      "largest friction over that of the parameters, or its inverse")                                                  \
   ROW(firm_run, 4, "1", "studies/plants.py", "plays after which a contact surely slips")                               \
   ROW(reversing_share, 0.75, "1", "studies/plants.py",                                                                 \
       "of the change of tension that makes all contacts slip after a reversal")                                        \
   ROW(surely_reversed, 1.9, "1", "studies/plants.py",                                                                  \
       "the same by which they slip even if friction is a third stronger")                                              \
   ROW(tip_plays, 3, "1", "studies/plants.py", "plays by which friction at the tip's joint turns")                      \
-  ROW(loose_tensions, 10, "1", "bound", "slack tensions below which a tendon is as good as slack")                     \
   ROW(smoothing, 6, "1", "studies/plants.py", "time constant of the measurement filter, in ticks")                     \
-  ROW(least_length_noise, 2e-6, "m", "bound", "of the difference of two tendon lengths")                               \
   /* what the friction observer learns */                                                                              \
   ROW(forgetting, 0.05, "1/s^0.5", "studies/plants.py",                                                                \
       "growth of its deviations, share of their start per root second")                                                \
   ROW(outlier, 3, "1", "99.7 % of a normal distribution", "deviations beyond which a measurement is not explained")    \
   ROW(calm_lag, 2, "1", "studies/plants.py",                                                                           \
-      "lag of the filtered tension, in slack tensions, above which nothing is learned, nor below twice of it")         \
-  ROW(homed_compliance_std, 0.03, "1", "chosen", "deviation of the compliance that homing leaves")                     \
-  ROW(homed_gain_share, 0.2, "1", "chosen", "share of the deviation of the cells' gains that homing leaves")           \
+      "lag of the filtered tension, in slack tensions, above which nothing is learned; a tendon is loose below twice " \
+      "it")                                                                                                            \
+  ROW(homed_share, 0.12, "1", "studies/homing.py", "of the deviations of compliance and gains, that homing leaves")    \
   ROW(most_compliance, 2, "1", "studies/plants.py", "largest compliance over that of the parameters, or its inverse")  \
-  ROW(most_gain_error, 0.1, "1", "bound", "of either load cell")                                                       \
   ROW(share_plays, 2, "1", "studies/plants.py", "plays of slip for which errors of where the compliance is are alike") \
   ROW(sticking_plays, 10, "1", "studies/plants.py", "the same of errors of contacts that still stick")                 \
   ROW(share_std, 0.25, "1", "studies/plants.py",                                                                       \
@@ -50,70 +47,62 @@
       "largest amplitude of tremor, at the handle (1.2 deg)")                                                          \
   ROW(tremor_memory, 1, "s", "studies/tremor.py", "time constant with which that amplitude is forgotten")              \
   ROW(tremor_smoothing, 0.004, "s", "studies/tremor.py", "time constant of tremor's speed")                            \
-  ROW(tremor_spare, 1.2, "1", "studies/tremor.py", "largest over usual swing of a hand")                               \
+  ROW(tremor_spare, 1.2, "1", "studies/tremor.py", "largest over usual swing of a hand, or of a tip that it draws")    \
   ROW(tremor_pulsation, 0.2, "1", "studies/tremor.py", "share by which a swing changes the pulsation")                 \
   /* law */                                                                                                            \
-  ROW(breakaway_time, 0.025, "s", "chosen", "in which friction is overcome after the hand reverses")                   \
-  ROW(far, 15, "1", "chosen", "error that is corrected first without a stroke, in dead bands")                         \
-  ROW(patience, 0.3, "s", "chosen", "for which that is tried")                                                         \
-  ROW(settle_time, 0.03, "s", "chosen", "within the dead band before the motors rest")                                 \
-  ROW(breakaway_angle, 0.010471975511965976, "rad", "chosen",                                                          \
+  ROW(breakaway_time, 0.025, "s", "studies/changes.py", "in which friction is overcome after the hand reverses")       \
+  ROW(far, 15, "1", "studies/harm.py", "error that is corrected first without a stroke, in dead bands")                \
+  ROW(patience, 0.3, "s", "studies/tremor.py", "for which that is tried")                                              \
+  ROW(settle_time, 0.03, "s", "studies/harm.py", "within the dead band before the motors rest")                        \
+  ROW(breakaway_angle, 0.010471975511965976, "rad", "studies/tremor.py",                                               \
       "speed of a tip that breaks away, over its angular frequency (0.6 deg)")                                         \
   ROW(stroke_time, 0.25, "s", "chosen", "in which a common stroke goes from its middle to either end")                 \
   ROW(hand_travel, 5, "1", "chosen", "travel of the handle, in plays, above which the hand counts as moving")          \
-  ROW(still_time, 0.1, "s", "chosen", "without motion after which the hand counts as still")                           \
+  ROW(still_time, 0.1, "s", "studies/homing.py", "for which a hand, or a mean tension while homing, must be still")    \
   ROW(waking, 2, "1", "chosen", "error that moves motors at rest, in dead bands")                                      \
-  ROW(unseen, 4, "1", "chosen", "what strokes would show, in dead bands, that keeps the motors awake")                 \
-  ROW(long_rest, 1, "s", "chosen", "after which a disturbance is a new load")                                          \
-  ROW(correction_time, 1, "s", "chosen", "longest time of a correction between two strokes")                           \
+  ROW(unseen, 4, "1", "studies/changes.py", "what strokes would show, in dead bands, that keeps the motors awake")     \
+  ROW(long_rest, 1, "s", "studies/changes.py", "after which a disturbance is a new load")                              \
+  ROW(correction_time, 1, "s", "studies/changes.py", "longest time of a correction between two strokes")               \
   ROW(correction_over_breakaway, 1.3, "1", "chosen", "stroke of a correction over that which frees the tip")           \
   ROW(approach_rate, 30, "1/s", "chosen", "at which a stroke may approach its bounds")                                 \
-  ROW(few_turns, 2, "1", "chosen",                                                                                     \
+  ROW(few_turns, 2, "1", "studies/tremor.py",                                                                          \
       "reversals of strokes after which the dead band grows, where a wider one had ended them")                        \
-  ROW(most_turns, 4, "1", "chosen", "the same where it had not")                                                       \
+  ROW(most_turns, 4, "1", "studies/harm.py", "the same where it had not")                                              \
   ROW(tolerance_growth, 1.5, "1", "chosen", "of the dead band by a stroke")                                            \
-  ROW(most_tolerance, 3, "1", "chosen", "dead bands up to which it grows")                                             \
+  ROW(most_tolerance, 3, "1", "studies/tremor.py", "dead bands up to which it grows")                                  \
   ROW(differential_share, 0.8, "1", "chosen", "of a common stroke's speed: no tendon is to reverse")                   \
-  ROW(slow_stroke, 0.25, "1", "chosen", "of the speed of a stroke on target")                                          \
-  ROW(near_limit, 0.94, "1", "chosen", "of the tension limit, above which no stroke tightens")                         \
+  ROW(slow_stroke, 0.25, "1", "studies/tremor.py", "of the speed of a stroke on target")                               \
+  ROW(near_limit, 0.94, "1", "bound: beside the noise of a cell",                                                      \
+      "of the tension limit, above which no stroke tightens, and below which a tendon may be wound again")             \
   ROW(tremor_in_band, 0.15, "1", "studies/tremor.py", "of the tremor, that widens the dead band")                      \
   /* envelope */                                                                                                       \
-  ROW(envelope_margin, 0.017453292519943295, "rad", "studies/harm.py",                                                 \
-      "by which a stroke may exceed what a load explains (1 deg)")                                                     \
-  ROW(envelope_friction, 2, "1", "bound", "largest plausible friction over the observer's")                            \
+  ROW(envelope_friction, 1.5, "1", "studies/harm.py", "largest plausible friction over the observer's")                \
   ROW(envelope_compliance, 1.3, "1", "bound", "largest plausible compliance over the observer's")                      \
   ROW(envelope_smoothing, 0.1, "s", "studies/harm.py", "time constant of a stroke's bounds")                           \
-  ROW(proven_friction, 1.5, "1", "bound", "friction over the observer's that a return does not rely on")               \
   ROW(least_swing, 2, "1", "studies/harm.py", "tracking error by which its reversal stands out, in dead bands")        \
-  ROW(least_swing_time, 0.04, "s", "chosen", "least time between two reversals of the tracking error")                 \
-  ROW(swing_half_periods, 1.3, "1", "chosen", "the same, in half-periods of the tip, which itself oscillates faster")  \
+  ROW(swing_half_periods, 1.3, "1", "studies/harm.py",                                                                 \
+      "of the tip, which itself oscillates faster: least time between two reversals of the tracking error")            \
   ROW(swing_memory, 2, "s", "studies/harm.py", "time constant with which reversals are forgotten")                     \
   ROW(swing_hand_travel, 0.03490658503988659, "rad", "studies/harm.py",                                                \
       "handle travel between reversals that the hand made (2 deg)")                                                    \
-  ROW(swing_of_hand, 1.25, "1", "studies/harm.py", "largest swing over what the hand has drawn")                       \
   ROW(few_reversals, 3, "1", "studies/harm.py", "recent reversals from which the law's gain falls")                    \
   ROW(many_reversals, 5, "1", "studies/harm.py", "from which it is zero")                                              \
-  ROW(return_rate, 4, "1/s", "studies/harm.py", "of the return to the least necessary stroke, while it is")            \
+  ROW(return_rate, 4, "1/s", "studies/harm.py", "at which a stroke or a mean error that is not wanted is taken back")  \
   /* loads that alternate */                                                                                           \
-  ROW(alternation_step, 0.017453292519943295, "rad", "studies/changes.py",                                             \
-      "of the tip, that counts as a jump (1 deg)")                                                                     \
+  ROW(notable_angle, 0.017453292519943295, "rad", "studies/harm.py: what it counts as harm",                           \
+      "of the tip: a jump of the load, or by how much a stroke may exceed what one explains (1 deg)")                  \
   ROW(alternation_fastest, 0.3, "s", "studies/changes.py", "time between jumps that motors can follow")                \
-  ROW(alternation_left, 0.3, "1", "studies/changes.py", "of a jump, that is left to friction at first")                \
+  ROW(alternation_left, 0.3, "1", "studies/changes.py",                                                                \
+      "of a jump, that is left to friction at first; the rest of the stroke that it holds is given back")              \
   ROW(alternation_on_target, 0.1, "1", "studies/changes.py", "of a jump, below which the tip is on target")            \
   ROW(alternation_patience, 2, "s", "studies/changes.py", "in which what is left to friction halves")                  \
   ROW(alternation_longest, 20, "s", "studies/changes.py",                                                              \
       "after which jumps are forgotten, and strokes look for a hidden load")                                           \
   ROW(alternation_smoothing, 0.5, "s", "studies/changes.py", "of the mean error")                                      \
-  ROW(alternation_spare, 0.7, "1", "studies/changes.py", "of the stroke that friction holds, which is given back")     \
-  ROW(alternation_return, 12, "1/s", "studies/changes.py", "at which it is")                                           \
-  ROW(alternation_offset, 4, "1/s", "studies/changes.py", "at which the mean error is taken away")                     \
   /* supervisor */                                                                                                     \
   ROW(time_to_obey, 0.05, "s", "studies/faults.py",                                                                    \
       "in a fault, after which a motor that does not follow is not only slow to stop")                                 \
-  ROW(relaxed, 0.9, "1", "chosen", "of the tension limit, below which a tendon may be wound again")                    \
-  ROW(hanging, 0.05, "1", "chosen", "of the pretension, below which a tendon hangs")                                   \
-  ROW(below_home, 1.2, "1", "chosen",                                                                                  \
-      "stroke below home of a return, over that which makes the tendons half as tight")                                \
+  ROW(hanging, 0.05, "1", "bound", "of the pretension, below which a tendon hangs")                                    \
   ROW(press_time, 0.3, "s", "chosen", "after which a tip that yields presses on something")                            \
   /* watch */                                                                                                          \
   ROW(watch_window, 0.1, "s", "studies/faults.py", "in which slip and a motor's lag are judged")                       \
@@ -124,15 +113,12 @@
   /* homing */                                                                                                         \
   ROW(homing_gain, 8, "1/s", "studies/homing.py", "of a tight tendon's missing stretch")                               \
   ROW(homing_time, 10, "s", "studies/homing.py", "longest time of a stage, beside that of its largest stroke")         \
-  ROW(homing_rest, 0.2, "s", "studies/homing.py", "least time for which readings are averaged at first")               \
-  ROW(homing_settle_time, 0.1, "s", "studies/homing.py", "for which the mean tension must be within the tolerance")    \
   ROW(homing_proof, 0.25, "1", "studies/homing.py", "of the pretension, at which the wiring is proven")                \
   ROW(homing_judged, 0.8, "1", "studies/homing.py", "of the pretension, at which the stretch is judged")               \
   ROW(homing_sudden, 0.07, "1", "studies/homing.py", "of the pretension: fall at once by which a tendon has broken")   \
   ROW(homing_answer, 0.25, "1", "studies/homing.py", "of the noticed tension, that an answer to a jog must exceed")    \
-  ROW(homing_least_slope, 0.45, "1", "bound", "of tension by stroke, over the nominal one")                            \
-  ROW(homing_least_stretch, 0.4, "1", "bound", "of an elastic tendon's stretch, below which it is jammed")             \
-  ROW(homing_gain_error, 0.12, "1", "bound", "largest difference of the load cells' gains")
+  ROW(homing_least_slope, 0.45, "1", "bound", "of tension by stroke, over the nominal one, or its inverse")            \
+  ROW(most_gain_difference, 0.12, "1", "bound", "of the load cells")
 
 namespace tenodesis::tuning {
 

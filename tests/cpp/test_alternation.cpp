@@ -108,16 +108,16 @@ void what_friction_leaves_is_taken_away_and_a_stroke_given_back_only_as_far_as_f
   AlternationState<S> state{};
   state.mean = S(-1e-4);
   const S held = S(2e-5);
-  const S speed = leaning_speed(state, S(0), held);
+  const S speed = leaning_speed(state, S(0), held, S(12));
   CLAIM(speed < S(0));
-  CLAIM_NEAR(double(speed), -tuning::alternation_return * tuning::alternation_spare * double(held), 1e-9);
-  CLAIM(leaning_speed(state, S(0), S(0)) == S(0));
+  CLAIM_NEAR(double(speed), -12.0 * (1 - tuning::alternation_left) * double(held), 1e-9);
+  CLAIM(leaning_speed(state, S(0), S(0), S(12)) == S(0));
   state.offset = S(1e-5);
-  CLAIM(leaning_speed(state, S(0), S(0)) > S(0));
+  CLAIM(leaning_speed(state, S(0), S(0), S(12)) > S(0));
   // Where motors are too slow for the load, the stroke goes all the way.
   state.fast = true;
   state.offset = S(0);
-  CLAIM_NEAR(double(leaning_speed(state, S(0), held)), tuning::alternation_return * double(state.mean), 1e-9);
+  CLAIM_NEAR(double(leaning_speed(state, S(0), held, S(12))), 12.0 * double(state.mean), 1e-9);
 }
 
 template <class S>

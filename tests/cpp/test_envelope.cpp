@@ -119,9 +119,11 @@ void without_authority_a_stroke_returns_to_what_the_tensions_prove(const A& axis
   fixture.memory.nominal[0] = model.sheath * model.sheath_bend;
   fixture.memory.nominal[1] = model.vertex * model.axis.proximal.wrap_angle(S(0.5));
   fixture.load(0.02 * double(axis.pretension));  // friction explains as much
-  CLAIM_NEAR(fixture.envelope().returning(stroke, S(1), fixture.own.friction, fixture.memory), -4 * stroke, 1e-9);
+  CLAIM_NEAR(fixture.envelope().returning(stroke, S(1), fixture.own.friction, fixture.memory),
+             -S(tuning::return_rate) * stroke, 1e-9);
   fixture.load(double(axis.pretension));
-  const S proven = fixture.envelope().returning(S(0), S(1), fixture.own.friction, fixture.memory) / S(4);
+  const S proven =
+      fixture.envelope().returning(S(0), S(1), fixture.own.friction, fixture.memory) / S(tuning::return_rate);
   CLAIM(proven > S(0) && proven < fixture.own.friction.measured_loss(fixture.memory));
 }
 
