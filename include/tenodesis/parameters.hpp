@@ -86,7 +86,8 @@ constexpr AxisController<A> axis_controller(const P& all, int number) {
                                S(p.tremor_gain)};
   axis.compensator.envelope = {model,
                                {model.stroke_for(S(tuning::notable_angle) * model.axis.distal.moment_arm(S(0))),
-                                S(tuning::swing_half_periods * pi) / S(p.tip_frequency)}};
+                                larger(S(tuning::tremor_quickest * tuning::tremor_half_period),
+                                       S(tuning::swing_half_periods * pi) / S(p.tip_frequency))}};
   axis.homing = {model,
                  {S(p.homing_speed), S(p.homing_stroke), S(p.homing_overshoot), S(p.homing_tolerance),
                   S(p.homing_stroke) / S(p.homing_speed) + S(tuning::homing_time), S(p.homing_jog), S(p.homing_travel),
