@@ -7,10 +7,12 @@ to states over their range, by commands or by their handle; then a force comes a
 of what its pretension holds. Tendons have friction in their sheaths and at every bend, 0.7, 1 and 1.3 times what the
 controller assumes. Errors are those of all that bends over the last tenth of a second, against the commands, or what
 the handle asks for; beside them those of a rigid coupling matrix alone, and how much farther from its command any of
-them is with the law than without: at the end, and ever since the force. Last, the wrist moves while the jaws hold an
-object.
+them is with the law than without: at the end, and ever since the force. The same again as calibrated: with constant
+errors of load cells and lengths of tendons, drawn for each case with the deviations that the file states. Last, the
+wrist moves while the jaws hold an object.
 """
 
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -91,11 +93,35 @@ def force_of(inst: FullForm) -> float:
     return held / 2 / (last + sum(joint.offset + joint.chord for joint in inst.tip_joints))
 
 
+def drawn(inst: FullForm, random: np.random.Generator) -> tuple[FullForm, Array]:
+    """Return an instrument with load cells as inexact as its file says, and what its tendons are too long, m."""
+    offsets = [sensor.offset for sensor in inst.tension_sensors] * random.standard_normal(len(inst.tendons))
+    tendons = [
+        tendon.model_copy(update={"load_cell_bias": float(bias)})
+        for tendon, bias in zip(inst.as_given("tendons"), offsets, strict=True)
+    ]
+    lengths = inst.control.reference_uncertainty * random.standard_normal(len(inst.tendons))
+    return inst.replace(tendons=tendons), lengths
+
+
 def run_of(
-    name: str, friction: float, handle: Array, target: Array, *, compensates: bool, seed: int = 1, **loads: Any
+    name: str,
+    friction: float,
+    handle: Array,
+    target: Array,
+    *,
+    compensates: bool,
+    calibration: Sequence[int] = (),
+    seed: int = 1,
+    **loads: Any,
 ) -> tuple[Run, JointEstimate, Array]:
-    """Return a run, its estimates and the errors of what bends, deg; handle, target: rad, with a row per step."""
+    """Return a run, its estimates and the errors of what bends, deg; handle, target: rad, with a row per step.
+
+    calibration: seed of what it has left of errors; without it is exact.
+    """
     inst = tool(name, friction)
+    if calibration:
+        inst, loads["let_out"] = drawn(inst, np.random.default_rng(calibration))
     controller = JointController(tool(name), "joints" if compensates else "off")
     aims = {} if inst.handle_joints else {"target": target}
     request = np.zeros(len(target), dtype=int)
@@ -110,14 +136,22 @@ def summed(inst: FullForm, angles: Array) -> Array:
     return np.stack([angles[:, places].sum(axis=1) for places in inst.bends.values()], axis=1)
 
 
-def trial(name: str, state: int, direction: tuple[float, float, float], friction: float) -> dict[str, Any]:
-    """Run a state under a force, by a rigid coupling alone and with the law: errors, deg."""
+def trial(
+    name: str, state: int, direction: tuple[float, float, float], friction: float, calibrated: bool
+) -> dict[str, Any]:
+    """Run a state under a force, by a rigid coupling alone and with the law: errors, deg.
+
+    calibrated: whether calibration has left errors; else there are none.
+    """
     inst = tool(name)
     way = eased(HOMED, ARRIVED)
     handle, target = (way * angles for angles in commanded(inst, state))
     wrench = eased(LOADED, 0.1) * np.array([*(force_of(inst) * np.asarray(direction)), 0, 0, 0])
-    _, _, alone = run_of(name, friction, handle, target, compensates=False, wrench=wrench)
-    run, estimate, with_law = run_of(name, friction, handle, target, compensates=True, wrench=wrench)
+    given: dict[str, Any] = {"wrench": wrench}
+    if calibrated:
+        given["calibration"] = (state, DIRECTIONS.index(tuple(direction)), law.ASSUMED.index(friction))
+    _, _, alone = run_of(name, friction, handle, target, compensates=False, **given)
+    run, estimate, with_law = run_of(name, friction, handle, target, compensates=True, **given)
     last = slice(-round(LAST / STEP), None)
     off = np.degrees(summed(inst, estimate.angle - run["output_angle"]))[last].mean(axis=0)
     sums = np.array([np.isin(np.arange(len(inst.tip_joints)), places) for places in inst.bends.values()], float)
@@ -179,9 +213,11 @@ def main() -> None:
     ]
     for name in [*(options.name or (() if options.tool else NAMES)), *options.tool]:
         axes = {"name": [name], "state": range(len(SHARES)), "direction": DIRECTIONS, "friction": law.ASSUMED}
-        rows = campaign.run(trial, campaign.cases(**axes), Path(name).stem, results=options.results)
+        cases = campaign.cases(**axes, calibrated=[False, True])
+        by = campaign.run(trial, cases, Path(name).stem, results=options.results).by("calibrated")
         print(f"{Path(name).stem}, {force_of(tool(name)):.3g} N in {len(DIRECTIONS)} directions")
-        law.show(options, f"any_routing_{figures.slug(Path(name).stem)}", rows.by("friction") | {"all": rows}, columns)
+        groups = by[False].by("friction") | {"all": by[False], "as calibrated": by[True]}
+        law.show(options, f"any_routing_{figures.slug(Path(name).stem)}", groups, columns)
         if tool(name).grip is not None:
             axes = {"name": [name], "closing": CLOSINGS, "friction": law.ASSUMED}
             rows = campaign.run(grip_kept, campaign.cases(**axes), "grip", results=options.results)

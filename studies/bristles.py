@@ -75,7 +75,7 @@ class Plant:
         self.spool, self.speed = np.zeros((2, self.count, tendons))
         self.place, self.bristle = np.zeros((2, self.count, tendons, POINTS))
         self.angle = np.zeros((self.count, joints))
-        self.cells = self.noise.normal(0, inst.tension_sensors[0].offset / 2, (self.count, tendons))
+        self.cells = self.noise.normal(0, inst.tension_sensors[0].offset, (self.count, tendons))
         self.tension = self._tensions()
 
     def _tensions(self) -> Array:

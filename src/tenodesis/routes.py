@@ -62,7 +62,9 @@ def twin_rows(inst: FullForm, time_step: float, quasi_static: bool) -> TwinRows:
     values = twin_values(inst, time_step)
     parameters = [values[name] for name in _PARAMETERS]
     contacts = [len(route.passages) for route in routes]
-    cells = np.array([(one.gain, 0.0, one.noise, one.range, one.resolution) for one in inst.tension_sensors])
+    biases = [tendon.load_cell_bias for tendon in inst.tendons]
+    sensors = zip(inst.tension_sensors, biases, strict=True)
+    cells = np.array([(one.gain, bias, one.noise, one.range, one.resolution) for one, bias in sensors])
     law = {"stribeck": 1, "capstan-power": 2}.get(inst.friction.law, 2 if inst.friction.bends else 0)
     return TwinRows(passages, contacts, segments, links, cells, parameters, law, per_sample)
 

@@ -180,6 +180,19 @@ def test_many_twins_over_threads_run_as_one_by_one() -> None:
         assert np.array_equal(found.T, alone[9::10])
 
 
+def test_the_bias_of_a_load_cell_is_read_and_moves_nothing() -> None:
+    inst = shipped("needle-driver").replace(**{"sensors.load_cell_noise": 0.0})
+    biased = [one.model_copy(update={"load_cell_bias": 0.1 * n}) for n, one in enumerate(inst.as_given("tendons"))]
+    handle, wrench, velocity = motion(inst, 50)
+    right, off = (
+        tn.twin.Twin(one).run(handle, wrench=wrench, spool_velocity=velocity)
+        for one in (inst, inst.replace(tendons=biased))
+    )
+    assert np.array_equal(right["tension"], off["tension"])
+    read = off["measured_tension"] - right["measured_tension"]
+    assert np.abs(read - 0.1 * np.arange(6)).max() <= inst.tension_sensors[0].resolution * (1 + 1e-9)
+
+
 def test_tissue_at_a_joint_turns_that_joint_alone_and_loses_what_its_damping_takes() -> None:
     core = tn.twin.Twin(shipped("hybrid-scaled-up", friction={})).core
     tissue = np.zeros(3 * dict(core.signals)["output_angle"])

@@ -21,8 +21,8 @@ from tenodesis.run import Array, Names
 _NAMES = [name for name, _, _ in _core.joint_control_parameters()]
 _COMPONENTS = 7
 """Of the load: force, moment, grip."""
-_DEVIATIONS = 2.0
-"""Of an estimate, that strokes leave room for and that the file's uncertainties mean."""
+_DEVIATIONS = 1.0
+"""Of an estimate, that strokes leave room for."""
 _KNOWN = 1e-6
 """Deviation of a share that is known exactly."""
 _PLAY = 4.0
@@ -288,10 +288,10 @@ def _values(inst: FullForm, period: float) -> dict[str, float]:
         "handle_play": _PLAY * drawn * sqrt(smoothing / 2),
         "tension_play": _PLAY * (sensor.noise + sensor.resolution),
         "smoothing": smoothing,
-        "tension_deviation": hypot(sensor.noise, sensor.resolution, sensor.offset / _DEVIATIONS),
-        "length_deviation": hypot(step / sqrt(12), drawn / _DEVIATIONS, control.reference_uncertainty / _DEVIATIONS),
-        "friction_deviation": max(control.friction_uncertainty / _DEVIATIONS, _KNOWN),
-        "stiffness_deviation": max(control.stiffness_uncertainty / _DEVIATIONS, _KNOWN),
+        "tension_deviation": hypot(sensor.noise, sensor.resolution, sensor.offset),
+        "length_deviation": hypot(step / sqrt(12), drawn, control.reference_uncertainty),
+        "friction_deviation": max(control.friction_uncertainty, _KNOWN),
+        "stiffness_deviation": max(control.stiffness_uncertainty, _KNOWN),
         "force_deviation": held / reach,
         "moment_deviation": held,
         "grip_deviation": held / reach,

@@ -26,6 +26,7 @@ from tenodesis.units import (
     Mass,
     Rate,
     SheathBend,
+    SignedForce,
     Spacing,
     Stiffness,
     StopAngles,
@@ -320,6 +321,7 @@ class Tendon(FileTable):
     damping: TendonDamping = Field(default=0.0, description="Force by the rate at which the tendon stretches")
     length: Length | None = Field(default=None, description="By default the instrument's tendon_length")
     pretension: Force | None = Field(default=None, description="Tension at rest; by default the instrument's")
+    load_cell_bias: SignedForce = Field(default=0.0, description="On the bench, of its load cell or tension by current")
 
     @model_validator(mode="after")
     def _one_stiffness(self) -> Self:
