@@ -115,6 +115,7 @@ struct JointLearning {
   S scale[2]{};    ///< of friction and stiffness, beyond 1
   S weight[3]{};   ///< inverse of their covariance: friction, both, stiffness
   S tension[M]{};  ///< at the last evidence, N
+  S rise{};        ///< farthest of a tension from its pretension, N
 };
 
 template <class S, int N, int M, int contacts>
@@ -248,7 +249,7 @@ struct JointObserver {
 
   // Friction is linear about what was learned of it, stiffness about the file's.
   void expect(JointLearning<S, M>& learned, Equations& equations) const {
-    auto& [scale, weight, tension] = learned;
+    auto& [scale, weight, tension, rise] = learned;
     if (!(weight[0] > S(0))) {
       weight[0] = S(1) / square(deviations.friction);
       weight[2] = S(1) / square(deviations.stiffness);
@@ -275,7 +276,14 @@ struct JointObserver {
   void learn(const Square<S, unknowns>& inverse, const S* value, const Measured& measured,
              JointLearning<S, M>& learned) const {
     const S friction = larger(covariance(inverse, at_friction, at_friction), square(S(least_friction_std)));
-    const S stiffness = larger(covariance(inverse, at_stiffness, at_stiffness), square(S(least_stiffness_std)));
+    for (int m = 0; m < M; ++m) {
+      learned.tension[m] = measured.tension[m];
+      if (contacts[m] > 0) learned.rise = larger(learned.rise, abs(measured.tension[m] - chain.pretension[m]));
+    }
+    // A constant error of the load cells is the same in all evidence.
+    const S by_cells = deviations.tension / larger(learned.rise, deviations.tension);
+    const S stiffness =
+        larger(covariance(inverse, at_stiffness, at_stiffness), square(S(least_stiffness_std)) + square(by_cells));
     const S both = covariance(inverse, at_stiffness, at_friction);
     const S by = S(1) / (friction * stiffness - square(both));
     const S weight[3]{by * stiffness, -by * both, by * friction};
@@ -283,7 +291,6 @@ struct JointObserver {
     const S most[2]{S(2) * deviations.friction, S(2) * deviations.stiffness};
     learned.scale[0] = clamp(learned.scale[0] + value[at_friction], -most[0], most[0]);
     learned.scale[1] = clamp(value[at_stiffness], -most[1], most[1]);
-    for (int m = 0; m < M; ++m) learned.tension[m] = measured.tension[m];
   }
 
   // Of two unknowns, by the inverse of the root.
