@@ -256,9 +256,8 @@ struct Supervisor {
   }
 
   // A return first goes below home by a common stroke, so that at last both tendons are wound alike: friction, which
-  // would hold the tip where the motors had brought it, then acts on both alike, and is weak where they turn back: as
-  // far below as leaves a tendon tight that is stiffer than its parameters say.
-  S dip() const { return S(2) / S(tuning::envelope_compliance) * relief; }
+  // would hold the tip where the motors had brought it, then acts on both alike, and is weak where they turn back.
+  S dip() const { return S(tuning::below_home) * relief; }
   S hangs() const { return stretch > S(0) ? S(2) * S(tuning::hanging) * relief / stretch : S(0); }
 
   void follow_return(const Measurement<S>& measured, const State& state, CommandState<S>& axis) const {

@@ -42,7 +42,7 @@
   /* tremor */                                                                                                         \
   ROW(tremor_half_period, 0.1, "s", "Elble, Koller, Tremor, 1990: 6 to 12 Hz",                                         \
       "longest time between two reversals of tremor")                                                                  \
-  ROW(tremor_quickest, 0.36, "1", "studies/tremor.py", "shortest over longest")                                        \
+  ROW(tremor_quickest, 0.4, "1", "the same: up to 12 Hz", "shortest over longest")                                     \
   ROW(tremor_limit, 0.020943951023931952, "rad", "studies/tremor.py",                                                  \
       "largest amplitude of tremor, at the handle (1.2 deg)")                                                          \
   ROW(tremor_memory, 1, "s", "studies/tremor.py", "time constant with which that amplitude is forgotten")              \
@@ -103,6 +103,8 @@
   ROW(time_to_obey, 0.05, "s", "studies/faults.py",                                                                    \
       "in a fault, after which a motor that does not follow is not only slow to stop")                                 \
   ROW(hanging, 0.05, "1", "bound", "of the pretension, below which a tendon hangs")                                    \
+  ROW(below_home, 1.36, "1", "studies/changes.py, studies/harm.py",                                                    \
+      "stroke below home of a return, over that which makes the tendons half as tight")                                \
   ROW(press_time, 0.3, "s", "chosen", "after which a tip that yields presses on something")                            \
   /* watch */                                                                                                          \
   ROW(watch_window, 0.1, "s", "studies/faults.py", "in which slip and a motor's lag are judged")                       \

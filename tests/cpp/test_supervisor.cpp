@@ -394,7 +394,7 @@ void what_stops_returns_home_from_below_unless_it_is_to_hold() {
     const Measurement<double> at = returned(over, request, 0);
     CLAIM(home(at));
     // Both tendons end wound alike: friction must not hold the tip where the motors had brought it.
-    CLAIM(at.handle_angle < -0.9 * 2 / tuning::envelope_compliance * over.relief);
+    CLAIM(at.handle_angle < -0.9 * tuning::below_home * over.relief);
     // What moves the tip goes first, as fast as it may: a load that goes meanwhile finds as little as can be.
     const double time = over.hold_time + 0.45 / over.neutral_speed + 1;
     const Measurement<double> soon = returned(over, request, 0, {}, 0, time);
