@@ -1,7 +1,16 @@
 """Bodies that two gear pairs have in common, one standing on the other."""
 
 from tenodesis.cad import kernel as k
-from tenodesis.cad.gears import GearJoint, bores, end_dimension, far_half, gear_notes, half_dimensions, toothed_half
+from tenodesis.cad.gears import (
+    GearJoint,
+    axis_dimension,
+    bores,
+    end_dimension,
+    far_half,
+    gear_notes,
+    half_dimensions,
+    toothed_half,
+)
 from tenodesis.cad.parts import Dimension, End, Part, Sizes, refuse
 
 
@@ -16,7 +25,7 @@ def check_between(inner: GearJoint, outer: GearJoint, outer_end: End, sizes: Siz
     collar, least = apart - inner.depth - outer.depth, 2 * sizes.rope + 2 * sizes.wall
     if collar < least:
         refuse(
-            f"{outer_end.key.removesuffix('radius')}offset",
+            outer_end.key_of("offset"),
             apart,
             f"the links of both joints leave {max(collar, 0.0):.3g} mm between them for the ends of the tendons",
             f"at least {apart - collar + least:.4g} mm for process {sizes.process.name}",
@@ -48,15 +57,7 @@ def between_part(inner: GearJoint, inner_end: End, outer: GearJoint, outer_end: 
         (inner_end.place(far=True),),
         dimensions=(
             *half_dimensions(inner, inner_end),
-            Dimension(
-                "axis to axis",
-                (0, 0, 0),
-                (0, 0, -apart),
-                "front",
-                -1,
-                key=f"{outer_end.key.removesuffix('radius')}offset",
-                along="y",
-            ),
+            axis_dimension("axis to axis", outer_end, apart, -1),
             Dimension(
                 "other tunnels apart", (0, -radius, -apart), (0, radius, -apart), "side", -1, "", outer_end.key, 2
             ),

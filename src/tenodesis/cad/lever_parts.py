@@ -6,7 +6,7 @@ from typing import NamedTuple
 from tenodesis.cad import kernel as k
 from tenodesis.cad.bench_parts import TIP_PIN
 from tenodesis.cad.between_parts import outer_place
-from tenodesis.cad.gears import GearJoint, far_half, gear_notes, half_dimensions
+from tenodesis.cad.gears import GearJoint, axis_dimension, far_half, gear_notes, half_dimensions
 from tenodesis.cad.kernel import Solid
 from tenodesis.cad.parts import Dimension, End, Part, Sizes, bought, ferrule, groove_dimensions, pin, refuse
 from tenodesis.cad.pulley_parts import PulleyJoint, tendon_end
@@ -130,7 +130,7 @@ def check_lever(  # noqa: PLR0917
 
     `way` is where the tendon passes the gear's middle plane.
     """
-    key = f"{end.key.removesuffix('radius')}offset"
+    key = end.key_of("offset")
     taken = gear.depth + gear_end.far_collar + lever.clear(sizes)
     least = taken + math.hypot(lever.pulley.radius, *way) / math.tan(_STEEPEST)
     if lever.offset < least:
@@ -276,22 +276,14 @@ def _carrier(  # noqa: PLR0917
         (gear_end.place(far=True),),
         dimensions=(
             *half_dimensions(gear, gear_end),
-            Dimension(
-                "axis to the fork's axis",
-                (0, 0, 0),
-                (0, 0, -lever.offset),
-                "front",
-                1,
-                key=f"{end.key.removesuffix('radius')}offset",
-                along="y",
-            ),
+            axis_dimension("axis to the fork's axis", end, lever.offset, 1),
             Dimension(
                 "axis to the force" if gear_end.tip else "axis to the socket's bottom",
                 (0, 0, 0),
                 (0, 0, -eye_or_socket),
                 "front",
                 -1,
-                key=f"{gear_end.key.removesuffix('radius')}end_effector_length" if gear_end.tip else "",
+                key=gear_end.key_of("end_effector_length") if gear_end.tip else "",
                 along="y",
             ),
         ),

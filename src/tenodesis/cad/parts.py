@@ -224,6 +224,10 @@ class End(NamedTuple):
     shift: float = 0.0
     """Distance of a tendon within the stem from the plane that the joint bends in."""
 
+    def key_of(self, name: str) -> str:
+        """Return the key of the instrument file for another value of its joint."""
+        return f"{self.key.removesuffix('radius')}{name}"
+
     def place(self, along: float = 0.0, *, far: bool = False) -> Location:
         """Return where a half of the joint, or a link, is in its body, so far along it; z of a half is to its mate."""
         turned = k.at(z=along, turn=(0.0, 0.0, self.turn))
