@@ -27,7 +27,7 @@
   ROW(calm_lag, 2, "1", "studies/plants.py",                                                                           \
       "lag of the filtered tension, in slack tensions, above which nothing is learned; a tendon is loose below twice " \
       "it")                                                                                                            \
-  ROW(homed_share, 0.12, "1", "studies/homing.py", "of the deviations of compliance and gains, that homing leaves")    \
+  ROW(homed_share, 0.12, "1", "chosen", "of the deviations of compliance and gains, that homing leaves")               \
   ROW(most_compliance, 2, "1", "studies/plants.py", "largest compliance over that of the parameters, or its inverse")  \
   ROW(share_plays, 2, "1", "studies/plants.py", "plays of slip for which errors of where the compliance is are alike") \
   ROW(sticking_plays, 10, "1", "studies/plants.py", "the same of errors of contacts that still stick")                 \
