@@ -71,7 +71,7 @@ def commanded(inst: FullForm, state: int) -> tuple[Array, Array]:
         return np.zeros(0), inst.bent(bends_of(inst, state))
     ranges = np.array([joint.range for joint in inst.handle_joints])
     handle = np.resize(SHARES[state], len(ranges)) * ranges
-    handle[triggers(inst)] = np.abs(handle[triggers(inst)])
+    handle = np.where(triggers(inst), np.abs(handle), handle)
     return handle, np.asarray(unloaded_angle(inst, handle))
 
 
@@ -117,7 +117,7 @@ def run_of(
 ) -> tuple[Run, JointEstimate, Array]:
     """Return a run, its estimates and the errors of what bends, deg; handle, target: rad, with a row per step.
 
-    calibration: seed of what it has left of errors; without it is exact.
+    calibration: seed of the errors that it has left; without a seed there are none.
     """
     inst = tool(name, friction)
     if calibration:
@@ -182,8 +182,8 @@ def grip_kept(name: str, closing: float, friction: float) -> dict[str, float]:
     target, handle = closes * closed + moves * moved, np.zeros((len(closes), 0))
     if inst.handle_joints:
         # The trigger draws what the closed jaws take.
-        drawn = np.linalg.pinv(inst.tendon_arms("handle")) @ inst.tendon_arms("tip") @ closed
-        handle = closes * drawn + moves * np.where(triggers(inst), 0, commanded(inst, 1)[0])
+        triggered = np.linalg.pinv(inst.tendon_arms("handle")) @ inst.tendon_arms("tip") @ closed
+        handle = closes * triggered + moves * np.where(triggers(inst), 0, commanded(inst, 1)[0])
     own, alone = (
         run_of(name, friction, handle, target, compensates=compensates, held=held, seed=2)[0]["grip_force"][MOVED:]
         for compensates in (True, False)
