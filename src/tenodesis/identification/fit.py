@@ -29,6 +29,15 @@ REFINEMENTS = 3
 """Searches from the optimum on, where a problem is prepared for it."""
 SETTLED = 1e-3
 """Share of its range by which a parameter may move in the last of these."""
+WEIGHED_SEARCHES = 3
+"""Searches with systematic errors of sensors in the weights; after each, deviations are better known."""
+SLOPES_OVER = 8.0
+"""Change over which a slope is taken then, in deviations of the parameter.
+
+Over a smaller one, a few contacts that stick or slip make up the difference; over a larger one, the change of many.
+"""
+LARGEST_WIDTH = 0.02
+"""Of these changes, over a parameter's scale."""
 LEAST_REPLICATES = 40
 
 
@@ -92,7 +101,7 @@ def fit(
     best = ends[int(np.argmin(costs))]
     if best is None:
         raise search.unanswered()
-    refined = _refined(problem, search, best) if refine else best
+    refined = _weighed(problem, search, _refined(problem, search, best)) if refine else best
     at, cost = search.on_bounds(refined)
     # costs of a refined problem do not compare with those of the starts
     reference = cost if refined is best else best.cost
@@ -175,6 +184,18 @@ def _refined(problem: Problem, search: Search, best: SearchEnd) -> SearchEnd:
         if moved.max() < SETTLED:
             break
     return found
+
+
+def _weighed(problem: Problem, search: Search, best: SearchEnd) -> SearchEnd:
+    """Return the optimum with systematic errors of sensors in the residuals' weights, where a problem has them."""
+    if not problem.weigh_sensors(search.full(best.at), search.train):
+        return best
+    for _ in range(WEIGHED_SEARCHES):
+        best = search.stepped(best.at)
+        scale = scales(problem.parameters, search.full(best.at))[search.free]
+        found = uncertainty.estimate([search.linearised(best.at, run, scale) for run in search.train], search.loss)
+        search.widths = np.minimum(SLOPES_OVER * found.std, LARGEST_WIDTH) * scale
+    return best
 
 
 def _check(

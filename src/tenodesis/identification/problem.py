@@ -85,6 +85,13 @@ class Problem(ABC):
         """Prepare the residuals of runs for a search near some values, and return whether they differ from before."""
         return False
 
+    def weigh_sensors(self, values: Array, runs: Sequence[int]) -> bool:
+        """Take systematic sensor errors of runs near some values into the residuals' weights; return if there are any.
+
+        The least squares of the residuals are then the generalised ones of Aitken (1936).
+        """
+        return False
+
     def sensor_noise(self, run: int) -> tuple[float, ...]:
         """Return the standard deviation of the residuals of each sensor of a perfect model."""
         return (1.0,) * self.channels(run)

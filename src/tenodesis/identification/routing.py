@@ -261,6 +261,7 @@ class Routing(Problem):
         self._step = _STEP
         self._known: tuple[bytes, int, dict[str, Array]] | None = None
         self._near: dict[int, Marginalisation] = {}
+        self._cells: dict[int, Array] = {}
 
     def _input(self, run: MeasuredRun) -> _Inputs:
         """Return what is given to the twin, at each of its steps."""
@@ -474,11 +475,17 @@ class Routing(Problem):
         return np.nan_to_num(self._scaled(self._inputs[run].measured) - self._scaled(model), nan=_LOST)
 
     def residuals(self, values: Array, run: int) -> Array:
-        """Return measured minus model of all channels over their noise, near an optimum without what counts hide."""
-        return self._whitened(self.plain_residuals(values, run), run)
+        """Return measured minus model of all channels over their noise.
+
+        Near an optimum they are without what counts hide, and then without what load cells' errors may be.
+        """
+        return self._weighed(self._whitened(self.plain_residuals(values, run), run), run)
 
     def _whitened(self, rows: Array, run: int) -> Array:
         return self._near[run].whitened(rows) if run in self._near else rows
+
+    def _weighed(self, rows: Array, run: int) -> Array:
+        return rows - self._cells[run] @ (self._cells[run].T @ rows) if run in self._cells else rows
 
     def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
         """Return differences of the residuals by parameters, of a step in which stick and slip hardly turn."""
@@ -492,7 +499,7 @@ class Routing(Problem):
             which=which,
             step=self._step,
         )
-        return self._whitened(np.nan_to_num(slopes), run)
+        return self._weighed(self._whitened(np.nan_to_num(slopes), run), run)
 
     def refine(self, values: Array, runs: Sequence[int]) -> bool:
         """Halve the difference by which slopes are taken, and marginalise what spools' counts hide near some values."""
@@ -502,29 +509,66 @@ class Routing(Problem):
                 self._near[run] = marginalise(self._inputs[run], partial(self._expected, values, run))
         return self._step >= _LEAST_STEP
 
+    def weigh_sensors(self, values: Array, runs: Sequence[int]) -> bool:
+        """Take offsets and gains of load cells, near some values, into the residuals' weights.
+
+        Not before a search is near its end: what is left of the tensions determines their level by when tendons slip,
+        where a search ends in any of many optima.
+        """
+        for run in runs:
+            effects = self._of_cells(values, run)
+            if effects.any():
+                directions, sizes, _ = np.linalg.svd(effects, full_matrices=False)
+                # (1 + M M')^(-1/2) = 1 - D D'
+                self._cells[run] = directions * np.sqrt(1 - 1 / np.sqrt(1 + sizes**2))
+        return bool(self._cells)
+
     def jacobian(self, values: Array, run: int) -> Array:
         """Return them by all parameters."""
         return self.derivatives(values, run, range(len(self.parameters)))
 
-    def systematic_errors(self, values: Array, run: int) -> Array:
-        """Return effects of one deviation of each load cell's offset and gain, and of counts if not linear, (n, m).
+    def _of_cells(self, values: Array, run: int) -> Array:
+        """Return effects on residuals of one deviation of each load cell's offset and gain, (n, m).
 
-        Gains act on the tensions of the model, for readings have the residuals' own noise. These errors are not in the
-        residuals' weights: what is then left determines the level of tensions by when tendons slip, where a search ends
-        in any of many optima.
+        Gains act on the tensions of the model, for readings have the residuals' own noise.
         """
-        model, near = self._model(values, run), self._near.get(run)
-        effects = [np.zeros(sum(row.size for row in model.values()))]
+        model = self._model(values, run)
+        effects = []
         for channel, sensor in self._tension_sensors.items():
             for error in (sensor.offset, sensor.gain_error * model[channel]) if channel in model else ():
                 own = {name: 0 * row + (error if name == channel else 0.0) for name, row in model.items()}
                 effects.append(self._scaled(own))
-        found = np.nan_to_num(np.stack(effects, axis=1))
-        return found if near is None else near.whitened(np.concatenate([found, near.nonlinear], axis=1))
+        size = sum(row.size for row in model.values())
+        return self._whitened(np.nan_to_num(np.stack(effects, axis=1)) if effects else np.zeros((size, 0)), run)
+
+    def systematic_errors(self, values: Array, run: int) -> Array:
+        """Return effects of load cells while they are not in the weights, and of counts if not linear, (n, m)."""
+        found = self._of_cells(values, run)[:, : 0 if run in self._cells else None]
+        near = self._near.get(run)
+        if near is None:
+            return found
+        return np.concatenate([found, self._weighed(near.whitened(near.nonlinear), run)], axis=1)
+
+    def _read(self, values: Array, run: int) -> dict[str, Array]:
+        """Return the model's readings by channel, with the errors of load cells that are likeliest where it has them.
+
+        They are in the model once they are in the weights, of a run held out as of one that is fitted.
+        """
+        model = dict(self._model(values, run))
+        if not self._cells:
+            return model
+        effects = self._of_cells(values, run)
+        rows = self._whitened(self.plain_residuals(values, run), run)
+        likeliest = np.linalg.solve(np.eye(effects.shape[1]) + effects.T @ effects, effects.T @ rows)
+        cells = [channel for channel in self._tension_sensors if channel in model]
+        for channel, (offset, gain) in zip(cells, likeliest.reshape(-1, 2).tolist(), strict=True):
+            sensor = self._tension_sensors[channel]
+            model[channel] = model[channel] * (1 + gain * sensor.gain_error) + offset * sensor.offset
+        return model
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus model of tensions in N and angles in degrees, of each kind one after another."""
-        model = self._model(values, run)
+        model = self._read(values, run)
         of: dict[str, list[Array]] = {}
         for channel, row in self._inputs[run].measured.items():
             key, scale = _shown(channel)
@@ -533,7 +577,7 @@ class Routing(Problem):
 
     def traces(self, values: Array, run: int) -> dict[str, Trace]:
         """Return measured and modelled tensions and angles."""
-        model = self._model(values, run)
+        model = self._read(values, run)
         found = {}
         for channel, row in self._inputs[run].measured.items():
             key, scale = _shown(channel)

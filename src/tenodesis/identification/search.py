@@ -20,6 +20,8 @@ LEAST_PER_PARAMETER = 10
 MOST_STEPS = 100
 """Iterations of a search."""
 
+STEPS_NEAR = 6
+"""Gauss-Newton steps at once near an optimum."""
 _REFIT_STEPS = 20
 """Iterations of a search from the optimum, for a replicate of the bootstrap."""
 _TOLERANCE = 1e-9
@@ -45,6 +47,8 @@ class Search:
     ) -> None:
         self.problem, self.free, self.train, self.loss = problem, list(free), train, loss
         self.exact = derivatives == "exact"
+        self.widths: Array | None = None
+        """Changes of the free parameters over which slopes are taken, if not by the problem's own derivatives."""
         self.evaluations = self.jacobians = self.begun = 0
         self.watch: Callable[[int], None] | None = None
         """Called with the evaluations of a search so far."""
@@ -83,11 +87,16 @@ class Search:
         if len(given) == len(self.train):
             self.jacobians += 1
             return np.concatenate(given)
-        return differenced(self.residuals, at, self.lower, self.upper, self._scale(at))
+        return self._differenced(self.residuals, at)
+
+    def _differenced(self, function: Callable[[Array], Array], at: Array) -> Array:
+        if self.widths is None:
+            return differenced(function, at, self.lower, self.upper, self._scale(at))
+        return differenced(function, at, self.lower, self.upper, self.widths, step=1.0)
 
     def _own(self, values: Array, run: int) -> Array | None:
         """Return the problem's own derivatives by the free parameters, (n, free), or None to use differences."""
-        return self.problem.derivatives(values, run, self.free) if self.exact else None
+        return self.problem.derivatives(values, run, self.free) if self.exact and self.widths is None else None
 
     def solve(
         self, start: Array, *, aim: Array | None = None, held: Sequence[int] = (), steps: int = MOST_STEPS
@@ -131,6 +140,29 @@ class Search:
         )
         return SearchEnd(moved(np.asarray(found.x)), float(found.cost), converged=found.status != 0)
 
+    def stepped(self, start: Array) -> SearchEnd:
+        """Return the best of some Gauss-Newton steps from near an optimum, each halved if it raised the cost.
+
+        Stick and slip make the cost rough: a search that must descend ends in the first of many optima.
+        """
+        self.begun = self.evaluations
+        at, residuals = start, self.residuals(start)
+        best = SearchEnd(at, self._cost(residuals), converged=True)
+        for _ in range(STEPS_NEAR):
+            first, second = uncertainty.influence(residuals, self.loss)
+            root, scale = np.sqrt(second), self._scale(at)
+            slopes = root[:, None] * self._finite(self.jacobian(at)) * scale
+            step = np.linalg.lstsq(slopes, first / root, rcond=uncertainty.UNSEEN)[0]
+            there = np.clip(at - scale * step, self.lower, self.upper)
+            fresh = self.residuals(there)
+            end = SearchEnd(there, self._cost(fresh), converged=True)
+            if end.cost >= self._cost(residuals):
+                there = (at + there) / 2
+                fresh = self.residuals(there)
+            at, residuals = there, fresh
+            best = min(best, end, key=lambda one: one.cost)
+        return best
+
     def on_bounds(self, found: SearchEnd) -> tuple[Array, float]:
         """Return the optimum and its cost, with parameters moved onto the bounds that the search stops short of.
 
@@ -160,11 +192,7 @@ class Search:
         """Return a run at the optimum."""
         values = self.full(at)
         own = self._own(values, run)
-        jacobian = (
-            differenced(lambda x: self.problem.residuals(self.full(x), run), at, self.lower, self.upper, scale)
-            if own is None
-            else own
-        )
+        jacobian = self._differenced(lambda x: self.problem.residuals(self.full(x), run), at) if own is None else own
         return Linearised(
             self.problem.residuals(values, run),
             self._finite(jacobian) * scale,

@@ -199,8 +199,9 @@ class Windowed(Problem):
     residuals, jacobian, derivatives, systematic_errors, plain_residuals = map(
         _within, ("residuals", "jacobian", "derivatives", "systematic_errors", "plain_residuals")
     )
-    sample_time, channels, sensors, refine, sensor_noise, advice, instrument = map(
-        _same, ("sample_time", "channels", "sensors", "refine", "sensor_noise", "advice", "instrument")
+    sample_time, channels, sensors, refine, weigh_sensors, sensor_noise, advice, instrument = map(
+        _same,
+        ("sample_time", "channels", "sensors", "refine", "weigh_sensors", "sensor_noise", "advice", "instrument"),
     )
 
     def __init__(self, problem: Problem, windows: Mapping[int, Window]) -> None:

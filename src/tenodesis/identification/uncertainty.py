@@ -146,7 +146,7 @@ _BLOCKS = 300
 _LARGEST_ORDER = 6
 _LARGEST_ROOT = 0.97
 """Of the autoregression that whitens the scores (Andrews and Monahan 1992)."""
-_UNSEEN = 1e-8
+UNSEEN = 1e-8
 """Singular value, as a share of the largest, below which a direction is not seen at all."""
 
 
@@ -227,7 +227,7 @@ def estimate(runs: Sequence[Linearised], loss: LossName = "linear") -> Uncertain
         scores.append(_summed(score))
         squares += float(first @ first)
     _, sizes, rows = linalg.svd(np.linalg.qr(np.concatenate(weighted), mode="r"))
-    seen = sizes > _UNSEEN * sizes.max(initial=0.0)
+    seen = sizes > UNSEEN * sizes.max(initial=0.0)
     directions, unseen = rows[seen].T, rows[~seen].T
     inverse = directions / sizes[seen] ** 2 @ directions.T
     correction = count / max(1, count - free)

@@ -251,12 +251,11 @@ def _problem(
 def _information(problem: routing.Routing, *, systematic: bool = False) -> Information:
     """Return the information in a run; errors of load cells do not average out over motions, and choose none."""
     values = np.array([one.start for one in problem.parameters])
+    if systematic:
+        problem.weigh_sensors(values, [0])
     slopes = problem.jacobian(values, 0) * scales(problem.parameters, values)
     curvature = slopes.T @ slopes
-    if not systematic:
-        return Information(curvature, curvature)
-    gradients = slopes.T @ problem.systematic_errors(values, 0)
-    return Information(curvature, curvature + gradients @ gradients.T)
+    return Information(curvature, curvature)
 
 
 def _std(problem: routing.Routing) -> dict[str, float]:
