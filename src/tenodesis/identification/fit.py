@@ -110,7 +110,8 @@ def fit(
     scale = scales(problem.parameters, values)[indices]
     linearised = [search.linearised(at, run, scale) for run in search.train]
     _check_excitation(problem, indices, linearised, [problem.runs[run] for run in search.train], loss)
-    found = uncertainty.estimate(linearised, loss)
+    scatter = None if refined.scatter is None else refined.scatter / scale[:, np.newaxis]
+    found = uncertainty.estimate(linearised, loss, scatter=scatter)
     base = np.concatenate([one.residuals for one in linearised])
 
     def change(other: Array) -> float:

@@ -477,15 +477,14 @@ class Routing(Problem):
     def residuals(self, values: Array, run: int) -> Array:
         """Return measured minus model of all channels over their noise.
 
-        Near an optimum they are without what counts hide, and then without what load cells' errors may be.
+        Near an optimum they are without what counts hide, or without what load cells' errors may be.
         """
-        return self._weighed(self._whitened(self.plain_residuals(values, run), run), run)
+        return self._whitened(self.plain_residuals(values, run), run)
 
     def _whitened(self, rows: Array, run: int) -> Array:
+        if run in self._cells:
+            return rows - self._cells[run] @ (self._cells[run].T @ rows)
         return self._near[run].whitened(rows) if run in self._near else rows
-
-    def _weighed(self, rows: Array, run: int) -> Array:
-        return rows - self._cells[run] @ (self._cells[run].T @ rows) if run in self._cells else rows
 
     def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
         """Return differences of the residuals by parameters, of a step in which stick and slip hardly turn."""
@@ -499,7 +498,7 @@ class Routing(Problem):
             which=which,
             step=self._step,
         )
-        return self._weighed(self._whitened(np.nan_to_num(slopes), run), run)
+        return self._whitened(np.nan_to_num(slopes), run)
 
     def refine(self, values: Array, runs: Sequence[int]) -> bool:
         """Halve the difference by which slopes are taken, and marginalise what spools' counts hide near some values."""
@@ -513,9 +512,10 @@ class Routing(Problem):
         """Take offsets and gains of load cells, near some values, into the residuals' weights.
 
         Not before a search is near its end: what is left of the tensions determines their level by when tendons slip,
-        where a search ends in any of many optima.
+        where a search ends in any of many optima. And not beside what spools' counts hide: its effects are not linear,
+        and what the level of tensions would tell beside them is less than intervals would say.
         """
-        for run in runs:
+        for run in runs if not self._near else ():
             effects = self._of_cells(values, run)
             if effects.any():
                 directions, sizes, _ = np.linalg.svd(effects, full_matrices=False)
@@ -539,15 +539,14 @@ class Routing(Problem):
                 own = {name: 0 * row + (error if name == channel else 0.0) for name, row in model.items()}
                 effects.append(self._scaled(own))
         size = sum(row.size for row in model.values())
-        return self._whitened(np.nan_to_num(np.stack(effects, axis=1)) if effects else np.zeros((size, 0)), run)
+        rows = np.nan_to_num(np.stack(effects, axis=1)) if effects else np.zeros((size, 0))
+        return self._near[run].whitened(rows) if run in self._near else rows
 
     def systematic_errors(self, values: Array, run: int) -> Array:
         """Return effects of load cells while they are not in the weights, and of counts if not linear, (n, m)."""
         found = self._of_cells(values, run)[:, : 0 if run in self._cells else None]
         near = self._near.get(run)
-        if near is None:
-            return found
-        return np.concatenate([found, self._weighed(near.whitened(near.nonlinear), run)], axis=1)
+        return found if near is None else np.concatenate([found, near.whitened(near.nonlinear)], axis=1)
 
     def _read(self, values: Array, run: int) -> dict[str, Array]:
         """Return the model's readings by channel, with the errors of load cells that are likeliest where it has them.
@@ -558,7 +557,7 @@ class Routing(Problem):
         if not self._cells:
             return model
         effects = self._of_cells(values, run)
-        rows = self._whitened(self.plain_residuals(values, run), run)
+        rows = self.plain_residuals(values, run)
         likeliest = np.linalg.solve(np.eye(effects.shape[1]) + effects.T @ effects, effects.T @ rows)
         cells = [channel for channel in self._tension_sensors if channel in model]
         for channel, (offset, gain) in zip(cells, likeliest.reshape(-1, 2).tolist(), strict=True):

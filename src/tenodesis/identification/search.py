@@ -37,6 +37,8 @@ class SearchEnd(NamedTuple):
     at: Array
     cost: float
     converged: bool
+    scatter: Array | None = None
+    """What several steps to the optimum differ by, (free parameters, steps): its uncertainty where slopes are rough."""
 
 
 class Search:
@@ -143,11 +145,12 @@ class Search:
     def stepped(self, start: Array) -> SearchEnd:
         """Return the best of some Gauss-Newton steps from near an optimum, each halved if it raised the cost.
 
-        Stick and slip make the cost rough: a search that must descend ends in the first of many optima.
+        Stick and slip make the cost rough: a search that must descend ends in the first of many optima. Where it is
+        smooth, steps from the last points lead to the same one.
         """
         self.begun = self.evaluations
         at, residuals = start, self.residuals(start)
-        best = SearchEnd(at, self._cost(residuals), converged=True)
+        best, proposed = SearchEnd(at, self._cost(residuals), converged=True), []
         for _ in range(STEPS_NEAR):
             first, second = uncertainty.influence(residuals, self.loss)
             root, scale = np.sqrt(second), self._scale(at)
@@ -156,12 +159,15 @@ class Search:
             there = np.clip(at - scale * step, self.lower, self.upper)
             fresh = self.residuals(there)
             end = SearchEnd(there, self._cost(fresh), converged=True)
+            proposed.append(there)
             if end.cost >= self._cost(residuals):
                 there = (at + there) / 2
                 fresh = self.residuals(there)
             at, residuals = there, fresh
             best = min(best, end, key=lambda one: one.cost)
-        return best
+        # the first ones lead to the optimum
+        late = np.stack(proposed[STEPS_NEAR // 2 :], axis=1)
+        return best._replace(scatter=(late - best.at[:, np.newaxis]) / math.sqrt(late.shape[1]))
 
     def on_bounds(self, found: SearchEnd) -> tuple[Array, float]:
         """Return the optimum and its cost, with parameters moved onto the bounds that the search stops short of.

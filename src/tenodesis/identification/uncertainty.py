@@ -211,11 +211,12 @@ def influence(residuals: Array, loss: LossName) -> tuple[Array, Array]:
     return residuals / root, root**-3
 
 
-def estimate(runs: Sequence[Linearised], loss: LossName = "linear") -> Uncertainty:
+def estimate(runs: Sequence[Linearised], loss: LossName = "linear", *, scatter: Array | None = None) -> Uncertainty:
     """Return the covariance of the parameters: the scores' long-run covariance between inverse curvatures.
 
     The sandwich of Huber (1967) and White (1980) with the estimator of Andrews and Monahan (1992) between, but no
-    variance is below that for independent residuals; systematic errors are added.
+    variance is below that for independent residuals; systematic errors are added, and the scatter of the optimum over
+    the parameters' scales, (free parameters, m).
     """
     count = sum(run.residuals.size for run in runs)
     free = runs[0].jacobian.shape[1]
@@ -240,6 +241,8 @@ def estimate(runs: Sequence[Linearised], loss: LossName = "linear") -> Uncertain
         if run.systematic is not None:
             off = bread @ (directions.T @ (run.jacobian.T @ run.systematic))
             covariance = covariance + off @ off.T
+    if scatter is not None:
+        covariance = covariance + scatter @ scatter.T
     return Uncertainty(covariance=covariance, white=white, unseen=unseen)
 
 
