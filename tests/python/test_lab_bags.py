@@ -11,10 +11,8 @@ from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.recording import Recording, lab_map
 from tenodesis.run import Array
 
-from .conftest import load_study
+from .lab_writers import WRENCH, bag
 from .recording_files import read
-
-STUDY = load_study("files")
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +33,7 @@ def test_a_bag_of_other_names_is_shown_mapped_and_read_as_the_recording(
     name: str,
     storage: str,
 ) -> None:
-    path = STUDY.bag(tmp_path / name, columns, storage=storage)
+    path = bag(tmp_path / name, columns, storage=storage)
     code, said, _ = tenodesis("info", name)
     assert code == 0
     assert "/PSM/tendons/measured_js" in said.replace("\n", "")
@@ -50,16 +48,16 @@ def test_a_bag_of_other_names_is_shown_mapped_and_read_as_the_recording(
 
 
 def test_topics_of_another_clock_are_interpolated(columns: dict[str, Array], tmp_path: Path) -> None:
-    path = STUDY.bag(tmp_path / "run.bag", columns, shifted=0.2e-3)
+    path = bag(tmp_path / "run.bag", columns, shifted=0.2e-3)
     found = lab_map.numbers_in(path)
-    force = found.columns[found.headings.index(f"{STUDY.WRENCH}.force.x [N]")]
+    force = found.columns[found.headings.index(f"{WRENCH}.force.x [N]")]
     assert np.isnan(force[0])
     expected = np.interp(columns["t"], columns["t"] + 0.2e-3, columns["load"])
     assert force[1:] == pytest.approx(expected[1:], abs=1e-6)
 
 
 def test_a_torn_bag_and_a_bag_without_numbers_are_one_sentence(columns: dict[str, Array], tmp_path: Path) -> None:
-    path = STUDY.bag(tmp_path / "run.bag", {name: values[:200] for name, values in columns.items()})
+    path = bag(tmp_path / "run.bag", {name: values[:200] for name, values in columns.items()})
     path.write_bytes(path.read_bytes()[:5000])
     with pytest.raises(RecordingError, match=r"run\.bag cannot be read: .*") as raised:
         Recording.open(path)
@@ -67,7 +65,7 @@ def test_a_torn_bag_and_a_bag_without_numbers_are_one_sentence(columns: dict[str
 
 
 def test_a_missing_library_is_named(columns: dict[str, Array], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = STUDY.bag(tmp_path / "run.bag", {name: values[:5] for name, values in columns.items()})
+    path = bag(tmp_path / "run.bag", {name: values[:5] for name, values in columns.items()})
     monkeypatch.setitem(__import__("sys").modules, "rosbags.highlevel", None)
     with pytest.raises(MissingExtraError) as raised:
         Recording.open(path)

@@ -14,13 +14,13 @@ from tenodesis import plot
 from tenodesis.errors import MissingExtraError, RecordingError
 from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.recording import Recording, lab_guess, lab_map, lab_tables
-from tenodesis.run import Array
 
-from .conftest import load_study, refused
+from . import lab_writers
+from .conftest import refused
+from .lab_writers import Columns, tdms
 from .recording_files import read, same, table
 
-STUDY = load_study("files")
-KINDS = {name: write for name, write in STUDY.KINDS.items() if not name.startswith("run")} | {"no_suffix": STUDY.tdms}
+KINDS = {name: write for name, write in lab_writers.KINDS.items() if not name.startswith("run")} | {"no_suffix": tdms}
 SHORT = {
     "handle_angle": "theta_h",
     "tension_agonist": "F1",
@@ -29,7 +29,6 @@ SHORT = {
     "force": "load",
 }
 DIGITS = 1e-6
-Columns = dict[str, Array]
 
 
 def parquet(path: Path, columns: Columns) -> None:
@@ -150,7 +149,7 @@ def test_what_expands_to_too_much_is_refused_before_it_is_read(
     elif kind.endswith("parquet"):
         parquet(path, {"a": nothing})
     else:
-        STUDY.tdms(path, {"t": nothing[:50_000], "a": nothing[:50_000]}, waveform=False)
+        tdms(path, {"t": nothing[:50_000], "a": nothing[:50_000]}, waveform=False)
     monkeypatch.setattr(lab_tables, "_LARGEST", 700_000)
     if kind.endswith("tdms"):
         monkeypatch.setattr(lab_tables, "_start", lambda path: path.read_bytes()[:4096])

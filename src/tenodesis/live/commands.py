@@ -109,6 +109,8 @@ class LiveCommand:
     """Whether only the operator may send it."""
     repeatable: bool
     """Whether it may be sent again if its answer does not come."""
+    by_hand: bool
+    """Whether it moves or loads the instrument as a protocol does, and is refused while one runs."""
     streamed: bool
     """Whether it comes many times a second, so that its events are merged."""
     timeout: float
@@ -154,7 +156,7 @@ class LiveCommand:
                 raise LiveError(key=name, value=value, allowed=kind.allowed) from None
         return arguments
 
-    def call(self, on: "Commands", arguments: Mapping[str, Any]) -> Any:
+    def call(self, on: Any, arguments: Mapping[str, Any]) -> Any:
         """Call the command on an object that accepts commands."""
         return getattr(on, self.name)(**arguments)
 
@@ -167,7 +169,12 @@ COMMANDS: dict[str, LiveCommand] = {}
 
 
 def _command(
-    *, needs_lease: bool = True, repeatable: bool = False, streamed: bool = False, timeout: float = _TIMEOUT
+    *,
+    needs_lease: bool = True,
+    repeatable: bool = False,
+    by_hand: bool = False,
+    streamed: bool = False,
+    timeout: float = _TIMEOUT,
 ) -> Callable[[Callable[Concatenate[Any, _P], _R]], Callable[Concatenate[Any, _P], _R]]:
     """Enter a method's signature into the table; the method then sends the command."""
 
@@ -175,7 +182,9 @@ def _command(
         signature = inspect.signature(method)
         parameters = {name: one for name, one in signature.parameters.items() if name != "self"}
         result: TypeAdapter[Any] = TypeAdapter(signature.return_annotation)
-        entry = LiveCommand(method.__name__, needs_lease, repeatable, streamed, timeout, parameters, result)
+        entry = LiveCommand(
+            method.__name__, needs_lease, repeatable, by_hand or streamed, streamed, timeout, parameters, result
+        )
         COMMANDS[entry.name] = entry
 
         @wraps(method)
@@ -253,7 +262,7 @@ class Commands:
     def grip_force(self, force: float) -> None:
         """Press the jaws apart with a force, N."""
 
-    @_command()
+    @_command(by_hand=True)
     def hold(self, opening: float, stiffness: float, damping: float = 0.0) -> None:
         """Put something between the jaws, as :class:`tenodesis.twin.Held`; a stiffness of 0 takes it away."""
 

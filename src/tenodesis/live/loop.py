@@ -289,13 +289,13 @@ class LiveLoop:
         array = _numbers("angles", angles, len(self.motors), 100.0)
         self._each("motor", zip(self.motors, array.tolist(), strict=True))
 
-    def force(self, forces: ArrayLike) -> None:
+    def force(self, force: ArrayLike) -> None:
         """Load the tip tangentially, N, shape (axes,)."""
-        self._load("force", forces, _LARGEST_FORCE)
+        self._load("force", force, _LARGEST_FORCE)
 
-    def radial_force(self, forces: ArrayLike) -> None:
+    def radial_force(self, force: ArrayLike) -> None:
         """Load the tip along the end-effector, N, shape (axes,)."""
-        self._load("radial_force", forces, _LARGEST_FORCE)
+        self._load("radial_force", force, _LARGEST_FORCE)
 
     def wrench(self, wrench: ArrayLike) -> None:
         """Load the tip with a force (N) and a moment (N m) in its axes, shape (6,)."""

@@ -37,6 +37,8 @@ _LONGEST_LINE = 1 << 20
 _MOST_CLIENTS = 64
 _log = logging.getLogger(__name__)
 
+_BY_LOOP = ("hand", "force", "radial_force", "wrench", "grip_force", "speed", "inject_fault")
+"""Commands that the loop itself carries out, by methods of their names."""
 EXPECTED = (Error, ValueError)
 """Exceptions that a command may raise."""
 
@@ -185,7 +187,10 @@ class _ClientHandler(Commands):
             raise LiveError(
                 f"{self.origin} only watches; {held}.", key="operator", value=holder, allowed=str(self.origin)
             )
-        result = command.call(self, command.decode(message))
+        arguments = command.decode(message)
+        if command.by_hand:
+            runtime.protocols.refuse_while_playing()
+        result = command.call(runtime.loop if command.name in _BY_LOOP else self, arguments)
         if command.needs_lease:
             write = runtime.journal.write_merged if command.streamed else runtime.journal.write
             write(command.name, self.origin, **{key: message[key] for key in command.parameters if key in message})
@@ -216,32 +221,10 @@ class _ClientHandler(Commands):
         self._runtime.protocols.stop()
         self._runtime.journal.write_merged("stop", self.origin)
 
-    def hand(self, angles: ArrayLike) -> None:
-        self._runtime.protocols.refuse_while_playing()
-        self._runtime.loop.hand(angles)
-
-    def force(self, force: ArrayLike) -> None:
-        self._runtime.protocols.refuse_while_playing()
-        self._runtime.loop.force(force)
-
-    def radial_force(self, force: ArrayLike) -> None:
-        self._runtime.protocols.refuse_while_playing()
-        self._runtime.loop.radial_force(force)
-
     def motors(self, angles: ArrayLike) -> None:
-        self._runtime.protocols.refuse_while_playing()
         self._runtime.loop.move_motors(angles)
 
-    def wrench(self, wrench: ArrayLike) -> None:
-        self._runtime.protocols.refuse_while_playing()
-        self._runtime.loop.wrench(wrench)
-
-    def grip_force(self, force: float) -> None:
-        self._runtime.protocols.refuse_while_playing()
-        self._runtime.loop.grip_force(force)
-
     def hold(self, opening: float, stiffness: float, damping: float = 0.0) -> None:
-        self._runtime.protocols.refuse_while_playing()
         self._runtime.hold(Held(opening, stiffness, damping) if stiffness else None)
 
     def request(self, what: ControllerRequest) -> None:
@@ -249,12 +232,6 @@ class _ClientHandler(Commands):
 
     def law(self, law: str, actuation: str) -> None:
         self._runtime.loop.choose(law, actuation)
-
-    def speed(self, factor: float) -> None:
-        self._runtime.loop.speed(factor)
-
-    def inject_fault(self, point: str, mode: str, value: float, seconds: float, axis: str | None = None) -> None:
-        self._runtime.loop.inject_fault(point, mode, value, seconds, axis)
 
     def play(self, protocol: Protocol, record: bool = True) -> None:
         self._runtime.protocols.play(protocol, self, record=record, stops=self._stops)

@@ -1,23 +1,8 @@
-"""A run of ten minutes in the files that laboratories write: each shown, mapped, identified from and drawn.
+"""Files as laboratories write them: columns under headings of a laboratory, in s, deg and N."""
 
-    python studies/files.py [--seconds 600] [--rate 250] [--kinds .lvm .tdms]
-
-The twin of the scaled-up instrument runs at 2 kHz; its readings are written at the rate given, with 17 digits in texts,
-in the degrees and newtons of a laboratory. `info`, `map` and `identify` are commands, `plot` is tenodesis.plot.run of
-what Recording.open reads. Prints what each took, and how far the parameters are from those of the export's columns.
-"""
-
-import argparse
-import json
 import struct
-import subprocess
-import sys
-import tempfile
-import time
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from functools import partial
-from math import isfinite
 from pathlib import Path
 
 import h5py
@@ -25,34 +10,14 @@ import numpy as np
 import openpyxl
 import scipy.io
 from nptdms import ChannelObject, TdmsWriter
-from numpy.typing import NDArray
 from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores, get_typestore
 
-import tenodesis as tn
-from tenodesis.simulate import Cycles, Protocol
+from tenodesis.run import Array
 
-Array = NDArray[np.float64]
+from .recording_files import table
+
 Columns = dict[str, Array]
-"""Columns of a laboratory by its headings, in s, deg and N."""
-
-HEADINGS = {
-    "commanded_handle_angle": "theta_h",
-    "measured_tension.agonist": "F1",
-    "measured_tension.antagonist": "F2",
-    "measured_output_angle": "theta_e",
-    "force": "load",
-}
-FITTED = "friction,stiffness_ratio,pretension"
-INSTRUMENT = "scaled-up"
-
-
-def table(path: Path, columns: Columns, separator: str = ",", cell: Callable[[float], str] = repr) -> Path:
-    """Write a text, with an empty cell for what is not known."""
-    rows = np.column_stack([*columns.values()]).tolist()
-    lines = (separator.join(cell(one) if isfinite(one) else "" for one in row) for row in rows)
-    path.write_text("\n".join([separator.join(columns), *lines]) + "\n")
-    return path
 
 
 def comma(value: float) -> str:
@@ -195,12 +160,6 @@ def bag(path: Path, columns: Columns, *, storage: str = "", shifted: float = 0.0
     return path
 
 
-def recording(run: tn.Run, path: Path) -> None:
-    """Write a recording of ours."""
-    with tn.Recorder(path, axes=run.axes) as recorder:
-        recorder.write(run)
-
-
 KINDS: dict[str, Callable[[Path, Columns], object]] = {
     "comma.csv": table,
     "german.csv": german,
@@ -222,115 +181,3 @@ KINDS: dict[str, Callable[[Path, Columns], object]] = {
     "run_mcap": partial(bag, storage="MCAP"),
 }
 """What laboratories write, by the file's name."""
-OWN: dict[str, Callable[[tn.Run, Path], object]] = {
-    "export.csv": tn.recording.to_csv,
-    "export.parquet": tn.recording.to_parquet,
-    "recording.mcap": recording,
-}
-"""What this package writes; the first is what the others are compared with."""
-
-
-def recorded(seconds: float, rate: float) -> tn.Run:
-    """Return what a laboratory has of a run: commanded handle, tensions, tip and force, so many times a second."""
-    period = 4.0
-    protocol = Protocol(
-        name="files",
-        phases=tuple(
-            Cycles(amplitude=np.radians(35), symmetric=True, period=period, count=1, force=force)
-            for _, force in zip(range(round(seconds / period)), [0.0, 0.5, 1.0] * round(seconds), strict=False)
-        ),
-    )
-    run = tn.simulate.execute(tn.twin.Twin(tn.load(INSTRUMENT), seed=3), protocol)
-    run = run.rows(step=round(1 / (rate * (run.time[1] - run.time[0])))).axis(run.axes[0])
-    wanted = {name.partition(".")[0] for name in HEADINGS}
-    return replace(run, **{name: None for name in run.signals() if name not in wanted})
-
-
-def laboratory(run: tn.Run) -> Columns:
-    """Return a run under the headings of a laboratory, angles in degrees."""
-    found = {"t": run.time - run.time[0]}
-    for name, short in HEADINGS.items():
-        found[short] = np.degrees(run[name]) if name.endswith("angle") else run[name]
-    return found
-
-
-def command(*arguments: object) -> tuple[float, str]:
-    """Return the seconds that a command took, NaN if it failed, and what it printed; raises after ten minutes."""
-    begun = time.monotonic()
-    done = subprocess.run(
-        [sys.executable, "-m", "tenodesis.cli", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-    )
-    if done.returncode:
-        print(f"{' '.join(map(str, arguments))}: exit code {done.returncode}: {(done.stderr or done.stdout)[-600:]}")
-    return (np.nan if done.returncode else time.monotonic() - begun), done.stdout
-
-
-def drawn(path: Path) -> float:
-    """Return the seconds that it took to read and draw a file."""
-    begun = time.monotonic()
-    try:
-        run = tn.Recording.open(path).run
-        tn.plot.run(run, ["measured_tension", "measured_output_angle"]).savefig(
-            path.with_name(f"{path.name}.drawn.png")
-        )
-    except tn.Error as problem:
-        print(problem)
-        return np.nan
-    return time.monotonic() - begun
-
-
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=600.0)
-    parser.add_argument("--rate", type=float, default=250.0)
-    parser.add_argument("--kinds", nargs="+", default=[])
-    given = parser.parse_args()
-    run = recorded(given.seconds, given.rate)
-    columns = laboratory(run)
-    print(f"{len(run)} rows over {run.time[-1] - run.time[0]:.5g} s; seconds of each command, - where it failed")
-    print(f"{'file':18}{'MB':>7}{'info':>7}{'map':>7}{'identify':>10}{'plot':>7}  parameters from those of the export")
-    reference: dict[str, float] = {}
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        writers = {one: partial(write, run) for one, write in OWN.items()}
-        writers |= {one: lambda path, write=write: write(path, columns) for one, write in KINDS.items()}
-        for kind, write in writers.items():
-            if reference and given.kinds and not any(one in kind for one in given.kinds):
-                continue
-            path = folder / kind
-            write(path)
-            size = sum(one.stat().st_size for one in (path.rglob("*") if path.is_dir() else [path])) / 1e6
-            shown, _ = command("info", path)
-            mapped, _ = command("map", path)
-            fitted, said = command(
-                "identify",
-                path,
-                "--instrument",
-                INSTRUMENT,
-                "--fit",
-                FITTED,
-                "--starts",
-                1,
-                "--out",
-                folder / "out",
-                "--json",
-                "--overwrite",
-            )
-            given_back = json.loads(said)["parameters"] if said else {}
-            values = {one: about["value"] for one, about in given_back.items() if about["fitted"]}
-            reference = reference or values
-            off = max((abs(values[one] / reference[one] - 1) for one in values), default=np.nan)
-            cells = "".join(
-                f"{one:{width}.1f}" if np.isfinite(one) else f"{'-':>{width}}"
-                for one, width in zip((shown, mapped, fitted, drawn(path)), (7, 7, 10, 7), strict=True)
-            )
-            print(f"{kind:18}{size:7.1f}{cells}  {off:.1g}", flush=True)
-
-
-if __name__ == "__main__":
-    main()
