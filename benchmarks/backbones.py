@@ -116,7 +116,7 @@ def instructions() -> list[int]:
 def main() -> None:
     """Print a row for each size."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--figures", type=Path, help="docs/results.json")
+    figures.arguments(parser)
     parser.add_argument("--counting", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     tn.set_threads(1)
@@ -124,7 +124,7 @@ def main() -> None:
         counting()
         return
     counted, rows = iter(instructions()), dict[str, list[float | None]]()
-    print("; ".join(f"{one.heading}{f' [{one.unit}]' * bool(one.unit)}" for one in COLUMNS))
+    print(figures.headed(COLUMNS))
     for arcs, planes, count in SIZES:
         inst = backbone(arcs, planes, count)
         rests, moves = works(inst)
@@ -135,7 +135,7 @@ def main() -> None:
         apart = 100 * off(inst) if count <= FEW else None
         name = f"{planes}, {count}, {arcs}"
         rows[name] = [apart, 1e9 * solve, next(counted), 1e9 * step, next(counted), 1e9 * theirs, theirs / step]
-        print(f"{name}: " + "; ".join("-" if one is None else f"{one:.4g}" for one in rows[name]))
+        print(f"{name}: {figures.shown(rows[name])}")
     if given.figures is not None:
         command = "python benchmarks/backbones.py --figures docs/results.json"
         figures.keep("backbones", figures.Table(command, "planes, tendons, arcs", COLUMNS, rows), given.figures)

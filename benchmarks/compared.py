@@ -11,16 +11,18 @@ import math
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from timeit import repeat
 from typing import Any
 
+import mujoco
 import numpy as np
 from backbones import BACKBONE
 from backbones import backbone as backbone_of
-from peers import chain_dynamics
+from peers import chain_dynamics, scipy_peer
+from peers.chain_peer import ChainPeer
 from scipy.integrate import solve_bvp
 from scipy.special import lambertw
 
@@ -61,22 +63,22 @@ TIP = (
     figures.Heading("place", "error of the end's place", "% of length", ".3g"),
     figures.Heading("angle", "of its angle", "°", ".3g"),
     figures.Heading("solves", "equilibria a second", "1/s", ".3g"),
-    figures.Heading("steps", "steps a second, one world", "1/s", ".3g"),
-    figures.Heading("many", f"of {MANY} worlds together", "1/s", ".3g"),
-    figures.Heading("version", "version"),
+    *RATES,
 )
+PLACE = figures.Heading("place", "difference of place", "% of length", ".3g")
+ELASTICA = figures.Heading("version", "version of PyElastica")
 SPACE = (
-    figures.Heading("place", "difference of place", "% of length", ".3g"),
+    PLACE,
     figures.Heading("angle", "of the end's axis", "°", ".3g"),
     figures.Heading("bend", "bend of the end", "°", ".3g"),
-    figures.Heading("version", "version of PyElastica"),
+    ELASTICA,
 )
 SEGMENTS = (
     figures.Heading("x", "x of the end", "mm", ".4g"),
     figures.Heading("z", "z", "mm", ".4g"),
-    figures.Heading("place", "difference of place", "% of length", ".3g"),
+    PLACE,
     figures.Heading("angle", "of angle", "°", ".3g"),
-    figures.Heading("version", "version of PyElastica"),
+    ELASTICA,
 )
 Row = list[Any]
 
@@ -111,13 +113,13 @@ def off(ratios: dict[float, float]) -> Row:
     return [100 * abs(ratios[one] / exact_ratio(one) - 1) for one in COEFFICIENTS]
 
 
-def rope(python: str, worlds: int) -> dict[str, Row]:
+def rope(python: str) -> dict[str, Row]:
     """Return the rows of the rope."""
     pulled = np.linspace(0.0, 30.0, 100_001)
     ratios = {one: 30.0 / float(tendon.transmit(pulled, one * math.pi)[-1]) for one in COEFFICIENTS}
     took = min(repeat(partial(tendon.transmit, pulled, 0.2 * math.pi), number=1, repeat=ROUNDS))
     rows: dict[str, Row] = {"Tenodesis, contact alone": [*off(ratios), len(pulled) / took, None, tn.__version__]}
-    found = of_peer(python, "newton_rope.py", "--worlds", worlds, "--masses", *MASSES)
+    found = of_peer(python, "newton_rope.py", "--worlds", MANY, "--masses", *MASSES)
     for name in ("XPBD", "VBD") if found is not None else ():
         assert found is not None
         own = found[name]
@@ -130,8 +132,6 @@ def rope(python: str, worlds: int) -> dict[str, Row]:
 
 def mujoco_rope() -> tuple[str, dict[float, float], float]:
     """Return MuJoCo's version, ratios of tensions by coefficient, all without friction, and steps a second."""
-    import mujoco  # noqa: PLC0415 - an extra
-
     light, heavy = (
         f'<body name="{name}" pos="{x} 0 -1.5"><joint type="slide" axis="0 0 1"/><geom size=".05" mass="{mass}"/>'
         f'<site name="{name}"/></body>'
@@ -173,8 +173,6 @@ def of_worlds(inst: FullForm, time_step: float, **acting: Row) -> float:
 
 def finger(_: str) -> dict[str, Row]:
     """Return the rows of a finger of three sprung pulleys, one tendon over all, pulled by a tension."""
-    from peers.chain_peer import ChainPeer  # noqa: PLC0415 - an extra
-
     radius, spring, most = 5e-3, 0.05, 8.0
     names = ("first", "second", "third")
     pulleys: list[dict[str, Any]] = [
@@ -210,8 +208,6 @@ def finger(_: str) -> dict[str, Row]:
     steps = len(pulled) / min(repeat(partial(twin.run, begun, spool_tension=pulled), number=1, repeat=ROUNDS))
     many = of_worlds(made(0.2), 1e-4, spool_velocity=[5.0])
     rows: dict[str, Row] = {"Tenodesis": [*own, steps, many, tn.__version__]}
-    import mujoco  # noqa: PLC0415 - an extra
-
     smooth = made(0.0)
     strokes = statics.strokes_at_tensions(smooth, [most])
     angles = ChainPeer(smooth).settle([], strokes=strokes).angles
@@ -223,9 +219,6 @@ def finger(_: str) -> dict[str, Row]:
 
 def planar(_: str) -> dict[str, Row]:
     """Return the rows of the real-size instrument, one axis, held at a handle angle under a force across its tip."""
-    from peers import scipy_peer  # noqa: PLC0415
-    from peers.chain_peer import ChainPeer  # noqa: PLC0415 - an extra
-
     handle, force, step = np.radians(20.0), 1.0, 5e-4
     inst = tn.load("real-size").axis("yaw")
     exact = float(scipy_peer.output_angle(inst, handle, force))
@@ -237,8 +230,6 @@ def planar(_: str) -> dict[str, Row]:
     many = MANY * 200 / min(repeat(few, number=1, repeat=3))
     own = abs(float(tn.statics.output_angle(smooth, handle, force)) - exact)
     rows: dict[str, Row] = {"Tenodesis, friction in the steps": [math.degrees(own), steps, many, tn.__version__]}
-    import mujoco  # noqa: PLC0415 - an extra
-
     settled = ChainPeer(smooth.expanded).settle([handle], [-force, 0, 0, 0, 0, 0]).angles[0]
     rate = chain_dynamics.steps_per_second(smooth.expanded, [-force, 0, 0, 0, 0, 0], time_step=step, seconds=0.5)
     rows["MuJoCo, no friction"] = [math.degrees(abs(settled - exact)), rate, None, mujoco.__version__]
@@ -257,6 +248,13 @@ def exact_end() -> tuple[float, float, float]:
     found = solve_bvp(rates, lambda a, b: np.array([a[0], a[2], a[3], b[1] - MOMENT]), s, guess, tol=1e-9)
     angle, _, x, z = map(float, found.y[:, -1])
     return angle, x, z
+
+
+def rods_of(python: str, elements: Sequence[int], **options: Any) -> list[dict[str, Any] | None]:
+    """Return what PyElastica makes of rods of so many elements, of the backbone unless options say otherwise."""
+    given = {"length": BACKBONE.length, "rigidity": BACKBONE.rigidity} | options
+    words = [word for name, value in given.items() for word in (f"--{name}", *np.atleast_1d(value).tolist())]
+    return [of_peer(python, "elastica_rod.py", *words, "--elements", count) for count in elements]
 
 
 def backbone(python: str) -> dict[str, Row]:
@@ -289,13 +287,7 @@ def backbone(python: str) -> dict[str, Row]:
         many = of_worlds(backbone_of(arcs), 5e-4, wrench=[FORCE, 0, 0, 0, 0, 0]) if arcs == ARCS else None
         name = f"Tenodesis, {arcs} arc{'s' * (arcs > 1)}"
         rows[name] = row((end[0], end[2]), float(angles.sum()), rate, steps, many, tn.__version__)
-    rods = {
-        elements: of_peer(
-            python, "elastica_rod.py", "--length", BACKBONE.length, "--rigidity", BACKBONE.rigidity, "--moment", MOMENT,
-            "--force", FORCE, 0.0, 0.0, "--elements", elements,
-        )
-        for elements in (20, 40, 80)
-    }  # fmt: skip
+    rods = dict(zip((20, 40, 80), rods_of(python, (20, 40, 80), moment=MOMENT, force=(FORCE, 0.0, 0.0)), strict=True))
     for elements, found in rods.items():
         if found is not None:
             place = found["place"][0], found["place"][2]
@@ -314,8 +306,6 @@ def backbone(python: str) -> dict[str, Row]:
             rates = [found[key] for key in ("solves", "steps", "steps of worlds", "version")]
             rows[f"SoRoMoX, {parts} segments"] = row(found["place"], found["angle"], *rates)
     rate = chain_dynamics.steps_per_second(backbone_of(4), [FORCE, 0, 0, 0, 0, 0], seconds=0.5)
-    import mujoco  # noqa: PLC0415 - an extra
-
     rows["MuJoCo, four arcs as hinges, no friction"] = [None, None, None, rate, None, mujoco.__version__]
     return rows
 
@@ -331,7 +321,10 @@ def limit(coarse: dict[str, Any], fine: dict[str, Any]) -> Any:
 
 def segments(python: str) -> dict[str, Row]:
     """Return how far two segments in one plane are from PyElastica's rod, by the tensions of their tendons."""
-    joints = [joint.model_dump(exclude_unset=True) for joint in tn.instrument.expanded("two-segment-continuum").joints]
+    joints = [
+        joint.model_dump(exclude_unset=True)
+        for joint in tn.instrument.expanded("two-segment-continuum").as_given("joints")
+    ]
     for joint in joints:
         joint["arcs"] = 4
     joints[-1]["end_effector_length"] = 2e-7
@@ -345,13 +338,8 @@ def segments(python: str) -> dict[str, Row]:
         ((2.0, 12.0, 14.0, 2.0), 0.3),
     ):
         near, far = radius * (tensions[0] - tensions[1]), radius * (tensions[2] - tensions[3])
-        rods = [
-            of_peer(
-                python, "elastica_rod.py", "--length", length, "--rigidity", rigidity, "--moment", far,
-                "--middle", near, "--force", force, 0.0, 0.0, "--elements", elements, "--seconds", 0.4,
-            )
-            for elements in (40, 80)
-        ]  # fmt: skip
+        across, ends = (force, 0.0, 0.0), {"moment": far, "middle": near}
+        rods = rods_of(python, (40, 80), length=length, rigidity=rigidity, force=across, seconds=0.4, **ends)
         if rods[0] is None or rods[1] is None:
             return {}
         x, _, z, angle = limit(rods[0], rods[1])
@@ -378,15 +366,17 @@ def space(python: str) -> dict[str, Row]:
         ((10.0, 2.0, 5.0), [-0.2, 0.3, 0.0, 0.0, 0.0, 4e-3]),
     ):
         moment = joint.radius * np.array([-np.sin(around), np.cos(around)]) @ tensions
-        rods = [
-            of_peer(
-                python, "elastica_rod.py", "--length", joint.backbone_length, "--rigidity", joint.backbone_rigidity,
-                "--torsion", joint.torsional_rigidity, "--moment", 0.0, "--tendons", *moment, "--force", *wrench[:3],
-                "--twist", wrench[5], "--elements", elements,
-            )
-            for elements in (16, 32)
-        ]  # fmt: skip
-        coarse, fine = rods
+        coarse, fine = rods_of(
+            python,
+            (16, 32),
+            length=joint.backbone_length,
+            rigidity=joint.backbone_rigidity,
+            torsion=joint.torsional_rigidity,
+            moment=0.0,
+            tendons=moment,
+            force=wrench[:3],
+            twist=wrench[5],
+        )
         if coarse is None or fine is None:
             return {}
         place = 2 * np.array(fine["place"]) - coarse["place"]
@@ -401,46 +391,36 @@ def space(python: str) -> dict[str, Row]:
     return rows
 
 
+WORKS: dict[str, tuple[str, Sequence[figures.Heading], Callable[[str], dict[str, Row]]]] = {
+    "rope": ("simulator", ROPE, rope),
+    "finger": ("simulator", FINGER, finger),
+    "planar": ("simulator", PLANAR, planar),
+    "backbone": ("simulator", TIP, backbone),
+    "segments": ("tensions and force", SEGMENTS, segments),
+    "space": ("tensions and force", SPACE, space),
+}
+"""What differs between the rows of each table, its columns, and what measures them."""
+
+
 def main() -> None:
     """Print the tables, and write them into the file of figures."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--python", default=sys.executable, help="Python that has newton and pyelastica")
-    parser.add_argument("--worlds", type=int, default=MANY)
-    parser.add_argument(
-        "--work",
-        choices=("rope", "finger", "planar", "backbone", "segments", "space"),
-        action="append",
-        help="by default all",
-    )
-    parser.add_argument("--figures", type=Path, help="docs/results.json")
+    parser.add_argument("--work", choices=[*WORKS], action="append", help="by default all")
+    figures.arguments(parser)
     given = parser.parse_args()
     tn.set_threads(1)
     command = "python benchmarks/compared.py --python PYTHON_WITH_THE_PEERS --figures docs/results.json"
-    work: dict[str, tuple[Any, Callable[[], dict[str, Row]]]] = {
-        "rope": (ROPE, partial(rope, given.python, given.worlds)),
-        "finger": (FINGER, partial(finger, given.python)),
-        "planar": (PLANAR, partial(planar, given.python)),
-        "backbone": (TIP, partial(backbone, given.python)),
-        "segments": (SEGMENTS, partial(segments, given.python)),
-        "space": (SPACE, partial(space, given.python)),
-    }
-    for of in given.work or work:
-        columns, measured = work[of]
-        name, rows = f"peers_{of}", measured()
-        print(f"\n{name}: {', '.join(f'{one.heading} [{one.unit}]' for one in columns)}")
+    for work in given.work or WORKS:
+        of, columns, measure = WORKS[work]
+        name, rows = f"peers_{work}", measure(given.python)
+        print(f"\n{name}: {figures.headed(columns)}")
         for key, values in rows.items():
-            shown = (f"{value:.4g}" if isinstance(value, float) else str(value or "-") for value in values)
-            print(f"  {key:44s} {'  '.join(f'{one:>10s}' for one in shown)}")
+            print(f"  {key:44s} {figures.shown(values)}")
         if given.figures is not None:
             before = figures.read(given.figures).get(name)
             kept = {} if before is None else {key: row for key, row in before.rows.items() if len(row) == len(columns)}
-            figures.keep(
-                name,
-                figures.Table(
-                    command, "tensions and force" if of in ("segments", "space") else "simulator", columns, kept | rows
-                ),
-                given.figures,
-            )
+            figures.keep(name, figures.Table(command, of, columns, kept | rows), given.figures)
 
 
 if __name__ == "__main__":

@@ -98,12 +98,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--minutes", type=float, nargs="+", default=[10.0, 60.0], help="durations at 2 kHz")
     parser.add_argument("--only", nargs="+", default=[], help="commands, by their first word")
     parser.add_argument("--limit", type=float, default=900.0, help="longest time of a command, s")
-    parser.add_argument("--figures", type=Path, help="docs/results.json")
+    figures.arguments(parser)
     given = parser.parse_args(arguments)
     # a shell lets what it starts in the background ignore Ctrl-C, and commands would inherit that
     signal.signal(signal.SIGINT, signal.default_int_handler)
     rows: dict[str, list[float | None]] = {}
-    print("; ".join(f"{one.heading}{f' [{one.unit}]' * bool(one.unit)}" for one in COLUMNS))
+    print(figures.headed(COLUMNS))
     for minutes in given.minutes:
         with TemporaryDirectory() as name:
             folder = Path(name)
@@ -120,8 +120,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                     ended = measured([*target, *again], folder, given.limit, took.seconds / 2)
                     stopped = [ended.seconds, ended.exit_code]
                 row = rows[f"{about}, {minutes:g} min"] = [*took, *stopped]
-                shown = ("-" if one is None else f"{one:.3g}" for one in row)
-                print(f"{about}, {minutes:g} min: {'; '.join(shown)}", flush=True)
+                print(f"{about}, {minutes:g} min: {figures.shown(row)}", flush=True)
                 for path in folder.iterdir():
                     if path.is_file() and path.name not in {"hours.toml", *_KEPT}:
                         path.unlink()

@@ -4,6 +4,7 @@ A study writes its tables with ``--figures docs/results.json``, ``make docs`` th
 as TABLE.ROW.COLUMN, or TABLE.ROW where the column is ``value``.
 """
 
+import argparse
 import json
 import math
 import re
@@ -56,6 +57,21 @@ def keep(name: str, table: Table, file: Path = FILE) -> None:
         head = f'"command": {_json(own.command)}, "of": {_json(own.of)},\n  '
         parts.append(f'{_json(one)}: {{\n  {head}"columns": [\n   {columns}],\n  "rows": {{\n   {rows}}}}}')
     file.write_text("{" + ",\n".join(parts) + "}\n", "utf-8")
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the option of the file that tables are written into."""
+    parser.add_argument("--figures", type=Path, help="JSON file into which the tables are written: docs/results.json")
+
+
+def shown(row: Sequence[Any]) -> str:
+    """Return a row as a line of text, with a dash where there is no value."""
+    return "; ".join("-" if one is None else f"{one:.4g}" if isinstance(one, float) else str(one) for one in row)
+
+
+def headed(columns: Sequence[Heading]) -> str:
+    """Return headings and units as a line of text."""
+    return "; ".join(f"{one.heading}{f' [{one.unit}]' * bool(one.unit)}" for one in columns)
 
 
 def flat(tables: Mapping[str, Table]) -> dict[str, tuple[Any, Heading]]:

@@ -136,7 +136,7 @@ def arguments(doc: str | None, instruments: Iterable[str] = ()) -> argparse.Argu
     warnings.simplefilter("ignore", FaultWarning)
     parser = argparse.ArgumentParser(description=(doc or "").splitlines()[0])
     parser.add_argument("--results", type=Path, help="JSON file of all runs, from which a stopped study goes on")
-    parser.add_argument("--figures", type=Path, help="JSON file into which the tables are written: docs/results.json")
+    figures.arguments(parser)
     if instruments:
         parser.add_argument("--instrument", choices=[*instruments], action="append", help="by default all")
     return parser
