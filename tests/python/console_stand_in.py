@@ -192,7 +192,7 @@ class StandInConnection(RestartableConnection):
                 law=bench.controller.law,
                 actuation=bench.controller.actuation,
                 operator=bench.operator,
-                timing=Timing(bench.ticks, 0, 0, 0, 31e-6, 48e-6, 210e-6, 5e-6, 50e-6, 1e-4, 2e-4, 1 / TIME_STEP),
+                timing=Timing(1 / TIME_STEP, bench.ticks, 0, 0, 0, 31e-6, 48e-6, 210e-6, 5e-6, 50e-6, 1e-4, 2e-4),
                 realtime=("Real-time scheduling was not granted.",),
                 protocol=bench.protocol,
                 recording=None,

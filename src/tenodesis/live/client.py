@@ -22,6 +22,8 @@ from tenodesis.live.status import RuntimeState, Status, Timing
 from tenodesis.live.ticks import Reader
 from tenodesis.run import Array, Names
 
+_TO_START = 20.0
+"""Longest wait for a runtime that is starting, s."""
 _TIMEOUT = 5.0
 """Longest wait for a connection, s."""
 _KEPT_RATE = 50.0
@@ -218,28 +220,17 @@ class Client(Connection):
 
     def _gone(self, problem: str) -> Status:
         last = self._last_status
-        timing = Timing(0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1 / self.time_step)
         return Status(
             state=RuntimeState.GONE,
-            homed=False,
-            homing=False,
-            stopped=True,
-            faults=(),
-            first_faults=(),
             law="off" if last is None else last.law,
             actuation="differential" if last is None else last.actuation,
-            operator=None,
-            timing=timing if last is None else last.timing,
-            realtime=(),
-            protocol=None,
-            recording=None,
+            timing=Timing(1 / self.time_step) if last is None else last.timing,
             recorder_lost=0 if last is None else last.recorder_lost,
-            speed=0.0,
             problem=problem,
         )
 
 
-def wait_for(folder: Path, origin: str, *, seconds: float = 20.0) -> Client:
+def wait_for(folder: Path, origin: str) -> Client:
     """Return a connection to a runtime that may still be starting.
 
     Raises
@@ -247,7 +238,7 @@ def wait_for(folder: Path, origin: str, *, seconds: float = 20.0) -> Client:
     LiveError
         It does not come to that in time.
     """
-    end = time.monotonic() + seconds
+    end = time.monotonic() + _TO_START
     while True:
         try:
             return Client(folder, origin)

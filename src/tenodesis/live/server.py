@@ -19,7 +19,7 @@ from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.devices.device import Capabilities
 from tenodesis.errors import Error, LiveError
 from tenodesis.files import atomic_file
-from tenodesis.instrument import Instrument, as_instrument
+from tenodesis.instrument import as_instrument
 from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
 from tenodesis.live.commands import COMMANDS, Commands, ControllerRequest
@@ -115,7 +115,7 @@ class Server:
             self.runtime.journal.write_merged("sent_away", out.origin)
 
 
-def _about(problem: Exception) -> dict[str, Any]:
+def _details(problem: Exception) -> dict[str, Any]:
     """Return key, value and what is allowed of an error, as JSON can carry them."""
     if not isinstance(problem, Error) or not problem.key:
         return {}
@@ -163,7 +163,7 @@ class _ClientHandler(Commands):
         try:
             answer = {"ok": self._carry_out(message)}
         except EXPECTED as problem:
-            answer = {"error": str(problem), **_about(problem)}
+            answer = {"error": str(problem), **_details(problem)}
         except Exception as problem:
             # A client's command must not end the thread that would notice its absence.
             _log.exception("a command failed")
@@ -298,16 +298,6 @@ def _end_with_input(ending: threading.Event) -> None:
 
 
 def _started(given: argparse.Namespace) -> Server:
-    server = _made(given)
-    try:
-        server.start()
-    except BaseException:
-        server.loop.finish()
-        raise
-    return server
-
-
-def _made(given: argparse.Namespace) -> Server:
     inst = as_instrument(given.instrument)
     given.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     others = given.folder.stat().st_mode & 0o077
@@ -320,40 +310,25 @@ def _made(given: argparse.Namespace) -> Server:
         )
     with atomic_file(given.folder / folders.INSTRUMENT) as new:
         new.write_text(to_toml(inst), "utf-8")
-    choices = Choices(
-        device=given.device,
-        address=given.address,
-        law=given.law,
-        actuation=given.actuation,
-        speed=given.speed,
-        seed=given.seed,
-    )
-    loop = LiveLoop(inst, given.folder, choices)
+    options = ("device", "address", "law", "actuation", "speed", "seed")
+    loop = LiveLoop(inst, given.folder, Choices(**{name: getattr(given, name) for name in options}))
     try:
-        return _served(given, inst, loop)
+        folders.write(given.folder, _about(loop))
+        server = Server(loop, given.recordings)
+        server.start()
     except BaseException:
         loop.finish()
         raise
+    return server
 
 
-def _served(given: argparse.Namespace, inst: Instrument, loop: LiveLoop) -> Server:
-    capabilities = loop.capabilities
-    started = datetime.now(UTC).isoformat(timespec="milliseconds")
-    folders.write(
-        given.folder,
-        folders.About(
-            inst,
-            capabilities.name,
-            loop.period,
-            capabilities.simulated,
-            capabilities.distal_encoder,
-            started,
-            os.getpid(),
-            loop.device.commands,
-            loop.device.signals,
-        ),
+def _about(loop: LiveLoop) -> folders.About:
+    """Return the description of the runtime of this process."""
+    has, started = loop.capabilities, datetime.now(UTC).isoformat(timespec="milliseconds")
+    columns = loop.device.commands, loop.device.signals
+    return folders.About(
+        loop.inst, has.name, loop.period, has.simulated, has.distal_encoder, started, os.getpid(), *columns
     )
-    return Server(loop, given.recordings)
 
 
 if __name__ == "__main__":

@@ -49,55 +49,55 @@ class ProtocolStatus(NamedTuple):
 class Timing:
     """Timing of the loop; durations in s."""
 
-    ticks: int
-    late: int
-    """Ticks that began more than half a period late."""
-    missed: int
-    """Ticks that were skipped."""
-    lost: int
-    """Ticks that the recorder did not get."""
-    p50: float
-    """Median of the compute time of a tick through the runtime."""
-    p99: float
-    worst: float
-    controller_p50: float
-    """Of the controller alone, in the same ticks."""
-    controller_worst: float
-    lateness_p99: float
-    lateness_worst: float
     rate: float
     """Ticks per second, Hz."""
+    ticks: int = 0
+    late: int = 0
+    """Ticks that began more than half a period late."""
+    missed: int = 0
+    """Ticks that were skipped."""
+    lost: int = 0
+    """Ticks that the recorder did not get."""
+    p50: float = 0.0
+    """Median of the compute time of a tick through the runtime."""
+    p99: float = 0.0
+    worst: float = 0.0
+    controller_p50: float = 0.0
+    """Of the controller alone, in the same ticks."""
+    controller_worst: float = 0.0
+    lateness_p99: float = 0.0
+    lateness_worst: float = 0.0
 
 
 @dataclass(frozen=True)
 class Status:
-    """The state of a runtime."""
+    """The state of a runtime; by default that of one that has ended."""
 
     state: RuntimeState
-    homed: bool
-    """Whether the zero of the spools is known."""
-    homing: bool
-    stopped: bool
-    """Whether a stop is in force."""
-    faults: tuple[str, ...]
-    """Names of the faults."""
-    first_faults: tuple[str, ...]
-    """Names of the first faults."""
     law: str
     actuation: str
-    operator: str | None
-    """Origin of the operator; None if there is none."""
     timing: Timing
-    realtime: tuple[str, ...]
+    homed: bool = False
+    """Whether the zero of the spools is known."""
+    homing: bool = False
+    stopped: bool = True
+    """Whether a stop is in force."""
+    faults: tuple[str, ...] = ()
+    """Names of the faults."""
+    first_faults: tuple[str, ...] = ()
+    """Names of the first faults."""
+    operator: str | None = None
+    """Origin of the operator; None if there is none."""
+    realtime: tuple[str, ...] = ()
     """Real-time requests that the operating system refused, in sentences."""
-    protocol: ProtocolStatus | None
-    recording: Path | None
+    protocol: ProtocolStatus | None = None
+    recording: Path | None = None
     """File of the present recording."""
-    recorder_lost: int
+    recorder_lost: int = 0
     """Ticks that the recorder did not keep up with."""
-    speed: float
+    speed: float = 0.0
     """Simulated over wall time."""
-    problem: str | None
+    problem: str | None = None
     """Problem of the runtime itself, in a sentence."""
     homing_failures: dict[str, str] = field(default_factory=dict)
     """Why the last homing failed, as of :func:`tenodesis.control.homing_failure`, by axis; without axes where it did

@@ -165,26 +165,17 @@ def _read(file: Path, time_column: str, value_column: str) -> Samples:
     try:
         text = read_regular(file, _LARGEST).decode("utf-8-sig")
     except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
-        text = None
+        raise _unreadable(file, "there is no such file", "the path of a CSV file") from None
     except UnicodeDecodeError:
-        raise ProtocolError(
-            f"file is {str(file)!r}: it is not UTF-8 text; it must be a CSV file",
-            key="file",
-            value=str(file),
-            allowed="a CSV file",
-        ) from None
+        raise _unreadable(file, "it is not UTF-8 text", "a CSV file") from None
     except OSError as problem:
-        raise ProtocolError(
-            f"file is {str(file)!r}: it cannot be read: {problem.strerror}", key="file", value=str(file)
-        ) from None
-    if text is None:
-        raise ProtocolError(
-            f"file is {str(file)!r}: there is no such file; it must be the path of a CSV file",
-            key="file",
-            value=str(file),
-            allowed="the path of a CSV file",
-        )
+        raise _unreadable(file, f"it cannot be read: {problem.strerror}") from None
     return _parse(text, str(file), time_column, value_column)
+
+
+def _unreadable(file: Path, why: str, allowed: str = "") -> ProtocolError:
+    must = f"; it must be {allowed}" if allowed else ""
+    return ProtocolError(f"file is {str(file)!r}: {why}{must}", key="file", value=str(file), allowed=allowed)
 
 
 def _parse(text: str, source: str, time_column: str, value_column: str) -> Samples:
