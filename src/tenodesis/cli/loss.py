@@ -185,30 +185,17 @@ def _forces(inst: FullForm, given: Sequence[str], *, planar: bool) -> Array:
     """Return loads on joints, (n, 3), N; where one thing bends, or planar axes, single forces are against flexion."""
     axes = [inst.tip_joints[places[0]].axis for places in inst.bends.values()]
     across = [0.0 - np.eye(3)[("yaw", "pitch").index(axis)] for axis in axes if axis in {"yaw", "pitch"}]
-    if planar:
-        texts = given or [f"{force:.17g} N" for force in sorted(inst.conditions.forces) or [_USUAL_LOAD]]
-        return np.array(
-            [
-                row
-                for text in texts
-                for row in (
-                    [_numbers("--load", text, SignedForce, 3, "0 0 -1 N")]
-                    if len(text.split()) > 2
-                    else [quantity("--load", text, PositiveForce) * one for one in across]
-                )
-            ]
-        )
-    if len(axes) > 1 or not across:
-        return np.array([_numbers("--load", text, SignedForce, 3, "0 0 -1 N") for text in given] or np.eye(3))
-    if not given:
-        return np.outer(sorted(inst.conditions.forces) or [_USUAL_LOAD], across[0])
-    found = [
-        quantity("--load", text, PositiveForce) * across[0]
-        if len(text.split()) < 3
-        else _numbers("--load", text, SignedForce, 3, "0 0 -1 N")
-        for text in given
-    ]
-    return np.array(found)
+    single = planar or (len(axes) == 1 and bool(across))
+    if not given and not single:
+        return np.eye(3)
+    texts = given or [f"{force:.17g} N" for force in sorted(inst.conditions.forces) or [_USUAL_LOAD]]
+    rows: list[Array] = []
+    for text in texts:
+        if single and len(text.split()) < 3:
+            rows += [quantity("--load", text, PositiveForce) * one for one in across]
+        else:
+            rows.append(_numbers("--load", text, SignedForce, 3, "0 0 -1 N"))
+    return np.array(rows)
 
 
 def losses(inst: ShortForm, angles: Sequence[float], forces: Sequence[float]) -> list[AxisLoss]:
