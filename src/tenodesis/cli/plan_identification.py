@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -47,22 +47,20 @@ def plan_identification(  # noqa: PLR0917
     """Propose the bench protocol that makes parameters identifiable, and predict their precision."""
     given = load_instrument(instrument_file)
     words = None if want is None else [word.strip() for word in want.split(",") if word.strip()]
-    if given.short_form is None:
-        if axis is not None:
-            raise CommandError(key="--axis", value=axis, allowed="left out: tendons turn several joints")
-        seconds = quantity("--duration", duration, Duration)
-        force = joints.LOAD if forces is None else max(_forces(forces), default=0.0)
+    several = given.short_form is None
+    if several and axis is not None:
+        raise CommandError(key="--axis", value=axis, allowed="left out: tendons turn several joints")
+    how: dict[str, Any] = {
+        "duration": quantity("--duration", duration, Duration),
+        "distal_encoder": not without_distal_encoder,
+        "law": law,
+        "criterion": criterion,
+    }
+    loads = None if forces is None else _forces(forces)
+    if several:
+        force = joints.LOAD if loads is None else max(loads, default=0.0)
         with outputs.folder(out, (COMMANDS, report.NUMBERS)), ProgressBar("motions tried") as bar:
-            planned = joints.plan(
-                expanded(given),
-                words,
-                duration=seconds,
-                force=force,
-                law=law,
-                criterion=criterion,
-                distal_encoder=not without_distal_encoder,
-                progress=bar,
-            )
+            planned = joints.plan(expanded(given), words, force=force, progress=bar, **how)
             write_text(out / COMMANDS, joints.commands(planned))
             write_text(out / report.NUMBERS, json.dumps(joints.to_json(planned), indent=1) + "\n")
         _print_joints(planned)
@@ -72,22 +70,8 @@ def plan_identification(  # noqa: PLR0917
     if axis is not None:
         inst = inst.axis(axis)
     names = (report.PROTOCOL, report.PAGE, report.FIGURE, report.NUMBERS)
-    seconds = quantity("--duration", duration, Duration)
-    loads = None if forces is None else _forces(forces)
-    with (
-        outputs.folder(out, names),
-        ProgressBar("protocols tried") as bar,
-    ):
-        found = plan(
-            inst,
-            words,
-            duration=seconds,
-            distal_encoder=not without_distal_encoder,
-            forces=loads,
-            law=law,
-            criterion=criterion,
-            progress=bar,
-        )
+    with outputs.folder(out, names), ProgressBar("protocols tried") as bar:
+        found = plan(inst, words, forces=loads, progress=bar, **how)
         written = report.write(found, out)
     _print_plan(found)
     say(f"Written: {', '.join(str(path) for path in written)}")

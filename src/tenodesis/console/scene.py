@@ -112,7 +112,9 @@ class Scene:
             frames = self._place_all(both, shown.tension)
             self._place_discs(frames)
             for name, line in self._backbones.items():
-                self._draw_backbone(name, line, frames.backbones[name])
+                points = self._scale * frames.backbones[name]
+                if self._changed(f"{name} backbone", points):
+                    line.points = _segments(points)
             for (name, arrow), force in zip(self._arrows.items(), np.nan_to_num(shown.force), strict=True):
                 self._draw_force(name, arrow, force, self._largest_force)
 
@@ -163,33 +165,29 @@ class Scene:
             for name, path in rest.tendons.items()
         }
         radii = {joint.name: joint.radius for joint in self._inst.joints}
-        self._backbones = {name: self._backbone(name, radii[name]) for name in rest.backbones}
+        self._backbones = {
+            name: scene.add_line_segments(
+                f"{ROOT}/backbones/{name}",
+                points=np.zeros((1, 2, 3)),
+                colors=_BACKBONE,
+                thickness=0.5 * self._scale * radii[name],
+            )
+            for name in rest.backbones
+        }
         ends = [of.end(self._inst.tip_joints[end], "tip") for end in self._inst.bearing]
-        self._arrows = {end: self._arrow(f"{end}/force") for end in ends}
+        self._arrows = {
+            end: scene.add_arrows(
+                f"{ROOT}/{end}/force",
+                points=np.zeros((1, 2, 3)),
+                colors=_FORCE,
+                shaft_radius=0.014,
+                head_radius=0.05,
+                head_length=0.13,
+                visible=False,
+            )
+            for end in ends
+        }
         self._label = scene.add_label(f"{ROOT}/{ends[0]}/label", "", anchor="top-left", font_screen_scale=1.0)
-
-    def _backbone(self, name: str, diameter: float) -> Any:
-        """Add the line of a backbone of a diameter, m."""
-        scene: Any = self._client.scene
-        return scene.add_line_segments(
-            f"{ROOT}/backbones/{name}",
-            points=np.zeros((1, 2, 3)),
-            colors=_BACKBONE,
-            thickness=0.5 * self._scale * diameter,
-        )
-
-    def _arrow(self, name: str) -> Any:
-        """Add the arrow of a force, hidden."""
-        scene: Any = self._client.scene
-        return scene.add_arrows(
-            f"{ROOT}/{name}",
-            points=np.zeros((1, 2, 3)),
-            colors=_FORCE,
-            shaft_radius=0.014,
-            head_radius=0.05,
-            head_length=0.13,
-            visible=False,
-        )
 
     def _place_all(self, both: Frames, tension: Array) -> Frames:
         """Place bodies and tendons as the first of two rows of frames, and ghosts as the second.
@@ -216,11 +214,6 @@ class Scene:
             if self._changed(f"{name} tension", along / self.colours.limit, coarse=10):
                 line.colors = _segments(_linear(self.colours(along)))
         return frames
-
-    def _draw_backbone(self, name: str, line: Any, path: Array) -> None:
-        """Draw a backbone along points (n, 3), m."""
-        if self._changed(f"{name} backbone", self._scale * path):
-            line.points = _segments(self._scale * path)
 
     def _draw_force(self, name: str, arrow: Any, force: Array, largest: float) -> None:
         """Draw an arrow that pushes on its node with a force (3,); the largest force has the longest arrow."""
@@ -302,7 +295,7 @@ def _linear(colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return (255 * (colours / 255) ** 2.2).round().astype(np.uint8)
 
 
-def in_degrees(angle: float, digits: int = 1) -> str:
+def in_degrees(angle: float) -> str:
     """Return an angle, in degrees, as text."""
     # Zero has no minus sign.
-    return f"{round(angle, digits) + 0.0:+.{digits}f}°" if np.isfinite(angle) else "unknown"
+    return f"{round(angle, 1) + 0.0:+.1f}°" if np.isfinite(angle) else "unknown"

@@ -143,31 +143,18 @@ def _through_port(context: Context, inst: ShortForm) -> Section:
     )
     free, loaded = kinematics.workspace(inst), kinematics.workspace(inst, force)
     wide = f"{np.degrees(WIDE):g}"
+
+    def column(heading: str, name: str, unit: str, about: str, digits: int) -> Column:
+        return Column(heading, f"workspace.{{name}}.{name}", unit, f"{about}, {{load}}", digits)
+
+    points = f"Area where the end-effector can point over at least {wide} deg"
     table = context.table(
         "Workspace in the plane of the pan.",
         "load",
         Column("largest output angle [°]", "workspace.{name}.bend", "deg", "Largest output angle {load}", digits=1),
-        Column(
-            "area [cm²]",
-            "workspace.{name}.area",
-            "cm^2",
-            "Area that the tip reaches in the plane of the pan, {load}",
-            0,
-        ),
-        Column(
-            f"area with ≥ {wide}° [cm²]",
-            "workspace.{name}.wide_area",
-            "cm^2",
-            f"Area where the end-effector can point over at least {wide} deg, {{load}}",
-            digits=0,
-        ),
-        Column(
-            "mean span [°]",
-            "workspace.{name}.span",
-            "deg",
-            "Mean angle over which the end-effector can point, {load}",
-            digits=1,
-        ),
+        column("area [cm²]", "area", "cm^2", "Area that the tip reaches in the plane of the pan", 0),
+        column(f"area with ≥ {wide}° [cm²]", "wide_area", "cm^2", points, 0),
+        column("mean span [°]", "span", "deg", "Mean angle over which the end-effector can point", 1),
     )
     for shown, name, space, load in (
         ("no load", "unloaded", free, "without a load"),
