@@ -39,6 +39,14 @@ def read_regular(path: Path, most: int | None = None) -> bytes:
         return file.read(size)
 
 
+def as_text(content: bytes, name: object, error: type[Error], kind: str, key: str = "file") -> str:
+    """Return content as text, or raise an error about a file that is no UTF-8 text and must be of a kind."""
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise error(f"{name} is not UTF-8 text; it must be {kind}.", key=key, value=str(name), allowed=kind) from None
+
+
 def open_regular(path: Path) -> tuple[IO[bytes], int]:
     """Return a regular file, open to be read, and its size, bytes; raises as :func:`read_regular`."""
     _refuse_irregular(path, path.stat().st_mode)

@@ -10,6 +10,7 @@ from tenodesis import simulate
 from tenodesis.console.more_sliders import MoreSliders, follow, slider_values
 from tenodesis.console.session import PageState, Session, enable, set_properties
 from tenodesis.errors import ProtocolError
+from tenodesis.files import as_text
 from tenodesis.instrument import Instrument
 from tenodesis.live.controlled import serves_all
 from tenodesis.live.status import RuntimeState
@@ -188,12 +189,7 @@ def motion_protocol(content: bytes, name: str) -> Protocol:
     ProtocolError
         It is not UTF-8, or has no such columns, or they are no motion.
     """
-    try:
-        data = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise ProtocolError(
-            f"{name} is not UTF-8 text; it must be a CSV file.", key="file", value=name, allowed="a CSV file"
-        ) from None
+    data = as_text(content, name, ProtocolError, "a CSV file")
     lines = (line for line in data.splitlines() if line.strip() and not line.lstrip().startswith("#"))
     header = [cell.strip().strip('"') for cell in next(lines, "").split(",")]
     times = [column for column in header if column.lower().startswith("time")]

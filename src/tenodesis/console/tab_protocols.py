@@ -6,6 +6,7 @@ from typing import Any
 from tenodesis import simulate
 from tenodesis.console.session import PageState, Session, as_plain, enable, set_properties
 from tenodesis.errors import ProtocolError
+from tenodesis.files import as_text
 from tenodesis.live.status import ProtocolStatus
 from tenodesis.simulate import Protocol
 
@@ -56,15 +57,7 @@ class ProtocolsTab:
 
     def _play_file(self) -> None:
         file = self._upload.value
-        try:
-            text = file.content.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            raise ProtocolError(
-                f"{file.name} is not UTF-8 text; it must be a TOML file.",
-                key="file",
-                value=file.name,
-                allowed="a TOML file",
-            ) from None
+        text = as_text(file.content, file.name, ProtocolError, "a TOML file")
         self._play(simulate.parse(text, file.name))
 
 

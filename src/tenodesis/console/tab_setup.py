@@ -10,7 +10,7 @@ from tenodesis import instrument
 from tenodesis.console.session import PageState, Session, as_plain, enable, set_properties
 from tenodesis.control.resolution import sentences, warnings
 from tenodesis.errors import InstrumentError, LiveError
-from tenodesis.files import read_regular
+from tenodesis.files import as_text, read_regular
 from tenodesis.live.controlled import controlled
 
 _LARGEST_FILE = 1_000_000
@@ -87,19 +87,9 @@ class SetupTab:
 
     def _run_upload(self) -> None:
         file = self._upload.value
-
-        def parse() -> instrument.Instrument:
-            try:
-                return instrument.parse(file.content.decode("utf-8-sig"), file.name)
-            except UnicodeDecodeError:
-                raise InstrumentError(
-                    f"{file.name} is not UTF-8 text; it must be a TOML file.",
-                    key="file",
-                    value=file.name,
-                    allowed="a TOML file",
-                ) from None
-
-        self._run_checked(parse, file.content.decode("utf-8-sig", "replace"))
+        text = partial(as_text, file.content, file.name, InstrumentError, "a TOML file")
+        source = file.content.decode("utf-8-sig", "replace")
+        self._run_checked(lambda: instrument.parse(text(), file.name), source)
 
     def _run_checked(self, parse: Any, source: str) -> None:
         """Run an instrument if it is valid, and list its errors otherwise."""
@@ -130,17 +120,14 @@ def read_instrument(path: str, folders: Sequence[Path]) -> str:
     if found.suffix != ".toml" or not any(found.is_relative_to(folder.resolve()) for folder in folders):
         raise refused
     try:
-        return read_regular(found, _LARGEST_FILE).decode("utf-8-sig")
+        content = read_regular(found, _LARGEST_FILE)
     except FileNotFoundError:
         raise InstrumentError(
             f"{path}: there is no such file; it must be {allowed}.", key="path", value=path, allowed=allowed
         ) from None
-    except UnicodeDecodeError:
-        raise InstrumentError(
-            f"{path} is not UTF-8 text; it must be a TOML file.", key="path", value=path, allowed="a TOML file"
-        ) from None
     except OSError as problem:
         raise InstrumentError(f"{path} cannot be read: {problem.strerror}.", key="path", value=path) from None
+    return as_text(content, path, InstrumentError, "a TOML file", key="path")
 
 
 def _error_list(problems: str) -> str:
