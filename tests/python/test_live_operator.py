@@ -275,7 +275,7 @@ def test_a_folder_that_others_can_enter_is_refused(tmp_path):
     (tmp_path / "open").chmod(0o755)
     given = SimpleNamespace(folder=tmp_path / "open", instrument="scaled-up")
     with refused("folder", kind=LiveError, allowed="its owner's alone"):
-        servers._made(given)
+        servers._started(given)
     assert list((tmp_path / "open").iterdir()) == []
 
 
