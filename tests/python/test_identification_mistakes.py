@@ -1,7 +1,7 @@
 """Mistakes of a laboratory in recordings of twins: named, and no interval that is called identifiable lies."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,8 @@ from tenodesis.identification.formats import csv
 from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.problem import Problem
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import ShortForm, as_short_form
+from tenodesis.units import STANDARD_GRAVITY
 
 from .twin_recordings import NOMINAL, TRUE, TRUTH, problem, recorded
 
@@ -33,20 +34,44 @@ def explained(run: InstrumentRun, free: Sequence[str] = FREE) -> mistakes.Explan
     return mistakes.explain([run], build, lambda _: free)
 
 
+def swapped(run: InstrumentRun) -> InstrumentRun:
+    pair = {"tension_agonist": run["tension_antagonist"], "tension_antagonist": run["tension_agonist"]}
+    return dataclasses.replace(run, columns={**run.columns, **pair})
+
+
+MISTAKES: dict[str, Callable[[InstrumentRun], InstrumentRun]] = {
+    "the force has its sign reversed": lambda run: scaled(run, -1.0, "force"),
+    "the output angle is in radians, read as degrees": lambda run: scaled(run, np.radians(1), "measured_output_angle"),
+    "the columns of the two tendons are swapped": swapped,
+    "the tensions are in kgf, not in N": lambda run: scaled(
+        run, 1 / STANDARD_GRAVITY, "tension_agonist", "tension_antagonist"
+    ),
+    "the time is in ms, not in s": lambda run: dataclasses.replace(run, time=1e3 * run.time),
+    "the handle angle has its sign reversed": lambda run: scaled(run, -1.0, "handle_angle", "measured_handle_angle"),
+}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("factor", "columns", "named"),
-    [
-        (-1.0, ("force",), "the force has its sign reversed"),
-        (np.radians(1), ("measured_output_angle",), "the output angle is in radians, read as degrees"),
-    ],
-)
-def test_a_mistake_is_named_with_what_it_would_give(factor: float, columns: tuple[str, ...], named: str) -> None:
-    found = explained(scaled(recorded(TRUE, seconds=1.0), factor, *columns))
+@pytest.mark.parametrize("named", MISTAKES)
+def test_a_mistake_is_named_with_what_it_would_give(named: str) -> None:
+    found = explained(MISTAKES[named](recorded(TRUE, seconds=1.0)))
     assert found is not None
     assert found.sentence == named
     assert found.values["pretension_ratio"] == pytest.approx(1.1, abs=0.01)
     assert found.left * mistakes.EXPLAINS < found.left_as_given
+
+
+@pytest.mark.slow
+def test_a_recording_of_another_instrument_is_named() -> None:
+    others = {name: as_short_form(tn.load(name)).planar[0] for name in ("real-size", "scaled-up")}
+
+    def build(runs: Sequence[MeasuredRun], other: ShortForm | None) -> Problem:
+        inst = other or others["real-size"]
+        return problem([one for one in runs if isinstance(one, InstrumentRun)], inst.replace(mismatch=None))
+
+    found = mistakes.explain([recorded(TRUE, seconds=1.0)], build, lambda _: FREE, instruments=others)
+    assert found is not None
+    assert found.sentence == "the recording is of another instrument: scaled-up"
 
 
 @pytest.mark.slow
