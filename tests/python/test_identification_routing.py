@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import tenodesis as tn
+from tenodesis.cli import identify
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import fit, routing
 from tenodesis.identification.formats.measured import MeasuredRun
@@ -195,8 +196,8 @@ def test_the_command_fits_all_tendons_of_a_recording(
     assert_allclose(own.stiffness, named["jaw_1_wound.stiffness"]["value"], rtol=1e-8)
 
 
-def test_forces_on_two_planar_axes_are_one_force_on_the_tip_and_the_command_fits_both(
-    tenodesis: Callable[..., tuple[int, str, str]],
+def test_forces_on_two_planar_axes_are_one_force_on_the_tip_and_the_command_reads_once_and_fits_both(
+    tenodesis: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     inst = tn.load("real-size")
     count = np.arange(600)
@@ -211,11 +212,14 @@ def test_forces_on_two_planar_axes_are_one_force_on_the_tip_and_the_command_fits
     run = tn.twin.Twin(inst.expanded, time_step=1e-3).run(handle)
     with Recorder("two.mcap", axes=run.names, metadata={"instrument": to_toml(inst)}) as recorder:
         recorder.write(run)
+    formats: list[str] = []
+    read = identify._read_as
+    monkeypatch.setattr(identify, "_read_as", lambda name, files: formats.append(name) or read(name, files))
     code, out, _ = tenodesis(
         "identify", "two.mcap", "--fit", "yaw_agonist.pretension,pitch_agonist.pretension", "--json"
     )
     found = json.loads(out)
-    assert (code, found["format"]) == (0, "tendons")
+    assert (code, found["format"], formats) == (0, "tendons", ["tendons"])
     for axis in inst.axes:
         pretension = found["parameters"][f"{axis}_agonist.pretension"]
         # of one draw of noise; coverage is what studies/coverage.py counts

@@ -2,6 +2,7 @@
 
 import errno
 import io
+import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from tenodesis.errors import MissingExtraError, RecordingError
 from tenodesis.recording import Blocks, Recorder, Recording
 from tenodesis.recording.decode import Misfit
 from tenodesis.recording.schemas import JOINT_STATE, WRENCH, definition
-from tenodesis.recording.summary import describe
+from tenodesis.recording.summary import contents, describe
 from tenodesis.run import SIGNALS, Run, concatenate
 
 from .conftest import refused
@@ -267,6 +268,9 @@ def test_another_programs_file_loads_what_fits(frame: list[str], tmp_path: Path)
     reasons = {topic: left_out.reason for topic, left_out in recording.left_out.items()}
     assert reasons == {"/tip/measured2_js": Misfit.STAMPS, "/motors/measured_js": Misfit.JOINTS}
     assert recording.topics["/camera"].messages == 4
+    topics = json.loads(json.dumps(contents(recording)))["topics"]
+    left_out = {name: topic["left_out"] for name, topic in topics.items() if topic["left_out"] is not None}
+    assert left_out == {topic: why.text for topic, why in recording.left_out.items()}
 
 
 def test_messages_of_another_type_are_left_out_with_the_reason(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """The command that finds a model's parameters in recordings."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
@@ -25,7 +26,7 @@ from tenodesis.identification.comparison import (
 )
 from tenodesis.identification.fit import LEAST_REPLICATES, STARTS, fit
 from tenodesis.identification.formats import MeasuredRun, load_all
-from tenodesis.identification.formats.instrument_run import InstrumentRun
+from tenodesis.identification.formats.instrument_run import InstrumentRun, columns_of, first_axis
 from tenodesis.identification.kinematic.model import chosen_laws, is_kinematic, joints_of
 from tenodesis.identification.problem import Problem
 from tenodesis.identification.registry import FORMATS, Format
@@ -35,6 +36,7 @@ from tenodesis.identification.routing import RoutingRun
 from tenodesis.identification.split import LEAST_LENGTH, LEAST_SHARE, LONGEST, FittedPart, shortened, split
 from tenodesis.identification.uncertainty import LossName
 from tenodesis.instrument import ShortForm
+from tenodesis.recording.blocks import first_run
 from tenodesis.units import Duration
 
 _HELD = {"sheath_bend": "sheath bend", "wrist_pitch": "pitch"}
@@ -45,6 +47,8 @@ _TEXTS = (".txt", ".csv")
 _JOINTS, _TENDONS = "joints", "tendons"
 _OF_INSTRUMENTS = ("recording", "csv", "mcap")
 """Formats whose recordings may lack the tensions."""
+_SHARED = "Tendons turn several joints: all of them are fitted together (--format tendons)."
+_SEVERAL = "The instrument has two axes: both are fitted together (--format tendons)."
 _LONGEST = f"{LONGEST:g} s"
 ArrangementChoice: TypeAlias = Literal["auto", "compare", "file"]
 
@@ -197,11 +201,14 @@ def identify(  # noqa: PLR0917
 
 def _loaded(format_name: str, files: Sequence[Path]) -> tuple[str, list[MeasuredRun]]:
     """Return recordings and their format: that of joints where an instrument's recording holds no tensions."""
+    together = _together(files[0]) if format_name in _OF_INSTRUMENTS else None
+    if together is not None and (found := _of_tendons(files, together)):
+        return _TENDONS, found
     try:
         found = _read_as(format_name, files)
     except IdentificationError as lacking:
         if format_name in _OF_INSTRUMENTS and lacking.key == "joint":
-            note("Tendons turn several joints: all of them are fitted together (--format tendons).")
+            note(_SHARED)
             return _TENDONS, _read_as(_TENDONS, files)
         if format_name not in _OF_INSTRUMENTS or "tension" not in str(lacking.value):
             raise
@@ -212,14 +219,32 @@ def _loaded(format_name: str, files: Sequence[Path]) -> tuple[str, list[Measured
             raise (problem if problem.key == "time" else lacking) from None
         note("No tensions were recorded: coupling, play and offset of the joints are identified (--format joints).")
         return _JOINTS, found
-    if any(isinstance(run, InstrumentRun) and run.others for run in found):
-        try:
-            together = _read_as(_TENDONS, files)
-        except IdentificationError:
-            return format_name, found
-        note("The instrument has two axes: both are fitted together (--format tendons).")
-        return _TENDONS, together
+    if any(isinstance(run, InstrumentRun) and run.others for run in found) and (
+        tendons := _of_tendons(files, _SEVERAL)
+    ):
+        return _TENDONS, tendons
     return format_name, found
+
+
+def _of_tendons(files: Sequence[Path], why: str) -> list[MeasuredRun]:
+    """Return recordings of all tendons, and say why these are fitted; none where they cannot be."""
+    with suppress(IdentificationError):
+        found = _read_as(_TENDONS, files)
+        note(why)
+        return found
+    return []
+
+
+def _together(path: Path) -> str | None:
+    """Return why all tendons of a recording are fitted together, by its first rows; None if they are not."""
+    run = first_run(path)
+    if run is None:
+        return None
+    try:
+        columns_of(first_axis(run), str(path), [])
+    except IdentificationError as problem:
+        return _SHARED if problem.key == "joint" else None
+    return _SEVERAL if run.axes[1:] else None
 
 
 def _read_as(format_name: str, files: Sequence[Path]) -> list[MeasuredRun]:

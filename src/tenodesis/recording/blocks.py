@@ -3,7 +3,7 @@
 import json
 import struct
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -260,6 +260,13 @@ class RegularBlocks:
             if channel.topic in wanted and kept:
                 self._decoders[number] = decoder(channel)
         self._others = channels.keys() - self._decoders.keys()
+
+
+def first_run(path: Path) -> Run | None:
+    """Return the first rows of a recording of this package, None where it is none."""
+    with suppress(IrregularError, RecordingError):
+        return next(iter(RegularBlocks(path)), None)
+    return None
 
 
 def as_events(messages: Messages) -> tuple[tuple[Event, ...], str | None]:

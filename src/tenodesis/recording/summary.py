@@ -94,7 +94,7 @@ def contents(about: Recording | Summary) -> dict[str, Any]:
             "messages": topic.messages,
             "rate": None if isnan(topic.rate) else topic.rate,
             "type": topic.type,
-            "left_out": recording.left_out.get(name),
+            "left_out": str(recording.left_out[name]) if name in recording.left_out else None,
         }
         for name, topic in recording.topics.items()
     }
