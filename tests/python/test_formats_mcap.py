@@ -139,7 +139,8 @@ def as_sqlite(
     source: Path, path: Path, *, more: str = "", edit: dict[str, Callable[[Messages], Messages]] | None = None
 ) -> Path:
     """Write the messages of an MCAP file, those of some topics edited, into the tables of a bag as ROS 2 has them."""
-    contents, edits = container.scan(source.read_bytes()), edit or {}
+    with blocks.opened(source) as (file, size):
+        contents, edits = container.contents_of(file, size), edit or {}
     bag = sqlite3.connect(path)
     bag.execute(
         "CREATE TABLE topics (id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, "

@@ -6,6 +6,7 @@ import struct
 import time
 import tracemalloc
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 
 import lz4.frame
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 import zstandard
 from mcap.opcode import Opcode
+from mcap.reader import make_reader
 from mcap.writer import MCAP0_MAGIC
 
 from tenodesis.errors import IdentificationError, RecordingError
@@ -44,13 +46,18 @@ def chunk(content: bytes, size: int | None = None, compression: str = "zstd") ->
 def with_chunk(whole: Path, path: Path, record: bytes) -> Path:
     """Write a recording whose first chunk is replaced, and followed by nothing."""
     data = whole.read_bytes()
-    start = next(start for opcode, start, _ in container.records(data, 8) if opcode == Opcode.CHUNK)
-    path.write_bytes(data[: start - 9] + record)
+    summary = make_reader(BytesIO(data)).get_summary()
+    assert summary is not None
+    path.write_bytes(data[: summary.chunk_indexes[0].chunk_start_offset] + record)
     return path
 
 
+def _contents(data: bytes) -> container.Contents:
+    return container.contents_of(BytesIO(data), len(data))
+
+
 def damage(path: Path) -> str:
-    contents = container.scan(path.read_bytes())
+    contents = _contents(path.read_bytes())
     assert contents.damage is not None
     return contents.damage
 
@@ -114,7 +121,7 @@ def test_messages_of_a_channel_that_is_not_described_are_left_out_and_named(whol
     path.write_bytes(data[:8] + chunk(strange) + data[8:])
     assert len(Recording.open(path).run) == 60
     notes: list[str] = []
-    assert mcap._decoded([path], notes)
+    assert mcap._topics([path], notes)
     assert f"{path.name} holds messages of a channel that it does not describe: 999" in notes
 
 
@@ -220,7 +227,7 @@ def test_chunks_do_not_each_cost_what_all_schemas_do(tmp_path: Path) -> None:
     empty = record(Opcode.CHUNK, struct.pack("<QQQIIQ", 0, 0, 0, 0, 0, 0))
     data = MCAP0_MAGIC + schemas + 1000 * empty
     begin = time.process_time()
-    container.scan(MCAP0_MAGIC + schemas)
+    _contents(MCAP0_MAGIC + schemas)
     between = time.process_time()
-    container.scan(data)
+    _contents(data)
     assert time.process_time() - between < 0.5 + 3 * (between - begin)

@@ -54,6 +54,7 @@ def opened(path: Path) -> Iterator[tuple[IO[bytes], int]]:
     """Open an MCAP file, and return it with its size; raises RecordingError if it is none."""
     try:
         file, size = open_regular(path)
+        begin = file.read(LONGEST_MAGIC)
     except FileNotFoundError:
         raise RecordingError(f"{path} cannot be read: there is no such file.", key="path", value=path) from None
     except IsADirectoryError:
@@ -61,10 +62,6 @@ def opened(path: Path) -> Iterator[tuple[IO[bytes], int]]:
     except OSError as problem:
         raise RecordingError(f"{path} cannot be read: {problem.strerror}.", key="path", value=path) from None
     with file:
-        try:
-            begin = file.read(LONGEST_MAGIC)
-        except OSError as problem:
-            raise RecordingError(f"{path} cannot be read: {problem.strerror}.", key="path", value=path) from None
         if not is_mcap(begin):
             found = "it is empty" if not begin else f"it begins with {begin.decode(errors='replace')!r}"
             raise RecordingError(f"{path} is no MCAP file: {found}.", key="path", value=path, allowed="an MCAP file")
@@ -92,7 +89,7 @@ class Infos:
                 count, first, _ = self._seen.get(number, (0, first, last))
                 self._seen[number] = (count + len(messages), first, last)
 
-    def of(self, scan: Scan | Contents | Summary) -> dict[str, TopicInfo]:
+    def of(self, scan: Contents | Summary) -> dict[str, TopicInfo]:
         """Return the topics of a file by name."""
         infos = {}
         for number, channel in sorted(scan.channels.items(), key=lambda item: item[1].topic):

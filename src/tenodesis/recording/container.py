@@ -147,22 +147,16 @@ def is_mcap(data: bytes) -> bool:
     return data.startswith(MCAP0_MAGIC)
 
 
-def scan(data: bytes) -> Contents:
-    """Read the bytes of an MCAP file up to the first damage."""
-    return contents_of(BytesIO(data), len(data))
-
-
 def contents_of(file: IO[bytes], size: int) -> Contents:
     """Read an MCAP file, at its start, of so many bytes, up to the first damage."""
     scanned = Scan(file, size)
-    messages: dict[int, Messages] = {}
     for more in scanned:
         for number, new in more.items():
-            messages.setdefault(number, Messages()).parts.extend(new.parts)
-    return Contents(scanned.metadata, scanned.schemas, scanned.channels, messages, scanned.damage)
+            scanned.messages.setdefault(number, Messages()).parts.extend(new.parts)
+    return scanned
 
 
-class Scan:
+class Scan(Contents):
     """Messages of an MCAP file by channel, chunk after chunk, up to the first damage; what else it has by then.
 
     Parameters
@@ -172,10 +166,7 @@ class Scan:
     """
 
     def __init__(self, file: IO[bytes], size: int) -> None:
-        self.metadata: dict[str, dict[str, str]] = {}
-        self.schemas: dict[int, Schema] = {}
-        self.channels: dict[int, Channel] = {}
-        self.damage: str | None = None
+        super().__init__()
         self.position = 0
         """Bytes that are read."""
         self.size = size
@@ -414,14 +405,6 @@ def _define(opcode: int, body: bytes, schemas: dict[int, Schema], channels: dict
     elif opcode == Opcode.SCHEMA:
         schema = Schema.read(record_stream(body))
         schemas[schema.id] = schema
-
-
-def records(data: bytes, position: int) -> Iterator[tuple[int, int, int]]:
-    """Yield the opcode of each record, and where its body starts and ends."""
-    while position < len(data):
-        found = _record_at(data, position)
-        yield found
-        position = found[2]
 
 
 def record_stream(body: bytes) -> ReadDataStream:

@@ -1,7 +1,7 @@
 """Messages of a topic as arrays."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import redirect_stderr
 from enum import Enum, auto
 from typing import Any, NamedTuple
@@ -12,7 +12,7 @@ from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from tenodesis.recording import cdr
-from tenodesis.recording.container import Message, Messages
+from tenodesis.recording.container import Contents, Message, Messages
 from tenodesis.recording.schemas import FLOAT64, JOINT_STATE, WRENCH
 from tenodesis.run import Array
 
@@ -47,6 +47,16 @@ class LeftOut(NamedTuple):
     def __str__(self) -> str:
         """Return the text."""
         return self.text
+
+
+def decoded(contents: Contents, wanted: Collection[str]) -> Iterator[tuple[str, "Decoded | LeftOut"]]:
+    """Yield the topics of a file that are wanted: their messages as arrays, or why they do not fit a recording."""
+    factory = DecoderFactory()
+    for number, messages in contents.messages.items():
+        channel = contents.channels.get(number)
+        schema = None if channel is None else contents.schemas.get(channel.schema_id)
+        if channel is not None and schema is not None and channel.topic in wanted:
+            yield channel.topic, Decoder(factory, schema, channel.message_encoding)(messages)
 
 
 class Decoder:

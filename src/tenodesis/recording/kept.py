@@ -5,8 +5,9 @@ import struct
 import zlib
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
 import zstandard
@@ -15,6 +16,7 @@ from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
+from pydantic import TypeAdapter
 
 from tenodesis.control import FAULTS
 from tenodesis.errors import InstrumentError, RecordingError
@@ -23,7 +25,7 @@ from tenodesis.recording.blocks import LEAST_ROWS, Event, Infos, Progress, as_ev
 from tenodesis.recording.container import Messages, chunk_messages
 from tenodesis.recording.inflate import Allowance, InflationError
 from tenodesis.recording.metadata import controller_choices
-from tenodesis.recording.outcome import Seen
+from tenodesis.recording.outcome import Facts, Seen
 from tenodesis.recording.reader import Recording
 from tenodesis.run import Names, Run, concatenate
 from tenodesis.version import __version__
@@ -38,6 +40,12 @@ _UNREADABLE = (
 """What is raised where a damaged file has any number in the place of an offset, or any text in that of JSON."""
 _PIECE = 2**24
 """Bytes of a file that are read at once."""
+
+
+@dataclass
+class _Kept(Facts):
+    channels: dict[int, tuple[int, int, int]]
+    """Number of messages, and stamps of the first and the last, by channel."""
 
 
 def seen_of(recording: Recording) -> Seen:
@@ -91,10 +99,10 @@ class Keeper:
             self.end_chunk(1)
         if self._seen is None or not self._seen.rows:
             return {}
-        return {"json": json.dumps({**self._seen.done().to_json(), "channels": messages})}
+        return {"json": json.dumps({**asdict(self._seen.done()), "channels": messages})}
 
 
-def read(path: Path, progress: Progress | None = None) -> tuple[Recording, Seen] | None:
+def read(path: Path, progress: Progress | None = None) -> tuple[Recording, Facts] | None:
     """Return a recording without its rows and what its recorder kept about them.
 
     None if the recorder kept nothing, was of another version, or was killed, or the file is damaged or no longer what
@@ -105,7 +113,7 @@ def read(path: Path, progress: Progress | None = None) -> tuple[Recording, Seen]
     return None
 
 
-def _read(path: Path, file: IO[bytes], size: int, progress: Progress | None) -> tuple[Recording, Seen] | None:
+def _read(path: Path, file: IO[bytes], size: int, progress: Progress | None) -> tuple[Recording, Facts] | None:
     reader = SeekingReader(file, record_size_limit=size)
     index = reader.get_summary()
     if index is None or index.statistics is None or schemas.SEEN not in {one.name for one in index.metadata_indexes}:
@@ -113,16 +121,15 @@ def _read(path: Path, file: IO[bytes], size: int, progress: Progress | None) -> 
     texts = {one.name: one.metadata for one in reader.iter_metadata()}
     metadata = texts[schemas.METADATA]
     names = schemas.names_in(metadata, {})
-    content: dict[str, Any] = json.loads(texts[schemas.SEEN]["json"])
-    seen = Seen.of_json(content)
-    messages = {int(number): (int(one[0]), int(one[1]), int(one[2])) for number, one in content["channels"].items()}
+    kept = TypeAdapter(_Kept).validate_json(texts[schemas.SEEN]["json"])
+    messages = kept.channels
     counts = {number: count for number, (count, _, _) in messages.items()}
     of_events = {number for number, channel in index.channels.items() if channel.topic == schemas.EVENTS}
     if (
         names is None
         or metadata["tenodesis"] != __version__
         or counts != index.statistics.channel_message_counts
-        or {count for number, count in counts.items() if number not in of_events} != {seen.rows}
+        or {count for number, count in counts.items() if number not in of_events} != {kept.rows}
         or not _is_whole(file, size, progress)
     ):
         return None
@@ -130,7 +137,7 @@ def _read(path: Path, file: IO[bytes], size: int, progress: Progress | None) -> 
     if torn is not None:
         return None
     topics = Infos(messages).of(index)
-    return Recording(path, Run(np.empty(0), *names), metadata, topics, {}, None, events), seen
+    return Recording(path, Run(np.empty(0), *names), metadata, topics, {}, None, events), kept
 
 
 def _is_whole(file: IO[bytes], size: int, progress: Progress | None) -> bool:

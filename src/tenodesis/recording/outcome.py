@@ -1,6 +1,7 @@
 """What came of a run, gathered block by block: ranges, the tip's deviation, tensions, and states of a controller."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from math import degrees, nan, sqrt
 from typing import Any
 
@@ -207,7 +208,24 @@ class Outcome:
         return f"{end} at the end" + (f" ({lasted})" if len(self._states) > 1 else "")
 
 
-class Seen:
+@dataclass
+class Facts:
+    """What is said about a recording's rows."""
+
+    rows: int
+    first: float
+    """Time of the first row, s."""
+    last: float
+    step: float
+    """Median time between two rows, s."""
+    ranges: dict[str, tuple[float, float] | None]
+    """Least and greatest value of each column by its heading in SI units, None without one."""
+    outcome: dict[str, str]
+    rises: dict[str, tuple[float, int]]
+    """When each fault came first, s, and how often it came."""
+
+
+class Seen(Facts):
     """What is said about a recording's rows, gathered block by block.
 
     Parameters
@@ -222,15 +240,7 @@ class Seen:
         self._outcome = None if inst is None else Outcome(inst, names)
         self._bits = 0
         self._steps: list[float] = []
-        self.rows = 0
-        self.first = self.last = 0.0
-        self.ranges: dict[str, tuple[float, float] | None] = {}
-        """Least and greatest value of each column by its heading in SI units, None without one."""
-        self.outcome: dict[str, str] = {}
-        self.rises: dict[str, tuple[float, int]] = {}
-        """When each fault came first, s, and how often it came."""
-        self.step = nan
-        """Median time between two rows, s."""
+        super().__init__(rows=0, first=0.0, last=0.0, step=nan, ranges={}, outcome={}, rises={})
 
     def add(self, run: Run) -> None:
         """Take the next rows."""
@@ -254,29 +264,11 @@ class Seen:
         if self._outcome is not None:
             self._outcome.add(run)
 
-    def done(self) -> "Seen":
+    def done(self) -> Facts:
         """Return it, with what only the end tells."""
         self.step = float(np.median(self._steps)) if self._steps else nan
         self.outcome = {} if self._outcome is None else self._outcome.facts()
         return self
-
-    def to_json(self) -> dict[str, Any]:
-        """Return it as plain values."""
-        return {name: getattr(self, name) for name in ("rows", "first", "last", "step", "ranges", "outcome", "rises")}
-
-    @classmethod
-    def of_json(cls, content: Mapping[str, Any]) -> "Seen":
-        """Return it from plain values; raises KeyError, TypeError or ValueError where they are none of it."""
-        found = cls()
-        found.rows = int(content["rows"])
-        found.first, found.last, found.step = (float(content[name]) for name in ("first", "last", "step"))
-        found.ranges = {
-            str(name): None if ends is None else (float(ends[0]), float(ends[1]))
-            for name, ends in content["ranges"].items()
-        }
-        found.outcome = {str(name): str(fact) for name, fact in content["outcome"].items()}
-        found.rises = {str(name): (float(one[0]), int(one[1])) for name, one in content["rises"].items()}
-        return found
 
     def _add_faults(self, run: Run) -> None:
         masks = _fault_bits(run)

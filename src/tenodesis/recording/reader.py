@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from mcap.records import Channel
-from mcap_ros2.decoder import DecoderFactory
 
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument, parse
@@ -28,7 +27,7 @@ from tenodesis.recording.blocks import (
     opened,
 )
 from tenodesis.recording.container import Contents, Messages
-from tenodesis.recording.decode import Decoded, Decoder, LeftOut, Misfit
+from tenodesis.recording.decode import Decoded, LeftOut, Misfit, decoded
 from tenodesis.run import Array, Names, Run
 
 if TYPE_CHECKING:
@@ -140,17 +139,17 @@ class Recording:
         infos = Infos()
         infos.add(contents.messages)
         metadata = contents.metadata.get(schemas.METADATA, {})
-        decoded, left_out = _decoded(contents, schemas.JOINT_TOPICS)
-        names = schemas.names_in(metadata, {name: topic.joints for name, topic in decoded.items()})
+        read = dict(decoded(contents, schemas.JOINT_TOPICS))
+        names = schemas.names_in(metadata, {name: topic.joints for name, topic in _fit(read).items()})
         wanted = schemas.TOPICS if names is None else schemas.read_topics(names)
         present = {channel.topic for channel in contents.channels.values()}
         wanted |= {copy for copy, original in schemas.COPIES.items() if original not in present}
-        others = _decoded(contents, wanted - schemas.JOINT_TOPICS)
-        decoded, left_out = decoded | others[0], left_out | others[1]
-        names = names or _paired(decoded)
+        read |= decoded(contents, wanted - schemas.JOINT_TOPICS)
+        left_out = {name: found for name, found in read.items() if isinstance(found, LeftOut)}
+        names = names or _paired(_fit(read))
         if names is None:
             raise RecordingError(f"{path} contains no topic of a recording: {_found(contents)}.", key="topics")
-        run, misfits = assembled(schemas.topics(names), names, decoded, carried(contents.channels))
+        run, misfits = assembled(schemas.topics(names), names, _fit(read), carried(contents.channels))
         left_out |= misfits
         if left_out and not any(values.size for values in run.signals().values()):
             reasons = "; ".join(f"{topic}: {reason}" for topic, reason in left_out.items())
@@ -228,10 +227,10 @@ class Recording:
         return parse(self.metadata["instrument"], f"{self.path}: instrument")
 
 
-def _paired(decoded: Mapping[str, Decoded]) -> Names | None:
+def _paired(topics: Mapping[str, Decoded]) -> Names | None:
     """Return the names of joints with tendons of their own that topics are about."""
-    axes = schemas.axes_of({name: topic.joints for name, topic in decoded.items()})
-    return Names.paired(axes or ("yaw",)) if decoded else None
+    axes = schemas.axes_of({name: topic.joints for name, topic in topics.items()})
+    return Names.paired(axes or ("yaw",)) if topics else None
 
 
 def _found(contents: Contents) -> str:
@@ -241,21 +240,9 @@ def _found(contents: Contents) -> str:
     return f"its topics are {', '.join(names)}" if names else "it has no topics"
 
 
-def _decoded(contents: Contents, wanted: Collection[str]) -> tuple[dict[str, Decoded], dict[str, LeftOut]]:
-    """Return the topics that are wanted by name, and the reasons why others of them could not be decoded."""
-    decoded: dict[str, Decoded] = {}
-    left_out: dict[str, LeftOut] = {}
-    factory = DecoderFactory()
-    for channel, messages in _channels(contents):
-        schema = contents.schemas.get(channel.schema_id)
-        if channel.topic not in wanted or schema is None:
-            continue
-        found = Decoder(factory, schema, channel.message_encoding)(messages)
-        if isinstance(found, LeftOut):
-            left_out[channel.topic] = found
-        else:
-            decoded[channel.topic] = found
-    return decoded, left_out
+def _fit(topics: Mapping[str, Decoded | LeftOut]) -> dict[str, Decoded]:
+    """Return the topics that fit a recording."""
+    return {name: found for name, found in topics.items() if isinstance(found, Decoded)}
 
 
 def _channels(contents: Contents) -> list[tuple[Channel, Messages]]:

@@ -16,7 +16,7 @@ from tenodesis.errors import InstrumentError, RecordingError
 from tenodesis.recording import kept
 from tenodesis.recording.blocks import Progress
 from tenodesis.recording.metadata import CONTROLLER, controller_choices, controller_instrument, in_words
-from tenodesis.recording.outcome import Outcome, Seen, outcome, tip_error
+from tenodesis.recording.outcome import Facts, Outcome, outcome, tip_error
 from tenodesis.recording.reader import Blocks, Recording
 from tenodesis.run import Run
 from tenodesis.toml import parse_toml
@@ -30,7 +30,7 @@ class Summary(NamedTuple):
     """What a recording holds: the recording without its rows, and what is said about them."""
 
     recording: Recording
-    seen: Seen
+    seen: Facts
 
 
 def read(path: str | Path, progress: Progress | None = None) -> Summary:
@@ -125,7 +125,7 @@ def facts(about: Recording | Summary) -> dict[str, str]:
     }
 
 
-def _duration(recording: Recording, seen: Seen) -> dict[str, str]:
+def _duration(recording: Recording, seen: Facts) -> dict[str, str]:
     """Return duration, rows and rate; of a table without a known time its rows, and what tells its columns."""
     if "kind" in recording.metadata and all(one.type != "column: time" for one in recording.topics.values()):
         return {
@@ -154,7 +154,7 @@ def _named(run: Run) -> dict[str, str]:
     }
 
 
-def _controller(recording: Recording, seen: Seen) -> dict[str, str]:
+def _controller(recording: Recording, seen: Facts) -> dict[str, str]:
     """Return the controller's choices and the outcome of the run; empty without a controller."""
     try:
         choices = controller_choices(recording)
@@ -206,14 +206,14 @@ def _topics(recording: Recording) -> Table:
     return table
 
 
-def _ranges(seen: Seen) -> Table:
+def _ranges(seen: Facts) -> Table:
     table = Table("Signal", "Least", "Greatest", "Unit", box=box.SIMPLE_HEAD)
     for name, *ends, unit in _ends(seen):
         table.add_row(name, *("" if end is None else f"{end:.4g}" for end in ends), unit)
     return table
 
 
-def _ends(seen: Seen) -> Iterator[tuple[str, float | None, float | None, str]]:
+def _ends(seen: Facts) -> Iterator[tuple[str, float | None, float | None, str]]:
     """Yield signals with their smallest and largest value, None without one, and their unit; angles in deg."""
     for heading, ends in seen.ranges.items():
         name, unit = heading.removesuffix("]").split(" [")

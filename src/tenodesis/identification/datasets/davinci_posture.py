@@ -25,6 +25,7 @@ share of it counts in the fit, by which offset and coupling are known.
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,11 +34,10 @@ from tenodesis import _core
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.datasets import davinci_tool
 from tenodesis.identification.datasets.davinci_tool import DEFAULT_LAW, Tool, ToolSeries, behind
-from tenodesis.identification.datasets.reference import Given, Values, refuse_instrument
+from tenodesis.identification.datasets.reference import Given, Values, without_instrument
 from tenodesis.identification.formats.measured import MeasuredRun, Source
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.registry import Format
-from tenodesis.instrument import ShortForm
 from tenodesis.instrument.joints import MECHANISMS
 from tenodesis.run import Array
 
@@ -98,14 +98,8 @@ def load(path: Path) -> MeasuredRun:
         )
     run = davinci_tool.read(path, SOURCE)
     pitch = np.full(len(run), math.radians(float(found[0])))
-    return MeasuredRun(
-        run.name,
-        run.time,
-        {**run.columns, "wrist_pitch": pitch},
-        (*run.notes, f"pitch {float(found[0]):g} deg, from the file's name"),
-        run.source,
-        run.checksum,
-    )
+    notes = (*run.notes, f"pitch {float(found[0]):g} deg, from the file's name")
+    return replace(run, columns={**run.columns, "wrist_pitch": pitch}, notes=notes)
 
 
 class Wrist(Tool):
@@ -122,9 +116,7 @@ class Wrist(Tool):
         law: str = DEFAULT_LAW,
         contacts: int = davinci_tool.CONTACTS,
     ) -> None:
-        if law not in LAWS:
-            raise IdentificationError(key="law", value=law, allowed=f"one of {', '.join(LAWS)}")
-        super().__init__(train, test, law=law, contacts=contacts)
+        super().__init__(train, test, law=law, contacts=contacts, laws=LAWS)
         several = len({one.pitch for one in self.fitted[: len(train)]}) > 1
         own = (_COUPLING, _FRICTION) if several else ()
         starts = self._lines(self.fitted[: len(train)], several=several)
@@ -192,14 +184,6 @@ class Wrist(Tool):
         return {"offset": offset, "ratio": ratio, "compliance": compliance, "coupling": coupling}
 
 
-def problem(
-    train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: ShortForm | None
-) -> Wrist:
-    """Return the model with its recordings, those of train first; raises as `Wrist`, and for an instrument."""
-    refuse_instrument(instrument, "a davinci-posture recording is of a tool without instrument file")
-    return Wrist(train, test, law=law)
-
-
 def _wide(parameters: Sequence[Parameter]) -> list[Parameter]:
     """Return parameters with bounds that do not depend on a plane through runs at several pitches."""
     bounds = {"offset": (-2 * math.pi, 2 * math.pi), "ratio": (0.1, 5.0), "compliance": (0.0, 10.0)}
@@ -214,4 +198,5 @@ def _without_mean(values: Array, share: float) -> Array:
     return np.asarray(values - (1 - share) * values.mean(axis=0), dtype=np.float64)
 
 
+problem = without_instrument(Wrist, "a davinci-posture recording is of a tool without instrument file")
 FORMAT = Format(load, problem, laws=LAWS, law=DEFAULT_LAW)

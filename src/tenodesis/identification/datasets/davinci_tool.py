@@ -17,7 +17,7 @@ radius (Euler, Eytelwein):
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -26,24 +26,21 @@ from typing import Any
 
 import numpy as np
 
-from tenodesis.errors import IdentificationError
 from tenodesis.identification.datasets.reference import (
     Given,
     ReferenceProblem,
     ReferenceSeries,
     Values,
     band,
-    check_recordings,
     held,
     hysteresis,
-    refuse_instrument,
+    without_instrument,
 )
 from tenodesis.identification.force.model import INTERVAL, causal_mean, settled, signs_of
 from tenodesis.identification.formats.csv import read_rows
 from tenodesis.identification.formats.measured import MeasuredRun, Raw, Source, Unit, checksum
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.registry import Format
-from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 
 # The files.
@@ -243,18 +240,13 @@ class Tool(ReferenceProblem[ToolSeries]):
         *,
         law: str = DEFAULT_LAW,
         contacts: int = CONTACTS,
+        laws: Collection[str] = LAWS,
     ) -> None:
-        if law not in LAWS:
-            raise IdentificationError(key="law", value=law, allowed=f"one of {', '.join(LAWS)}")
-        if contacts < 1:
-            raise IdentificationError(key="contacts", value=contacts, allowed="an integer of at least 1")
-        check_recordings(train)
-        self.law, self.contacts = law, contacts
+        super().__init__(train, test, law=law, laws=laws, contacts=contacts)
+        self.contacts = contacts
         # of the spindle's torque under load, and whether the jaw turns with the spindle
         self.load, self.jaw = signs_of(train)
-        recordings = [*train, *test]
-        self.runs = tuple(one.name for one in recordings)
-        self.full = [_series(one, self.load) for one in recordings]
+        self.full = [_series(one, self.load) for one in (*train, *test)]
         self.fitted = [_thinned(one) for one in self.full]
         self.parameters = (*_kinematics(self.fitted[: len(train)], self.load, self.jaw), *LAWS[law])
 
@@ -305,14 +297,6 @@ class Tool(ReferenceProblem[ToolSeries]):
             if ours in given:
                 friction[name] = given[ours] * (1 / self.contacts)
         return friction
-
-
-def problem(
-    train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: ShortForm | None
-) -> Tool:
-    """Return the model with its recordings, those of train first; raises as `Tool`, and for an instrument."""
-    refuse_instrument(instrument, "a davinci-tool recording is of a tool without instrument file")
-    return Tool(train, test, law=law)
 
 
 def behind(law: str, friction: Given, tension: Values, start: Any, speed: Array, *, slack: bool) -> Values:
@@ -379,4 +363,5 @@ def _thinned(one: ToolSeries) -> ToolSeries:
     )
 
 
+problem = without_instrument(Tool, "a davinci-tool recording is of a tool without instrument file")
 FORMAT = Format(load, problem, laws=tuple(LAWS), law=DEFAULT_LAW)

@@ -36,16 +36,13 @@ from tenodesis.identification.datasets.reference import (
     ReferenceProblem,
     ReferenceSeries,
     Values,
-    check_recordings,
-    law_of,
     pass_on,
-    refuse_instrument,
+    without_instrument,
 )
 from tenodesis.identification.formats.csv import read_rows
 from tenodesis.identification.formats.measured import GRAM_FORCE, MeasuredRun, Raw, Source, Unit, checksum, spread_of
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.registry import Format
-from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 
 # The files.
@@ -237,32 +234,27 @@ class EndoscopeSeries(ReferenceSeries):
 class EndoscopePair(ReferenceProblem[EndoscopeSeries]):
     """A pair with its recordings of commanded_angle, output_angle, both tensions and a constant sheath_bend.
 
-    The law is a key of `LAWS`; the sheath's stretch is taken at so many `sections` along it. The first `trained` of the
-    recordings are fitted, all by default: whether parameters may grow with the bend follows from theirs. Raises
-    IdentificationError if there is no such law, no recording, or no section.
+    The law is a key of `LAWS`; the sheath's stretch is taken at so many `sections` along it. Parameters may grow with
+    the bend where those of `train` differ. Raises IdentificationError if there is no such law, recording or section.
     """
 
     key, scale, noise = "output_angle_deg", math.degrees(1), NOISE
 
     def __init__(
         self,
-        recordings: Sequence[MeasuredRun],
+        train: Sequence[MeasuredRun],
+        test: Sequence[MeasuredRun] = (),
         *,
         law: str = DEFAULT_LAW,
         sections: int = SECTIONS,
-        trained: int | None = None,
     ) -> None:
-        found = law_of(law)
-        check_recordings(recordings)
-        if sections < 1:
-            raise IdentificationError(key="sections", value=sections, allowed="an integer of at least 1")
-        self.law, self.sections = law, sections
-        self.runs = tuple(one.name for one in recordings)
-        self.full = self.fitted = [_series(one) for one in recordings]
+        super().__init__(train, test, law=law, sections=sections)
+        self.sections, found = sections, LAWS[law]
+        self.full = self.fitted = [_series(one) for one in (*train, *test)]
         self._magnitudes = tuple(one.name for one in found.magnitudes)
         self._shapes = tuple(one.name for one in found.shapes)
         # at one bend only, growth with the bend is not identifiable
-        self._bends = len({one.bend for one in self.fitted[:trained]}) > 1
+        self._bends = len({one.bend for one in self.fitted[: len(train)]}) > 1
         kinematics = tuple(one for one in _KINEMATICS if self._bends or not one.name.endswith(_PER_BEND))
         friction = [
             *(part for one in found.magnitudes for part in _with_bend(one, several=self._bends)),
@@ -300,14 +292,6 @@ class EndoscopePair(ReferenceProblem[EndoscopeSeries]):
         }
         friction |= {name: given[name] for name in self._shapes}
         return pass_on(self.law, friction, series.agonist, antagonist, speed=series.speed)
-
-
-def problem(
-    train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: ShortForm | None
-) -> EndoscopePair:
-    """Return the model with its recordings, those of train first; raises as `EndoscopePair`, and for an instrument."""
-    refuse_instrument(instrument, "an endoscope-pair recording is of a joint without one")
-    return EndoscopePair([*train, *test], law=law, trained=len(train))
 
 
 def _per_bend(name: str) -> str:
@@ -348,4 +332,5 @@ def _series(one: MeasuredRun) -> EndoscopeSeries:
     )
 
 
+problem = without_instrument(EndoscopePair, "an endoscope-pair recording is of a joint without one")
 FORMAT = Format(load, problem, laws=tuple(LAWS), law=DEFAULT_LAW)

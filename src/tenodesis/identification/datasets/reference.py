@@ -19,7 +19,7 @@ choose, it goes by the real part.
 """
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar, Generic, NamedTuple, TypeAlias, TypeVar
@@ -84,11 +84,10 @@ _SMALL = 1e-4
 """Argument below which a logarithm is computed by its series."""
 
 
-def law_of(name: str) -> Law:
-    """Return a friction law by its name; raises IdentificationError if there is none."""
-    if name not in LAWS:
-        raise IdentificationError(key="law", value=name, allowed=f"one of {', '.join(LAWS)}")
-    return LAWS[name]
+def check_law(name: str, laws: Collection[str] = LAWS) -> None:
+    """Raise IdentificationError if there is no such law."""
+    if name not in laws:
+        raise IdentificationError(key="law", value=name, allowed=f"one of {', '.join(laws)}")
 
 
 def pass_on(
@@ -109,7 +108,7 @@ def pass_on(
     it before the first sample, N. Only stribeck needs the speed of the motion, (n,). Raises IdentificationError if
     there is no such law.
     """
-    law_of(name)
+    check_law(name)
     if name == "bouc-wen":
         moved = tension if against is None else tension - against
         shape = (given[one] for one in ("hysteresis_width", "hysteresis_shape"))
@@ -217,6 +216,7 @@ class ReferenceSeries:
 
 
 _Series = TypeVar("_Series", bound=ReferenceSeries)
+_Problem = TypeVar("_Problem", bound=Problem)
 
 
 class ReferenceProblem(Problem, Generic[_Series]):
@@ -230,6 +230,25 @@ class ReferenceProblem(Problem, Generic[_Series]):
     """Standard deviation of the reference sensor, SI."""
     fitted: Sequence[_Series]
     full: Sequence[_Series]
+
+    def __init__(
+        self,
+        train: Sequence[MeasuredRun],
+        test: Sequence[MeasuredRun],
+        *,
+        law: str,
+        laws: Collection[str] = LAWS,
+        **numbers: int,
+    ) -> None:
+        """Check law and numbers of pieces, and that there are recordings to train on; raises IdentificationError."""
+        check_law(law, laws)
+        for name, number in numbers.items():
+            if number < 1:
+                raise IdentificationError(key=name, value=number, allowed="an integer of at least 1")
+        if not train:
+            raise IdentificationError("train is empty; it must hold at least one recording.", key="train")
+        self.law = law
+        self.runs = tuple(one.name for one in (*train, *test))
 
     def given(self, values: Values, series: _Series) -> dict[str, Any]:
         """Return the parameters by name as they are for a run."""
@@ -272,13 +291,14 @@ class ReferenceProblem(Problem, Generic[_Series]):
         return (series.reference - self.modelled(values, series))[series.first :]
 
 
-def check_recordings(recordings: Sequence[MeasuredRun]) -> None:
-    """Raise IdentificationError if there is nothing to train on."""
-    if not recordings:
-        raise IdentificationError("train is empty; it must hold at least one recording.", key="train")
+def without_instrument(model: Callable[..., _Problem], recorded: str) -> Callable[..., _Problem]:
+    """Return how recordings become a model that refuses an instrument, of which `recorded` says why it has none."""
 
+    def problem(
+        train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: ShortForm | None
+    ) -> _Problem:
+        if instrument is not None:
+            raise IdentificationError(f"instrument is given; it must be left out: {recorded}.", key="instrument")
+        return model(train, test, law=law)
 
-def refuse_instrument(instrument: ShortForm | None, recorded: str) -> None:
-    """Raise IdentificationError for an instrument, which the model of a data set has none of."""
-    if instrument is not None:
-        raise IdentificationError(f"instrument is given; it must be left out: {recorded}.", key="instrument")
+    return problem

@@ -19,10 +19,8 @@ from tenodesis.identification.datasets.reference import (
     ReferenceProblem,
     ReferenceSeries,
     Values,
-    check_recordings,
-    law_of,
     pass_on,
-    refuse_instrument,
+    without_instrument,
 )
 from tenodesis.identification.formats.csv import read_table, scale_of
 from tenodesis.identification.formats.measured import (
@@ -38,7 +36,6 @@ from tenodesis.identification.formats.measured import (
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.registry import Format
 from tenodesis.identification.uncertainty import LossName
-from tenodesis.instrument import ShortForm
 from tenodesis.recording.lab_map import heading
 from tenodesis.run import Array
 
@@ -173,12 +170,12 @@ class Sheath(ReferenceProblem[SheathSeries]):
 
     key, noise = "tension_N", NOISE
 
-    def __init__(self, recordings: Sequence[MeasuredRun], *, law: str = DEFAULT_LAW) -> None:
-        found = law_of(law)
-        check_recordings(recordings)
-        self.law = law
-        self.runs = tuple(one.name for one in recordings)
-        self.full = self.fitted = [_series(one) for one in recordings]
+    def __init__(
+        self, train: Sequence[MeasuredRun], test: Sequence[MeasuredRun] = (), *, law: str = DEFAULT_LAW
+    ) -> None:
+        super().__init__(train, test, law=law)
+        found = LAWS[law]
+        self.full = self.fitted = [_series(one) for one in (*train, *test)]
         friction = [*found.magnitudes, *(_in_unit(one, self.fitted[0].rate) for one in found.shapes)]
         self.parameters = (_GAIN, *friction)
 
@@ -195,14 +192,6 @@ class Sheath(ReferenceProblem[SheathSeries]):
         return np.asarray(given["gain"] * pass_on(self.law, given, series.proximal, speed=series.rate, start=start))
 
 
-def problem(
-    train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: ShortForm | None
-) -> Sheath:
-    """Return the model with its recordings, those of train first; raises as `Sheath`, and for an instrument."""
-    refuse_instrument(instrument, "a tendon-sheath recording is of a tendon without one")
-    return Sheath([*train, *test], law=law)
-
-
 def _in_unit(one: Parameter, rate: Array) -> Parameter:
     """Return a parameter in the sheath's unit of speed, N/s; speeds start at the usual speed of a recording."""
     if "{speed}" not in one.unit:
@@ -217,4 +206,5 @@ def _series(one: MeasuredRun) -> SheathSeries:
     return SheathSeries(time=one.time, reference=one["distal_tension"], proximal=proximal, rate=rate)
 
 
+problem = without_instrument(Sheath, "a tendon-sheath recording is of a tendon without one")
 FORMAT = Format(load, problem, laws=tuple(LAWS), law=DEFAULT_LAW, loss=DEFAULT_LOSS)

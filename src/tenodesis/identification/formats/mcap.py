@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 from mcap.records import Channel, Schema
-from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from tenodesis.errors import IdentificationError, InstrumentError, RecordingError
+from tenodesis.identification.formats.csv import as_identification
 from tenodesis.identification.formats.instrument_run import (
     SECONDS,
     USED,
@@ -30,8 +30,8 @@ from tenodesis.instrument import ShortForm, as_short_form
 from tenodesis.recording import Blocks, Recording, cdr, container, schemas
 from tenodesis.recording.blocks import Progress, opened
 from tenodesis.recording.container import Contents, Message, Messages
-from tenodesis.recording.decode import Decoded, Decoder, LeftOut, Misfit
-from tenodesis.run import SIGNALS, TENDONS, Array, Names, Run, concatenate
+from tenodesis.recording.decode import Decoded, LeftOut, Misfit, decoded
+from tenodesis.run import SIGNALS, Array, Names, Run, concatenate
 
 SUFFIX = ".db3"
 
@@ -145,8 +145,6 @@ def _read(bag: sqlite3.Connection, number: int, contents: Contents, most: int) -
     return min(taken, most)
 
 
-__all__ = ["TENDONS", "InstrumentRun", "load"]
-
 _CLOCK = "/tendons/measured_js"
 
 
@@ -179,11 +177,9 @@ def load(path: Path, progress: Progress | None = None) -> InstrumentRun:
     Raises IdentificationError if the file is no recording, lacks what is needed, or is not usable.
     """
     files = _files(path)
-    try:
+    with as_identification():
         read = _recorded(files[0], progress) if len(files) == 1 and not is_sqlite(files[0]) else None
         read = _merged(path, files) if read is None else read
-    except RecordingError as problem:
-        raise IdentificationError(str(problem), key=problem.key, value=problem.value, allowed=problem.allowed) from None
     notes = list(read.notes)
     columns = columns_of(read.signals, str(path), notes)
     name = path.resolve().name
@@ -249,7 +245,7 @@ def first_rows(path: Path, signals: Collection[str], progress: Progress | None =
 def _merged(path: Path, files: Sequence[Path]) -> _Signals:
     """Return the topics of the files, interpolated to the stamps of the load cells."""
     notes: list[str] = []
-    topics = _decoded(files, notes)
+    topics = _topics(files, notes)
     axes = schemas.axes_of({name: parts[0].joints for name, parts in topics.items()}) or ("yaw",)
     if _CLOCK not in topics:
         raise RecordingError(
@@ -283,32 +279,23 @@ def _merged(path: Path, files: Sequence[Path]) -> _Signals:
     return _Signals(time[inside], axes, cut, tuple(notes), None)
 
 
-def _decoded(files: Sequence[Path], notes: list[str]) -> dict[str, list[Decoded]]:
+def _topics(files: Sequence[Path], notes: list[str]) -> dict[str, list[Decoded]]:
     """Return the topics of recordings in these files, by name and in order of their stamps."""
     topics: dict[str, list[Decoded]] = {}
     for file in files:
         contents = _contents(file)
         if contents.damage is not None:
             notes.append(f"{file.name} is read in part only: {contents.damage}")
-        # numbers of schemas are the file's own
-        factory = DecoderFactory()
-        for number, messages in contents.messages.items():
-            channel = contents.channels.get(number)
-            if channel is None:
-                notes.append(f"{file.name} holds messages of a channel that it does not describe: {number}")
-                continue
-            schema = contents.schemas.get(channel.schema_id)
-            if channel.topic not in schemas.TOPICS or schema is None:
-                continue
-            found = Decoder(factory, schema, channel.message_encoding)(messages)
+        for number in contents.messages.keys() - contents.channels.keys():
+            notes.append(f"{file.name} holds messages of a channel that it does not describe: {number}")
+        for topic, found in decoded(contents, schemas.TOPICS):
+            parts = topics.get(topic, [])
             if isinstance(found, LeftOut):
-                notes.append(f"{channel.topic} is left out of {file.name}: {found}")
-                continue
-            parts = topics.setdefault(channel.topic, [])
-            if parts and found.joints != parts[0].joints:
-                notes.append(f"{channel.topic} is left out of {file.name}: its joints are not those of other files")
-                continue
-            parts.append(found)
+                notes.append(f"{topic} is left out of {file.name}: {found}")
+            elif parts and found.joints != parts[0].joints:
+                notes.append(f"{topic} is left out of {file.name}: its joints are not those of other files")
+            else:
+                topics[topic] = [*parts, found]
     return {name: sorted(parts, key=lambda part: int(part.stamps[0])) for name, parts in topics.items()}
 
 
