@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from tenodesis.identification.problem import Parameter, Problem
+from tenodesis.identification.problem import Parameter, Problem, scales
 from tenodesis.identification.uncertainty import Uncertainty
 from tenodesis.run import Array
 
@@ -50,6 +50,11 @@ class Identifiability:
     at_bound: dict[str, str]
     """The bound, lower or upper, of parameters that are on it at the optimum."""
     statements: tuple[str, ...]
+
+
+def is_identifiable(one: Parameter, std: float) -> bool:
+    """Return whether a parameter of a standard deviation, SI, is identifiable about its start."""
+    return bool(std < IDENTIFIABLE_SHARE * scales([one], np.array([one.start]))[0])
 
 
 Cost = Callable[[Array], float]

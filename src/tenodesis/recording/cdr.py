@@ -102,28 +102,6 @@ class MessageLayout:
         self._template.extend(bytes(size))
 
 
-def joint_state(joints: Sequence[str], counts: Mapping[str, int], frame: str = "") -> MessageLayout:
-    """Return the layout of a JointState with `counts` numbers in each of its arrays, none in those left out."""
-    layout = MessageLayout().header(frame).strings(joints)
-    for name in ("position", "velocity", "effort"):
-        layout.sequence(name, counts.get(name, 0))
-    return layout
-
-
-def wrench(frame: str) -> MessageLayout:
-    """Return the layout of a WrenchStamped."""
-    layout = MessageLayout().header(frame)
-    for vector in ("force", "torque"):
-        for axis in "xyz":
-            layout.numbers(f"{vector}.{axis}")
-    return layout
-
-
-def number() -> MessageLayout:
-    """Return the layout of a Float64."""
-    return MessageLayout().numbers("data")
-
-
 def text(content: str) -> bytes:
     """Return the message of a String."""
     data = content.encode() + b"\0"

@@ -4,6 +4,7 @@ import io
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import redirect_stderr
 from enum import Enum, auto
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,10 +14,8 @@ from numpy.typing import NDArray
 
 from tenodesis.recording import cdr
 from tenodesis.recording.container import Contents, Message, Messages
-from tenodesis.recording.schemas import FLOAT64, JOINT_STATE, WRENCH
+from tenodesis.recording.schemas import FLOAT64, JOINT_STATE, NUMBERS, WRENCH, layout
 from tenodesis.run import Array
-
-_ARRAYS = ("position", "velocity", "effort")
 
 
 class Decoded(NamedTuple):
@@ -77,7 +76,7 @@ class Decoder:
     def __call__(self, messages: Sequence[Message]) -> Decoded | LeftOut:
         """Return messages, one or more, as arrays, or the reason why they do not fit a recording."""
         kind = self._schema.name
-        if kind not in {JOINT_STATE, WRENCH, FLOAT64}:
+        if kind not in NUMBERS:
             return LeftOut(Misfit.TYPE, f"its messages are {kind}")
         given = Messages.of(messages)
         try:
@@ -98,20 +97,22 @@ class Decoder:
             return LeftOut(Misfit.TYPE, f"its messages are encoded as {self._encoding}, {schema.encoding}")
         first = decoder(messages[0].data)
         joints = tuple(first.name) if schema.name == JOINT_STATE else ()
-        self._known = (joints, _layout(schema.name, first))
+        counts = {name: len(values) for name, values in _numbers(schema.name, first).items()}
+        frame = "" if schema.name == FLOAT64 else first.header.frame_id
+        self._known = (joints, layout(schema.name, joints, counts, frame))
         found = _together(schema.name, messages, *self._known)
         if found is not None:
             return found
         return _decoded_singly(schema.name, joints, [decoder(message.data) for message in messages], messages)
 
 
-def _together(kind: str, messages: Messages, joints: tuple[str, ...], layout: cdr.MessageLayout) -> Decoded | None:
+def _together(kind: str, messages: Messages, joints: tuple[str, ...], known: cdr.MessageLayout) -> Decoded | None:
     """Return messages that all have one layout, None if they do not."""
-    parts = [layout.decode(part.data) for part in messages.parts]
+    parts = [known.decode(part.data) for part in messages.parts]
     rows = [part for part in parts if part is not None]
     if len(rows) < len(parts):
         return None
-    names = [name for name in layout.dtype.names or () if name not in {"sec", "nanosec"}]
+    names = [name for name in known.dtype.names or () if name not in {"sec", "nanosec"}]
     numbers = {name: np.concatenate([part[name] for part in rows]) for name in names}
     if kind == FLOAT64:
         return Decoded(messages.stamps, joints, numbers)
@@ -134,17 +135,7 @@ def _decoded_singly(kind: str, joints: tuple[str, ...], decoded: list[Any], mess
     return Decoded(nanoseconds, joints, numbers)
 
 
-def _layout(kind: str, message: Any) -> cdr.MessageLayout:
-    if kind == JOINT_STATE:
-        counts = {name: len(values) for name, values in _numbers(kind, message).items()}
-        return cdr.joint_state(message.name, counts, message.header.frame_id)
-    return cdr.wrench(message.header.frame_id) if kind == WRENCH else cdr.number()
-
-
 def _numbers(kind: str, message: Any) -> dict[str, list[float]]:
-    if kind == JOINT_STATE:
-        return {name: list(getattr(message, name)) for name in _ARRAYS}
-    if kind == WRENCH:
-        vectors = {"force": message.wrench.force, "torque": message.wrench.torque}
-        return {f"{name}.{axis}": [getattr(vector, axis)] for name, vector in vectors.items() for axis in "xyz"}
-    return {"data": [message.data]}
+    prefix = "wrench." if kind == WRENCH else ""
+    found = {name: attrgetter(prefix + name)(message) for name in NUMBERS[kind]}
+    return {name: list(one) if kind == JOINT_STATE else [one] for name, one in found.items()}

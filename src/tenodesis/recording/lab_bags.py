@@ -21,7 +21,6 @@ from tenodesis.run import SIGNALS, Array, Names
 
 ROS1 = b"#ROSBAG V"
 SQLITE = b"SQLite format 3\0"
-_KINDS = (schemas.JOINT_STATE, schemas.WRENCH, schemas.FLOAT64)
 _UNITS = {"position": "rad", "velocity": "rad/s", "force": "N", "torque": "N*m"}
 _AT_ONCE = 20_000
 """Messages decoded together."""
@@ -64,7 +63,7 @@ def columns(path: Path) -> tuple[Array, dict[str, Array]]:
             f"{path} holds no joint states, no wrenches and no numbers.",
             key="path",
             value=path,
-            allowed=", ".join(_KINDS),
+            allowed=", ".join(schemas.NUMBERS),
         )
     clock = max((stamps for stamps, _ in series.values()), key=len)
     found = {}
@@ -84,10 +83,11 @@ def _topics(path: Path) -> dict[str, list[Decoded]]:
     found: dict[str, list[Decoded]] = defaultdict(list)
     factory = DecoderFactory()
     numbers = {
-        kind: Schema(at, schemas.definition(kind).encode(), "ros2msg", kind) for at, kind in enumerate(_KINDS, 1)
+        kind: Schema(at, schemas.definition(kind).encode(), "ros2msg", kind)
+        for at, kind in enumerate(schemas.NUMBERS, 1)
     }
     with anyreader.AnyReader([path], default_typestore=humble) as reader:
-        wanted = [one for one in reader.connections if one.msgtype in _KINDS]
+        wanted = [one for one in reader.connections if one.msgtype in schemas.NUMBERS]
         for topic, messages in _parts(reader, humble, wanted) if wanted else ():
             part = Decoder(factory, numbers[topic.msgtype], "cdr")(messages)
             earlier = found[topic.topic]
@@ -165,9 +165,15 @@ def _interpolated(clock: NDArray[np.int64], stamps: NDArray[np.int64], values: A
     if np.array_equal(clock, stamps):
         return values
     # counted from the first, for a float has no digits for nanoseconds since 1970
-    found = np.interp(clock - clock[0], stamps - clock[0], values, left=np.nan, right=np.nan)
-    step = np.diff(stamps)
+    found = np.interp(clock - clock[0], stamps - clock[0], values)
+    return np.where(covered(clock, stamps), found, np.nan)
+
+
+def covered(clock: NDArray[Any], times: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return which times of a clock lie between two messages of a topic, at rising times, that are no gap."""
+    inside: NDArray[np.bool_] = (clock >= times[0]) & (clock <= times[-1])
+    step = np.diff(times)
     if step.size:
-        after = np.clip(np.searchsorted(stamps, clock, side="right") - 1, 0, step.size - 1)
-        found[(step[after] > _GAP * np.median(step)) & ~np.isin(clock, stamps)] = np.nan
-    return np.asarray(found, np.float64)
+        after = np.clip(np.searchsorted(times, clock, side="right") - 1, 0, step.size - 1)
+        inside &= (step[after] <= _GAP * np.median(step)) | np.isin(clock, times)
+    return inside

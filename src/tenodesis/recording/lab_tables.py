@@ -15,6 +15,7 @@ from tenodesis.errors import Error, RecordingError
 from tenodesis.extras import require
 from tenodesis.files import read_regular
 from tenodesis.recording import lab_bags
+from tenodesis.recording.tables import TIME
 from tenodesis.run import Array
 
 _LARGEST = 1_000_000_000
@@ -28,8 +29,6 @@ _NUMBERS = ("double", "float", "int64", "int32", "int16", "int8", "uint64", "uin
 """Types of Parquet that are read."""
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 MAP_SUFFIX = ".columns.toml"
-TIME = "time [s]"
-"""Heading of a clock that the file states otherwise than as a column."""
 
 
 class Table(NamedTuple):

@@ -47,6 +47,12 @@ _WRENCH = {
     f"{vector}.{axis}": f"wrench.{part}{axis}" for vector, part in (("force", "f"), ("torque", "m")) for axis in "xyz"
 }
 """Component of the wrench in each field of the message."""
+NUMBERS: Mapping[str, tuple[str, ...]] = {
+    JOINT_STATE: ("position", "velocity", "effort"),
+    WRENCH: tuple(_WRENCH),
+    FLOAT64: ("data",),
+}
+"""Numbers of a message by its type; of joints each is an array."""
 _GRIP = {"/rig/grip_force": "applied_grip_force", "/twin/grip_force": "grip_force"}
 """Signals of jaws, by topic."""
 
@@ -298,7 +304,8 @@ def messages_of(names: Names, carried: Collection[str]) -> list[TopicMessages]:
     for topic in topics(names):
         signals = {field: signal for field, signal in topic.signals.items() if signal in carried}
         if signals:
-            found.append(TopicMessages(topic, signals, _layout(topic, signals)))
+            counts = dict.fromkeys(signals, len(topic.joints))
+            found.append(TopicMessages(topic, signals, layout(topic.type, topic.joints, counts, topic.frame)))
     return found
 
 
@@ -321,7 +328,13 @@ def event_message(time: float, content: Mapping[str, Any]) -> bytes:
     return cdr.text(json.dumps({**content, "time": time}))
 
 
-def _layout(topic: Topic, signals: Mapping[str, str]) -> cdr.MessageLayout:
-    if topic.type == JOINT_STATE:
-        return cdr.joint_state(topic.joints, dict.fromkeys(signals, len(topic.joints)), topic.frame)
-    return cdr.wrench(topic.frame) if topic.type == WRENCH else cdr.number()
+def layout(kind: str, joints: Sequence[str], counts: Mapping[str, int], frame: str) -> cdr.MessageLayout:
+    """Return the layout of messages about joints, with so many numbers in each of their arrays, none if left out."""
+    found = cdr.MessageLayout()
+    if kind != FLOAT64:
+        found.header(frame)
+    if kind == JOINT_STATE:
+        found.strings(joints)
+    for name in NUMBERS[kind]:
+        found.sequence(name, counts.get(name, 0)) if kind == JOINT_STATE else found.numbers(name)
+    return found

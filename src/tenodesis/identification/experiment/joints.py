@@ -62,8 +62,7 @@ class JointPlan(NamedTuple):
     def identifiable(self, name: str) -> bool:
         """Return whether a parameter is predicted to be identifiable, by the rule that fits are judged by."""
         one = next(one for one in self.parameters if one.name == name)
-        scale = float(scales([one], np.array([one.start]))[0])
-        return bool(self.std[name] < identifiability.IDENTIFIABLE_SHARE * scale)
+        return identifiability.is_identifiable(one, self.std[name])
 
 
 class _Motion(NamedTuple):

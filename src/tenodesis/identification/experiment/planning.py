@@ -17,7 +17,7 @@ from tenodesis.identification.experiment import candidates as blocks
 from tenodesis.identification.experiment.candidates import Candidate, Phase, baselines
 from tenodesis.identification.experiment.information import Criterion, CriterionName, Information, choose
 from tenodesis.identification.experiment.simulated import InfeasibleProtocolError, SimulatedExperiment
-from tenodesis.identification.problem import Parameter, scales
+from tenodesis.identification.problem import Parameter
 from tenodesis.identification.twin_model.problem import TwinProblem
 from tenodesis.instrument import ShortForm
 from tenodesis.instrument.text import readable, with_units
@@ -111,8 +111,7 @@ class ProposedProtocol:
         if name in self.unidentifiable and partner not in self.held:
             return False
         one = next(one for one in self.parameters if one.name == name)
-        scale = float(scales([one], np.array([one.start]))[0])
-        return self.proposed.std[name] < identifiability.IDENTIFIABLE_SHARE * scale
+        return identifiability.is_identifiable(one, self.proposed.std[name])
 
 
 def to_text(protocol: Protocol, comment: str = "") -> str:

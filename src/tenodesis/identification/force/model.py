@@ -413,19 +413,7 @@ def _directions(covariance: Array) -> list[Array]:
 
 def to_json(model: ForceModel) -> dict[str, object]:
     """Return a model as plain values."""
-    return {
-        "signal": model.signal,
-        "bench": model.bench._asdict(),
-        "values": dict(model.values),
-        "free": list(model.free),
-        "covariance": model.covariance.tolist(),
-        "prior_spread": dict(model.prior_spread),
-        "known": [*model.known],
-        "new": [*model.new],
-        "pitches": list(model.pitches),
-        "wrist": model.wrist,
-        "samples": model.samples,
-    }
+    return {**vars(model), "bench": model.bench._asdict(), "covariance": model.covariance.tolist()}
 
 
 def from_json(found: Mapping[str, object], where: str) -> ForceModel:

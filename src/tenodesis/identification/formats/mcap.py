@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 from mcap.records import Channel, Schema
-from numpy.typing import NDArray
 
 from tenodesis.errors import IdentificationError, InstrumentError, RecordingError
 from tenodesis.identification.formats.csv import as_identification
@@ -25,12 +24,13 @@ from tenodesis.identification.formats.instrument_run import (
     columns_of,
     first_axis,
 )
-from tenodesis.identification.formats.measured import WIDE, Raw
+from tenodesis.identification.formats.measured import Raw
 from tenodesis.instrument import ShortForm, as_short_form
 from tenodesis.recording import Blocks, Recording, cdr, container, schemas
 from tenodesis.recording.blocks import Progress, opened
 from tenodesis.recording.container import Contents, Message, Messages
 from tenodesis.recording.decode import Decoded, LeftOut, Misfit, decoded
+from tenodesis.recording.lab_bags import SQLITE, covered
 from tenodesis.run import SIGNALS, Array, Names, Run, concatenate
 
 SUFFIX = ".db3"
@@ -38,7 +38,6 @@ SUFFIX = ".db3"
 MOST_ROWS = 2_000_000
 """Rows of a recording that are taken, 1,000 s at 2 kHz; one of four would move estimates out of their intervals."""
 
-_MAGIC = b"SQLite format 3\0"
 _ZSTANDARD = b"\x28\xb5\x2f\xfd"
 _LEAST_LENGTH = 100_000
 """Length that a text of any bag may have, bytes."""
@@ -46,7 +45,6 @@ _MOST_TOPICS = 10_000
 _STEPS_AT_ONCE = 10_000
 _FREE_STEPS, _STEPS_PER_BYTE = 10_000_000, 10
 """Steps of its machine that reading any bag may take, and how many more by a byte of it."""
-_KNOWN = (schemas.JOINT_STATE, schemas.WRENCH, schemas.FLOAT64)
 
 
 def is_sqlite(path: Path) -> bool:
@@ -55,7 +53,7 @@ def is_sqlite(path: Path) -> bool:
         return False
     try:
         with path.open("rb") as file:
-            return file.read(len(_MAGIC)) == _MAGIC
+            return file.read(len(SQLITE)) == SQLITE
     except OSError:
         return False
 
@@ -118,7 +116,7 @@ def _read_topics(bag: sqlite3.Connection, contents: Contents) -> None:
         if not isinstance(number, int) or not all(isinstance(text, str) for text in texts):
             raise ValueError("a row of its topics has no number, name, type and format")
         name, kind, encoding = texts
-        definition = schemas.definition(kind) if kind in _KNOWN else ""
+        definition = schemas.definition(kind) if kind in schemas.NUMBERS else ""
         contents.channels[number] = Channel(number, name, encoding, {}, number)
         contents.schemas[number] = Schema(number, definition.encode(), "ros2msg", kind)
 
@@ -271,7 +269,7 @@ def _merged(path: Path, files: Sequence[Path]) -> _Signals:
                 notes.append(f"{topic.name} is left out: its joints are {', '.join(own.joints)}")
                 continue
             found[signal] = np.stack([np.interp(time, own.time, own.numbers[field][:, one]) for one in at], axis=1)
-            inside &= _known(time, own.time)
+            inside &= covered(time, own.time)
             apart |= not np.array_equal(time, own.time)
     if apart:
         notes.append("topics have stamps of their own: all are interpolated to those of the load cells")
@@ -328,17 +326,6 @@ def _first_axis(joints: Sequence[str], own: _TopicSeries, field: str, count: int
         return [0]
     at = schemas.places(joints[:count], own.joints)
     return at if at is not None and own.numbers[field].shape[1] == len(own.joints) else None
-
-
-def _known(time: Array, own: Array) -> NDArray[np.bool_]:
-    """Return which times lie between two messages of a topic that are no gap."""
-    inside: NDArray[np.bool_] = (time >= own[0]) & (time <= own[-1])
-    step = np.diff(own)
-    if step.size:
-        after = np.clip(np.searchsorted(own, time, side="right") - 1, 0, step.size - 1)
-        at_message = np.isin(time, own)
-        inside &= at_message | (step[after] <= WIDE * np.median(step))
-    return inside
 
 
 def _instrument(recording: Recording) -> ShortForm | None:
