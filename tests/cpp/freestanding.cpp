@@ -1,12 +1,10 @@
-// The whole core, instantiated without a library: built freestanding, it must not refer to a single symbol but memory
-// moves.
+// Statics, motions and twins, instantiated without a library: built freestanding, they must not refer to a single symbol
+// but memory moves. Controllers are in the C library, of which the same is claimed.
 
 #include "instruments.hpp"
 #include "tenodesis/axis_twin.hpp"
 #include "tenodesis/kinematics.hpp"
-#include "tenodesis/parameters.hpp"
 #include "tenodesis/statics.hpp"
-#include "tenodesis/tenodesis.h"
 
 static_assert(__STDC_HOSTED__ == 0, "this file is built with -ffreestanding");
 #ifdef __cpp_exceptions
@@ -115,38 +113,4 @@ extern "C" double twins_in_double(const double* in) {
   return a_step_by_any_law<double>(instruments::real_size<double>(), in) +
          a_step_by_any_law<double>(instruments::pulley<double>(), in) +
          a_step_by_any_law<double>(instruments::continuum<double>(), in);
-}
-
-template <class A, int axes>
-auto a_tick(const tenodesis_parameters& parameters, const typename A::Scalar* in) {
-  using S = A::Scalar;
-  Controller<A, axes> controller{};
-  if (!configure(parameters, controller)) return S(0);
-  auto state = controller.start();
-  ControlInput<S, axes> input{};
-  for (auto& each : input.axis) each = {in[0], {in[1], in[2]}, {in[3], in[4]}};
-  ControlOutput<S, axes> output{};
-  for (int tick = 0; tick < 3; ++tick) {
-    input.request = tick == 0 ? Request::home : Request::resume;
-    input.time += std::uint64_t(in[5]);
-    controller.step(input, state, output);
-  }
-  S sum(0);
-  for (const auto& each : output.axis) sum = sum + each.spool_velocity[0] + each.estimate.output_angle;
-  return sum;
-}
-
-template <class A>
-auto ticks(const tenodesis_parameters& parameters, const typename A::Scalar* in) {
-  return a_tick<A, 1>(parameters, in) + a_tick<A, 2>(parameters, in);
-}
-
-extern "C" float controllers_in_float(const tenodesis_parameters* parameters, const float* in) {
-  return ticks<GearAxis<float>>(*parameters, in) + ticks<PulleyAxis<float>>(*parameters, in) +
-         ticks<ContinuumAxis<float>>(*parameters, in);
-}
-
-extern "C" double controllers_in_double(const tenodesis_parameters* parameters, const double* in) {
-  return ticks<GearAxis<double>>(*parameters, in) + ticks<PulleyAxis<double>>(*parameters, in) +
-         ticks<ContinuumAxis<double>>(*parameters, in);
 }

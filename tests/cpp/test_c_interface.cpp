@@ -1,97 +1,36 @@
-// Claims about the C interface: it does what the controller does to the last bit, for every mechanism; every call in
-// the wrong order, with the wrong struct or in the wrong memory is answered with its code; reset is a fresh start.
+// Claims about the C interface: every call in the wrong order, with the wrong struct or in the wrong memory is answered
+// with its code; reset is a fresh start.
 
 #include <array>
 #include <bit>
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <memory>
-#include <random>
 #include <type_traits>
 
 #include "c_readings.hpp"
 #include "claim.hpp"
-#include "tenodesis/parameters.hpp"
+#include "tenodesis/fault.hpp"
 #include "tenodesis/tenodesis.h"
-
-using namespace tenodesis;
 
 using Bits = std::conditional_t<sizeof(Number) == 4, std::uint32_t, std::uint64_t>;
 bool same(Number a, Number b) {
   return std::bit_cast<Bits>(a) == std::bit_cast<Bits>(b) || (std::isnan(a) && std::isnan(b));
 }
 
-// By field, since what the controller itself gives has padding.
-bool same(const tenodesis_output& c, const ControlOutput<Number, two>& cpp) {
-  bool all = c.state == static_cast<unsigned>(cpp.state) && c.homed == unsigned(cpp.homed) &&
-             c.homing == unsigned(cpp.homing) && c.faults == cpp.faults && c.first_faults == cpp.first_faults;
+bool same(const tenodesis_output& a, const tenodesis_output& b) {
+  bool all = a.state == b.state && a.homed == b.homed && a.homing == b.homing && a.faults == b.faults &&
+             a.first_faults == b.first_faults;
   for (int n = 0; n < two; ++n) {
-    const auto& each = c.axis[n];
-    const auto& other = cpp.axis[n];
-    const auto& e = other.estimate;
+    const auto& each = a.axis[n];
+    const auto& other = b.axis[n];
     all = all && same(each.spool_velocity[0], other.spool_velocity[0]) &&
-          same(each.spool_velocity[1], other.spool_velocity[1]) && same(each.output_angle, e.output_angle) &&
-          same(each.output_angle_std, e.output_angle_std) && same(each.tip_force, e.tip_force) &&
-          same(each.tip_force_std, e.tip_force_std) && same(each.friction_scale, e.friction_scale) &&
-          same(each.friction_scale_std, e.friction_scale_std) && each.faults == other.faults;
+          same(each.spool_velocity[1], other.spool_velocity[1]) && same(each.output_angle, other.output_angle) &&
+          same(each.output_angle_std, other.output_angle_std) && same(each.tip_force, other.tip_force) &&
+          same(each.tip_force_std, other.tip_force_std) && same(each.friction_scale, other.friction_scale) &&
+          same(each.friction_scale_std, other.friction_scale_std) && each.faults == other.faults;
   }
   return all;
-}
-
-bool same(const tenodesis_output& a, const tenodesis_output& b) {
-  ControlOutput<Number, two> as{};
-  as.state = OperatingState(b.state);
-  as.homed = b.homed != 0;
-  as.homing = b.homing != 0;
-  as.faults = b.faults;
-  as.first_faults = b.first_faults;
-  for (int n = 0; n < two; ++n) {
-    const auto& each = b.axis[n];
-    as.axis[n] = {{each.spool_velocity[0], each.spool_velocity[1]},
-                  {each.output_angle, each.output_angle_std, each.tip_force, each.tip_force_std, each.friction_scale,
-                   each.friction_scale_std},
-                  each.faults};
-  }
-  return same(a, as);
-}
-
-template <class A>
-void the_c_interface_does_what_the_controller_does(unsigned joint_type, unsigned axes, unsigned observer,
-                                                   unsigned law) {
-  tenodesis_parameters p = parameters(joint_type, axes);
-  p.observer = observer;
-  p.law = law;
-  const auto controller = std::make_unique<tenodesis_controller>();
-  CLAIM(tenodesis_init(controller.get(), &p) == TENODESIS_OK);
-  Controller<A, two> own{};
-  CLAIM(configure(p, own));
-  auto state = own.start();
-  Readings readings;
-  int differing = 0;
-  int moving = 0;
-  std::array<int, 4> in_state{};
-  for (int tick = 0; tick < 3000; ++tick) {
-    const tenodesis_input input = readings.at(tick);
-    ControlInput<Number, two> in{input.time, Request(input.request), {}};
-    for (int n = 0; n < two; ++n) {
-      const auto& from = input.axis[n];
-      in.axis[n] = {from.handle_angle, {from.tension[0], from.tension[1]}, {from.spool_angle[0], from.spool_angle[1]}};
-    }
-    ControlOutput<Number, two> out{};
-    own.step(in, state, out);
-    tenodesis_output output;
-    std::memset(&output, 0xA5, sizeof output);
-    CLAIM(tenodesis_step(controller.get(), &input, &output) == TENODESIS_OK);
-    readings.follow(output);
-    if (!same(output, out)) ++differing;
-    if (output.axis[0].spool_velocity[0] != Number(0)) ++moving;
-    ++in_state[output.state];
-  }
-  CLAIM(differing == 0);
-  // The paper's feedback winds a tip that cannot move until a tendon is pulled too hard.
-  for (const int ticks : in_state) CLAIM(ticks > 50 || law == TENODESIS_LAW_PAPER_FEEDBACK);
-  CLAIM(law == TENODESIS_LAW_OFF || moving > 100);
 }
 
 void sizes_are_those_that_the_header_promises() {
@@ -346,7 +285,7 @@ void counts_tell_what_was_seen() {
 }
 
 void faults_have_names() {
-  for (std::uint32_t n = 0; n < TENODESIS_FAULTS; ++n) CLAIM(std::strcmp(tenodesis_fault_name(n), name(Fault(n))) == 0);
+  for (std::uint32_t n = 0; n < TENODESIS_FAULTS; ++n) CLAIM(std::strcmp(tenodesis_fault_name(n), tenodesis::name(tenodesis::Fault(n))) == 0);
   CLAIM(std::strcmp(tenodesis_fault_name(TENODESIS_FAULTS), "unknown") == 0);
   CLAIM(std::strcmp(tenodesis_fault_name(UINT32_MAX), "unknown") == 0);
 }
@@ -378,17 +317,6 @@ void a_current_stands_for_a_tension_up_to_its_range() {
 int main() {
   the_layout_of_version_5_is_unchanged();
   sizes_are_those_that_the_header_promises();
-  for (const unsigned axes : {1U, 2U}) {
-    const auto check = [&](unsigned observer, unsigned law) {
-      the_c_interface_does_what_the_controller_does<GearAxis<Number>>(TENODESIS_TENDON_GEAR, axes, observer, law);
-      the_c_interface_does_what_the_controller_does<PulleyAxis<Number>>(TENODESIS_TENDON_PULLEY, axes, observer, law);
-      the_c_interface_does_what_the_controller_does<ContinuumAxis<Number>>(TENODESIS_CONTINUUM, axes, observer, law);
-    };
-    check(TENODESIS_OBSERVER_FRICTION, TENODESIS_LAW_ROBUST);
-    check(TENODESIS_OBSERVER_EXACT, TENODESIS_LAW_EXACT);
-    check(TENODESIS_OBSERVER_PAPER, TENODESIS_LAW_PAPER_FEEDBACK);
-    check(TENODESIS_OBSERVER_FRICTION, TENODESIS_LAW_OFF);
-  }
   what_comes_before_init_is_refused();
   bad_pointers_are_refused();
   parameters_that_make_no_controller_are_refused();

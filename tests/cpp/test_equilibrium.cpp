@@ -212,35 +212,6 @@ void float_agrees_with_double() {
     }
 }
 
-template <class A>
-void dual_solve_matches_finite_differences(const A& axis) {
-  using D = Dual<double, 2>;
-  for (double handle = -20; handle <= 36; handle += 8)
-    for (double force : {0.3, 1.1, 2.2}) {
-      const double h = 1e-6;
-      typename A::template Rebind<D> dual{};
-      dual.proximal.radius = D(axis.proximal.radius);
-      dual.proximal.length = D(axis.proximal.length);
-      dual.distal.radius = D(axis.distal.radius);
-      dual.distal.length = D(axis.distal.length);
-      if constexpr (requires { dual.distal.backbone_length; }) {
-        dual.distal.backbone_length = D(axis.distal.backbone_length);
-        dual.distal.backbone_rigidity = D(axis.distal.backbone_rigidity);
-      }
-      dual.stiffness = D(axis.stiffness);
-      dual.pretension = D(axis.pretension);
-      dual.handle_range = D(axis.handle_range);
-      const auto value = output_angle(dual, D::variable(handle * degree, 0), Load<D>{D::variable(force, 1), D(0.0)});
-      const auto at = [&](double angle, double load) { return output_angle(axis, angle, Load<double>{load, 0}); };
-      if (value.status != Status::ok) continue;
-      CLAIM_NEAR(value.value.value, at(handle * degree, force).value, 1e-14);
-      const double by_handle = (at(handle * degree + h, force).value - at(handle * degree - h, force).value) / (2 * h);
-      const double by_force = (at(handle * degree, force + h).value - at(handle * degree, force - h).value) / (2 * h);
-      CLAIM_NEAR(value.value.slope[0] / by_handle, 1, 1e-6);
-      CLAIM_NEAR(value.value.slope[1] / by_force, 1, 1e-6);
-    }
-}
-
 int main() {
   every_equilibrium_balances_the_moments(instruments::real_size<double>());
   every_equilibrium_balances_the_moments(instruments::scaled_up<double>());
@@ -257,8 +228,5 @@ int main() {
   a_continuum_bends_on_to_its_limit_without_a_gap();
   a_radial_force_can_snap_a_continuum();
   float_agrees_with_double();
-  dual_solve_matches_finite_differences(instruments::real_size<double>());
-  dual_solve_matches_finite_differences(instruments::pulley<double>());
-  dual_solve_matches_finite_differences(instruments::continuum<double>());
   return claims::report();
 }

@@ -4,6 +4,7 @@ import ctypes
 import os
 import shutil
 import subprocess
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -55,13 +56,14 @@ def _struct(**fields: Any) -> Any:
     return type("Struct", (ctypes.Structure,), {"_fields_": list(fields.items())})
 
 
-def _instruments() -> dict[str, Instrument]:
-    return {
-        "gear": tn.load("scaled-up"),
-        "two_axes": tn.load("real-size"),
-        "pulley": tn.load(EXAMPLES / "pulley.toml"),
-        "continuum": tn.load(EXAMPLES / "continuum.toml"),
-    }
+CASES: dict[str, tuple[str | Path, dict[str, Any]]] = {
+    "gear": ("scaled-up", {}),
+    "two_axes": ("real-size", {}),
+    "pulley": (EXAMPLES / "pulley.toml", {}),
+    "continuum": (EXAMPLES / "continuum.toml", {}),
+    "exact": ("scaled-up", {"observer": "exact", "law": "exact"}),
+    "paper": ("real-size", {"observer": "paper", "law": "paper-feedback", "actuation": "agonist"}),
+}
 
 
 @pytest.fixture(scope="module")
@@ -69,8 +71,8 @@ def interfaces(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Interface]
     assert COMPILER is not None
     folder = tmp_path_factory.mktemp("c")
     source = ['#include "tenodesis/tenodesis.h"']
-    for name, inst in _instruments().items():
-        control.export_header(inst, folder / f"{name}.h", name, homed=True)
+    for name, (inst, choices) in CASES.items():
+        control.export_header(inst, folder / f"{name}.h", name, homed=True, **choices)
         source += [f'#include "{name}.h"', f"extern const tenodesis_parameters exported_{name};"]
         source += [f"const tenodesis_parameters exported_{name} = {name};"]
     (folder / "exported.cpp").write_text('extern "C" {\n' + "\n".join(source) + "\n}\n")
@@ -97,14 +99,14 @@ def _closed_loop(inst: Instrument, ctl: control.Controller, seconds: float) -> t
 
 
 @pytest.mark.parametrize("precision", REALS)
-@pytest.mark.parametrize("name", _instruments())
+@pytest.mark.parametrize("name", CASES)
 def test_c_equals_python_to_the_last_bit(interfaces: dict[str, Interface], name: str, precision: Any) -> None:
-    inst = _instruments()[name]
+    inst, choices = tn.load(CASES[name][0]), CASES[name][1]
     c = interfaces[precision]
     controller = c.start(f"exported_{name}")
-    python = control.Controller(inst, precision=precision, enabled=False)
+    python = control.Controller(inst, precision=precision, enabled=False, **choices)
     axes = len(inst.axes)
-    run = _closed_loop(inst, control.Controller(inst), 0.8)
+    run = _closed_loop(inst, control.Controller(inst, **choices), 0.8)
     handle = np.asarray(run.measured_handle_angle).reshape(-1, axes)
     tension = np.asarray(run.measured_tension).reshape(-1, axes, 2)
     spool = np.asarray(run.measured_spool_angle).reshape(-1, axes, 2)

@@ -9,6 +9,7 @@ import pytest
 import tenodesis as tn
 from tenodesis.control import Controller, OperatingState, Output, Request
 from tenodesis.instrument import Instrument
+from tenodesis.simulate import FaultInjection
 from tenodesis.twin import Twin
 
 from .conftest import refused
@@ -137,6 +138,18 @@ def test_a_reading_that_is_no_number_is_a_fault_not_an_exception(scaled: Instrum
     assert session.step().state == OperatingState.FAULT
     assert session.step("clear").state == OperatingState.DISABLED
     assert session.step("enable").state == OperatingState.ENABLED
+
+
+def test_a_fault_of_one_axis_stops_both(real: Instrument) -> None:
+    handle = np.stack([eased(0.3, 0.5, 2), eased(-0.2, 0.5, 2)], 1)
+    lost = FaultInjection("tension.agonist", "set", np.nan, start=1.5, axis="pitch")
+    force = 0.2 * (clock(2) > 1)[:, np.newaxis] * [1, -1]
+    run = Twin(real, seed=1).run(handle, force, controller=Controller(real), fault_injection=[lost])
+    time = run.time - PERIOD
+    assert ((time >= 1.5 - 1e-9) == (run["operating_state"] == OperatingState.FAULT).T).all()
+    sent = run["commanded_spool_velocity"]
+    assert sent[(time > 1) & (time < 1.5)].any()
+    assert not sent[time > 1.6].any()
 
 
 @pytest.mark.parametrize("leap", [-PERIOD, 0.0, 0.1, 100.0])
