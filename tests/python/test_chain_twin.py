@@ -63,9 +63,12 @@ def test_one_joint_moves_as_the_planar_twin(name: str, quasi_static: bool, frict
     force = 0.5 * np.sin(2 * np.pi * 2.1 * time)
     spools = np.zeros((steps, 2))
     spools[600:900, 0], spools[900:1200, 1] = 0.3, -0.2
-    expected = tn.twin.Twin(planar, quasi_static=quasi_static).run(handle, force, spool_velocity=spools)
+    radial = 0.3 * np.sin(2 * np.pi * 1.1 * time)
+    expected = tn.twin.Twin(planar, quasi_static=quasi_static).run(
+        handle, force, radial_force=radial, spool_velocity=spools
+    )
     wrench = np.zeros((steps, 6))
-    wrench[:, 0] = -force
+    wrench[:, 0], wrench[:, 2] = -force, radial
     chained = tn.instrument.expanded(planar)
     run = tn.twin.Twin(chained, quasi_static=quasi_static).run(handle[:, None], wrench=wrench, spool_velocity=spools)
     # In motion the planar twin ends a step's iteration where its slope neglects what is orders below inertia.
