@@ -1,5 +1,5 @@
-// Statics, motions and twins, instantiated without a library: built freestanding, they must not refer to a single symbol
-// but memory moves. Controllers are in the C library, of which the same is claimed.
+// Statics, motions and twins, instantiated without a library: built freestanding, they must not refer to a single
+// symbol but memory moves. Controllers are in the C library, of which the same is claimed.
 
 #include "instruments.hpp"
 #include "tenodesis/axis_twin.hpp"
@@ -95,12 +95,15 @@ S a_step(const A& axis, const FrictionLaw& law, const S* in) {
                               : S(0);
 }
 
+/// The law that is chosen as it runs has all others in it.
 template <class S, class A>
 S a_step_by_any_law(const A& axis, const S* in) {
-  return a_step<S>(axis, NoFriction<S>{}, in) + a_step<S>(axis, Capstan<S>{}, in) +
-         a_step<S>(axis, CapstanWithConstant<S>{in[30]}, in) +
-         a_step<S>(axis, Stribeck<S>{in[30], in[31], in[32], in[33]}, in) +
-         a_step<S>(axis, PowerCapstan<S>{in[30], in[31], in[32], in[33], in[34]}, in);
+  using Law = ChosenLaw<S>;
+  const Law law{typename Law::Kind(static_cast<unsigned char>(in[35])),
+                {in[30]},
+                {in[30], in[31], in[32], in[33]},
+                {in[30], in[31], in[32], in[33], in[34]}};
+  return a_step<S>(axis, law, in);
 }
 
 extern "C" float twins_in_float(const float* in) {

@@ -285,7 +285,8 @@ void counts_tell_what_was_seen() {
 }
 
 void faults_have_names() {
-  for (std::uint32_t n = 0; n < TENODESIS_FAULTS; ++n) CLAIM(std::strcmp(tenodesis_fault_name(n), tenodesis::name(tenodesis::Fault(n))) == 0);
+  for (std::uint32_t n = 0; n < TENODESIS_FAULTS; ++n)
+    CLAIM(std::strcmp(tenodesis_fault_name(n), tenodesis::name(tenodesis::Fault(n))) == 0);
   CLAIM(std::strcmp(tenodesis_fault_name(TENODESIS_FAULTS), "unknown") == 0);
   CLAIM(std::strcmp(tenodesis_fault_name(UINT32_MAX), "unknown") == 0);
 }

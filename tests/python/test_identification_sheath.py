@@ -221,3 +221,6 @@ def test_either_half_of_the_measured_recording_predicts_the_other(measured: Meas
 def test_no_friction_is_a_law_to_compare_with(measured: MeasuredRun) -> None:
     found = fit(Sheath([measured], law="none"), train=[0], starts=2, loss=DEFAULT_LOSS)
     assert found.train_rmse["tension_N"] > 4 * 0.15
+    proximal, distal = (measured[name] for name in ("proximal_tension", "distal_tension"))
+    straight = np.polynomial.Polynomial.fit(proximal, distal, 1)
+    assert np.sqrt(np.mean((straight(proximal) - distal) ** 2)) == pytest.approx(0.82, abs=0.01)

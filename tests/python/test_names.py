@@ -28,11 +28,14 @@ def test_a_package_shows_its_public_names_and_nothing_else(name: str) -> None:
 
 
 @pytest.mark.process
-def test_the_names_are_there_before_anything_is_loaded() -> None:
+def test_the_names_are_there_before_anything_is_loaded_and_an_instrument_loads_no_heavy_library() -> None:
     code = (
         "import sys, tenodesis as tn; names = dir(tn); assert names == sorted(tn.__all__); "
         "assert not {'numpy', 'pydantic', 'matplotlib'} & set(sys.modules); "
-        "assert all(hasattr(tn, name) for name in names)"
+        "tn.load; tn.statics; tn.twin; tn.simulate; "
+        "heavy = {'pint', 'matplotlib', 'viser', 'typst', 'scipy', 'mujoco'} & set(sys.modules); "
+        "assert not heavy, heavy; "
+        "assert all(hasattr(tn, name) for name in names); assert not hasattr(tn, 'absent')"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
 

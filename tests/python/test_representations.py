@@ -160,6 +160,8 @@ def test_a_run_is_sliced_by_rows_and_by_times(scaled: Instrument) -> None:
     assert len(run[:0.02]) == 40
     assert len(run[0.02:]) == 61
     np.testing.assert_array_equal(run[0.01:0.02:2].time, by_time.time[::2])
+    with pytest.raises(tn.ArgumentError, match=r"run\[2:3\] could be rows or seconds; it must be run.rows\(2, 3\)"):
+        run[2:3]
 
 
 def test_a_run_becomes_a_data_frame(scaled: Instrument) -> None:

@@ -1,20 +1,15 @@
-"""Claims about one tendon with friction: closed forms, convergence to the continuous sheath, and measured tensions."""
+"""Claims about one tendon with friction: closed forms, and convergence to the continuous sheath."""
 
-import csv
 import itertools
 import math
-import os
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.optimize import minimize
 
-import tenodesis as tn
 from tenodesis.errors import ArgumentError
 from tenodesis.run import Array
 from tenodesis.tendon import Tendon, transmit
@@ -23,8 +18,6 @@ from .conftest import refused
 
 STIFFNESS = 3e4  # N/m
 PRETENSION = 20.0  # N
-ROOT = Path(__file__).parents[2]
-DATA = Path(os.environ.get("TENODESIS_DATA", ROOT.parent / "shared" / "data"))
 
 
 def test_sliding_contact_transmits_the_capstan_ratio_and_a_sticking_one_nothing() -> None:
@@ -237,55 +230,3 @@ def test_bad_input_is_named() -> None:
     with pytest.raises(ValueError, match="shape"):
         tendon.wind([0.0, 0.0], [0.0, 0.0, 0.0])
     assert tendon.tensions == pytest.approx(PRETENSION, abs=0)
-
-
-# --- a measured sheath -------------------------------------------------------------------------------------------
-
-
-def measured_tensions() -> tuple[Array, Array]:
-    """Proximal and distal tension of the measured sheath, N; a median of three takes the spikes out."""
-    path = DATA / "tendon-sheath" / "2024-01-08-loadcells.csv"
-    if not path.is_file():
-        pytest.skip(f"no measured tensions at {path}: set TENODESIS_DATA to the folder that holds tendon-sheath/")
-    with path.open(newline="") as file:
-        rows = [(float(row["data_0"]), float(row["data_2"])) for row in csv.DictReader(file)]
-    gram_force = 9.80665e-3
-    raw = np.array(rows).T * gram_force
-    windows = np.lib.stride_tricks.sliding_window_view(np.pad(raw, ((0, 0), (1, 1)), mode="edge"), 3, axis=1)
-    proximal, distal = np.median(windows, axis=2)
-    return proximal, distal
-
-
-def off(parameters: Array, proximal: Array, distal: Array, start: slice = slice(None)) -> float:
-    """RMSE of the predicted distal tension over a part of the record, N."""
-    predicted = transmit(proximal, float(parameters[0]), float(parameters[1]))
-    return float(np.sqrt(np.mean((predicted - distal)[start] ** 2)))
-
-
-def fit(proximal: Array, distal: Array, part: slice = slice(None)) -> Array:
-    bounds = [(0.0, 3.0), (0.3, 2.0)]
-    starts = [(0.3, 0.8), (0.7, 0.9)]
-    found = [minimize(off, at, (proximal, distal, part), "Nelder-Mead", bounds=bounds, tol=1e-6) for at in starts]
-    return np.asarray(min(found, key=lambda one: float(one.fun)).x)
-
-
-@pytest.mark.data
-def test_one_contact_predicts_a_measured_sheath_where_a_straight_line_fails() -> None:
-    proximal, distal = measured_tensions()
-    fitted = fit(proximal, distal)
-    rmse = off(fitted, proximal, distal)
-    gain = proximal @ distal / (proximal @ proximal)
-    proportional = float(np.sqrt(np.mean((gain * proximal - distal) ** 2)))
-    line = np.polynomial.Polynomial.fit(proximal, distal, 1)
-    straight = float(np.sqrt(np.mean((line(proximal) - distal) ** 2)))
-    half = len(proximal) // 2
-    halves = [slice(None, half), slice(half, None)]
-    crossed = [off(fit(proximal, distal, one), proximal, distal, other) for one, other in (halves, halves[::-1])]
-    print(f"exponent {fitted[0]:.4f}, gain {fitted[1]:.4f}: RMSE {rmse:.4f} N, crossed {crossed} N; ", end="")
-    print(f"in proportion {proportional:.4f} N, straight line {straight:.4f} N")
-    assert rmse <= 0.20
-    assert proportional == pytest.approx(0.87, abs=0.01)
-    assert straight == pytest.approx(0.82, abs=0.01)
-    assert max(crossed) < straight
-    assert fitted[1] == pytest.approx(0.83, abs=0.03)
-    assert tn.tendon.transmit is transmit
