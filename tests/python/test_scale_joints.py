@@ -197,6 +197,8 @@ def test_scale_writes_model_plan_and_parts(tmp_path: Path, monkeypatch: pytest.M
     with (out / "parts.csv").open(encoding="utf-8") as file:
         assert any(row["part"] == "rope for tendons" for row in csv.DictReader(file))
     assert "Tolerances:" in (out / "plan.html").read_text("utf-8")
+    assert {"order.csv", "checklist.csv", "first-run.toml", "controller.h"} <= {one.name for one in out.iterdir()}
+    assert tn.simulate.load(out / "first-run.toml").duration(tn.load(out / "scaled-up.toml")) < 3600
     studied = tn.tolerance.load(out / "tolerances.toml")
     assert {"joints.pitch.radius", "tendons.jaw_2_wound.stiffness"} <= {one.key for one in studied.parameters}
 

@@ -24,8 +24,8 @@ from tenodesis.cli.common import (
     table,
 )
 from tenodesis.cli.outputs import Outputs
-from tenodesis.cli.scale_joints import print_built, scale_joints, write_front
-from tenodesis.errors import CommandError, NoSolutionError, ProtocolError, StudyError
+from tenodesis.cli.scale_joints import packed, print_built, print_pack, scale_joints, write_front
+from tenodesis.errors import CommandError
 from tenodesis.extras import require
 from tenodesis.files import atomic_files, write_errors
 from tenodesis.instrument import ShortForm
@@ -99,8 +99,8 @@ def scale(  # noqa: PLR0917
 ) -> None:
     """Design a scale model of an instrument from stock parts: instrument file, test plan, and how similar it is.
 
-    Of an instrument that lists joints and tendons, all joints at once, with tolerances; order list, assembly and first
-    run, --objective and --cad are of planar instruments alone.
+    Of an instrument that lists joints and tendons, all joints at once; --objective and --cad are of planar instruments
+    alone.
     """
     require("typst", "design")
     if objective is not None and pick is not None:
@@ -152,7 +152,7 @@ def scale(  # noqa: PLR0917
         free = _front(model, parts, {}, combinations, designing) if pins else None
         built = DesignSolids(solids, process)
         design = built.build(design, report)
-        pack, lacking = _pack(design, practical, target, built.backlash, designing) if parts_too else (None, "")
+        pack, lacking = packed(design, practical, target, built.backlash, designing) if parts_too else (None, "")
         built.write(None if pack is None else pack.budget.drawn, report)
         report(0, 1, "writing the plan")
         supplement = _supplement(pack, None if objective is None else chosen, built.picture(out))
@@ -226,16 +226,6 @@ def _practical(front: Front, objective: Objective | None, *, parts_too: bool) ->
         if objective is None:
             return None
         raise
-
-
-def _pack(
-    design: Design, practical: PracticalFront | None, target: float, backlash: float | None, report: Report
-) -> tuple[workshop.Pack | None, str]:
-    """Return what a workshop needs besides the plan; or a sentence on why a design has no such, and the plan alone."""
-    try:
-        return workshop.prepare(design, practical, target=target, backlash=backlash, progress=report), ""
-    except (StudyError, ProtocolError, NoSolutionError) as problem:
-        return None, f"There are no tolerances, order list and first run for it: {problem}"
 
 
 def _best(practical: PracticalFront | None, objective: Objective) -> tuple[int, Design]:
@@ -340,10 +330,7 @@ def _print_written(out: Path, pack: workshop.Pack | None, *, pins: bool) -> None
     picture = "a picture of the front without pins" if pins else "its picture"
     names = ("scaled-up.toml", "plan.html", "plan.pdf", "front.csv")
     say(f"{', '.join(str(out / name) for name in names)} and {picture} are written.")
-    if pack is not None:
-        say(f"Beside them: {', '.join(workshop.FILES)}.")
-    elif left := [name for name in workshop.FILES if (out / name).exists()]:
-        say(f"warning: of an earlier design are {', '.join(left)} in {out}; delete them.")
+    print_pack(out, pack)
 
 
 def _print_objectives(practical: PracticalFront, taken: Objective | None) -> None:

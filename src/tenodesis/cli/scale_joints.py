@@ -12,7 +12,7 @@ from tenodesis import scaling, tolerance, workshop
 from tenodesis.cli.cad import in_step
 from tenodesis.cli.common import ProgressBar, console, say, table
 from tenodesis.cli.outputs import Outputs
-from tenodesis.errors import CommandError, StudyError
+from tenodesis.errors import CommandError, NoSolutionError, ProtocolError, StudyError
 from tenodesis.files import atomic_files, write_errors
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.text import to_file
@@ -20,6 +20,8 @@ from tenodesis.report import style
 from tenodesis.scaling import Catalogue, JointDesign, JointFront, figures, joints_plan
 from tenodesis.scaling.design import PREFERENCES, Preference
 from tenodesis.scaling.joints_plan import AsBuilt, distance
+from tenodesis.scaling.practical import PracticalFront
+from tenodesis.scaling.sweep import Progress as Report
 
 _FILES = ("scaled-up.toml", "plan.html", "plan.pdf", "parts.csv", "front.csv", "front.svg", "front.png")
 _SAMPLES = 64
@@ -40,9 +42,9 @@ def scale_joints(  # noqa: PLR0917
 ) -> None:
     """Design a scale model, write its files, and print front, factors and errors.
 
-    With a target, deg, also the cheapest tolerances found that keep it.
+    With a target, deg, also what a workshop needs for it: tolerances, order list, assembly and first run.
     """
-    files = (*_FILES, *(workshop.BUDGET_FILES if target is not None else ()))
+    files = (*_FILES, *(workshop.FILES if target is not None else ()))
     with outputs.folder(out, files), ProgressBar("", None) as bar:
         report = in_step(bar)
         front = scaling.design_joints(
@@ -54,20 +56,19 @@ def scale_joints(  # noqa: PLR0917
         design = front[chosen]
         report(0, 1, "drawing instruments from tolerances")
         built, lacking = _built(design)
-        budget, without = None, ""
+        pack, without = None, ""
         if target is not None:
-            report(0, 1, "choosing tolerances")
-            budget, without = _tolerated(design, target)
+            pack, without = packed(design, None, target, None, lambda doing, done, total: report(done, total, doing))
         report(0, 1, "writing the plan")
-        _write(out, front, design, built, budget)
+        _write(out, front, design, built, pack)
     _print(front, chosen, design, built)
-    if budget is not None:
-        print_built(budget)
+    if pack is not None:
+        print_built(pack.budget)
     for sentence in (lacking, without):
         if sentence:
             say(sentence)
-    written = (*_FILES[:5], *(workshop.BUDGET_FILES if budget is not None else ()))
-    say(f"{', '.join(str(out / name) for name in written)} and a picture of the front are written.")
+    say(f"{', '.join(str(out / name) for name in _FILES[:5])} and a picture of the front are written.")
+    print_pack(out, pack)
 
 
 def _built(design: JointDesign) -> tuple[AsBuilt | None, str]:
@@ -80,12 +81,22 @@ def _built(design: JointDesign) -> tuple[AsBuilt | None, str]:
     return AsBuilt(_SHARE, tuple(kept), 1e-3 * float(np.quantile(found["tip_largest"], _SHARE))), ""
 
 
-def _tolerated(design: JointDesign, target: float) -> tuple[workshop.Budget | None, str]:
-    """Return the tolerances of a design; or a sentence on why it has none."""
+def packed(
+    design: scaling.AnyDesign, practical: PracticalFront | None, target: float, backlash: float | None, report: Report
+) -> tuple[workshop.Pack | None, str]:
+    """Return what a workshop needs besides the plan; or a sentence on why a design has no such, and the plan alone."""
     try:
-        return workshop.tolerate(design.real_size, design.scaled_up, target=target), ""
-    except StudyError as problem:
-        return None, f"There are no tolerances for it: {problem}"
+        return workshop.prepare(design, practical, target=target, backlash=backlash, progress=report), ""
+    except (StudyError, ProtocolError, NoSolutionError) as problem:
+        return None, f"There are no tolerances, order list and first run for it: {problem}"
+
+
+def print_pack(out: Path, pack: workshop.Pack | None) -> None:
+    """Print which files a workshop gets besides the plan, and which are left of an earlier design."""
+    if pack is not None:
+        say(f"Beside them: {', '.join(workshop.FILES)}.")
+    elif left := [name for name in workshop.FILES if (out / name).exists()]:
+        say(f"warning: of an earlier design are {', '.join(left)} in {out}; delete them.")
 
 
 def print_built(budget: workshop.Budget) -> None:
@@ -102,13 +113,13 @@ def print_built(budget: workshop.Budget) -> None:
 
 
 def _write(
-    out: Path, front: JointFront, design: JointDesign, built: AsBuilt | None, budget: workshop.Budget | None
+    out: Path, front: JointFront, design: JointDesign, built: AsBuilt | None, pack: workshop.Pack | None
 ) -> None:
     with write_errors(out, CommandError), atomic_files(out) as new:
         (new / _FILES[0]).write_text(to_file(design.scaled_up, comment=_HEADING.format(design.real_size.name)), "utf-8")
-        joints_plan.write(design, new, built, None if budget is None else workshop.budget_supplement(budget))
-        if budget is not None:
-            workshop.write_budget(budget, new)
+        joints_plan.write(design, new, built, None if pack is None else pack.supplement())
+        if pack is not None:
+            pack.write(new)
         with (new / "parts.csv").open("w", newline="", encoding="utf-8") as file:
             csv.writer(file).writerows([("number", "part", "take", "which is"), *joints_plan.parts(design)])
         write_front(front, new / "front.csv")

@@ -156,7 +156,7 @@ def tension_limit(inst: Instrument) -> float:
     return float(min(max(_USUAL_LIMIT, 3 * inst.pretension), strength, read / (1.1 * FAULT_OVER_LIMIT)))
 
 
-def force_limit(inst: ShortForm) -> float:
+def force_limit(inst: Instrument) -> float:
     """Return the force (N) at the tip beyond which the motors yield."""
     given = inst.control.force_limit
     return max(_TISSUE, _OVER_LOAD * max(inst.conditions.forces, default=0.0)) if given is None else given

@@ -1,5 +1,7 @@
 """Scale models: design from stock parts, workshop plan, and conversion of measurements to real-size units."""
 
+from typing import TypeAlias
+
 from tenodesis.errors import DesignError
 from tenodesis.scaling.candidates import COMBINATIONS, Wheel
 from tenodesis.scaling.catalogue import PINS, Catalogue, Constraints, json_schema, load, parse_pins, shipped
@@ -9,9 +11,13 @@ from tenodesis.scaling.practical import Objective, Practical, PracticalFront, pr
 from tenodesis.scaling.scale_model import Choice, Design, Objectives, TestLoad, name_of
 from tenodesis.scaling.weights import WeightSelection, select_weights
 
+AnyDesign: TypeAlias = Design | JointDesign
+"""A design of one plane or of all joints."""
+
 __all__ = [
     "COMBINATIONS",
     "PINS",
+    "AnyDesign",
     "Catalogue",
     "Choice",
     "Constraints",

@@ -230,7 +230,7 @@ def _pairs(real_size: ShortForm, catalogue: Catalogue, pins: Mapping[str, Any]) 
         for index in np.flatnonzero(np.abs(off) <= tolerance + 1e-12):
             other = proximals[index]
             size = (round(one.radius, 12), round(other.radius, 12))
-            if size not in pairs or _makeable((one, other)) < _makeable(pairs[size]):
+            if size not in pairs or makeable((one, other)) < makeable(pairs[size]):
                 pairs[size] = (one, other)
         exact = round(one.radius * large / small / _TURNED) * _TURNED
         # Turned to size anyway, a wheel may as well have the exact ratio.
@@ -305,15 +305,25 @@ def _no_radius(
 def _wheels(real_size: ShortForm, catalogue: Catalogue) -> list[Wheel]:
     if real_size.joint_type != "tendon-gear":
         return [Wheel(pulley.radius) for pulley in catalogue.pulleys]
-    gears = catalogue.gears
-    if gears is None:
+    if catalogue.gears is None:
         raise DesignError(
             f"catalogue {catalogue.name} has no gears, which {real_size.name} needs.",
             key="gears",
             allowed="in the catalogue",
         )
-    least, most = gears.teeth
-    return [Wheel(module * teeth / 2, module, teeth) for module in gears.modules for teeth in range(least, most + 1)]
+    return gear_wheels(catalogue)
+
+
+def gear_wheels(catalogue: Catalogue) -> list[Wheel]:
+    """Return all gears of a catalogue."""
+    if catalogue.gears is None:
+        return []
+    least, most = catalogue.gears.teeth
+    return [
+        Wheel(module * teeth / 2, module, teeth)
+        for module in catalogue.gears.modules
+        for teeth in range(least, most + 1)
+    ]
 
 
 def _pinned(
@@ -329,8 +339,8 @@ def _pinned(
     return found
 
 
-def _makeable(pair: tuple[Wheel, Wheel]) -> tuple[Any, ...]:
-    """Return the order of preference of pairs with the same radii: no undercut, equal modules, coarser teeth."""
-    one, other = pair
-    undercut = sum(wheel.teeth is not None and wheel.teeth < _NO_UNDERCUT for wheel in pair)
-    return undercut, one.module != other.module, -(one.module or 0.0), -(other.module or 0.0)
+def makeable(wheels: Sequence[Wheel]) -> tuple[Any, ...]:
+    """Return the order of preference of wheels with the same radii: no undercut, equal modules, coarser teeth."""
+    undercut = sum(wheel.teeth is not None and wheel.teeth < _NO_UNDERCUT for wheel in wheels)
+    modules = [wheel.module for wheel in wheels]
+    return undercut, len(set(modules)) > 1, *(-(module or 0.0) for module in modules)

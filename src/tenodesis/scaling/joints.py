@@ -16,12 +16,14 @@ from tenodesis.errors import ArgumentError, DesignError, InstrumentError, NoSolu
 from tenodesis.instrument import Crossing, FullForm, InstrumentLike, expanded
 from tenodesis.run import Array
 from tenodesis.scaling import catalogue as catalogues
+from tenodesis.scaling.candidates import Wheel, gear_wheels, makeable
 from tenodesis.scaling.catalogue import Catalogue, narrowed, parse_pins, same
 from tenodesis.scaling.costs import finest_difference
 from tenodesis.scaling.design import PREFERENCES, Preference
 from tenodesis.scaling.parts import Encoder, LoadCell, Rod, Rope, Spool
-from tenodesis.scaling.scale_model import Objectives, finest_encoder
+from tenodesis.scaling.scale_model import Fitted, Objectives, TestLoad, finest_encoder, with_tension_limit
 from tenodesis.scaling.sweep import Progress, levels, nondominated
+from tenodesis.scaling.weights import select_weights
 from tenodesis.similarity.joints import JointComparison, JointError, compare_joints
 from tenodesis.statics import UsualLoad
 from tenodesis.units import STANDARD_GRAVITY, quantity_of
@@ -34,6 +36,8 @@ _MOST_WHEELS = 64
 """Sets of wheels that are judged for each factor."""
 _LONGEST = (0.3, 1.5)
 """Overall length where no constraint bounds it, m."""
+_OF_LOADS = (0.5, 1.0)
+"""Shares of the loads of the working range that are test loads."""
 _PAST = 0.02
 """Share of a joint's radius up to which a tendon's arm is a rounding of none."""
 _PINS = ("factor", "overall_length", "rope", "load_cell", "spool_radius", "tendon_diameter")
@@ -137,8 +141,7 @@ class WheelSet(NamedTuple):
 class JointChoice(NamedTuple):
     """The parts that a design is made of."""
 
-    wheels: Mapping[str, float]
-    """Radius by what is at the wheel, m."""
+    wheels: tuple[Fitted, ...]
     to_size: bool
     rope: Rope
     rods: tuple[tuple[str, Rod], ...]
@@ -166,6 +169,37 @@ class JointDesign:
     def comparison(self) -> JointComparison:
         """Both instruments, with the loads of the working range."""
         return compare_joints(self.real_size, self.scaled_up)
+
+    @property
+    def bench(self) -> FullForm:
+        """The instrument that is tested on the bench."""
+        return self.scaled_up
+
+    @property
+    def wheels(self) -> tuple[Fitted, ...]:
+        """The wheels of all sizes."""
+        return self.choice.wheels
+
+    @property
+    def rods(self) -> tuple[tuple[str, Rod], ...]:
+        """The rods of backbones, by joint."""
+        return self.choice.rods
+
+    @cached_property
+    def tests(self) -> tuple[TestLoad, ...]:
+        """Every load of the working range, and its half, by weights on two cables that pull at the tip."""
+        factors, cable = self.comparison.factors, self.catalogue.constraints.cable_mass
+        found = []
+        for load in self.comparison.loads:
+            of_jaws = not load.wrench.any()
+            factor = factors["grip_force" if of_jaws else "force"]
+            sign = "-" if load.wrench.sum() < 0 else ""
+            for share in _OF_LOADS:
+                force = share * load.size
+                weights = select_weights(force * factor, self.catalogue.weights, cable_mass=cable)
+                direction = "grip_force" if of_jaws else f"{sign}f{load.name}"
+                found.append(TestLoad(force, weights.weight, weights, weights.error / factor, direction))
+        return tuple(found)
 
     @cached_property
     def error(self) -> JointError:
@@ -340,7 +374,7 @@ class _Search:
         limits = self.catalogue.constraints
         ropes = self.catalogue.ropes
         factor = np.array([one.factor for one in sets])
-        area = np.array([math.pi / 4 * rope.diameter**2 * rope.modulus for rope in ropes])
+        area = np.array([rope.rigidity for rope in ropes])
         softest = float(self.real.stiffnesses.min())
         if self.rods:
             rigidity = np.array([rod.rigidity for rod in self.rods])
@@ -515,11 +549,7 @@ def _stock(catalogue: Catalogue, kind: str) -> Array:
     """Return the radii of wheels, m."""
     if kind == "pulleys":
         return np.array(sorted(pulley.radius for pulley in catalogue.pulleys))
-    gears = catalogue.gears
-    if gears is None:
-        return np.array([])
-    least, most = gears.teeth
-    return np.unique([module * teeth / 2 for module in gears.modules for teeth in range(least, most + 1)])
+    return np.unique([one.radius for one in gear_wheels(catalogue)])
 
 
 def with_wheels(model: FullForm, real: FullForm, wheels: WheelSet) -> FullForm:
@@ -601,7 +631,7 @@ def _built(front: JointFront, index: int, wheels: WheelSet, rope: Rope, rod: Rod
     spool = nearest_spool(real, catalogue, wheels.factor)
     model = with_wheels(enlarged(real, wheels.factor, stiffness), real, wheels)
     encoder = finest_encoder(catalogue, min(joint.radius for joint in model.tip_joints))
-    area = math.pi / 4 * rope.diameter**2 * rope.modulus
+    area = rope.rigidity
     joints = [joint.model_dump(exclude_unset=True) for joint in model.as_given("joints")]
     rods = []
     for table in joints:
@@ -648,11 +678,10 @@ def _built(front: JointFront, index: int, wheels: WheelSet, rope: Rope, rod: Rod
             "sensors.encoder_range": encoder.range,
             "sensors.encoder_noise": encoder.noise,
         }
-    scaled = model.replace(**changes)
-    names = dict(zip(_sizes(real), wheels.radii, strict=True))
-    described = {_named(real, size): made for size, made in names.items()}
+    scaled = with_tension_limit(model.replace(**changes), tension)
+    fitted = tuple(_fitted(real, catalogue, size, made) for size, made in zip(_sizes(real), wheels.radii, strict=True))
     springs = tuple((joint.name, joint.stiffness) for joint in scaled.tip_joints if joint.stiffness)
-    choice = JointChoice(described, wheels.to_size, rope, tuple(rods), springs, cell, encoder, spool)
+    choice = JointChoice(fitted, wheels.to_size, rope, tuple(rods), springs, cell, encoder, spool)
     return JointDesign(real, scaled, choice, catalogue, objectives, tension)
 
 
@@ -662,10 +691,10 @@ def _beyond_stem(real: FullForm) -> float:
     return float(along)
 
 
-def _named(real: FullForm, size: _Size) -> str:
-    """Return what is at a wheel: joints, and tendons that run over one."""
+def _fitted(real: FullForm, catalogue: Catalogue, size: _Size, radius: float) -> Fitted:
+    """Return wheels of a radius, m, with what is at them: joints, and tendons that run over one."""
     joints = [
-        joint.name
+        joint
         for joint in real.as_given("joints")
         if _Size("gears" if joint.mechanism == "tendon-gear" else "pulleys", joint.radius) == size
     ]
@@ -677,4 +706,11 @@ def _named(real: FullForm, size: _Size) -> str:
             if crossing.radius and size == _Size("pulleys", crossing.radius)
         }
     )
-    return ", ".join([*joints, *over])
+    at = ", ".join([*(joint.name for joint in joints), *over])
+    if size.kind == "gears":
+        wheel = min(
+            (one for one in gear_wheels(catalogue) if same(one.radius, radius)), key=lambda one: makeable([one])
+        )
+        return Fitted(at, wheel, "gears", len(joints))
+    backbones = bool(joints) and all(joint.mechanism == "continuum" for joint in joints)
+    return Fitted(at, Wheel(radius), "discs" if backbones else "pulleys", len(joints))

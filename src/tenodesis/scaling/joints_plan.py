@@ -24,7 +24,6 @@ from tenodesis.scaling.plan import (
     quantity,
     write_plan,
 )
-from tenodesis.scaling.weights import WeightSelection, select_weights
 from tenodesis.similarity.joints import JointComparison, JointError
 from tenodesis.statics import chain
 from tenodesis.statics.bends import Bends
@@ -104,9 +103,9 @@ def content(design: JointDesign, built: AsBuilt | None = None, supplement: Suppl
 def parts(design: JointDesign) -> Iterator[tuple[str, str, str, str]]:
     """Yield number, part, what to take and what it is, of all parts."""
     choice, count = design.choice, len(design.scaled_up.tendons)
-    for what, radius in choice.wheels.items():
+    for one in choice.wheels:
         made = "wheel" + (", turned to size if no stock has it" if choice.to_size else " in stock")
-        yield "", made, f"radius {quantity(radius, 'mm', 5, 'm')}", what
+        yield "", made, f"radius {quantity(one.wheel.radius, 'mm', 5, 'm')}", one.at
     rope = choice.rope
     yield (
         str(count),
@@ -134,19 +133,6 @@ def parts(design: JointDesign) -> Iterator[tuple[str, str, str, str]]:
     )
 
 
-def weights(design: JointDesign) -> list[tuple[str, float, float, WeightSelection]]:
-    """Return direction, real-size and scaled-up force (N), and weights on two cables at the tip, of the test loads."""
-    factors, at_hand = design.comparison.factors, design.catalogue.weights
-    found = []
-    for load in design.comparison.loads:
-        factor = factors["force"] if load.wrench.any() else factors["grip_force"]
-        cable = design.catalogue.constraints.cable_mass
-        for share in (0.5, 1.0):
-            force = share * load.size
-            found.append((load.name, force, force * factor, select_weights(force * factor, at_hand, cable_mass=cable)))
-    return found
-
-
 def _parts(design: JointDesign) -> PlanTable:
     return PlanTable("Parts", ("no.", "part", "take", "which is"), tuple(parts(design)), 4, (2, 3), names=True)
 
@@ -154,14 +140,14 @@ def _parts(design: JointDesign) -> PlanTable:
 def _loads(design: JointDesign) -> PlanTable:
     rows = tuple(
         (
-            "between the jaws" if name == "grip" else f"along {name}",
-            quantity(real, "N", 3),
-            quantity(scaled, "N", 4),
-            masses(chosen.loading),
-            masses(chosen.counter),
-            f"{100 * chosen.relative_error:+.2g} %",
+            "between the jaws" if test.direction == "grip_force" else f"along {test.direction[-1]}",
+            quantity(test.real_force, "N", 3),
+            quantity(test.weights.wanted, "N", 4),
+            masses(test.weights.loading),
+            masses(test.weights.counter),
+            f"{100 * test.weights.relative_error:+.2g} %",
         )
-        for name, real, scaled, chosen in weights(design)
+        for test in design.tests
     )
     columns = ("force at the tip", "real-size", "scaled-up", "loading cable", "counter cable", "off by")
     return PlanTable("Test loads, on two cables that pull at the tip against each other", columns, rows, 1, (0, 3, 4))

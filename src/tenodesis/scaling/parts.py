@@ -109,6 +109,11 @@ class Rope(CataloguePart):
     modulus: Modulus = Field(description="Young's modulus over the full circle of the diameter: stiffness is E A / L")
     breaking_load: PositiveForce = Field(description="Minimum breaking force")
 
+    @property
+    def rigidity(self) -> float:
+        """Stiffness times length, E A, N."""
+        return math.pi / 4 * self.diameter**2 * self.modulus
+
 
 class Rod(CataloguePart):
     """A round rod or wire for the backbone of a continuum."""

@@ -4,14 +4,14 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
 from tenodesis.control.parameters import tension_limit
 from tenodesis.errors import DesignError, InstrumentError
-from tenodesis.instrument import InstrumentLike, ShortForm, as_short_form
-from tenodesis.run import Array
+from tenodesis.instrument import Instrument, InstrumentLike, ShortForm, as_short_form
+from tenodesis.run import ACROSS, COMPONENTS, Array
 from tenodesis.scaling.candidates import Wheel
 from tenodesis.scaling.catalogue import Catalogue
 from tenodesis.scaling.costs import tip_force
@@ -25,6 +25,8 @@ from tenodesis.similarity.parameters import field_of, value_of
 _OVER_LARGEST = 1.05
 _CELL_OVER_LIMIT = 1.1
 _ROPE_OVER_LIMIT = 1.25
+
+_Inst = TypeVar("_Inst", bound=Instrument)
 
 OBJECTIVES = (
     ("similarity error", " deg"),
@@ -67,6 +69,21 @@ class Objectives(NamedTuple):
         return ", ".join(f"{name} {shown(value)}{unit}" for (name, unit), value in named)
 
 
+class Fitted(NamedTuple):
+    """Wheels of one size: where they are, and how many joints turn on them."""
+
+    at: str
+    wheel: Wheel
+    kind: Literal["gears", "pulleys", "discs"]
+    joints: int
+    """0 of wheels that only tendons run over."""
+
+    @property
+    def pieces(self) -> int:
+        """A joint of gears has two of them."""
+        return max(self.joints, 1) * (2 if self.kind == "gears" else 1)
+
+
 class Choice(NamedTuple):
     """The parts a design is made of."""
 
@@ -78,6 +95,11 @@ class Choice(NamedTuple):
     encoder: Encoder | None
     spool: Spool
 
+    @property
+    def springs(self) -> tuple[tuple[str, float], ...]:
+        """Springs in joints: none."""
+        return ()
+
 
 class TestLoad(NamedTuple):
     """A force on the real-size instrument (N), that on the scaled-up tip (N), and the weights for it."""
@@ -87,6 +109,27 @@ class TestLoad(NamedTuple):
     weights: WeightSelection
     error: float
     """Force by the weights minus the wanted force, N on the real-size instrument."""
+    direction: str
+    """Component of the wrench at the tip, as fx or -fy, or grip_force."""
+
+    @property
+    def load(self) -> tuple[Array, float]:
+        """Wrench (6,), N and N m, and grip force, N, on the scaled-up tip."""
+        wrench = np.zeros(6)
+        name = self.direction.lstrip("-")
+        if name == "grip_force":
+            return wrench, self.force
+        wrench[COMPONENTS.index(name)] = math.copysign(self.force, -1 if self.direction[0] == "-" else 1)
+        return wrench, 0.0
+
+    @property
+    def applied(self) -> dict[str, Any]:
+        """Keys and values of a phase of a protocol under it."""
+        wrench, grip = self.load
+        name = self.direction.lstrip("-")
+        newton = grip if name == "grip_force" else wrench[COMPONENTS.index(name)]
+        value = f"{newton:.9g} N"
+        return {name: value} if name == "grip_force" else {"wrench": {name: value}}
 
 
 @dataclass(frozen=True)
@@ -108,6 +151,28 @@ class Design:
     """Resolution of the load cells, N of real-size tension."""
     force_resolution: float
     """Resolution of the load cells, N at the real-size tip."""
+
+    @property
+    def bench(self) -> ShortForm:
+        """The instrument that is tested on the bench: of two axes alike, the first."""
+        return self.scaled_up.planar[0]
+
+    @property
+    def wheels(self) -> tuple[Fitted, ...]:
+        """The wheels at both ends."""
+        found = []
+        for end, wheel in (("distal", self.choice.distal), ("proximal", self.choice.proximal)):
+            is_backbone = self.scaled_up.joint_type == "continuum" and end == "distal"
+            kind: Literal["gears", "pulleys", "discs"] = (
+                "discs" if is_backbone else "pulleys" if wheel.module is None else "gears"
+            )
+            found.append(Fitted(f"{end} joint", wheel, kind, len(self.scaled_up.axes)))
+        return tuple(found)
+
+    @property
+    def rods(self) -> tuple[tuple[str, Rod], ...]:
+        """The rods of backbones, by joint."""
+        return () if self.choice.rod is None else tuple((axis, self.choice.rod) for axis in self.scaled_up.axes)
 
     def built_as(self, inst: ShortForm) -> "Design":
         """Return the design with its instrument as it was built, which differs in its dynamics only."""
@@ -141,7 +206,7 @@ def make(found: Sweep, number: int) -> Design:
         finest_encoder(found.catalogue, values["distal_radius"]),
         judge.spool(number),
     )
-    tests = tuple(weights_for(found.catalogue, force, values) for force in found.forces.tests)
+    tests = tuple(weights_for(found.catalogue, force, values, found.real_size.axes[0]) for force in found.forces.tests)
     scaled_up = _scaled_up(found, choice, values, tests)
     comparison = compare(found.real_size, scaled_up, largest_force=found.forces.largest)
     return Design(
@@ -165,7 +230,7 @@ def finest_encoder(catalogue: Catalogue, radius: float) -> Encoder | None:
     return min(fitting, key=lambda one: (one.range / 2**one.bits, one.noise), default=None)
 
 
-def weights_for(catalogue: Catalogue, force: float, values: Mapping[str, float]) -> TestLoad:
+def weights_for(catalogue: Catalogue, force: float, values: Mapping[str, float], axis: str = "yaw") -> TestLoad:
     """Return the weights for a force (N) on the real-size instrument, from the rig arm (m) and force factor by name.
 
     Raises DesignError, which names the closest set, if the weights do not come close enough.
@@ -184,7 +249,7 @@ def weights_for(catalogue: Catalogue, force: float, values: Mapping[str, float])
             value=error,
             allowed=f"within force_tolerance, {constraints.force_tolerance:g}",
         )
-    return TestLoad(force, weights.weight * lever, weights, error)
+    return TestLoad(force, weights.weight * lever, weights, error, f"-{ACROSS[axis]}")
 
 
 def _scaled_up(found: Sweep, choice: Choice, values: Mapping[str, float], tests: Sequence[TestLoad]) -> ShortForm:
@@ -227,10 +292,7 @@ def _scaled_up(found: Sweep, choice: Choice, values: Mapping[str, float], tests:
     changes["sources"] = _sources(found, choice, changes)
     try:
         scaled_up = real_size.replace(**changes)
-        limit = _tension_limit(scaled_up, values["largest_tension"])
-        if limit is not None:
-            sources = {**scaled_up.sources, "control.tension_limit": "5 % above the plan's largest tension"}
-            scaled_up = scaled_up.replace(**{"control.tension_limit": limit, "sources": sources})
+        scaled_up = with_tension_limit(scaled_up, values["largest_tension"])
         return carry_friction(real_size, scaled_up) if real_size.friction.law != "none" else scaled_up
     except InstrumentError as problem:
         raise DesignError(
@@ -241,13 +303,16 @@ def _scaled_up(found: Sweep, choice: Choice, values: Mapping[str, float], tests:
         ) from None
 
 
-def _tension_limit(scaled_up: ShortForm, largest: float) -> float | None:
-    """Return the limit (N) that lets the controller reach the plan's largest tension; None where the default does."""
+def with_tension_limit(scaled_up: _Inst, largest: float) -> _Inst:
+    """Return an instrument whose controller reaches a plan's largest tension (N), as far as cells and ropes let it."""
     default, wanted = tension_limit(scaled_up), _OVER_LARGEST * largest
     room = min(
         scaled_up.sensors.load_cell_range / _CELL_OVER_LIMIT, (scaled_up.breaking_load or inf) / _ROPE_OVER_LIMIT
     )
-    return min(wanted, room) if default < min(wanted, room) else None
+    if default >= min(wanted, room):
+        return scaled_up
+    sources = {**scaled_up.sources, "control.tension_limit": "5 % above the plan's largest tension"}
+    return scaled_up.replace(**{"control.tension_limit": min(wanted, room), "sources": sources})
 
 
 def _sources(found: Sweep, choice: Choice, changes: Mapping[str, Any]) -> dict[str, str]:

@@ -3,11 +3,10 @@
 from tenodesis.workshop.budget import TARGET, Budget, Dimension, Spread, tolerate
 from tenodesis.workshop.first_run import Demand, FirstRun, Reading, rehearse
 from tenodesis.workshop.grades import Grade
-from tenodesis.workshop.order import Item, RopeLength, Step, checklist, order_list, rope_length
-from tenodesis.workshop.pack import BUDGET_FILES, FILES, Pack, budget_supplement, prepare, write_budget
+from tenodesis.workshop.order import Item, RopeLength, Step, checklist, order_list, rope_lengths
+from tenodesis.workshop.pack import FILES, Pack, prepare
 
 __all__ = [
-    "BUDGET_FILES",
     "FILES",
     "TARGET",
     "Budget",
@@ -21,14 +20,12 @@ __all__ = [
     "RopeLength",
     "Spread",
     "Step",
-    "budget_supplement",
     "checklist",
     "order_list",
     "prepare",
     "rehearse",
-    "rope_length",
+    "rope_lengths",
     "tolerate",
-    "write_budget",
 ]
 
 

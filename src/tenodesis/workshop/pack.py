@@ -15,15 +15,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tenodesis.control.controller import fault_names
-from tenodesis.control.export import header
+from tenodesis.control.export import header, joints_header
 from tenodesis.report import style
 from tenodesis.report.content import fixed
 from tenodesis.report.page import inline_svg
-from tenodesis.scaling import Design
+from tenodesis.scaling import AnyDesign
 from tenodesis.scaling.plan import Card, PlanFigure, PlanTable, Supplement, angle, plain, quantity
 from tenodesis.scaling.practical import OBJECTIVES, PracticalFront
 from tenodesis.workshop.budget import BACKLASHES, PULLEY, TARGET, Budget, Spread, named, nominal, tolerance, tolerate
-from tenodesis.workshop.first_run import CONTROLLED, FIRST_RUN, FirstRun, protocol_text, rehearse
+from tenodesis.workshop.first_run import CONTROLLED, FIRST_RUN, FirstRun, law_of, protocol_text, rehearse
 from tenodesis.workshop.order import HEADER, Item, Step, checklist, order_list
 
 _SMALL: Any = {"font.size": 6.5, "legend.fontsize": 6, "axes.linewidth": 0.6, "axes.titlesize": 7}
@@ -108,33 +108,17 @@ def _mark(axis: Axes, found: PracticalFront, x: Any, chosen: int | None) -> None
 
 
 ORDER, TOLERANCES, STUDY, CHECKLIST = "order.csv", "tolerances.csv", "tolerances.toml", "checklist.csv"
-BUDGET_FILES = (TOLERANCES, STUDY)
-"""Names of the files of :func:`write_budget`."""
 FILES = (ORDER, TOLERANCES, STUDY, CHECKLIST, FIRST_RUN, CONTROLLED, HEADER)
 """Names of the files of a pack."""
 _NAMED = 3  # causes in a sentence
 _LEAST_CAUSE = 0.05
 
 
-def budget_supplement(budget: Budget) -> Supplement:
-    """Return what a plan shows of a budget alone."""
-    figure = PlanFigure("Where the error comes from, and what each tolerance costs", budget_svg(budget))
-    return Supplement(
-        _card(budget), ((_as_built(budget),), (_tolerances(budget),), (figure,)), tuple(_warnings(budget, 0))
-    )
-
-
-def write_budget(budget: Budget, folder: Path) -> None:
-    """Write the tolerances, as a table and as a file for ``tenodesis tolerance``, to a folder."""
-    (folder / TOLERANCES).write_text(to_csv(_TOLERANCE_COLUMNS, _tolerance_rows(budget)), "utf-8")
-    (folder / STUDY).write_text(study_file(budget), "utf-8")
-
-
 @dataclass(frozen=True)
 class Pack:
     """The tolerances, order list, checklist and first run of a design; :func:`prepare` makes it."""
 
-    design: Design
+    design: AnyDesign
     budget: Budget
     first_run: FirstRun
     items: tuple[Item, ...]
@@ -173,15 +157,22 @@ class Pack:
             CHECKLIST: to_csv(("step", "do", "see"), [(str(n), *step) for n, step in enumerate(self.steps, 1)]),
             FIRST_RUN: protocol_text(self.design, about),
             CONTROLLED: protocol_text(self.design, about, controlled=True),
-            HEADER: header(self.design.scaled_up, homed=False),
+            HEADER: controller_header(self.design),
         }
-        write_budget(self.budget, folder)
+        texts[TOLERANCES] = to_csv(_TOLERANCE_COLUMNS, _tolerance_rows(self.budget))
+        texts[STUDY] = study_file(self.budget)
         for name, text in texts.items():
             (folder / name).write_text(text, "utf-8")
 
 
+def controller_header(design: AnyDesign) -> str:
+    """Return the C header of the controller that the first run tries."""
+    inst = design.scaled_up
+    return joints_header(inst) if law_of(design.bench) == "joints" else header(inst, homed=False)
+
+
 def prepare(
-    design: Design,
+    design: AnyDesign,
     practical: PracticalFront | None = None,
     *,
     target: float = TARGET,
@@ -206,7 +197,7 @@ def prepare(
     Raises
     ------
     StudyError, ProtocolError
-        The design does not hold its test forces, or the twin cannot run its first ten minutes.
+        The design does not hold its test forces, or the twin cannot run its first run.
     ValueError
         The target or the backlash is out of its range.
     """
@@ -254,7 +245,7 @@ def _warnings(budget: Budget, faults: int) -> list[str]:
     found = []
     if faults:
         found.append(
-            f"On the twin the controller faults in the first ten minutes: {', '.join(fault_names(faults))}. Change the "
+            f"On the twin the controller faults in the first run: {', '.join(fault_names(faults))}. Change the "
             "instrument before it is built."
         )
     if not budget.is_kept:
@@ -394,14 +385,15 @@ def _readings(run: FirstRun) -> PlanTable:
         low, value, high = (fixed(number, digits) for number in (one.low, one.expected, one.high))
         rows.append((one.step, one.what, one.otherwise, f"{value}{unit}", f"{low} … {high}"))
     return PlanTable(
-        "First ten minutes: what must be read",
+        "First run: what must be read",
         ("step", "read", "if it is not", "expected", "between"),
         tuple(rows),
         texts=3,
         wide=(0, 2),
+        names=True,
         note="by the twin without a controller; between: for half to twice the guessed friction, and what the "
         "sensors leave "
-        f"open. With the controller the tip comes back to {angle(run.left)} under each of these loads",
+        f"open. With the controller every joint comes back to {angle(run.left)} under each of these loads",
     )
 
 
