@@ -43,7 +43,7 @@ _SHARE_OF_RANGE = 0.02  # of a reading: what encoders and cells leave open
 _LEAST_TURN = 0.3  # deg, of a joint under a load: less is not read
 _SHARES = np.arange(10, 0, -1) / 10  # of a joint's range, the largest of which is held
 _REACHED = 1e-3  # rad
-_RISE = 0.2  # s, in which spools that move joints come to their speed
+_SPOOL_RISE = 0.2  # s, in which spools that move joints come to their speed
 _LOADS = ("force", "wrench", "applied_grip_force")
 _BEFORE = 0.4  # s, from the start of a step load, whose load comes later
 
@@ -229,7 +229,7 @@ class _Bend(NamedTuple):
 
     def moved(self, before: float, after: float, speed: float) -> list[str]:
         """Return the phases of a move from one angle to another, rad, at a speed, rad/s."""
-        seconds = max(abs(after - before) / speed, 2 * _RISE)
+        seconds = max(abs(after - before) / speed, 2 * _SPOOL_RISE)
         (handle, strokes), (_, old) = self.held(after), self.held(before)
         found = []
         if handle.size:
@@ -376,7 +376,7 @@ def _jogged(inst: FullForm, motors: Sequence[int], times: int = 1) -> tuple[str,
     return (*there, *back, _hold(_BRIEF)) * times
 
 
-def _wound(speeds: Mapping[str, float], seconds: float, rise: float = _RISE) -> list[str]:
+def _wound(speeds: Mapping[str, float], seconds: float, rise: float = _SPOOL_RISE) -> list[str]:
     """Return phases in which spools turn at speeds (rad/s), from rest to rest."""
     turning = {name: f"{math.degrees(speed):.6g} deg/s" for name, speed in speeds.items()}
     return [
