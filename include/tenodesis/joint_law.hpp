@@ -134,7 +134,7 @@ struct JointLaw {
       }
       lost[i] = lost[i] + moved[i];
     }
-    leave_grip(found, target, memory, lost);
+    leave_grip(target, memory, lost);
     for (int i = 0; i < N; ++i) {
       const S doubt = deviations * sqrt(larger(variance(i, found, turn), S(0)));
       const S room = S(2) * larger(abs(lost[i]) - doubt, S(0));
@@ -214,23 +214,21 @@ struct JointLaw {
     return S(2) * sum;
   }
 
-  // Takes the jaws' opening out of what is lost where something certainly holds jaws open that were last commanded to
-  // close: their grip is as commanded.
-  void leave_grip(const Estimate& found, const S* target, Memory& memory, S* lost) const {
-    S size(0), opened(0), spread(0), aim(0), play(0);
+  // Takes the jaws' opening out of what is lost where they were last commanded to close: something may hold them open,
+  // and their grip is as commanded.
+  void leave_grip(const S* target, Memory& memory, S* lost) const {
+    S size(0), opened(0), aim(0), play(0);
     for (int i = 0; i < N; ++i) size = size + chain.joint[i].grip * chain.joint[i].grip;
     if (!(size > S(0))) return;
     for (int i = 0; i < N; ++i) {
       aim = aim + chain.joint[i].grip * target[i];
       play = play + abs(chain.joint[i].grip) * S(least_closing);
       opened = opened - chain.joint[i].grip * lost[i];
-      for (int j = 0; j < N; ++j)
-        spread = spread + chain.joint[i].grip * found.covariance.at[i][j] * chain.joint[j].grip;
     }
     // To and fro by less than that is the noise of a handle.
     memory.opening = memory.started ? clamp(memory.opening, aim - play, aim + play) : aim - play;
     const bool closes = memory.opening > aim;
-    if (!closes || opened <= deviations * sqrt(larger(spread, S(0)))) return;
+    if (!closes || !(opened > S(0))) return;
     for (int i = 0; i < N; ++i) lost[i] = lost[i] + chain.joint[i].grip * (opened / size);
   }
 
