@@ -29,7 +29,7 @@ REFINEMENTS = 3
 """Searches from the optimum on, where a problem is prepared for it."""
 SETTLED = 1e-3
 """Share of its range by which a parameter may move in the last of these."""
-WEIGHED_SEARCHES = 3
+WEIGHED_SEARCHES = 2
 """Searches with systematic errors of sensors in the weights; after each, deviations are better known."""
 SLOPES_OVER = 8.0
 """Change over which a slope is taken then, in deviations of the parameter.
@@ -101,7 +101,7 @@ def fit(
     best = ends[int(np.argmin(costs))]
     if best is None:
         raise search.unanswered()
-    refined = _weighed(problem, search, _refined(problem, search, best)) if refine else best
+    refined = _weighed(problem, search, _refined(problem, search, best), seed) if refine else best
     at, cost = search.on_bounds(refined)
     # costs of a refined problem do not compare with those of the starts
     reference = cost if refined is best else best.cost
@@ -110,7 +110,7 @@ def fit(
     scale = scales(problem.parameters, values)[indices]
     linearised = [search.linearised(at, run, scale) for run in search.train]
     _check_excitation(problem, indices, linearised, [problem.runs[run] for run in search.train], loss)
-    scatter = None if refined.scatter is None else refined.scatter / scale[:, np.newaxis]
+    scatter = None if refined.scatter is None else refined.scatter / np.outer(scale, scale)
     found = uncertainty.estimate(linearised, loss, scatter=scatter)
     base = np.concatenate([one.residuals for one in linearised])
 
@@ -187,7 +187,7 @@ def _refined(problem: Problem, search: Search, best: SearchEnd) -> SearchEnd:
     return found
 
 
-def _weighed(problem: Problem, search: Search, best: SearchEnd) -> SearchEnd:
+def _weighed(problem: Problem, search: Search, best: SearchEnd, seed: int) -> SearchEnd:
     """Return the optimum with systematic errors of sensors in the residuals' weights, where a problem has them."""
     if not problem.weigh_sensors(search.full(best.at), search.train):
         return best
@@ -196,7 +196,7 @@ def _weighed(problem: Problem, search: Search, best: SearchEnd) -> SearchEnd:
         scale = scales(problem.parameters, search.full(best.at))[search.free]
         found = uncertainty.estimate([search.linearised(best.at, run, scale) for run in search.train], search.loss)
         search.widths = np.minimum(SLOPES_OVER * found.std, LARGEST_WIDTH) * scale
-    return best
+    return search.smoothed(best.at, found.covariance, seed)
 
 
 def _check(

@@ -20,8 +20,10 @@ LEAST_PER_PARAMETER = 10
 MOST_STEPS = 100
 """Iterations of a search."""
 
-STEPS_NEAR = 6
+STEPS_NEAR = 4
 """Gauss-Newton steps at once near an optimum."""
+DRAWS_NEAR = 40
+"""Points around an optimum from which steps are averaged: their mean is known to a sixth of their scatter."""
 _REFIT_STEPS = 20
 """Iterations of a search from the optimum, for a replicate of the bootstrap."""
 _TOLERANCE = 1e-9
@@ -38,7 +40,7 @@ class SearchEnd(NamedTuple):
     cost: float
     converged: bool
     scatter: Array | None = None
-    """What several steps to the optimum differ by, (free parameters, steps): its uncertainty where slopes are rough."""
+    """Covariance of where steps to the optimum lead, (free parameters, free parameters), where the cost is rough."""
 
 
 class Search:
@@ -145,29 +147,46 @@ class Search:
     def stepped(self, start: Array) -> SearchEnd:
         """Return the best of some Gauss-Newton steps from near an optimum, each halved if it raised the cost.
 
-        Stick and slip make the cost rough: a search that must descend ends in the first of many optima. Where it is
-        smooth, steps from the last points lead to the same one.
+        Stick and slip make the cost rough: a search that must descend ends in the first of many optima.
         """
         self.begun = self.evaluations
         at, residuals = start, self.residuals(start)
-        best, proposed = SearchEnd(at, self._cost(residuals), converged=True), []
+        best = SearchEnd(at, self._cost(residuals), converged=True)
         for _ in range(STEPS_NEAR):
-            first, second = uncertainty.influence(residuals, self.loss)
-            root, scale = np.sqrt(second), self._scale(at)
-            slopes = root[:, None] * self._finite(self.jacobian(at)) * scale
-            step = np.linalg.lstsq(slopes, first / root, rcond=uncertainty.UNSEEN)[0]
-            there = np.clip(at - scale * step, self.lower, self.upper)
+            there = self._stepped(at, residuals, self._finite(self.jacobian(at)))
             fresh = self.residuals(there)
             end = SearchEnd(there, self._cost(fresh), converged=True)
-            proposed.append(there)
             if end.cost >= self._cost(residuals):
                 there = (at + there) / 2
                 fresh = self.residuals(there)
             at, residuals = there, fresh
             best = min(best, end, key=lambda one: one.cost)
-        # the first ones lead to the optimum
-        late = np.stack(proposed[STEPS_NEAR // 2 :], axis=1)
-        return best._replace(scatter=(late - best.at[:, np.newaxis]) / math.sqrt(late.shape[1]))
+        return best
+
+    def smoothed(self, near: Array, covariance: Array, seed: int) -> SearchEnd:
+        """Return where single Gauss-Newton steps lead on average from points around an optimum, and their scatter.
+
+        Points are drawn from what is left open of the parameters, with their covariance, (free, free), over their
+        scales. Where the cost is smooth, all steps lead to its optimum.
+        """
+        self.begun = self.evaluations
+        draw = np.random.default_rng([seed, 2])
+        slopes = self._finite(self.jacobian(near))
+        sizes, directions = np.linalg.eigh(covariance)
+        root = self._scale(near)[:, None] * directions * np.sqrt(np.maximum(sizes, 0))
+        ends = []
+        for _ in range(DRAWS_NEAR):
+            point = np.clip(near + root @ draw.standard_normal(near.size), self.lower, self.upper)
+            ends.append(self._stepped(point, self.residuals(point), slopes))
+        at = np.mean(ends, axis=0)
+        return SearchEnd(at, self._cost(self.residuals(at)), converged=True, scatter=np.cov(ends, rowvar=False))
+
+    def _stepped(self, at: Array, residuals: Array, slopes: Array) -> Array:
+        """Return where a Gauss-Newton step leads, within the bounds."""
+        first, second = uncertainty.influence(residuals, self.loss)
+        root, scale = np.sqrt(second), self._scale(at)
+        step = np.linalg.lstsq(root[:, None] * slopes * scale, first / root, rcond=uncertainty.UNSEEN)[0]
+        return np.clip(at - scale * step, self.lower, self.upper)
 
     def on_bounds(self, found: SearchEnd) -> tuple[Array, float]:
         """Return the optimum and its cost, with parameters moved onto the bounds that the search stops short of.

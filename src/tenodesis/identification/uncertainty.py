@@ -215,8 +215,8 @@ def estimate(runs: Sequence[Linearised], loss: LossName = "linear", *, scatter: 
     """Return the covariance of the parameters: the scores' long-run covariance between inverse curvatures.
 
     The sandwich of Huber (1967) and White (1980) with the estimator of Andrews and Monahan (1992) between, but no
-    variance is below that for independent residuals; systematic errors are added, and the scatter of the optimum over
-    the parameters' scales, (free parameters, m).
+    variance is below that for independent residuals; systematic errors are added, and the covariance of the optimum's
+    scatter, (free parameters, free parameters).
     """
     count = sum(run.residuals.size for run in runs)
     free = runs[0].jacobian.shape[1]
@@ -242,7 +242,7 @@ def estimate(runs: Sequence[Linearised], loss: LossName = "linear", *, scatter: 
             off = bread @ (directions.T @ (run.jacobian.T @ run.systematic))
             covariance = covariance + off @ off.T
     if scatter is not None:
-        covariance = covariance + scatter @ scatter.T
+        covariance = covariance + scatter
     return Uncertainty(covariance=covariance, white=white, unseen=unseen)
 
 
