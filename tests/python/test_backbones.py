@@ -102,6 +102,7 @@ def test_its_own_weight_is_half_of_it_at_the_end_and_a_moment(tension: float) ->
     assert end.angle == pytest.approx(exact[0], abs=np.radians(0.07))
 
 
+@pytest.mark.slow
 def test_the_end_is_within_half_a_percent_of_the_length_of_any_elastica() -> None:
     rng = np.random.default_rng(37)
     offs, turns, slack = [], [], 0

@@ -143,6 +143,7 @@ def test_what_a_recording_was_made_with_is_found_again_within_its_interval() -> 
     assert found.values["exponent_per_bend"] == pytest.approx(0.12, abs=0.01)
 
 
+@pytest.mark.slow
 def test_left_out_bend_is_predicted_to_the_sensors_noise() -> None:
     found = fit(made(seed=4), train=[0, 2], test=[1], starts=2)
     assert found.test_rmse["output_angle_deg"] == pytest.approx(0.1, rel=0.15)
@@ -175,6 +176,7 @@ def test_at_one_bend_nothing_is_asked_of_how_friction_grows_with_it() -> None:
     assert all(found.identifiability.identifiable.values())
 
 
+@pytest.mark.slow
 def test_comparison_finds_the_law_that_a_recording_was_made_with() -> None:
     recordings = made(seed=5)
     measured = [

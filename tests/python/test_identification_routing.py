@@ -88,6 +88,7 @@ def pose(whole: MeasuredRun, columns: dict[str, np.ndarray], law: str = "none") 
     return routing.problem([routing.RoutingRun("run", whole.time, columns, instrument=whole.instrument)], [], law=law)
 
 
+@pytest.mark.slow
 def test_any_tensions_and_angles_will_do_with_spools_by_their_encoders(
     driven: tuple[FullForm, FullForm, Run],
 ) -> None:
@@ -122,6 +123,7 @@ def test_the_tip_seen_by_a_camera_tells_arms_and_stiffness(driven: tuple[FullFor
     assert found.train_rmse["position_mm"] == pytest.approx(0.1, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_table_is_mapped_and_fitted_and_what_was_held_out_predicted(
     driven: tuple[FullForm, FullForm, Run], tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]]
 ) -> None:
@@ -160,6 +162,7 @@ def test_a_table_is_mapped_and_fitted_and_what_was_held_out_predicted(
     assert found["test_rmse"]["output_angle_deg"] < 1.5 * found["train_rmse"]["output_angle_deg"]
 
 
+@pytest.mark.slow
 def test_what_the_model_does_not_explain_is_not_identifiable(
     driven: tuple[FullForm, FullForm, Run], tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]]
 ) -> None:
@@ -178,6 +181,7 @@ def test_what_the_jaws_hold_ends_a_recording(driven: tuple[FullForm, FullForm, R
     assert routing.of_run(run, inst).time[-1] == pytest.approx(run.time[0] + 1, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_the_command_fits_all_tendons_of_a_recording(
     driven: tuple[FullForm, FullForm, Run], tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]]
 ) -> None:

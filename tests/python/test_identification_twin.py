@@ -158,6 +158,7 @@ def test_strokes_of_the_spools_are_followed_within_their_encoders_steps() -> Non
     assert np.mean(residuals**2) < 1.05
 
 
+@pytest.mark.slow
 def test_two_runs_narrow_intervals_more_than_one() -> None:
     runs = [recorded(TRUE, 1), recorded(TRUE, 2, seconds=2.0)]
     both = fit(problem(runs, NOMINAL), list(TRUTH), train=[0, 1], starts=1)

@@ -24,6 +24,7 @@ def columns(recorded: InstrumentRun) -> dict[str, Array]:
     return {"t": recorded.time, **angles, **tensions, "load": recorded["force"]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "storage"), [("run.bag", ""), ("run_db3", "SQLITE3"), ("run_mcap", "MCAP")])
 def test_a_bag_of_other_names_is_shown_mapped_and_read_as_the_recording(
     tenodesis: Callable[..., tuple[int, str, str]],

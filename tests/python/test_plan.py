@@ -172,6 +172,7 @@ def test_html_refers_to_nothing_outside(written: tuple[Path, Path]) -> None:
     assert len(ids) == len(set(ids))
 
 
+@pytest.mark.slow
 def test_every_text_of_the_plan_stands_in_both(found: ScalePlan) -> None:
     blank = '<svg xmlns="http://www.w3.org/2000/svg" width="9" height="5"/>'
     whole = replace(found, drawings=tuple(replace(one, svg=blank) for one in found.drawings))

@@ -112,6 +112,7 @@ def test_the_bending_stiffness_of_a_rope_is_that_of_its_wires() -> None:
         rounder.bending_stiffness("1x19", 1e-3, 1e11)
 
 
+@pytest.mark.slow
 def test_the_study_is_finite_and_more_friction_widens_the_loop(small: VertexStudy) -> None:
     for row in small.designs:
         assert np.isfinite([row["hysteresis"], row["delay"], *row["off"], *row["paper"], *row["robust"]]).all()
