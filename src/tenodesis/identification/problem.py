@@ -1,9 +1,9 @@
 """What a model must provide so that it can be fitted to recordings, and derivatives of those without their own."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,8 @@ class Problem(ABC):
     """The unknowns."""
     runs: tuple[str, ...]
     """Names of the recordings."""
+    advised: ClassVar[Sequence[tuple[Set[str], str]]] = ()
+    """What would make one of some parameters identifiable, the first that applies."""
 
     @cached_property
     def groups(self) -> Mapping[str, tuple[str, ...]]:
@@ -119,7 +121,7 @@ class Problem(ABC):
 
     def advice(self, names: Sequence[str]) -> str | None:
         """Return a sentence on the protocol that would make these parameters identifiable, if known."""
-        return None
+        return next((sentence for words, sentence in self.advised if words & {*names}), None)
 
 
 STEP = 1e-6

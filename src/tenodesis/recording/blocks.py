@@ -5,6 +5,7 @@ import struct
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
@@ -146,28 +147,24 @@ class RegularBlocks:
         with opened(self.path) as (file, size):
             scan = Scan(file, size)
             waiting: dict[int, Messages] = {}
-            for found in scan:
-                self._infos.add(found)
+            for found in chain(scan, [None]):
+                self._infos.add(found or {})
                 if self._progress is not None:
                     self._progress(scan.position, scan.size)
-                for number, new in found.items():
+                for number, new in (found or {}).items():
                     channel = scan.channels.get(number)
                     if channel is not None and channel.topic == schemas.EVENTS:
                         events.parts += new.parts
                     elif number not in self._others:
                         waiting.setdefault(number, Messages()).parts.extend(new.parts)
-                if max(map(len, waiting.values()), default=0) >= LEAST_ROWS:
+                gathered = max(map(len, waiting.values()), default=0)
+                if waiting and (found is None or gathered >= LEAST_ROWS):
                     run, gap = self._taken(scan, waiting)
                     if len(run):
                         time = float(run.time[-1])
                         yield self._thinned(run)
                     if gap:
                         break
-            if not gap and waiting:
-                run, gap = self._taken(scan, waiting)
-                if len(run):
-                    time = float(run.time[-1])
-                    yield self._thinned(run)
         if self._names is None:
             raise IrregularError("it has no rows")
         self.metadata = scan.metadata.get(schemas.METADATA, {})

@@ -36,6 +36,10 @@ _PIECE = 2**24
 _KEPT = {Opcode.CHUNK, Opcode.METADATA, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.DATA_END}
 
 
+_BETWEEN = {Opcode.CHUNK, Opcode.DATA_END, Opcode.FOOTER}
+"""Before these, messages outside chunks are taken."""
+
+
 class Message(NamedTuple):
     """A message: its number on its topic, its stamp in ns, and its bytes."""
 
@@ -175,35 +179,31 @@ class Scan(Contents):
         self._checksum = 0
 
     def __iter__(self) -> Iterator[dict[int, Messages]]:
+        outside = _Loose()
         try:
-            yield from self._chunks()
+            yield from self._chunks(outside)
         except _DamageError as damage:
+            yield outside.taken()
             self.damage = str(damage)
 
-    def _chunks(self) -> Iterator[dict[int, Messages]]:  # noqa: PLR0912
+    def _chunks(self, outside: "_Loose") -> Iterator[dict[int, Messages]]:  # noqa: PLR0912
         self._read(len(MCAP0_MAGIC))
-        outside = _Loose()
-        while self.position < self.size:
+        while True:
             start, checksum = self.position, self._checksum
-            if start + _RECORD.size > self.size:
+            opcode, length = self._record()
+            if opcode in _BETWEEN or outside.size > _PIECE:
                 yield outside.taken()
-                raise _DamageError(f"the record at byte {start} is cut off")
-            opcode, length = _RECORD.unpack(self._read(_RECORD.size))
-            if self.position + length > self.size or opcode == _INVALID:
-                yield outside.taken()
-                raise _DamageError(f"the record at byte {start} is cut off or corrupted")
-            if opcode == Opcode.CHUNK or outside.size > _PIECE or opcode in {Opcode.DATA_END, Opcode.FOOTER}:
-                yield outside.taken()
-            if opcode == Opcode.DATA_END:
-                # the summary only repeats what came before, and has no checksum of its own where it is cut off
-                stated = int.from_bytes(self._read(length), "little")
+            if opcode in {Opcode.DATA_END, Opcode.FOOTER}:
+                body = self._read(length)
+                stated = int.from_bytes(body, "little") if opcode == Opcode.DATA_END else 0
                 if stated and stated != checksum:
                     raise _DamageError("bytes outside its chunks are corrupted, maybe among the metadata")
-                self._skip_summary()
-                return
-            if opcode == Opcode.FOOTER:
-                self._read(length)
-                self._check_end()
+                # the summary only repeats what came before, and has no checksum of its own where it is cut off
+                while opcode != Opcode.FOOTER:
+                    opcode, length = self._record()
+                    self._skip(length)
+                if self._read(len(MCAP0_MAGIC) + 1) != MCAP0_MAGIC:
+                    raise _DamageError("the end of the file is cut off or corrupted")
                 return
             if opcode not in _KEPT:
                 self._skip(length)
@@ -223,32 +223,22 @@ class Scan(Contents):
                 raise _DamageError(f"the chunk at byte {start} {problem}") from None
             # zstandard and lz4 have errors of their own, which have nothing but Exception in common
             except Exception as problem:
-                yield outside.taken()
                 kind = "chunk" if opcode == Opcode.CHUNK else "record"
                 raise _DamageError(f"the {kind} at byte {start} is corrupted") from problem
             if opcode == Opcode.CHUNK:
                 yield found
-        yield outside.taken()
-        raise _DamageError("the file ends before it was closed")
 
-    def _skip_summary(self) -> None:
-        """Read up to the footer, whose end must be that of the file."""
-        while self.position < self.size:
-            start = self.position
-            if start + _RECORD.size > self.size:
-                raise _DamageError(f"the record at byte {start} is cut off")
-            opcode, length = _RECORD.unpack(self._read(_RECORD.size))
-            if self.position + length > self.size or opcode == _INVALID:
-                raise _DamageError(f"the record at byte {start} is cut off or corrupted")
-            self._skip(length)
-            if opcode == Opcode.FOOTER:
-                self._check_end()
-                return
-        raise _DamageError("the file ends before it was closed")
-
-    def _check_end(self) -> None:
-        if self._read(len(MCAP0_MAGIC) + 1) != MCAP0_MAGIC:
-            raise _DamageError("the end of the file is cut off or corrupted")
+    def _record(self) -> tuple[int, int]:
+        """Return opcode and length of the next record, whose beginning is read."""
+        start = self.position
+        if start == self.size:
+            raise _DamageError("the file ends before it was closed")
+        if start + _RECORD.size > self.size:
+            raise _DamageError(f"the record at byte {start} is cut off")
+        opcode, length = _RECORD.unpack(self._read(_RECORD.size))
+        if self.position + length > self.size or opcode == _INVALID:
+            raise _DamageError(f"the record at byte {start} is cut off or corrupted")
+        return opcode, length
 
     def _read(self, count: int) -> bytes:
         data = self._file.read(count)

@@ -108,6 +108,14 @@ class Wrist(Tool):
     Errors are those beyond each recording's own offset.
     """
 
+    advised = (
+        (
+            {"coupling", "wrist_friction"},
+            "Record the same motion at three or more pitch angles, far apart to either side.",
+        ),
+        *Tool.advised,
+    )
+
     def __init__(
         self,
         train: Sequence[MeasuredRun],
@@ -142,12 +150,6 @@ class Wrist(Tool):
         """Return the jaw angle by the model without the recording's own offset, (1 + n,), rad."""
         coupling = self.given(values, series).get("coupling", 0.0)
         return np.asarray(super().modelled(values, series) + coupling * series.pitch)
-
-    def advice(self, names: Sequence[str]) -> str | None:
-        """Return which recording would make these parameters identifiable."""
-        if {"coupling", "wrist_friction"} & set(names):
-            return "Record the same motion at three or more pitch angles, far apart to either side."
-        return super().advice(names)
 
     def _errors(self, values: Array, series: ToolSeries) -> Array:
         return _without_mean(super()._errors(values, series), 0.0)

@@ -17,12 +17,12 @@ radius (Euler, Eytelwein):
 """
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -232,6 +232,17 @@ class Tool(ReferenceProblem[ToolSeries]):
     """
 
     key, scale, noise = "output_angle_deg", math.degrees(1), NOISE
+    advised: ClassVar[Sequence[tuple[Set[str], str]]] = (
+        (
+            {"friction_exponent", "pretension", "spindle_friction", "sliding_friction"},
+            "Record runs at more loads at the jaw, the highest several times the lowest, each with reversals.",
+        ),
+        (
+            {"start", "hysteresis_start"},
+            "Nothing is lost: how a run began matters only up to its first reversal.",
+        ),
+        ({"ratio", "offset", "compliance"}, "Record the same motion at several loads at the jaw, over a larger angle."),
+    )
 
     def __init__(
         self,
@@ -253,17 +264,6 @@ class Tool(ReferenceProblem[ToolSeries]):
     def predict(self, values: Array, run: int) -> Array:
         """Return the modelled jaw angle at all samples, (n,), rad, without the one before the run."""
         return super().predict(values, run)[1:]
-
-    def advice(self, names: Sequence[str]) -> str | None:
-        """Return which recording would make these parameters identifiable."""
-        asked = set(names)
-        if asked & {"friction_exponent", "pretension", "spindle_friction", "sliding_friction"}:
-            return "Record runs at more loads at the jaw, the highest several times the lowest, each with reversals."
-        if "start" in asked or "hysteresis_start" in asked:
-            return "Nothing is lost: how a run began matters only up to its first reversal."
-        if asked & {"ratio", "offset", "compliance"}:
-            return "Record the same motion at several loads at the jaw, over a larger angle."
-        return None
 
     def modelled(self, values: Values, series: ToolSeries) -> Values:
         """Return the jaw angle by the model, (1 + n,), rad."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.datasets.reference import (
@@ -90,7 +91,7 @@ def load(path: Path) -> MeasuredRun:
         raw.excited(column, _LEAST, "N")
         raw.outliers(column, _JUMP)
     for column in TENSIONS:
-        smooth = _median_of_three(raw.columns[column])
+        smooth = median_filter(raw.columns[column], 3, mode="nearest")
         spikes = int((np.abs(raw.columns[column] - smooth) > SPIKE).sum())
         raw.columns[column] = smooth
         raw.note(f"{column}: median of three samples, which took {spikes} spikes of over {SPIKE:g} N out")
@@ -124,11 +125,6 @@ def _to_si(raw: Raw, stated: Sequence[str | None]) -> None:
     scale = scale_of(name, "N", f"{raw.name}: the unit of data_0 and data_2")
     raw.unit([Unit(name, scale, _LEAST / scale, _MOST / scale)], *TENSIONS)
     raw.note(f"tensions taken as {name}, from their headings")
-
-
-def _median_of_three(values: Array) -> Array:
-    windows = np.lib.stride_tricks.sliding_window_view(np.pad(values, 1, mode="edge"), 3)
-    return np.asarray(np.median(windows, axis=1), dtype=np.float64)
 
 
 _LEAST, _MOST = 0.2, 100.0

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import median_filter
 
 from tenodesis.errors import IdentificationError
 from tenodesis.run import Array
@@ -305,10 +306,8 @@ class Raw:
         if values.size < window:
             return
         # mirrored, for an end repeated would be its own median
-        padded = np.pad(values, window // 2, mode="reflect")
-        middle = np.median(np.lib.stride_tricks.sliding_window_view(padded, window), axis=1)
         self.drop(
-            np.abs(values - middle) > limit,
+            np.abs(values - median_filter(values, window, mode="mirror")) > limit,
             f"outliers of {column} (over {limit:.3g} off the rows around them)",
             column=column,
         )

@@ -18,7 +18,7 @@ delay of the commands, c(t - delay[i]), where that is better in the same way.
 """
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -28,7 +28,7 @@ from scipy import optimize
 from tenodesis.errors import ArgumentError, IdentificationError
 from tenodesis.identification.datasets.reference import Values, held
 from tenodesis.identification.formats.measured import MeasuredRun, Raw
-from tenodesis.identification.problem import Parameter, Problem, Trace
+from tenodesis.identification.problem import Parameter, Problem, Trace, complex_step
 from tenodesis.run import Array
 
 LAWS = ("auto", "none", "play", "soft", "passed")
@@ -418,10 +418,6 @@ def _solved(
         given = dict(zip(names, values, strict=True))
         return np.concatenate([joint.angle(given, one, before) for one, before in zip(runs, behind, strict=True)])
 
-    def slopes(values: Array) -> Array:
-        steps = values + 1e-30j * np.eye(values.size)
-        return np.column_stack([np.imag(angle(one)) / 1e-30 for one in steps])
-
     # without play the model is a sum of columns
     linear = joint._replace(law="none", delay=False)
     count = len(linear.parameters())
@@ -440,7 +436,7 @@ def _solved(
         optimize.least_squares(
             lambda at: np.real(angle(at)) - reference,  # type: ignore[misc]
             np.clip(start, lower, upper),
-            slopes,
+            partial(complex_step, angle),
             bounds=(lower, upper),
             x_scale="jac",
             max_nfev=_EVALUATIONS,
