@@ -37,6 +37,7 @@ from tenodesis.identification.split import LEAST_LENGTH, LEAST_SHARE, LONGEST, F
 from tenodesis.identification.uncertainty import LossName
 from tenodesis.instrument import ShortForm
 from tenodesis.recording.blocks import first_run
+from tenodesis.report.page import json_text
 from tenodesis.units import Duration
 
 _HELD = {"sheath_bend": "sheath bend", "wrist_pitch": "pitch"}
@@ -184,7 +185,7 @@ def identify(  # noqa: PLR0917
         )
         numbers = to_json(found, format=format_name, law=chosen, notes=notes, arrangements=rows)
         if json_file is not None:
-            write_text(json_file, report.as_text(numbers))
+            write_text(json_file, json_text(numbers))
             written = [*written, json_file]
 
     words = [word.strip() for word in (parameters or "").split(",")]

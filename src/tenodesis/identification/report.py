@@ -176,7 +176,6 @@ def all_figures(problem: Problem, found: Fit, runs: Sequence[int]) -> dict[str, 
 PAGE, NUMBERS, INSTRUMENT = "report.html", "result.json", "instrument.toml"
 """What a fit is written as."""
 
-as_text = page.json_text
 _POOR = "From a poor fit: do not rely on these values."
 _TEMPLATE = "identification.html.j2"
 _DOTS = 150

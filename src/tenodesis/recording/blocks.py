@@ -238,7 +238,7 @@ class RegularBlocks:
         joints = {}
         for number, channel in channels.items():
             if channel.topic in schemas.JOINT_TOPICS:
-                first = decoder(channel)(waiting[number][:1])
+                first = decoder(channel)([waiting[number].first])
                 if isinstance(first, Decoded):
                     joints[channel.topic] = first.joints
         names = schemas.names_in(metadata, joints)

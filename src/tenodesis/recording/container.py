@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from io import BytesIO
-from typing import IO, NamedTuple, overload
+from typing import IO, NamedTuple
 
 import numpy as np
 from mcap.data_stream import ReadDataStream
@@ -60,16 +60,16 @@ class MessageRows(NamedTuple):
         return MessageRows(self.sequences[first:last], self.stamps[first:last], self.data[first:last])
 
 
-class Messages(Sequence[Message]):
+class Messages(Iterable[Message]):
     """Messages of a topic, in parts."""
 
     def __init__(self, parts: Iterable[MessageRows] = ()) -> None:
         self.parts = list(parts)
 
     @classmethod
-    def of(cls, messages: Sequence[Message]) -> "Messages":
+    def of(cls, messages: "Sequence[Message] | Messages") -> "Messages":
         """Return messages in parts."""
-        if isinstance(messages, cls):
+        if isinstance(messages, Messages):
             return messages
         found = cls()
         first = 0
@@ -95,20 +95,10 @@ class Messages(Sequence[Message]):
             numbers = zip(part.sequences.tolist(), part.stamps.tolist(), part.data, strict=True)
             yield from (Message(sequence, stamp, data.tobytes()) for sequence, stamp, data in numbers)
 
-    @overload
-    def __getitem__(self, at: int) -> Message: ...
-    @overload
-    def __getitem__(self, at: slice) -> list[Message]: ...
-    def __getitem__(self, at: int | slice) -> Message | list[Message]:
-        """Return a message, or some."""
-        if isinstance(at, slice):
-            return list(self)[at]
-        at += len(self) if at < 0 else 0
-        for part in self.parts if at >= 0 else ():
-            if at < part.stamps.size:
-                return Message(int(part.sequences[at]), int(part.stamps[at]), part.data[at].tobytes())
-            at -= part.stamps.size
-        raise IndexError(at)
+    @property
+    def first(self) -> Message:
+        """The first of them."""
+        return next(iter(self))
 
     @property
     def sequences(self) -> NDArray[np.int64]:

@@ -73,7 +73,7 @@ class Decoder:
         self._factory, self._schema, self._encoding = factory, schema, encoding
         self._known: tuple[tuple[str, ...], cdr.MessageLayout] | None = None
 
-    def __call__(self, messages: Sequence[Message]) -> Decoded | LeftOut:
+    def __call__(self, messages: Sequence[Message] | Messages) -> Decoded | LeftOut:
         """Return messages, one or more, as arrays, or the reason why they do not fit a recording."""
         kind = self._schema.name
         if kind not in NUMBERS:
@@ -95,7 +95,7 @@ class Decoder:
         decoder = self._factory.decoder_for(self._encoding, schema)
         if decoder is None:
             return LeftOut(Misfit.TYPE, f"its messages are encoded as {self._encoding}, {schema.encoding}")
-        first = decoder(messages[0].data)
+        first = decoder(messages.first.data)
         joints = tuple(first.name) if schema.name == JOINT_STATE else ()
         counts = {name: len(values) for name, values in _numbers(schema.name, first).items()}
         frame = "" if schema.name == FLOAT64 else first.header.frame_id

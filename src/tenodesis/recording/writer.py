@@ -14,6 +14,7 @@ from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from numpy.typing import NDArray
 
 from tenodesis.errors import RecordingError
+from tenodesis.files import write_errors
 from tenodesis.recording import cdr, schemas
 from tenodesis.recording.chunks import ChunkedFile
 from tenodesis.recording.kept import Keeper
@@ -198,26 +199,18 @@ class Recorder:
         return dict(metadata) | schemas.texts_of(self.names) | made_with
 
     def _opened(self, overwrite: bool) -> IO[bytes]:
-        try:
-            return self.path.open("wb" if overwrite else "xb")
-        except FileExistsError:
-            raise RecordingError(
-                f"{self.path} exists already; give another path, or overwrite=True.",
-                key="path",
-                value=self.path,
-                allowed="a path that does not exist, or overwrite=True",
-            ) from None
-        except FileNotFoundError:
-            raise RecordingError(
-                f"{self.path} cannot be written: there is no folder {self.path.parent}.",
-                key="path",
-                value=self.path,
-                allowed="in a folder that exists",
-            ) from None
-        except OSError as problem:
-            raise RecordingError(
-                f"{self.path} cannot be written: {problem.strerror}.", key="path", value=self.path
-            ) from None
+        with write_errors(self.path, RecordingError):
+            try:
+                return self.path.open("wb" if overwrite else "xb")
+            except FileExistsError:
+                said, allowed = (
+                    "exists already; give another path, or overwrite=True",
+                    "a path that does not exist, or overwrite=True",
+                )
+            except FileNotFoundError:
+                said = f"cannot be written: there is no folder {self.path.parent}"
+                allowed = "in a folder that exists"
+        raise RecordingError(f"{self.path} {said}.", key="path", value=self.path, allowed=allowed)
 
     @contextmanager
     def _reported(self) -> Iterator[None]:

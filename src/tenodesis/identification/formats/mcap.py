@@ -87,7 +87,7 @@ def scan(path: Path, wanted: Collection[str]) -> Contents:
         for number, channel in contents.channels.items():
             if channel.topic in wanted:
                 size -= _read(bag, number, contents, size)
-    if any(message.data.startswith(_ZSTANDARD) for messages in contents.messages.values() for message in messages[:1]):
+    if any(messages.first.data.startswith(_ZSTANDARD) for messages in contents.messages.values()):
         raise RecordingError(
             f"{path} holds compressed messages; they must be plain, as ros2 bag convert writes them.",
             key="path",
