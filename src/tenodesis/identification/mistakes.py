@@ -333,6 +333,4 @@ def _predicted(problem: Problem, free: Sequence[str], at: Array) -> list[tuple[s
 
 def _shortened(run: MeasuredRun) -> MeasuredRun:
     kept = run.time <= run.time[0] + _MOST_SECONDS
-    if kept.all():
-        return run
-    return replace(run, time=run.time[kept], columns={name: one[kept] for name, one in run.columns.items()})
+    return run if kept.all() else run.rows(kept)

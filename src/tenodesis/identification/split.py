@@ -104,9 +104,8 @@ def _information(
     # A rough look is enough: few samples, and no errors of the commands.
     longest = min(tuning.LONGEST_STEP, plant.longest_step(inst))
     every = max(1, int(longest / part.sample_time * (1 + 1e-6)))
-    thin = replace(part, time=part.time[::every], columns={name: one[::every] for name, one in part.columns.items()})
     try:
-        problem = TwinProblem([thin], law, inst)
+        problem = TwinProblem([part.rows(slice(None, None, every))], law, inst)
     except IdentificationError:
         return -inf
     if not problem.begins_known(0):
@@ -122,8 +121,7 @@ def _information(
 def _between(run: MeasuredRun, begin: float, end: float) -> MeasuredRun:
     # the last digit of a clock must not decide about a sample
     slack = 1e-3 * run.sample_time
-    kept = (run.time >= begin - slack) & (run.time <= end + slack)
-    return replace(run, time=run.time[kept], columns={name: one[kept] for name, one in run.columns.items()})
+    return run.rows((run.time >= begin - slack) & (run.time <= end + slack))
 
 
 FittedPart: TypeAlias = Literal["until", "from"]
@@ -165,7 +163,7 @@ def split(
     before = [Window(-np.inf, cut, end) for cut, end in zip(cuts, ends, strict=True)]
     behind = [Window(cut, np.inf, end) for cut, end in zip(cuts, ends, strict=True)]
     if fitted == "until":
-        train, test = [_ended(one, cut) for one, cut in zip(early, cuts, strict=True)], late
+        train, test = [one.rows(one.time < cut) for one, cut in zip(early, cuts, strict=True)], late
         windows = dict(enumerate(behind, start=len(train)))
     else:
         train, test = late, early
@@ -243,9 +241,3 @@ class Windowed(Problem):
     def _inside(self, time: Array, run: int) -> NDArray[np.bool_]:
         window = self._windows[run]
         return np.asarray((time >= window.begin) & (time < window.end))
-
-
-def _ended(one: MeasuredRun, cut: float) -> MeasuredRun:
-    """Return a recording up to a time."""
-    kept = one.time < cut
-    return replace(one, time=one.time[kept], columns={key: values[kept] for key, values in one.columns.items()})

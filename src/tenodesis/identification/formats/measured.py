@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -79,6 +79,10 @@ class MeasuredRun:
 
     def __len__(self) -> int:
         return self.time.size
+
+    def rows(self, kept: slice | NDArray[np.bool_]) -> Self:
+        """Return some of its samples."""
+        return replace(self, time=self.time[kept], columns={name: one[kept] for name, one in self.columns.items()})
 
     @property
     def sample_time(self) -> float:
