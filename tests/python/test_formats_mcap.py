@@ -158,7 +158,7 @@ def as_sqlite(
         bag.execute("INSERT INTO topics VALUES (?, ?, ?, 'cdr', '')", (number, channel.topic, kind))
         bag.executemany(
             "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)",
-            [(number, one.stamp, one.data) for one in edits.get(channel.topic, list)(contents.messages[number])],
+            [(number, one.stamp, one.data) for one in edits.get(channel.topic, list)(list(contents.messages[number]))],
         )
     bag.commit()
     if more:
