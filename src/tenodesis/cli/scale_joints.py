@@ -12,6 +12,7 @@ from tenodesis import scaling, tolerance, workshop
 from tenodesis.cli.cad import in_step
 from tenodesis.cli.common import ProgressBar, console, say, table
 from tenodesis.cli.outputs import Outputs
+from tenodesis.control.controller import fault_names
 from tenodesis.errors import CommandError, NoSolutionError, ProtocolError, StudyError
 from tenodesis.files import atomic_files, write_errors
 from tenodesis.instrument import Instrument
@@ -20,6 +21,7 @@ from tenodesis.report import style
 from tenodesis.scaling import Catalogue, JointDesign, JointFront, figures, joints_plan
 from tenodesis.scaling.design import PREFERENCES, Preference
 from tenodesis.scaling.joints_plan import AsBuilt, distance
+from tenodesis.scaling.plan import part_rows
 from tenodesis.scaling.practical import PracticalFront
 from tenodesis.scaling.sweep import Progress as Report
 
@@ -95,6 +97,8 @@ def print_pack(out: Path, pack: workshop.Pack | None) -> None:
     """Print which files a workshop gets besides the plan, and which are left of an earlier design."""
     if pack is not None:
         say(f"Beside them: {', '.join(workshop.FILES)}.")
+        if pack.first_run.faults:
+            say(f"warning: the controller faults in the first run: {', '.join(fault_names(pack.first_run.faults))}.")
     elif left := [name for name in workshop.FILES if (out / name).exists()]:
         say(f"warning: of an earlier design are {', '.join(left)} in {out}; delete them.")
 
@@ -121,7 +125,7 @@ def _write(
         if pack is not None:
             pack.write(new)
         with (new / "parts.csv").open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows([("number", "part", "take", "which is"), *joints_plan.parts(design)])
+            csv.writer(file).writerows([("number", "part", "take", "which is"), *part_rows(design)])
         write_front(front, new / "front.csv")
         with style.applied():
             figure = figures.draw_front(front, {"this design": design.objectives})

@@ -14,12 +14,13 @@ from tenodesis.report.page import about, inline_svg
 from tenodesis.scaling.joints import JointDesign
 from tenodesis.scaling.plan import (
     Card,
-    JointPlan,
     PlanFigure,
     PlanTable,
+    ScalePlan,
     Supplement,
     angle,
     masses,
+    parts,
     plain,
     quantity,
     write_plan,
@@ -67,7 +68,7 @@ def distance(metres: float) -> str:
     return quantity(metres, "mm", 2, "m") if metres >= _LEAST else f"<{1e3 * _LEAST:g} mm"
 
 
-def content(design: JointDesign, built: AsBuilt | None = None, supplement: Supplement | None = None) -> JointPlan:
+def content(design: JointDesign, built: AsBuilt | None = None, supplement: Supplement | None = None) -> ScalePlan:
     """Return the content of the plan of a design, with what another package adds to it."""
     pair, error = design.comparison, design.error
     cards = [
@@ -81,60 +82,23 @@ def content(design: JointDesign, built: AsBuilt | None = None, supplement: Suppl
         cards.append(Card(angle(max(built.joints)), f"as built: {share} keep, with friction, by usual tolerances"))
     if supplement is not None and supplement.card is not None:
         cards.append(supplement.card)
-    return JointPlan(
+    return ScalePlan(
         title=f"{design.scaled_up.name}: scale model of {design.real_size.name}",
         lead=f"{', '.join(pair.joints)} · {len(design.scaled_up.tendons)} tendons · catalogue {design.catalogue.name}",
         cards=tuple(cards),
         warnings=(*_warnings(design), *(supplement.warnings if supplement else ())),
-        rows=[
-            [_parts(design)],
-            [_loads(design)],
-            [_lengths(design), _factors(design)],
-            [_tendons(design), _resolution(design)],
-            [_losses(design)],
-            [_similarity(design, built)],
-            [_groups(design)],
-            *(map(list, supplement.rows) if supplement else ()),
-        ],
+        rows=(
+            (parts(design),),
+            (_loads(design),),
+            (_lengths(design), _factors(design)),
+            (_tendons(design), _resolution(design)),
+            (_losses(design),),
+            (_similarity(design, built),),
+            (_groups(design),),
+            *(supplement.rows if supplement else ()),
+        ),
         footer=f"tenodesis {about()['tenodesis']} · research software, not a medical device",
     )
-
-
-def parts(design: JointDesign) -> Iterator[tuple[str, str, str, str]]:
-    """Yield number, part, what to take and what it is, of all parts."""
-    choice, count = design.choice, len(design.scaled_up.tendons)
-    for one in choice.wheels:
-        made = "wheel" + (", turned to size if no stock has it" if choice.to_size else " in stock")
-        yield "", made, f"radius {quantity(one.wheel.radius, 'mm', 5, 'm')}", one.at
-    rope = choice.rope
-    yield (
-        str(count),
-        "rope for tendons",
-        rope.name,
-        f"⌀ {quantity(rope.diameter, 'mm', 3, 'm')}, E = {quantity(rope.modulus, 'GPa', 3, 'Pa')}; breaks at "
-        f"{quantity(rope.breaking_load, 'N', 4)}, largest tension {quantity(design.largest_tension, 'N', 3)}",
-    )
-    for name, rod in choice.rods:
-        yield "1", "rod for a backbone", f"{rod.name}, ⌀ {quantity(rod.diameter, 'mm', 3, 'm')}", name
-    for name, spring in choice.springs:
-        yield "1", "spring", quantity(spring, "N*mm", 4, "N*m") + " per rad", f"{name}; made to this value"
-    cell, encoder = choice.load_cell, choice.encoder
-    yield str(count), "load cells", cell.name, f"resolution {quantity(cell.resolution, 'N', 2)}"
-    if encoder is not None:
-        joints = len([joint for joint in design.scaled_up.as_given("joints") if joint.place == "tip"])
-        yield str(joints), "encoders at the tip", encoder.name, f"{encoder.bits} bit"
-    torque = quantity(design.largest_tension * choice.spool.radius, "N*m", 3)
-    motors = sum(tendon.start == "spool" for tendon in design.scaled_up.tendons)
-    yield (
-        str(motors),
-        "spools",
-        f"radius {quantity(choice.spool.radius, 'mm', 4, 'm')}",
-        f"{torque} at the largest tension",
-    )
-
-
-def _parts(design: JointDesign) -> PlanTable:
-    return PlanTable("Parts", ("no.", "part", "take", "which is"), tuple(parts(design)), 4, (2, 3), names=True)
 
 
 def _loads(design: JointDesign) -> PlanTable:

@@ -21,6 +21,7 @@ from tenodesis import statics
 from tenodesis.control.parameters import tension_limit
 from tenodesis.errors import DesignError
 from tenodesis.extras import require
+from tenodesis.instrument import expanded
 from tenodesis.report import style
 from tenodesis.report.content import fixed, number, unit_text
 from tenodesis.report.page import about, render, written
@@ -29,6 +30,7 @@ from tenodesis.similarity import GRID, Comparison, Group, SimilarityError
 from tenodesis.units import in_unit
 
 if TYPE_CHECKING:
+    from tenodesis.scaling import AnyDesign
     from tenodesis.scaling.scale_model import Design, TestLoad
 
 
@@ -149,46 +151,52 @@ class PlanTable:
     note: str = ""
 
 
-def parts(design: "Design") -> PlanTable:
+def parts(design: "AnyDesign") -> PlanTable:
     """Return the parts, and how many of each."""
-    rows = tuple(_part_rows(design))
+    rows = tuple(part_rows(design))
     return PlanTable("Parts", ("no.", "part", "take", "which is"), rows, texts=4, wide=(2, 3), names=True)
 
 
-def _part_rows(design: "Design") -> Iterator[tuple[str, ...]]:
-    choice, inst = design.choice, design.scaled_up
-    axes = len(inst.axes)
-    yield from _wheel_rows(design)
+def part_rows(design: "AnyDesign") -> Iterator[tuple[str, str, str, str]]:
+    """Yield number, part, what to take and what it is, of all parts."""
+    choice, inst = design.choice, expanded(design.scaled_up)
+    for one in design.wheels:
+        wheel, radius = one.wheel, quantity(one.wheel.radius, "mm", 5, "m")
+        if wheel.module is not None:
+            take = f"module {quantity(wheel.module, 'mm', 4, 'm')}, {wheel.teeth} teeth"
+            yield str(one.pieces), one.part, take, f"pitch radius {radius}"
+        elif one.kind == "discs":
+            yield str(one.pieces), one.part, "to size", f"tendons {radius} from the backbone"
+        else:
+            yield str(one.pieces), one.part, f"radius {radius}", "where the tendon runs"
     rope = choice.rope
     yield (
-        str(2 * axes),
+        str(len(inst.tendons)),
         "rope for tendons",
         rope.name,
         f"⌀ {quantity(rope.diameter, 'mm', 3, 'm')}, E = {quantity(rope.modulus, 'GPa', 3, 'Pa')}; breaks at "
         f"{quantity(rope.breaking_load, 'N', 4)}, largest tension {quantity(design.largest_tension, 'N', 3)}",
     )
-    if choice.rod is not None:
-        yield (
-            str(axes),
-            "rod for a backbone",
-            f"{choice.rod.name}, ⌀ {quantity(choice.rod.diameter, 'mm', 3, 'm')}",
-            f"EI = {quantity(choice.rod.rigidity, 'N*mm^2', 4, 'N*m^2')}",
-        )
-    cell = choice.load_cell
+    for name, rod in design.rods:
+        take = f"{rod.name}, ⌀ {quantity(rod.diameter, 'mm', 3, 'm')}"
+        yield "1", "rod for a backbone", take, f"{name}; EI = {quantity(rod.rigidity, 'N*mm^2', 4, 'N*m^2')}"
+    for name, spring in choice.springs:
+        yield "1", "spring", quantity(spring, "N*mm", 4, "N*m") + " per rad", f"{name}; made to this value"
+    cell, spools = choice.load_cell, str(spools_of(design))
     yield (
-        str(2 * axes),
+        spools,
         "load cells",
         cell.name,
         f"range {quantity(cell.range, 'N', 4)}, resolution {quantity(cell.resolution, 'N', 2)}",
     )
     encoder = choice.encoder
     if encoder is None:
-        distal = quantity(choice.distal.radius, "mm", 4, "m")
-        yield "–", "encoder at the tip", "none of the catalogue", f"fits a distal radius of {distal}"
+        least = quantity(min(joint.radius for joint in inst.tip_joints), "mm", 4, "m")
+        yield "–", "encoders at the tip", "none of the catalogue", f"fits a distal radius of {least}"
     else:
         yield (
-            str(axes),
-            "encoder at the tip",
+            str(len(inst.arc_places)),
+            "encoders at the tip",
             encoder.name,
             f"{encoder.bits} bit over {plain(math.degrees(encoder.range))}°, noise "
             f"{plain(math.degrees(encoder.noise), 2)}°; fits from a distal radius of "
@@ -196,26 +204,22 @@ def _part_rows(design: "Design") -> Iterator[tuple[str, ...]]:
         )
     torque = quantity(design.largest_tension * choice.spool.radius, "N*m", 3)
     radius = quantity(choice.spool.radius, "mm", 4, "m")
-    yield str(2 * axes), "spools", f"radius {radius}", f"one motor each, {torque} at the largest tension"
-    if design.tests:
-        needed = Counter[float]()
-        for test in design.tests:
-            needed |= Counter((*test.weights.loading, *test.weights.counter))
+    yield spools, "spools", f"radius {radius}", f"one motor each, {torque} at the largest tension"
+    if needed := weights_needed(design):
         yield str(needed.total()), "weights", masses(needed.elements()), "enough for each test load in turn"
 
 
-def _wheel_rows(design: "Design") -> Iterator[tuple[str, ...]]:
-    choice, inst = design.choice, design.scaled_up
-    for end, wheel in (("distal", choice.distal), ("proximal", choice.proximal)):
-        radius = quantity(wheel.radius, "mm", 5, "m")
-        if wheel.module is not None:
-            take = f"module {quantity(wheel.module, 'mm', 4, 'm')}, {wheel.teeth} teeth"
-            # Every joint has two gears, which roll on each other.
-            yield str(2 * len(inst.axes)), f"{end} gears", take, f"pitch radius {radius}"
-        elif inst.joint_type == "continuum" and end == "distal":
-            yield "", "discs on the backbone", "to size", f"tendons {radius} from the backbone"
-        else:
-            yield str(len(inst.axes)), f"{end} pulley", f"radius {radius}", "where the tendon runs"
+def spools_of(design: "AnyDesign") -> int:
+    """Return how many tendons a spool winds."""
+    return sum(tendon.start == "spool" for tendon in expanded(design.scaled_up).tendons)
+
+
+def weights_needed(design: "AnyDesign") -> Counter[float]:
+    """Return the weights (kg), and how many of each, that are enough for each test load in turn."""
+    needed = Counter[float]()
+    for test in design.tests:
+        needed |= Counter((*test.weights.loading, *test.weights.counter))
+    return needed
 
 
 def lengths(design: "Design") -> PlanTable:
@@ -417,49 +421,14 @@ class Supplement:
 
 @dataclass(frozen=True)
 class ScalePlan:
-    """All content of the plan, in plain text; an underscore precedes the index of a symbol such as l_d."""
+    """All content of a plan, in plain text; an underscore precedes the index of a symbol such as l_d."""
 
     title: str
     lead: str
     cards: tuple[Card, ...]
     warnings: tuple[str, ...]
-    parts: PlanTable
-    lengths: PlanTable
-    loads: PlanTable
-    pretension: PlanTable
-    factors: PlanTable
-    resolution: PlanTable
-    similarity: PlanTable
-    groups: PlanTable
-    drawings: tuple[PlanFigure, ...]
-    footer: str
-    supplement: Supplement | None = None
-
-    @property
-    def rows(self) -> list[list[PlanTable | PlanFigure]]:
-        """Tables and figures in their order on the page, those of a row side by side."""
-        output, tensions, errors = self.drawings
-        return [
-            [self.parts],
-            [self.loads],
-            [self.lengths, self.factors],
-            [self.pretension, self.resolution],
-            [output, tensions],
-            [self.groups, errors],
-            [self.similarity],
-            *([] if self.supplement is None else map(list, self.supplement.rows)),
-        ]
-
-
-@dataclass(frozen=True)
-class JointPlan:
-    """All content of the plan of a scale model of several joints, in plain text."""
-
-    title: str
-    lead: str
-    cards: tuple[Card, ...]
-    warnings: tuple[str, ...]
-    rows: list[list[PlanTable | PlanFigure]]
+    rows: tuple[tuple[PlanTable | PlanFigure, ...], ...]
+    """Tables and figures in their order on the page, those of a row side by side."""
     footer: str
 
 
@@ -472,22 +441,21 @@ def content(design: "Design", supplement: Supplement | None = None) -> ScalePlan
         lead=_lead(design),
         cards=_cards(design, error, supplement),
         warnings=(*_warnings(design, error), *(supplement.warnings if supplement else ())),
-        parts=parts(design),
-        lengths=lengths(design),
-        loads=loads(design),
-        pretension=pretension(design),
-        factors=factors(design.comparison),
-        resolution=resolution(design),
-        similarity=similarity(design, error),
-        groups=groups(design.comparison),
-        drawings=(
-            PlanFigure(_output_caption(design), output),
-            PlanFigure("Expected tensions, scaled-up, and their bounds", tensions),
-            PlanFigure("Scaled-up minus real-size output angle", errors),
+        rows=(
+            (parts(design),),
+            (loads(design),),
+            (lengths(design), factors(design.comparison)),
+            (pretension(design), resolution(design)),
+            (
+                PlanFigure(_output_caption(design), output),
+                PlanFigure("Expected tensions, scaled-up, and their bounds", tensions),
+            ),
+            (groups(design.comparison), PlanFigure("Scaled-up minus real-size output angle", errors)),
+            (similarity(design, error),),
+            *(supplement.rows if supplement else ()),
         ),
         footer=f"tenodesis {about()['tenodesis']} · curves and loads without friction · "
         "research software, not a medical device",
-        supplement=supplement,
     )
 
 
@@ -499,7 +467,7 @@ def write(design: "Design", folder: Path, supplement: Supplement | None = None) 
     return write_plan(content(design, supplement), folder)
 
 
-def write_plan(plan: ScalePlan | JointPlan, folder: Path) -> tuple[Path, Path]:
+def write_plan(plan: ScalePlan, folder: Path) -> tuple[Path, Path]:
     """Write the content of a plan as :func:`write`."""
     files = {"plan.html": html(plan).encode(), "plan.pdf": pdf(plan)}
     with written(folder, DesignError) as new:
@@ -510,12 +478,12 @@ def write_plan(plan: ScalePlan | JointPlan, folder: Path) -> tuple[Path, Path]:
     return folder / "plan.html", folder / "plan.pdf"
 
 
-def html(plan: ScalePlan | JointPlan) -> str:
+def html(plan: ScalePlan) -> str:
     """Return the plan as an HTML page."""
     return render("tenodesis.scaling", "plan.html.j2", plan=plan, colors=_colors(), marked=_marked)
 
 
-def pdf(plan: ScalePlan | JointPlan) -> bytes:
+def pdf(plan: ScalePlan) -> bytes:
     """Return the plan as PDF, A4."""
     data = {
         "title": plan.title,

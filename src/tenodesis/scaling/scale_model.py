@@ -69,6 +69,9 @@ class Objectives(NamedTuple):
         return ", ".join(f"{name} {shown(value)}{unit}" for (name, unit), value in named)
 
 
+_PARTS = {"gears": "gear", "pulleys": "pulley", "discs": "set of discs"}
+
+
 class Fitted(NamedTuple):
     """Wheels of one size: where they are, and how many joints turn on them."""
 
@@ -77,6 +80,11 @@ class Fitted(NamedTuple):
     kind: Literal["gears", "pulleys", "discs"]
     joints: int
     """0 of wheels that only tendons run over."""
+
+    @property
+    def part(self) -> str:
+        """What it is, and where."""
+        return f"{_PARTS[self.kind]}, {self.at}"
 
     @property
     def pieces(self) -> int:

@@ -2,6 +2,7 @@
 
 import json
 import math
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 from tenodesis import statics
 from tenodesis.control import Controller, JointController
 from tenodesis.control.parameters import tension_limit
-from tenodesis.errors import NoSolutionError
+from tenodesis.errors import FaultWarning, NoSolutionError
 from tenodesis.instrument import FullForm, Instrument, expanded
 from tenodesis.run import Array, Run, concatenate
 from tenodesis.scaling import AnyDesign, TestLoad
@@ -436,7 +437,10 @@ def rehearse(design: AnyDesign, *, brief: bool = False, seed: int = 0) -> FirstR
     runs = [_phases(_with_friction(inst, share), read, seed) for share in (1.0, *UNCERTAIN)]
     controller = Controller(inst, homed=False) if law_of(inst) == "robust" else JointController(inst)
     steps = _kept(design, _stages(design, brief=brief), controlled=True)
-    closed = _staged(steps, _phases(inst, protocol(design, controlled=True, brief=brief), seed, controller))
+    with warnings.catch_warnings():
+        # Its faults are told in the plan.
+        warnings.simplefilter("ignore", FaultWarning)
+        closed = _staged(steps, _phases(inst, protocol(design, controlled=True, brief=brief), seed, controller))
     faults = [int(value) for run in closed for value in np.unique(np.asarray(run["faults"]).astype(np.int64))]
     bends = _Bend.all_of(expanded(inst))
     loaded = [run for step, run in zip(steps, closed, strict=True) if step.read == "load"]

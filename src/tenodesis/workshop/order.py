@@ -13,7 +13,7 @@ from tenodesis.report.content import fixed
 from tenodesis.run import Array
 from tenodesis.scaling import AnyDesign, Wheel
 from tenodesis.scaling.parts import BoughtPart, CataloguePart, Known, Motor
-from tenodesis.scaling.plan import SPACE, angle, masses, plain, quantity
+from tenodesis.scaling.plan import SPACE, angle, masses, plain, quantity, spools_of, weights_needed
 from tenodesis.scaling.practical import is_stock
 from tenodesis.workshop.budget import BACKLASHES, Budget, named, tolerance
 from tenodesis.workshop.first_run import CONTROLLED, FIRST_RUN, MARGIN, Demand, FirstRun, law_of
@@ -89,10 +89,6 @@ def order_list(design: AnyDesign, demand: Demand) -> tuple[Item, ...]:
     )
 
 
-def _spools(design: AnyDesign) -> int:
-    return sum(tendon.start == "spool" for tendon in expanded(design.scaled_up).tendons)
-
-
 def _wheels(design: AnyDesign) -> Iterator[Item]:
     rope = design.choice.rope
     for one in design.wheels:
@@ -101,7 +97,7 @@ def _wheels(design: AnyDesign) -> Iterator[Item]:
         if wheel.module is not None:
             stock = is_stock(design.catalogue, wheel)
             yield Item(
-                str(one.pieces), f"gear, {one.at}",
+                str(one.pieces), one.part,
                 f"spur gear, module {quantity(wheel.module, 'mm', 4, 'm')}, {wheel.teeth} teeth, 20°",
                 f"pitch radius {radius} = radius to the rope's centre; two tunnels to be drilled",
                 "bought", "days" if stock else "weeks", "to be checked",
@@ -109,13 +105,13 @@ def _wheels(design: AnyDesign) -> Iterator[Item]:
             )  # fmt: skip
         elif one.kind == "discs":
             yield Item(
-                str(one.pieces), f"set of discs, {one.at}", "made to size", f"tendons {radius} from the backbone",
+                str(one.pieces), one.part, "made to size", f"tendons {radius} from the backbone",
                 "made", "workshop", "ours", "drawing",
             )  # fmt: skip
         else:
             groove = quantity(wheel.radius - rope.diameter / 2, "mm", 6, "m")
             yield Item(
-                str(one.pieces), f"pulley, {one.at}", "turned or printed to size",
+                str(one.pieces), one.part, "turned or printed to size",
                 f"radius {radius} to the rope's centre, {groove} to the groove's bottom", "made", "workshop", "ours",
                 "drawing",
             )  # fmt: skip
@@ -146,7 +142,7 @@ def _ropes(design: AnyDesign) -> Iterator[Item]:
         )
         yield _bought(f"{count} + 1 spare", "rope for tendons", rope, must, lead=lead)
     yield Item(
-        str(_spools(design)), "sheaths", "coil sheath with a lining, from handle to motor",
+        str(spools_of(design)), "sheaths", "coil sheath with a lining, from handle to motor",
         f"inner ⌀ {quantity(rope.diameter + _PLAY, 'mm', 3, 'm')} or more; as long as the way to the motors, and "
         "that much "
         "rope more", "bought", "weeks", "to be checked", "paper, Fig. 2: flexible tendon-sheath transmission",
@@ -159,7 +155,7 @@ def _ropes(design: AnyDesign) -> Iterator[Item]:
 def _sensors(design: AnyDesign) -> Iterator[Item]:
     cell, encoder, inst = design.choice.load_cell, design.choice.encoder, expanded(design.scaled_up)
     must = f"range {quantity(cell.range, 'N', 4)}, resolves {quantity(cell.resolution, 'N', 2)}; with its amplifier"
-    yield _bought(str(_spools(design)), "load cell", cell, must, lead="weeks")
+    yield _bought(str(spools_of(design)), "load cell", cell, must, lead="weeks")
     if encoder is not None:
         must = f"{encoder.bits} bit; one at every joint of tip and handle, each with its magnet"
         yield _bought(str(len(inst.arc_places) + len(inst.handle_joints)), "joint encoder", encoder, must)
@@ -204,7 +200,7 @@ def _joints(design: AnyDesign) -> Iterator[Item]:
 
 
 def _drives(design: AnyDesign, demand: Demand) -> Iterator[Item]:
-    spool, count = design.choice.spool, _spools(design)
+    spool, count = design.choice.spool, spools_of(design)
     groove = quantity(spool.radius - design.choice.rope.diameter / 2, "mm", 5, "m")
     yield Item(
         str(count), "spools", f"radius {quantity(spool.radius, 'mm', 4, 'm')} to the rope's centre",
@@ -262,9 +258,7 @@ def _motors(design: AnyDesign, demand: Demand) -> list[tuple[str, Motor | None]]
 def _rig(design: AnyDesign) -> Iterator[Item]:
     if not design.tests:
         return
-    needed = Counter[float]()
-    for test in design.tests:
-        needed |= Counter((*test.weights.loading, *test.weights.counter))
+    needed = weights_needed(design)
     (piece, *_) = design.catalogue.weights
     count = str(needed.total())
     yield _bought(count, "weights", piece, "enough for each test load in turn")._replace(
