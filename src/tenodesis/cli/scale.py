@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,14 +25,21 @@ from tenodesis.cli.common import (
     table,
 )
 from tenodesis.cli.outputs import Outputs
-from tenodesis.cli.scale_joints import packed, print_built, print_pack, scale_joints, write_front
+from tenodesis.cli.scale_joints import (
+    error_text,
+    packed,
+    print_built,
+    print_designs,
+    print_pack,
+    scale_joints,
+    write_front,
+)
 from tenodesis.errors import CommandError
 from tenodesis.extras import require
 from tenodesis.files import atomic_files, write_errors
 from tenodesis.instrument import ShortForm
 from tenodesis.instrument.text import to_file
-from tenodesis.report import style
-from tenodesis.scaling import Catalogue, Design, Front, Objectives, figures, plan
+from tenodesis.scaling import Catalogue, Design, Front, plan
 from tenodesis.scaling.design import PREFERENCES, Preference
 from tenodesis.scaling.practical import OBJECTIVES as PRACTICAL_OBJECTIVES
 from tenodesis.scaling.practical import SIMILAR, Objective, PracticalFront, practical_front
@@ -41,7 +49,6 @@ from tenodesis.units import SimilarityError
 
 _SHOWN = 10
 _TRIED = 20
-_SHOWN_ERROR = 0.01  # deg, the smallest that is told apart
 _NEAR = 0.9  # of the tension that a part allows
 _HEADING = """Scale model of {}, designed by tenodesis scale; plan.html lists what to build and which weights to use.
 The tip's inertia and damping, and the ropes' true modulus, are to be measured once it stands."""
@@ -260,36 +267,11 @@ def _write(  # noqa: PLR0917
         plan.write(design, new, supplement)
         if pack is not None:
             pack.write(new)
-        write_front(front, new / "front.csv")
-        _draw_front(free or front, design.objectives, new)
-
-
-def _draw_front(front: Front, chosen: Objectives, folder: Path) -> None:
-    with style.applied():
-        figure = figures.draw_front(front, {"this design": chosen})
-        figure.savefig(folder / "front.svg", metadata={"Date": None}, dpi=200)
-        figure.savefig(folder / "front.png", dpi=200)
+        write_front(front, free or front, design.objectives, new)
 
 
 def _print_front(front: Front, chosen: int | None, design: Design, free: Front | None) -> None:
-    title = (
-        f"{front.real_size.name}: {front.examined} scale models judged, "
-        f"{front.feasible} meet every constraint, {len(front)} on the front"
-    )
-    designs = table(title, ">row", ">as designed", ">as built", ">resolution", ">length", ">margin", "made of")
-    for index in _representatives(front, chosen):
-        one = front.objectives[index]
-        row = [
-            str(index + 1),
-            _error(one.similarity_error),
-            f"{built_usually(front, index):.2g}°",
-            f"{1e3 * one.force_resolution:.3g} mN",
-            f"{1e3 * one.overall_length:.4g} mm",
-            f"{one.tension_margin:.3g}",
-            escape(front.described(index)),
-        ]
-        designs.add_row(*row, style="bold" if index == chosen else None)
-    console.print(designs)
+    print_designs(front, _representatives(front, chosen), chosen, partial(built_usually, front))
     say(
         "As designed: largest similarity error over the working range. As built: what 95 % keep with usual tolerances, "
         "without friction. Resolution: least force on the real instrument. Margin: breaking load over the largest "
@@ -305,10 +287,6 @@ def _print_front(front: Front, chosen: int | None, design: Design, free: Front |
         say(sentence)
     if free is not None:
         say(f"Without the pins, {scaling.rivals_text(free, design.objectives)}")
-
-
-def _error(degrees: float) -> str:
-    return f"{degrees:.2f}°" if degrees >= _SHOWN_ERROR else f"<{_SHOWN_ERROR:g}°"
 
 
 def _strained(design: Design) -> Iterator[str]:
@@ -341,7 +319,7 @@ def _print_objectives(practical: PracticalFront, taken: Objective | None) -> Non
         one = practical.practical[index]
         row = (
             f"{one.cost:.3g}", f"{1e3 * one.overall_length:.4g} mm", str(int(one.waiting + 1e-9)),
-            _error(practical.exact[index].similarity_error), f"{one.as_built:.2g}°",
+            error_text(practical.exact[index].similarity_error), f"{one.as_built:.2g}°",
             escape(practical.described(index)),
         )  # fmt: skip
         found.add_row(objective, *row, style="bold" if objective == taken else None)

@@ -1,7 +1,7 @@
 """What ``tenodesis scale`` does with an instrument of several joints."""
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from tenodesis.scaling.sweep import Progress as Report
 _FILES = ("scaled-up.toml", "plan.html", "plan.pdf", "parts.csv", "front.csv", "front.svg", "front.png")
 _SAMPLES = 64
 _SHARE = 0.95
+_SHOWN_ERROR = 0.01  # deg, the smallest that is told apart
 _HEADING = """Scale model of {}, designed by tenodesis scale; plan.html lists what to build and which weights to use.
 The links' inertia and damping, and the ropes' true modulus, are to be measured once it stands."""
 
@@ -126,37 +127,51 @@ def _write(
             pack.write(new)
         with (new / "parts.csv").open("w", newline="", encoding="utf-8") as file:
             csv.writer(file).writerows([("number", "part", "take", "which is"), *part_rows(design)])
-        write_front(front, new / "front.csv")
-        with style.applied():
-            figure = figures.draw_front(front, {"this design": design.objectives})
-            figure.savefig(new / "front.svg", metadata={"Date": None}, dpi=200)
-            figure.savefig(new / "front.png", dpi=200)
+        write_front(front, front, design.objectives, new)
 
 
-def write_front(front: "scaling.Front | JointFront", path: Path) -> None:
-    """Write the designs of a front as CSV."""
+def write_front(
+    front: "scaling.Front | JointFront", drawn: "scaling.Front | JointFront", chosen: scaling.Objectives, folder: Path
+) -> None:
+    """Write the designs of a front as CSV, and the picture of one with the chosen design."""
+    with style.applied():
+        figure = figures.draw_front(drawn, {"this design": chosen})
+        figure.savefig(folder / "front.svg", metadata={"Date": None}, dpi=200)
+        figure.savefig(folder / "front.png", dpi=200)
     columns = {"row": list(range(1, len(front) + 1)), **front.table()}
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with (folder / "front.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(columns)
         for row in zip(*columns.values(), strict=True):
             writer.writerow(f"{value:.9g}" if isinstance(value, float) else value for value in row)
 
 
-def _print(front: JointFront, chosen: int, design: JointDesign, built: AsBuilt | None) -> None:
+def print_designs(
+    front: "scaling.Front | JointFront",
+    rows: Sequence[int],
+    chosen: int | None,
+    built: Callable[[int], float] | None = None,
+) -> None:
+    """Print some designs of a front, with what most of them keep as built (deg) where that is known."""
     title = (
         f"{front.real_size.name}: {front.examined} scale models judged, {front.feasible} meet every constraint, "
         f"{len(front)} on the front"
     )
-    designs = table(title, ">row", ">as designed", ">resolution", ">length", ">margin", "made of")
-    for index in sorted({front.best(one) for one in PREFERENCES} | {chosen}):
+    also = () if built is None else (">as built",)
+    designs = table(title, ">row", ">as designed", *also, ">resolution", ">length", ">margin", "made of")
+    for index in rows:
         one = front.objectives[index]
         row = (
-            str(index + 1), _angle(one.similarity_error), f"{1e3 * one.force_resolution:.3g} mN",
-            f"{1e3 * one.overall_length:.4g} mm", f"{one.tension_margin:.3g}", escape(front.described(index)),
+            str(index + 1), error_text(one.similarity_error), *(() if built is None else (f"{built(index):.2g}°",)),
+            f"{1e3 * one.force_resolution:.3g} mN", f"{1e3 * one.overall_length:.4g} mm", f"{one.tension_margin:.3g}",
+            escape(front.described(index)),
         )  # fmt: skip
         designs.add_row(*row, style="bold" if index == chosen else None)
     console.print(designs)
+
+
+def _print(front: JointFront, chosen: int, design: JointDesign, built: AsBuilt | None) -> None:
+    print_designs(front, sorted({front.best(one) for one in PREFERENCES} | {chosen}), chosen)
     pair = design.comparison
     found = {"as designed": design.error, "with friction\nat rest": design.error_at_rest}
     columns = {name: (error.largest.tolist(), error.largest_at_tip) for name, error in found.items()}
@@ -164,7 +179,7 @@ def _print(front: JointFront, chosen: int, design: JointDesign, built: AsBuilt |
         columns[f"as built,\n{100 * built.share:g} % keep"] = (list(built.joints), built.tip)
     errors = table("largest similarity error", "", *(f">{name}" for name in columns))
     for n, joint in enumerate(pair.joints):
-        errors.add_row(joint, *(_angle(angles[n]) for angles, _ in columns.values()))
+        errors.add_row(joint, *(error_text(angles[n]) for angles, _ in columns.values()))
     errors.add_row("at the real-size tip", *(distance(tip) for _, tip in columns.values()))
     console.print(errors)
     factors = pair.factors
@@ -173,9 +188,10 @@ def _print(front: JointFront, chosen: int, design: JointDesign, built: AsBuilt |
         f"{factors['force']:.4g}, tension x {factors['tension']:.4g}, time x {factors['time']:.4g}."
     )
     if (stock := front.in_stock) is not None:
-        say(f"With wheels in stock alone: {_angle(stock.error)} as designed, length x {stock.factor:.4g}.")
+        say(f"With wheels in stock alone: {error_text(stock.error)} as designed, length x {stock.factor:.4g}.")
     say("As built: by usual tolerances; tenodesis tolerance says which of them dominate.")
 
 
-def _angle(degrees: float) -> str:
-    return f"{degrees:.2f}°" if degrees >= 0.01 else "<0.01°"
+def error_text(degrees: float) -> str:
+    """Return a similarity error as text."""
+    return f"{degrees:.2f}°" if degrees >= _SHOWN_ERROR else f"<{_SHOWN_ERROR:g}°"
