@@ -53,6 +53,17 @@ def test_jaws_over_a_wrist_come_back_under_load_whatever_friction(name: str, sca
     assert (np.abs(error) < 3 * estimate.angle_std[-1]).all()
 
 
+def test_a_slow_tip_does_not_swing_on_after_a_move() -> None:
+    # as heavy as a scale model's, without friction: it swings at 2.5 Hz
+    inst = expanded(tn.load("needle-driver"))
+    slow = inst.replace(joints=[joint.model_copy(update={"mass": 10.0}) for joint in inst.tip_joints])
+    twin = tn.twin.Twin(slow, seed=0)
+    time = np.arange(round(6 / twin.time_step)) * twin.time_step
+    target = np.outer(np.clip(time - 1, 0, 1), [0.35, 0.0, 0.0])
+    run = twin.run(np.zeros((time.size, 0)), controller=tn.control.JointController(slow), target=target)
+    assert np.degrees(np.ptp(run["output_angle"][time > 5], axis=0)).max() < 0.02
+
+
 def test_segments_that_droop_reach_what_is_commanded() -> None:
     inst = expanded("two-segment-continuum")
     off, _, _ = left_over(inst, inst, [0.5, -0.3], [0.1, 0.0, 0.1], compensates=False)

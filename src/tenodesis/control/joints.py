@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 from tenodesis import _core
 from tenodesis.control.controller import LoopState, OperatingState, Request, as_request, fault_names
 from tenodesis.control.pairs import names_of
-from tenodesis.control.parameters import FAULT_OVER_LIMIT, FAULTS, limits, tension_limit
+from tenodesis.control.parameters import FAULT_OVER_LIMIT, FAULTS, GAIN_PER_SWING, limits, tension_limit
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
-from tenodesis.plant import TIME_STEP
+from tenodesis.plant import TIME_STEP, natural_frequencies
 from tenodesis.routes import twin_rows, twin_values
 from tenodesis.run import Array, Names
 
@@ -296,7 +296,7 @@ def _values(inst: FullForm, period: float) -> dict[str, float]:
         "moment_deviation": held,
         "grip_deviation": held / reach,
         "imbalance": _IMBALANCE * held,
-        "rate": _LAW_SHARE * gain,
+        "rate": min(_LAW_SHARE * gain, GAIN_PER_SWING * float(natural_frequencies(inst)[0])),
         "gain": gain,
         "speed": speed * drives.spool_radius,
         "tension_limit": limit,

@@ -39,7 +39,7 @@ TUNING = {name: Constant(value, unit, source, meaning) for name, value, unit, so
 
 _USUAL_GAIN = 12.0  # 1/s
 # An integrating loop becomes unstable at twice the damping ratio of a free tip times its angular frequency.
-_GAIN_PER_SWING = 0.23
+GAIN_PER_SWING = 0.23
 # Longest delay of motors that take tremor away, s.
 _LATEST = TUNING["tremor_quickest"].value * TUNING["tremor_half_period"].value
 _USUAL_LIMIT = 80.0  # N
@@ -243,7 +243,7 @@ def _axis(inst: ShortForm, period: float, *, is_first: bool) -> dict[str, float]
         "tremor_delay": min(delay, _LATEST),
         # Motors that follow later would shake the tip.
         "tremor_gain": 1.05 if delay <= _LATEST else 0.0,
-        "gain": control.gain or min(_USUAL_GAIN, _GAIN_PER_SWING * plant.natural_frequency(inst)),
+        "gain": control.gain or min(_USUAL_GAIN, GAIN_PER_SWING * plant.natural_frequency(inst)),
         "position_gain": control.position_gain,
         "dead_band": control.dead_band,
         "tendon_speed": control.tendon_speed or 0.5 * speed * drives.spool_radius,
