@@ -220,7 +220,7 @@ def main() -> None:
         law.show(options, f"any_routing_{figures.slug(Path(name).stem)}", groups, columns)
         if tool(name).grip is not None:
             axes = {"name": [name], "closing": CLOSINGS, "friction": law.ASSUMED}
-            rows = campaign.run(grip_kept, campaign.cases(**axes), "grip", results=options.results)
+            rows = campaign.run(grip_kept, campaign.cases(**axes), "grip")
             law.show(options, f"any_routing_grip_{figures.slug(Path(name).stem)}", rows.by("closing"), grips)
     print("targets 0.3 RMS, 0.7 worst, farther by 0.3 at most, normalised 0.7 to 1.5; grip 0.95 to 1.05")
 
