@@ -219,6 +219,34 @@ void joints_reach_their_targets_and_are_never_farther_than_without() {
   }
 }
 
+void whatever_is_true_within_the_deviation_a_joint_is_no_farther_than_without() {
+  const auto compensation = law();
+  const double target[3] = {0.3, 0, 0};
+  for (const double loss : {-0.03, -0.005, 0.001, 0.004, 0.01}) {
+    for (const double std : {1e-4, 1e-3, 2e-3, 1e-2}) {
+      Observer::Measured measured{};
+      JointEstimate<double, 3, 6> found{};
+      JointLaw<Wrist>::Memory own{};
+      found.valid = true;
+      found.covariance.at[0][0] = std * std;
+      for (int m = 0; m < 6; ++m) {
+        found.taut[m] = true;
+        found.far_tension[m] = measured.tension[m] = pretension;
+      }
+      double velocity[6];
+      for (int n = 0; n < 4000; ++n) {
+        found.angle[0] = target[0] - loss + own.given[0];
+        compensation.update(measured, found, target, true, own, velocity);
+      }
+      for (const double deviations : {-2.0, -1.0, 0.0, 1.0, 2.0}) {
+        const double lost = loss + deviations * std;
+        CLAIM(std::fabs(lost - own.given[0]) <= std::fabs(lost) + 1e-9);
+      }
+      if (std::fabs(loss) > 4 * std) CLAIM_NEAR(own.given[0], loss, 1e-5);
+    }
+  }
+}
+
 void jaws_that_were_closed_and_are_pressed_apart_keep_their_grip() {
   Observer observer = observer_of(0);
   observer.deviations.length = 1e-6;
@@ -270,6 +298,7 @@ int main() {
   a_common_pull_shows_friction();
   what_sticks_after_a_reversal_is_in_the_deviation();
   joints_reach_their_targets_and_are_never_farther_than_without();
+  whatever_is_true_within_the_deviation_a_joint_is_no_farther_than_without();
   jaws_that_were_closed_and_are_pressed_apart_keep_their_grip();
   a_reading_that_is_not_a_number_stops_the_spools();
   return claims::report();
