@@ -229,3 +229,18 @@ def test_forces_on_two_planar_axes_are_one_force_on_the_tip_and_the_command_read
         # of one draw of noise; coverage is what studies/coverage.py counts
         assert_allclose(pretension["value"], 30.0, rtol=0, atol=3 * pretension["std"])
         assert pretension["std"] < 0.01
+
+
+def test_of_axes_that_the_twin_moved_each_by_itself_the_first_is_fitted_alone(
+    tenodesis: Callable[..., tuple[int, str, str]],
+) -> None:
+    inst = tn.load("real-size")
+    handle = 0.2 * np.sin(np.arange(1500)[:, np.newaxis] / (200, 150))
+    run = tn.twin.Twin(inst).run(handle, np.zeros_like(handle))
+    metadata = {"instrument": to_toml(inst), "mode": "dynamic"}
+    with Recorder("apart.mcap", axes=run.names, metadata=metadata) as recorder:
+        recorder.write(run)
+    code, out, _ = tenodesis("identify", "apart.mcap", "--fit", "pretension_ratio", "--starts", "1", "--json")
+    found = json.loads(out)
+    assert (code, found["format"]) == (0, "recording")
+    assert_allclose(found["parameters"]["pretension_ratio"]["value"], 1, atol=0.01)

@@ -35,8 +35,9 @@ from tenodesis.identification.results import Fit, to_json, unexplained, worse_he
 from tenodesis.identification.routing import RoutingRun
 from tenodesis.identification.split import LEAST_LENGTH, LEAST_SHARE, LONGEST, FittedPart, shortened, split
 from tenodesis.identification.uncertainty import LossName
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import ShortForm, parse
 from tenodesis.recording.blocks import first_run
+from tenodesis.recording.metadata import DYNAMIC, QUASI_STATIC
 from tenodesis.report.page import json_text
 from tenodesis.units import Duration
 
@@ -50,6 +51,7 @@ _OF_INSTRUMENTS = ("recording", "csv", "mcap")
 """Formats whose recordings may lack the tensions."""
 _SHARED = "Tendons turn several joints: all of them are fitted together (--format tendons)."
 _SEVERAL = "The instrument has two axes: both are fitted together (--format tendons)."
+_APART = "The twin moved each axis by itself: the first is fitted alone (--format tendons fits both as one chain)."
 _LONGEST = f"{LONGEST:g} s"
 ArrangementChoice: TypeAlias = Literal["auto", "compare", "file"]
 
@@ -203,7 +205,9 @@ def identify(  # noqa: PLR0917
 def _loaded(format_name: str, files: Sequence[Path]) -> tuple[str, list[MeasuredRun]]:
     """Return recordings and their format: that of joints where an instrument's recording holds no tensions."""
     together = _together(files[0]) if format_name in _OF_INSTRUMENTS else None
-    if together is not None and (found := _of_tendons(files, together)):
+    if together == _APART:
+        note(_APART)
+    elif together is not None and (found := _of_tendons(files, together)):
         return _TENDONS, found
     try:
         found = _read_as(format_name, files)
@@ -220,8 +224,10 @@ def _loaded(format_name: str, files: Sequence[Path]) -> tuple[str, list[Measured
             raise (problem if problem.key == "time" else lacking) from None
         note("No tensions were recorded: coupling, play and offset of the joints are identified (--format joints).")
         return _JOINTS, found
-    if any(isinstance(run, InstrumentRun) and run.others for run in found) and (
-        tendons := _of_tendons(files, _SEVERAL)
+    if (
+        together != _APART
+        and any(isinstance(run, InstrumentRun) and run.others for run in found)
+        and (tendons := _of_tendons(files, _SEVERAL))
     ):
         return _TENDONS, tendons
     return format_name, found
@@ -237,15 +243,19 @@ def _of_tendons(files: Sequence[Path], why: str) -> list[MeasuredRun]:
 
 
 def _together(path: Path) -> str | None:
-    """Return why all tendons of a recording are fitted together, by its first rows; None if they are not."""
-    run = first_run(path)
-    if run is None:
+    """Return why all tendons of a recording are fitted together, or not, by its first rows; None if nothing says so."""
+    found = first_run(path)
+    if found is None:
         return None
+    run, metadata = found
     try:
         columns_of(first_axis(run), str(path), [])
     except IdentificationError as problem:
         return _SHARED if problem.key == "joint" else None
-    return _SEVERAL if run.axes[1:] else None
+    if not run.axes[1:]:
+        return None
+    twin = metadata.get("mode") in (DYNAMIC, QUASI_STATIC) and "instrument" in metadata
+    return _APART if twin and parse(metadata["instrument"], str(path)).short_form is not None else _SEVERAL
 
 
 def _read_as(format_name: str, files: Sequence[Path]) -> list[MeasuredRun]:

@@ -36,6 +36,8 @@ SLOPES_OVER = 8.0
 
 Over a smaller one, a few contacts that stick or slip make up the difference; over a larger one, the change of many.
 """
+MOST_OVER_NOISE = 5.0
+"""Deviations by which residuals may then be above the sensors' noise."""
 LARGEST_WIDTH = 0.02
 """Of these changes, over a parameter's scale."""
 LEAST_REPLICATES = 40
@@ -188,15 +190,26 @@ def _refined(problem: Problem, search: Search, best: SearchEnd) -> SearchEnd:
 
 
 def _weighed(problem: Problem, search: Search, best: SearchEnd, seed: int) -> SearchEnd:
-    """Return the optimum with systematic errors of sensors in the residuals' weights, where a problem has them."""
+    """Return the optimum with systematic errors of sensors in the residuals' weights, where a problem has them.
+
+    The optimum without them stands where that one is not reached, or the model leaves an effect out.
+    """
     if not problem.weigh_sensors(search.full(best.at), search.train):
         return best
+    near = best
     for _ in range(WEIGHED_SEARCHES):
-        best = search.stepped(best.at)
-        scale = scales(problem.parameters, search.full(best.at))[search.free]
-        found = uncertainty.estimate([search.linearised(best.at, run, scale) for run in search.train], search.loss)
+        near = search.stepped(near.at)
+        scale = scales(problem.parameters, search.full(near.at))[search.free]
+        found = uncertainty.estimate([search.linearised(near.at, run, scale) for run in search.train], search.loss)
         search.widths = np.minimum(SLOPES_OVER * found.std, LARGEST_WIDTH) * scale
-    return search.smoothed(best.at, found.covariance, seed)
+    near = search.smoothed(near.at, found.covariance, seed)
+    squares = search.residuals(near.at) ** 2
+    # the mean square of that many normal deviates, and its deviation
+    if squares.mean() > 1 + MOST_OVER_NOISE * math.sqrt(2 / squares.size):
+        problem.weigh_sensors(search.full(best.at), ())
+        search.widths = None
+        return best
+    return near
 
 
 def _check(

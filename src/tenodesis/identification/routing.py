@@ -509,12 +509,13 @@ class Routing(Problem):
         return self._step >= _LEAST_STEP
 
     def weigh_sensors(self, values: Array, runs: Sequence[int]) -> bool:
-        """Take offsets and gains of load cells, near some values, into the residuals' weights.
+        """Take offsets and gains of load cells of runs, near some values, into the residuals' weights, of others out.
 
         Not before a search is near its end: what is left of the tensions determines their level by when tendons slip,
         where a search ends in any of many optima. And not beside what spools' counts hide: its effects are not linear,
         and what the level of tensions would tell beside them is less than intervals would say.
         """
+        self._cells.clear()
         for run in runs if not self._near else ():
             effects = self._of_cells(values, run)
             if effects.any():

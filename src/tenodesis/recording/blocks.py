@@ -256,10 +256,11 @@ class RegularBlocks:
         self._others = channels.keys() - self._decoders.keys()
 
 
-def first_run(path: Path) -> Run | None:
-    """Return the first rows of a recording of this package, None where it is none."""
+def first_run(path: Path) -> tuple[Run, dict[str, str]] | None:
+    """Return the first rows of a recording of this package and its metadata, None where it is none."""
+    blocks = RegularBlocks(path)
     with suppress(IrregularError, RecordingError):
-        return next(iter(RegularBlocks(path)), None)
+        return next(((run, blocks.metadata) for run in blocks), None)
     return None
 
 
