@@ -90,6 +90,8 @@ def fit(
     _check(problem, train, test, starts=starts, bootstrap=bootstrap, loss=loss, derivatives=derivatives)
     indices = _free(problem, free)
     search = Search(problem, indices, tuple(train), loss, derivatives)
+    # those of an earlier fit
+    problem.weigh_sensors(search.start, ())
     total = starts + bootstrap
     report = progress or (lambda _done, _total: None)
 

@@ -90,8 +90,8 @@ class Problem(ABC):
     def weigh_sensors(self, values: Array, runs: Sequence[int]) -> bool:
         """Take systematic sensor errors of runs near some values into the residuals' weights; return if there are any.
 
-        Those of other runs are taken out.
-        The least squares of the residuals are then the generalised ones of Aitken (1936).
+        Those of other runs are taken out. The least squares of the residuals are then the generalised ones of Aitken
+        (1936).
         """
         return False
 
