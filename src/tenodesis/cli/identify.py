@@ -225,7 +225,7 @@ def _loaded(format_name: str, files: Sequence[Path]) -> tuple[str, list[Measured
         note("No tensions were recorded: coupling, play and offset of the joints are identified (--format joints).")
         return _JOINTS, found
     if (
-        together != _APART
+        together is None
         and any(isinstance(run, InstrumentRun) and run.others for run in found)
         and (tendons := _of_tendons(files, _SEVERAL))
     ):

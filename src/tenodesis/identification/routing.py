@@ -529,7 +529,7 @@ class Routing(Problem):
         return self.derivatives(values, run, range(len(self.parameters)))
 
     def _of_cells(self, values: Array, run: int) -> Array:
-        """Return effects on residuals of one deviation of each load cell's offset and gain, (n, m).
+        """Return effects on plain residuals of one deviation of each load cell's offset and gain, (n, m).
 
         Gains act on the tensions of the model, for readings have the residuals' own noise.
         """
@@ -540,14 +540,14 @@ class Routing(Problem):
                 own = {name: 0 * row + (error if name == channel else 0.0) for name, row in model.items()}
                 effects.append(self._scaled(own))
         size = sum(row.size for row in model.values())
-        rows = np.nan_to_num(np.stack(effects, axis=1)) if effects else np.zeros((size, 0))
-        return self._near[run].whitened(rows) if run in self._near else rows
+        return np.nan_to_num(np.stack(effects, axis=1)) if effects else np.zeros((size, 0))
 
-    def systematic_errors(self, values: Array, run: int) -> Array:
-        """Return effects of load cells while they are not in the weights, and of counts if not linear, (n, m)."""
-        found = self._of_cells(values, run)[:, : 0 if run in self._cells else None]
-        near = self._near.get(run)
-        return found if near is None else np.concatenate([found, near.whitened(near.nonlinear)], axis=1)
+    def systematic_errors(self, values: Array, run: int) -> Array | None:
+        """Return effects of load cells and of counts if not linear, (n, m); None once cells are in the weights."""
+        if run in self._cells:
+            return None
+        found, near = self._of_cells(values, run), self._near.get(run)
+        return found if near is None else near.whitened(np.concatenate([found, near.nonlinear], axis=1))
 
     def _read(self, values: Array, run: int) -> dict[str, Array]:
         """Return the model's readings by channel, with the errors of load cells that are likeliest where it has them.

@@ -121,22 +121,26 @@ class TestLoad(NamedTuple):
     """Component of the wrench at the tip, as fx or -fy, or grip_force."""
 
     @property
+    def _component(self) -> tuple[str, float]:
+        """Component that it is, and its value with its sign, N."""
+        name = self.direction.removeprefix("-")
+        return name, self.force if name == self.direction else -self.force
+
+    @property
     def load(self) -> tuple[Array, float]:
         """Wrench (6,), N and N m, and grip force, N, on the scaled-up tip."""
         wrench = np.zeros(6)
-        name = self.direction.lstrip("-")
+        name, newton = self._component
         if name == "grip_force":
-            return wrench, self.force
-        wrench[COMPONENTS.index(name)] = math.copysign(self.force, -1 if self.direction[0] == "-" else 1)
+            return wrench, newton
+        wrench[COMPONENTS.index(name)] = newton
         return wrench, 0.0
 
     @property
     def applied(self) -> dict[str, Any]:
         """Keys and values of a phase of a protocol under it."""
-        wrench, grip = self.load
-        name = self.direction.lstrip("-")
-        newton = grip if name == "grip_force" else wrench[COMPONENTS.index(name)]
-        value = f"{newton:.9g} N"
+        name, newton = self._component
+        value = f"{newton + 0.0:.9g} N"
         return {name: value} if name == "grip_force" else {"wrench": {name: value}}
 
 

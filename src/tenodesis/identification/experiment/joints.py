@@ -247,20 +247,22 @@ def _problem(
     return run, routing.problem([read], [], law=law)
 
 
-def _information(problem: routing.Routing, *, systematic: bool = False) -> Information:
-    """Return the information in a run; errors of load cells do not average out over motions, and choose none."""
+def _information(problem: routing.Routing) -> Information:
+    """Return the information in a run."""
     values = np.array([one.start for one in problem.parameters])
-    if systematic:
-        problem.weigh_sensors(values, [0])
     slopes = problem.jacobian(values, 0) * scales(problem.parameters, values)
     curvature = slopes.T @ slopes
     return Information(curvature, curvature)
 
 
 def _std(problem: routing.Routing) -> dict[str, float]:
-    """Return the standard deviation of each parameter with all of them open, SI."""
+    """Return the standard deviation of each parameter with all of them open, SI.
+
+    Errors of load cells count here alone: they do not average out over motions, and choose none.
+    """
     values = np.array([one.start for one in problem.parameters])
-    std = _information(problem, systematic=True).uncertainty().std * scales(problem.parameters, values)
+    problem.weigh_sensors(values, [0])
+    std = _information(problem).uncertainty().std * scales(problem.parameters, values)
     return dict(zip((one.name for one in problem.parameters), std.tolist(), strict=True))
 
 
