@@ -12,8 +12,8 @@ CORE := $(wildcard include/tenodesis/*)
 EXTENSION := $(wildcard src/bindings/* src/engine/* src/runtime/*)
 CPP_TESTS := $(wildcard tests/cpp/*)
 TIDY := -std=c++20 -Iinclude -Isrc -Iexamples -fno-math-errno
-# What compiles the templates of src/c/joints.cpp and src/bindings/twin.cpp again for eleven sizes: the static analyzer,
-# which reads them there, takes a minute and a half of these.
+# They compile the templates of src/c/joints.cpp and src/bindings/twin.cpp again, for eleven sizes. The static analyzer
+# reads these templates there; here it would take a minute and a half.
 ELEVENFOLD := $(patsubst %,src/bindings/%.cpp,tendon_chain chain_twin joint_control)
 # What has the sizes of an exported header.
 SIZED := src/c/joints.cpp tests/cpp/test_joints_interface.cpp
