@@ -18,6 +18,8 @@ from tenodesis.report.content import unit_text
 from tenodesis.units import in_unit
 
 _READABLE = {"rad": "deg", "m": "mm", "s": "ms"}
+_IN_A_ROW = 4
+"""Entries of a legend."""
 _MOST_NAMED = 8
 """Series that a legend names."""
 _MOST_WRITTEN = 12
@@ -56,16 +58,17 @@ def run_figure(problem: Problem, found: Fit, run: int) -> Figure:
             style.legend_above(axis, 2)
         else:
             signal, _, unit = key.rpartition("_")
-            # an error may be of several signals, one after the other: of both tendons
-            names = [name for name in traces if name == key or (name.startswith(f"{signal}_") and name.endswith(unit))]
+            # an error may be of several signals, one after the other: of all tendons
+            parts = (f"{signal}_", f"{signal}.")
+            names = [name for name in traces if name == key or (name.startswith(parts) and name.endswith(unit))]
             sizes = [traces[name].time.size for name in names]
             if names and sum(sizes) == error.size:
                 colours = [style.MUTED] if len(names) == 1 else style.colors(len(names) + 1)[1:]
                 for name, part, colour in zip(names, np.split(error, np.cumsum(sizes)[:-1]), colours, strict=True):
-                    label = name.removeprefix(f"{signal}_").removesuffix(f"_{unit}")
+                    label = name[len(signal) + 1 :].removesuffix(f"_{unit}").replace("_", " ")
                     axis.plot(traces[name].time, part, color=colour, lw=0.8, label=label, rasterized=True)
                 if len(names) > 1:
-                    style.legend_above(axis, len(names))
+                    style.legend_above(axis, min(len(names), _IN_A_ROW))
             else:
                 time = np.arange(error.size) * problem.sample_time(run)
                 axis.plot(time, error, color=style.MUTED, lw=0.8, rasterized=True)

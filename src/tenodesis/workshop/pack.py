@@ -28,6 +28,8 @@ from tenodesis.workshop.order import HEADER, Item, Step, checklist, order_list
 
 _SMALL: Any = {"font.size": 6.5, "legend.fontsize": 6, "axes.linewidth": 0.6, "axes.titlesize": 7}
 _LINE = 60  # letters of a label
+_LINE_HEIGHT = 0.65  # of a line of a label, over a bar's row
+_LEAST = 0.01  # the smallest number beside a bar
 _SHOWN = 0.005  # of the error or of the cost: smaller shares have no bar
 
 
@@ -46,8 +48,10 @@ def practical_svg(found: PracticalFront, chosen: int | None) -> str:
 def _budget(budget: Budget) -> Figure:
     total = budget.cost or 1.0
     rows = [one for one in budget.dimensions.values() if max(one.share, one.cost / total) >= _SHOWN][::-1]
-    at = np.arange(len(rows))
-    fig = Figure(figsize=(7.3, 0.4 + 0.2 * len(rows)), layout="constrained")
+    labels = [fill(f"{named(one.key).replace('_', '')}, {one.grade.name}", _LINE) for one in rows]
+    heights = np.array([max(1.0, _LINE_HEIGHT * (1 + label.count("\n"))) for label in labels])
+    at = np.cumsum(heights) - heights / 2
+    fig = Figure(figsize=(7.3, 0.4 + 0.2 * heights.sum()), layout="constrained")
     left, right = fig.subplots(1, 2, sharey=True)
     for axis, values, color, label in (
         (left, [100 * one.share for one in rows], style.ACCENT, "share of the error [%]"),
@@ -57,9 +61,9 @@ def _budget(budget: Budget) -> Figure:
         axis.set(xlabel=label, xlim=(0, 1.18 * max(values, default=1.0) or 1.0))
         axis.grid(visible=False, axis="y")
         for y, value in zip(at, values, strict=True):
-            axis.annotate(f"{value:.3g}", (value, y), (3, 0), textcoords="offset points", va="center", fontsize=6)
-    labels = [f"{named(one.key).replace('_', '')}, {one.grade.name}" for one in rows]
-    left.set_yticks(at, [fill(label, _LINE) for label in labels])
+            text = f"<{_LEAST:g}" if 0 < value < _LEAST else f"{value:.3g}"
+            axis.annotate(text, (value, y), (3, 0), textcoords="offset points", va="center", fontsize=6)
+    left.set_yticks(at, labels)
     left.tick_params(axis="y", length=0, labelcolor=style.INK)
     right.tick_params(axis="y", length=0)
     return fig
