@@ -212,7 +212,7 @@ def test_a_rope_is_cut_for_its_path_the_spool_and_the_terminations(design: scali
     assert cut.total == pytest.approx(cut.path + cut.wound + cut.spare + cut.terminations)
 
 
-DEMAND = workshop.Demand(90.0, 170.0, 2.1, 0.6, 0.9, 90.0)
+DEMAND = workshop.Demand(90.0, 170.0, 2.1, 0.9, 90.0)
 
 
 def test_the_order_list_has_every_kind_of_part_and_how_far_each_is_known(design: scaling.Design) -> None:

@@ -27,8 +27,6 @@ class LawRow:
     test_rmse: float
     """Over all held-out samples, in `unit`; NaN if none were held out."""
     unit: str
-    worst_test_rmse: float
-    """Of the held-out run that it predicts worst."""
     bic: float
     """Bayesian information criterion (Schwarz 1978) of the training runs, over that of the best law."""
     aic: float
@@ -81,14 +79,12 @@ def _independent(problem: Problem, one: Fit, train: Sequence[int]) -> float:
 
 def _row(law: str, one: Fit, bic: float, aic: float) -> LawRow:
     key = next(iter(one.train_rmse))
-    held = [run.rmse[key] for run in one.files if run.split == "test"]
     return LawRow(
         law,
         len(one.free),
         one.train_rmse[key],
         one.test_rmse.get(key, math.nan),
         key.rpartition("_")[2],
-        max(held, default=math.nan),
         float(bic),
         float(aic),
         one,

@@ -37,8 +37,6 @@ _LONGEST_LINE = 1 << 20
 _MOST_CLIENTS = 64
 _log = logging.getLogger(__name__)
 
-_BY_LOOP = ("hand", "force", "radial_force", "wrench", "grip_force", "speed", "inject_fault")
-"""Commands that the loop itself carries out, by methods of their names."""
 EXPECTED = (Error, ValueError)
 """Exceptions that a command may raise."""
 
@@ -190,7 +188,8 @@ class _ClientHandler(Commands):
         arguments = command.decode(message)
         if command.by_hand:
             runtime.protocols.refuse_while_playing()
-        result = command.call(runtime.loop if command.name in _BY_LOOP else self, arguments)
+        # What has no method here, the loop carries out by its own.
+        result = command.call(self if command.name in vars(_ClientHandler) else runtime.loop, arguments)
         if command.needs_lease:
             write = runtime.journal.write_merged if command.streamed else runtime.journal.write
             write(command.name, self.origin, **{key: message[key] for key in command.parameters if key in message})

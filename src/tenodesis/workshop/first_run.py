@@ -71,7 +71,6 @@ class Demand(NamedTuple):
     """N, the controller's limit, below which the first run stays."""
     torque: float
     """N*m at the spool, at that tension."""
-    rms_torque: float
     speed: float
     """rad/s."""
     acceleration: float
@@ -611,7 +610,6 @@ def _demand(inst: Instrument, runs: Sequence[Run]) -> Demand:
         seen,
         largest,
         largest * radius,
-        float(np.sqrt(np.mean(tension**2, axis=0)).max()) * radius,
         float(np.abs(velocity).max()),
         float(np.abs(np.diff(velocity, axis=0)).max() / step),
     )
