@@ -14,7 +14,7 @@ from tenodesis.cli.outputs import INSTRUMENT, RECORDING, Outputs, output, write_
 from tenodesis.errors import CommandError
 from tenodesis.instrument.text import to_file
 from tenodesis.recording import Blocks
-from tenodesis.scaling.transfer import KEYS, QUANTITY, Carried, carry, carry_friction
+from tenodesis.scaling.transfer import KEYS, OF_JOINTS, QUANTITY, Carried, carry, carry_friction
 
 _DIVIDES = {"wrench": ("force", "moment")}
 
@@ -77,7 +77,7 @@ def _print_factors(carried: Carried) -> None:
     factors = table(title, "factor", *(f">{axis}" for axis in carried.factors), "divides")
     signals = carried.run.signals()
     every = next(iter(carried.factors.values()))
-    for key in (*(key for key in (*KEYS, "moment", "grip_force") if key in every), "output_velocity"):
+    for key in (*(key for key in (*KEYS, *OF_JOINTS) if key in every), "output_velocity"):
         used = (
             ["time"]
             if key == "time"

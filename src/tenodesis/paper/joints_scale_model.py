@@ -1,8 +1,10 @@
 """The scale model of an instrument of several joints: factors, groups, and errors of its joints and at the tip."""
 
 from tenodesis.paper.context import Context, has_friction
-from tenodesis.report.content import Column, Section, Table, fixed, named, number
-from tenodesis.scaling.joints_plan import FACTORS, draw_losses
+from tenodesis.paper.tables_1_2_scale_model import groups
+from tenodesis.report.content import Column, Section, Table, fixed, named
+from tenodesis.scaling.joints_plan import draw_losses
+from tenodesis.scaling.plan import FACTORS
 from tenodesis.similarity.joints import JointComparison, JointError, compare_joints
 
 
@@ -24,7 +26,11 @@ def section(context: Context) -> Section:
         "Scale model",
         text,
         [plot],
-        [_factors(context, pair), _groups(context, pair), *_errors(context, pair)],
+        [
+            _factors(context, pair),
+            groups(context, pair, "Dimensionless groups, those alike in one row"),
+            *_errors(context, pair),
+        ],
     )
 
 
@@ -36,31 +42,6 @@ def _factors(context: Context, pair: JointComparison) -> Table:
     for key, name in FACTORS.items():
         table.row(name, pair.factors[key], key=key, about=name)
     return table
-
-
-def _groups(context: Context, pair: JointComparison) -> Table:
-    def column(heading: str, name: str, about: str) -> Column:
-        key = f"groups.{{group}}.{name}"
-        return Column(heading, key, "1", f"{{meaning}}, {about}", form=_four_digits, optional=True)
-
-    table = context.table(
-        "Dimensionless groups, those alike in one row",
-        "group",
-        "",
-        column(named(pair.real_size), "instrument", "instrument"),
-        column(named(pair.scaled_up), "scale_model", "scale model"),
-        column("ratio", "ratio", "ratio of the two"),
-        "",
-    )
-    for group in pair.groups:
-        judged = "matches" if group.matches else "differs"
-        values = (group.real_size, group.scaled_up, group.ratio)
-        table.row(group.name, group.meaning, *values, judged, group=group.name, meaning=group.meaning)
-    return table
-
-
-def _four_digits(value: float) -> str:
-    return number(value, 4)
 
 
 def _errors(context: Context, pair: JointComparison) -> list[Table]:

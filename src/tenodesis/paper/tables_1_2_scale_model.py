@@ -9,7 +9,7 @@ from tenodesis.instrument import ShortForm, TendonGear
 from tenodesis.paper.context import Context
 from tenodesis.paper.published import CAPTION_FORCE, EQUIVALENT_FORCE, SCALE_FACTORS, STATES, STIFFNESS, TIP_FORCE
 from tenodesis.report.content import CarePoint, Chart, Column, Plot, Section, Table, fixed, named, number, unit_text
-from tenodesis.similarity import Comparison, compare
+from tenodesis.similarity import Comparison, JointComparison, compare
 from tenodesis.units import in_unit
 
 _CAUSES = 3
@@ -125,21 +125,34 @@ def _factors(context: Context, comparison: Comparison) -> Table:
 
 
 def _groups(context: Context, comparison: Comparison) -> Table:
-    def column(heading: str, name: str, about: str, **look: Any) -> Column:
-        return Column(heading, f"groups.{{group}}.{name}", "1", f"Dimensionless group {{group}}, {about}", **look)
-
-    table = context.table(
+    return groups(
+        context,
+        comparison,
         f"Dimensionless groups; F is {comparison.largest_force:g} N times the force factor, T_o as in the files. The "
         "factors of force and time are those that make Theta and J/(kappa t^2) equal",
+    )
+
+
+def groups(context: Context, pair: Comparison | JointComparison, caption: str) -> Table:
+    """Return the dimensionless groups of both instruments."""
+
+    def column(heading: str, name: str, about: str, **look: Any) -> Column:
+        about = f"Dimensionless group {{group}}, {about}"
+        return Column(heading, f"groups.{{group}}.{name}", "1", about, **look)
+
+    table = context.table(
+        caption,
         "group",
-        column(named(comparison.real_size), "instrument", "instrument", form=_five_digits),
-        column(named(comparison.scaled_up), "scale_model", "scale model", form=_five_digits),
+        "",
+        column(named(pair.real_size), "instrument", "instrument", form=_five_digits),
+        column(named(pair.scaled_up), "scale_model", "scale model", form=_five_digits),
         column("ratio", "ratio", "ratio of the two", digits=4),
         "",
     )
-    for group in comparison.groups:
+    for group in pair.groups:
         judged = "made equal" if group.imposed else "matches" if group.matches else "differs"
-        table.row(group.name, group.real_size, group.scaled_up, group.ratio, judged, group=group.name)
+        values = (group.real_size, group.scaled_up, group.ratio)
+        table.row(group.name, group.meaning, *values, judged, group=group.name)
     return table
 
 

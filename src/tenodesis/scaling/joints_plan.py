@@ -1,7 +1,6 @@
 """The plan of a scale model of several joints: what to build, with which weights, and how similar it is."""
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,29 +18,20 @@ from tenodesis.scaling.plan import (
     ScalePlan,
     Supplement,
     angle,
+    factors,
+    groups,
     masses,
     parts,
     plain,
     quantity,
+    resolution,
     write_plan,
 )
 from tenodesis.similarity.joints import JointComparison, JointError
 from tenodesis.statics import chain
 from tenodesis.statics.bends import Bends
 
-FACTORS: Mapping[str, str] = {
-    "length": "length, and strokes of motors",
-    "tendon_stiffness": "stiffness of tendons",
-    "tension": "tension",
-    "force": "force at the tip",
-    "moment": "moment at the tip",
-    "grip_force": "grip force",
-    "torque": "moment about a joint",
-    "spool_angle": "spool angle",
-    "time": "time",
-}
 _POINTS = 21
-_ALIKE = 1e-4
 _LEAST = 1e-6  # m
 
 
@@ -90,11 +80,11 @@ def content(design: JointDesign, built: AsBuilt | None = None, supplement: Suppl
         rows=(
             (parts(design),),
             (_loads(design),),
-            (_lengths(design), _factors(design)),
-            (_tendons(design), _resolution(design)),
+            (_lengths(design), factors(pair)),
+            (_tendons(design), resolution(design)),
             (_losses(design),),
             (_similarity(design, built),),
-            (_groups(design),),
+            (groups(pair, named=True),),
             *(supplement.rows if supplement else ()),
         ),
         footer=f"tenodesis {about()['tenodesis']} · research software, not a medical device",
@@ -134,12 +124,6 @@ def _of_joint(joint: Joint) -> Iterator[tuple[str, float | None]]:
     yield "to where forces act", joint.end_effector_length
 
 
-def _factors(design: JointDesign) -> PlanTable:
-    factors = design.comparison.factors
-    rows = [(text, plain(factors[key])) for key, text in FACTORS.items()]
-    return PlanTable("Factors, scaled-up over real-size", ("", "factor"), (*rows, ("angles", "1")))
-
-
 def _tendons(design: JointDesign) -> PlanTable:
     inst = design.scaled_up
     rows = tuple(
@@ -147,17 +131,6 @@ def _tendons(design: JointDesign) -> PlanTable:
         for tendon, tension, stiffness in zip(inst.tendons, inst.pretensions, inst.stiffnesses, strict=True)
     )
     return PlanTable("Tendons", ("", "pretension", "stiffness"), rows, names=True)
-
-
-def _resolution(design: JointDesign) -> PlanTable:
-    factors, encoder = design.comparison.factors, design.choice.encoder
-    least = "–" if encoder is None else f"{plain(math.degrees(encoder.range / 2**encoder.bits), 2)}°"
-    rows = (
-        ("angle of a joint, by an encoder", least),
-        ("tendon tension", quantity(design.choice.load_cell.resolution / factors["tension"], "N", 2)),
-        ("force at the tip, set and measured", quantity(design.objectives.force_resolution, "N", 2)),
-    )
-    return PlanTable("Resolution, real-size", ("", "smallest difference"), rows)
 
 
 def _similarity(design: JointDesign, built: AsBuilt | None) -> PlanTable:
@@ -184,25 +157,6 @@ def _similarity(design: JointDesign, built: AsBuilt | None) -> PlanTable:
 
 def _error(name: str, error: JointError) -> tuple[str, ...]:
     return (name, *(angle(float(one)) for one in error.largest), distance(error.largest_at_tip))
-
-
-def _groups(design: JointDesign) -> PlanTable:
-    groups = design.comparison.groups
-    others = [group for group in groups if not (group.matches or abs(group.ratio - 1) < _ALIKE) and group.real_size]
-    alike = [group.name for group in groups if group not in others]
-    rows = tuple(
-        (group.name, group.meaning, plain(group.real_size, 3), plain(group.scaled_up, 3), plain(group.ratio))
-        for group in others
-    )
-    return PlanTable(
-        "Groups that do not match" if others else "All groups match",
-        ("", "", "real-size", "scaled-up", "ratio"),
-        rows,
-        texts=2,
-        wide=(0, 1),
-        names=True,
-        note=f"matching: {', '.join(alike) or 'none'}",
-    )
 
 
 def draw_losses(pair: JointComparison) -> Chart:

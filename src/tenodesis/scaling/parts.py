@@ -154,6 +154,12 @@ class Encoder(CataloguePart):
     range: EncoderRange = Field(description="Angle of the converter's full range")
     noise: AngleError = Field(description="Standard deviation of a reading")
 
+    @property
+    def resolution(self) -> float:
+        """Angle of the converter's last bit, rad."""
+        angle: float = self.range / 2**self.bits
+        return angle
+
 
 class Motor(CataloguePart):
     """A motor with its gearing, by what it does at the spool's shaft."""

@@ -26,7 +26,7 @@ from tenodesis.report import style
 from tenodesis.report.content import fixed, number, unit_text
 from tenodesis.report.page import about, render, written
 from tenodesis.scaling import figures
-from tenodesis.similarity import GRID, Comparison, Group, SimilarityError
+from tenodesis.similarity import GRID, Comparison, JointComparison, SimilarityError
 from tenodesis.units import in_unit
 
 if TYPE_CHECKING:
@@ -117,17 +117,21 @@ def symbols(name: str) -> str:
 SNAPPED = "a snapped tip at its stop"
 """How a tip that snaps through counts in a design's objectives."""
 
-_FACTORS = {
-    "length": "distal radius",
-    "force": "force at the tip",
+FACTORS = {
+    "length": "tendons' arms about joints, and length",
+    "tendon_stiffness": "stiffness of tendons",
     "tension": "tendon tension",
-    "torque": "moment at the distal joint",
+    "force": "force at the tip",
+    "moment": "moment at the tip",
+    "grip_force": "grip force",
+    "torque": "moment about a joint at the tip",
     "handle_torque": "moment at the handle",
     "motor_stroke": "tendon stroke of the motors",
     "spool_angle": "spool angle",
     "spool_velocity": "spool speed",
     "time": "time (period of the tip)",
 }
+"""Scale factors by key, in words."""
 _IN_MOTION = ("motor", "inertia")
 """Kinds of groups without effect on an instrument at rest."""
 _ALIKE = 1e-4
@@ -290,21 +294,21 @@ def pretension(design: "Design") -> PlanTable:
     )
 
 
-def factors(comparison: Comparison) -> PlanTable:
+def factors(pair: Comparison | JointComparison) -> PlanTable:
     """Return the scale factors."""
-    values = comparison.factors
-    rows = [(name, plain(values[key])) for key, name in _FACTORS.items() if key in values]
+    rows = [(name, plain(pair.factors[key])) for key, name in FACTORS.items() if key in pair.factors]
     return PlanTable("Factors, scaled-up over real-size", ("", "factor"), (*rows, ("angles", "1")))
 
 
-def resolution(design: "Design") -> PlanTable:
+def resolution(design: "AnyDesign", *more: tuple[str, str]) -> PlanTable:
     """Return the resolution of sensors and weights, in units of the real-size instrument."""
-    encoder = "–" if design.choice.encoder is None else f"{plain(design.angle_resolution, 2)}°"
+    choice, tension = design.choice, design.choice.load_cell.resolution / design.comparison.factors["tension"]
+    least = "–" if choice.encoder is None else f"{plain(math.degrees(choice.encoder.resolution), 2)}°"
     rows = (
-        ("output angle, by the encoder", encoder),
-        ("tendon tension, by a load cell", quantity(design.tension_resolution, "N", 2)),
-        ("force at the tip, by the load cells", quantity(design.force_resolution, "N", 2)),
-        ("the same, and set by weights", quantity(design.objectives.force_resolution, "N", 2)),
+        ("angle of a joint, by an encoder", least),
+        ("tendon tension, by a load cell", quantity(tension, "N", 2)),
+        *more,
+        ("force at the tip, set and measured", quantity(design.objectives.force_resolution, "N", 2)),
     )
     return PlanTable("Resolution, real-size", ("", "smallest difference"), rows)
 
@@ -351,39 +355,36 @@ def _place(handle_angle: float, force: float) -> str:
     return f"handle {fixed(math.degrees(handle_angle), 1)}°, {plain(force, 3)}{SPACE}N real-size"
 
 
-def groups(comparison: Comparison) -> PlanTable:
-    """Return the groups that do not match, and a note on those that match or are made to match."""
-    imposed = [symbols(group.name) for group in comparison.groups if group.imposed]
-    free = [group for group in comparison.groups if (group.real_size or group.scaled_up) and not group.imposed]
-    matching = [symbols(group.name) for group in free if _matches(group)]
-    others = [group for group in free if not _matches(group)]
-    in_motion = [
-        f"{symbols(group.name)} × {plain(group.ratio)}".replace(" ", SPACE)
-        for group in others
-        if group.kind in _IN_MOTION
-    ]
+def groups(pair: Comparison | JointComparison, *, named: bool = False) -> PlanTable:
+    """Return the groups that do not match, and a note on those that match or are made to match.
+
+    Where groups are named after joints and tendons, with what they mean.
+    """
+    shown = {group: group.name if named else symbols(group.name) for group in pair.groups}
+    free = [group for group in shown if (group.real_size or group.scaled_up) and not group.imposed]
+    others = [group for group in free if not (group.matches or abs(group.ratio - 1) < _ALIKE)]
+    still = [group for group in others if group.kind not in _IN_MOTION]
     rows = tuple(
-        (symbols(group.name), group.kind, plain(group.real_size, 3), plain(group.scaled_up, 3), plain(group.ratio))
-        for group in others
-        if group.kind not in _IN_MOTION
-    )
-    notes = [
-        f"matching: {', '.join(matching) or 'none'}",
-        f"made equal by the factors of force and time: {', '.join(imposed)}",
-    ]
-    if in_motion:
-        notes.append(f"not matching, in motion only: {', '.join(in_motion)}")
+        (shown[group], group.meaning if named else group.kind, plain(group.real_size, 3), plain(group.scaled_up, 3),
+         plain(group.ratio))
+        for group in still
+    )  # fmt: skip
+    lists = {
+        "matching": [shown[group] for group in free if group not in others],
+        "made equal by the factors of force and time": [shown[group] for group in shown if group.imposed],
+        "not matching, in motion only": [
+            f"{shown[group]} × {plain(group.ratio)}".replace(" ", SPACE) for group in others if group not in still
+        ],
+    }
     return PlanTable(
-        "Groups that do not match",
+        "Groups that do not match" if rows else "All groups match",
         ("", "", "real-size", "scaled-up", "ratio"),
         rows,
         texts=2,
-        note="; ".join(notes),
+        wide=(0, 1) if named else (0,),
+        names=named,
+        note="; ".join(f"{what}: {', '.join(found)}" for what, found in lists.items() if found),
     )
-
-
-def _matches(group: Group) -> bool:
-    return group.matches or abs(group.ratio - 1) < _ALIKE
 
 
 _LONG = 120  # characters; a longer name of a catalogue, made of many names, is shortened
@@ -436,6 +437,7 @@ def content(design: "Design", supplement: Supplement | None = None) -> ScalePlan
     """Return the content of the plan of a design, with what another package adds to it."""
     error = design.comparison.error(pretension=design.scaled_up.pretension)
     output, tensions, errors = figures.plan_figures(design, error)
+    by_cells = ("force at the tip, by the load cells", quantity(design.force_resolution, "N", 2))
     return ScalePlan(
         title=f"{design.scaled_up.name}: scale model of {design.real_size.name}",
         lead=_lead(design),
@@ -445,7 +447,7 @@ def content(design: "Design", supplement: Supplement | None = None) -> ScalePlan
             (parts(design),),
             (loads(design),),
             (lengths(design), factors(design.comparison)),
-            (pretension(design), resolution(design)),
+            (pretension(design), resolution(design, by_cells)),
             (
                 PlanFigure(_output_caption(design), output),
                 PlanFigure("Expected tensions, scaled-up, and their bounds", tensions),

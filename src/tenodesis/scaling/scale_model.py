@@ -157,10 +157,6 @@ class Design:
     tests: tuple[TestLoad, ...]
     largest_tension: float
     """Largest tension over the working range, N."""
-    angle_resolution: float
-    """Resolution of the distal encoder, deg, the same for both instruments."""
-    tension_resolution: float
-    """Resolution of the load cells, N of real-size tension."""
     force_resolution: float
     """Resolution of the load cells, N at the real-size tip."""
 
@@ -230,8 +226,6 @@ def make(found: Sweep, number: int) -> Design:
         comparison,
         tests,
         values["largest_tension"],
-        math.degrees(scaled_up.sensors.encoder_range / 2**scaled_up.sensors.encoder_bits),
-        choice.load_cell.resolution / comparison.tension_factor,
         float(tip_force(choice.load_cell.resolution, values)),
     )
 
@@ -239,7 +233,7 @@ def make(found: Sweep, number: int) -> Design:
 def finest_encoder(catalogue: Catalogue, radius: float) -> Encoder | None:
     """Return the finest encoder that fits a distal radius, m."""
     fitting = [encoder for encoder in catalogue.encoders if encoder.least_distal_radius <= radius * (1 + 1e-9)]
-    return min(fitting, key=lambda one: (one.range / 2**one.bits, one.noise), default=None)
+    return min(fitting, key=lambda one: (one.resolution, one.noise), default=None)
 
 
 def weights_for(catalogue: Catalogue, force: float, values: Mapping[str, float], axis: str = "yaw") -> TestLoad:

@@ -35,6 +35,8 @@ KEYS = (
     "time",
 )
 """The factors, scaled-up over real-size, as in :attr:`tenodesis.similarity.Comparison.factors`."""
+OF_JOINTS = ("moment", "grip_force")
+"""Those that only instruments have whose joints and tendons are listed."""
 
 QUANTITY = {
     "force": "force",
@@ -92,18 +94,15 @@ def comparison(real_size: ShortForm, scaled_up: ShortForm) -> Comparison:
     return compare(as_built(real_size), as_built(scaled_up))
 
 
-def factors(compared: Comparison, time_factor: float | None = None) -> Mapping[str, float]:
+def factors(compared: Comparison | JointComparison, time_factor: float | None = None) -> Mapping[str, Any]:
     """Return the factors of two instruments, scaled-up over real-size, by :data:`KEYS`, and those that follow.
 
-    That is, of angular velocity, and of tissue that the tips bend into by the same angles.
+    That is, of angular velocity, and of tissue that the tips bend into by the same angles; of several joints also of
+    wrenches, and of what jaws hold.
 
     Raises ValueError if the time factor is not a number above 0.
     """
-    return _with_time({key: float(compared.factors[key]) for key in KEYS}, time_factor)
-
-
-def _with_time(found: dict[str, float], time_factor: float | None) -> dict[str, float]:
-    """Return factors with a given factor of time, and those that follow."""
+    found: dict[str, Any] = {key: compared.factors[key] for key in (*KEYS, *OF_JOINTS) if key in compared.factors}
     if time_factor is not None:
         if not 0 < time_factor < math.inf:
             raise ArgumentError(key="time_factor", value=time_factor, allowed="a number above 0")
@@ -111,22 +110,19 @@ def _with_time(found: dict[str, float], time_factor: float | None) -> dict[str, 
         found["spool_velocity"] = found["spool_angle"] / found["time"]
     # Force over the tip's way, whose factor is that of torque over force.
     stiffness = found["force"] ** 2 / found["torque"]
-    return found | {
+    found |= {
         "output_velocity": 1 / found["time"],
         "contact_stiffness": stiffness,
         "contact_damping": stiffness * found["time"],
     }
-
-
-def joint_factors(compared: JointComparison, time_factor: float | None = None) -> Mapping[str, Any]:
-    """Return the factors of two instruments of several joints, as :func:`factors`, and those of wrenches and jaws."""
-    found = _with_time(dict(compared.factors), time_factor)
-    held = found["grip_force"] / found["length"]
-    return found | {
-        "wrench": np.repeat([found["force"], found["moment"]], 3),
-        "held_stiffness": held,
-        "held_damping": held * found["time"],
-    }
+    if "moment" in found:
+        held = found["grip_force"] / found["length"]
+        found |= {
+            "wrench": np.repeat([found["force"], found["moment"]], 3),
+            "held_stiffness": held,
+            "held_damping": held * found["time"],
+        }
+    return found
 
 
 _T = TypeVar("_T", bound=Instrument)
@@ -156,7 +152,7 @@ def carry_friction(scaled: Instrument, real_size: _T, *, source: str = "", time_
         axis = shared_axes(scaled, real_size)[0]
         scale = factors(comparison(real_size.axis(axis), scaled.axis(axis)), time_factor)
     else:
-        scale = joint_factors(compare_joints(real_size, scaled), time_factor)
+        scale = factors(compare_joints(real_size, scaled), time_factor)
         changes["tendons"] = _routed_as(expanded(scaled), expanded(real_size))
     sources = {key: text for key, text in real_size.sources.items() if key.partition(".")[0] != "friction"}
     sources["friction"] = f"transferred from {scaled.name}" + (f" ({source})" if source else "")
@@ -366,56 +362,37 @@ def carry(
     original = _scaled_up(recording, run, scaled_up, where)
     if not len(run):
         raise RecordingError(f"{where} has no rows; there is nothing to convert.", key="rows", value=0)
-    if not (isinstance(original, ShortForm) and isinstance(real_size, ShortForm)):
-        return _carry_joints(recording, run, original, real_size, time_factor)
-    shared_axes(original, real_size)
-    undivided = [name for name in run.signals() if SIGNALS[name].of in ("components", "run")]
-    if undivided:
-        raise RecordingError(
-            f"{where} has {undivided[0]}, which is of no axis; it must have forces of its axes.",
-            key=undivided[0],
-            allowed="of the instrument's axes",
-        )
-    pairs = {axis: comparison(real_size.axis(axis), original.axis(axis)) for axis in run.axes}
-    scale = {axis: factors(pair, time_factor) for axis, pair in pairs.items()}
-    # Axes share one clock.
-    time = scale[run.axes[0]]["time"]
-    scale = {axis: factors(pair, time) for axis, pair in pairs.items()}
     name = recording.path.name if recording else ""
     result = real_size
     if original.friction.law != "none":
         result = carry_friction(original, real_size, source=name, time_factor=time_factor)
+    pairs: dict[str, Comparison | JointComparison]
+    if isinstance(original, ShortForm) and isinstance(real_size, ShortForm) and isinstance(result, ShortForm):
+        shared_axes(original, real_size)
+        undivided = [one for one in run.signals() if SIGNALS[one].of in ("components", "run")]
+        if undivided:
+            raise RecordingError(
+                f"{where} has {undivided[0]}, which is of no axis; it must have forces of its axes.",
+                key=undivided[0],
+                allowed="of the instrument's axes",
+            )
+        by_axis = {axis: comparison(real_size.axis(axis), original.axis(axis)) for axis in run.axes}
+        warnings = _warnings(original, real_size, by_axis)
+        pairs = {**by_axis}
+        # Axes share one clock.
+        time_factor = factors(by_axis[run.axes[0]], time_factor)["time"]
+        result = result if result.axes == run.axes else result.axis(run.axes[0])
+    else:
+        pair = compare_joints(real_size, original)
+        pairs, warnings = {ALL_JOINTS: pair}, _unlike_joints(pair)
+    scale = {axis: factors(one, time_factor) for axis, one in pairs.items()}
     return Carried(
         _divided(run, scale),
-        result if result.axes == run.axes else result.axis(run.axes[0]),
+        result,
         original,
         pairs,
         scale,
-        (*(_damages(recording) if recording else ()), *_warnings(original, real_size, pairs)),
-        name,
-        recording.metadata if recording else None,
-    )
-
-
-def _carry_joints(
-    recording: Recording | None, run: Run, original: Instrument, real_size: Instrument, time_factor: float | None
-) -> Carried:
-    """Convert a run by factors that all joints have."""
-    pair = compare_joints(real_size, original)
-    scale = joint_factors(pair, time_factor)
-    name = recording.path.name if recording else ""
-    result = real_size
-    if original.friction.law != "none":
-        result = carry_friction(original, real_size, source=name, time_factor=time_factor)
-    warnings = list(_damages(recording)) if recording else []
-    scales = {ALL_JOINTS: scale}
-    return Carried(
-        _divided(run, scales),
-        result,
-        original,
-        {ALL_JOINTS: pair},
-        scales,
-        (*warnings, *_unlike_joints(pair)),
+        (*(_damages(recording) if recording else ()), *warnings),
         name,
         recording.metadata if recording else None,
     )

@@ -8,7 +8,7 @@ from tenodesis.similarity.causes import Cause, Causes
 from tenodesis.similarity.comparison import Comparison, compare
 from tenodesis.similarity.frictionless import GRID, SimilarityError
 from tenodesis.similarity.groups import Group, Kind
-from tenodesis.similarity.joints import JointComparison, JointError, JointGroup, compare_joints
+from tenodesis.similarity.joints import JointComparison, JointError, compare_joints
 from tenodesis.similarity.loops import LoopError, Place
 
 __all__ = [
@@ -19,7 +19,6 @@ __all__ = [
     "Group",
     "JointComparison",
     "JointError",
-    "JointGroup",
     "Kind",
     "LoopError",
     "Place",

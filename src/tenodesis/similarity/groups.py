@@ -84,13 +84,10 @@ class Group(NamedTuple):
 
     name: str
     kind: Kind
+    meaning: str
+    """Definition of the group, in one line."""
     real_size: float
     scaled_up: float
-
-    @property
-    def meaning(self) -> str:
-        """Definition of the group, in one line."""
-        return DEFINITIONS[self.name].meaning
 
     @property
     def ratio(self) -> float:
@@ -198,7 +195,7 @@ def paired(real_size: dict[str, float], scaled_up: dict[str, float]) -> tuple[Gr
     """Return the groups that either instrument has, in the order of their definitions."""
     pairs = ((name, real_size.get(name, nan), scaled_up.get(name, nan)) for name in DEFINITIONS)
     return tuple(
-        Group(name, DEFINITIONS[name].kind, ours, theirs)
+        Group(name, *DEFINITIONS[name], ours, theirs)
         for name, ours, theirs in pairs
         if not (isnan(ours) and isnan(theirs))
     )

@@ -12,7 +12,7 @@ from tenodesis.errors import ArgumentError, NoSolutionError
 from tenodesis.instrument import FullForm, InstrumentLike, Joint, expanded
 from tenodesis.instrument.instrument import arm_of
 from tenodesis.run import Array
-from tenodesis.similarity.groups import Kind, near
+from tenodesis.similarity.groups import DEFINITIONS, Group, Kind
 from tenodesis.statics import UsualLoad, chain
 from tenodesis.statics.bends import Bends
 
@@ -31,26 +31,6 @@ _STEPS = 12
 _SLOW = 0.2
 """Largest speed of a spool in the loops with friction, rad/s."""
 _LEAST_STEP = 0.1  # s
-
-
-class JointGroup(NamedTuple):
-    """A dimensionless group of joints and tendons, and its value in both instruments."""
-
-    name: str
-    kind: Kind
-    meaning: str
-    real_size: float
-    scaled_up: float
-
-    @property
-    def ratio(self) -> float:
-        """Scaled-up over real-size, NaN where the real-size value is zero."""
-        return self.scaled_up / self.real_size if self.real_size else float("nan")
-
-    @property
-    def matches(self) -> bool:
-        """Whether the group is the same in both instruments."""
-        return near(self.real_size, self.scaled_up)
 
 
 class WorkingStates(NamedTuple):
@@ -212,7 +192,7 @@ class JointComparison:
         return None if beyond or np.abs(angles - wanted).max() > _REACHED else (angles, handle, strokes, other)
 
     @cached_property
-    def groups(self) -> tuple[JointGroup, ...]:
+    def groups(self) -> tuple[Group, ...]:
         """The dimensionless groups of both, those alike as one; r and k are of the first joint and the first tendon."""
         ours, theirs = (dict(_groups(inst)) for inst in (self.real_size, self.scaled_up))
         load = max((one.size for one in self.loads if one.wrench.any()), default=0.0)
@@ -222,11 +202,11 @@ class JointComparison:
             other = theirs.get((name, kind, meaning), float("nan"))
             alike.setdefault((kind, meaning, value, other), []).append(name)
         found = [
-            JointGroup(names[0] + (f" and {len(names) - 1} more" if names[1:] else ""), *group)
+            Group(names[0] + (f" and {len(names) - 1} more" if names[1:] else ""), *group)
             for group, names in alike.items()
         ]
         meaning = "force at the tip over k r, at the factor of force"
-        found.append(JointGroup("F/(k r)", "load", meaning, load / scale[0], load * self.factors["force"] / scale[1]))
+        found.append(Group("F/(k r)", "load", meaning, load / scale[0], load * self.factors["force"] / scale[1]))
         return tuple(found)
 
     def error(self, *, pretensions: Array | None = None) -> JointError:
@@ -480,13 +460,10 @@ def _groups(inst: FullForm) -> Iterator[tuple[tuple[str, Kind, str], float]]:
     if inst.grip is not None and inst.grip.length:
         yield ("l(grip)/r", "elastic", "length to what jaws hold over r"), inst.grip.length / radius
     if friction.law != "none":
-        yield ("mu", "friction", "friction coefficient at the joints"), friction.vertex_coefficient
-        yield ("mu_s", "friction", "friction coefficient in the sheath"), friction.sheath_coefficient
-        yield ("phi_s", "friction", "bend of the sheath, rad"), friction.sheath_bend
-        yield (
-            ("f_c/(k r)", "friction", "constant friction of a contact over k r"),
-            friction.constant / stiffness / radius,
-        )
+        values = (friction.vertex_coefficient, friction.sheath_coefficient, friction.sheath_bend)
+        of_friction = zip(("mu", "mu_s", "phi_s"), values, strict=True)
+        for name, value in (*of_friction, ("f_c/(kr)", friction.constant / stiffness / radius)):
+            yield (name, *DEFINITIONS[name]), value
     frequencies = plant.natural_frequencies(inst)
     for n, one in enumerate(frequencies[1:], 2):
         meaning = "natural frequency over the lowest: how the links' inertia is spread"
