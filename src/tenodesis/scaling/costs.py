@@ -13,7 +13,7 @@ from tenodesis import _core, statics
 from tenodesis.errors import DesignError
 from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
-from tenodesis.scaling.candidates import Candidates, Wheel
+from tenodesis.scaling.candidates import Candidates
 from tenodesis.scaling.catalogue import Catalogue, Constraints
 from tenodesis.scaling.parts import LoadCell, Spool, Weight
 from tenodesis.scaling.weights import least_difference
@@ -68,19 +68,54 @@ def forces_of(real_size: ShortForm, catalogue: Catalogue) -> Forces:
     return Forces(largest, tuple(tests))
 
 
+def of_tension(catalogue: Catalogue) -> tuple[Limit, ...]:
+    """Return the limits of tension and similarity, which scale models of one joint and of several have."""
+    constraints = catalogue.constraints
+    widest = max(cell.range for cell in catalogue.load_cells)
+    torque, error = (
+        math.inf if bound is None else bound for bound in (constraints.spool_torque, constraints.similarity_error)
+    )
+    return (
+        Limit(
+            "tension_margin",
+            f"no rope breaks: a breaking load of {constraints.tension_margin:g} times the largest tension",
+            "breaking load needed",
+            "N",
+            lambda c: (constraints.tension_margin * c["largest_tension"], c["breaking_load"]),
+        ),
+        Limit(
+            "load_cell_margin",
+            f"a load cell with a range of {constraints.load_cell_margin:g} times the largest tension",
+            "range needed",
+            "N",
+            lambda c: (constraints.load_cell_margin * c["largest_tension"], widest),
+        ),
+        Limit(
+            "spool_torque",
+            f"the drives hold the largest tension with {torque:g} N*m",
+            "torque needed",
+            "N*m",
+            lambda c: (c["largest_tension"] * c["spool_radius"], torque),
+        ),
+        Limit(
+            "similarity_error",
+            f"the output angles differ by at most {math.degrees(error):.3g} deg",
+            "largest difference",
+            "rad",
+            lambda c: (c["largest_error"], error),
+        ),
+    )
+
+
 def limits(catalogue: Catalogue, forces: Forces) -> tuple[Limit, ...]:
     """Return the limits that a catalogue's constraints and parts set."""
     constraints = catalogue.constraints
     rho, largest = constraints.cable_pulley_radius, max(forces.tests)
     masses = sum(weight.mass * weight.count for weight in catalogue.weights)
     step = finest_difference(catalogue)
-    widest = max(cell.range for cell in catalogue.load_cells)
     least_radius = min((encoder.least_distal_radius for encoder in catalogue.encoders), default=0.0)
     # A constraint that is not given is met by any scale model.
     bed = min(constraints.print_bed or (math.inf,))
-    torque, error = (
-        math.inf if bound is None else bound for bound in (constraints.spool_torque, constraints.similarity_error)
-    )
     return (
         Limit(
             "handle_range",
@@ -96,20 +131,7 @@ def limits(catalogue: Catalogue, forces: Forces) -> tuple[Limit, ...]:
             "m",
             lambda c: (c["end_effector_length"] + c["handle_length"] + c["joints_span"], c["tendon_length"]),
         ),
-        Limit(
-            "tension_margin",
-            f"no rope breaks: a breaking load of {constraints.tension_margin:g} times the largest tension",
-            "breaking load needed",
-            "N",
-            lambda c: (constraints.tension_margin * c["largest_tension"], c["breaking_load"]),
-        ),
-        Limit(
-            "load_cell_margin",
-            f"a load cell with a range of {constraints.load_cell_margin:g} times the largest tension",
-            "range needed",
-            "N",
-            lambda c: (constraints.load_cell_margin * c["largest_tension"], widest),
-        ),
+        *of_tension(catalogue),
         Limit(
             "weights",
             f"weights for the largest test force, {largest:g} N on the real-size instrument",
@@ -145,20 +167,6 @@ def limits(catalogue: Catalogue, forces: Forces) -> tuple[Limit, ...]:
             "its diameter",
             "m",
             lambda c: (2 * c["largest_wheel"], bed),
-        ),
-        Limit(
-            "spool_torque",
-            f"the drives hold the largest tension with {torque:g} N*m",
-            "torque needed",
-            "N*m",
-            lambda c: (c["largest_tension"] * c["spool_radius"], torque),
-        ),
-        Limit(
-            "similarity_error",
-            f"the output angles differ by at most {math.degrees(error):.3g} deg",
-            "largest difference",
-            "rad",
-            lambda c: (c["largest_error"], error),
         ),
     )
 
@@ -361,6 +369,29 @@ def _most_strained(real_size: ShortForm, handle: Array, force: Array) -> tuple[i
     return int(row), int(column)
 
 
+class LoadCells:
+    """The load cells of a catalogue: for a largest tension, the finest of those with a sufficient range."""
+
+    def __init__(self, catalogue: Catalogue) -> None:
+        cells = sorted(catalogue.load_cells, key=lambda cell: (cell.range, cell.resolution))
+        self._margin = catalogue.constraints.load_cell_margin
+        self._ranges = np.array([cell.range for cell in cells])
+        # More tension never selects a finer one.
+        self._finest = [min(cells[n:], key=lambda cell: cell.resolution) for n in range(len(cells))]
+
+    def of(self, tension: float) -> LoadCell:
+        """Return the load cell for a largest tension, N."""
+        return self._finest[int(self._places(np.array([tension]))[0])]
+
+    def resolution(self, tension: Array) -> Array:
+        """Return the resolutions, N, of those for largest tensions, N."""
+        return np.array([cell.resolution for cell in self._finest])[self._places(tension)]
+
+    def _places(self, tension: Array) -> NDArray[np.int64]:
+        needed = self._margin * tension * (1 - 1e-12)
+        return np.asarray(np.minimum(np.searchsorted(self._ranges, needed), len(self._ranges) - 1))
+
+
 class Judge:
     """Computes parameters, results and costs of scale models by number; see :class:`Sweep` for the costs."""
 
@@ -368,13 +399,11 @@ class Judge:
         self._candidates = found
         self._span = span
         self._catalogue = catalogue
-        self._cells = sorted(catalogue.load_cells, key=lambda cell: (cell.range, cell.resolution))
+        self._cells = LoadCells(catalogue)
         self._largest_wheel = np.array([max(wheel.tip_radius for wheel in pair) for pair in found.pairs])
         self._breaking_load = np.array([rope.breaking_load for rope in found.ropes])
-        self._spools = [_nearest_spool(found.real_size, catalogue, pair[0]) for pair in found.pairs]
-        resolutions = [cell.resolution for cell in self._cells]
-        # The finest of the cells with a sufficient range, so that more tension never selects a finer one.
-        self._finest = [min(range(n, len(self._cells)), key=resolutions.__getitem__) for n in range(len(self._cells))]
+        spool = found.real_size.drives.spool_radius / value_of(found.real_size, "distal_radius")
+        self._spools = [nearest_spool(catalogue, spool * pair[0].radius) for pair in found.pairs]
 
     @cached_property
     def _coarse(self) -> _core.SimilarityTarget:
@@ -404,18 +433,12 @@ class Judge:
         return self._spools[int(np.unravel_index(number, self._candidates.shape)[0])]
 
     def load_cell(self, largest_tension: float) -> LoadCell:
-        """Return the finest load cell with a sufficient range for a tension (N)."""
-        return self._cells[int(self._cell(np.array([largest_tension]))[0])]
-
-    def _cell(self, largest_tension: Array) -> NDArray[np.int64]:
-        ranges = np.array([cell.range for cell in self._cells])
-        needed = self._catalogue.constraints.load_cell_margin * largest_tension
-        least = np.minimum(np.searchsorted(ranges, needed * (1 - 1e-12)), len(self._cells) - 1)
-        return np.array(self._finest)[least]
+        """Return the load cell for a largest tension (N)."""
+        return self._cells.of(largest_tension)
 
     def costs(self, columns: Mapping[str, Array]) -> Array:
         """Return the costs of scale models, shape (n, 4)."""
-        resolution = np.array([cell.resolution for cell in self._cells])[self._cell(columns["largest_tension"])]
+        resolution = self._cells.resolution(columns["largest_tension"])
         return np.column_stack(
             [
                 np.degrees(columns["largest_error"]),
@@ -440,6 +463,6 @@ def tip_force(tension_resolution: Any, columns: Mapping[str, Any]) -> Any:
     return sqrt(2) * tension_resolution / columns["tension_per_force"] / columns["force_factor"]
 
 
-def _nearest_spool(real_size: ShortForm, catalogue: Catalogue, distal: Wheel) -> Spool:
-    wanted = real_size.drives.spool_radius * distal.radius / value_of(real_size, "distal_radius")
-    return min(catalogue.spools, key=lambda one: abs(log(one.radius / wanted)))
+def nearest_spool(catalogue: Catalogue, radius: float) -> Spool:
+    """Return the spool of a catalogue that is closest to a radius, m."""
+    return min(catalogue.spools, key=lambda one: abs(log(one.radius / radius)))

@@ -18,7 +18,7 @@ from tenodesis.run import Array
 from tenodesis.scaling import catalogue as catalogues
 from tenodesis.scaling.candidates import Wheel, gear_wheels, makeable
 from tenodesis.scaling.catalogue import Catalogue, narrowed, parse_pins, same
-from tenodesis.scaling.costs import finest_difference
+from tenodesis.scaling.costs import Limit, LoadCells, Tally, finest_difference, nearest_spool, of_tension
 from tenodesis.scaling.design import PREFERENCES, Preference
 from tenodesis.scaling.parts import Encoder, LoadCell, Rod, Rope, Spool
 from tenodesis.scaling.scale_model import Fitted, Objectives, TestLoad, finest_encoder, with_tension_limit
@@ -391,17 +391,20 @@ class _Search:
         by_set = (slice(None), np.newaxis, np.newaxis)
         tension = self.largest_tension * stiffness * factor[by_set]
         breaking = np.array([rope.breaking_load for rope in ropes])[:, np.newaxis]
-        cells = sorted(self.catalogue.load_cells, key=lambda one: one.range)
-        needed = limits.load_cell_margin * tension
-        cell = np.searchsorted([one.range for one in cells], needed * (1 - _SAME))
-        finest = [min(cells[n:], key=lambda one: one.resolution).resolution for n in range(len(cells))]
-        resolution = np.array([*finest, np.inf])[cell]
-        spool = np.array([self._spool(one.factor).radius for one in sets])
+        resolution = LoadCells(self.catalogue).resolution(tension)
+        own_spool = self.real.own_drives.spool_radius
+        spool = np.array([nearest_spool(self.catalogue, own_spool * one.factor).radius for one in sets])
         step = finest_difference(self.catalogue) * STANDARD_GRAVITY
-        error = np.broadcast_to(errors[by_set], shape)
+        columns = {
+            "largest_error": np.radians(errors[by_set]),
+            "tendon_length": length,
+            "largest_tension": tension,
+            "breaking_load": breaking,
+            "spool_radius": spool[by_set],
+        }
         costs = np.stack(
             [
-                error,
+                np.broadcast_to(errors[by_set], shape),
                 np.maximum(
                     step / (forces[by_set] * stiffness),
                     resolution / (self.tension_per_force * stiffness * factor[by_set]),
@@ -411,22 +414,12 @@ class _Search:
             ],
             axis=-1,
         )
-        tests = {
-            "tension_margin": (breaking / tension, limits.tension_margin, None),
-            "load_cell_margin": (
-                np.array([*(one.range for one in cells), 0.0])[cell] / tension,
-                limits.load_cell_margin,
-                None,
-            ),
-            "spool_torque": (tension * spool[by_set], None, limits.spool_torque),
-            "overall_length": (length, *(limits.overall_length or (None, None))),
-            "similarity_error": (np.radians(error), None, limits.similarity_error),
-        }
-        met = np.ones(shape, bool)
-        for values, low, high in tests.values():
-            met &= _within(values, low, high)
+        tally = Tally((*of_tension(self.catalogue), *_of_length(limits.overall_length)))
+        met = tally.feasible({name: np.broadcast_to(one, shape).ravel() for name, one in columns.items()}).reshape(
+            shape
+        )
         if not met.any():
-            raise _unmet(self.real, tests, shape)
+            raise tally.contradiction()
         rows = np.argwhere(met)
         kept = nondominated(levels(costs[met]))
         kept = kept[np.argsort(costs[met][kept, 0], kind="stable")]
@@ -515,10 +508,8 @@ class _Search:
     def _lengths_fit(self, factor: float) -> bool:
         limits = self.catalogue.constraints.end_effector_length
         ends = [joint.end_effector_length for joint in self.real.tip_joints if joint.end_effector_length]
-        return limits is None or all(_within(np.array(factor * one), *limits) for one in ends)
-
-    def _spool(self, factor: float) -> Spool:
-        return nearest_spool(self.real, self.catalogue, factor)
+        low, high = limits or (0.0, math.inf)
+        return all(low * (1 - _SAME) <= factor * one <= high * (1 + _SAME) for one in ends)
 
 
 class _Size(NamedTuple):
@@ -569,12 +560,6 @@ def with_wheels(model: FullForm, real: FullForm, wheels: WheelSet) -> FullForm:
     return model.replace(joints=joints, tendons=tendons)
 
 
-def nearest_spool(real: FullForm, catalogue: Catalogue, factor: float) -> Spool:
-    """Return the spool whose angles are closest to those of the real-size one."""
-    wanted = real.own_drives.spool_radius * factor
-    return min(catalogue.spools, key=lambda one: abs(math.log(one.radius / wanted)))
-
-
 def _tension_per_force(real: FullForm, loads: Sequence[UsualLoad]) -> float:
     """Return the change of all tensions by force at the tip, root of squares, least over the loads' directions."""
     forces = [one for one in loads if one.wrench.any()]
@@ -586,34 +571,26 @@ def _tension_per_force(real: FullForm, loads: Sequence[UsualLoad]) -> float:
     return float(rates[rates > _SAME].min())
 
 
-def _within(values: Array, low: float | None, high: float | None) -> NDArray[np.bool_]:
-    met = np.ones(np.shape(values), bool)
-    if low is not None:
-        met &= values >= low * (1 - _SAME)
-    if high is not None:
-        met &= values <= high * (1 + _SAME)
-    return met
-
-
-def _unmet(real: FullForm, tests: Mapping[str, tuple[Array, float | None, float | None]], shape: Any) -> DesignError:
-    """Return the error that no design meets all constraints, with the one that leaves most where it is given up."""
-    left = {}
-    for key in tests:
-        met = np.ones(shape, bool)
-        for other, (values, low, high) in tests.items():
-            if other != key:
-                met &= _within(values, low, high)
-        left[key] = met
-    key = max(left, key=lambda one: int(left[one].sum()))
-    values, low, high = tests[key]
-    among = values[left[key]] if left[key].any() else values
-    nearest = float(among.max() if low is not None and (among < low).all() else among.min())
-    return DesignError(
-        f"no scale model of {real.name} meets every constraint; without {key} there would be "
-        f"{int(left[key].sum())}, of which the nearest has {nearest:.4g} in SI units; it must be "
-        f"{' to '.join(f'{one:.4g}' for one in (low, high) if one is not None)}.",
-        key=key,
-        value=nearest,
+def _of_length(bounds: tuple[float, float] | None) -> tuple[Limit, ...]:
+    """Return the limits of the tendons' length that a rod sets, m."""
+    if bounds is None:
+        return ()
+    low, high = bounds
+    return (
+        Limit(
+            "overall_length",
+            f"tendons of at least {1e3 * low:g} mm",
+            "the least length",
+            "m",
+            lambda c: (np.full_like(c["tendon_length"], low), c["tendon_length"]),
+        ),
+        Limit(
+            "overall_length",
+            f"tendons of at most {1e3 * high:g} mm",
+            "the tendons' length",
+            "m",
+            lambda c: (c["tendon_length"], high),
+        ),
     )
 
 
@@ -622,13 +599,8 @@ def _built(front: JointFront, index: int, wheels: WheelSet, rope: Rope, rod: Rod
     real, catalogue = front.real_size, front.catalogue
     stiffness, tension = float(front.stiffness[index]), float(front.tensions[index])
     objectives = front.objectives[index]
-    cells = [
-        one
-        for one in catalogue.load_cells
-        if one.range >= catalogue.constraints.load_cell_margin * tension * (1 - _SAME)
-    ]
-    cell = min(cells, key=lambda one: one.resolution)
-    spool = nearest_spool(real, catalogue, wheels.factor)
+    cell = LoadCells(catalogue).of(tension)
+    spool = nearest_spool(catalogue, real.own_drives.spool_radius * wheels.factor)
     model = with_wheels(enlarged(real, wheels.factor, stiffness), real, wheels)
     encoder = finest_encoder(catalogue, min(joint.radius for joint in model.tip_joints))
     area = rope.rigidity
