@@ -16,7 +16,7 @@ from timeit import timeit
 
 import numpy as np
 from numpy.typing import NDArray
-from peers import chain_dynamics, mujoco_dynamics
+from peers import chain_dynamics
 from turns import in_turns, rate, said, times_faster
 
 import tenodesis as tn
@@ -46,12 +46,6 @@ SIGNALS = ("output_angle", "tension.agonist", "tension.antagonist")
 EVERY = 20
 WIDEST = 8
 """Twins side by side in the widest vectors."""
-
-
-def tip(inst: Instrument) -> dict[str, float]:
-    """Return inertia (kg m^2) and damping (N m s/rad) of the tip, as MuJoCo is given them."""
-    assert inst.dynamics.tip_inertia is not None and inst.dynamics.tip_damping is not None
-    return {"inertia": inst.dynamics.tip_inertia, "damping": inst.dynamics.tip_damping}
 
 
 def motions(inst: Instrument) -> dict[str, tuple[Array, Array]]:
@@ -91,7 +85,7 @@ def single(inst: Instrument) -> None:
 def mujoco(inst: Instrument) -> Callable[[], float]:
     """Return what measures MuJoCo's steps a second of an instrument without friction."""
     smooth = inst.replace(friction=None, mismatch=None)
-    return partial(mujoco_dynamics.steps_per_second, smooth, **tip(inst), seconds=0.2)
+    return partial(chain_dynamics.steps_per_second, smooth.expanded, [0.0] * 6, seconds=0.2, as_exported=False)
 
 
 def lanes(inst: Instrument) -> None:

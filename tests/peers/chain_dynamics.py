@@ -5,16 +5,17 @@ only pull, handle joints that move as prescribed, loads that turn with the tip. 
 dampings that the twin has; mechanical stops are left out. Quantities are in SI units (m, N, rad, s).
 
 A gear pair is two hinges, half its angle each, a backbone eight; ties hold them together. Bodies between them weigh
-nothing, so that their hinges have a little inertia of their own.
+nothing, so that their hinges have a little inertia of their own; those of an only joint have all of its link's, which
+adds up to it whatever the angle.
 """
 
 from dataclasses import dataclass
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from peers.chain_peer import ChainPeer
-from peers.mujoco_dynamics import step_rate
+from peers.chain_peer import IMMOVABLE, ChainPeer
 
 from tenodesis import kinematics
 from tenodesis.errors import NoSolutionError
@@ -29,16 +30,16 @@ Array = NDArray[np.float64]
 # Inertia that the hinges of a joint, if several, add to a link, as a share of its own: ties of lighter ones are softer.
 _ARMATURE_SHARE = 1e-3
 _LEAST = 1e-14  # kg, kg m^2: MuJoCo compiles no body that weighs less
-# Inertia (kg m^2) against which no tendon changes the prescribed velocity of the handle's joints.
-_IMMOVABLE = 1e12
 _TOLERANCE = 1e-8  # of the solver: MuJoCo's own
+_BATCH = 1000  # steps between two looks at the clock
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Angles of the tip's joints (rad), (n, joints), and tensions (N), (n, tendons), per sample."""
+    """By sample: angles of the tip's joints (rad) and their rates (rad/s), (n, joints); tensions (N), (n, tendons)."""
 
     output_angle: Array
+    output_velocity: Array
     tension: Array
 
 
@@ -55,7 +56,9 @@ class _Model:
         for geom in spec.geoms:
             geom.mass = 0.0
         links = link_rows(inst)
-        far = {f"{joint.name}_far": row for joint, row in zip(inst.tip_joints, links, strict=True)}
+        alone = len(inst.tip_joints) == 1
+        share = 1.0 if alone else _ARMATURE_SHARE
+        far = {} if alone else {f"{one.name}_far": row for one, row in zip(inst.tip_joints, links, strict=True)}
         for body in spec.bodies[1:]:
             mass, centre, *about = far.get(body.name, np.zeros(5))[:5]
             body.explicitinertial = True
@@ -68,12 +71,12 @@ class _Model:
         for joint in inst.handle_joints:
             spec.delete(spec.actuator(joint.name))
             for name in moving(skeleton(inst), joint, "mjcf"):
-                spec.joint(name).armature = _IMMOVABLE
+                spec.joint(name).armature = IMMOVABLE
                 spec.joint(name).damping[0] = 0.0
         for joint, row in zip(inst.tip_joints, links, strict=True):
             names = moving(skeleton(inst), joint, "mjcf")
             for name in names:
-                spec.joint(name).armature = len(names) * _ARMATURE_SHARE * row[2:5].max() if len(names) > 1 else 0.0
+                spec.joint(name).armature = len(names) * share * row[2:5].max() if alone or len(names) > 1 else 0.0
                 spec.joint(name).damping[0] = len(names) * row[5]
         self.spec = spec
 
@@ -139,7 +142,7 @@ def simulate(
     handle_hinges = held.any(axis=1)
     data.qpos[:] = tip @ rest + held @ handles[0]
     counted = (tip > 0).T.astype(float)
-    motion = Motion(np.empty((len(loads), len(rest))), np.empty(wound.shape))
+    motion = Motion(np.empty((len(loads), len(rest))), np.empty((len(loads), len(rest))), np.empty(wound.shape))
     for k in range(len(loads)):
         last = max(k - 1, 0)
         data.qpos[handle_hinges] = (held @ handles[last])[handle_hinges]
@@ -147,7 +150,7 @@ def simulate(
         data.act[:], data.ctrl[:] = acted[last], (acted[k] - acted[last]) / time_step
         mujoco.mj_step(model, data, substeps)
         mujoco.mj_forward(model, data)
-        motion.output_angle[k] = counted @ data.qpos
+        motion.output_angle[k], motion.output_velocity[k] = counted @ data.qpos, counted @ data.qvel
         motion.tension[k] = -data.actuator_force[: wound.shape[1]]
     return motion
 
@@ -193,6 +196,18 @@ def steps_per_second(
     else:
         model, data = _fastest(inst, acting, time_step)
     return step_rate(model, data, seconds)
+
+
+def step_rate(model: Any, data: Any, seconds: float) -> float:
+    """Return the steps per second of a model of MuJoCo over at least so many seconds, after a first batch."""
+    mujoco = require("mujoco", "verify")
+    mujoco.mj_step(model, data, _BATCH)
+    steps, elapsed, start = 0, 0.0, perf_counter()
+    while elapsed < seconds or not steps:
+        mujoco.mj_step(model, data, _BATCH)
+        steps += _BATCH
+        elapsed = perf_counter() - start
+    return steps / elapsed
 
 
 def _fastest(inst: FullForm, acting: Array, time_step: float) -> tuple[Any, Any]:

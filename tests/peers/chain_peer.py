@@ -7,12 +7,12 @@ tip up.
 """
 
 from dataclasses import dataclass
-from math import nan
+from math import nan, pi
+from typing import Any
 from xml.etree.ElementTree import SubElement, fromstring, tostring
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from peers.mujoco_peer import relax
 
 from tenodesis import kinematics
 from tenodesis.extras import require
@@ -21,6 +21,15 @@ from tenodesis.kinematics.chain import skeleton
 from tenodesis.kinematics.parts import moving
 
 Array = NDArray[np.float64]
+
+# The straight joint, at its stiffest, is overdamped at this rate (rad/s): it then creeps to the nearest
+# equilibrium without overshoot, so that a load close to the fold is not carried over it by momentum.
+RATE = 200.0
+_STILL = 1e-10  # rad: how far velocity and acceleration may still carry a joint that is called settled
+_BATCH = 10  # steps between two looks at the state
+_MAX_STEPS = 60_000  # only within a few parts in 100 000 of the fold does creeping there take longer
+IMMOVABLE = 1e12
+"""Inertia (kg m^2) against which no tendon moves the handle's joints."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +55,9 @@ class ChainPeer:
         self._model.body_mass *= 1e-3
         self._model.body_inertia *= 1e-3
         mujoco.mj_setConst(self._model, self._data)
+        for joint in inst.handle_joints:
+            for name in moving(skeleton(inst), joint, "mjcf"):
+                self._model.dof_armature[self._model.joint(name).dofadr] = IMMOVABLE
         self._hinges = {
             joint.name: [self._model.joint(name).qposadr[0] for name in moving(skeleton(inst), joint, "mjcf")]
             for joint in inst.joints
@@ -86,6 +98,18 @@ class ChainPeer:
                 return Settled(np.full(len(inst.tip_joints), nan), np.full(tendons, nan), steps)
         angles = np.array([data.qpos[self._hinges[joint.name]].sum() for joint in inst.tip_joints])
         return Settled(angles, -data.actuator_force[motors], steps)
+
+
+def relax(mujoco: Any, model: Any, data: Any) -> tuple[int, bool]:
+    """Step until the joints rest, snap through or run out of steps: steps taken, and whether they rest."""
+    for steps in range(_BATCH, _MAX_STEPS + 1, _BATCH):
+        mujoco.mj_step(model, data, _BATCH)
+        # A carrier turned by a right angle lines up with its tendons, which then have no lever to hold it.
+        if not abs(data.qpos).max() < pi / 2:
+            return steps, False
+        if abs(data.qvel).max() < _STILL * RATE and abs(data.qacc).max() < _STILL * RATE**2:
+            return steps, True
+    return _MAX_STEPS, False
 
 
 def _with_fixed_wrench(inst: FullForm) -> str:

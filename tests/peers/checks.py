@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from tenodesis import kinematics, statics
 from tenodesis.errors import MissingExtraError
 from tenodesis.instrument import ShortForm, TendonGear
-from tenodesis.kinematics import Posture, dimensions
+from tenodesis.kinematics import Posture
 from tenodesis.paper.context import Context
 from tenodesis.report import style
 from tenodesis.report.content import CarePoint, Chart, Column, Plot, Section, fixed, named, number
@@ -146,8 +146,7 @@ def _axes(context: Context, inst: TendonGear) -> tuple[str, list[Plot]]:
     share = min(1.0, float(np.degrees(inst.output_range)) / max(_POSES))
     poses = [share * pose for pose in _POSES]
     angles = [float(np.radians(pose)) for pose in poses]
-    gap = dimensions(inst).joint_spacing
-    found = mujoco_peer.axis_independence(inst, angles, forces, lambda: context.progress("MuJoCo"), gap=gap)
+    found = mujoco_peer.axis_independence(inst, angles, forces, lambda: context.progress("MuJoCo"))
     unloaded = context.add(
         "axes.unloaded_coupling",
         abs(np.degrees(found.unloaded.change)),
@@ -172,7 +171,7 @@ def _axes(context: Context, inst: TendonGear) -> tuple[str, list[Plot]]:
     handle = statics.handle_angle(inst, np.radians(pitch))
     yaw = float(statics.handle_angle(inst, np.radians(40.0 * share)))
     for force, color in zip((0.0, *forces), (style.INK, *style.LOADS), strict=False):
-        settled = [mujoco_peer.settle_two_axis(inst, yaw, float(other), force, force, gap=gap).yaw for other in handle]
+        settled = [mujoco_peer.settle_two_axis(inst, yaw, float(other), force, force).yaw for other in handle]
         change = np.degrees(np.array(settled) - settled[0])
         label = "no load" if force == 0 else f"{force:.2g} N on both axes"
         chart.curve(axis, pitch, f"change of yaw, {label} [deg]", change, "o-", ms=4, color=color, label=label)

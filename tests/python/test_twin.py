@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from peers import mujoco_dynamics
+from peers import chain_dynamics
 
 import tenodesis as tn
 from tenodesis.instrument import Instrument
@@ -306,12 +306,9 @@ def three_ways(inst: Instrument, handle_angle: Array, force: Array) -> list[Arra
         run = twin.run(refined(handle_angle, times), refined(force, times))
         assert run.output_angle is not None
         tips.append(run.output_angle[times - 1 :: times])
-    dynamics = inst.dynamics
-    assert dynamics.tip_inertia is not None and dynamics.tip_damping is not None
-    motion = mujoco_dynamics.simulate(
-        inst, handle_angle, force, TIME_STEP, inertia=dynamics.tip_inertia, damping=dynamics.tip_damping, substeps=4
-    )
-    return [np.degrees(tip) for tip in (*tips, motion.output_angle)]
+    wrench = np.pad(-force[:, np.newaxis], ((0, 0), (0, 5)))
+    motion = chain_dynamics.simulate(inst.expanded, handle_angle[:, np.newaxis], wrench, TIME_STEP, substeps=4)
+    return [np.degrees(tip) for tip in (*tips, motion.output_angle[:, 0])]
 
 
 @pytest.mark.parametrize("output", [0, 33, 67])
