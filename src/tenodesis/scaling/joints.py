@@ -21,7 +21,7 @@ from tenodesis.scaling.catalogue import Catalogue, narrowed, parse_pins, same
 from tenodesis.scaling.costs import Limit, LoadCells, Tally, finest_difference, nearest_spool, of_tension
 from tenodesis.scaling.design import PREFERENCES, Preference
 from tenodesis.scaling.parts import Encoder, LoadCell, Rod, Rope, Spool
-from tenodesis.scaling.scale_model import Fitted, Objectives, TestLoad, finest_encoder, with_tension_limit
+from tenodesis.scaling.scale_model import Fitted, Objectives, TestLoad, finest_encoder, of_sensors, with_tension_limit
 from tenodesis.scaling.sweep import Progress, levels, nondominated
 from tenodesis.scaling.weights import select_weights
 from tenodesis.similarity.joints import JointComparison, JointError, compare_joints
@@ -623,7 +623,6 @@ def _built(front: JointFront, index: int, wheels: WheelSet, rope: Rope, rod: Rod
         table.pop("length", None)
         if "stiffness_by_tension" not in table and not math.isclose(area / own, length, rel_tol=_SAME):
             table["length"] = area / float(own)
-    counts = 2 * cell.range / cell.resolution
     changes: dict[str, Any] = {
         "joints": joints,
         "tendons": tendons,
@@ -632,9 +631,8 @@ def _built(front: JointFront, index: int, wheels: WheelSet, rope: Rope, rod: Rod
         "tendon_modulus": rope.modulus,
         "tendon_length": length,
         "breaking_load": rope.breaking_load,
+        **of_sensors(cell, encoder),
         "spool_radius": spool.radius,
-        "sensors.load_cell_range": cell.range,
-        "sensors.load_cell_bits": min(max(math.ceil(math.log2(counts)), 4), 32),
         "sources": {
             "joints.radius": "tenodesis scale: " + ("turned to size" if wheels.to_size else "wheels in stock"),
             "joints": f"tenodesis scale: {real.name}, lengths times {wheels.factor:.6g}",
@@ -644,12 +642,6 @@ def _built(front: JointFront, index: int, wheels: WheelSet, rope: Rope, rod: Rod
     }
     if model.stem_length is not None:
         changes["stem_length"] = max(length - (wheels.factor * _beyond_stem(real)), 0.1 * length)
-    if encoder is not None:
-        changes |= {
-            "sensors.encoder_bits": encoder.bits,
-            "sensors.encoder_range": encoder.range,
-            "sensors.encoder_noise": encoder.noise,
-        }
     scaled = with_tension_limit(model.replace(**changes), tension)
     fitted = tuple(_fitted(real, catalogue, size, made) for size, made in zip(_sizes(real), wheels.radii, strict=True))
     springs = tuple((joint.name, joint.stiffness) for joint in scaled.tip_joints if joint.stiffness)

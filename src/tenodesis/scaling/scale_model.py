@@ -264,7 +264,6 @@ def _scaled_up(found: Sweep, choice: Choice, values: Mapping[str, float], tests:
         field: values[parameter] for field, parameter in real_size.parameter_fields.items() if parameter in values
     }
     length = changes.pop("tendon_length")
-    counts = 2 * choice.load_cell.range / choice.load_cell.resolution
     factor = values["distal_radius"] / value_of(real_size, "distal_radius")
     changes |= {
         "name": name_of(real_size),
@@ -285,16 +284,9 @@ def _scaled_up(found: Sweep, choice: Choice, values: Mapping[str, float], tests:
             "sampling_rate": real_size.conditions.sampling_rate,
             "cable_pulley_radius": constraints.cable_pulley_radius,
         },
-        "sensors.load_cell_range": choice.load_cell.range,
-        "sensors.load_cell_bits": min(max(math.ceil(math.log2(counts)), 4), 32),
+        **of_sensors(choice.load_cell, choice.encoder),
+        "drives.spool_radius": choice.spool.radius,
     }
-    if choice.encoder is not None:
-        changes |= {
-            "sensors.encoder_bits": choice.encoder.bits,
-            "sensors.encoder_range": choice.encoder.range,
-            "sensors.encoder_noise": choice.encoder.noise,
-        }
-    changes["drives.spool_radius"] = choice.spool.radius
     changes["sources"] = _sources(found, choice, changes)
     try:
         scaled_up = real_size.replace(**changes)
@@ -307,6 +299,18 @@ def _scaled_up(found: Sweep, choice: Choice, values: Mapping[str, float], tests:
             value=problem.value,
             allowed=problem.allowed,
         ) from None
+
+
+def of_sensors(cell: LoadCell, encoder: Encoder | None) -> dict[str, Any]:
+    """Return the keys of an instrument file that its sensors set."""
+    counts = 2 * cell.range / cell.resolution
+    found = {
+        "sensors.load_cell_range": cell.range,
+        "sensors.load_cell_bits": min(max(math.ceil(math.log2(counts)), 4), 32),
+    }
+    if encoder is not None:
+        found |= {f"sensors.encoder_{key}": getattr(encoder, key) for key in ("bits", "range", "noise")}
+    return found
 
 
 def with_tension_limit(scaled_up: _Inst, largest: float) -> _Inst:
