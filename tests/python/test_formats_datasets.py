@@ -102,6 +102,9 @@ def test_a_published_file_under_another_bend_is_said(tmp_path: Path) -> None:
 def test_outliers_do_not_reach_the_mean_of_held_rows(tmp_path: Path) -> None:
     right = endoscope_pair.load(write_pair(tmp_path, pair()))
     rows = pair()
+    assert right["commanded_angle"] == pytest.approx(np.radians(rows[::HELD, COMMAND]), abs=1e-7)
+    with refused("path", kind=IdentificationError):
+        endoscope_pair.load(write_pair(tmp_path, rows[:, :3]))
     rows[HELD * 100 + 1, AGONIST] += 3.5
     rows[HELD * 200 + 2, OUTPUT] -= 30
     run = endoscope_pair.load(write_pair(tmp_path, rows))
@@ -235,8 +238,10 @@ def test_quoted_headings_and_a_byte_order_mark_are_read(tmp_path: Path) -> None:
 def test_outliers_that_last_do_not_pass_the_median_of_three(tmp_path: Path) -> None:
     rows = sheath()
     rows[700:702, 2] += 20
+    rows[300, 2] += 1
     run = tendon_sheath.load(write_sheath(tmp_path, rows, unit=GRAM_FORCE))
     assert "dropped 2 rows: outliers of distal_tension" in said(run)
+    assert "distal_tension: median of three samples, which took 1 spikes of over 0.05 N out" in said(run)
     assert run["distal_tension"].max() < 5.1
 
 
@@ -265,6 +270,24 @@ def test_every_format_notes_gaps_duplicates_and_backward_clocks(tmp_path: Path, 
     back[count // 2 :, 0] -= rows[count // 2, 0]
     with refused("time", kind=IdentificationError, allowed="at most 1 %"):
         FORMATS[kind].load(put(tmp_path, back))
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_every_format_drops_rows_of_no_numbers_and_refuses_what_says_nothing(tmp_path: Path, kind: str) -> None:
+    make, put = FILES[kind]
+    load, rows, sensor = FORMATS[kind].load, make(), SENSOR[kind]
+    rows[300, sensor] = math.nan
+    run = load(put(tmp_path, rows))
+    assert len(run) == len(rows) - 1
+    assert "dropped 1 row: not numbers in every column" in said(run)
+    rows[:, sensor] = rows[0, sensor]
+    with pytest.raises(IdentificationError, match="no excitation: ") as still:
+        load(put(tmp_path, rows))
+    assert still.value.allowed.startswith("at least")
+    with refused("samples", kind=IdentificationError, allowed="at least 200"):
+        load(put(tmp_path, make()[:100]))
+    with refused("path", kind=IdentificationError):
+        load(tmp_path / "60.none")
 
 
 @pytest.mark.parametrize("kind", FILES)

@@ -11,7 +11,7 @@ import pytest
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, Fit, fit, jacobian_error
 from tenodesis.identification.comparison import compare_laws
-from tenodesis.identification.datasets.endoscope_pair import EndoscopePair, load, problem
+from tenodesis.identification.datasets.endoscope_pair import EndoscopePair, problem
 from tenodesis.identification.datasets.reference import LAWS, pass_on
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.run import Array
@@ -202,80 +202,6 @@ def test_bad_requests_are_named() -> None:
         problem([recording(0)], [], law="capstan", instrument=object())  # type: ignore[arg-type]
     with refused("laws", kind=IdentificationError):
         compare_laws(lambda law: EndoscopePair([recording(0)], law=law), [0], [], laws=())
-
-
-# --- files -------------------------------------------------------------------------------------------------------
-
-
-def rows_of(scale: float = 1.0, force: float = 1.0, repeats: int = 4) -> Array:
-    time, command, agonist, antagonist = tensions()
-    angle = np.degrees(command) * scale
-    held = np.column_stack([time, angle, angle * 0, 0.5 * angle, force * agonist, force * antagonist])
-    return np.repeat(held, repeats, axis=0)
-
-
-def write(path: Path, rows: Array) -> Path:
-    path.write_text("\n".join(", ".join(f"{value:.6f}" for value in row) + " " for row in rows))
-    return path
-
-
-def test_held_rows_become_one_and_the_bend_is_the_files_name(tmp_path: Path) -> None:
-    measured = load(write(tmp_path / "75.txt", rows_of()))
-    assert len(measured) == 600
-    assert measured["sheath_bend"] == pytest.approx(math.radians(75))
-    assert measured["commanded_angle"] == pytest.approx(tensions()[1], abs=1e-7)
-    assert any("2400 rows at 600 times" in note for note in measured.notes)
-
-
-def test_other_units_are_seen_by_their_magnitude_and_said(tmp_path: Path) -> None:
-    measured = load(write(tmp_path / "30.txt", rows_of(scale=math.radians(1), force=1 / 9.80665e-3)))
-    assert measured["output_angle"] == pytest.approx(0.5 * tensions()[1], abs=1e-5)
-    assert measured["agonist_tension"] == pytest.approx(tensions()[2], abs=1e-5)
-    assert any("taken as rad, not deg" in note for note in measured.notes)
-    assert any("gram-force" in note for note in measured.notes)
-
-
-def test_outliers_and_rows_that_are_no_numbers_are_dropped_and_said(tmp_path: Path) -> None:
-    rows = rows_of(repeats=1)
-    rows[100, 4] = 40.0
-    rows[200, 3] = math.nan
-    measured = load(write(tmp_path / "30.txt", rows))
-    assert len(measured) == 598
-    assert any("outliers of agonist_tension" in note for note in measured.notes)
-
-
-def still(rows: Array) -> Array:
-    rows[:, 1] = 0
-    return rows
-
-
-def backwards(rows: Array) -> Array:
-    rows[:, 0] = np.random.default_rng(0).permutation(rows[:, 0])
-    return rows
-
-
-@pytest.mark.parametrize(
-    ("name", "change", "says"),
-    [
-        ("straight.txt", lambda rows: rows, "the name 'straight' is no sheath bend"),
-        ("2000.txt", lambda rows: rows, "it must hold one number from 0 to 1080"),
-        ("60.txt", lambda rows: rows[:400], "100 samples are left"),
-        ("60.txt", still, "no excitation: commanded_angle"),
-        ("60.txt", backwards, "the clock ran back"),
-        ("60.txt", lambda rows: rows[:, :3], "no row of 6 numbers"),
-    ],
-)
-def test_files_that_cannot_be_used_are_refused_with_the_reason(
-    tmp_path: Path, name: str, change: object, says: str
-) -> None:
-    path = write(tmp_path / name, change(rows_of()))  # type: ignore[operator]
-    with pytest.raises(IdentificationError, match=says):
-        load(path)
-
-
-def test_missing_file_is_named(tmp_path: Path) -> None:
-    with refused("path", kind=IdentificationError):
-        load(tmp_path / "90.txt")
 
 
 # --- measured by others ------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, fit, jacobian_error
 from tenodesis.identification.datasets.reference import LAWS, band, pass_on
-from tenodesis.identification.datasets.tendon_sheath import DEFAULT_LOSS, GRAM_FORCE, Sheath, load, problem
+from tenodesis.identification.datasets.tendon_sheath import DEFAULT_LOSS, Sheath, problem
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.results import Fit
 from tenodesis.identification.split import FittedPart, split
@@ -126,50 +126,6 @@ def test_bad_requests_are_named() -> None:
         Sheath([])
     with refused("instrument", kind=IdentificationError):
         problem([recording()], [], law="capstan", instrument=object())  # type: ignore[arg-type]
-
-
-# --- files -------------------------------------------------------------------------------------------------------
-
-HEAD = ",Time,layout.dim,layout.data_offset,data_0,data_1,data_2,data_3"
-
-
-def write(path: Path, proximal: Array, distal: Array, head: str = HEAD, step: float = 0.012) -> Path:
-    rows = [
-        f"{index},{step * index:.6f},[],0,{one:.6f},0.1,{other:.6f},0.2"
-        for index, (one, other) in enumerate(zip(proximal, distal, strict=True))
-    ]
-    path.write_text("\n".join([head, *rows]))
-    return path
-
-
-def test_gram_force_becomes_newton_and_spikes_go(tmp_path: Path) -> None:
-    proximal = pulls()[1] / GRAM_FORCE
-    distal = 0.5 * proximal
-    distal[700] += 300
-    measured = load(write(tmp_path / "a.csv", proximal, distal))
-    assert measured["distal_tension"] == pytest.approx(0.5 * pulls()[1], abs=0.06)
-    assert any("took 1 spikes" in note for note in measured.notes)
-
-
-def test_newton_are_seen_by_their_magnitude_and_said(tmp_path: Path) -> None:
-    measured = load(write(tmp_path / "a.csv", pulls()[1], 0.5 * pulls()[1]))
-    assert measured["proximal_tension"] == pytest.approx(pulls()[1], abs=0.06)
-    assert any("taken as N, not gram-force" in note for note in measured.notes)
-
-
-def test_files_that_cannot_be_used_are_refused_with_the_reason(tmp_path: Path) -> None:
-    proximal = pulls()[1] / GRAM_FORCE
-    path = tmp_path / "a.csv"
-    with pytest.raises(IdentificationError, match="has no column data_2"):
-        load(write(path, proximal, proximal, HEAD.replace("data_2", "data_9")))
-    with pytest.raises(IdentificationError, match="100 samples are left"):
-        load(write(path, proximal[:100], proximal[:100]))
-    with pytest.raises(IdentificationError, match="no excitation: proximal_tension"):
-        load(write(path, np.full(500, 3.0), np.full(500, 3.0)))
-    with pytest.raises(IdentificationError, match=r"the clock ran back|no clock"):
-        load(write(path, proximal, proximal, step=-0.012))
-    with pytest.raises(IdentificationError, match=r"b\.csv cannot be read"):
-        load(tmp_path / "b.csv")
 
 
 # --- measured by others ------------------------------------------------------------------------------------------
