@@ -110,16 +110,6 @@ def test_tables_have_a_column_for_each_joint_and_tendon(run: tn.Run, tmp_path: P
     assert "tension.yaw_agonist [N]" in header.split(",")
 
 
-def test_a_truncated_recording_reads_up_to_its_last_chunk(run: tn.Run, tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    write_run(run, tn.instrument.expanded("hybrid-scaled-up"), path)
-    path.write_bytes(path.read_bytes()[:1_000_000])
-    back = Recording.open(path)
-    assert back.damage is not None
-    assert 0 < len(back.run) < len(run)
-    assert np.array_equal(back.run["tension"], run["tension"][: len(back.run)])
-
-
 def test_a_run_of_other_joints_is_refused_in_a_sentence(run: tn.Run, tmp_path: Path) -> None:
     other = tn.control.names_of(tn.instrument.expanded("needle-driver"))
     with (

@@ -184,18 +184,6 @@ def test_time_in_milliseconds_is_found_by_its_interval_and_said(tmp_path: Path) 
     assert run.sample_time == pytest.approx(1e-3)
 
 
-def test_a_saturated_torque_sensor_loses_its_rows_or_is_refused(tmp_path: Path) -> None:
-    rows = table()
-    rows[1000:1300, TORQUE] += 3000 * np.sin(math.pi * np.arange(300) / 300)
-    rows[:, TORQUE] = np.minimum(np.round(rows[:, TORQUE]), np.sort(rows[:, TORQUE])[-120])
-    run = load(write(tmp_path, rows))
-    assert "saturated: spindle_torque stays at its extreme" in said(run)
-    assert 20 <= SAMPLES - len(run) <= 120
-    rows[:, TORQUE] = np.minimum(rows[:, TORQUE], 1600)
-    with refused("spindle_torque", kind=IdentificationError):
-        load(write(tmp_path, rows))
-
-
 def test_a_sensor_that_holds_every_value_is_not_called_saturated_where_it_holds_its_highest() -> None:
     steps = np.repeat([0.0, 1.0, 2.0, 3.0, 2.0, 1.0, 0.0], 50)
     raw = Raw("coarse", 0.01 * np.arange(350), {"x": steps})

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, fit, jacobian_error
 from tenodesis.identification.datasets.reference import LAWS, band, pass_on
-from tenodesis.identification.datasets.tendon_sheath import DEFAULT_LOSS, Sheath, problem
+from tenodesis.identification.datasets.tendon_sheath import DEFAULT_LOSS, Sheath
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.results import Fit
 from tenodesis.identification.split import FittedPart, split
@@ -117,15 +117,6 @@ def test_what_is_held_out_of_a_recording_does_not_reach_the_fit() -> None:
 def test_a_recording_is_split_where_something_is_left_on_either_side() -> None:
     with refused("share", 1.0, kind=IdentificationError):
         split([recording()], [], 1.0, "until", lambda train, test: Sheath([*train, *test]))
-
-
-def test_bad_requests_are_named() -> None:
-    with refused("law", "magic", kind=IdentificationError):
-        Sheath([recording()], law="magic")
-    with refused("train", kind=IdentificationError):
-        Sheath([])
-    with refused("instrument", kind=IdentificationError):
-        problem([recording()], [], law="capstan", instrument=object())  # type: ignore[arg-type]
 
 
 # --- measured by others ------------------------------------------------------------------------------------------

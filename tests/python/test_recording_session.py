@@ -181,16 +181,6 @@ def test_a_slow_protocol_is_written_in_chunks_of_a_quarter_second(scaled: Instru
     assert max(spans) < 0.25e9
 
 
-def test_a_cut_off_recording_replays_up_to_there(scaled: Instrument, tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    record(scaled, SHORT, path)
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    recording = Recording.open(path)
-    assert recording.damage is not None
-    assert 0 < len(recording.run) < SHORT.duration(scaled) / 5e-4
-    assert replay(recording).exact
-
-
 def test_differences_to_another_instrument_are_measured(scaled: Instrument, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     run = record(scaled, SHORT, path)
