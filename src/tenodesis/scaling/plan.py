@@ -158,7 +158,7 @@ class PlanTable:
 def parts(design: "AnyDesign") -> PlanTable:
     """Return the parts, and how many of each."""
     rows = tuple(part_rows(design))
-    return PlanTable("Parts", ("no.", "part", "take", "which is"), rows, texts=4, wide=(2, 3), names=True)
+    return PlanTable("Parts", ("no.", "part", "take", "which is"), rows, texts=4, wide=(1, 2, 3), names=True)
 
 
 def part_rows(design: "AnyDesign") -> Iterator[tuple[str, str, str, str]]:
