@@ -6,9 +6,9 @@
 // stroke beyond these bounds would push the tip further off than motors at rest leave it.
 //
 // A law that corrects a tip which friction holds may also hunt: it winds until the tip breaks away, and then back. So
-// the reversals of the tracking error that the hand has not made are counted. Where many follow each other the law's
-// gain goes to zero, and the spools go to the least stroke that the tensions prove to be necessary, which is none if
-// friction explains their difference.
+// the reversals of the tracking error that the hand has not made are counted, each by how little the strokes since the
+// one before have taken from the error's mean square. Where many follow each other the law's gain goes to zero, and the
+// spools go to the mean of what has been lost.
 
 #include "tenodesis/observer.hpp"
 
@@ -31,8 +31,11 @@ struct EnvelopeState {
   S reversed{};      ///< error at that reversal, m
   S direction{1};    ///< of the error since then
   S since{};         ///< time since then, s
+  S squared{};       ///< integral of the squared error since then, m^2 s
+  S unmoved{};       ///< the same of the error without the differential stroke, m^2 s
   S handle_angle{};  ///< at that reversal, rad
-  S reversals{};     ///< recent reversals
+  S reversals{};     ///< recent reversals, each by how little the strokes have earned
+  S mean_loss{};     ///< error without the differential stroke, smoothed, m
   S gain_factor{1};  ///< of the law's gain, from 1 to 0
   bool loose{};      ///< whether a tendon is slack
   bool bounded{};    ///< whether a bound has held the law back in this tick
@@ -50,12 +53,16 @@ struct Envelope {
   ControlModel<A> model{};
   EnvelopeSettings<S> settings{};
 
-  /// Follows the bounds and the error; threshold: of a reversal, m.
-  void update(const S& error, const S& threshold, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
-              const S& dt, State& state) const {
+  /// Follows the bounds, the error and the differential stroke; threshold: of a reversal, m.
+  void update(const S& error, const S& differential, const S& threshold, const FrictionObserver<A>& observer,
+              const FrictionMemory<S>& memory, const S& dt, State& state) const {
     follow_bounds(observer, memory, dt, state);
     // An error that only becomes uncertain, as while a stroke reverses, has not moved.
     state.error = clamp(state.error, error - memory.unobservable[0], error + memory.unobservable[1]);
+    const S lost = state.error + differential;
+    state.squared = state.squared + square(state.error) * dt;
+    state.unmoved = state.unmoved + square(lost) * dt;
+    state.mean_loss = state.mean_loss + (lost - state.mean_loss) * (dt / S(tuning::swing_memory));
     count_reversals(threshold, memory.intent.angle, dt, state);
   }
 
@@ -64,12 +71,8 @@ struct Envelope {
 
   /// Differential speed that leads a law back whose gain is zero, m/s; differential: the present differential stroke,
   /// m; assistance: share of a loss that is given back.
-  S returning(const S& differential, const S& assistance, const FrictionObserver<A>& observer,
-              const FrictionMemory<S>& memory) const {
-    const S lost = observer.measured_loss(memory);
-    const S hidden = observer.hidden_loss(memory, S(tuning::envelope_friction));
-    const S proven = lost > S(0) ? larger(lost - hidden, S(0)) : smaller(lost + hidden, S(0));
-    return S(tuning::return_rate) * (assistance * proven - differential);
+  static S returning(const S& differential, const S& assistance, const State& state) {
+    return S(tuning::return_rate) * (assistance * state.mean_loss - differential);
   }
 
   /// A differential speed within the bounds, m/s.
@@ -108,8 +111,13 @@ struct Envelope {
       const S excursion = abs(model.excursion(handle_angle) - model.excursion(state.handle_angle));
       const bool by_hand = abs(handle_angle - state.handle_angle) >= S(tuning::swing_hand_travel) &&
                            abs(state.extreme - state.reversed) <= S(tuning::tremor_spare) * excursion;
-      if (!by_hand && state.since >= settings.swing_time) state.reversals = state.reversals + S(1);
+      if (!by_hand && state.since >= settings.swing_time) {
+        const S left = state.squared / S(tuning::useless_share);
+        state.reversals = state.reversals + (left < state.unmoved ? left / state.unmoved : S(1));
+      }
       state.since = S(0);
+      state.squared = S(0);
+      state.unmoved = S(0);
       state.direction = -state.direction;
       state.reversed = state.extreme;
       state.extreme = error;

@@ -79,15 +79,17 @@
   ROW(envelope_friction, 1.5, "1", "studies/harm.py", "largest plausible friction over the observer's")                \
   ROW(envelope_compliance, 1.3, "1", "bound", "largest plausible compliance over the observer's")                      \
   ROW(envelope_smoothing, 0.1, "s", "studies/harm.py", "time constant of a stroke's bounds")                           \
-  ROW(least_swing, 2, "1", "studies/harm.py", "tracking error by which its reversal stands out, in dead bands")        \
+  ROW(least_swing, 3, "1", "studies/harm.py", "tracking error by which its reversal stands out, in dead bands")        \
   ROW(swing_half_periods, 1.3, "1", "studies/harm.py",                                                                 \
       "of the tip, which itself oscillates faster: least time between two reversals of the tracking error")            \
-  ROW(swing_memory, 2, "s", "studies/harm.py", "time constant with which reversals are forgotten")                     \
+  ROW(swing_memory, 2, "s", "studies/harm.py", "time constant of recent reversals, and of the mean loss")              \
+  ROW(useless_share, 0.5, "1", "studies/harm.py",                                                                      \
+      "of the mean square that an error had without strokes, from which its reversal counts whole")                    \
   ROW(swing_hand_travel, 0.03490658503988659, "rad", "studies/harm.py",                                                \
       "handle travel between reversals that the hand made (2 deg)")                                                    \
-  ROW(few_reversals, 3, "1", "studies/harm.py", "recent reversals from which the law's gain falls")                    \
-  ROW(many_reversals, 5, "1", "studies/harm.py", "from which it is zero")                                              \
-  ROW(return_rate, 4, "1/s", "studies/harm.py", "at which a stroke or a mean error that is not wanted is taken back")  \
+  ROW(few_reversals, 2, "1", "studies/harm.py", "recent reversals from which the law's gain falls")                    \
+  ROW(many_reversals, 3.3, "1", "studies/harm.py", "from which it is zero")                                            \
+  ROW(return_rate, 8, "1/s", "studies/harm.py", "at which a stroke or a mean error that is not wanted is taken back")  \
   /* loads that alternate */                                                                                           \
   ROW(notable_angle, 0.017453292519943295, "rad", "studies/harm.py: what it counts as harm",                           \
       "of the tip: a jump of the load, or by how much a stroke may exceed what one explains (1 deg)")                  \
