@@ -155,10 +155,10 @@ struct Compensator {
     const S along = at_limit && state.envelope.excess > S(0) ? smaller(common, S(0)) : common;
     // The motors take the hand's tremor away, as far as it is known when they follow. Where the law is restrained, it
     // frees the tip of its friction.
-    const S against = observer.trembles(memory) ? state.envelope.gain_factor * settings.tremor_gain *
-                                                      observer.tremor_arm() *
-                                                      memory.intent.speed_after(settings.tremor_delay)
-                                                : S(0);
+    const S against = observer.trembles(memory)
+                          ? state.envelope.gain_factor * settings.tremor_gain * observer.tremor_arm() *
+                                memory.intent.speed_after(settings.tremor_delay)
+                          : S(0);
     const S differential = limited(allowed - against);
     return {along + differential, along - differential};
   }
