@@ -17,9 +17,12 @@ import pytest
 import tenodesis as tn
 from tenodesis import cad, kinematics, plant
 from tenodesis.cad import kernel, pack, picture
+from tenodesis.cad.assembly import postures
 from tenodesis.cad.gears import Gear
 from tenodesis.cad.lever_parts import Lever
-from tenodesis.cad.model import gear_of
+from tenodesis.cad.model import fitting, gear_of
+from tenodesis.cad.parts import Sizes
+from tenodesis.cad.wrist_parts import Wrist
 from tenodesis.errors import InstrumentError, MissingExtraError
 from tenodesis.instrument import Instrument
 from tenodesis.tolerance.defaults import general_tolerance
@@ -67,6 +70,12 @@ def gears() -> cad.Model:
 def hybrid() -> cad.Model:
     pytest.importorskip("build123d", reason="the extra [cad] is not installed")
     return cad.build("hybrid-scaled-up", process="fdm")
+
+
+@pytest.fixture(scope="module", params=["needle-driver", "maryland-dissector"])
+def wrist(request: pytest.FixtureRequest) -> cad.Model:
+    pytest.importorskip("build123d", reason="the extra [cad] is not installed")
+    return cad.build(request.param, process="milled", rig=False)
 
 
 @pytest.fixture(scope="module")
@@ -187,8 +196,6 @@ def test_what_cannot_be_made_of_several_joints_is_named_by_its_key(
 @pytest.mark.parametrize(
     ("name", "choices", "key"),
     [
-        ("needle-driver", {}, "joints.pitch.mechanism"),
-        ("maryland-dissector", {}, "joints.pitch.mechanism"),
         ("two-segment-continuum", {}, "joints.near_arc1.mechanism"),
         ("hybrid-scaled-up", {"axis": "yaw"}, "axis"),
     ],
@@ -197,6 +204,74 @@ def test_joints_of_which_no_parts_are_made_are_refused(name: str, choices: dict[
     with pytest.raises(InstrumentError) as found:
         cad.build(name, **choices)
     assert found.value.key == key
+
+
+@pytest.mark.parametrize("name", ["needle-driver", "maryland-dissector"])
+def test_a_wrist_that_cannot_be_printed_at_its_size_is_refused_with_a_process_and_a_scale_that_fit(name: str) -> None:
+    inst = tn.load(name)
+    with pytest.raises(InstrumentError, match=r"stem_diameter is 8 mm: .* or process milled, or all") as no:
+        cad.build(inst, process="sla")
+    assert no.value.key == "stem_diameter"
+    factor = float(str(no.value).removesuffix(".").rpartition(" ")[2])
+    assert _sized(_longer(inst, factor), "sla")
+    with pytest.raises(InstrumentError):
+        _sized(_longer(inst, factor - 0.25), "sla")
+
+
+def _longer(inst: Instrument, factor: float) -> Instrument:
+    """Return an instrument of pulleys with all its lengths times a factor."""
+    longer = {"radius", "offset", "end_effector_length"}
+    joints, tendons = (
+        [one.model_dump(exclude_unset=True) for one in inst.as_given(key)] for key in ("joints", "tendons")
+    )
+    for one in [*joints, *(crossing for tendon in tendons for crossing in tendon["route"])]:
+        one.update({key: factor * value for key, value in one.items() if key in longer})
+    own = {key: factor * getattr(inst, key) for key in ("stem_diameter", "tendon_diameter")}
+    return inst.replace(joints=joints, tendons=tendons, **own)
+
+
+def _sized(inst: Instrument, process: str) -> tuple[Any, ...]:
+    """Return the sizes of a wrist and its jaws."""
+    sizes = Sizes(cad.PROCESSES[process], 1e3 * float(inst.tendon_diameter or 0.0))
+    return fitting(inst, inst.expanded, sizes)
+
+
+@pytest.mark.parametrize(("name", "wrap"), [("needle-driver", 90.0), ("maryland-dissector", 90.0)])
+def test_guide_wheels_give_tendons_the_wrap_of_the_file_and_leave_room_for_every_rope(name: str, wrap: float) -> None:
+    inst = tn.load(name)
+    made, *jaws = _sized(inst, "milled")
+    assert isinstance(made, Wrist)
+    assert (len(made.lanes), len(jaws)) == (4, 2)
+    for lane in made.lanes:
+        # On the inner common tangent of two wheels, r + g across it and t along it, the rope has the direction that it
+        # winds from: that is the wrap.
+        x, z = lane.way.side * lane.guide[0], lane.guide[1]
+        across = lane.way.radius + made.guide
+        along = math.sqrt(x * x + z * z - across**2)
+        turn = math.atan2(across * -z - along * x, across * x - along * z)
+        assert math.degrees(turn) == pytest.approx(wrap, abs=1e-9)
+        assert math.hypot(x, z) > lane.way.radius + made.guide + made.pulley.play
+    levels = sorted(abs(lane.y) for lane in made.lanes)
+    assert levels[2] - levels[1] > 0.4
+    assert levels[0] - 0.2 > made.pulley.outside
+
+
+def test_a_tendon_of_an_imported_tool_without_a_wrap_gets_one_that_its_joints_range_does_not_unwind() -> None:
+    inst = tn.load("needle-driver")
+    tendons = [one.model_dump(exclude_unset=True) for one in inst.as_given("tendons")]
+    for tendon in tendons:
+        for crossing in tendon["route"]:
+            crossing.pop("base_wrap", None)
+    made = _sized(inst.replace(tendons=tendons, sources={}), "milled")[0]
+    assert {round(math.degrees(lane.way.wrap), 9) for lane in made.lanes} == {90.0}
+
+
+def test_a_tendon_that_turns_both_jaws_is_refused() -> None:
+    inst = tn.load("needle-driver")
+    tendons = [one.model_dump(exclude_unset=True) for one in inst.as_given("tendons")]
+    tendons[2]["route"] = [*tendons[2]["route"], {"joint": "jaw_2", "side": "antagonist", "radius": 1e-3}]
+    with refused("tendons.jaw_1_wound.route.radius", 1e-3, kind=InstrumentError):
+        cad.build(inst.replace(tendons=tendons), process="milled")
 
 
 def test_a_backbone_whose_discs_touch_is_refused() -> None:
@@ -265,6 +340,49 @@ def test_each_tendon_of_several_joints_changes_length_with_its_own_joints_alone(
 @pytest.mark.slow
 def test_nothing_of_several_joints_collides_with_all_of_them_bent_to_their_ends(hybrid: cad.Model) -> None:
     assert cad.interference(hybrid, ENDS[2:], [math.radians(45)]) == []
+
+
+@pytest.mark.slow
+def test_tendons_of_a_wrist_change_length_by_the_radii_of_the_file_and_both_jaws_are_where_the_model_has_them(
+    wrist: cad.Model,
+) -> None:
+    arms = wrist.instrument.expanded.tendon_arms("tip")
+    ranges = [one.joint.range for one in wrist.stations]
+    angles = np.random.default_rng(7).uniform(-1.0, 1.0, (40, 3)) * ranges
+    straight = cad.tendon_lengths(wrist, np.zeros(3), np.zeros(0))
+    changes = cad.tendon_lengths(wrist, angles, np.zeros(0)) - straight
+    assert np.abs(changes + angles @ arms.T).max() < 1e-15
+    found = cad.agreement(wrist)
+    assert found.angles == 50
+    assert found.excursion < 1e-15
+    assert found.tip < 1e-15
+
+
+@pytest.mark.slow
+def test_nothing_of_a_wrist_collides_over_its_range_and_its_jaws_do_not_pass_each_other(wrist: cad.Model) -> None:
+    ends = [0.0, *(share * wrist.stations[0].joint.range for share in (-1.0, -0.5, 0.5, 1.0))]
+    assert cad.interference(wrist, ends) == []
+    every = postures(wrist, ends)
+    assert all(one.tip[1] >= one.tip[2] for one in every)
+    most = np.max([np.abs(one.tip) for one in every], axis=0)
+    assert most == pytest.approx([one.joint.range for one in wrist.stations])
+
+
+@pytest.mark.slow
+def test_a_wrist_is_written_with_a_closed_mesh_of_every_part_and_masses_of_its_links(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("build123d", reason="the extra [cad] is not installed")
+    monkeypatch.setattr(pack, "_STEPS", 1)
+    monkeypatch.setattr(picture, "_FINE", 1)
+    model = cad.build("needle-driver", process="milled")
+    checks = cad.write(model, tmp_path)
+    names = {one.part for one in checks.printable}
+    assert names >= {"pitch_fork", "pitch_body", "pitch_wheel", "pitch_guide", "jaw_1_jaw", "jaw_2_jaw", "stem_base"}
+    assert all(one.watertight for one in checks.printable)
+    assert [len(model.part(name).places) for name in ("pitch_wheel", "pitch_guide", "spool")] == [4, 4, 6]
+    masses = [joint.mass for joint in tn.load(tmp_path / "instrument.toml").expanded.tip_joints]
+    assert masses == pytest.approx([cad.inertias(model)[one.end.far].mass for one in model.stations], rel=1e-6)
 
 
 @pytest.mark.slow

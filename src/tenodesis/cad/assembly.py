@@ -89,6 +89,8 @@ def postures(model: Model, output_angles: Sequence[float], handle_angles: Sequen
     found = []
     for place, angles in enumerate((output_angles, handle_angles)):
         joints = [one.joint for one in model.at(tip=place == 0)]
+        if not joints:
+            continue
         # Ends of the ranges over that of the first joint.
         ends = [tuple(limit / joints[0].range for limit in joint.limits) for joint in joints]
         bent = [
@@ -101,8 +103,17 @@ def postures(model: Model, output_angles: Sequence[float], handle_angles: Sequen
             most = max(map(abs, angles))
             bent += [(False, most * np.array(corner)) for corner in product(*ends)]
         for alone, row in bent:
-            found.append(Posture(row, still[1], alone) if place == 0 else Posture(still[0], row, True))
+            found.append(Posture(_held(model, row), still[1], alone) if place == 0 else Posture(still[0], row, True))
     return found
+
+
+def _held(model: Model, angles: Array) -> Array:
+    """Return angles of the tip's joints at which jaws that would pass through each other touch, on the middle."""
+    arms = model.instrument.expanded.grip_arms
+    jaws = np.flatnonzero(arms)
+    if len(jaws) < 2 or arms @ angles >= 0:
+        return angles
+    return np.where(arms != 0, angles[jaws].mean(), angles)
 
 
 def interference(
@@ -202,6 +213,9 @@ def frames_of(model: Model, output_angle: ArrayLike, handle_angle: ArrayLike | N
     stem = frames.bodies["stem"].position
     places = {name: k.placed(k.MM * (one.position - stem), one.quaternion) for name, one in frames.bodies.items()}
     rig = model.rig
+    if rig is None:
+        places["bench"] = k.at()
+        return lambda part, place: places[part.body]
     plane = k.at(turn=(0, 0, rig.turn))
     tip = (plane.inverse() * places[f"{model.bearing.joint.name}_tip"]).position
     places["bench"] = plane
@@ -219,6 +233,8 @@ def frames_of(model: Model, output_angle: ArrayLike, handle_angle: ArrayLike | N
 def _handle_angles(model: Model, angles: Array) -> Array:
     """Return the handle angles at which the unloaded tip has angles, rad."""
     inst = model.instrument
+    if not model.at(tip=False):
+        return np.zeros(0)
     found = np.atleast_1d(statics.handle_angle(inst, np.array(angles)))
     if not np.isfinite(found).all():
         raise ArgumentError(

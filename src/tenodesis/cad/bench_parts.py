@@ -1,10 +1,12 @@
 """Parts beyond the joints: stem, end-effector, grip, spools and mounts, and the load rig of Fig. 13."""
 
+import math
+from itertools import pairwise
 from typing import NamedTuple
 
 from tenodesis.cad import kernel as k
-from tenodesis.cad.kernel import Solid
-from tenodesis.cad.parts import Dimension, End, Part, Sizes, bought, groove_dimensions, pin
+from tenodesis.cad.kernel import FLIP, Solid
+from tenodesis.cad.parts import STEEPEST, Dimension, End, Part, Sizes, bought, groove_dimensions, pin, spigot
 
 TIP_PIN = 3.0
 """Diameter of the pin at the tip that the load rig pushes, mm."""
@@ -31,9 +33,9 @@ class Hardware(NamedTuple):
     bearing_width: float = 4e-3
 
 
-def stem_part(end: End, other: End) -> Part:
-    """Return the stem's tube."""
-    low, high = -end.stem_length + other.near_length, -end.near_length
+def stem_part(end: End, behind: float) -> Part:
+    """Return the stem's tube; what is fixed to its other end takes a length of it."""
+    low, high = -end.stem_length + behind, -end.near_length
     outer, bore = end.stem_radius, end.stem_bore
     tube = k.rod((0, 0, low), (0, 0, high), outer) - k.rod((0, 0, low), (0, 0, high), bore)
     return bought(
@@ -47,6 +49,58 @@ def stem_part(end: End, other: End) -> Part:
             Dimension("bore", (-bore, 0, high), (bore, 0, high), "top", 1, "Ø"),
             Dimension("length", (0, -outer, low), (0, -outer, high), "side", -1, key="overall_length", along="y"),
         ),
+    )
+
+
+def base_length(end: End) -> float:
+    """Return how much of the stem the base of an instrument without a handle takes."""
+    return end.stem_radius
+
+
+def base_part(end: End, sizes: Sizes) -> Part:
+    """Return the base that holds the stem of an instrument without a handle, and the ends of its tendons' sheaths.
+
+    Behind the stem's spigot the tendons spread at 20° to a circle on which their sheaths have room.
+    """
+    ways = sorted((low for _, low in end.stem_ways), key=lambda place: math.atan2(place[1], place[0]))
+    apart = 2 * (end.seat + sizes.wall)
+    radius = max(apart * len(ways) / (2 * math.pi) * 1.2, 1.5 * end.stem_radius)
+    # The circle begins where its places are nearest to those in the stem.
+    step = 2 * math.pi / len(ways)
+    begin = math.atan2(
+        sum(math.sin(math.atan2(y, x) - step * number) for number, (x, y) in enumerate(ways)),
+        sum(math.cos(math.atan2(y, x) - step * number) for number, (x, y) in enumerate(ways)),
+    )
+    outer = [(radius * math.cos(begin + step * n), radius * math.sin(begin + step * n)) for n in range(len(ways))]
+    slant = max(math.dist(one, other) for one, other in zip(ways, outer, strict=True)) / math.tan(STEEPEST)
+    high = -end.stem_length + base_length(end)
+    knee = high - end.stem_radius
+    low = knee - slant
+    deep = 2 * end.seat
+    wide = radius + end.seat + sizes.wall
+    body = k.rod((0, 0, low - 2 * deep), (0, 0, high), wide)
+    for (x, y), (x_out, y_out) in zip(ways, outer, strict=True):
+        points = [(x, y, high), (x, y, knee), (x_out, y_out, low), (x_out, y_out, low - 2 * deep)]
+        for number, (one, other) in enumerate(pairwise(points)):
+            body -= k.rod(one, other, sizes.tunnel / 2)
+            if number:
+                body -= k.kernel().Pos(*one) * k.kernel().Sphere(sizes.tunnel / 2)
+        body -= k.rod((x_out, y_out, low - 2 * deep), (x_out, y_out, low - deep), end.seat)
+    body += k.at(z=high, turn=FLIP) * spigot(end, sizes, 0.0)
+    place = end.place()
+    return Part(
+        "stem_base",
+        "Base of the stem",
+        body,
+        "stem",
+        (place,),
+        dimensions=(
+            Dimension("diameter", (-wide, 0, low), (wide, 0, low), "top", 1, "Ø"),
+            Dimension("length", (0, 0, low - 2 * deep), (0, 0, high), "front", 1, along="y"),
+            Dimension("sheaths' circle", (-radius, 0, low), (radius, 0, low), "top", -1, "Ø"),
+        ),
+        notes=(f"Tunnels Ø{sizes.tunnel:.3g} for a rope of {sizes.rope:.3g} mm, in order about the axis.",),
+        away=(0, 0, -40),
     )
 
 
@@ -129,7 +183,8 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float, co
     boss = 1e3 * hardware.motor_boss
     bolts, plate = 1e3 * hardware.motor_bolts, 1e3 * hardware.motor_bolts + 12
     height = 1e3 * hardware.motor_length + 10
-    shaft = (1e3 * hardware.motor_shaft + sizes.bore) / 2
+    # On a spool too small for the motor's shaft, a thinner one.
+    shaft = (min(1e3 * hardware.motor_shaft, math.floor(2 * (bottom - sizes.wall) - sizes.bore)) + sizes.bore) / 2
     body = k.rod((0, -half, 0), (0, half, 0), rim)
     body = k.grooved(body, bottom, 0.0, groove, rim + 1)
     body -= k.rod((0, -half - 1, 0), (0, half + 1, 0), shaft)

@@ -1,5 +1,6 @@
 """Checks of solids: their tendons and tip against the model, and whether their meshes can be printed."""
 
+import math
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -16,6 +17,7 @@ from tenodesis.cad.lever_parts import Lever
 from tenodesis.cad.model import Model, Station
 from tenodesis.cad.parts import Part
 from tenodesis.cad.pulley_parts import PulleyJoint
+from tenodesis.cad.wrist_parts import Jaw, Lane, Wrist
 from tenodesis.extras import require
 from tenodesis.instrument import Tendon
 from tenodesis.kinematics.chain import bend_side
@@ -40,7 +42,8 @@ def tendon_lengths(model: Model, output_angles: ArrayLike, handle_angles: ArrayL
     )
     shape = np.broadcast_shapes(outputs.shape[:-1], handles.shape[:-1])
     outputs, handles = (
-        np.broadcast_to(rows, (*shape, rows.shape[-1])).reshape(-1, rows.shape[-1]) for rows in (outputs, handles)
+        np.broadcast_to(rows, (*shape, rows.shape[-1])).reshape(math.prod(shape), rows.shape[-1])
+        for rows in (outputs, handles)
     )
     full = model.instrument.expanded
     ways = [[_way(model, one, tendon.name) for one in _crossed(model, tendon)] for tendon in full.tendons]
@@ -51,18 +54,20 @@ def tendon_lengths(model: Model, output_angles: ArrayLike, handle_angles: ArrayL
     return 1e-3 * found.reshape(*shape, len(ways))
 
 
-def tip_places(model: Model, output_angles: ArrayLike) -> Array:
+def tip_places(model: Model, output_angles: ArrayLike, joint: str | None = None) -> Array:
     """Return where the end-effector's eye is from the stem's distal end, m (..., 3), read from the face of its bore.
 
-    Angles are in rad, those of one joint (...), of several (..., joints).
+    Angles are in rad, those of one joint (...), of several (..., joints). The eye is that of the last joint that has
+    one, or of the joint named, as each of two jaws has its own.
     """
-    far = model.bearing.end.far
+    station = model.bearing if joint is None else next(one for one in model.stations if one.joint.name == joint)
+    far, eye_radius = station.end.far, (station.sizes.eye if isinstance(station.sizes, Jaw) else TIP_PIN) / 2
     eyes = [
         (abs(float(bore.middle[2])), part, bore)
         for part in model.parts
         if part.body == far and part.made
         for bore in _bores(part.solid)
-        if abs(bore.radius - TIP_PIN / 2) < _SAME and abs(bore.way[2]) < 1 - _ALONG
+        if abs(bore.radius - eye_radius) < _SAME and abs(bore.way[2]) < 1 - _ALONG
     ]
     _, part, bore = max(eyes, key=lambda one: one[0])
     eye = bore.middle - (bore.middle @ bore.way) * bore.way
@@ -140,13 +145,15 @@ def _way(model: Model, station: Station, tendon: str) -> _Way:
     own = [one.joint.name for one in model.at(tip=end.tip)]
     number = own.index(station.joint.name)
     x, y = model.ways[station.joint.name][tendon]
-    if isinstance(joint, PulleyJoint | Lever):
-        part = next(one for one in model.parts if one.body == end.far and _grooves(one, rope))
-        wrap = joint.wrap if isinstance(joint, PulleyJoint) else joint.pulley.wrap
-        side = 1 if x > 0 else -1
-        radii = _grooves(part, rope)
-        radius = radii[side > 0] if len(radii) > 1 else next(iter(radii.values()))
-        tip = end.tip
+    side = 1 if x > 0 else -1
+    lane = next((lane for lane in getattr(joint, "lanes", ()) if lane.way.tendon == tendon), None)
+    if isinstance(joint, Wrist) and lane is not None:
+        return _past(model, station, joint, lane, rope)
+    if isinstance(joint, PulleyJoint | Lever | Wrist | Jaw):
+        pulley = joint if isinstance(joint, PulleyJoint) else joint.pulley
+        wrap, tip = pulley.wrap, end.tip
+        level = -side * pulley.shift - (joint.level if isinstance(joint, Jaw) else 0.0)
+        radius = _groove(model, end.far, level, rope)
 
         def wound(_frame: Placing, output: Array, handle: Array) -> float:
             # The tendon meets the pulley where its way along the stem touches the circle; bending unwinds the agonist
@@ -180,12 +187,57 @@ def _way(model: Model, station: Station, tendon: str) -> _Way:
     return straight
 
 
-def _grooves(part: Part, rope: float) -> dict[bool, float]:
-    """Return the radii to a rope's centre of the grooves of a part, by whether they are toward y."""
+def _past(model: Model, station: Station, joint: Wrist, lane: Lane, rope: float) -> _Way:
+    """Return the function of a tendon's length over a joint that it passes on wheels, from tunnel to tunnel, mm.
+
+    It is straight from its tunnel in the fork to the guide wheel, between the wheels on their common tangent, and from
+    its wheel on to its tunnel in the body that bends.
+    """
+    end, side, tunnel = station.end, lane.way.side, rope + k.MM * model.process.bore
+    guide, wheel = (_wheel_at(model, station, (x, lane.y, z), rope) for x, z in (lane.guide, (0.0, 0.0)))
+    fork, body = model.part(f"{end.prefix}_fork"), model.part(f"{end.prefix}_body")
+    before = _mouths(fork, joint.stem_place(lane.way.tendon, side), tunnel)[-1]
+    beyond = _mouths(body, (side * wheel[1], -lane.y), tunnel)[-1]
+    (centre, small), (middle, radius) = guide, wheel
+    between = centre - middle
+    distance = float(np.hypot(between[0], between[2]))
+    free = np.sqrt(distance**2 - (radius + small) ** 2)
+    # The tangent's turn from the line of centres, and that line's from the stem.
+    wrap = np.arctan2(-side * between[0], -between[2]) + np.arcsin((radius + small) / distance)
+    straight = np.hypot(before[2] - centre[2], before[0] - (centre[0] - side * small)) - beyond[2]
+    number = [one.joint.name for one in model.at(tip=True)].index(station.joint.name)
+
+    def past(_frame: Placing, output: Array, _handle: Array) -> float:
+        return float(straight + free + small * wrap + radius * (wrap - side * output[number]))
+
+    return past
+
+
+def _wheel_at(model: Model, station: Station, place: k.Point, rope: float) -> tuple[Array, float]:
+    """Return centre, in the frame of the joint, and radius to the rope's centre of the wheel nearest to a place, mm."""
+    back = station.end.place().inverse()
+    found = [
+        (np.array([*(back * where).position]), radius)
+        for part in model.parts
+        if part.body == station.end.near and part.made
+        for radius in _grooves(part, rope).values()
+        for where in part.places
+    ]
+    return min(found, key=lambda one: float(np.linalg.norm(one[0] - place)))
+
+
+def _groove(model: Model, body: str, level: float, rope: float) -> float:
+    """Return the radius to a rope's centre of the groove of a body at a height along its pulley's axis, mm."""
+    part = next(one for one in model.parts if one.body == body and _grooves(one, rope))
+    return min(_grooves(part, rope).items(), key=lambda one: abs(one[0] - level))[1]
+
+
+def _grooves(part: Part, rope: float) -> dict[float, float]:
+    """Return the radii to a rope's centre of the grooves of a part, by their heights along its axis, mm."""
     radii = {}
     for face in part.solid.faces().filter_by(k.kernel().GeomType.TORUS):
         torus = k.surface(face).Torus()
-        radii[torus.Axis().Location().Y() > 0] = torus.MajorRadius() - torus.MinorRadius() + rope / 2
+        radii[torus.Axis().Location().Y()] = torus.MajorRadius() - torus.MinorRadius() + rope / 2
     return radii
 
 
@@ -234,32 +286,39 @@ def agreement(model: Model, count: int = ANGLES) -> Agreement:
     radius = full.tip_joints[0].radius
     force = 0.05 * stiffness * radius**2 / (tip.end_effector_length or radius)
     tight = model.instrument.replace(pretension=min(stiffness * radius, 1e4), breaking_load=None).expanded
+    limits = np.array([joint.limits for joint in full.tip_joints])
     ranges = np.array([joint.range for joint in full.handle_joints])
     if len(ranges) == 1:
         handles = np.linspace(-ranges, ranges, 20 * count + 1)
     else:
         handles = ranges * np.random.default_rng(0).uniform(-1.0, 1.0, (20 * count, len(ranges)))
+    # Without a handle its drives draw the tendons.
+    wanted = np.random.default_rng(1).uniform(-1.0, 1.0, (len(handles), len(full.tip_joints)))
+    strokes = (0.0 if len(ranges) else 1.0) * (wanted * limits[:, 1]) @ full.tendon_arms("tip").T
     wrench = np.zeros(6)
     wrench[:3] = -force * bend_side(full.tip_joints[0].axis_vector)
-    found = chain.equilibrium(tight, handles, wrench)
+    found = chain.equilibrium(tight, handles, wrench, strokes=strokes)
     angles = np.asarray(found.output_angle)
-    limits = np.array([joint.limits for joint in full.tip_joints])
     inside = ((angles >= limits[:, 0] - _ROUNDING) & (angles <= limits[:, 1] + _ROUNDING)).all(axis=1)
     usable = np.flatnonzero(inside)
     chosen = usable[np.linspace(0, usable.size - 1, min(count, usable.size)).astype(int)]
-    handles, angles = handles[chosen], angles[chosen]
+    handles, angles, strokes = handles[chosen], angles[chosen], strokes[chosen]
     tensions = np.asarray(found.tensions)[chosen]
     taut = tensions > 0
     stretch = np.where(taut, tight.stretches(np.where(taut, tensions, 1.0)), np.nan)
     rows = (angles, handles) if len(model.at(tip=True)) > 1 else (angles[:, 0], handles[:, 0])
     ways = tendon_lengths(model, *rows) - tendon_lengths(model, 0.0)
     frames = kinematics.frames(full, angles)
-    expected = frames.bodies[f"{tip.name}_tip"].position - frames.bodies["stem"].position
-    places = tip_places(model, rows[0])
+    off = [
+        tip_places(model, rows[0], one.joint.name)
+        - (frames.bodies[f"{one.joint.name}_tip"].position - frames.bodies["stem"].position)
+        for one in model.at(tip=True)
+        if one.joint.end_effector_length is not None
+    ]
     return Agreement(
         len(chosen),
-        float(np.nanmax(np.abs(ways - stretch))),
-        float(np.linalg.norm(places - expected, axis=1).max()),
+        float(np.nanmax(np.abs(ways + strokes - stretch))),
+        float(np.linalg.norm(off, axis=-1).max()),
     )
 
 

@@ -23,7 +23,7 @@ Point: TypeAlias = tuple[float, float, float]
 UP: Point = (0.0, 0.0, 1.0)
 _FINER = (1.0, 0.7, 0.5, 0.35, 0.2)
 """Shares of the turn that a mesh is made with."""
-_VOLUME = 1e-6
+_VOLUME = 1e-8
 """Relative error to which a volume is integrated, face by face."""
 
 

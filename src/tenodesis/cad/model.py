@@ -1,7 +1,7 @@
 """An instrument as solids: its parts, from the instrument's file and a process."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple, TypeAlias
@@ -14,6 +14,8 @@ from tenodesis.cad.backbone_parts import Backbone, backbone, backbone_parts
 from tenodesis.cad.bench_parts import (
     Hardware,
     Rig,
+    base_length,
+    base_part,
     drive_parts,
     end_effector_part,
     grip_part,
@@ -24,14 +26,27 @@ from tenodesis.cad.bench_parts import (
 from tenodesis.cad.between_parts import between_part, check_between
 from tenodesis.cad.gears import Gear, GearJoint, gear_joint, gear_parts
 from tenodesis.cad.lever_parts import Lever, check_lever, lever_length, lever_parts, spring
-from tenodesis.cad.parts import End, Part, Process, Sizes, ferrule, refuse, transition_length, turned
+from tenodesis.cad.parts import PROCESSES, End, Part, Process, Sizes, ferrule, refuse, transition_length, turned
 from tenodesis.cad.parts import process as process_of
 from tenodesis.cad.pulley_parts import PulleyJoint, pulley_joint, pulley_parts
+from tenodesis.cad.wrist_parts import (
+    FACTORS,
+    MORE_WRAP,
+    Jaw,
+    Passing,
+    Wrist,
+    begin_of_finger,
+    jaw_row,
+    on_wrist,
+    wrist,
+    wrist_parts,
+)
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument import FullForm, Instrument, InstrumentLike, Joint, as_instrument
-from tenodesis.instrument.joints import SIGNS
+from tenodesis.instrument import FullForm, Instrument, InstrumentLike, Joint, Tendon, as_instrument
+from tenodesis.instrument.instrument import arm_of
+from tenodesis.instrument.joints import SIGNS, Crossing
 from tenodesis.instrument.lengths import STEM_PER_RADIUS
-from tenodesis.kinematics.chain import bend_side, crossed
+from tenodesis.kinematics.chain import bend_side, crossed, end_length
 from tenodesis.scaling import catalogue as catalogues
 
 _MODULES = (0.1e-3, 0.12e-3, 0.15e-3, 0.2e-3, 0.25e-3)
@@ -41,11 +56,12 @@ _CABLE_RADIUS = 15e-3  # m, the paper's load rig
 _RODS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 _MACHINE_ROUNDING = 1e-6
 _SAME_PLACE = 1e-6  # mm
+_LEAST_ARM = 1e-6  # m, of a tendon at a second jaw, below which it is a coupling's rounding
 _LEAST_SHAFT = 5.0  # mm, of the grip before where the hand acts
 _BEYOND_RANGE = {"tip": math.radians(10), "handle": math.radians(5)}
 """By how much a joint turns farther than its working range before its parts touch."""
 
-AnyJoint: TypeAlias = GearJoint | PulleyJoint | Backbone | Lever
+AnyJoint: TypeAlias = GearJoint | PulleyJoint | Backbone | Lever | Wrist | Jaw
 
 
 class Station(NamedTuple):
@@ -72,7 +88,8 @@ class Model:
     """Its joints, from the stem outward, those of the tip first."""
     ways: "Ways"
     """Where tendons are at a joint, mm, in its own frame: by joint and by tendon."""
-    rig: Rig
+    rig: Rig | None
+    """Where the load rig stands; None of jaws, whose eyes are smaller than its pin."""
     stop: float
     """Output angle up to which the first joint of the tip was sized, rad."""
 
@@ -149,43 +166,56 @@ def build(
     sizes = Sizes(chosen, k.MM * built.tendon_diameter)
     stations, ways = _stations(built, full, sizes, bought, dict(modules or {}))
     tips, hands = (tuple(one for one in stations if one.end.tip == tip) for tip in (True, False))
-    tip, hand = _bearing(tips), _bearing(hands)
-    lengths = [k.MM * (one.joint.end_effector_length or 0.0) for one in (tip, hand)]
-    foot, hand_foot = _foot(tips, sizes), _foot(hands, sizes)
-    if foot + tip.end.far_collar + 4 > lengths[0] and not _lever(tips):
-        refuse(
-            _key(built, tip.joint, "end_effector_length"),
-            lengths[0],
-            f"the far half of the joint takes {foot + tip.end.far_collar:.3g} mm of it",
-            f"at least {foot + tip.end.far_collar + 4:.3g} mm",
-        )
-    if hand_foot + hand.end.far_collar + _LEAST_SHAFT > lengths[1]:
-        refuse(
-            _key(built, hand.joint, "end_effector_length"),
-            lengths[1],
-            f"what is before the grip takes {hand_foot + hand.end.far_collar:.3g} mm of it",
-            f"at least {hand_foot + hand.end.far_collar + _LEAST_SHAFT:.3g} mm",
-        )
     for own in (tips, hands):
+        _check_lengths(built, own, sizes)
         _check_row(own, sizes)
     turn = tips[0].end.turn
     parts: list[Part] = []
     for own in (tips, hands):
         parts += _joint_parts(own, sizes, turn)
-    parts.append(stem_part(tips[0].end, hands[0].end))
-    where = _rig(full, tips, turn)
-    if not _lever(tips):
-        parts.append(end_effector_part(tip.end, sizes, lengths[0], foot, turn))
-    parts.append(grip_part(hand.end, sizes, lengths[1], hand_foot))
+    where, tip, first = _rig(full, tips, turn), _bearing(tips), tips[0].end
+    behind = -first.stem_length
+    if hands:
+        hand = _bearing(hands)
+        length = k.MM * (hand.joint.end_effector_length or 0.0)
+        parts.append(grip_part(hand.end, sizes, length, _foot(hands, sizes)))
+        behind += _along(hands, hand) - _along(hands, hands[0]) - 1.4 * length
+    else:
+        parts.append(base_part(first, sizes))
+    parts.append(stem_part(first, hands[0].end.near_length if hands else base_length(first)))
+    reach = k.MM * (tip.joint.end_effector_length or 0.0)
+    if _holds_rod(tips):
+        parts.append(end_effector_part(tip.end, sizes, reach, _foot(tips, sizes), turn))
     if rig:
-        parts.append(tip_pin_part(tip.end, lengths[0], -where.level - 4.0, turn))
-        parts += rig_parts(where, sizes, bought, tip.end.stem_radius)
-        between = _along(hands, hands[0]) - _along(hands, hand)
-        behind = -k.MM * (full.stem_length or 0.0) - between - 1.4 * lengths[1] - 120
+        if where is not None:
+            parts.append(tip_pin_part(tip.end, reach, -where.level - 4.0, turn))
+            parts += rig_parts(where, sizes, bought, first.stem_radius)
         drawn = sum(tendon.start == "spool" for tendon in full.tendons)
-        parts += drive_parts(sizes, bought, k.MM * full.own_drives.spool_radius, behind, drawn)
+        parts += drive_parts(sizes, bought, k.MM * full.own_drives.spool_radius, behind - 120, drawn)
     parts = [part if part.density else replace(part, density=chosen.density) for part in parts]
     return Model(given, built, axis, chosen, tuple(parts), stations, ways, where, _stop(tips[0].joint))
+
+
+def _check_lengths(inst: Instrument, stations: tuple[Station, ...], sizes: Sizes) -> None:
+    """Refuse lengths beyond the last joint that what is fixed there takes whole."""
+    if not stations or not (stations[0].end.tip is False or _holds_rod(stations)):
+        return
+    last = _bearing(stations)
+    length, foot = k.MM * (last.joint.end_effector_length or 0.0), _foot(stations, sizes)
+    taken = foot + last.end.far_collar
+    more, what = (4.0, "the far half of the joint") if last.end.tip else (_LEAST_SHAFT, "what is before the grip")
+    if taken + more > length:
+        refuse(
+            _key(inst, last.joint, "end_effector_length"),
+            length,
+            f"{what} takes {taken:.3g} mm of it",
+            f"at least {taken + more:.3g} mm",
+        )
+
+
+def _holds_rod(stations: tuple[Station, ...]) -> bool:
+    """Return whether the last body at the tip holds the rod of the bench's end-effector, and is no jaw."""
+    return not isinstance(stations[-1].sizes, Lever | Jaw)
 
 
 def _built(given: Instrument, axis: str | None) -> tuple[Instrument, str | None]:
@@ -199,43 +229,74 @@ def _built(given: Instrument, axis: str | None) -> tuple[Instrument, str | None]
                 value=axis,
                 allowed="left out",
             )
-        return given, None
+        return _without_roll(given), None
     axis = axis or short.axes[0]
     planar = short.axis(axis)
     return (planar if planar.axes == ("yaw",) else planar.replace(axes=("yaw",))), axis
 
 
+def _without_roll(inst: Instrument) -> Instrument:
+    """Return an instrument without a roll of the whole stem, by tendons of its own: the bench turns the stem."""
+    full = inst.expanded
+    first = full.tip_joints[0] if full.tip_joints else None
+    if first is None or len(full.tip_joints) == 1 or abs(first.axis_vector[2]) < 1 - _MACHINE_ROUNDING:
+        return inst
+    own = {tendon.name for tendon in full.tendons if any(one.joint == first.name for one in tendon.route)}
+    if any(len(tendon.route) > 1 for tendon in full.tendons if tendon.name in own):
+        return inst
+    joints = [joint for joint in inst.as_given("joints") if joint.name != first.name]
+    tables = [joint.model_dump(exclude_unset=True) for joint in joints]
+    tables = [{key: value for key, value in one.items() if value != first.name or key != "on"} for one in tables]
+    tendons = [one.model_dump(exclude_unset=True) for one in inst.as_given("tendons") if one.name not in own]
+    return inst.replace(joints=tables, tendons=tendons)
+
+
 def _check_joints(full: FullForm) -> None:
     """Refuse joints of which no parts are made."""
+    if not full.tip_joints:
+        raise InstrumentError(f"{full.name} has no joint at the tip.", key="joints", allowed="one at least")
     for place, joints in (("tip", full.tip_joints), ("handle", full.handle_joints)):
-        if not joints:
-            raise InstrumentError(
-                f"{full.name} has no joint at the {place}, which a bench needs.", key="joints", allowed="one at least"
-            )
+        jaws = place == "tip" and _carries_jaws(full)
         for number, joint in enumerate(joints):
             key = f"joints.{joint.name}"
-            before = joints[number - 1].name if number else "stem"
-            if len(joints) > 1 and joint.on not in (None, before):
+            on = joints[0] if jaws else joints[number - 1]
+            before = on.name if number else "stem"
+            # A joint that says nothing stands on the one before.
+            if len(joints) > 1 and (joint.on or joints[max(number - 1, 0)].name if number else before) != before:
                 raise InstrumentError(
-                    f"{key}.on is {joint.on!r}: parts are made of joints in a row; it must be {before!r}.",
+                    f"{key}.on is {joint.on!r}: parts are made of joints in a row, and of pulleys side by side on one; "
+                    f"it must be {before!r}.",
                     key=f"{key}.on",
                     value=joint.on,
                     allowed=before,
                 )
-            if joint.mechanism == "continuum" and place == "handle":
+            if jaws and number > 1 and (joint.offset, joint.axis) != (joints[1].offset, joints[1].axis):
                 raise InstrumentError(
-                    f"{key}.mechanism is 'continuum': no parts are made of backbones at the handle; it must be "
+                    f"{key}.offset is {k.MM * joint.offset:.4g} mm: pulleys side by side are on one pin; it must be "
+                    f"that of {joints[1].name}, {k.MM * joints[1].offset:.4g} mm, and so its axis.",
+                    key=f"{key}.offset",
+                    value=joint.offset,
+                    allowed=f"{k.MM * joints[1].offset:.4g} mm",
+                )
+            if joint.mechanism == "continuum" and (place == "handle" or len(joints) > 1):
+                raise InstrumentError(
+                    f"{key}.mechanism is 'continuum': parts are made of one backbone at the tip; it must be "
                     "'tendon-gear' or 'pulley'.",
                     key=f"{key}.mechanism",
                     value=joint.mechanism,
                     allowed="tendon-gear or pulley",
                 )
             is_lever = joint.mechanism == "pulley" and joint.end_effector_length is None
-            if len(joints) > 1 and joint.mechanism != "tendon-gear" and not (number == len(joints) - 1 and is_lever):
+            if (
+                len(joints) > 1
+                and not jaws
+                and joint.mechanism != "tendon-gear"
+                and not (number == len(joints) - 1 and is_lever)
+            ):
                 raise InstrumentError(
                     f"{key}.mechanism is {joint.mechanism!r}: of several joints at an end, parts are made of "
-                    "tendon-gear, and of one pulley with a lever on the last of them, without an end_effector_length; "
-                    "it must be 'tendon-gear'.",
+                    "tendon-gear, with one pulley with a lever on the last of them, without an end_effector_length, or "
+                    "of a pulley that carries pulleys; it must be 'tendon-gear'.",
                     key=f"{key}.mechanism",
                     value=joint.mechanism,
                     allowed="tendon-gear",
@@ -255,6 +316,11 @@ def _check_joints(full: FullForm) -> None:
                     value=joint.axis,
                     allowed="yaw or pitch",
                 )
+
+
+def _carries_jaws(full: FullForm) -> bool:
+    """Return whether the joints of the tip are a pulley and others on it."""
+    return len(full.tip_joints) > 1 and all(joint.mechanism == "pulley" for joint in full.tip_joints)
 
 
 def _turn(joint: Joint) -> float:
@@ -295,7 +361,8 @@ def _lever(stations: tuple[Station, ...]) -> Lever | None:
 def _check_row(stations: tuple[Station, ...], sizes: Sizes) -> None:
     """Refuse joints that are too near to each other."""
     for one, other in pairwise(stations):
-        assert isinstance(one.sizes, GearJoint)
+        if not isinstance(one.sizes, GearJoint):
+            continue
         if isinstance(other.sizes, GearJoint):
             check_between(one.sizes, other.sizes, other.end, sizes)
         elif isinstance(other.sizes, Lever):
@@ -318,6 +385,8 @@ def _joint_parts(stations: tuple[Station, ...], sizes: Sizes, turn: float) -> li
             parts += pulley_parts(joint, end, sizes)
         elif isinstance(joint, Backbone):
             parts += backbone_parts(joint, end, sizes)
+        elif isinstance(joint, Wrist):
+            parts += wrist_parts(joint, end, [one.end for one in stations[1:]], sizes)
     return parts
 
 
@@ -355,9 +424,10 @@ def _stations(
 ) -> "tuple[tuple[Station, ...], Ways]":
     """Return the joints of an instrument with their sizes and places, those of the tip first, and its tendons' ways."""
     seat = (k.MM * bought.sheath + sizes.bore) / 2
-    found: list[tuple[Joint, AnyJoint]] = [
-        (joint, _sized(inst, full, joint, sizes, seat, modules)) for joint in (*full.tip_joints, *full.handle_joints)
-    ]
+    alone = full.handle_joints if _carries_jaws(full) else (*full.tip_joints, *full.handle_joints)
+    found: list[tuple[Joint, AnyJoint]] = [(joint, _sized(inst, full, joint, sizes, seat, modules)) for joint in alone]
+    if _carries_jaws(full):
+        found = [*zip(full.tip_joints, fitting(inst, full, sizes), strict=True), *found]
     ways = _ways(full, {joint.name: (joint, one) for joint, one in found}, sizes)
     found = [
         (joint, one.passed(_passing(ways[joint.name]), sizes) if isinstance(one, GearJoint) else one)
@@ -411,6 +481,119 @@ def _sized(  # noqa: PLR0917
         k.MM * (bearing - joint.offset) if tip else 0.0,
         max(2 * sizes.wall, 0.35 * stem if tip else 0.3 * radius, 0.4 * radius),
     )
+
+
+def fitting(inst: Instrument, full: FullForm, sizes: Sizes) -> tuple[AnyJoint, ...]:
+    """Return the sizes of a wrist; refuses one that does not fit, and names a process and a scale at which it would."""
+    try:
+        return _wrist(inst, full, sizes, 1.0)
+    except InstrumentError as problem:
+        others = [name for name in PROCESSES if name != sizes.process.name and _fits(inst, full, name, sizes.rope, 1.0)]
+        factor = next((one for one in FACTORS if _fits(inst, full, sizes.process, sizes.rope, one)), None)
+        ways = [f"process {' or '.join(others)}"] if others else []
+        ways += [f"all lengths times {factor:g}"] if factor else []
+        if not ways:
+            raise
+        allowed = f"{problem.allowed}, or {', or '.join(ways)}"
+        text = f"{str(problem).removesuffix('.')}, or {', or '.join(ways)}."
+        raise InstrumentError(text, key=problem.key, value=problem.value, allowed=allowed) from problem
+
+
+def _over(full: FullForm) -> list[tuple[Tendon, Crossing, int, Crossing]]:
+    """Return tendons that pass the first joint of the tip to one on it: with that joint's number and both crossings."""
+    first, *others = full.tip_joints
+    found = []
+    for tendon in full.tendons:
+        crossings = {crossing.joint: crossing for crossing in tendon.route}
+        numbers = [number for number, joint in enumerate(others) if joint.name in crossings]
+        if not numbers or first.name not in crossings:
+            continue
+        arms = [abs(arm_of(crossings[others[number].name], others[number])) for number in numbers]
+        if sum(arms) - max(arms) > _LEAST_ARM:
+            raise InstrumentError(
+                f"tendon {tendon.name} turns {' and '.join(others[number].name for number in numbers)}: as a solid it "
+                "ends at a pulley of one of them; the other radius must be 0.",
+                key=f"tendons.{tendon.name}.route.radius",
+                value=sum(arms) - max(arms),
+                allowed="0",
+            )
+        number = numbers[int(np.argmax(arms))]
+        found.append((tendon, crossings[first.name], number, crossings[others[number].name]))
+    return found
+
+
+def _sign(crossing: Crossing) -> int:
+    return int(SIGNS[crossing.side or "middle"])
+
+
+def _same_side(full: FullForm, joint: Joint) -> float:
+    """Return 1 if tendons pass the first joint on the side on which they bend another, -1 if on the other."""
+    own = [(over, at) for _, over, _, at in _over(full) if at.joint == joint.name]
+    return math.copysign(1.0, sum(_sign(over) * _sign(at) for over, at in own))
+
+
+def _passing_tendons(full: FullForm, jaws: Sequence[Jaw], turn: float, scale: float) -> list[Passing]:
+    """Return the tendons that pass the first joint of the tip, as solids have them, lengths at a scale."""
+    first, found = full.tip_joints[0], []
+    for tendon, over, number, at in _over(full):
+        jaw, side = jaws[number], _sign(at)
+        target = turned((side * jaw.pulley.radius, jaw.level + side * jaw.pulley.shift), turn)
+        radius = scale * (first.radius if over.radius is None else over.radius)
+        wrap = max(over.base_wrap, first.range + MORE_WRAP)
+        found.append(Passing(tendon.name, _sign(over), radius, wrap, target))
+    return found
+
+
+def _fits(inst: Instrument, full: FullForm, process: str | Process, rope: float, factor: float) -> bool:
+    try:
+        _wrist(inst, full, Sizes(process_of(process), factor * rope), factor)
+    except InstrumentError:
+        return False
+    return True
+
+
+def _wrist(inst: Instrument, full: FullForm, sizes: Sizes, factor: float) -> tuple[AnyJoint, ...]:
+    """Return the sizes of a wrist and of the jaws on it, all lengths of the instrument times a factor."""
+    first, *others = full.tip_joints
+    scale = factor * k.MM
+    stem = scale * _stem_diameter(full) / 2
+    pulleys = [
+        on_wrist(pulley_joint(sizes, _key(inst, joint), scale * joint.radius, _stop(joint), None), sizes)
+        for joint in full.tip_joints
+    ]
+    turn = _turn(others[0]) - _turn(first)
+    pulleys[1:] = [
+        pulley._replace(shift=math.copysign(pulley.shift, -_same_side(full, joint) * math.sin(math.radians(turn))))
+        for pulley, joint in zip(pulleys[1:], others, strict=True)
+    ]
+    levels, width = jaw_row(sizes, pulleys[1:])
+    begin = begin_of_finger(max(one.radius for one in pulleys[1:]), sizes)
+    opens = full.grip_arms[1:]
+    jaws = tuple(
+        Jaw(
+            pulley,
+            level,
+            scale * joint.offset,
+            float(np.sign(sign)),
+            scale * (end_length(full, joint) or 0.0),
+            max(2 * sizes.wall, 0.2 * stem),
+            width,
+            begin,
+        )
+        for pulley, level, joint, sign in zip(pulleys[1:], levels, others, opens, strict=True)
+    )
+    passing = _passing_tendons(full, jaws, turn, scale)
+    made = wrist(
+        sizes,
+        {"radius": _key(inst, first), "offset": _key(inst, others[0], "offset"), "stem": "stem_diameter"},
+        pulleys[0],
+        passing,
+        jaws,
+        ranges=(first.range, max(joint.range for joint in others)),
+        jaw_turn=turn,
+        stem=stem,
+    )
+    return (made, *jaws)
 
 
 Ways: TypeAlias = dict[str, dict[str, tuple[float, float]]]
@@ -468,9 +651,8 @@ def _ends(  # noqa: PLR0917
     ways: Ways,
 ) -> list[End]:
     tips, hands = ([one for one in found if one[0].place == place] for place in ("tip", "handle"))
-    (first, tip), (hand_first, hand) = tips[0], hands[0]
-    assert not isinstance(tip, Lever)
-    assert not isinstance(hand, Lever | Backbone)
+    first, tip = tips[0]
+    assert not isinstance(tip, Lever | Jaw)
     if full.stem_length is None:
         raise InstrumentError(
             f"{full.name} has no stem_length, which its tube needs: give it, 300 mm say.",
@@ -479,7 +661,12 @@ def _ends(  # noqa: PLR0917
         )
     stem = k.MM * _stem_diameter(full) / 2
     radius, shift = k.MM * first.radius, tip.shift if isinstance(tip, PulleyJoint) else 0.0
-    outermost = max(radius, *(math.hypot(*way) for way in ways[first.name].values()))
+    stems = _stem_places(full, tip, ways)
+    outermost = (
+        max(math.hypot(*place) for place in stems.values())
+        if isinstance(tip, Wrist)
+        else max(radius, *(math.hypot(*way) for way in ways[first.name].values()))
+    )
     needed = math.hypot(outermost, shift) + sizes.rope / 2 + 0.02
     if stem - needed < sizes.process.wall * k.MM / 2 and stem - needed < 0.15:
         refuse(
@@ -492,7 +679,7 @@ def _ends(  # noqa: PLR0917
     bore = max(needed, stem - max(1.0, 0.05 * stem))
     wide, _ = ferrule(sizes)
     room = 2 * (radius - wide - sizes.wall) - sizes.bore
-    most = min(0.75 * radius, room) if not isinstance(tip, PulleyJoint) else 0.8 * radius
+    most = 0.8 * radius if isinstance(tip, PulleyJoint | Wrist) else min(0.75 * radius, room)
     rods = [rod for rod in _RODS if rod <= most]
     if not rods:
         refuse(
@@ -503,10 +690,10 @@ def _ends(  # noqa: PLR0917
         )
     near_tip = tip.collar if isinstance(tip, Backbone) else tip.depth + tip.collar
     stem_length = k.MM * full.stem_length
-    big = k.MM * hand_first.radius
-    widest = max(big, *(math.hypot(*way) for way in ways[hand_first.name].values()))
-    slant = transition_length(widest, outermost) + min(stem, 15.0) + stem / 2
-    near_hand = hand.depth + hand.collar + slant
+    near_hand = _near_handle(hands, ways, outermost, stem)
+    rod_hand = max(
+        rod for rod in (*_RODS, 10.0) if rod <= max([_RODS[0], *(0.6 * k.MM * joint.radius for joint, _ in hands[:1])])
+    )
     if near_tip + near_hand + 3 * stem > stem_length:
         short = near_tip + near_hand + 3 * stem - stem_length
         given = inst.short_form
@@ -517,20 +704,20 @@ def _ends(  # noqa: PLR0917
             f"of the stem's {stem_length:.4g} mm the ends of its joints take {near_tip + near_hand + 3 * stem:.4g} mm",
             f"at least {value + short:.4g} mm",
         )
-    rod_hand = max(rod for rod in (*_RODS, 10.0) if rod <= max(0.6 * big, _RODS[0]))
-    ends = []
+    ends: list[End] = []
     for joints in (tips, hands):
         at_tip = joints is tips
         # A jaw or trigger stands on the last gear pair.
         near = "stem"
         for number, (joint, one) in enumerate(joints):
             collar = getattr(one, "collar", 0.0)
+            if isinstance(one, Jaw):
+                near = ends[0].far
             places = ways[joint.name]
             before = ways[joints[number - 1][0].name] if number else {}
-            if isinstance(one, Lever):
-                passing = tuple(before[name] for name in places)
-            else:
-                passing = _passing(places) if isinstance(one, GearJoint) else ()
+            passing = tuple(before[name] for name in places) if isinstance(one, Lever) else ()
+            if isinstance(one, GearJoint):
+                passing = _passing(places)
                 _check_straight(inst, joints, number, ways)
             start = joint.offset if at_tip else -joint.offset - (0.0 if number else full.stem_length)
             ends.append(
@@ -550,7 +737,7 @@ def _ends(  # noqa: PLR0917
                     stem_length=stem_length,
                     stem_radius=stem,
                     stem_bore=bore,
-                    tendon_radius=outermost,
+                    tendon_radius=min(abs(x) for x, _ in stems.values()) if isinstance(tip, Wrist) else outermost,
                     near_length=near_tip if at_tip else near_hand,
                     far_collar=max(collar, 1.5 * rods[-1])
                     if at_tip
@@ -562,6 +749,16 @@ def _ends(  # noqa: PLR0917
             )
             near = ends[-1].far
     return ends
+
+
+def _near_handle(hands: list[tuple[Joint, AnyJoint]], ways: Ways, tendon_radius: float, stem: float) -> float:
+    """Return how much of the stem the first joint of the handle takes, or what holds it where there is none, mm."""
+    if not hands:
+        return stem
+    first, hand = hands[0]
+    assert isinstance(hand, GearJoint | PulleyJoint)
+    widest = max(k.MM * first.radius, *(math.hypot(*way) for way in ways[first.name].values()))
+    return hand.depth + hand.collar + transition_length(widest, tendon_radius) + min(stem, 15.0) + stem / 2
 
 
 def _check_straight(inst: Instrument, joints: list[tuple[Joint, AnyJoint]], number: int, ways: Ways) -> None:
@@ -587,21 +784,32 @@ def _stem_ways(
 ) -> tuple[tuple[tuple[float, float], tuple[float, float]], ...]:
     """Return where every tendon is at the first joint of an end and where within the stem, in that joint's frame."""
     first = full.tip_joints[0]
-    shift = tip.shift if isinstance(tip, PulleyJoint) else 0.0
-    found = []
     # Seen from its mate, the near half at the handle has y the other way.
     side = 1.0 if at_tip else -1.0
+    stems, found = _stem_places(full, tip, ways), []
     for name, (x, y) in ways[joint.name].items():
-        place = ways[first.name].get(name)
+        place = stems.get(name)
         if place is None:
             continue
         x_low, y_low = (
             0.0 if abs(value) < _SAME_PLACE else value for value in turned(place, _turn(first) - _turn(joint))
         )
+        if isinstance(one, Wrist):
+            found.append((place, place))
+            continue
         at_joint = (x, math.copysign(one.shift, x) if isinstance(one, PulleyJoint) else side * y)
-        in_stem = (x_low, math.copysign(shift, x_low) if shift and x_low else side * y_low)
-        found.append((at_joint, in_stem))
+        found.append((at_joint, (x_low, y_low if isinstance(tip, PulleyJoint) else side * y_low)))
     return tuple(found)
+
+
+def _stem_places(full: FullForm, tip: AnyJoint, ways: Ways) -> dict[str, tuple[float, float]]:
+    """Return where tendons are in the stem, in the frame of the first joint of the tip."""
+    own = ways[full.tip_joints[0].name]
+    if isinstance(tip, Wrist):
+        return {name: tip.stem_place(name, 1 if x > 0 else -1) for name, (x, _) in own.items()}
+    if isinstance(tip, PulleyJoint):
+        return {name: (x, math.copysign(tip.shift, x)) for name, (x, _) in own.items()}
+    return own
 
 
 def _along(stations: tuple[Station, ...], wanted: Station) -> float:
@@ -620,12 +828,14 @@ def _foot(stations: tuple[Station, ...], sizes: Sizes) -> float:
     if lever is not None:
         return lever.foot(sizes, stations[0].end.seat)
     joint = stations[-1].sizes
-    assert not isinstance(joint, Lever)
+    assert isinstance(joint, GearJoint | PulleyJoint | Backbone)
     return (joint.collar if isinstance(joint, Backbone) else joint.depth) + sizes.wall
 
 
-def _rig(full: FullForm, tips: tuple[Station, ...], turn: float) -> Rig:
-    """Return where the load rig stands: for the first joint, its slot long enough for the others."""
+def _rig(full: FullForm, tips: tuple[Station, ...], turn: float) -> Rig | None:
+    """Return where the load rig stands: for the first joint, its slot long enough for the others; none for jaws."""
+    if isinstance(tips[-1].sizes, Jaw):
+        return None
     bent = []
     gears = [one for one in tips if not isinstance(one.sizes, Lever)]
     bearing = gears[-1].end

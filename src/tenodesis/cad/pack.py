@@ -163,8 +163,11 @@ def check(model: Model, progress: Progress | None = None, *, steps: int = _STEPS
     Raises InstrumentError if parts overlap; the message names the first two, the angle and the volume.
     """
     inst = model.instrument
-    outputs, handles = (np.linspace(-1, 1, steps) * model.at(tip=tip)[0].joint.range for tip in (True, False))
-    overlaps = interference(model, [0.0, *outputs], list(handles), progress)
+    outputs, handles = (
+        [float(share * one.joint.range) for one in model.at(tip=tip)[:1] for share in np.linspace(-1, 1, steps)]
+        for tip in (True, False)
+    )
+    overlaps = interference(model, [0.0, *outputs], handles, progress)
     if overlaps:
         one = overlaps[0]
         bent = f"output angle {math.degrees(one.output_angle):.0f} deg, handle {math.degrees(one.handle_angle):.0f} deg"
@@ -317,7 +320,7 @@ def _summary(model: Model, found: Checks) -> dict[str, Any]:
             }
             for name, one in inertias(model).items()
         },
-        "rig_axes": [height / k.MM for height in (model.rig.pivot, *model.rig.others)],
+        "rig_axes": [] if model.rig is None else [height / k.MM for height in (model.rig.pivot, *model.rig.others)],
         "mesh_play": found.play,
         "excursion_difference": found.agreement.excursion,
         "tip_difference": found.agreement.tip,

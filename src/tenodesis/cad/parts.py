@@ -178,7 +178,7 @@ def pin(  # noqa: PLR0917
     return bought(name, f"Dowel pin ISO 2338 {diameter:g} x {math.ceil(length):g}", solid, body, places, away)
 
 
-_STEEPEST = math.radians(20)
+STEEPEST = math.radians(20)
 """Slant of a tendon between the handle's joint and the stem; its bends there do not change with the joint."""
 
 
@@ -303,7 +303,7 @@ def groove_dimensions(what: str, radius: float, bottom: float, y: float, key: st
 
 def transition_length(radius: float, tendon_radius: float) -> float:
     """Return the length within which a tendon goes from a joint's radius to its place in the stem."""
-    return abs(radius - tendon_radius) / math.tan(_STEEPEST)
+    return abs(radius - tendon_radius) / math.tan(STEEPEST)
 
 
 def transition(end: End, sizes: Sizes, width: float, middle: float, top: float) -> tuple[Solid, list[Solid]]:
@@ -312,7 +312,7 @@ def transition(end: End, sizes: Sizes, width: float, middle: float, top: float) 
     straight = min(0.25 * -length, end.stem_radius)
     low = -end.near_length + straight
     # The walls beside the slanted tunnels are slanted as well.
-    wall = sizes.wall / math.cos(_STEEPEST) + 0.01
+    wall = sizes.wall / math.cos(STEEPEST) + 0.01
     body = k.rod((0, 0, -end.near_length), (0, 0, low), end.stem_radius)
     narrow = end.tendon_radius + sizes.tunnel / 2 + wall
     for turn in (0.0, 90.0):

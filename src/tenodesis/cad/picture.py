@@ -3,7 +3,7 @@
 import math
 from collections.abc import Collection, Mapping, Sequence
 from itertools import cycle
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,9 +15,11 @@ from tenodesis.cad import kernel as k
 from tenodesis.cad.assembly import Placed, assembled
 from tenodesis.cad.lever_parts import Lever
 from tenodesis.cad.model import Model
+from tenodesis.cad.wrist_parts import Jaw
 from tenodesis.report import style
 from tenodesis.run import Array
 
+_HALF_OPEN = math.radians(20)
 _COLOURS = ("#5f7f9e", "#c98a4b", "#6d9a75", "#9c7bb0", "#b86a6a", "#7a8b99", "#b59f5a", "#5f9a9a")
 _BOUGHT = "#b4bcc4"
 _LIGHT = np.array([-0.2, 0.93, 0.3])
@@ -35,19 +37,24 @@ _LINE = 15.0  # pt, of its line
 
 def draw_assembly(model: Model, output_angle: float = math.radians(40)) -> Figure:
     """Return a picture of the whole assembly, its tip bent to an angle (rad), and of both ends; a jaw half closed."""
-    tips = model.at(tip=True)
+    tips, hands = model.at(tip=True), model.at(tip=False)
+    opens = np.sign(model.instrument.expanded.grip_arms)
     angles = [
-        one.sizes.closed / 2 if isinstance(one.sizes, Lever) else min(output_angle, one.joint.limits[1]) for one in tips
+        one.sizes.closed / 2
+        if isinstance(one.sizes, Lever)
+        else float(sign) * _HALF_OPEN
+        if isinstance(one.sizes, Jaw)
+        else min(output_angle, one.joint.limits[1])
+        for one, sign in zip(tips, opens, strict=True)
     ]
     placed = assembled(model, angles)
     # The load rig follows the first joint alone.
     loaded = assembled(model, [angles[0], *(0.0 for _ in angles[1:])])
     fig = style.StyledFigure(figsize=(11.0, 7.2), layout="constrained")
-    places = "AA;BC"
-    whole, tip, handle = fig.subplot_mosaic(places, height_ratios=(0.62, 1.0), width_ratios=(1.0, 1.25)).values()
-    groups = dict.fromkeys(
-        one.part.name for one in placed if one.part.body in ("bench", "rig_bar", "stem") or one.part.name == "grip"
-    )
+    panels = fig.subplot_mosaic("AA;BC" if hands else "AA;BB", height_ratios=(0.62, 1.0), width_ratios=(1.0, 1.25))
+    whole, tip = panels["A"], panels["B"]
+    close = {one.part.name for end in (True, False) if model.at(tip=end) for one in _near(model, placed, tip=end)}
+    groups = dict.fromkeys(one.part.name for one in placed if one.part.name == "grip" or one.part.name not in close)
     colours = colours_of(model)
     _show(whole, loaded, colours, groups, "Assembly on its bench", (2200, 780))
     _show(
@@ -56,16 +63,11 @@ def draw_assembly(model: Model, output_angle: float = math.radians(40)) -> Figur
         colours,
         None,
         f"Tip, bent by {math.degrees(output_angle):.0f}°",
-        (1000, 350),
+        (1000, 350) if hands else (1400, 780),
     )
-    _show(
-        handle,
-        _near(model, placed, tip=False),
-        colours,
-        None,
-        "Joint of the handle" if len(tips) == 1 else "Joints of the handle",
-        (1000, 430),
-    )
+    if hands:
+        title = "Joint of the handle" if len(tips) == 1 else "Joints of the handle"
+        _show(panels["C"], _near(model, placed, tip=False), colours, None, title, (1000, 430))
     return fig
 
 
@@ -75,15 +77,20 @@ def draw_exploded(model: Model) -> Figure:
     bench = [one for one in placed if one.part.body in ("bench", "rig_bar") and one.number == 0]
     rig = [one for one in bench if one.part.name.startswith("rig_")]
     drives = [one for one in bench if one not in rig]
-    groups = {"Tip, apart": _near(model, placed, tip=True), "Handle, apart": _near(model, placed, tip=False)}
-    if rig:
-        groups |= {"Load rig, apart, one of each kind": rig, "Drive, apart": drives}
-    fig = style.StyledFigure(figsize=(11.0, 10.5 if rig else 6.5), layout="constrained")
-    places = "AA;BB;CD" if rig else "AA;BB"
-    panels = fig.subplot_mosaic(places, height_ratios=(1.0, 0.9, 1.2)[: 3 if rig else 2], width_ratios=(1.9, 1.0))
-    points = (780, 780, 510, 270)
-    for axis, (title, group), wide in zip(panels.values(), groups.items(), points, strict=False):
-        _show(axis, group, colours_of(model), None, title, (1400, wide))
+    wide = {
+        "Tip, apart": _near(model, placed, tip=True),
+        "Handle, apart": _near(model, placed, tip=False) if model.at(tip=False) else [],
+    }
+    narrow = {"Load rig, apart, one of each kind": rig, "Drive, apart": drives}
+    rows: list[Any] = [[title, title] for title, group in wide.items() if group]
+    below = [title for title, group in narrow.items() if group]
+    rows += [[below[0], below[-1]]] if below else []
+    heights = [*(1.0, 0.9)[: len(rows) - bool(below)], *([1.2] if below else [])]
+    fig = style.StyledFigure(figsize=(11.0, 10.5 * sum(heights) / 3.1), layout="constrained")
+    panels = fig.subplot_mosaic(rows, height_ratios=heights, width_ratios=(1.9, 1.0))
+    for title, axis in panels.items():
+        points = 780 if title in wide or len(below) == 1 else 510 if title == below[0] else 270
+        _show(axis, (wide | narrow)[title], colours_of(model), None, title, (1400, points))
     return fig
 
 
@@ -95,7 +102,7 @@ def _near(model: Model, placed: Sequence[Placed], *, tip: bool) -> list[Placed]:
         one
         for one in placed
         if one.part.body not in ("bench", "rig_bar")
-        and one.part.name not in ("stem", "tip_force_pin")
+        and one.part.name not in ("stem", "stem_base", "tip_force_pin")
         and not one.part.name.startswith(other)
     ]
 

@@ -21,7 +21,7 @@ from tenodesis.cad.parts import (
     tube_dimensions,
 )
 
-_PINS = (0.8, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)  # mm, ISO 2338
+PINS = (0.8, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)  # mm, ISO 2338
 _MORE_WRAP = math.radians(10)
 _LEAST_WRAP = math.radians(75)
 """Of a tendon that leaves the pulley again."""
@@ -85,13 +85,13 @@ def pulley_joint(  # noqa: PLR0917
     Raises InstrumentError if no pin fits in it.
     """
     wall, groove = sizes.wall, sizes.groove
-    pins = [pin for pin in _PINS if pin <= 0.6 * radius and radius - sizes.rope / 2 - (pin + sizes.bore) / 2 >= wall]
+    pins = [pin for pin in PINS if pin <= 0.6 * radius and radius - sizes.rope / 2 - (pin + sizes.bore) / 2 >= wall]
     if not pins:
-        least = max(_PINS[0] / 0.6, sizes.rope / 2 + (_PINS[0] + sizes.bore) / 2 + wall)
+        least = max(PINS[0] / 0.6, sizes.rope / 2 + (PINS[0] + sizes.bore) / 2 + wall)
         refuse(
             key,
             radius,
-            f"between the groove's bottom and a pin of {_PINS[0]:g} mm stays less than the {wall:.3g} mm that process "
+            f"between the groove's bottom and a pin of {PINS[0]:g} mm stays less than the {wall:.3g} mm that process "
             f"{sizes.process.name} allows",
             f"at least {least:.3g} mm",
         )
@@ -212,10 +212,11 @@ def _far(joint: PulleyJoint, end: End, sizes: Sizes) -> Solid:
 
 def tendon_end(joint: PulleyJoint, end: End, sizes: Sizes, body: Solid, side: int) -> Solid:
     """Return the far body with the anchor of a tendon, or at the handle its tunnel and the seat of its sheath."""
-    y = side * joint.shift
+    # The far body's frame is that of the near half turned about x, so that y is the other way.
+    y = -side * joint.shift
     x, z = side * joint.radius * math.cos(joint.wrap), -joint.radius * math.sin(joint.wrap)
     if end.tip:
-        return body - k.rod((x, y, z), (x, side * (joint.outside + 1), z), ferrule(sizes)[0])
+        return body - k.rod((x, y, z), (x, math.copysign(joint.outside + 1, y), z), ferrule(sizes)[0])
     way = (-side * math.sin(joint.wrap), 0.0, -math.cos(joint.wrap))
     begin = math.sqrt((joint.rim + sizes.wall) ** 2 - joint.radius**2)
     length = 4 * end.seat
