@@ -66,7 +66,7 @@ def fit(
     train, test
         Indices of the runs to fit, and of those held out: they take no part in the fit.
     starts
-        The first is the parameters' own start, the others are drawn within the bounds (Latin hypercube).
+        The first is the problem's own (`Problem.starting_values`), the others are drawn within the bounds (Latin hypercube).
     seed
         Of the starts and of the bootstrap.
     loss

@@ -305,7 +305,7 @@ def _searched(problem: Problem, free: Sequence[str]) -> tuple[float, Array]:
     """Return the root mean square of the residuals after a short search, and the values of all parameters there."""
     indices = _indices(problem, free)
     search = Search(problem, indices, range(len(problem.runs)), "linear", "exact")
-    end = search.solve(search.start[indices], steps=_STEPS)
+    end = search.solve(search.begin, steps=_STEPS)
     if end is None:
         return inf, search.start
     values = search.full(end.at)

@@ -75,6 +75,10 @@ class Problem(ABC):
         """Return what these sensors are called."""
         return tuple(f"sensor {number + 1}" for number in range(self.channels(run)))
 
+    def starting_values(self, runs: Sequence[int]) -> Array:
+        """Return the values at which a search of runs begins, (parameters,): those of `start`, unless runs say more."""
+        return np.array([one.start for one in self.parameters], dtype=np.float64)
+
     def plain_residuals(self, values: Array, run: int) -> Array:
         """Return the residuals before any whitening, (n,)."""
         return self.residuals(values, run)

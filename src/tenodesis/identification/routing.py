@@ -127,6 +127,8 @@ class _Inputs(NamedTuple):
     """(n, 1), N"""
     time_step: float
     """s"""
+    from_home: bool
+    """Whether handle and spools are at zero, and the tip free, at first."""
     kept: NDArray[np.intp]
     """Steps at which a row of the recording is compared."""
     input_errors: tuple[InputError, ...]
@@ -135,8 +137,6 @@ class _Inputs(NamedTuple):
     """(errors, errors)"""
     measured: dict[str, Array]
     """Readings in these steps, by channel"""
-    stride: int = 1
-    """Readings that one of these stands for"""
 
 
 def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", notes: Sequence[str] = ()) -> RoutingRun:
@@ -250,7 +250,7 @@ class Routing(Problem):
         }
         self._recorded, self._finer = tuple(runs), 1
         self._inputs = [self._input(one) for one in runs]
-        self._times = [one.time[:: _stride(one)] for one in runs]
+        self._times = [one.time[_compared(self._channels(one))] for one in runs]
         self._pose_noise = {
             channel: max(
                 _of_differences([one.measured[channel] for one in self._inputs if channel in one.measured]), least
@@ -300,8 +300,8 @@ class Routing(Problem):
         step, substeps = self._steps(run.sample_time)
         # a rest before it would let tendons slip elsewhere than in a recording that begins at once
         positions = zip(given[:-1], _LEAST_MOTION, strict=False)
-        at_home = (np.abs(of[0]).max(initial=0.0) <= least for of, least in positions)
-        approach = 0 if all(at_home) else round(_APPROACH / step)
+        from_home = all(np.abs(of[0]).max(initial=0.0) <= least for of, least in positions)
+        approach = 0 if from_home else round(_APPROACH / step)
         at = np.arange((count - 1) * substeps + 1) / substeps
 
         def stepped(rows: Array) -> Array:
@@ -311,7 +311,8 @@ class Routing(Problem):
 
         # a velocity holds for a step, and in the approach there is none
         held = np.repeat(velocity, substeps, axis=0)[: at.size]
-        stride = _stride(run)
+        channels = self._channels(run)
+        compared = _compared(channels)
         errors = [(column, error) for column, path in enumerate(paths) for error in path.errors]
         return _Inputs(
             handle=stepped(handle),
@@ -320,7 +321,8 @@ class Routing(Problem):
             wrench=stepped(wrench),
             grip=stepped(grip),
             time_step=step,
-            kept=np.arange(approach, approach + at.size, substeps * stride),
+            from_home=from_home,
+            kept=approach + substeps * np.arange(count)[compared],
             input_errors=tuple(
                 InputError(
                     column,
@@ -334,7 +336,7 @@ class Routing(Problem):
                 for column, error in errors
             ),
             mixing=block_diag(*(path.mixing for path in paths)),
-            measured={channel: row[::stride] for channel, row in self._channels(run).items()},
+            measured={channel: row[compared] for channel, row in channels.items()},
         )
 
     def _steps(self, sample_time: float) -> tuple[float, int]:
@@ -384,6 +386,19 @@ class Routing(Problem):
         found.append(("dynamics.damping_ratio", _DAMPING))
         found += [(f"{bend}{_OFFSETS}", _OFFSET) for bend in self._bends if f"output_angle.{bend}" in shown]
         return tuple(Parameter(name, of.unit, self.value(inst, name), *of[1:]) for name, of in found)
+
+    def starting_values(self, runs: Sequence[int]) -> Array:
+        """Return the file's values, but friction that the file lacks, and pretensions as a recording from home begins.
+
+        A pair whose pretensions differ by more than its friction holds slips at once, and keeps just what friction
+        holds. From equal ones a search finds another optimum, at which friction holds that from the beginning.
+        """
+        values = {one.name: one.start for one in self.parameters}
+        values |= {key: values[key] or _LEAST_COEFFICIENT for key in _COEFFICIENTS if key in values}
+        first = next((self._inputs[run].measured for run in runs if self._inputs[run].from_home), {})
+        for channel in self._tension_sensors.keys() & first.keys():
+            values[f"{channel.partition('.')[2]}.pretension"] = float(first[channel][0])
+        return np.array([*values.values()])
 
     @staticmethod
     def value(inst: FullForm, name: str) -> float:
@@ -592,9 +607,20 @@ def _of_differences(rows: Sequence[Array]) -> float:
     return float(np.sqrt(np.mean(np.concatenate(differences) ** 2) / 6)) if differences else 0.0
 
 
-def _stride(run: MeasuredRun) -> int:
-    """Return every how many rows one is compared."""
-    return -(-len(run) // MOST_COMPARED)
+def _compared(channels: Mapping[str, Array]) -> slice:
+    """Return which rows of readings are compared: even ones of those in which sensors were read.
+
+    Between them a recording may hold its readings, which are those of earlier instants.
+    """
+    rows = np.stack([*channels.values()], axis=1)
+    read = 1 + np.flatnonzero((rows[1:] != rows[:-1]).any(axis=1))
+    period = int(np.gcd.reduce(np.diff(read), initial=0))
+    # coarse steps of a slow angle are no period: in one of that, most readings differ from those before
+    if not 2 * period * read.size >= len(rows):
+        period = 1
+    first = int(read[0]) % period if read.size else 0
+    stride = -(-(len(rows) - first) // (period * MOST_COMPARED))
+    return slice(first, None, period * stride)
 
 
 def _shown(channel: str) -> tuple[str, float]:
@@ -605,11 +631,10 @@ def _shown(channel: str) -> tuple[str, float]:
 
 
 def _under(law: str, inst: FullForm) -> FullForm:
-    """Return the instrument under a friction law; coefficients of zero begin above it."""
+    """Return the instrument under a friction law."""
     if law == "none":
         return inst.replace(**{"friction.law": "none"}, **dict.fromkeys(_COEFFICIENTS, 0.0))
-    started = {key: Routing.value(inst, key) or _LEAST_COEFFICIENT for key in _coefficients(inst)}
-    return inst.replace(**{"friction.law": "capstan", **started})
+    return inst.replace(**{"friction.law": "capstan"}, **{key: Routing.value(inst, key) for key in _coefficients(inst)})
 
 
 def _coefficients(inst: FullForm) -> tuple[str, ...]:

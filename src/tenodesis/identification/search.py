@@ -59,6 +59,8 @@ class Search:
         self.start = np.array([one.start for one in problem.parameters], dtype=np.float64)
         self.lower = np.array([problem.parameters[index].lower for index in free])
         self.upper = np.array([problem.parameters[index].upper for index in free])
+        self.begin = np.clip(problem.starting_values(train)[self.free], self.lower, self.upper)
+        """Where a search of the free parameters begins; what is held stays at its own start."""
         self.samples = sum(problem.residuals(self.start, run).size for run in train)
         least = LEAST_PER_PARAMETER * len(self.free)
         if self.samples < least:
@@ -260,8 +262,8 @@ class Search:
 
 
 def starting_points(search: Search, count: int, seed: int) -> list[Array]:
-    """Return the starts of a search: the parameters' own, and others drawn within the bounds (Latin hypercube)."""
-    own = search.start[search.free]
+    """Return the starts of a search: the problem's own, and others drawn within the bounds (Latin hypercube)."""
+    own = search.begin
     if count == 1:
         return [own]
     from scipy.stats import qmc  # noqa: PLC0415 - slow to load

@@ -249,7 +249,7 @@ def _problem(
 
 def _information(problem: routing.Routing) -> Information:
     """Return the information in a run."""
-    values = np.array([one.start for one in problem.parameters])
+    values = problem.starting_values(())
     slopes = problem.jacobian(values, 0) * scales(problem.parameters, values)
     curvature = slopes.T @ slopes
     return Information(curvature, curvature)
@@ -260,7 +260,7 @@ def _std(problem: routing.Routing) -> dict[str, float]:
 
     Errors of load cells count here alone: they do not average out over motions, and choose none.
     """
-    values = np.array([one.start for one in problem.parameters])
+    values = problem.starting_values(())
     problem.weigh_sensors(values, [0])
     std = _information(problem).uncertainty().std * scales(problem.parameters, values)
     return dict(zip((one.name for one in problem.parameters), std.tolist(), strict=True))
