@@ -222,7 +222,13 @@ def _recorded(path: Path, progress: Progress | None) -> _Signals | None:
 
 
 def first_rows(path: Path, signals: Collection[str], progress: Progress | None = None) -> tuple[Recording, list[str]]:
-    """Return signals of a recording's first rows, after which a long one is not read, and what to say about that."""
+    """Return signals of a recording's first rows, after which a long one is not read, and what to say about that.
+
+    Raises
+    ------
+    RecordingError
+        As for :meth:`tenodesis.recording.Recording.open`, or it is damaged before its first row.
+    """
     blocks = Blocks(path, signals=signals, progress=progress)
     kept: list[Run] = []
     rows = 0
@@ -234,9 +240,11 @@ def first_rows(path: Path, signals: Collection[str], progress: Progress | None =
                 break
             kept.append(run)
             rows += len(run)
+        recording = blocks.recording(concatenate(kept))
     except RecordingError:
-        return Recording.open(path, signals=signals), []
-    recording = blocks.recording(concatenate(kept))
+        recording = Recording.open(path, signals=signals)
+    if recording.damage is not None and not len(recording.run):
+        raise RecordingError(recording.damage, key="path", value=path, allowed="a whole recording")
     return recording, notes if recording.damage is None else [recording.damage]
 
 
