@@ -32,9 +32,10 @@ SETTLED = 1e-3
 WEIGHED_SEARCHES = 2
 """Searches with systematic errors of sensors in the weights; after each, deviations are better known."""
 SLOPES_OVER = 8.0
-"""Change over which a slope is taken then, in deviations of the parameter.
+"""Change over which a slope is taken then, in deviations of each principal direction of what is open.
 
 Over a smaller one, a few contacts that stick or slip make up the difference; over a larger one, the change of many.
+Along parameters instead, these would be many deviations of what is known best, and hide what is known least.
 """
 MOST_OVER_NOISE = 5.0
 """Deviations by which residuals may then be above the sensors' noise."""
@@ -203,13 +204,15 @@ def _weighed(problem: Problem, search: Search, best: SearchEnd, seed: int) -> Se
         near = search.stepped(near.at)
         scale = scales(problem.parameters, search.full(near.at))[search.free]
         found = uncertainty.estimate([search.linearised(near.at, run, scale) for run in search.train], search.loss)
-        search.widths = np.minimum(SLOPES_OVER * found.std, LARGEST_WIDTH) * scale
+        sizes, directions = np.linalg.eigh(found.full)
+        widths = np.minimum(SLOPES_OVER * np.sqrt(sizes), LARGEST_WIDTH / np.abs(directions).max(axis=0))
+        search.changes = scale[:, None] * directions * widths
     near = search.smoothed(near.at, found.covariance, seed)
     squares = search.residuals(near.at) ** 2
     # the mean square of that many normal deviates, and its deviation
     if squares.mean() > 1 + MOST_OVER_NOISE * math.sqrt(2 / squares.size):
         problem.weigh_sensors(search.full(best.at), ())
-        search.widths = None
+        search.changes = None
         return best
     return near
 

@@ -51,8 +51,11 @@ class Search:
     ) -> None:
         self.problem, self.free, self.train, self.loss = problem, list(free), train, loss
         self.exact = derivatives == "exact"
-        self.widths: Array | None = None
-        """Changes of the free parameters over which slopes are taken, if not by the problem's own derivatives."""
+        self.changes: Array | None = None
+        """Changes of the free parameters over which slopes are taken, if not by the problem's own derivatives.
+
+        (free, free), one in each column; over one parameter after the other, if None.
+        """
         self.evaluations = self.jacobians = self.begun = 0
         self.watch: Callable[[int], None] | None = None
         """Called with the evaluations of a search so far."""
@@ -96,13 +99,15 @@ class Search:
         return self._differenced(self.residuals, at)
 
     def _differenced(self, function: Callable[[Array], Array], at: Array) -> Array:
-        if self.widths is None:
+        if self.changes is None:
             return differenced(function, at, self.lower, self.upper, self._scale(at))
-        return differenced(function, at, self.lower, self.upper, self.widths, step=1.0)
+        ends = [[np.clip(at + sign * one, self.lower, self.upper) for sign in (1, -1)] for one in self.changes.T]
+        moved = np.stack([above - below for above, below in ends], axis=1)
+        return np.stack([function(above) - function(below) for above, below in ends], axis=1) @ np.linalg.inv(moved)
 
     def _own(self, values: Array, run: int) -> Array | None:
         """Return the problem's own derivatives by the free parameters, (n, free), or None to use differences."""
-        return self.problem.derivatives(values, run, self.free) if self.exact and self.widths is None else None
+        return self.problem.derivatives(values, run, self.free) if self.exact and self.changes is None else None
 
     def solve(
         self, start: Array, *, aim: Array | None = None, held: Sequence[int] = (), steps: int = MOST_STEPS
