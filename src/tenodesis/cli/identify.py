@@ -147,8 +147,7 @@ def identify(  # noqa: PLR0917
             problem: Problem, unknowns: Sequence[str] = (), *, screening: bool = False, refine: bool = True
         ) -> Fit:
             names = None if parameters is None else [*chosen_parameters(problem, parameters), *unknowns]
-            what = "starts" if screening else "starts and replicates"
-            with ProgressBar(what) as bar:
+            with ProgressBar("searches") as bar:
                 return fit(
                     problem,
                     names,

@@ -64,7 +64,7 @@ def fit(
     train
         Of a problem, the runs to fit.
     progress
-        Called with how many of how many starts and replicates are done.
+        Called with how many of how many searches are done.
     options
         Of a problem `test`; starts, seed, loss, derivatives, bootstrap, refine.
 

@@ -67,7 +67,8 @@ def fit(
     train, test
         Indices of the runs to fit, and of those held out: they take no part in the fit.
     starts
-        The first is the problem's own (`Problem.starting_values`), the others are drawn within the bounds (Latin hypercube).
+        The first is the problem's own (`Problem.starting_values`), the others are drawn within the bounds (Latin
+        hypercube).
     seed
         Of the starts and of the bootstrap.
     loss
@@ -79,7 +80,8 @@ def fit(
     refine
         Whether the problem is prepared for further searches near the optimum (`Problem.refine`).
     progress
-        Called with how many of how many starts and replicates are done, within a start the share of its longest search.
+        Called with how many of how many searches are done, within one the share of the longest: from starts, near the
+        optimum, and of replicates.
 
     Raises
     ------
@@ -93,20 +95,29 @@ def fit(
     search = Search(problem, indices, tuple(train), loss, derivatives)
     # those of an earlier fit
     problem.weigh_sensors(search.start, ())
-    total = starts + bootstrap
+    searches = starts + (problem.searches_near if refine else 0)
+    total, done = searches + bootstrap, 0
     report = progress or (lambda _done, _total: None)
 
+    def advance() -> None:
+        nonlocal done
+        done += 1
+        report(done, total)
+
     ends: list[SearchEnd | None] = []
-    search.watch = lambda evaluations: report(len(ends) + min(evaluations / MOST_STEPS, 1.0), total)
+    search.watch = lambda evaluations: report(min(done + min(evaluations / MOST_STEPS, 1.0), searches), total)
     for start in starting_points(search, starts, seed):
         ends.append(search.solve(start))
-        report(len(ends), total)
-    search.watch = None
+        advance()
     costs = [math.inf if end is None else end.cost for end in ends]
     best = ends[int(np.argmin(costs))]
     if best is None:
         raise search.unanswered()
-    refined = _weighed(problem, search, _refined(problem, search, best), seed) if refine else best
+    refined = best
+    if refine:
+        refined = _weighed(problem, search, _refined(problem, search, best, advance), seed, advance)
+    search.watch = None
+    report(searches, total)
     at, cost = search.on_bounds(refined)
     # costs of a refined problem do not compare with those of the starts
     reference = cost if refined is best else best.cost
@@ -133,7 +144,7 @@ def fit(
     bootstrapped = None
     if bootstrap:
         fits = replicates(
-            search, at, linearised, bootstrap, seed=seed, freedom=freedom, done=lambda n: report(starts + n, total)
+            search, at, linearised, bootstrap, seed=seed, freedom=freedom, done=lambda n: report(searches + n, total)
         )
         low, high = np.quantile(fits, [0.025, 0.975], axis=0)
         bootstrapped = {name: (float(low[n]), float(high[n])) for n, name in enumerate(names)}
@@ -176,13 +187,14 @@ def fit(
     )
 
 
-def _refined(problem: Problem, search: Search, best: SearchEnd) -> SearchEnd:
+def _refined(problem: Problem, search: Search, best: SearchEnd, advance: Callable[[], None]) -> SearchEnd:
     """Return the optimum of the problem as it is prepared for a search near it."""
     found = best
     for _ in range(REFINEMENTS):
         if not problem.refine(search.full(found.at), search.train):
             break
         again = search.solve(found.at)
+        advance()
         if again is None:
             break
         moved = np.abs(again.at - found.at) / (search.upper - search.lower)
@@ -192,7 +204,7 @@ def _refined(problem: Problem, search: Search, best: SearchEnd) -> SearchEnd:
     return found
 
 
-def _weighed(problem: Problem, search: Search, best: SearchEnd, seed: int) -> SearchEnd:
+def _weighed(problem: Problem, search: Search, best: SearchEnd, seed: int, advance: Callable[[], None]) -> SearchEnd:
     """Return the optimum with systematic errors of sensors in the residuals' weights, where a problem has them.
 
     The optimum without them stands where that one is not reached, or the model leaves an effect out.
@@ -207,6 +219,7 @@ def _weighed(problem: Problem, search: Search, best: SearchEnd, seed: int) -> Se
         sizes, directions = np.linalg.eigh(found.full)
         widths = np.minimum(SLOPES_OVER * np.sqrt(sizes), LARGEST_WIDTH / np.abs(directions).max(axis=0))
         search.changes = scale[:, None] * directions * widths
+        advance()
     near = search.smoothed(near.at, found.covariance, seed)
     squares = search.residuals(near.at) ** 2
     # the mean square of that many normal deviates, and its deviation

@@ -137,6 +137,8 @@ class _Inputs(NamedTuple):
     """(errors, errors)"""
     measured: dict[str, Array]
     """Readings in these steps, by channel"""
+    stride: int = 1
+    """Readings that one of these stands for"""
 
 
 def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", notes: Sequence[str] = ()) -> RoutingRun:
@@ -238,6 +240,8 @@ class Routing(Problem):
     IdentificationError
         No instrument is known, a recording lacks one of its tendons or joints of the handle, or nothing moves in it.
     """
+
+    searches_near = 5
 
     def __init__(self, runs: Sequence[MeasuredRun], law: str, inst: FullForm) -> None:
         if law not in LAWS:

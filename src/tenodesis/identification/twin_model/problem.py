@@ -142,6 +142,8 @@ class TwinProblem(Problem):
     encoders. A run that does not begin at rest and straight is led there first.
     """
 
+    searches_near = 3
+
     def __init__(self, runs: Sequence[MeasuredRun], law: str, inst: ShortForm) -> None:
         if law not in LAWS:
             raise IdentificationError(
