@@ -236,6 +236,13 @@ def _sized(inst: Instrument, process: str) -> tuple[Any, ...]:
     return fitting(inst, inst.expanded, sizes)
 
 
+def test_guide_wheels_of_a_scale_model_do_not_reach_each_others_pins() -> None:
+    inst = _longer(tn.load("needle-driver"), 4.0).replace(tendon_diameter=0.75e-3)
+    made = _sized(inst, "sla")[0]
+    apart = [math.dist(one.guide, other.guide) for one in made.lanes for other in made.lanes]
+    assert sorted(apart)[8] > made.guide + 0.25 * 0.75 + made.guide_pin / 2
+
+
 @pytest.mark.parametrize(("name", "wrap"), [("needle-driver", 90.0), ("maryland-dissector", 90.0)])
 def test_guide_wheels_give_tendons_the_wrap_of_the_file_and_leave_room_for_every_rope(name: str, wrap: float) -> None:
     inst = tn.load(name)

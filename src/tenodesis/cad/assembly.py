@@ -152,7 +152,7 @@ def interference(
                 volume = k.common_volume(one.solid, other.solid)
                 if volume > _TOUCHING:
                     output, handle = (
-                        float(angles[np.abs(angles).argmax()]) for angles in (posture.tip, posture.handle)
+                        float(max(angles, key=abs, default=0.0)) for angles in (posture.tip, posture.handle)
                     )
                     found.append(Overlap(one.name, other.name, volume * 1e-9, output, handle))
     return found

@@ -27,6 +27,7 @@ _RIM = 0.25
 """Of the rope's diameter, by which flanges stand out over its centre: two wheels turn rim to rim between ropes."""
 MORE_WRAP = math.radians(10)
 """Of a passing tendon over what the joint takes back within its range."""
+_SAME_PIN = 1e-6  # mm
 _STEEPEST = math.radians(35)
 FACTORS = tuple(number / 4 for number in range(5, 81))
 """Factors of a scale model that are tried where a wrist does not fit."""
@@ -200,6 +201,10 @@ def wrist(
             f"the wheels of {len(lanes)} tendons side by side with their forks are {2 * needed:.3g} mm wide",
             f"at least {2 * needed:.3g} mm for process {sizes.process.name}",
         )
+    if not _clear(sizes, own, places, guide, sleeve_radius(guide_pin, sizes)):
+        refuse(
+            keys["radius"], own.radius, "no guide wheels before it leave each other and its own tendons room", "larger"
+        )
     offset, lateral = jaws[0].offset, max(math.dist((way.side * way.radius, y), way.target) for way, y in found)
     free = block[1] - block[0] - 2 * sizes.tunnel / 3
     if free < lateral / math.tan(_STEEPEST):
@@ -267,8 +272,8 @@ def _apart(found: Iterable[tuple[Passing, float]]) -> float:
 def _guides(
     sizes: Sizes, own: PulleyJoint, found: Sequence[tuple[Passing, float]], stem: float
 ) -> tuple[float, float, list[tuple[float, float]]]:
-    """Return radius, pin and places of the guide wheels: the largest whose tendons stay within the stem's radius."""
-    best: tuple[float, float, float, list[tuple[float, float]]] = (math.inf, 0.0, 0.0, [])
+    """Return radius, pin and places of the guide wheels: the largest that fit, or else those that nearly do."""
+    best: tuple[tuple[bool, float], float, float, list[tuple[float, float]]] = ((True, math.inf), 0.0, 0.0, [])
     smallest = sizes.rope / 2 + (PINS[0] + sizes.bore) / 2 + sizes.wall
     for radius in np.linspace(max(way.radius for way, _ in found), smallest, 41):
         own_pin = max(
@@ -281,12 +286,23 @@ def _guides(
         )
         sleeve = sleeve_radius(own_pin, sizes)
         places = [_guide(sizes, own, way, float(radius), sleeve) for way, _ in found]
+        touches = not _clear(sizes, own, places, radius, sleeve)
         out = max(math.hypot(x - way.side * radius, y) for (way, y), (x, _) in zip(found, places, strict=True))
-        if out < best[0]:
-            best = (out, float(radius), own_pin, places)
-        if out + sizes.tunnel / 2 + max(sizes.wall, 0.15) <= stem:
+        if (touches, out) < best[0]:
+            best = ((touches, out), float(radius), own_pin, places)
+        if not touches and out + sizes.tunnel / 2 + max(sizes.wall, 0.15) <= stem:
             break
     return best[1:]
+
+
+def _clear(sizes: Sizes, own: PulleyJoint, places: Sequence[tuple[float, float]], radius: float, sleeve: float) -> bool:
+    """Return whether guides of a radius pass the sleeves on each other's pins, and those the tendons that end here."""
+    wheel = radius + _RIM * sizes.rope + sleeve + sizes.play
+    rope = sleeve + sizes.rope / 2 + sizes.play
+    apart = [math.dist(one, other) for one in places for other in places]
+    return all(one < _SAME_PIN or one >= wheel for one in apart) and all(
+        abs(own.radius - abs(x)) >= rope for x, _ in places
+    )
 
 
 def sleeve_radius(own_pin: float, sizes: Sizes) -> float:
