@@ -14,12 +14,13 @@ from tenodesis.cad.assembly import Placing, frames_of, matrix, own_place
 from tenodesis.cad.bench_parts import TIP_PIN
 from tenodesis.cad.kernel import Location, Solid
 from tenodesis.cad.lever_parts import Lever
-from tenodesis.cad.model import Model, Station
+from tenodesis.cad.model import LEAST_ARM, Model, Station
 from tenodesis.cad.parts import Part
 from tenodesis.cad.pulley_parts import PulleyJoint
 from tenodesis.cad.wrist_parts import Jaw, Lane, Wrist
 from tenodesis.extras import require
 from tenodesis.instrument import Tendon
+from tenodesis.instrument.instrument import arm_of
 from tenodesis.kinematics.chain import bend_side
 from tenodesis.run import Array
 from tenodesis.statics import chain
@@ -89,9 +90,14 @@ def _rows(model: Model, angles: ArrayLike, *, tip: bool) -> Array:
 
 
 def _crossed(model: Model, tendon: Tendon) -> list[Station]:
-    """Return the joints that a tendon crosses."""
-    names = {crossing.joint for crossing in tendon.route}
-    return [one for one in model.stations if one.joint.name in names]
+    """Return the joints that a tendon crosses, without jaws at whose axis it has no more than a coupling's rounding."""
+    crossings = {crossing.joint: crossing for crossing in tendon.route}
+    own = [one for one in model.stations if one.joint.name in crossings]
+    return [
+        one
+        for one in own
+        if not isinstance(one.sizes, Jaw) or abs(arm_of(crossings[one.joint.name], one.joint)) > LEAST_ARM
+    ]
 
 
 class _Bore(NamedTuple):

@@ -56,7 +56,7 @@ _CABLE_RADIUS = 15e-3  # m, the paper's load rig
 _RODS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 _MACHINE_ROUNDING = 1e-6
 _SAME_PLACE = 1e-6  # mm
-_LEAST_ARM = 1e-6  # m, of a tendon at a second jaw, below which it is a coupling's rounding
+LEAST_ARM = 1e-6  # m, of a tendon at a second jaw, below which it is a coupling's rounding
 _LEAST_SHAFT = 5.0  # mm, of the grip before where the hand acts
 _BEYOND_RANGE = {"tip": math.radians(10), "handle": math.radians(5)}
 """By how much a joint turns farther than its working range before its parts touch."""
@@ -193,7 +193,10 @@ def build(
         drawn = sum(tendon.start == "spool" for tendon in full.tendons)
         parts += drive_parts(sizes, bought, k.MM * full.own_drives.spool_radius, behind - 120, drawn)
     parts = [part if part.density else replace(part, density=chosen.density) for part in parts]
-    return Model(given, built, axis, chosen, tuple(parts), stations, ways, where, _stop(tips[0].joint))
+    # The inertia of a roll that is left out is not in the solids: the file written is of what is built.
+    return Model(
+        given if axis else built, built, axis, chosen, tuple(parts), stations, ways, where, _stop(tips[0].joint)
+    )
 
 
 def _check_lengths(inst: Instrument, stations: tuple[Station, ...], sizes: Sizes) -> None:
@@ -509,7 +512,7 @@ def _over(full: FullForm) -> list[tuple[Tendon, Crossing, int, Crossing]]:
         if not numbers or first.name not in crossings:
             continue
         arms = [abs(arm_of(crossings[others[number].name], others[number])) for number in numbers]
-        if sum(arms) - max(arms) > _LEAST_ARM:
+        if sum(arms) - max(arms) > LEAST_ARM:
             raise InstrumentError(
                 f"tendon {tendon.name} turns {' and '.join(others[number].name for number in numbers)}: as a solid it "
                 "ends at a pulley of one of them; the other radius must be 0.",
