@@ -31,15 +31,16 @@ struct Fixture {
   }
 
   void settle_bounds() {
-    for (int n = 0; n < 4000; ++n) envelope().update(S(0), least, own.friction, memory, S(dt), state);
+    for (int n = 0; n < 4000; ++n) envelope().update(S(0), S(0), least, own.friction, memory, S(dt), state);
   }
 
-  /// Lets the lag, in reversals that stand out, and the handle (rad) swing for a while; returns the authority.
-  double swing(double error, double handle, double frequency, double seconds) {
+  /// Lets the lag and the stroke, in reversals that stand out, and the handle (rad) swing for a while; returns the
+  /// authority.
+  double swing(double error, double handle, double frequency, double seconds, double stroke = 0) {
     for (int n = 0; n < int(seconds / dt); ++n) {
       const double at = std::sin(2 * pi * frequency * n * dt);
       memory.intent.angle = S(handle * at);
-      envelope().update(S(error * at) * least, least, own.friction, memory, S(dt), state);
+      envelope().update(S(error * at) * least, S(stroke * at) * least, least, own.friction, memory, S(dt), state);
     }
     return double(state.gain_factor);
   }
@@ -95,7 +96,8 @@ void a_lag_that_is_only_unknown_for_a_while_takes_none(const A& axis) {
     const S error = S(5) * fixture.least;
     const S off = S(at > 0 ? 4 * at : 0) * fixture.least;
     fixture.memory.unobservable[0] = fixture.memory.unobservable[1] = off;
-    fixture.envelope().update(error - off, fixture.least, fixture.own.friction, fixture.memory, S(dt), fixture.state);
+    fixture.envelope().update(error - off, S(0), fixture.least, fixture.own.friction, fixture.memory, S(dt),
+                              fixture.state);
   }
   CLAIM(fixture.state.gain_factor == S(1));
 }
@@ -111,20 +113,23 @@ void neither_the_hand_nor_rare_loads_nor_the_tips_own_oscillation_take_it(const 
 }
 
 template <class A>
-void without_authority_a_stroke_returns_to_what_the_tensions_prove(const A& axis) {
+void reversals_count_by_what_strokes_leave_of_the_error(const A& axis) {
+  Fixture<A> earns(axis);
+  CLAIM(earns.swing(5, 0, 3, 3, 20) == 1);
+  Fixture<A> earns_nothing(axis);
+  CLAIM(earns_nothing.swing(5, 0, 3, 3, -10) == 0);
+}
+
+template <class A>
+void without_authority_a_stroke_returns_to_the_mean_of_what_is_lost(const A& axis) {
   using S = A::Scalar;
   Fixture<A> fixture(axis);
-  const auto stroke = S(1e-4);
-  const auto& model = fixture.own.model();
-  fixture.memory.nominal[0] = model.sheath * model.sheath_bend;
-  fixture.memory.nominal[1] = model.vertex * model.axis.proximal.wrap_angle(S(0.5));
-  fixture.load(0.02 * double(axis.pretension));  // friction explains as much
-  CLAIM_NEAR(fixture.envelope().returning(stroke, S(1), fixture.own.friction, fixture.memory),
-             -S(tuning::return_rate) * stroke, 1e-9);
-  fixture.load(double(axis.pretension));
-  const S proven =
-      fixture.envelope().returning(S(0), S(1), fixture.own.friction, fixture.memory) / S(tuning::return_rate);
-  CLAIM(proven > S(0) && proven < fixture.own.friction.measured_loss(fixture.memory));
+  const S lost = S(4) * fixture.least;
+  for (int n = 0; n < int(20 / dt); ++n)
+    fixture.envelope().update(S(0), lost, fixture.least, fixture.own.friction, fixture.memory, S(dt), fixture.state);
+  const S half = S(0.5) * lost;
+  CLAIM_NEAR(fixture.envelope().returning(half, S(1), fixture.state) / (S(tuning::return_rate) * half), 1, 1e-2);
+  CLAIM_NEAR(fixture.envelope().returning(half, S(0.5), fixture.state) / half, 0, 1e-1);
 }
 
 template <class S>
@@ -135,7 +140,8 @@ void in_one_precision() {
     a_lag_that_reverses_at_3_hz_takes_the_authority_and_gives_it_back(axis);
     a_lag_that_is_only_unknown_for_a_while_takes_none(axis);
     neither_the_hand_nor_rare_loads_nor_the_tips_own_oscillation_take_it(axis);
-    without_authority_a_stroke_returns_to_what_the_tensions_prove(axis);
+    reversals_count_by_what_strokes_leave_of_the_error(axis);
+    without_authority_a_stroke_returns_to_the_mean_of_what_is_lost(axis);
   };
   claim(instruments::real_size<S>());
   claim(instruments::scaled_up<S>());
