@@ -88,8 +88,8 @@
   ROW(swing_hand_travel, 0.03490658503988659, "rad", "studies/harm.py",                                                \
       "handle travel between reversals that the hand made (2 deg)")                                                    \
   ROW(few_reversals, 2, "1", "studies/harm.py", "recent reversals from which the law's gain falls")                    \
-  ROW(many_reversals, 3.3, "1", "studies/harm.py", "from which it is zero")                                            \
-  ROW(return_rate, 4, "1/s", "studies/harm.py", "at which a stroke or a mean error that is not wanted is taken back")  \
+  ROW(many_reversals, 3, "1", "studies/harm.py", "from which it is zero")                                              \
+  ROW(return_rate, 5, "1/s", "studies/harm.py", "at which a stroke or a mean error that is not wanted is taken back")  \
   /* loads that alternate */                                                                                           \
   ROW(notable_angle, 0.017453292519943295, "rad", "studies/harm.py: what it counts as harm",                           \
       "of the tip: a jump of the load, or by how much a stroke may exceed what one explains (1 deg)")                  \
