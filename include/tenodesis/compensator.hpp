@@ -132,13 +132,13 @@ struct Compensator {
                              State& state) const {
     // What changes slowly is followed in every other tick, by turns.
     state.second = !state.second;
+    const S stroke = differential_stroke(observer, memory);
     if (!state.second) {
       envelope.update(
-          observer.tracking_error(memory), differential_stroke(observer, memory, state),
+          observer.tracking_error(memory), stroke,
           S(tuning::least_swing) * (settings.dead_band * memory.arm) + S(0.5) * observer.tremor_length(memory),
           observer, memory, S(2) * dt, state.envelope);
     }
-    const S stroke = differential_stroke(observer, memory, state);
     if (actuation == Actuation::agonist) {
       const Winding<S> wanted = one_motor(stroke, observer, memory, state);
       // The other motor winds only to keep its tendon tight, and lets that out again.
@@ -153,23 +153,19 @@ struct Compensator {
     const bool at_limit = larger(memory.smooth.tension[agonist], memory.smooth.tension[antagonist]) >
                           S(tuning::near_limit) * settings.tension_limit;
     const S along = at_limit && state.envelope.excess > S(0) ? smaller(common, S(0)) : common;
-    // The motors take the hand's tremor away, as far as it is known when they follow. Where the law is restrained, it
-    // frees the tip of its friction.
-    const S against = observer.trembles(memory)
-                          ? state.envelope.gain_factor * settings.tremor_gain * observer.tremor_arm() *
-                                memory.intent.speed_after(settings.tremor_delay)
-                          : S(0);
+    // The motors take the hand's tremor away, as far as it is known when they follow.
+    const S against = observer.trembles(memory) ? settings.tremor_gain * observer.tremor_arm() *
+                                                      memory.intent.speed_after(settings.tremor_delay)
+                                                : S(0);
     const S differential = limited(allowed - against);
     return {along + differential, along - differential};
   }
 
   // The differential stroke without what takes the tremor away, m.
-  S differential_stroke(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
-                        const State& state) const {
+  S differential_stroke(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory) const {
     const S stroke = (wound(memory.smooth, agonist) - wound(memory.smooth, antagonist)) * S(0.5);
     if (actuation == Actuation::agonist) return stroke;
-    return stroke + state.envelope.gain_factor * smaller(settings.tremor_gain, S(1)) * observer.tremor_arm() *
-                        memory.intent.tremor;
+    return stroke + smaller(settings.tremor_gain, S(1)) * observer.tremor_arm() * memory.intent.tremor;
   }
 
   // The stroke that is missing to the motors' share of the loss; error: of tracking, m.
