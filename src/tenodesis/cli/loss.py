@@ -103,9 +103,7 @@ def loss(  # noqa: PLR0917
     ] = None,
     moment: Annotated[
         str | None,
-        typer.Option(
-            help="Moment on the tip beside each load, like '0 0 5 N*mm', of joints that share tendons. Default: none."
-        ),
+        typer.Option(help="Moment on the tip beside each load, like '0 0 5 N*mm'. Default: none."),
     ] = None,
     grip: Annotated[
         str | None, typer.Option(help="Force by which an object presses the jaws apart, like '2 N'. Default: none.")
@@ -120,14 +118,13 @@ def loss(  # noqa: PLR0917
     short = inst.short_form
     if short is None or (len(short.axes) > 1 and axis is None):
         return _of_joints(inst.expanded, asked, planar=short is not None)
-    return _of_axis(short, asked)
+    one = short.planar[0] if axis is None else short.axis(axis)
+    if moment is not None or grip is not None:
+        return _of_joints(one.expanded, asked._replace(axis=None), planar=True)
+    return _of_axis(one, asked)
 
 
 def _of_axis(inst: ShortForm, asked: Asked) -> Answer:
-    for option, given in (("--moment", asked.moment), ("--grip", asked.grip)):
-        if given is not None:
-            raise _no_option(option, inst.name, "is planar", "left out, or the instrument list joints and tendons")
-    inst = inst.planar[0] if asked.axis is None else inst.axis(asked.axis)
     forces = [quantity("--load", text, PositiveForce) for text in asked.load]
     forces = forces or sorted(inst.conditions.forces) or [_USUAL_LOAD]
     angles = [quantity("--angle", text, Angle) for text in asked.angle]

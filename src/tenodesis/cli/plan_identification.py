@@ -101,7 +101,10 @@ def _print_joints(found: joints.JointPlan) -> None:
             half = joints.HALF * found.std[one.name]
             wider = found.alone[one.name] / found.std[one.name]
             shown = "" if found.identifiable(one.name) else "not identifiable"
-            intervals.add_row(one.name, f"{one.start:.5g} {one.unit}", f"{half:.2g}", f"{wider:.3g}", shown)
+            in_file = f"{one.start:.5g} {one.unit}"
+            if one.name in found.assumed:
+                in_file = f"none, {found.assumed[one.name]:.5g} assumed"
+            intervals.add_row(one.name, in_file, f"{half:.2g}", f"{wider:.3g}", shown)
     console.print(intervals)
     say(joints.OPTIMISTIC)
 

@@ -23,6 +23,8 @@ _RANGED = ({**COMMANDS, **MEASURED, **CONTROL}.keys() | {"grip_force"}) - {
     "request",
 }
 """Signals whose ranges are shown; those of states have no meaning."""
+_SLACK = 1e-6
+"""Tension up to which a tendon is slack, N: the twin leaves up to 1e-9 by rounding."""
 
 
 def tip_error(run: Run, inst: Instrument) -> Array:
@@ -165,7 +167,7 @@ class Outcome:
         self._least = np.fmin(self._least, np.fmin.reduce(tension, axis=0))
         self._most = np.fmax(self._most, np.fmax.reduce(tension, axis=0))
         if run.distal_tension is not None:
-            for name, loose in zip(run.tendons, run.distal_tension.T <= 0, strict=True):
+            for name, loose in zip(run.tendons, run.distal_tension.T <= _SLACK, strict=True):
                 if loose.any():
                     count, first = self._slack.get(name, (0, float(run.time[loose.argmax()])))
                     self._slack[name] = (count + int(np.count_nonzero(loose)), first)

@@ -1,6 +1,6 @@
 """Tables of instruments of joints and tendons: columns by signal and name, ``measured_tension.pitch_wound [N]``.
 
-Names are those of an export, or of a map beside the file, which ``tenodesis map FILE --instrument NAME`` writes.
+Names are those of an export, also of planar axes (``measured_tension.yaw.agonist [N]``), or of a map beside the file, which ``tenodesis map FILE --instrument NAME`` writes.
 """
 
 import re
@@ -12,7 +12,7 @@ from tenodesis.instrument import FullForm
 from tenodesis.recording import lab_map
 from tenodesis.recording.lab_guess import Guess, clean
 from tenodesis.recording.lab_tables import Table
-from tenodesis.run import SIGNALS, Array
+from tenodesis.run import ACROSS, SIGNALS, TENDONS, Array, Names
 from tenodesis.toml import parse_toml, read_text
 
 POSE = {"measured_position": "m", "measured_direction": "1"}
@@ -45,12 +45,14 @@ def read(path: Path) -> tuple[dict[str, Array], tuple[str, ...]]:
         units = lab_map.UNITS | {name: unit for name in given if (unit := unit_of(name))}
         places, notes = lab_map.mapped(text, str(beside), table.headings, units), (f"columns by {beside.name}",)
     else:
+        planar = _of_planar(table)
         for at, text in enumerate(table.headings):
-            name, unit = lab_map.heading(text)
+            given, unit = lab_map.heading(text)
+            name, factor = planar.get(given, (given, 1))
             si = lab_map.UNITS[lab_map.TIME] if name == lab_map.TIME else unit_of(name)
             if si is not None:
-                scale = lab_map.scale_of(unit or si, si, f"{path}: the unit of {name}")
-                places[name] = [lab_map.Part(at, unit or si, scale)]
+                scale = lab_map.scale_of(unit or si, si, f"{path}: the unit of {given}")
+                places[name] = [lab_map.Part(at, unit or si, factor * scale)]
     found = lab_map.Mapped(table, places, notes, "")
     return {name: found.values(name) for name in places}, notes
 
@@ -62,12 +64,16 @@ def guess(table: Table, inst: FullForm) -> dict[str, Guess]:
         [one.name for one in many] for many in (inst.tendons, inst.as_given("joints"), inst.handle_joints)
     )
     joints = [name for name in joints if name not in handle]
-    for text in table.headings:
-        name, unit = clean(text)
+    planar, parts_of = _of_planar(table), [clean(text) for text in table.headings]
+    is_export = any(unit_of(name) for name, _ in parts_of)
+    for text, (given, unit) in zip(table.headings, parts_of, strict=True):
+        name, factor = planar.get(given, (given, 1))
         words = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
         parts = set(words.split("_"))
         if unit_of(name) is not None:
             column: str | None = name
+        elif is_export and name.partition(".")[0] in SIGNALS:
+            column = None  # the simulation's truth is no measurement
         elif words in {"time", "t", "timestamp", "seconds"}:
             column = lab_map.TIME
         elif unit in {"N", "mN", "gf", "kgf", "lbf"}:
@@ -86,7 +92,7 @@ def guess(table: Table, inst: FullForm) -> dict[str, Guess]:
         else:
             column = None
         if column is not None and column not in found:
-            found[column] = Guess((text,), (unit or unit_of(column) or "s",))
+            found[column] = Guess((text,), (unit or unit_of(column) or "s",), factor)
     return found
 
 
@@ -102,6 +108,19 @@ def lacking(inst: FullForm, guesses: Collection[str]) -> list[str]:
 def units(guesses: Mapping[str, Guess]) -> dict[str, str]:
     """Return the SI unit of each column that was found."""
     return {name: unit_of(name) or lab_map.UNITS[lab_map.TIME] for name in guesses}
+
+
+def _of_planar(table: Table) -> dict[str, tuple[str, int]]:
+    """Return column and factor by name of an export of planar axes, whose forces oppose flexion."""
+    parts = [lab_map.heading(text).name.split(".") for text in table.headings]
+    names = Names.paired([*dict.fromkeys(one[1] for one in parts if one[2:] and one[2] in TENDONS)])
+    found = {
+        heading: (f"{signal}.{column}", 1)
+        for signal in _READ
+        for heading, column in zip(names.headings(signal), names.columns(signal), strict=False)
+    }
+    found |= {f"force.{axis}": (f"wrench.{ACROSS[axis]}", -1) for axis in names.joints if axis in ACROSS}
+    return found | {f"radial_force.{axis}": ("wrench.fz", 1) for axis in names.joints[:1]}
 
 
 def _of(signal: str, words: str, names: list[str]) -> str | None:

@@ -58,6 +58,8 @@ class JointPlan(NamedTuple):
     """Predicted standard deviation of each parameter with all of them open, SI; infinite where none is seen"""
     alone: dict[str, float]
     """By motions of all joints together without load, repeated as long"""
+    assumed: dict[str, float]
+    """Friction coefficients in place of those that the file lacks"""
 
     def identifiable(self, name: str) -> bool:
         """Return whether a parameter is predicted to be identifiable, by the rule that fits are judged by."""
@@ -94,10 +96,10 @@ def plan(
     IdentificationError
         A name is no parameter, none of the motions fits into the duration, or the instrument follows none.
     """
-    law = law or (inst.friction.law if inst.friction.law != "none" else "capstan")
+    law, given = law or (inst.friction.law if inst.friction.law != "none" else "capstan"), inst
     if inst.friction.law == "none" and law != "none":
-        given = dict.fromkeys(("friction.vertex_coefficient", "friction.sheath_coefficient"), _UNKNOWN_COEFFICIENT)
-        inst = inst.replace(**{"friction.law": "capstan"}, **given)
+        guess = dict.fromkeys(("friction.vertex_coefficient", "friction.sheath_coefficient"), _UNKNOWN_COEFFICIENT)
+        inst = inst.replace(**{"friction.law": "capstan"}, **guess)
     motions = _motions(inst, force)
     offered: list[Information] = []
     names: list[int] = []
@@ -128,7 +130,9 @@ def plan(
     others = _problem(inst, [together] * len(taken), law, distal_encoder=distal_encoder)[1]
     _tell(progress, steps, steps)
     blocks = tuple(Block(motion.name, place * BLOCK) for place, motion in enumerate(taken))
-    return JointPlan(inst, blocks, run, wanted, parameters, _std(problem), _std(others))
+    starts = zip((one.name for one in parameters), problem.starting_values(()).tolist(), strict=True)
+    assumed = {name: start for name, start in starts if start != routing.Routing.value(given, name)}
+    return JointPlan(inst, blocks, run, wanted, parameters, _std(problem), _std(others), assumed)
 
 
 def commands(found: JointPlan) -> str:

@@ -2,7 +2,7 @@
 
 Of joint i, with the commands c, the effort e of its drive if it was recorded, and the play p of its tendons:
 
-    x[i] = offset[i] + gain[i] c[i] + sum of coupling[i, j] c[j] + compliance[i] e[i]
+    x[i] = offset[i] + gain[i] c[i] + sum of coupling[i, j] c[j] + compliance[i] e[i] + sum of follow[i, j] (q[j] - x[j])
     q[i] = x[i] behind play: it stays while |x[i] - q[i]| <= p[i] / 2, and is pushed by the ends of that band
 
 | law | joint behind | source |
@@ -10,7 +10,7 @@ Of joint i, with the commands c, the effort e of its drive if it was recorded, a
 | none | x itself | |
 | play | one play | |
 | soft | the mean of several plays, spread evenly from p (1 - softness) to p | Prandtl, Ishlinskii |
-| passed | one play; joints before pass on what their own plays keep: c[j] + follow[i, j] (q[j] - c[j]) for c[j] | |
+| passed | one play; joints j before pass on what their own plays keep, by follow[i, j], which is zero of other laws | |
 
 `auto` takes for each joint the law that predicts parts of the recordings which it was not fitted to best, the simplest
 within a standard error, or 2 %, of that (Breiman et al. 1984). Then it adds a
@@ -176,8 +176,13 @@ class _Joint(NamedTuple):
             found.append(Parameter(f"delay.{name}", "s", 0.02, 0.0, _MOST_DELAY, meaning, "delay"))
         return found
 
-    def angle(self, given: Mapping[str, Any], series: _Series, behind: Mapping[str, Values]) -> Values:
-        """Return the joint's angle, (n,), given those of the joints before it; raises KeyError without them."""
+    def angle(
+        self, given: Mapping[str, Any], series: _Series, kept: Mapping[str, Values]
+    ) -> tuple[Values, Values]:
+        """Return the joint's angle and what its play adds to it, each (n,), given what the plays before it add.
+
+        Raises KeyError without those before it.
+        """
         name, late = self.name, given.get(f"delay.{self.name}", 0.0)
         command = {other: _delayed(series.time, series.command[other], late) for other in self.movers}
         moved = given[f"offset.{name}"] + given[f"gain.{name}"] * command[name]
@@ -188,16 +193,17 @@ class _Joint(NamedTuple):
             moved = moved + given[f"compliance.{name}"] * series.effort[name]
         if self.law == "passed":
             for other in self.before:
-                moved = moved + given[f"follow.{name}.{other}"] * (behind[other] - series.command[other])
+                moved = moved + given[f"follow.{name}.{other}"] * kept[other]
+        moved = np.asarray(moved)
         if self.law == "none":
-            return np.asarray(moved)
+            return moved, np.zeros(moved.size)
         start = series.measured[name][0]
         half = given[f"play.{name}"] / 2
-        if self.law != "soft":
-            return _behind_play(moved, half, start)
-        shares = np.linspace(0, 1, ELEMENTS)
-        halves = [half * (1 - given[f"softness.{name}"] * share) for share in shares]
-        return np.asarray(sum(_behind_play(moved, one, start) for one in halves) / ELEMENTS)
+        softness = given[f"softness.{name}"] if self.law == "soft" else 0.0
+        shares = np.linspace(0, 1, ELEMENTS) if self.law == "soft" else np.zeros(1)
+        plays = [_behind_play(moved, half * (1 - softness * share), start) for share in shares]
+        turned = np.asarray(sum(plays) / len(plays))
+        return turned, turned - moved
 
 
 class Kinematic(Problem):
@@ -232,7 +238,7 @@ class Kinematic(Problem):
         starts: dict[str, float] = {}
         self.compared: dict[str, dict[str, float]] = {}
         """Error in parts left out, rad, by joint and law, where laws were compared."""
-        behind: list[dict[str, Values]] = [{} for _ in train]
+        kept: list[dict[str, Values]] = [{} for _ in train]
         for name in names:
             laws = [one for one in (LAWS[1:] if law == "auto" else (law,)) if one != "passed" or self.joints]
             efforts = [False, True] if law == "auto" and name in with_effort else [name in with_effort]
@@ -240,13 +246,13 @@ class Kinematic(Problem):
             options = [
                 _Joint(name, one, tuple(movers), before_it, effort) for effort in efforts for one in laws or ["play"]
             ]
-            joint = self._chosen(options, self.fitted[: len(train)], behind) if options[1:] else options[0]
+            joint = self._chosen(options, self.fitted[: len(train)], kept) if options[1:] else options[0]
             if law == "auto" and joint.law != "none":
                 late = joint._replace(delay=True)
-                joint = self._chosen([joint, late], self.fitted[: len(train)], behind)
-            found = _solved(joint, self.fitted[: len(train)], behind)
-            for one, before in zip(self.fitted, behind, strict=False):
-                before[name] = joint.angle(found, one, before)
+                joint = self._chosen([joint, late], self.fitted[: len(train)], kept)
+            found = _solved(joint, self.fitted[: len(train)], kept)
+            for one, before in zip(self.fitted, kept, strict=False):
+                before[name] = joint.angle(found, one, before)[1]
             self.joints.append(joint)
             starts |= found
         self.parameters = tuple(
@@ -260,12 +266,12 @@ class Kinematic(Problem):
         return {one.name: place for place, one in enumerate(self.parameters)}
 
     def _chosen(
-        self, options: Sequence[_Joint], train: Sequence[_Series], behind: Sequence[Mapping[str, Values]]
+        self, options: Sequence[_Joint], train: Sequence[_Series], kept: Sequence[Mapping[str, Values]]
     ) -> _Joint:
         """Return the simplest option whose error in parts left out is within a standard error of the least."""
         parts = [
             (one.part(first, last), {name: values[first:last] for name, values in before.items()})
-            for one, before in zip(train, behind, strict=True)
+            for one, before in zip(train, kept, strict=True)
             for first, last in _parts(one.time.size, -(-FOLDS // len(train)))
         ]
         folds = [parts[fold::FOLDS] for fold in range(min(FOLDS, len(parts)))]
@@ -275,12 +281,12 @@ class Kinematic(Problem):
             near = (
                 whole if (option.delay or option.law in ("soft", "passed")) and f"play.{option.name}" in whole else None
             )
-            whole = _solved(option, train, behind, near=near)
+            whole = _solved(option, train, kept, near=near)
             squares = []
             for number, fold in enumerate(folds):
                 rest = [part for other, one in enumerate(folds) if other != number for part in one]
                 found = _solved(option, [one for one, _ in rest], [before for _, before in rest], near=whole)
-                left = [one.measured[option.name] - option.angle(found, one, before) for one, before in fold]
+                left = [one.measured[option.name] - option.angle(found, one, before)[0] for one, before in fold]
                 squares.append(float(np.mean(np.concatenate(left) ** 2)))
             errors[option.label] = np.array(squares)
         self.compared.setdefault(options[0].name, {}).update(
@@ -297,11 +303,16 @@ class Kinematic(Problem):
 
     def model(self, values: Values, series: _Series) -> dict[str, Values]:
         """Return the angles by joint, each (n,), rad."""
+        return self._turned(values, series)[0]
+
+    def _turned(self, values: Values, series: _Series) -> tuple[dict[str, Values], dict[str, Values]]:
+        """Return the angles by joint, and what plays add to them, each (n,), rad."""
         given = dict(zip((one.name for one in self.parameters), values, strict=True))
         found: dict[str, Values] = {}
+        kept: dict[str, Values] = {}
         for joint in self.joints:
-            found[joint.name] = joint.angle(given, series, found)
-        return found
+            found[joint.name], kept[joint.name] = joint.angle(given, series, kept)
+        return found, kept
 
     def predict(self, values: Array, run: int) -> dict[str, Array]:
         """Return the modelled angle of each joint at all samples of a recording, each (n,), rad."""
@@ -317,7 +328,7 @@ class Kinematic(Problem):
         """Return the exact derivatives of the residuals, (n, parameters)."""
         series = self.fitted[run]
         given = dict(zip(self._places, values.tolist(), strict=True))
-        base = self.model(values, series)
+        base = self._turned(values, series)[1]
         size = series.time.size
         slopes = np.zeros((len(self.joints) * size, values.size))
         for name, place in self._places.items():
@@ -326,8 +337,8 @@ class Kinematic(Problem):
             for row, joint in enumerate(self.joints):
                 # a joint that passes nothing on depends on its own parameters alone
                 if name.split(".")[1] == joint.name or (joint.law == "passed" and found):
-                    found[joint.name] = joint.angle(changed, series, base | found)
-                    slopes[row * size : (row + 1) * size, place] = -np.imag(found[joint.name]) / self.noise[joint.name]
+                    turned, found[joint.name] = joint.angle(changed, series, base | found)
+                    slopes[row * size : (row + 1) * size, place] = -np.imag(turned) / self.noise[joint.name]
         return slopes / 1e-30
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
@@ -404,7 +415,7 @@ def _behind_play(moved: Values, half: Any, start: float) -> Values:
 def _solved(
     joint: _Joint,
     runs: Sequence[_Series],
-    behind: Sequence[Mapping[str, Values]],
+    kept: Sequence[Mapping[str, Values]],
     *,
     near: Mapping[str, float] | None = None,
 ) -> dict[str, float]:
@@ -416,13 +427,13 @@ def _solved(
 
     def angle(values: Values) -> Values:
         given = dict(zip(names, values, strict=True))
-        return np.concatenate([joint.angle(given, one, before) for one, before in zip(runs, behind, strict=True)])
+        return np.concatenate([joint.angle(given, one, before)[0] for one, before in zip(runs, kept, strict=True)])
 
     # without play the model is a sum of columns
     linear = joint._replace(law="none", delay=False)
     count = len(linear.parameters())
     units = [dict(zip(names, row, strict=False)) for row in np.eye(count)]
-    columns = np.concatenate([np.column_stack([linear.angle(unit, one, {}) for unit in units]) for one in runs])
+    columns = np.concatenate([np.column_stack([linear.angle(unit, one, {})[0] for unit in units]) for one in runs])
     first = np.array([one.start for one in parameters])
     first[:count] = np.clip(np.linalg.lstsq(columns, reference)[0], lower[:count], upper[:count])
     if joint.law == "none":
