@@ -166,6 +166,7 @@ def simulated(seed: int, law: str, *, samples: int = 3000, motion: int = 0) -> t
     }
     truth: dict[str, float] = {}
     angle: dict[str, Array] = {}
+    kept: dict[str, Array] = {}
     for place, joint in enumerate(JOINTS):
         truth[f"offset.{joint}"] = draw.normal(0, 0.05)
         truth[f"gain.{joint}"] = draw.normal(1, 0.05)
@@ -176,7 +177,7 @@ def simulated(seed: int, law: str, *, samples: int = 3000, motion: int = 0) -> t
                 moved = moved + truth[f"coupling.{joint}.{other}"] * command[other]
         for other in JOINTS[:place] if law == "passed" else ():
             truth[f"follow.{joint}.{other}"] = draw.normal(0, 0.5)
-            moved = moved + truth[f"follow.{joint}.{other}"] * (angle[other] - command[other])
+            moved = moved + truth[f"follow.{joint}.{other}"] * kept[other]
         plays = np.zeros(1)
         if law != "none":
             truth[f"play.{joint}"] = draw.uniform(0.03, 0.15)
@@ -185,6 +186,7 @@ def simulated(seed: int, law: str, *, samples: int = 3000, motion: int = 0) -> t
             truth[f"softness.{joint}"] = draw.uniform(0.3, 0.8)
             plays = plays * (1 - truth[f"softness.{joint}"] * np.linspace(0, 1, ELEMENTS))
         angle[joint] = np.mean([_behind(moved, one / 2) for one in plays], axis=0)
+        kept[joint] = angle[joint] - moved
     measured = {joint: one + moves.normal(0, NOISE, samples) for joint, one in angle.items()}
     return recorded(time, command, measured), truth
 

@@ -238,6 +238,12 @@ def test_what_a_load_takes_is_what_the_statics_say(
     assert held == pytest.approx(output, abs=1e-9)
 
 
+def test_a_moment_turns_a_pulley_by_its_flexural_stiffness(tenodesis: Run, pulley: Instrument, tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(to_toml(pulley))
+    (row, _) = rows(tenodesis, "mine.toml", "--load", "0 0 0 N", "--moment", "0 -20 0 N*mm")
+    assert row["lost"] == pytest.approx([0.02 / tn.statics.flexural_stiffness(pulley, 0.0)])
+
+
 @pytest.mark.parametrize("name", ["real-size", "scaled-up"])
 def test_a_tendon_is_slack_from_the_load_that_is_printed_on(tenodesis: Run, name: str) -> None:
     inst = tn.load(name).planar[0]

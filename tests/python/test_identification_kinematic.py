@@ -129,6 +129,44 @@ def test_a_table_says_by_its_headings_what_is_what(tmp_path: Path) -> None:
         load(table(tmp_path / "clock.csv", {"a_command": run.time, "a_measured": run.time}))
 
 
+def test_what_is_left_out_of_a_table_is_said(tmp_path: Path) -> None:
+    run, _ = simulated(1, "play", samples=400)
+    columns = {"time [s]": run.time} | {f"command.{name} [rad]": run[f"command.{name}"] for name in JOINTS}
+    measured = {"wrist": "roll", "pitch": "pitch", "yaw": "yaw"}
+    columns |= {f"measured.{name} [rad]": run[f"measured.{of}"] for name, of in measured.items()}
+    notes = load(table(tmp_path / "wrist.csv", columns)).notes
+    assert notes[:2] == (
+        "wrist measured, but not commanded: left out", "roll commanded, but not measured: moves others at most"
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("unit", [" [rad]", ""])
+def test_degrees_under_a_heading_in_radians_are_taken_as_such_or_named(tmp_path: Path, unit: str) -> None:
+    time: Array = np.linspace(0, 20, 500)
+    angle = 0.5 * np.sin(time)
+    columns = {"time [s]": time, f"command.yaw{unit}": np.degrees(angle), "measured.yaw [rad]": angle}
+    read = load(table(tmp_path / "far.csv", columns))
+    assert read["command.yaw"] == pytest.approx(angle, abs=1e-7)
+    assert "command.yaw taken as deg, not rad" in read.notes[0]
+    columns = {name: values * (1 if "time" in name else 0.1) for name, values in columns.items()}
+    with refused("yaw", kind=IdentificationError):
+        load(table(tmp_path / "near.csv", columns))
+
+
+def test_a_reversed_encoder_turns_signs_and_adds_no_coupling() -> None:
+    run, truth = simulated(4, "passed", samples=400)
+    turned = dict(run.columns) | {"measured.pitch": -run["measured.pitch"]}
+    found = [
+        fit(Kinematic([MeasuredRun("run", run.time, columns)], law="passed"), train=[0], starts=1).values
+        for columns in (dict(run.columns), turned)
+    ]
+    for name, value in found[0].items():
+        _, joint, *other = name.split(".")
+        sign = -1 if (joint == "pitch") != (name.startswith("follow") and other == ["pitch"]) else 1
+        assert found[1][name] == pytest.approx(value if name.startswith("play") else sign * value, abs=1e-5), name
+    assert found[0]["coupling.yaw.pitch"] == pytest.approx(truth["coupling.yaw.pitch"], abs=2e-3)
+
+
 def test_a_run_gives_its_handles_and_measured_angles() -> None:
     run, _ = simulated(1, "play", samples=400)
     whole = Run(

@@ -16,7 +16,7 @@ from tenodesis.identification import FORMATS, fit, routing
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.instrument import FullForm
 from tenodesis.instrument.text import to_toml
-from tenodesis.recording import Recorder
+from tenodesis.recording import Recorder, lab_tables, signal_tables, tables
 from tenodesis.run import Run
 
 from .conftest import ROOT, refused
@@ -292,6 +292,21 @@ def test_forces_on_two_planar_axes_are_one_force_on_the_tip_and_the_command_read
     assert_allclose(columns["wrench.fx"], -force[:, 0])
     assert_allclose(columns["wrench.fy"], -force[:, 1])
     assert_allclose(columns["handle_angle.handle_pitch"], handle[:, 1])
+    # the export's columns, of which the simulation's own tensions are no readings, give the same
+    given = {"time [s]": planar.time} | tables.columns(planar)
+    np.savetxt("two.csv", np.stack([*given.values()], axis=1), "%.17g", ",", header=",".join(given), comments="")
+    read_columns = routing.load(Path("two.csv")).columns
+    assert read_columns.keys() == columns.keys()
+    for name, values in columns.items():
+        assert_allclose(read_columns[name], values, rtol=1e-12)
+    read_table = lab_tables.read_table(Path("two.csv"))
+    guesses = signal_tables.guess(read_table, inst.expanded)
+    assert guesses["wrench.fx"].factor == -1
+    lost = [name.startswith("measured_tension") for name in read_table.headings]
+    kept = lab_tables.Table(
+        "", *([one for one, gone in zip(of, lost, strict=True) if not gone] for of in read_table[1:])
+    )
+    assert not [name for name in signal_tables.guess(kept, inst.expanded) if name.startswith("measured_tension")]
     # its joints act on each other, as those of a bench do
     run = tn.twin.Twin(inst.expanded, time_step=1e-3).run(handle)
     with Recorder("two.mcap", axes=run.names, metadata={"instrument": to_toml(inst)}) as recorder:

@@ -92,6 +92,24 @@ def test_a_map_says_what_it_could_not_find_and_turns_tensions_that_push(tmp_path
     assert mapped.values("tension_agonist") == pytest.approx(20 + clock)
 
 
+@pytest.mark.parametrize(("separator", "decimal"), [(",", "."), (";", ","), (";", "."), ("\t", ",")])
+def test_separators_and_decimal_commas_are_told_apart(tmp_path: Path, separator: str, decimal: str) -> None:
+    lines = [["t, clock", "x, y"] if separator != "," else ["t", "x"], ["0.0", "-0.25"], ["0.1", "1.5"]]
+    rows = [separator.join(one.replace(".", decimal) for one in line) for line in lines]
+    (tmp_path / "x.csv").write_text("\n".join(rows))
+    found = lab_tables.read_table(tmp_path / "x.csv")
+    assert [list(one) for one in found.columns] == [[0.0, 0.1], [-0.25, 1.5]]
+
+
+def test_decimal_commas_between_commas_and_headings_alone_are_named(tmp_path: Path) -> None:
+    (tmp_path / "x.csv").write_text("t,x\n0,0,-0,25\n0,1,1,5\n")
+    with refused("columns", 4, kind=RecordingError, allowed="2 values in a row"):
+        lab_tables.read_table(tmp_path / "x.csv")
+    (tmp_path / "y.csv").write_text("t [s],x [rad]\n")
+    with pytest.raises(RecordingError, match="holds headings, and no row below them"):
+        lab_map.numbers_in(tmp_path / "y.csv")
+
+
 def test_grams_hint_at_their_weight() -> None:
     with refused("x", "g", kind=RecordingError, allowed="gf"):
         lab_map.scale_of("g", "N", "x")

@@ -340,6 +340,20 @@ def test_motions_of_several_joints_are_planned(
     assert heading.startswith("time [s],commanded_spool_velocity.pitch_wound [rad/s]")
 
 
+def test_friction_that_a_file_lacks_is_assumed_and_said_so(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]]
+) -> None:
+    monkeypatch.setattr(joints, "BLOCK", 0.1)
+    monkeypatch.setattr(joints, "_motions", lambda inst, force: every(inst, 0.0)[-1:])
+    inst = tn.instrument.expanded(tn.load("needle-driver")).replace(friction={})
+    (tmp_path / "mine.toml").write_text(tn.instrument.text.to_toml(inst))
+    code, out, _ = tenodesis("plan-identification", "mine.toml", "--duration", "0.1 s", "--want", "friction,stiffness")
+    assert code == 0
+    (line,) = (one for one in out.splitlines() if "vertex_coefficient" in one)
+    assert "none, 0.1 assumed" in line
+    assert out.count("assumed") == 1
+
+
 def test_motions_that_no_duration_holds_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(joints, "BLOCK", 0.1)
     monkeypatch.setattr(joints, "_motions", lambda inst, force: every(inst, force)[:1] + every(inst, force)[-1:])

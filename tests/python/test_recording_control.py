@@ -267,6 +267,8 @@ def test_without_a_controller_the_summary_has_what_the_load_took(scaled: Instrum
     assert facts["slack"] == "no tendon"
     slack = outcome(replace(run, distal_tension=run["distal_tension"] - [0.0, 1e3]), scaled)["slack"]
     assert slack.startswith("yaw_antagonist for ")
+    rounded = replace(run, distal_tension=np.where([True, False], 4e-15, run["distal_tension"]))
+    assert outcome(rounded, scaled)["slack"].startswith("yaw_agonist for ")
 
 
 class Stuck(Twin):

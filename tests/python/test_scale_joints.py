@@ -131,6 +131,12 @@ def test_pins_of_no_part_are_refused(driver: FullForm, pins: dict[str, object], 
         design_joints(driver, pins=pins)
 
 
+def test_a_factor_without_wheels_is_answered_with_the_nearest_that_has_some(driver: FullForm) -> None:
+    with pytest.raises(DesignError, match="end-effector must be 30 to 300 mm long") as caught:
+        design_joints(driver, pins={"factor": 2.0})
+    assert len(design_joints(driver, pins={"factor": float(caught.value.allowed)}).sets) > 0
+
+
 def test_constraints_that_contradict_are_named(driver: FullForm) -> None:
     parts = catalogue.load()
     tight = parts.constraints.model_copy(update={"tension_margin": 500.0})

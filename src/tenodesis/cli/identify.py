@@ -220,8 +220,8 @@ def _loaded(format_name: str, files: Sequence[Path]) -> tuple[str, list[Measured
             found = _read_as(_JOINTS, files)
         except IdentificationError as problem:
             # a table that names neither tensions nor joints is told what it lacks first
-            raise (problem if problem.key == "time" else lacking) from None
-        note("No tensions were recorded: coupling, play and offset of the joints are identified (--format joints).")
+            raise (lacking if problem.key == "columns" and not problem.value else problem) from None
+        note("Without both tensions coupling, play and offset of the joints are identified (--format joints).")
         return _JOINTS, found
     if (
         together is None

@@ -103,9 +103,9 @@ def examine(
                 f"{one.name} is not identifiable from the recordings (standard deviation "
                 f"{std * width:.3g}{_unit(one)}): it depends on several others."
             )
-    # an unseen direction has no variance here; eigenvalues ascend, so that these come first
+    # an unseen direction has no variance here, but for rounding, also below 0; eigenvalues ascend: these come first
     unseen = found.unseen.shape[1]
-    sizes = np.concatenate([1 / np.sqrt(variances[unseen:]), np.zeros(unseen)])
+    sizes = np.concatenate([1 / np.sqrt(np.abs(variances[unseen:])), np.zeros(unseen)])
     return Identifiability(sizes, identifiable, combinations, at_bound, tuple(statements))
 
 

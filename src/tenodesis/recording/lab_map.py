@@ -102,6 +102,8 @@ def numbers_in(path: Path) -> Table:
     """Return the table in a file; raises RecordingError if that cannot be read, or holds no rows of numbers."""
     table = read_table(path)
     known = np.logical_or.reduce([np.isfinite(column) for column in table.columns])
+    if not known.size and table.headings[1:]:
+        raise RecordingError(f"{path} holds headings, and no row below them.", key="path", value=path)
     if not known.size or known.mean() < _LEAST_ROWS:
         raise RecordingError(
             f"{path} is no MCAP file: it begins with {table.headings[0][:8]!r}, and holds no rows of numbers.",

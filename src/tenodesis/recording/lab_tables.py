@@ -132,8 +132,20 @@ def _text(path: Path) -> Table:
     lines = [line for line in lines if not line.startswith(("#", "%"))]
     if not lines:
         raise RecordingError(f"{path} holds nothing but comments.", key="path", value=path)
-    separator = max(",;\t", key=lines[0].count)
+    separator = _separator(lines)
     return _rows(path, "text", lines, separator, decimal="." if separator == "," else ",")
+
+
+def _separator(lines: Sequence[str]) -> str:
+    """Return what separates as many headings as values of the first row, most of them numbers; else most headings."""
+
+    def fits(separator: str) -> tuple[bool, float, int]:
+        headings, first = (line.rstrip(separator).split(separator) for line in (lines[0], lines[:2][-1]))
+        numbers = [_number(cell.replace(",", ".")) for cell in first]
+        share = 1 - numbers.count(None) / len(numbers)
+        return 1 < len(headings) == len(first), share, len(headings)
+
+    return max(",;\t", key=fits)
 
 
 def _lvm(path: Path, lines: Sequence[str]) -> Table:
@@ -168,6 +180,14 @@ def _rows(path: Path, kind: str, lines: Sequence[str], separator: str, decimal: 
     rows = [line.replace(",", ".") for line in lines[1:]] if comma else lines[1:]
     columns = [np.full(len(rows), np.nan) for _ in headings]
     first = next(csv.reader(rows[:1], delimiter=separator, skipinitialspace=True), [])
+    if first[len(headings) :] and all(_number(cell) is not None for cell in first):
+        raise RecordingError(
+            f"{path} has rows of {len(first)} values under {len(headings)} headings; decimal commas need semicolons or "
+            "tabs between the values.",
+            key="columns",
+            value=len(first),
+            allowed=f"{len(headings)} values in a row",
+        )
     used = [at for at, cell in enumerate(first[: len(headings)]) if _number(cell) is not None]
     numbers = np.empty((0, 0))
     if used:

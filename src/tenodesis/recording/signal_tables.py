@@ -1,6 +1,7 @@
 """Tables of instruments of joints and tendons: columns by signal and name, ``measured_tension.pitch_wound [N]``.
 
-Names are those of an export, also of planar axes (``measured_tension.yaw.agonist [N]``), or of a map beside the file, which ``tenodesis map FILE --instrument NAME`` writes.
+Names are those of an export, also of planar axes (``measured_tension.yaw.agonist [N]``), or of a map beside the file,
+which ``tenodesis map FILE --instrument NAME`` writes.
 """
 
 import re
@@ -47,11 +48,11 @@ def read(path: Path) -> tuple[dict[str, Array], tuple[str, ...]]:
     else:
         planar = _of_planar(table)
         for at, text in enumerate(table.headings):
-            given, unit = lab_map.heading(text)
-            name, factor = planar.get(given, (given, 1))
+            heading, unit = lab_map.heading(text)
+            name, factor = planar.get(heading, (heading, 1))
             si = lab_map.UNITS[lab_map.TIME] if name == lab_map.TIME else unit_of(name)
             if si is not None:
-                scale = lab_map.scale_of(unit or si, si, f"{path}: the unit of {given}")
+                scale = lab_map.scale_of(unit or si, si, f"{path}: the unit of {heading}")
                 places[name] = [lab_map.Part(at, unit or si, factor * scale)]
     found = lab_map.Mapped(table, places, notes, "")
     return {name: found.values(name) for name in places}, notes

@@ -34,6 +34,8 @@ _NEAREST = 2
 """Wheels in stock that are judged for each radius, where the catalogue's are not turned to size."""
 _MOST_WHEELS = 64
 """Sets of wheels that are judged for each factor."""
+_FACTORS = 1.0, 20.0
+"""Of length, where none is asked for."""
 _LONGEST = (0.3, 1.5)
 """Overall length where no constraint bounds it, m."""
 _OF_LOADS = (0.5, 1.0)
@@ -439,38 +441,57 @@ class _Search:
     def _wheels(self, progress: Progress) -> tuple[tuple[WheelSet, ...], Array]:
         """Return sets of wheels within the constraints, judged, and their factors of force by that of stiffness."""
         sets, forces = [], []
-        wanted = list(self._sets())
+        low, high = self.catalogue.constraints.factor or _FACTORS
+        wanted = list(self._sets(low, high))
         for done, one in enumerate(wanted):
             progress("judging wheels", done, len(wanted))
-            try:
-                model = with_wheels(enlarged(self.real, one.factor, 1.0), self.real, one)
-                pair = compare_joints(self.real, model, loads=self.own.loads)
-                error = pair.error()
-            except (InstrumentError, NoSolutionError, ArgumentError):
-                continue
-            if error.unsolved <= self.own_unsolved:
-                sets.append(one._replace(error=float(error.largest.max())))
-                forces.append(pair.factors["force"])
+            if (judged := self._judged(one)) is not None:
+                sets.append(judged[0])
+                forces.append(judged[1])
         progress("judging wheels", len(wanted), len(wanted))
         if not sets:
-            low, high = self.catalogue.constraints.factor or (0.0, math.inf)
-            raise DesignError(
-                f"no wheels of catalogue {self.catalogue.name} make a scale model of {self.real.name} with a factor of "
-                f"{low:g} to {high:g}; its radii are {', '.join(f'{1e3 * one.radius:.4g} mm' for one in self.sizes)}.",
-                key="factor",
-                value=(low, high),
-            )
+            raise self._no_wheels(low, high)
         return tuple(sets), np.array(forces)
+
+    def _judged(self, one: WheelSet) -> tuple[WheelSet, float] | None:
+        """Return a set with its error, and its factor of force by that of stiffness; None if it makes no model."""
+        try:
+            model = with_wheels(enlarged(self.real, one.factor, 1.0), self.real, one)
+            pair = compare_joints(self.real, model, loads=self.own.loads)
+            error = pair.error()
+        except (InstrumentError, NoSolutionError, ArgumentError):
+            return None
+        if error.unsolved > self.own_unsolved:
+            return None
+        return one._replace(error=float(error.largest.max())), pair.factors["force"]
+
+    def _no_wheels(self, low: float, high: float) -> DesignError:
+        """Return the error that no factor from low to high has wheels, with the nearest factors that have."""
+        middle = math.sqrt(low * high)
+        others = sorted(self._sets(*_FACTORS), key=lambda one: abs(math.log(one.factor / middle)))
+        sides = ([one for one in others if (one.factor < middle) == below] for below in (True, False))
+        near = [next((one.factor for one in side if self._judged(one) is not None), None) for side in sides]
+        found = " and ".join(f"{one:.4g}" for one in near if one is not None)
+        why = f"its radii are {', '.join(f'{1e3 * one.radius:.4g} mm' for one in self.sizes)}"
+        if (limits := self.catalogue.constraints.end_effector_length) and not self._lengths_fit(middle):
+            why = f"the end-effector must be {1e3 * limits[0]:g} to {1e3 * limits[1]:g} mm long"
+        asked = f"{low:g} to {high:g}" if high > low else f"{low:g}"
+        return DesignError(
+            f"no wheels of catalogue {self.catalogue.name} make a scale model of {self.real.name} with a factor of "
+            f"{asked}: {why}; the nearest factors with wheels: {found or 'none'}.",
+            key="factor",
+            value=(low, high),
+            allowed=found,
+        )
 
     @cached_property
     def own_unsolved(self) -> float:
         """Share of the working points that the real-size instrument itself does not hold."""
         return self.own.error().unsolved + 0.02
 
-    def _sets(self) -> Iterator[WheelSet]:
-        """Yield sets of wheels: about each factor with which a wheel is in stock, and to size."""
+    def _sets(self, low: float, high: float) -> Iterator[WheelSet]:
+        """Yield sets of wheels: about each factor, from low to high, with which a wheel is in stock, and to size."""
         limits = self.catalogue.constraints
-        low, high = limits.factor or (1.0, 20.0)
         stock = {kind: _stock(self.catalogue, kind) for kind in {size.kind for size in self.sizes}}
         for kind, radii in stock.items():
             if not len(radii):

@@ -2,7 +2,7 @@
 
 Of joint i, with the commands c, the effort e of its drive if it was recorded, and the play p of its tendons:
 
-    x[i] = offset[i] + gain[i] c[i] + sum of coupling[i, j] c[j] + compliance[i] e[i] + sum of follow[i, j] (q[j] - x[j])
+    x[i] = offset[i] + gain[i] c[i] + sum of coupling[i, j] c[j] + compliance[i] e[i] + sum of follow[i, j] (q - x)[j]
     q[i] = x[i] behind play: it stays while |x[i] - q[i]| <= p[i] / 2, and is pushed by the ends of that band
 
 | law | joint behind | source |
@@ -46,6 +46,10 @@ _LEAST_NOISE = 1e-5
 """Of a sensor that shows no noise, rad."""
 _MOST_DELAY = 0.5
 """s."""
+_MOST_GAIN = 5.0
+_PER_DEGREE = float(np.radians(1))
+_LIKE = 1.2
+"""Factor within which a gain is one degree or one radian."""
 _MOST_PLAY = 3.0
 """rad."""
 _HARDLY = 0.04
@@ -89,7 +93,7 @@ def recorded(
         )
     groups = ((COMMAND, command), (MEASURED, measured), (EFFORT, effort or {}))
     raw = Raw(name, time, {f"{kind}.{joint}": values for kind, group in groups for joint, values in group.items()})
-    for note in notes:
+    for note in (*notes, *_one_sided(command, measured)):
         raw.note(note)
     raw.finite()
     raw.clock()
@@ -101,9 +105,38 @@ def recorded(
     }
     if not alone:
         raise IdentificationError(f"{name}: no joint that was measured moves.", key="columns", value=[*measured])
+    for joint in alone:
+        _check_units(run, joint)
     left = ", ".join(f"{value:.3g} deg ({joint})" for joint, value in alone.items())
     note = f"the commands alone leave {left}, root mean square beside an offset"
     return MeasuredRun(run.name, run.time, run.columns, (*run.notes, note))
+
+
+def _one_sided(command: Mapping[str, Array], measured: Mapping[str, Array]) -> list[str]:
+    """Return notes on joints that were not commanded, or not measured."""
+    alone = [one for one in measured if one not in command]
+    moving = [one for one in command if one not in measured]
+    found = [f"{', '.join(alone)} measured, but not commanded: left out"] if alone else []
+    return found + ([f"{', '.join(moving)} commanded, but not measured: moves others at most"] if moving else [])
+
+
+def _check_units(run: MeasuredRun, joint: str) -> None:
+    """Refuse a joint that moves as if one of its angles were in degrees under a heading in radians."""
+    commands = [name for name in run.columns if name.startswith(f"{COMMAND}.")]
+    columns = np.column_stack([np.ones(len(run)), *(run[name] for name in commands)])
+    found = np.linalg.lstsq(columns, run[f"{MEASURED}.{joint}"])[0]
+    gain = abs(float(found[1 + commands.index(f"{COMMAND}.{joint}")]))
+    degrees = next((one for one in (_PER_DEGREE, 1 / _PER_DEGREE) if one / _LIKE < gain < one * _LIKE), None)
+    if degrees is None and gain <= _MOST_GAIN:
+        return
+    less = "command" if gain < 1 else "measured angle"
+    why = "" if degrees is None else f", as if its {less} were in degrees under a heading in radians"
+    raise IdentificationError(
+        f"{run.name}: {joint} turns by {gain:.3g} times its command{why}; both must be in the unit of their heading.",
+        key=joint,
+        value=gain,
+        allowed="angles in the unit of their heading",
+    )
 
 
 def is_kinematic(run: MeasuredRun) -> bool:
@@ -151,7 +184,7 @@ class _Joint(NamedTuple):
         name, others = self.name, [one for one in self.movers if one != self.name]
         found = [
             Parameter(f"offset.{name}", "rad", 0.0, -7.0, 7.0, "Measured angle at the command zero", "offsets"),
-            Parameter(f"gain.{name}", "1", 1.0, -5.0, 5.0, "Angle by its own command", "coupling"),
+            Parameter(f"gain.{name}", "1", 1.0, -_MOST_GAIN, _MOST_GAIN, "Angle by its own command", "coupling"),
         ]
         found += [
             Parameter(f"coupling.{name}.{other}", "1", 0.0, -5.0, 5.0, f"Angle by the command of {other}", "coupling")
@@ -176,9 +209,7 @@ class _Joint(NamedTuple):
             found.append(Parameter(f"delay.{name}", "s", 0.02, 0.0, _MOST_DELAY, meaning, "delay"))
         return found
 
-    def angle(
-        self, given: Mapping[str, Any], series: _Series, kept: Mapping[str, Values]
-    ) -> tuple[Values, Values]:
+    def angle(self, given: Mapping[str, Any], series: _Series, kept: Mapping[str, Values]) -> tuple[Values, Values]:
         """Return the joint's angle and what its play adds to it, each (n,), given what the plays before it add.
 
         Raises KeyError without those before it.

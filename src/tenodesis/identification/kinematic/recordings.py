@@ -13,7 +13,7 @@ import numpy as np
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.formats.csv import as_identification, read_table, scale_of
 from tenodesis.identification.formats.mcap import first_rows
-from tenodesis.identification.formats.measured import MeasuredRun
+from tenodesis.identification.formats.measured import MeasuredRun, spread_of
 from tenodesis.identification.kinematic.model import COMMAND, EFFORT, LAWS, MEASURED, Kinematic, recorded
 from tenodesis.identification.registry import Format
 from tenodesis.instrument import ShortForm
@@ -32,6 +32,8 @@ _BESIDE = {"angle", "joint", "jp", "js", "position", "q", "output", "state", "mo
 _OTHERS = {"force", "tension", "velocity", "spool", "estimated", "torsion", "contact", "std"}
 _USED = ("commanded_handle_angle", "measured_handle_angle", "measured_output_angle")
 """Signals that are read of a recording."""
+_MOST = 4 * np.pi
+"""Spread of a joint's angle from which it is in degrees, rad: rolls turn by up to three quarters of a turn each way."""
 _CLOCKS = ("time", "t", "stamp", "timestamp")
 
 
@@ -48,9 +50,10 @@ def of_run(run: Run, *, name: str = "run", notes: Sequence[str] = ()) -> Measure
     """Return a run's angles of the handle, commanded if known, and the measured ones of its tip; raises as `load`."""
     signals = run.signals()
     handle = "commanded_handle_angle" if "commanded_handle_angle" in signals else "measured_handle_angle"
+    of_tip = [one.removeprefix("handle_") for one in run.handle_joints]
     angles = [
         dict(zip(joints, run.by_column(signal).T, strict=True)) if signal in signals else {}
-        for signal, joints in ((handle, run.handle_joints), ("measured_output_angle", run.joints))
+        for signal, joints in ((handle, of_tip), ("measured_output_angle", run.joints))
     ]
     return recorded(run.time, *angles, name=name, notes=notes)
 
@@ -60,6 +63,7 @@ def _of_table(path: Path) -> MeasuredRun:
     groups: dict[str, dict[str, Array]] = {COMMAND: {}, MEASURED: {}, EFFORT: {}}
     encoders: dict[str, Array] = {}
     clock: Array | None = None
+    notes: list[str] = []
     for at, text in enumerate(table.headings):
         name, unit = lab_map.heading(text)
         if clock is None and name.lower() in _CLOCKS:
@@ -70,7 +74,7 @@ def _of_table(path: Path) -> MeasuredRun:
         if kind is None or not joint or not np.isfinite(values).any():
             continue
         if kind != EFFORT:
-            values = values * scale_of(unit or "rad", "rad", f"{path.name}: the unit of {name}")
+            values = values * _scale(values, unit, name, path.name, notes)
         is_encoder = kind == COMMAND and "commanded" not in name.lower() and "handle" in name.lower()
         (encoders if is_encoder else groups[kind]).setdefault(joint, values)
     if clock is None:
@@ -79,7 +83,7 @@ def _of_table(path: Path) -> MeasuredRun:
             key="time",
             allowed=f"a heading of {', '.join(_CLOCKS)}, with its unit in brackets",
         )
-    notes = [f"{joint}: the command is the angle of the handle" for joint in encoders if joint not in groups[COMMAND]]
+    notes += [f"{joint}: the command is the angle of the handle" for joint in encoders if joint not in groups[COMMAND]]
     return recorded(
         clock,
         encoders | groups[COMMAND],
@@ -90,11 +94,21 @@ def _of_table(path: Path) -> MeasuredRun:
     )
 
 
+def _scale(values: Array, unit: str | None, name: str, file: str, notes: list[str]) -> float:
+    """Return the factor from an angle's unit to rad; that of degrees, and a note, where it moves too far for rad."""
+    scale = scale_of(unit or "rad", "rad", f"{file}: the unit of {name}")
+    turned = scale * spread_of(values[np.isfinite(values)])
+    if scale != 1 or turned < _MOST:
+        return scale
+    notes.append(f"{name} taken as deg, not {unit or 'rad, which it is without a unit'}: it moves by {turned:.4g}")
+    return float(np.radians(1))
+
+
 def _meaning(heading: str) -> tuple[str | None, str]:
     """Return what a heading says that a column is, None if nothing, and the joint."""
     words = [word for word in re.split(r"[^a-z0-9]+", heading.lower()) if word]
     # a joint's number belongs to its name: jaw_1
-    if set(words) & _OTHERS:
+    if set(words) & _OTHERS or {"handle", "torque"} <= set(words):
         return None, ""
     said = [kind for kind, known in _WORDS.items() if set(words) & known]
     known = set().union(*_WORDS.values()) | _BESIDE
