@@ -19,6 +19,7 @@ from .conftest import refused
 from .similar import geometrically_scaled
 from .twin_motions import AS_BUILT, SHARES, clock, handle, same, slack_force, smooth, with_friction
 
+
 def motion(inst: Instrument) -> dict[str, Any]:
     t = np.linspace(0, 1, 8000)
     return {
