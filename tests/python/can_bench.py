@@ -185,6 +185,13 @@ def moves(bench: SimulatedBench) -> bool:
     return until(lambda: bool(np.abs(bench.velocity).max() > 0.9 * SPEED))
 
 
+def set_off(device: CanOpenDevice, bench: SimulatedBench, clock: Clock) -> None:
+    """After two periods the motors move."""
+    tick(device, clock)
+    tick(device, clock)
+    assert moves(bench)
+
+
 def stops(device: CanOpenDevice, bench: SimulatedBench, named: str, act: Callable[[], object]) -> None:
     """What is done fails by that name, leaves all motors at rest, and nothing moves one afterwards."""
     with pytest.raises(DeviceError, match=named):

@@ -38,6 +38,7 @@ from .can_bench import (
     moves,
     reopened,
     served,
+    set_off,
     simulated,
     stops,
     table,
@@ -143,9 +144,7 @@ def test_zero_here_counts_from_where_it_was_opened(inst: Instrument) -> None:
 def test_profile_velocity_is_a_mode_too(inst: Instrument) -> None:
     with served(inst, table(inst, mode="profile-velocity")) as (device, bench, clock):
         assert {drive.get(0x6061) for drive in bench.drives.values()} == {3}
-        tick(device, clock)
-        tick(device, clock)
-        assert moves(bench)
+        set_off(device, bench, clock)
 
 
 # Positions
@@ -187,9 +186,7 @@ def test_drives_that_are_told_positions_stay_where_they_are_until_they_are_told_
         for _ in range(5):
             tick(device, clock, 0.0)
         assert bench.fastest == 0
-        tick(device, clock)
-        tick(device, clock)
-        assert moves(bench)
+        set_off(device, bench, clock)
         for _ in range(100):
             tick(device, clock, nan)
         assert np.abs(bench.velocity).max() < 0.02 * SPEED
@@ -208,9 +205,7 @@ def test_a_motor_that_is_held_up_is_not_to_catch_up_at_a_bound(inst: Instrument)
 
 def test_a_stop_finds_drives_that_are_told_positions(inst: Instrument) -> None:
     with served(inst, by_position(inst)) as (device, bench, clock):
-        tick(device, clock)
-        tick(device, clock)
-        assert moves(bench)
+        set_off(device, bench, clock)
         bench.drives[ANTAGONIST].fault(EMERGENCY_OVERVOLTAGE)
         stops(device, bench, "emergency", lambda: [tick(device, clock) for _ in range(5)])
 
@@ -233,9 +228,7 @@ def test_a_closed_bench_can_be_opened_again(inst: Instrument) -> None:
     with served(inst) as (device, bench, clock):
         device.close()
         with reopened(device):
-            tick(device, clock)
-            tick(device, clock)
-            assert moves(bench)
+            set_off(device, bench, clock)
 
 
 @contextmanager
@@ -290,9 +283,7 @@ def test_a_drive_that_heeds_no_pdo_any_more_loses_its_power_by_sdo(
     # The bench answers only once it has simulated a period for each SYNC that stopping has sent it.
     monkeypatch.setattr(canopen, "_ANSWER_TIME", ANSWER_TIME)
     with served(inst) as (device, bench, clock):
-        tick(device, clock)
-        tick(device, clock)
-        assert moves(bench)
+        set_off(device, bench, clock)
         clock.pass_time(4 * HEARTBEAT)
         assert until(lambda: {drive.state for drive in bench.drives.values()} == {"quick stop active"})
         assert until(lambda: not any(drive.operational for drive in bench.drives.values()))
