@@ -17,7 +17,7 @@ from tenodesis.twin import TIME_STEP, Twin
 
 from .conftest import refused
 from .similar import geometrically_scaled
-from .twin_motions import AS_BUILT, SHARES, clock, handle, same, slack_force, smooth, with_friction
+from .twin_motions import AS_BUILT, SHARES, clock, handle, same, slack_force, with_friction
 
 
 def motion(inst: Instrument) -> dict[str, Any]:
@@ -39,20 +39,6 @@ def pulled(inst: Instrument, at: float = 0.5, time_step: float = TIME_STEP, seco
 
 
 # Statics
-
-
-@pytest.mark.parametrize("kind", [kind for kind in AS_BUILT if kind not in ("power", "bending")])
-def test_without_friction_two_vertices_are_the_statics_to_rounding(any_inst: Instrument, kind: str) -> None:
-    inst = smooth(any_inst).replace(**{f"friction.{key}": value for key, value in AS_BUILT[kind].items()})
-    command = motion(inst)
-    run = Twin(inst, quasi_static=True).run(**command)
-    wound = run.spool_angle * inst.drives.spool_radius
-    rest = tn.statics.equilibrium(inst, command["handle_angle"], command["force"], wound=(wound[:, 0], wound[:, 1]))
-    tension = np.stack([rest.agonist, rest.antagonist], -1)
-    assert (tension == 0).any(axis=0).all()
-    assert np.abs(run.output_angle - rest.output_angle).max() < 1e-9
-    for tension_of_run in (run.tension, run.distal_tension):
-        assert np.abs(tension_of_run - tension).max() < 1e-9 * inst.pretension
 
 
 @pytest.mark.parametrize("kind", AS_BUILT)

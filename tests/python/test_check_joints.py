@@ -5,7 +5,6 @@ import re
 from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ from tenodesis.cli import common
 from tenodesis.errors import Error, InstrumentError
 
 from .chain_samples import LISTED
+from .test_cli_own import rows
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -70,13 +70,6 @@ WRONG = {
 def driver(tmp_path: Path) -> tn.instrument.FullForm:
     (tmp_path / "driver.toml").write_text(DRIVER, "utf-8")
     return tn.instrument.parse(DRIVER)
-
-
-def rows(tenodesis: Run, *words: object) -> list[dict[str, Any]]:
-    code, said, wrong = tenodesis("loss", *words, "--json")
-    assert (code, wrong) == (0, "")
-    found: list[dict[str, Any]] = json.loads(said)["rows"]
-    return found
 
 
 # ---------------------------------------------------------------------- check

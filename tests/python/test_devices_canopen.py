@@ -4,6 +4,7 @@ import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from math import nan, pi
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 import tenodesis as tn
-from tenodesis.control import Controller, OperatingState
+from tenodesis.control import Controller
 from tenodesis.devices import canopen
 from tenodesis.devices.can_layout import LEAD, Aim, layout
 from tenodesis.devices.canopen import CanOpenDevice
@@ -33,6 +34,7 @@ from .can_bench import (
     at_rest,
     axis,
     bench_instrument,
+    controlled,
     in_process,
     motion,
     moves,
@@ -73,23 +75,13 @@ def test_the_reference_without_lag_is_the_twin_with_its_controller(inst: Instrum
 
 
 def test_closed_loop_over_can_is_the_twin_with_commands_one_tick_late(inst: Instrument) -> None:
-    plant, controller = TwinPlant(Twin(inst), motion), Controller(inst)
-    tips, commands = [], []
+    plant = TwinPlant(Twin(inst), motion)
     with served(inst, plant=plant) as (device, _, _):
-        for n in range(TICKS):
-            measured = device.read(TIMEOUT)
-            assert measured is not None
-            answer = controller.step(
-                (n + 1) / RATE, measured.handle_angle[0], measured.tension[0], measured.spool_angle[0]
-            )
-            device.write(answer.spool_velocity[np.newaxis])
-            assert plant.latest is not None
-            tips.append(plant.latest["output_angle"][-1])
-            commands.append(answer.spool_velocity)
+        tips, commands = controlled(inst, plant, partial(device.read, TIMEOUT), device.write)
     assert np.abs(commands).max() > 0.1  # rad/s: the motors are at work
     late, late_commands = in_process(inst, 1)
     assert np.max(np.abs(tips - late)) < 1e-9
-    assert np.max(np.abs(np.array(commands) - late_commands)) < 1e-6
+    assert np.max(np.abs(commands - late_commands)) < 1e-6
     at_once, later = (np.abs(tips - in_process(inst, lag)[0]) for lag in (0, 2))
     assert min(at_once.max(), later.max()) > 1e-6  # the lag is one tick, no less and no more
     settled_at_once, settled_late = (in_process(inst, lag, 3 * TICKS)[0][-1] for lag in (0, 1))
@@ -155,21 +147,11 @@ def by_position(inst: Instrument, **changes: Any) -> CanOpen:
 
 
 def test_the_loop_by_positions_ends_where_that_by_speeds_does(inst: Instrument) -> None:
-    plant, controller = TwinPlant(Twin(inst), motion), Controller(inst)
-    tips = []
+    plant = TwinPlant(Twin(inst), motion)
     start = {AGONIST: 2**31 - 40, ANTAGONIST: -(2**31) + 40}  # where encoders begin anew
     with served(inst, by_position(inst, zero="here"), plant=plant, positions=start) as (device, bench, _):
         assert {drive.get(0x6061) for drive in bench.drives.values()} == {8}
-        for n in range(1000):
-            measured = device.read(TIMEOUT)
-            assert measured is not None
-            answer = controller.step(
-                (n + 1) / RATE, measured.handle_angle[0], measured.tension[0], measured.spool_angle[0]
-            )
-            device.write(answer.spool_velocity[np.newaxis])
-            assert plant.latest is not None
-            tips.append(plant.latest["output_angle"][-1])
-        assert answer.state == OperatingState.ENABLED
+        tips, _ = controlled(inst, plant, partial(device.read, TIMEOUT), device.write, 1000)
     off = np.abs(tips - in_process(inst, 1, 1000)[0])
     before_the_load = round(0.4 * RATE)
     assert off[:before_the_load].max() < np.radians(0.1)

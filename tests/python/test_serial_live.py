@@ -6,10 +6,9 @@ import os
 import signal
 import socket
 import struct
-import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
@@ -238,13 +237,8 @@ class StreamingBoard:
         self.heard: list[tuple[float, Frame]] = []
         self.lied_at = float("inf")
 
-    @contextmanager
-    def served(self) -> Iterator[str]:
-        with socket.create_server(("127.0.0.1", 0)) as server:
-            thread = threading.Thread(target=self._serve, args=(server,), daemon=True)
-            thread.start()
-            yield f"socket://127.0.0.1:{server.getsockname()[1]}"
-        thread.join(5)
+    def served(self) -> AbstractContextManager[str]:
+        return sb.behind(self._serve)
 
     def _serve(self, server: socket.socket) -> None:
         with suppress(OSError):

@@ -29,12 +29,15 @@ from .twin_motions import (
 )
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("winding", [0.0, 0.4], ids=["motors still", "motors winding"])
+@pytest.mark.parametrize(
+    ("sign", "winding", "kind"),
+    [(sign, winding, "as in its file") for sign in (1, -1) for winding in (0.0, 0.4)]
+    + [(1, 0.4, kind) for kind in AS_BUILT if kind not in ("power", "bending")],
+)
 def test_at_rest_without_friction_it_is_the_statics_to_rounding(
-    any_inst: Instrument, sign: int, winding: float
+    any_inst: Instrument, sign: int, winding: float, kind: str
 ) -> None:
-    inst = smooth(any_inst)
+    inst = smooth(any_inst).replace(**{f"friction.{key}": value for key, value in AS_BUILT.get(kind, {}).items()})
     t = np.linspace(0, 1, 8000)
     handle_angle = sign * 0.9 * handle(inst, inst.output_range) * np.sin(9 * t)
     force = -sign * 1.2 * slack_force(inst) * np.cos(9 * t + 1.2) * np.minimum(1, 20 * t)
