@@ -57,12 +57,7 @@ def drawn(seed: int) -> FullForm:
     for i in range(count):
         crossed = range(min(i, count - 2) if has_jaws else i)
         passage = [
-            {
-                "joint": f"j{k}",
-                "side": str(random.choice(SIDES)),
-                "radius": random.uniform(1e-3, 3e-3),
-            }
-            for k in crossed
+            {"joint": f"j{k}", "side": str(random.choice(SIDES)), "radius": random.uniform(1e-3, 3e-3)} for k in crossed
         ]
         for side in ("agonist", "antagonist"):
             route = [{"joint": f"h{i}", "side": side}, *passage, {"joint": f"j{i}", "side": side}]

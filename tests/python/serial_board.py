@@ -198,10 +198,7 @@ def output(
     stamp = struct.unpack("<Q", step.payload[:8])[0] if time is None else time
     axis = struct.pack("<8f2I", velocity, velocity, 0.1, 0.01, 0, 0, 1, 0, 0, phase)
     return Frame(
-        OUTPUT,
-        step.session,
-        sequence or step.sequence,
-        struct.pack("<Q6I", stamp, state, 1, 0, 0, 0, 0) + axis,
+        OUTPUT, step.session, sequence or step.sequence, struct.pack("<Q6I", stamp, state, 1, 0, 0, 0, 0) + axis
     )
 
 

@@ -189,10 +189,7 @@ def test_what_cannot_be_made_of_several_joints_is_named_by_its_key(
 
 @pytest.mark.parametrize(
     ("name", "choices", "key"),
-    [
-        ("two-segment-continuum", {}, "joints.near_arc1.mechanism"),
-        ("hybrid-scaled-up", {"axis": "yaw"}, "axis"),
-    ],
+    [("two-segment-continuum", {}, "joints.near_arc1.mechanism"), ("hybrid-scaled-up", {"axis": "yaw"}, "axis")],
 )
 def test_joints_of_which_no_parts_are_made_are_refused(name: str, choices: dict[str, Any], key: str) -> None:
     with pytest.raises(InstrumentError) as found:

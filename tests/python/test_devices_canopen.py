@@ -104,11 +104,7 @@ def test_a_bench_of_two_axes_is_told_apart(inst: Instrument) -> None:
 def test_speed_is_cut_to_the_limit_and_what_is_not_finite_stops(inst: Instrument) -> None:
     limit = inst.drives.motor_speed / inst.drives.gear_ratio
     with served(inst) as (device, bench, _clock):
-        for speeds, sent in (
-            ((99.0, -99.0), (limit, -limit)),
-            ((nan, np.inf), (0.0, 0.0)),
-            ((0.5, nan), (0.5, 0.0)),
-        ):
+        for speeds, sent in (((99.0, -99.0), (limit, -limit)), ((nan, np.inf), (0.0, 0.0)), ((0.5, nan), (0.5, 0.0))):
             device.write(np.array([speeds]))
             device.read(TIMEOUT)
             assert until(lambda sent=sent: np.allclose(bench.velocity[0], sent, atol=SPEED_UNIT))  # type: ignore[misc]

@@ -77,9 +77,7 @@ def test_a_live_loop_does_what_a_run_with_the_controller_does_bit_for_bit(tmp_pa
     loop.core.run_ticks(4000)
     live, lost = reader.read(5000)
     run = Twin(inst, seed=3).run(
-        handle if axes == ("yaw",) else each["h"],
-        force if axes == ("yaw",) else each["f"],
-        controller=Controller(inst),
+        handle if axes == ("yaw",) else each["h"], force if axes == ("yaw",) else each["f"], controller=Controller(inst)
     )
     assert lost == 0
     # The loop counts nanoseconds.

@@ -80,11 +80,7 @@ def log(ideal: TendonGear, tmp_path_factory: pytest.TempPathFactory) -> Recordin
     ids=lambda value: "paper's" if value is None else str(value),
 )
 def test_the_bench_predicts_what_the_real_instrument_does(
-    real_size: TendonGear,
-    ideal: TendonGear,
-    tmp_path: Path,
-    force: float,
-    end_effector: float | None,
+    real_size: TendonGear, ideal: TendonGear, tmp_path: Path, force: float, end_effector: float | None
 ) -> None:
     """Hysteresis loops of the large one under the forces of Fig. 14, carried over, are the small one's."""
     scaled_up = ideal if end_effector is None else ideal.replace(end_effector_length=end_effector)
