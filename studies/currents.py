@@ -22,11 +22,7 @@ from tenodesis.simulate.campaign import Column
 from tenodesis.twin import Twin
 
 BEFORE, AFTER, LAST, FAILS = 4.0, 6.0, 1.0, 0.5  # s
-CURRENTS: dict[str, Any] = {
-    "sensors.kind": "current",
-    "sensors.current_range": 6.0,
-    "drives.torque_constant": 0.1,
-}
+CURRENTS: dict[str, Any] = {"sensors.kind": "current", "sensors.current_range": 6.0, "drives.torque_constant": 0.1}
 """A direct drive of 20 N/A at a spool of 5 mm."""
 
 

@@ -203,10 +203,7 @@ def calibrate(data: str, signal: Signal, posture: str) -> dict[str, Any]:
 
 def beside(heading: str, before: str = "") -> list[Column]:
     """Return the columns of errors."""
-    return [
-        Column(f"{heading}torque", f"{before}torque", form=".1f"),
-        Column("angle", f"{before}angle"),
-    ]
+    return [Column(f"{heading}torque", f"{before}torque", form=".1f"), Column("angle", f"{before}angle")]
 
 
 COVERED = [Column(f"{what} covered", f"{what}_covered", form=".0%") for what in ("torque", "angle")]

@@ -139,12 +139,7 @@ def run_on(work: Work, faults: Faults = (), pause: float | None = None, relay: f
         request[round(work.stop / TIME_STEP)] = Request.DISABLE
     twin, controller = twin_of(work), Controller(known)
     return twin.run(
-        work.handle,
-        work.force,
-        controller=controller,
-        request=request,
-        fault_injection=faults,
-        relay=relay,
+        work.handle, work.force, controller=controller, request=request, fault_injection=faults, relay=relay
     )
 
 

@@ -89,10 +89,7 @@ def parts() -> dict[str, tuple[Callable[..., Any], list[dict[str, Any]]]]:
             ),
         ),
         "faults": (harm.trial, kinds),
-        "homing": (
-            homing.trial,
-            campaign.cases(name=names, wrong=[True, False], number=range(40), currents=[False]),
-        ),
+        "homing": (homing.trial, campaign.cases(name=names, wrong=[True, False], number=range(40), currents=[False])),
     }
 
 

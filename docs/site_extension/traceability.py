@@ -20,10 +20,7 @@ def tables() -> str:
     for name, marker, numbers in _marked_tests():
         for number in numbers:
             (tests if marker == "equation" else care)[number].append(name)
-    lines = [
-        "| equation | implemented in | tested by |",
-        "|---|---|---|",
-    ]
+    lines = ["| equation | implemented in | tested by |", "|---|---|---|"]
     lines += [f"| {n} | {_cell(functions[n])} | {_cell(tests[n])} |" for n in EQUATIONS]
     lines += ["", "| care point | tested by |", "|---|---|"]
     lines += [f"| [{n}](model.md#care-points) | {_cell(care[n])} |" for n in sorted(care)]

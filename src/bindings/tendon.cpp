@@ -1,8 +1,8 @@
 // One tendon of any number of contacts for Python.
 
-#include <array>
 #include <cstdint>
-#include <iterator>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "module.hpp"
@@ -115,59 +115,45 @@ void play(const In<1>& lower, const In<1>& upper, double start, const Array<std:
   }
 }
 
-/// Of a transmission, in the order of their names.
-constexpr std::array<const char*, 22> transmission_names{"torque_constant",
-                                                         "drive_friction",
-                                                         "drive_friction_slope",
-                                                         "load_friction",
-                                                         "viscous",
-                                                         "heat_loss",
-                                                         "heat_time",
-                                                         "speed_time",
-                                                         "drive_play",
-                                                         "torque_offset",
-                                                         "ratio",
-                                                         "torque_ratio",
-                                                         "near_compliance",
-                                                         "compliance",
-                                                         "far_compliance",
-                                                         "near_stiffness",
-                                                         "far_stiffness",
-                                                         "near_friction",
-                                                         "friction_exponent",
-                                                         "pretension",
-                                                         "joint_friction",
-                                                         "play"};
+/// Parameters of a transmission by name, in their order.
+std::vector<std::pair<const char*, double*>> parameters_of(Transmission<double>& to) {
+  auto& drive = to.drive;
+  return {{"torque_constant", &drive.torque_constant},
+          {"drive_friction", &drive.friction},
+          {"drive_friction_slope", &drive.friction_slope},
+          {"load_friction", &drive.load_friction},
+          {"viscous", &drive.viscous},
+          {"heat_loss", &drive.heat_loss},
+          {"heat_time", &drive.heat_time},
+          {"speed_time", &drive.speed_time},
+          {"drive_play", &drive.play},
+          {"torque_offset", &to.offset},
+          {"ratio", &to.ratio},
+          {"torque_ratio", &to.torque_ratio},
+          {"near_compliance", &to.near_compliance},
+          {"compliance", &to.compliance},
+          {"far_compliance", &to.far_compliance},
+          {"near_stiffness", &to.near_stiffness},
+          {"far_stiffness", &to.far_stiffness},
+          {"near_friction", &to.near_friction},
+          {"friction_exponent", &to.exponent},
+          {"pretension", &to.pretension},
+          {"joint_friction", &to.joint_friction},
+          {"play", &to.play}};
+}
+
+std::vector<std::string> transmission_names() {
+  Transmission<double> any{};
+  std::vector<std::string> names;
+  for (const auto& [name, place] : parameters_of(any)) names.emplace_back(name);
+  return names;
+}
 
 Transmission<double> transmission_of(const In<1>& values) {
-  require(values.shape(0) == transmission_names.size(), "values do not fit the names of a transmission");
   Transmission<double> to{};
-  auto& drive = to.drive;
-  double* const places[] = {&drive.torque_constant,
-                            &drive.friction,
-                            &drive.friction_slope,
-                            &drive.load_friction,
-                            &drive.viscous,
-
-                            &drive.heat_loss,
-                            &drive.heat_time,
-                            &drive.speed_time,
-                            &drive.play,
-                            &to.offset,
-                            &to.ratio,
-                            &to.torque_ratio,
-                            &to.near_compliance,
-                            &to.compliance,
-                            &to.far_compliance,
-                            &to.near_stiffness,
-                            &to.far_stiffness,
-                            &to.near_friction,
-                            &to.exponent,
-                            &to.pretension,
-                            &to.joint_friction,
-                            &to.play};
-  static_assert(std::size(places) == transmission_names.size());
-  for (std::size_t i = 0; i < transmission_names.size(); ++i) *places[i] = values.data()[i];
+  const auto places = parameters_of(to);
+  require(values.shape(0) == places.size(), "values do not fit the names of a transmission");
+  for (std::size_t i = 0; i < places.size(); ++i) *places[i].second = values.data()[i];
   return to;
 }
 
@@ -207,9 +193,7 @@ void bind_tendon(nb::module_& m) {
         nb::sig("def play(lower: NDArray[numpy.float64], upper: NDArray[numpy.float64], start: float, "
                 "source: NDArray[numpy.int64]) -> None"),
         "Write by which bound a value was pushed last: k + 1 by upper[k], -(k + 1) by lower[k], 0 by none.");
-  m.def(
-      "transmission_parameters", [] { return list_of(transmission_names); },
-      "Names of a transmission's parameters, in their order.");
+  m.def("transmission_parameters", &transmission_names, "Names of a transmission's parameters, in their order.");
   m.def(
       "far_end", &far_end, "values"_a, "angle"_a, "signal"_a, "time_step"_a, "out"_a,
       nb::sig("def far_end(values: NDArray[numpy.float64], angle: NDArray[numpy.float64], "

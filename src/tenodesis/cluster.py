@@ -123,11 +123,7 @@ class Cluster:
         return [results[n] for n in range(len(chunks))]
 
     def stream(
-        self,
-        function: Callable[[Shared, Chunk], Result],
-        shared: Shared,
-        chunks: Sequence[Chunk],
-        sizes: Sequence[int],
+        self, function: Callable[[Shared, Chunk], Result], shared: Shared, chunks: Sequence[Chunk], sizes: Sequence[int]
     ) -> Iterator[tuple[int, Result]]:
         """Yield the number of each chunk and what the function makes of it, as they are done, otherwise as :meth:`map`.
 

@@ -3,23 +3,10 @@
 from typing import Any
 
 __all__ = [
-    "ArgumentError",
-    "CommandError",
-    "CommandInterruptedError",
-    "DesignError",
-    "DeviceError",
-    "Error",
-    "FaultWarning",
-    "IdentificationError",
-    "InstrumentError",
-    "LiveError",
-    "MissingExtraError",
-    "NoSolutionError",
-    "ProtocolError",
-    "RecordingError",
-    "ReportError",
-    "StudyError",
-]
+    "ArgumentError", "CommandError", "CommandInterruptedError", "DesignError", "DeviceError", "Error", "FaultWarning",
+    "IdentificationError", "InstrumentError", "LiveError", "MissingExtraError", "NoSolutionError", "ProtocolError",
+    "RecordingError", "ReportError", "StudyError",
+]  # fmt: skip
 
 
 class Error(Exception):

@@ -137,12 +137,7 @@ def parse_toml(text: str, error: type[Error], source: str, kind: str = "") -> di
         found = next((other for other, keys in _MARKS.items() if keys & values.keys()), kind)
         if found == kind:
             return values
-        raise error(
-            f"{source} describes {found}; it must describe {kind}.",
-            key="file",
-            value=source,
-            allowed=kind,
-        )
+        raise error(f"{source} describes {found}; it must describe {kind}.", key="file", value=source, allowed=kind)
     raise error(problem, key="file", value=source, allowed="a TOML file")
 
 

@@ -66,60 +66,6 @@ void every_mechanism_leads_back(double tolerance) {
     }
 }
 
-/// The far gear rolls on the fixed one: the arcs that the contact travels on both are equal, and centres stay apart.
-void a_gear_pair_rolls_without_slip() {
-  const auto chain = chain_of(instruments::real_size<double>(), 1, Toward::yaw);
-  const double r = chain.tip[0].chord / 2;
-  for (const double angle : {-1.2, 0.3, 1.4}) {
-    Posture<double, 2> at{};
-    at.bend[0] = angle;
-    const Bodies<double, 2> found = bodies(chain, at);
-    CLAIM_NEAR(norm(found.tip[0].far.position - found.stem.position), 2 * r, 1e-16);
-    const Vector<double> apart = found.tip[0].far.position - found.stem.position;
-    const double on_fixed = std::atan2(apart.x, apart.z);
-    const Vector<double> back = found.tip[0].far.rotation.inverse() * (-1.0 * apart);
-    const double on_far = std::atan2(back.x, -back.z);
-    CLAIM_NEAR(on_fixed, angle / 2, 1e-15);
-    CLAIM_NEAR(on_far, on_fixed, 1e-15);
-  }
-}
-
-/// Joints in a tree, of any axis: the Jacobian of each end is what finite differences tell.
-void an_end_moves_as_its_jacobian_tells() {
-  const auto backbone = instruments::joint_of(instruments::continuum<double>().distal);
-  const auto gear = instruments::joint_of(instruments::real_size<double>().distal);
-  const auto pulley = instruments::joint_of(instruments::pulley<double>().distal);
-  Chain<double, 4> chain{.joints = 4, .stem_length = 0.3};
-  const int parents[] = {-1, 0, 1, 1};
-  const Vector<double> axes[] = {{0, 1, 0}, {-0.6, 0.8, 0}, {0, 0.6, 0.8}, {1, 0, 0}};
-  const ChainJoint<double> joints[] = {backbone, gear, pulley, backbone};
-  for (int i = 0; i < 4; ++i) {
-    chain.tip[i] = joints[i];
-    chain.tip[i].parent = parents[i];
-    chain.tip[i].axis = axes[i];
-    chain.tip[i].offset = 0.003;
-  }
-  const Posture<double, 4> at{0.3, -0.4, 0.5, 0.1, {0.7, -0.6, 0.5, 0.9}, 0.4, {}};
-  const auto moved = [&](int column, double by) {
-    Posture<double, 4> to = at;
-    double* const all[] = {&to.pan,     &to.tilt,    &to.spin,    &to.insertion, to.bend,
-                           to.bend + 1, to.bend + 2, to.bend + 3, &to.roll};
-    *all[column] += by;
-    return to;
-  };
-  constexpr double step = 1e-5;
-  for (const int end : {2, 3}) {
-    const auto rates = jacobian(chain, at, end);
-    for (int column = 0; column < 9; ++column) {
-      const Frame<double> before = bodies(chain, moved(column, -step)).end[end];
-      const Frame<double> after = bodies(chain, moved(column, step)).end[end];
-      CLAIM(norm((0.5 / step) * (after.position - before.position) - rates.linear[column]) < 1e-10);
-      const Rotation<double> turned = after.rotation * before.rotation.inverse();
-      CLAIM(norm((1 / step) * Vector<double>{turned.x, turned.y, turned.z} - rates.angular[column]) < 1e-9);
-    }
-  }
-}
-
 void what_cannot_be_reached_is_named() {
   const auto chain = chain_of(instruments::real_size<double>(), 2, Toward::yaw);
   const double nan = std::nan("");
@@ -147,10 +93,8 @@ void angles_come_back_in_every_quadrant() {
 
 int main() {
   angles_come_back_in_every_quadrant();
-  a_gear_pair_rolls_without_slip();
   every_mechanism_leads_back<double>(1e-13);
   every_mechanism_leads_back<float>(1e-5);
-  an_end_moves_as_its_jacobian_tells();
   what_cannot_be_reached_is_named();
   return claims::report();
 }

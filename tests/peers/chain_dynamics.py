@@ -172,12 +172,7 @@ def mass_matrix(inst: FullForm, angles: ArrayLike, speeds: ArrayLike) -> tuple[A
 
 
 def steps_per_second(
-    inst: FullForm,
-    wrench: ArrayLike,
-    *,
-    time_step: float = 5e-4,
-    seconds: float = 1.0,
-    as_exported: bool = True,
+    inst: FullForm, wrench: ArrayLike, *, time_step: float = 5e-4, seconds: float = 1.0, as_exported: bool = True
 ) -> float:
     """Measure how many steps a second one core makes with this instrument in MuJoCo, under a constant wrench (6,).
 

@@ -119,12 +119,7 @@ def shares_of(inst: Instrument, vertices: int = 1, before_handle: float | None =
 
 
 def plant_of(
-    inst: Instrument,
-    *,
-    vertices: int = 1,
-    before_handle: float | None = None,
-    softer: float = 1.0,
-    **changes: Any,
+    inst: Instrument, *, vertices: int = 1, before_handle: float | None = None, softer: float = 1.0, **changes: Any
 ) -> Plant:
     """Return a plant with the numbers of an instrument of one axis, and changes of :class:`Plant`'s fields.
 

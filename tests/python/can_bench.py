@@ -185,6 +185,13 @@ def moves(bench: SimulatedBench) -> bool:
     return until(lambda: bool(np.abs(bench.velocity).max() > 0.9 * SPEED))
 
 
+def set_off(device: CanOpenDevice, bench: SimulatedBench, clock: Clock) -> None:
+    """After two periods the motors move."""
+    tick(device, clock)
+    tick(device, clock)
+    assert moves(bench)
+
+
 def stops(device: CanOpenDevice, bench: SimulatedBench, named: str, act: Callable[[], object]) -> None:
     """What is done fails by that name, leaves all motors at rest, and nothing moves one afterwards."""
     with pytest.raises(DeviceError, match=named):
@@ -197,17 +204,30 @@ def stops(device: CanOpenDevice, bench: SimulatedBench, named: str, act: Callabl
     assert at_rest(bench)
 
 
-def in_process(inst: Instrument, lag: int, ticks: int = TICKS) -> tuple[Array, Array]:
-    """Output angles and commands of the twin in process, its commands late by so many ticks and rounded as frames."""
-    plant, controller = TwinPlant(Twin(inst), motion), Controller(inst)
-    waiting = [np.zeros((1, 2)) for _ in range(1 + lag)]
+def controlled(
+    inst: Instrument, plant: TwinPlant, read: Callable[[], Any], write: Callable[[Array], Any], ticks: int = TICKS
+) -> tuple[Array, Array]:
+    """Output angles and commands of a loop over what reads and writes, enabled to its end."""
+    controller = Controller(inst)
     tips, commands = [], []
     for n in range(ticks):
-        measured = plant.step(waiting.pop(0))
+        measured = read()
+        assert measured is not None
         answer = controller.step((n + 1) / RATE, measured.handle_angle[0], measured.tension[0], measured.spool_angle[0])
-        waiting.append(np.round(answer.spool_velocity / SPEED_UNIT)[np.newaxis] * SPEED_UNIT)
+        write(answer.spool_velocity[np.newaxis])
         assert plant.latest is not None
         tips.append(plant.latest["output_angle"][-1])
         commands.append(answer.spool_velocity)
     assert answer.state == OperatingState.ENABLED
     return np.array(tips), np.array(commands)
+
+
+def in_process(inst: Instrument, lag: int, ticks: int = TICKS) -> tuple[Array, Array]:
+    """Output angles and commands of the twin in process, its commands late by so many ticks and rounded as frames."""
+    plant = TwinPlant(Twin(inst), motion)
+    waiting = [np.zeros((1, 2)) for _ in range(1 + lag)]
+
+    def write(velocity: Array) -> None:
+        waiting.append(np.round(velocity / SPEED_UNIT) * SPEED_UNIT)
+
+    return controlled(inst, plant, lambda: plant.step(waiting.pop(0)), write, ticks)

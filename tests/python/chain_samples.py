@@ -57,12 +57,7 @@ def drawn(seed: int) -> FullForm:
     for i in range(count):
         crossed = range(min(i, count - 2) if has_jaws else i)
         passage = [
-            {
-                "joint": f"j{k}",
-                "side": str(random.choice(SIDES)),
-                "radius": random.uniform(1e-3, 3e-3),
-            }
-            for k in crossed
+            {"joint": f"j{k}", "side": str(random.choice(SIDES)), "radius": random.uniform(1e-3, 3e-3)} for k in crossed
         ]
         for side in ("agonist", "antagonist"):
             route = [{"joint": f"h{i}", "side": side}, *passage, {"joint": f"j{i}", "side": side}]
@@ -119,161 +114,59 @@ name = "jaws"
 stem_length = "300 mm"
 tendon_stiffness = "20 N/mm"
 pretension = "12 N"
-
-[[joints]]
-name = "handle_pitch"
-place = "handle"
-mechanism = "pulley"
-axis = "pitch"
-radius = "5 mm"
-
-[[joints]]
-name = "handle_a"
-place = "handle"
-mechanism = "pulley"
-axis = "yaw"
-radius = "6 mm"
-
-[[joints]]
-name = "handle_b"
-place = "handle"
-mechanism = "pulley"
-axis = "yaw"
-radius = "6 mm"
-
-[[joints]]
-name = "pitch"
-mechanism = "pulley"
-axis = "pitch"
-radius = "3 mm"
-
-[[joints]]
-name = "jaw_a"
-on = "pitch"
-mechanism = "pulley"
-axis = "yaw"
-radius = "3.2 mm"
-offset = "9 mm"
-end_effector_length = "10 mm"
-
-[[joints]]
-name = "jaw_b"
-on = "pitch"
-mechanism = "pulley"
-axis = "yaw"
-radius = "3.2 mm"
-offset = "9 mm"
-end_effector_length = "10 mm"
-
-[[tendons]]
-name = "pitch_up"
-route = [{ joint = "handle_pitch", side = "agonist" }, { joint = "pitch", side = "agonist" }]
-
-[[tendons]]
-name = "pitch_down"
-route = [{ joint = "handle_pitch", side = "antagonist" }, { joint = "pitch", side = "antagonist" }]
-
-[[tendons]]
-name = "a_open"
-route = [
-  { joint = "handle_a", side = "agonist" },
-  { joint = "handle_pitch", side = "agonist", radius = "4 mm" },
-  { joint = "pitch", side = "agonist", radius = "2.5 mm" },
-  { joint = "jaw_a", side = "agonist" },
+joints = [
+  { name = "handle_pitch", place = "handle", mechanism = "pulley", axis = "pitch", radius = "5 mm" },
+  { name = "handle_a", place = "handle", mechanism = "pulley", axis = "yaw", radius = "6 mm" },
+  { name = "handle_b", place = "handle", mechanism = "pulley", axis = "yaw", radius = "6 mm" },
+  { name = "pitch", mechanism = "pulley", axis = "pitch", radius = "3 mm" },
+  { name = "jaw_a", on = "pitch", mechanism = "pulley", axis = "yaw", radius = "3.2 mm", offset = "9 mm", \
+    end_effector_length = "10 mm" },
+  { name = "jaw_b", on = "pitch", mechanism = "pulley", axis = "yaw", radius = "3.2 mm", offset = "9 mm", \
+    end_effector_length = "10 mm" },
 ]
-
-[[tendons]]
-name = "a_close"
-route = [
-  { joint = "handle_a", side = "antagonist" },
-  { joint = "handle_pitch", side = "agonist", radius = "4 mm" },
-  { joint = "pitch", side = "agonist", radius = "2.5 mm" },
-  { joint = "jaw_a", side = "antagonist" },
+tendons = [
+  { name = "pitch_up", route = [
+    { joint = "handle_pitch", side = "agonist" }, { joint = "pitch", side = "agonist" }] },
+  { name = "pitch_down", route = [
+    { joint = "handle_pitch", side = "antagonist" }, { joint = "pitch", side = "antagonist" }] },
+  { name = "a_open", route = [
+    { joint = "handle_a", side = "agonist" }, { joint = "handle_pitch", side = "agonist", radius = "4 mm" },
+    { joint = "pitch", side = "agonist", radius = "2.5 mm" }, { joint = "jaw_a", side = "agonist" }] },
+  { name = "a_close", route = [
+    { joint = "handle_a", side = "antagonist" }, { joint = "handle_pitch", side = "agonist", radius = "4 mm" },
+    { joint = "pitch", side = "agonist", radius = "2.5 mm" }, { joint = "jaw_a", side = "antagonist" }] },
+  { name = "b_close", route = [
+    { joint = "handle_b", side = "agonist" }, { joint = "handle_pitch", side = "antagonist", radius = "4 mm" },
+    { joint = "pitch", side = "antagonist", radius = "2.5 mm" }, { joint = "jaw_b", side = "agonist" }] },
+  { name = "b_open", route = [
+    { joint = "handle_b", side = "antagonist" }, { joint = "handle_pitch", side = "antagonist", radius = "4 mm" },
+    { joint = "pitch", side = "antagonist", radius = "2.5 mm" }, { joint = "jaw_b", side = "antagonist" }] },
 ]
-
-[[tendons]]
-name = "b_close"
-route = [
-  { joint = "handle_b", side = "agonist" },
-  { joint = "handle_pitch", side = "antagonist", radius = "4 mm" },
-  { joint = "pitch", side = "antagonist", radius = "2.5 mm" },
-  { joint = "jaw_b", side = "agonist" },
-]
-
-[[tendons]]
-name = "b_open"
-route = [
-  { joint = "handle_b", side = "antagonist" },
-  { joint = "handle_pitch", side = "antagonist", radius = "4 mm" },
-  { joint = "pitch", side = "antagonist", radius = "2.5 mm" },
-  { joint = "jaw_b", side = "antagonist" },
-]
-
-[grip]
-jaws = ["jaw_a", "jaw_b"]
-length = "8 mm"
+grip = { jaws = ["jaw_a", "jaw_b"], length = "8 mm" }
 """
 
 _BACKBONE = """
 name = "backbone"
 tendon_stiffness = "8 N/mm"
 pretension = "6 N"
-
-[[joints]]
-name = "wheel_far"
-place = "handle"
-mechanism = "pulley"
-axis = "pitch"
-radius = "5 mm"
-
-[[joints]]
-name = "wheel_near"
-place = "handle"
-mechanism = "pulley"
-axis = "yaw"
-radius = "5 mm"
-
-[[joints]]
-name = "near"
-mechanism = "continuum"
-axis = "yaw"
-radius = "3 mm"
-backbone_length = "20 mm"
-backbone_rigidity = "300 N*mm^2"
-arcs = 1
-
-[[joints]]
-name = "far"
-mechanism = "continuum"
-axis = "pitch"
-radius = "3 mm"
-backbone_length = "15 mm"
-backbone_rigidity = "300 N*mm^2"
-arcs = 1
-end_effector_length = "12 mm"
-
-[[tendons]]
-name = "near_plus"
-route = [{ joint = "wheel_near", side = "agonist" }, { joint = "near", side = "agonist" }]
-
-[[tendons]]
-name = "near_minus"
-route = [{ joint = "wheel_near", side = "antagonist" }, { joint = "near", side = "antagonist" }]
-
-[[tendons]]
-name = "far_plus"
-route = [
-  { joint = "wheel_far", side = "agonist" },
-  { joint = "near", side = "agonist", radius = "1 mm" },
-  { joint = "far", side = "agonist" },
+joints = [
+  { name = "wheel_far", place = "handle", mechanism = "pulley", axis = "pitch", radius = "5 mm" },
+  { name = "wheel_near", place = "handle", mechanism = "pulley", axis = "yaw", radius = "5 mm" },
+  { name = "near", mechanism = "continuum", axis = "yaw", radius = "3 mm", backbone_length = "20 mm", \
+    backbone_rigidity = "300 N*mm^2", arcs = 1 },
+  { name = "far", mechanism = "continuum", axis = "pitch", radius = "3 mm", backbone_length = "15 mm", \
+    backbone_rigidity = "300 N*mm^2", arcs = 1, end_effector_length = "12 mm" },
 ]
-
-[[tendons]]
-name = "far_minus"
-route = [
-  { joint = "wheel_far", side = "antagonist" },
-  { joint = "near", side = "agonist", radius = "1 mm" },
-  { joint = "far", side = "antagonist" },
+tendons = [
+  { name = "near_plus", route = [{ joint = "wheel_near", side = "agonist" }, { joint = "near", side = "agonist" }] },
+  { name = "near_minus", route = [
+    { joint = "wheel_near", side = "antagonist" }, { joint = "near", side = "antagonist" }] },
+  { name = "far_plus", route = [
+    { joint = "wheel_far", side = "agonist" }, { joint = "near", side = "agonist", radius = "1 mm" },
+    { joint = "far", side = "agonist" }] },
+  { name = "far_minus", route = [
+    { joint = "wheel_far", side = "antagonist" }, { joint = "near", side = "agonist", radius = "1 mm" },
+    { joint = "far", side = "antagonist" }] },
 ]
 """
 

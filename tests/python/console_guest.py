@@ -4,6 +4,7 @@ import http.client
 import struct
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 from urllib.parse import quote
@@ -109,7 +110,7 @@ class Guest:
                     part.update(message["updates"])
 
 
-def wait(happens: Any, seconds: float = 15.0) -> None:
+def wait(happens: Callable[[], Any], seconds: float = 60.0) -> None:
     """Wait until something happens."""
     end = time.monotonic() + seconds
     while not happens():

@@ -15,7 +15,8 @@ import threading
 import time
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -197,10 +198,7 @@ def output(
     stamp = struct.unpack("<Q", step.payload[:8])[0] if time is None else time
     axis = struct.pack("<8f2I", velocity, velocity, 0.1, 0.01, 0, 0, 1, 0, 0, phase)
     return Frame(
-        OUTPUT,
-        step.session,
-        sequence or step.sequence,
-        struct.pack("<Q6I", stamp, state, 1, 0, 0, 0, 0) + axis,
+        OUTPUT, step.session, sequence or step.sequence, struct.pack("<Q6I", stamp, state, 1, 0, 0, 0, 0) + axis
     )
 
 
@@ -235,14 +233,18 @@ class Streamed(NamedTuple):
 
 
 @contextmanager
-def served(reply: Reply) -> Iterator[str]:
-    """Give the address of a board that a thread serves over TCP."""
+def behind(serve: Callable[[socket.socket], None]) -> Iterator[str]:
+    """Give the address of what a thread serves over TCP."""
     with socket.create_server(("127.0.0.1", 0)) as server:
-        thread = threading.Thread(target=_serve_once, args=(server, reply), daemon=True)
+        thread = threading.Thread(target=serve, args=(server,), daemon=True)
         thread.start()
         yield f"socket://127.0.0.1:{server.getsockname()[1]}"
-        server.close()
-        thread.join(5)
+    thread.join(5)
+
+
+def served(reply: Reply) -> AbstractContextManager[str]:
+    """Give the address of a board that a thread serves over TCP."""
+    return behind(partial(_serve_once, reply=reply))
 
 
 def _serve_once(server: socket.socket, reply: Reply) -> None:
@@ -304,13 +306,8 @@ class BadLine:
         """Have another program begin a session with the board before the next frame goes through."""
         self._forgets = True
 
-    @contextmanager
-    def between(self) -> Iterator[str]:
-        with socket.create_server(("127.0.0.1", 0)) as server:
-            thread = threading.Thread(target=self._run, args=(server,), daemon=True)
-            thread.start()
-            yield f"socket://127.0.0.1:{server.getsockname()[1]}"
-        thread.join(5)
+    def between(self) -> AbstractContextManager[str]:
+        return behind(self._run)
 
     def _run(self, server: socket.socket) -> None:
         line, _ = server.accept()

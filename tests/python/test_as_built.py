@@ -4,8 +4,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import tenodesis as tn
 from tenodesis import plant
@@ -19,22 +17,7 @@ from tenodesis.twin import TIME_STEP, Twin
 
 from .conftest import refused
 from .similar import geometrically_scaled
-from .twin_motions import changes_with_finer_steps, clock, handle, same, slack_force, smooth, with_friction
-
-SHARES = {"handle": 0.3, "handle_joint": 0.05, "tip_joint": 0.04, "anchor": 0.1}
-AS_BUILT: dict[str, dict[str, Any]] = {
-    "two vertices": {"vertices_per_joint": 2},
-    "two vertices, four contacts": {"vertices_per_joint": 2, "sheath_contacts": 4},
-    "base wrap": {"base_wrap": 0.2},
-    "shares": {"vertices_per_joint": 2} | {f"{place}_compliance_share": share for place, share in SHARES.items()},
-    "power": {"law": "capstan-power", "load_index": 0.7, "vertex_radius": 5e-4},
-    "bending": {"vertices_per_joint": 2, "vertex_radius": 2e-3, "tendon_bending_stiffness": 2e-6},
-}
-
-
-def as_built(inst: Instrument, kind: str, **friction: Any) -> Instrument:
-    table = {"law": "capstan", "vertex_coefficient": 0.3, "sheath_coefficient": 0.15, "sheath_bend": 1.0}
-    return smooth(inst).replace(friction=table | AS_BUILT[kind] | friction)
+from .twin_motions import AS_BUILT, SHARES, clock, handle, same, slack_force, with_friction
 
 
 def motion(inst: Instrument) -> dict[str, Any]:
@@ -58,23 +41,9 @@ def pulled(inst: Instrument, at: float = 0.5, time_step: float = TIME_STEP, seco
 # Statics
 
 
-@pytest.mark.parametrize("kind", [kind for kind in AS_BUILT if kind not in ("power", "bending")])
-def test_without_friction_two_vertices_are_the_statics_to_rounding(any_inst: Instrument, kind: str) -> None:
-    inst = smooth(any_inst).replace(**{f"friction.{key}": value for key, value in AS_BUILT[kind].items()})
-    command = motion(inst)
-    run = Twin(inst, quasi_static=True).run(**command)
-    wound = run.spool_angle * inst.drives.spool_radius
-    rest = tn.statics.equilibrium(inst, command["handle_angle"], command["force"], wound=(wound[:, 0], wound[:, 1]))
-    tension = np.stack([rest.agonist, rest.antagonist], -1)
-    assert (tension == 0).any(axis=0).all()
-    assert np.abs(run.output_angle - rest.output_angle).max() < 1e-9
-    for tension_of_run in (run.tension, run.distal_tension):
-        assert np.abs(tension_of_run - tension).max() < 1e-9 * inst.pretension
-
-
 @pytest.mark.parametrize("kind", AS_BUILT)
 def test_the_tension_where_the_joint_draws_holds_the_load_by_virtual_work(scaled: Instrument, kind: str) -> None:
-    inst = as_built(scaled, kind)
+    inst = with_friction(scaled, kind)
     t = clock(1.0)
     force = 0.5 * slack_force(inst) * np.sin(7 * t)
     run = Twin(inst, quasi_static=True).run(0.3 * np.sin(9 * t), force)
@@ -93,7 +62,7 @@ def test_keys_at_their_defaults_change_no_bit(any_inst: Instrument) -> None:
 
 
 def test_shares_of_the_compliance_are_those_of_the_file_and_the_stem_has_the_rest(scaled: Instrument) -> None:
-    inst = as_built(scaled, "shares")
+    inst = with_friction(scaled, "shares")
     shares = compliance_shares(inst)
     assert shares._asdict() == pytest.approx(SHARES | {"stem": 1 - sum(SHARES.values())})
     by_length = compliance_shares(with_friction(scaled, vertices_per_joint=2))
@@ -173,41 +142,6 @@ def test_a_stiff_tendon_that_spans_a_slight_bend_costs_less_than_one_that_lies_o
     assert run.tension[-1, 0] - run.distal_tension[-1, 0] < 1e-4 / (2 * 1e-6)
 
 
-@pytest.mark.parametrize("kind", AS_BUILT)
-@settings(max_examples=8, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_friction_of_an_instrument_as_built_never_gives_energy_back(kind: str, seed: int) -> None:
-    random = np.random.default_rng(seed)
-    inst = as_built(tn.load(random.choice(["real-size", "scaled-up"])), kind)
-    t = clock(0.5)
-    wave = [sum(random.normal() * np.sin(random.uniform(1, 25) * t) for _ in range(3)) / 3 for _ in range(2)]
-    for quasi_static in (False, True):
-        energy = Twin(inst, quasi_static=quasi_static).energy(
-            0.3 * np.tanh(wave[0]), 0.4 * slack_force(inst) * np.tanh(wave[1])
-        )
-        assert energy.friction >= 0
-        assert energy.least_friction >= -1e-15 * energy.work  # rounding
-        assert energy.residual < 1e-9
-
-
-@pytest.mark.parametrize("kind", AS_BUILT)
-def test_the_energy_balance_of_an_instrument_as_built_closes(scaled: Instrument, kind: str) -> None:
-    inst = as_built(scaled, kind)
-    t = clock(2.0)
-    energy = Twin(inst).energy(
-        0.6 * handle(inst, inst.output_range) * np.sin(np.pi * t) ** 3,
-        0.3 * slack_force(inst) * np.sin(np.pi * t / 2) ** 2,
-    )
-    assert abs(energy.unaccounted) < 1e-3 * energy.work
-
-
-@pytest.mark.parametrize("kind", AS_BUILT)
-def test_finer_steps_converge_for_an_instrument_as_built(scaled: Instrument, kind: str) -> None:
-    inst = as_built(scaled, kind)
-    coarse, fine = changes_with_finer_steps(inst, 1.0)
-    assert fine < 0.5 * coarse < np.radians(0.05)
-
-
 def test_runs_of_a_batch_vary_in_base_wrap_but_not_in_vertices(scaled: Instrument) -> None:
     inst = with_friction(scaled, vertices_per_joint=2)
     t = clock(0.5)
@@ -222,7 +156,7 @@ def test_runs_of_a_batch_vary_in_base_wrap_but_not_in_vertices(scaled: Instrumen
 
 
 def test_an_instrument_as_built_has_the_groups_of_its_geometric_copy(real: Instrument) -> None:
-    inst = as_built(real, "power", base_wrap=0.1, tendon_bending_stiffness=1e-7, vertices_per_joint=2)
+    inst = with_friction(real, "power", base_wrap=0.1, tendon_bending_stiffness=1e-7, vertices_per_joint=2)
     larger = geometrically_scaled(inst, 3.75)
     ours, theirs = groups_of(inst), groups_of(larger)
     assert {"n_v", "phi_0", "n", "T_r/(kr)", "r_v/r_r", "B/(2 r_v^2 k r)", "anchor share"} <= ours.keys()
@@ -235,7 +169,7 @@ def test_an_instrument_as_built_has_the_groups_of_its_geometric_copy(real: Instr
 def test_a_carried_arrangement_has_the_same_groups_where_they_do_not_depend_on_the_rope(
     real: Instrument, scaled: Instrument
 ) -> None:
-    inst = as_built(scaled, "power", base_wrap=0.1, tendon_bending_stiffness=1e-6, vertices_per_joint=2)
+    inst = with_friction(scaled, "power", base_wrap=0.1, tendon_bending_stiffness=1e-6, vertices_per_joint=2)
     carried = carry_friction(inst, real)
     assert carried.friction.vertices_per_joint == 2
     ours, theirs = groups_of(carried), groups_of(inst)

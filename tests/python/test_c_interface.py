@@ -127,10 +127,7 @@ def test_c_equals_python_to_the_last_bit(interfaces: dict[str, Interface], name:
         assert (got.state, bool(got.homed)) == (out.state, out.homed)
         assert control.controller.fault_names(got.faults) == out.faults
         expected = np.column_stack(
-            [
-                np.reshape(out.spool_velocity, (axes, 2)),
-                *(np.reshape(value, axes) for value in out[1:7]),
-            ]
+            [np.reshape(out.spool_velocity, (axes, 2)), *(np.reshape(value, axes) for value in out[1:7])]
         )
         axis = [got.axis[n] for n in range(axes)]
         values = [[*one.spool_velocity, *(getattr(one, key) for key in out._fields[1:7])] for one in axis]

@@ -24,70 +24,65 @@ from tenodesis.cad.model import fitting, gear_of
 from tenodesis.cad.parts import Sizes
 from tenodesis.cad.wrist_parts import Wrist
 from tenodesis.errors import InstrumentError, MissingExtraError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike
 from tenodesis.tolerance.defaults import general_tolerance
 
 from .conftest import refused
 
-PULLEY = """
-name = "pulley"
-joint_type = "tendon-pulley"
+_COMMON = """
 overall_length = "1000 mm"
-distal_pulley_radius = "8 mm"
 proximal_pulley_radius = "18 mm"
-end_effector_length = "80 mm"
 handle_length = "160 mm"
 tendon_diameter = "0.81 mm"
 tendon_modulus = "50 GPa"
 pretension = "60 N"
 handle_range = "45 deg"
 """
-CONTINUUM = """
+PULLEY = f"""
+name = "pulley"
+joint_type = "tendon-pulley"
+distal_pulley_radius = "8 mm"
+end_effector_length = "80 mm"
+{_COMMON}"""
+CONTINUUM = f"""
 name = "continuum"
 joint_type = "continuum"
-overall_length = "1000 mm"
 distal_tendon_offset = "8 mm"
-proximal_pulley_radius = "18 mm"
 backbone_length = "80 mm"
 backbone_rigidity = "9000 N*mm^2"
 end_effector_length = "60 mm"
-handle_length = "160 mm"
-tendon_diameter = "0.81 mm"
-tendon_modulus = "50 GPa"
-pretension = "60 N"
-handle_range = "45 deg"
-"""
+{_COMMON}"""
 ENDS = [math.radians(-80), 0.0, math.radians(80)]
+
+
+def built(inst: InstrumentLike, **choices: Any) -> cad.Model:
+    pytest.importorskip("build123d", reason="the extra [cad] is not installed")
+    return cad.build(inst, **choices)
 
 
 @pytest.fixture(scope="module")
 def gears() -> cad.Model:
-    pytest.importorskip("build123d", reason="the extra [cad] is not installed")
-    return cad.build("scaled-up", process="fdm", rig=False)
+    return built("scaled-up", process="fdm", rig=False)
 
 
 @pytest.fixture(scope="module")
 def hybrid() -> cad.Model:
-    pytest.importorskip("build123d", reason="the extra [cad] is not installed")
-    return cad.build("hybrid-scaled-up", process="fdm")
+    return built("hybrid-scaled-up", process="fdm")
 
 
 @pytest.fixture(scope="module", params=["needle-driver", "maryland-dissector"])
 def wrist(request: pytest.FixtureRequest) -> cad.Model:
-    pytest.importorskip("build123d", reason="the extra [cad] is not installed")
-    return cad.build(request.param, process="milled", rig=False)
+    return built(request.param, process="milled", rig=False)
 
 
 @pytest.fixture(scope="module")
 def pulley() -> cad.Model:
-    pytest.importorskip("build123d", reason="the extra [cad] is not installed")
-    return cad.build(tn.parse(PULLEY), process="fdm")
+    return built(tn.parse(PULLEY), process="fdm")
 
 
 @pytest.fixture(scope="module")
 def continuum() -> cad.Model:
-    pytest.importorskip("build123d", reason="the extra [cad] is not installed")
-    return cad.build(tn.parse(CONTINUUM), process="fdm", rig=False)
+    return built(tn.parse(CONTINUUM), process="fdm", rig=False)
 
 
 # What needs no kernel.
@@ -187,18 +182,14 @@ def _with_joint(name: str, **changes: Any) -> Instrument:
 def test_what_cannot_be_made_of_several_joints_is_named_by_its_key(
     changed: tuple[str, dict[str, Any]], key: str, says: str
 ) -> None:
-    pytest.importorskip("build123d", reason="the extra [cad] is not installed")
     with pytest.raises(InstrumentError, match=says) as found:
-        cad.build(_with_joint(changed[0], **changed[1]), process="fdm")
+        built(_with_joint(changed[0], **changed[1]), process="fdm")
     assert found.value.key == key
 
 
 @pytest.mark.parametrize(
     ("name", "choices", "key"),
-    [
-        ("two-segment-continuum", {}, "joints.near_arc1.mechanism"),
-        ("hybrid-scaled-up", {"axis": "yaw"}, "axis"),
-    ],
+    [("two-segment-continuum", {}, "joints.near_arc1.mechanism"), ("hybrid-scaled-up", {"axis": "yaw"}, "axis")],
 )
 def test_joints_of_which_no_parts_are_made_are_refused(name: str, choices: dict[str, Any], key: str) -> None:
     with pytest.raises(InstrumentError) as found:
@@ -379,10 +370,9 @@ def test_nothing_of_a_wrist_collides_over_its_range_and_its_jaws_do_not_pass_eac
 def test_a_wrist_is_written_with_a_closed_mesh_of_every_part_and_masses_of_its_links(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pytest.importorskip("build123d", reason="the extra [cad] is not installed")
     monkeypatch.setattr(pack, "_STEPS", 1)
     monkeypatch.setattr(picture, "_FINE", 1)
-    model = cad.build("needle-driver", process="milled")
+    model = built("needle-driver", process="milled")
     checks = cad.write(model, tmp_path)
     names = {one.part for one in checks.printable}
     assert names >= {"pitch_fork", "pitch_body", "pitch_wheel", "pitch_guide", "jaw_1_jaw", "jaw_2_jaw", "stem_base"}
@@ -555,10 +545,9 @@ def test_a_pack_is_written_whole_or_not_at_all(
 
 @pytest.mark.slow
 def test_a_pulley_of_an_instruments_size_is_drawn_and_its_step_file_has_its_volume(tmp_path: Path) -> None:
-    pytest.importorskip("build123d", reason="the extra [cad] is not installed")
     small = {"distal_pulley_radius": 2.5e-3, "proximal_pulley_radius": 5e-3, "tendon_diameter": 0.5e-3}
     lengths = {"end_effector_length": 14e-3, "overall_length": 0.45, "handle_length": 95e-3, "stem_diameter": 8e-3}
-    model = cad.build(tn.parse(PULLEY).replace(**small, **lengths), process="milled", rig=False)
+    model = built(tn.parse(PULLEY).replace(**small, **lengths), process="milled", rig=False)
     for name in ("tip_pulley", "handle_pulley"):
         part = model.part(name)
         pack._write_step(part.solid, tmp_path / f"{name}.step", name)
@@ -567,9 +556,8 @@ def test_a_pulley_of_an_instruments_size_is_drawn_and_its_step_file_has_its_volu
 
 @pytest.mark.slow
 def test_clamps_of_the_bench_stand_on_the_stem_behind_a_long_backbone() -> None:
-    pytest.importorskip("build123d", reason="the extra [cad] is not installed")
     inst = tn.parse(CONTINUUM).replace(backbone_length=150e-3, overall_length=1.5)
-    clamps = cad.build(inst, process="fdm").part("rig_clamp")
+    clamps = built(inst, process="fdm").part("rig_clamp")
     assert all(place.position.Z + kernel.bounds(clamps.solid)[1][2] < 0 for place in clamps.places)
 
 

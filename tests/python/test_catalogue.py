@@ -32,10 +32,7 @@ STRETCH = {
 }
 """G of Loos & Company: elastic stretch in percent is W G / d², lbf and inches."""
 
-ISO_54 = {
-    "I": (1, 1.25, 1.5, 2, 2.5, 3),
-    "II": (1.125, 1.375, 1.75, 2.25, 2.75),
-}
+ISO_54 = {"I": (1, 1.25, 1.5, 2, 2.5, 3), "II": (1.125, 1.375, 1.75, 2.25, 2.75)}
 """Modules from 1 to 3 mm."""
 
 M1_ERRORS = {
@@ -265,7 +262,7 @@ def test_a_series_is_the_same_as_its_parts_one_by_one(write: Any) -> None:
         '[[weights]]\nmasses = ["100 g", "1 kg"]\ncounts = [2, 1]\n'
         '[[rods]]\nname = "steel"\ndiameters = ["1 mm"]\nmodulus = "206 GPa"\n'
         '[[ropes]]\nname = "7x7"\ndiameters = ["1 mm"]\nbreaking_load_factor = 0.388\nrope_grade = "1770 N/mm^2"\n'
-        'modulus = "80 GPa"\n',
+        'modulus = "80 GPa"\n'
     )
     singly = write(
         '[[pulleys]]\nradius = "5 mm"\n[[pulleys]]\nradius = "6 mm"\n[[spools]]\nradius = "5 mm"\n'

@@ -142,16 +142,8 @@ def test_a_ramp_may_end_in_any_load_and_the_jaws_may_be_pressed_apart(wrist: tn.
 @pytest.mark.parametrize(
     ("name", "phase", "says"),
     [
-        (
-            "needle-driver",
-            Cycles(output_amplitude=0.1, speed=1, count=1),
-            "output_amplitude is given, but .*amplitude",
-        ),
-        (
-            "needle-driver",
-            Cycles(axis="yaw", amplitude=0.1, speed=1, count=1),
-            "axis is given, but .*give joint",
-        ),
+        ("needle-driver", Cycles(output_amplitude=0.1, speed=1, count=1), "output_amplitude is given, but .*amplitude"),
+        ("needle-driver", Cycles(axis="yaw", amplitude=0.1, speed=1, count=1), "axis is given, but .*give joint"),
         ("hybrid-scaled-up", Cycles(joint="yaw", amplitude=0.1, speed=1, count=1), "joint is yaw; it must be handle_"),
         ("hybrid-scaled-up", Cycles(amplitude=3.0, speed=1, count=1), "amplitude is 171.887 deg.*handle's range"),
         (
@@ -160,11 +152,7 @@ def test_a_ramp_may_end_in_any_load_and_the_jaws_may_be_pressed_apart(wrist: tn.
             "force is given, but trigger of hybrid-scaled-up moves no joint with a pair.*give wrench",
         ),
         ("needle-driver", StepLoad(force=1.0, duration=1), "force is given, but no joint.*give wrench"),
-        (
-            "needle-driver",
-            Ramp(handle_angle=0.1, duration=1),
-            "handle_angle is given, but .*give spool_velocities",
-        ),
+        ("needle-driver", Ramp(handle_angle=0.1, duration=1), "handle_angle is given, but .*give spool_velocities"),
         ("hybrid-scaled-up", Ramp(handle_angles={"yaw": 0.1}, duration=1), "names yaw; it must name joints of the han"),
         ("hybrid-scaled-up", Ramp(spool_velocities={"x": 0.1}, duration=1), "names x; it must name tendons"),
         ("needle-driver", tn.simulate.Pretension(axis="yaw"), "axis is given, but no joint.*give joint"),
@@ -188,14 +176,8 @@ def test_what_several_joints_cannot_run_is_refused_in_a_sentence(name: str, phas
 @pytest.mark.parametrize(
     ("phase", "key"),
     [
-        (
-            StepLoad(wrench=Wrench(my=1.0), duration=1),
-            "wrench.my",
-        ),
-        (
-            StepLoad(wrench=Wrench(fy=1.0), duration=1),
-            "wrench.fy",
-        ),
+        (StepLoad(wrench=Wrench(my=1.0), duration=1), "wrench.my"),
+        (StepLoad(wrench=Wrench(fy=1.0), duration=1), "wrench.fy"),
         (StepLoad(grip_force=1.0, duration=1), "grip_force"),
         (Ramp(handle_angles={"yaw": 0.1}, duration=1), "handle_angles.yaw"),
         (Cycles(joint="yaw", amplitude=0.1, speed=1, count=1), "joint"),

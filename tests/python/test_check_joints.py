@@ -5,7 +5,6 @@ import re
 from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ from tenodesis.cli import common
 from tenodesis.errors import Error, InstrumentError
 
 from .chain_samples import LISTED
+from .test_cli_own import rows
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -23,49 +23,25 @@ DRIVER = """
 name = "driver"
 pretension = "20 N"
 tendon_stiffness = "100 N/mm"
-
-[[joints]]
-name = "pitch"
-mechanism = "pulley"
-axis = "pitch"
-radius = "2.5 mm"
-
-[[joints]]
-name = "jaw_1"
-mechanism = "pulley"
-axis = "yaw"
-on = "pitch"
-radius = "3 mm"
-offset = "9 mm"
-end_effector_length = "10 mm"
-
-[[joints]]
-name = "jaw_2"
-mechanism = "pulley"
-axis = "yaw"
-on = "pitch"
-radius = "3 mm"
-offset = "9 mm"
-end_effector_length = "10 mm"
-
-[[tendons]]
-name = "p_up"
-route = [{ joint = "pitch", side = "agonist" }]
-[[tendons]]
-name = "p_down"
-route = [{ joint = "pitch", side = "antagonist" }]
-[[tendons]]
-name = "one_up"
-route = [{ joint = "pitch", side = "agonist", radius = "1.5 mm" }, { joint = "jaw_1", side = "agonist" }]
-[[tendons]]
-name = "one_down"
-route = [{ joint = "pitch", side = "antagonist", radius = "1.5 mm" }, { joint = "jaw_1", side = "antagonist" }]
-[[tendons]]
-name = "two_up"
-route = [{ joint = "pitch", side = "agonist", radius = "1.5 mm" }, { joint = "jaw_2", side = "agonist" }]
-[[tendons]]
-name = "two_down"
-route = [{ joint = "pitch", side = "antagonist", radius = "1.5 mm" }, { joint = "jaw_2", side = "antagonist" }]
+joints = [
+  { name = "pitch", mechanism = "pulley", axis = "pitch", radius = "2.5 mm" },
+  { name = "jaw_1", mechanism = "pulley", axis = "yaw", on = "pitch", radius = "3 mm", offset = "9 mm", \
+    end_effector_length = "10 mm" },
+  { name = "jaw_2", mechanism = "pulley", axis = "yaw", on = "pitch", radius = "3 mm", offset = "9 mm", \
+    end_effector_length = "10 mm" },
+]
+tendons = [
+  { name = "p_up", route = [{ joint = "pitch", side = "agonist" }] },
+  { name = "p_down", route = [{ joint = "pitch", side = "antagonist" }] },
+  { name = "one_up", route = [
+    { joint = "pitch", side = "agonist", radius = "1.5 mm" }, { joint = "jaw_1", side = "agonist" }] },
+  { name = "one_down", route = [
+    { joint = "pitch", side = "antagonist", radius = "1.5 mm" }, { joint = "jaw_1", side = "antagonist" }] },
+  { name = "two_up", route = [
+    { joint = "pitch", side = "agonist", radius = "1.5 mm" }, { joint = "jaw_2", side = "agonist" }] },
+  { name = "two_down", route = [
+    { joint = "pitch", side = "antagonist", radius = "1.5 mm" }, { joint = "jaw_2", side = "antagonist" }] },
+]
 
 [grip]
 jaws = ["jaw_1", "jaw_2"]
@@ -81,10 +57,10 @@ WRONG = {
     "unknown": (LAST, '{ joint = "claw", side = "antagonist" }', "tendon two_down: joint = 'claw'; it must be one of"),
     "alone": (LAST, '{ joint = "jaw_2", side = "agonist" }', "joint jaw_2 has no antagonist"),
     "singular": (
-        'side = "agonist" }]\n[[tendons]]\nname = "p_down"\nroute = [{ joint = "pitch", side = "antagonist" }]',
-        'side = "agonist", radius = "1.5 mm" }, { joint = "jaw_1", side = "agonist" }]\n[[tendons]]\nname = "p_down"\n'
+        'side = "agonist" }] },\n  { name = "p_down", route = [{ joint = "pitch", side = "antagonist" }] },',
+        'side = "agonist", radius = "1.5 mm" }, { joint = "jaw_1", side = "agonist" }] },\n  { name = "p_down", '
         'route = [{ joint = "pitch", side = "antagonist", radius = "1.5 mm" }, '
-        '{ joint = "jaw_1", side = "antagonist" }]',
+        '{ joint = "jaw_1", side = "antagonist" }] },',
         "the coupling matrix of pitch, jaw_1, jaw_2 is singular",
     ),
 }
@@ -94,13 +70,6 @@ WRONG = {
 def driver(tmp_path: Path) -> tn.instrument.FullForm:
     (tmp_path / "driver.toml").write_text(DRIVER, "utf-8")
     return tn.instrument.parse(DRIVER)
-
-
-def rows(tenodesis: Run, *words: object) -> list[dict[str, Any]]:
-    code, said, wrong = tenodesis("loss", *words, "--json")
-    assert (code, wrong) == (0, "")
-    found: list[dict[str, Any]] = json.loads(said)["rows"]
-    return found
 
 
 # ---------------------------------------------------------------------- check
@@ -140,7 +109,7 @@ def test_arms_of_gears_are_their_radii(real: tn.Instrument) -> None:
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"name = \"p_up\"": 'name = "p_up"\npretension = "30 N"'}, "the pretensions do not balance: .* pitch at"),
+        ({"name = \"p_up\"": 'name = "p_up", pretension = "30 N"'}, "the pretensions do not balance: .* pitch at"),
         ({"pretension = \"20 N\"": 'pretension = "0 N"'}, "the joints find no equilibrium under the pretension"),
         ({"pretension = \"20 N\"": 'pretension = "20 N"\nstem_diameter = "5.5 mm"'}, "radius of joint jaw_1 is 3 mm"),
         ({"pretension = \"20 N\"": 'pretension = "20 N"\ntendon_diameter = "1.3 mm"'}, "only 3.8 times"),

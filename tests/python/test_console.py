@@ -3,7 +3,7 @@
 import re
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from tenodesis.console.access import page_html
 from tenodesis.console.status import ADVICE
 from tenodesis.live import folder as folders
 
+from .console_guest import wait
 from .console_stand_in import SHORT_PROTOCOL, StandIn
 
 pytest.importorskip("viser", reason="the page needs viser")
@@ -128,13 +129,6 @@ def opened(browser: Any, served: Page) -> Iterator[Window]:
 def window(opened: Window) -> Iterator[Window]:
     yield opened
     assert opened.problems == []
-
-
-def wait(happens: Callable[[], Any], seconds: float = PATIENCE) -> None:
-    end = time.monotonic() + seconds
-    while not happens():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.05)
 
 
 def loss(bench: StandIn) -> float:

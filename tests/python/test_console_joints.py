@@ -21,7 +21,7 @@ from tenodesis.live.loop import Choices
 from tenodesis.statics import chain
 from tenodesis.twin import Twin
 
-from .console_guest import Guest, get, wait
+from .console_guest import Guest, get, operates, wait
 
 YAW = "Handle yaw, °"
 
@@ -64,11 +64,6 @@ class Served:
     def __init__(self, page: Page, watch: RestartableConnection) -> None:
         self.page, self.watch = page, watch
 
-    def operates(self, guest: Guest) -> bool:
-        address = "{}:{}".format(*guest.socket.local_address[:2])
-        operator = self.watch.status().operator
-        return operator is not None and operator.endswith(address)
-
     @property
     def latest(self) -> dict[str, Any]:
         return self.watch.latest()
@@ -91,7 +86,7 @@ def served(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Served]:
 @pytest.mark.parametrize("served", ["hybrid-scaled-up"], indirect=True)
 def test_a_slider_moves_a_joint_of_the_handle_and_the_view_while_others_watch(served: Served) -> None:
     with Guest(served.page) as first:
-        wait(lambda: served.operates(first) and first.property(YAW, "disabled") is False)
+        wait(lambda: operates(served.watch.status(), first) and first.property(YAW, "disabled") is False)
         with Guest(served.page) as second:
             wait(lambda: second.property(YAW, "disabled"))
             first.set(YAW, 20.0)
@@ -131,7 +126,7 @@ def test_a_slider_moves_a_joint_of_the_handle_and_the_view_while_others_watch(se
 @pytest.mark.parametrize("served", ["needle-driver"], indirect=True)
 def test_without_a_handle_the_sliders_are_the_joints_that_the_motors_turn(served: Served) -> None:
     with Guest(served.page) as guest:
-        wait(lambda: served.operates(guest) and guest.property("Pitch, °", "disabled") is False)
+        wait(lambda: operates(served.watch.status(), guest) and guest.property("Pitch, °", "disabled") is False)
         wait(lambda: guest.sees("Press *Enable*"))
         assert served.watch.status().law == "joints"
         guest.set("Enable", True)
@@ -149,7 +144,7 @@ def test_without_a_handle_the_sliders_are_the_joints_that_the_motors_turn(served
         guest.set("Shipped", "scaled-up")
         guest.set("Run this instrument", True)
         wait(lambda: served.watch.inst.name == "scaled-up", 60.0)
-        wait(lambda: served.operates(guest) and guest.property(YAW, "disabled") is False, 60.0)
+        wait(lambda: operates(served.watch.status(), guest) and guest.property(YAW, "disabled") is False, 60.0)
 
         def loads() -> bool:
             # Until the browser operates the new instrument, its sliders are taken back.

@@ -176,12 +176,7 @@ def test_the_file_of_an_instrument_keeps_its_wiring() -> None:
 def test_channels_of_a_data_acquisition_device_are_wired_by_name() -> None:
     inst = rated("two-segment-continuum")
     tendons = {
-        one.name: {
-            "speed": f"ao{n}",
-            "gain": 10.0,
-            "counter": f"ctr{n}",
-            "tension": {"channel": f"ai{n}", "gain": 5.0},
-        }
+        one.name: {"speed": f"ao{n}", "gain": 10.0, "counter": f"ctr{n}", "tension": {"channel": f"ai{n}", "gain": 5.0}}
         for n, one in enumerate(inst.tendons)
     }
     settings = NiDaq.model_validate({"tendons": tendons})

@@ -4,6 +4,7 @@ import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from math import nan, pi
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 import tenodesis as tn
-from tenodesis.control import Controller, OperatingState
+from tenodesis.control import Controller
 from tenodesis.devices import canopen
 from tenodesis.devices.can_layout import LEAD, Aim, layout
 from tenodesis.devices.canopen import CanOpenDevice
@@ -33,11 +34,13 @@ from .can_bench import (
     at_rest,
     axis,
     bench_instrument,
+    controlled,
     in_process,
     motion,
     moves,
     reopened,
     served,
+    set_off,
     simulated,
     stops,
     table,
@@ -72,23 +75,13 @@ def test_the_reference_without_lag_is_the_twin_with_its_controller(inst: Instrum
 
 
 def test_closed_loop_over_can_is_the_twin_with_commands_one_tick_late(inst: Instrument) -> None:
-    plant, controller = TwinPlant(Twin(inst), motion), Controller(inst)
-    tips, commands = [], []
+    plant = TwinPlant(Twin(inst), motion)
     with served(inst, plant=plant) as (device, _, _):
-        for n in range(TICKS):
-            measured = device.read(TIMEOUT)
-            assert measured is not None
-            answer = controller.step(
-                (n + 1) / RATE, measured.handle_angle[0], measured.tension[0], measured.spool_angle[0]
-            )
-            device.write(answer.spool_velocity[np.newaxis])
-            assert plant.latest is not None
-            tips.append(plant.latest["output_angle"][-1])
-            commands.append(answer.spool_velocity)
+        tips, commands = controlled(inst, plant, partial(device.read, TIMEOUT), device.write)
     assert np.abs(commands).max() > 0.1  # rad/s: the motors are at work
     late, late_commands = in_process(inst, 1)
     assert np.max(np.abs(tips - late)) < 1e-9
-    assert np.max(np.abs(np.array(commands) - late_commands)) < 1e-6
+    assert np.max(np.abs(commands - late_commands)) < 1e-6
     at_once, later = (np.abs(tips - in_process(inst, lag)[0]) for lag in (0, 2))
     assert min(at_once.max(), later.max()) > 1e-6  # the lag is one tick, no less and no more
     settled_at_once, settled_late = (in_process(inst, lag, 3 * TICKS)[0][-1] for lag in (0, 1))
@@ -111,11 +104,7 @@ def test_a_bench_of_two_axes_is_told_apart(inst: Instrument) -> None:
 def test_speed_is_cut_to_the_limit_and_what_is_not_finite_stops(inst: Instrument) -> None:
     limit = inst.drives.motor_speed / inst.drives.gear_ratio
     with served(inst) as (device, bench, _clock):
-        for speeds, sent in (
-            ((99.0, -99.0), (limit, -limit)),
-            ((nan, np.inf), (0.0, 0.0)),
-            ((0.5, nan), (0.5, 0.0)),
-        ):
+        for speeds, sent in (((99.0, -99.0), (limit, -limit)), ((nan, np.inf), (0.0, 0.0)), ((0.5, nan), (0.5, 0.0))):
             device.write(np.array([speeds]))
             device.read(TIMEOUT)
             assert until(lambda sent=sent: np.allclose(bench.velocity[0], sent, atol=SPEED_UNIT))  # type: ignore[misc]
@@ -143,9 +132,7 @@ def test_zero_here_counts_from_where_it_was_opened(inst: Instrument) -> None:
 def test_profile_velocity_is_a_mode_too(inst: Instrument) -> None:
     with served(inst, table(inst, mode="profile-velocity")) as (device, bench, clock):
         assert {drive.get(0x6061) for drive in bench.drives.values()} == {3}
-        tick(device, clock)
-        tick(device, clock)
-        assert moves(bench)
+        set_off(device, bench, clock)
 
 
 # Positions
@@ -156,21 +143,11 @@ def by_position(inst: Instrument, **changes: Any) -> CanOpen:
 
 
 def test_the_loop_by_positions_ends_where_that_by_speeds_does(inst: Instrument) -> None:
-    plant, controller = TwinPlant(Twin(inst), motion), Controller(inst)
-    tips = []
+    plant = TwinPlant(Twin(inst), motion)
     start = {AGONIST: 2**31 - 40, ANTAGONIST: -(2**31) + 40}  # where encoders begin anew
     with served(inst, by_position(inst, zero="here"), plant=plant, positions=start) as (device, bench, _):
         assert {drive.get(0x6061) for drive in bench.drives.values()} == {8}
-        for n in range(1000):
-            measured = device.read(TIMEOUT)
-            assert measured is not None
-            answer = controller.step(
-                (n + 1) / RATE, measured.handle_angle[0], measured.tension[0], measured.spool_angle[0]
-            )
-            device.write(answer.spool_velocity[np.newaxis])
-            assert plant.latest is not None
-            tips.append(plant.latest["output_angle"][-1])
-        assert answer.state == OperatingState.ENABLED
+        tips, _ = controlled(inst, plant, partial(device.read, TIMEOUT), device.write, 1000)
     off = np.abs(tips - in_process(inst, 1, 1000)[0])
     before_the_load = round(0.4 * RATE)
     assert off[:before_the_load].max() < np.radians(0.1)
@@ -187,9 +164,7 @@ def test_drives_that_are_told_positions_stay_where_they_are_until_they_are_told_
         for _ in range(5):
             tick(device, clock, 0.0)
         assert bench.fastest == 0
-        tick(device, clock)
-        tick(device, clock)
-        assert moves(bench)
+        set_off(device, bench, clock)
         for _ in range(100):
             tick(device, clock, nan)
         assert np.abs(bench.velocity).max() < 0.02 * SPEED
@@ -208,9 +183,7 @@ def test_a_motor_that_is_held_up_is_not_to_catch_up_at_a_bound(inst: Instrument)
 
 def test_a_stop_finds_drives_that_are_told_positions(inst: Instrument) -> None:
     with served(inst, by_position(inst)) as (device, bench, clock):
-        tick(device, clock)
-        tick(device, clock)
-        assert moves(bench)
+        set_off(device, bench, clock)
         bench.drives[ANTAGONIST].fault(EMERGENCY_OVERVOLTAGE)
         stops(device, bench, "emergency", lambda: [tick(device, clock) for _ in range(5)])
 
@@ -233,9 +206,7 @@ def test_a_closed_bench_can_be_opened_again(inst: Instrument) -> None:
     with served(inst) as (device, bench, clock):
         device.close()
         with reopened(device):
-            tick(device, clock)
-            tick(device, clock)
-            assert moves(bench)
+            set_off(device, bench, clock)
 
 
 @contextmanager
@@ -290,9 +261,7 @@ def test_a_drive_that_heeds_no_pdo_any_more_loses_its_power_by_sdo(
     # The bench answers only once it has simulated a period for each SYNC that stopping has sent it.
     monkeypatch.setattr(canopen, "_ANSWER_TIME", ANSWER_TIME)
     with served(inst) as (device, bench, clock):
-        tick(device, clock)
-        tick(device, clock)
-        assert moves(bench)
+        set_off(device, bench, clock)
         clock.pass_time(4 * HEARTBEAT)
         assert until(lambda: {drive.state for drive in bench.drives.values()} == {"quick stop active"})
         assert until(lambda: not any(drive.operational for drive in bench.drives.values()))

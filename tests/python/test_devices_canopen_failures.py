@@ -27,9 +27,9 @@ from .can_bench import (
     at_rest,
     axis,
     bench_instrument,
-    moves,
     reopened,
     served,
+    set_off,
     stops,
     table,
     tick,
@@ -60,14 +60,8 @@ def faulted_in_silence(bench: SimulatedBench) -> None:
 @pytest.mark.parametrize(
     ("fail", "named"),
     [
-        (
-            lambda bench: silent(bench, 0x700 + ANTAGONIST),
-            r"antagonist drive of yaw \(node 2\) is lost",
-        ),
-        (
-            lambda bench: silent(bench, 0x180 + SENSORS),
-            r"node 10\) has measured nothing for 7 samples\. The ",
-        ),
+        (lambda bench: silent(bench, 0x700 + ANTAGONIST), r"antagonist drive of yaw \(node 2\) is lost"),
+        (lambda bench: silent(bench, 0x180 + SENSORS), r"node 10\) has measured nothing for 7 samples\. The "),
         (lambda bench: bench.cut_off(AGONIST), r"agonist drive of yaw \(node 1\)"),
         (lambda bench: bench.network.send_message(0x700 + AGONIST, b"\x00"), r"node 1\) has restarted"),
         (lambda bench: bench.drives[AGONIST].emergency(0x3210), r"emergency: 0x3210 \(overvoltage of the supply\)"),
@@ -78,9 +72,7 @@ def test_a_node_that_fails_is_named_and_stops_all_motors(
     inst: Instrument, fail: Callable[[SimulatedBench], object], named: str
 ) -> None:
     with served(inst) as (device, bench, clock):
-        tick(device, clock)
-        tick(device, clock)
-        assert moves(bench)
+        set_off(device, bench, clock)
         fail(bench)
         stops(device, bench, named, lambda: [tick(device, clock) for _ in range(20)])
 
@@ -91,9 +83,7 @@ def test_drives_stop_by_themselves_once_this_computer_falls_silent(
 ) -> None:
     inst = inst.replace(**{"control.safe_state": safe_state})
     with served(inst) as (device, bench, clock):
-        tick(device, clock)
-        tick(device, clock)
-        assert moves(bench)
+        set_off(device, bench, clock)
         # The loop hangs: it neither reads nor writes.
         clock.pass_time(4 * HEARTBEAT)
         assert until(lambda: {drive.state for drive in bench.drives.values()} == {state})
@@ -104,9 +94,7 @@ def test_drives_stop_by_themselves_once_this_computer_falls_silent(
 
 def test_where_a_motor_does_not_obey_all_drives_lose_their_voltage(inst: Instrument) -> None:
     with served(inst) as (device, bench, clock):
-        tick(device, clock)
-        tick(device, clock)
-        assert moves(bench)
+        set_off(device, bench, clock)
         device.cut_power()
         assert until(lambda: {drive.state for drive in bench.drives.values()} == {"switch on disabled"})
         # The first word to each drive takes its voltage: no stop comes before that.
@@ -134,9 +122,7 @@ def test_no_drive_goes_on_after_this_computer_hung_though_it_might(inst: Instrum
         for drive in bench.drives.values():
             drive.resumes = drive.stays_operational = True
         bench.mangle = lambda can_id, data: None if can_id in (0x80 + AGONIST, 0x80 + ANTAGONIST) else data
-        tick(device, clock)
-        tick(device, clock)
-        assert moves(bench)
+        set_off(device, bench, clock)
         clock.pass_time(4 * HEARTBEAT)
         assert until(lambda: {drive.state for drive in bench.drives.values()} == {"quick stop active"})
         assert at_rest(bench)
@@ -168,9 +154,7 @@ def deaf(device: CanOpenDevice) -> Deaf:
 
 def test_a_stop_reaches_the_drives_that_it_can_reach(inst: Instrument) -> None:
     with served(inst, kind=Deaf) as (device, bench, clock):
-        tick(device, clock)
-        tick(device, clock)
-        assert moves(bench)
+        set_off(device, bench, clock)
         deaf(device).refused = 0x200 + AGONIST
         with refused("bus", kind=DeviceError):
             device.write(np.full((1, 2), SPEED))
@@ -182,9 +166,7 @@ def test_a_stop_reaches_the_drives_that_it_can_reach(inst: Instrument) -> None:
 
 def test_a_drive_whose_commands_are_lost_stops_all_motors(inst: Instrument) -> None:
     with served(inst, kind=Deaf) as (device, bench, clock):
-        tick(device, clock)
-        tick(device, clock)
-        assert moves(bench)
+        set_off(device, bench, clock)
         deaf(device).lost = 0x200 + ANTAGONIST
         with refused("node", 2, kind=DeviceError):
             for _ in range(20):
@@ -204,9 +186,7 @@ def test_what_fails_at_the_end_of_opening_leaves_nothing_open(inst: Instrument) 
         deaf(device).refused = -1
         deaf(device).prompt = False
         with reopened(device):
-            tick(device, clock)
-            tick(device, clock)
-            assert moves(bench)
+            set_off(device, bench, clock)
 
 
 class Babbling(Prompt):

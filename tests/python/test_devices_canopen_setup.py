@@ -28,6 +28,7 @@ from .can_bench import (
     moves,
     reopened,
     served,
+    set_off,
     table,
     tick,
 )
@@ -69,9 +70,7 @@ def test_an_emergency_that_is_over_stops_nobody(inst: Instrument) -> None:
     with served(inst) as (device, bench, clock):
         tick(device, clock)
         bench.drives[AGONIST].emergency(0)
-        tick(device, clock)
-        tick(device, clock)
-        assert moves(bench)
+        set_off(device, bench, clock)
 
 
 def test_a_fault_at_the_start_is_reset_once(inst: Instrument) -> None:
@@ -135,9 +134,7 @@ def test_an_older_drive_takes_its_position_for_zero_by_the_older_method(inst: In
 
 def test_a_bench_that_another_program_serves_is_left_alone(inst: Instrument) -> None:
     with served(inst) as (device, bench, clock):
-        tick(device, clock)
-        tick(device, clock)
-        assert moves(bench)
+        set_off(device, bench, clock)
         logs = [list(drive.log) for drive in bench.drives.values()]
         other = can.Bus(interface="virtual", channel=device._settings.channel)
         beat = other.send_periodic(can.Message(arbitration_id=0x77F, data=[5], is_extended_id=False), HEARTBEAT)

@@ -21,13 +21,7 @@ from .conftest import ROOT
 
 FILES = (*JOINT_TYPES.values(), FullForm, Protocol, CatalogueFile, Tolerances)
 
-DRAWN = (
-    "docs/picture.svg",
-    "docs/dimensions.svg",
-    "docs/conventions.svg",
-    "docs/routing.svg",
-    "docs/posture.svg",
-)
+DRAWN = ("docs/picture.svg", "docs/dimensions.svg", "docs/conventions.svg", "docs/routing.svg", "docs/posture.svg")
 
 
 @pytest.fixture

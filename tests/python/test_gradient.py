@@ -17,10 +17,7 @@ CASES: list[tuple[str, dict[str, Any]]] = [
     ("flexural_stiffness", {"output_angle": 0.6}),
     ("loss_of_dexterity", {"output_angle": 0.6, "force": 0.9}),
     ("slack_force", {"output_angle": 0.6}),
-    (
-        "estimate_output_angle",
-        {"handle_angle": 0.35, "agonist": 38.0, "antagonist": 21.0, "wound": (1e-4, 0.0)},
-    ),
+    ("estimate_output_angle", {"handle_angle": 0.35, "agonist": 38.0, "antagonist": 21.0, "wound": (1e-4, 0.0)}),
     ("estimate_output_angle", {"handle_angle": 0.35, "agonist": 75.0, "antagonist": 0.2, "slack_below": 1.0}),
     ("compensation_stroke", {"agonist": 38.0, "antagonist": 21.0, "actuation": "agonist"}),
     ("compensation_stroke", {"agonist": 90.0, "antagonist": 0.0, "actuation": "differential"}),
@@ -84,14 +81,7 @@ def test_a_given_stiffness_is_a_parameter_and_a_derived_one_is_not(real: Instrum
 
 
 def test_many_directions_at_once_equal_one_at_a_time(real: Instrument) -> None:
-    keys = [
-        "pretension",
-        "tendon_modulus",
-        "distal_gear_radius",
-        "proximal_gear_radius",
-        "force",
-        "handle_angle",
-    ]
+    keys = ["pretension", "tendon_modulus", "distal_gear_radius", "proximal_gear_radius", "force", "handle_angle"]
     handle = np.linspace(-0.3, 0.5, 700)
     together = tn.statics.gradient(tn.statics.tensions, real, handle, 2.2, wrt=keys)
     for key in keys:

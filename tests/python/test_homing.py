@@ -207,10 +207,7 @@ def test_a_tendon_that_breaks_during_homing_ends_it_at_once(name: str, after: fl
 @pytest.mark.parametrize("name", INSTRUMENTS)
 @pytest.mark.parametrize(
     "jam",
-    [
-        {"friction.sheath_coefficient": 3.0, "friction.sheath_bend": np.pi},
-        {"mismatch.stiffness_ratio": 10.0},
-    ],
+    [{"friction.sheath_coefficient": 3.0, "friction.sheath_bend": np.pi}, {"mismatch.stiffness_ratio": 10.0}],
     ids=["nothing passes the sheath", "ten times too stiff"],
 )
 def test_a_jammed_tendon_ends_homing_before_its_tension_grows(name: str, jam: dict[str, float]) -> None:

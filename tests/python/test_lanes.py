@@ -44,11 +44,7 @@ def advanced(inst: Instrument, most_lanes: int, rows: Array, quasi_static: bool,
 
 
 @pytest.mark.parametrize("quasi_static", [False, True], ids=["in motion", "quasi-static"])
-@pytest.mark.parametrize(
-    "changes",
-    [{}, {"dynamics.hand_stiffness": 2.0}],
-    ids=["handle held", "a hand that yields"],
-)
+@pytest.mark.parametrize("changes", [{}, {"dynamics.hand_stiffness": 2.0}], ids=["handle held", "a hand that yields"])
 def test_as_many_lanes_as_there_are_change_no_bit(
     any_inst: Instrument, changes: dict[str, Any], quasi_static: bool
 ) -> None:

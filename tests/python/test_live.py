@@ -48,6 +48,12 @@ def looped(folder, inst=INST, device=None, **choices):
     return commanded(LiveLoop(inst, folder, Choices(**{"real_time": False} | choices), device=device), folder)
 
 
+@pytest.fixture
+def live(tmp_path):
+    """A loop and a reader of its ticks."""
+    return looped(tmp_path), Reader(tmp_path)
+
+
 def states(reader):
     """Operating states in the rows that have come."""
     return {OperatingState(int(state)) for state in np.nan_to_num(reader.read(100_000)[0].operating_state)}
@@ -71,9 +77,7 @@ def test_a_live_loop_does_what_a_run_with_the_controller_does_bit_for_bit(tmp_pa
     loop.core.run_ticks(4000)
     live, lost = reader.read(5000)
     run = Twin(inst, seed=3).run(
-        handle if axes == ("yaw",) else each["h"],
-        force if axes == ("yaw",) else each["f"],
-        controller=Controller(inst),
+        handle if axes == ("yaw",) else each["h"], force if axes == ("yaw",) else each["f"], controller=Controller(inst)
     )
     assert lost == 0
     # The loop counts nanoseconds.
@@ -114,9 +118,8 @@ def test_the_queue_of_played_ticks_tells_how_many_fitted_and_is_left_out_on_dema
     assert (run.commanded_handle_angle == 0).all()
 
 
-def test_a_hand_that_follows_a_slider_is_no_faster_than_a_hand_and_arrives(tmp_path):
-    loop = looped(tmp_path)
-    reader = Reader(tmp_path)
+def test_a_hand_that_follows_a_slider_is_no_faster_than_a_hand_and_arrives(live):
+    loop, reader = live
     loop.hand([0.5])
     loop.core.run_ticks(3000)
     angle = reader.read(4000)[0].commanded_handle_angle
@@ -125,9 +128,8 @@ def test_a_hand_that_follows_a_slider_is_no_faster_than_a_hand_and_arrives(tmp_p
     assert angle.max() < 0.5 * 1.001
 
 
-def test_a_stop_sends_nothing_but_zero_from_its_tick_on_until_it_is_set_free(tmp_path):
-    loop = looped(tmp_path)
-    reader = Reader(tmp_path)
+def test_a_stop_sends_nothing_but_zero_from_its_tick_on_until_it_is_set_free(live):
+    loop, reader = live
     handle, force = commands(2000)
     loop.push(loop.commands.row({"handle_angle": handle, "force": force}, len(handle)))
     loop.request("enable")
@@ -146,9 +148,8 @@ def test_a_stop_sends_nothing_but_zero_from_its_tick_on_until_it_is_set_free(tmp
 
 
 @pytest.mark.parametrize("again", [False, True])
-def test_after_a_stop_the_motors_stand_and_then_return_unless_it_is_pressed_once_more(tmp_path, again):
-    loop = looped(tmp_path)
-    reader = Reader(tmp_path)
+def test_after_a_stop_the_motors_stand_and_then_return_unless_it_is_pressed_once_more(live, again):
+    loop, reader = live
     handle, force = commands(2000)
     loop.push(loop.commands.row({"handle_angle": handle, "force": force}, len(handle)))
     loop.request("enable")
@@ -166,9 +167,8 @@ def test_after_a_stop_the_motors_stand_and_then_return_unless_it_is_pressed_once
     assert abs(loop.core.wound(0)) == pytest.approx(abs(wound) if again else 0, abs=np.radians(0.3))
 
 
-def test_a_lease_that_runs_out_pauses_within_the_loop_whatever_python_does(tmp_path):
-    loop = looped(tmp_path)
-    reader = Reader(tmp_path)
+def test_a_lease_that_runs_out_pauses_within_the_loop_whatever_python_does(live):
+    loop, reader = live
     loop.request("enable")
     loop.core.lease(60)
     loop.start()
@@ -180,9 +180,8 @@ def test_a_lease_that_runs_out_pauses_within_the_loop_whatever_python_does(tmp_p
     assert loop.problem == PROBLEMS[4]
 
 
-def test_nothing_sets_motors_free_once_the_operator_has_gone(tmp_path):
-    loop = looped(tmp_path)
-    reader = Reader(tmp_path)
+def test_nothing_sets_motors_free_once_the_operator_has_gone(live):
+    loop, reader = live
     loop.core.lease(60)
     loop.request("enable")
     loop.core.run_ticks(10)
@@ -199,9 +198,8 @@ def test_nothing_sets_motors_free_once_the_operator_has_gone(tmp_path):
     assert reader.read()[0].operating_state[-1] == OperatingState.PAUSED
 
 
-def test_a_stop_is_taken_when_no_other_order_is(tmp_path):
-    loop = looped(tmp_path)
-    reader = Reader(tmp_path)
+def test_a_stop_is_taken_when_no_other_order_is(live):
+    loop, reader = live
     loop.request("enable")
     loop.core.run_ticks(10)
     with contextlib.suppress(LiveError):
@@ -212,9 +210,8 @@ def test_a_stop_is_taken_when_no_other_order_is(tmp_path):
     assert reader.read()[0].operating_state[-1] == OperatingState.PAUSED
 
 
-def test_a_request_is_not_lost_in_a_tick_that_the_controller_does_not_get(tmp_path):
-    loop = looped(tmp_path)
-    reader = Reader(tmp_path)
+def test_a_request_is_not_lost_in_a_tick_that_the_controller_does_not_get(live):
+    loop, reader = live
     loop.request("enable")
     loop.core.run_ticks(10)
     loop.inject_fault("tick", "hold", 0, 1.5 * loop.period)
@@ -224,9 +221,8 @@ def test_a_request_is_not_lost_in_a_tick_that_the_controller_does_not_get(tmp_pa
     assert OperatingState.PAUSED in run.operating_state
 
 
-def test_a_disable_is_not_weakened_by_a_pause_and_many_requests_end_in_the_last(tmp_path):
-    loop = looped(tmp_path)
-    reader = Reader(tmp_path)
+def test_a_disable_is_not_weakened_by_a_pause_and_many_requests_end_in_the_last(live):
+    loop, reader = live
     loop.request("enable")
     loop.core.run_ticks(10)
     loop.request("disable")
@@ -241,9 +237,8 @@ def test_a_disable_is_not_weakened_by_a_pause_and_many_requests_end_in_the_last(
     assert reader.read()[0].operating_state[-1] == OperatingState.ENABLED
 
 
-def test_a_load_that_the_tip_cannot_hold_is_not_taken_and_said(tmp_path):
-    loop = looped(tmp_path)
-    reader = Reader(tmp_path)
+def test_a_load_that_the_tip_cannot_hold_is_not_taken_and_said(live):
+    loop, reader = live
     loop.core.run_ticks(10)
     loop.force([90.0])
     loop.core.run_ticks(2000)
@@ -252,9 +247,8 @@ def test_a_load_that_the_tip_cannot_hold_is_not_taken_and_said(tmp_path):
     assert len(run) == 2010
 
 
-def test_a_signal_spoilt_on_purpose_is_the_fault_it_stands_for(tmp_path):
-    loop = looped(tmp_path)
-    reader = Reader(tmp_path)
+def test_a_signal_spoilt_on_purpose_is_the_fault_it_stands_for(live):
+    loop, reader = live
     loop.request("enable")
     loop.core.run_ticks(200)
     loop.inject_fault("tension.agonist", "set", float("nan"), 0.5)
@@ -294,9 +288,8 @@ def test_more_orders_than_the_queue_holds_are_refused_and_said(tmp_path):
             loop.force([0.5])
 
 
-def test_the_law_can_be_changed_on_the_way(tmp_path):
-    loop = looped(tmp_path)
-    reader = Reader(tmp_path)
+def test_the_law_can_be_changed_on_the_way(live):
+    loop, reader = live
     loop.choose("off", "differential")
     loop.request("enable")
     handle, force = commands(1000)

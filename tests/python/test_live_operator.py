@@ -25,28 +25,18 @@ from tenodesis.live.server import Server
 from tenodesis.live.ticks import Reader
 from tenodesis.recording import Recording
 
+from . import test_live_server
 from .conftest import refused
 from .test_live import looped, until
 from .test_live_server import operating
 
 pytestmark = pytest.mark.process
+served = test_live_server.served
 
 RAMP = tn.simulate.parse(
     'name = "turn"\n[[phases]]\nkind = "ramp"\nhandle_angle = "20 deg"\nduration = "1 s"\n'
     '[[phases]]\nkind = "hold"\nduration = "20 s"\n'
 )
-
-
-@pytest.fixture
-def served(tmp_path, monkeypatch):
-    # A busy machine may hold an operator's heartbeat up for longer than a second.
-    monkeypatch.setattr(leases, "SECONDS", 10.0)
-    folder = tmp_path / "run"
-    folder.mkdir(mode=0o700)
-    server = Server(looped(folder), tmp_path / "recordings")
-    server.start()
-    yield folder, server
-    server.finish()
 
 
 def events(folder):

@@ -4,7 +4,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from tenodesis.live.loop import Choices
 from tenodesis.live.runtime_process import RuntimeProcess
 
 from .conftest import refused
+from .test_live import until
 
 UNRUNNABLE = [
     ("dynamics.tip_inertia", "1e-7 kg*m^2"),
@@ -89,13 +90,6 @@ def enabled(host: Host) -> HostConnection:
     link.request("enable")
     until(lambda: link.status().state == "ENABLED")
     return link
-
-
-def until(happens: Callable[[], bool], seconds: float = 10.0) -> None:
-    end = time.monotonic() + seconds
-    while not happens():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.02)
 
 
 @pytest.mark.process

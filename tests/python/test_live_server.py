@@ -35,9 +35,8 @@ def served(tmp_path, monkeypatch):
     # A busy machine may hold an operator's heartbeat up for longer than a second.
     monkeypatch.setattr(leases, "SECONDS", 10.0)
     folder = tmp_path / "run"
-    folder.mkdir()
-    loop = looped(folder)
-    server = Server(loop, tmp_path / "recordings")
+    folder.mkdir(mode=0o700)
+    server = Server(looped(folder), tmp_path / "recordings")
     server.start()
     yield folder, server
     server.finish()

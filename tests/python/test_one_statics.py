@@ -18,25 +18,14 @@ SPRUNG = """
 name = "two joints under one tendon"
 pretension = "5 N"
 tendon_stiffness = "1e6 N/m"
-
-[[joints]]
-name = "near"
-mechanism = "pulley"
-axis = "yaw"
-radius = "5 mm"
-stiffness = "0.3 N*m/rad"
-
-[[joints]]
-name = "far"
-mechanism = "pulley"
-axis = "yaw"
-radius = "5 mm"
-stiffness = "0.1 N*m/rad"
-end_effector_length = "10 mm"
-
-[[tendons]]
-name = "pull"
-route = [{joint = "near", side = "agonist"}, {joint = "far", side = "agonist"}]
+joints = [
+  { name = "near", mechanism = "pulley", axis = "yaw", radius = "5 mm", stiffness = "0.3 N*m/rad" },
+  { name = "far", mechanism = "pulley", axis = "yaw", radius = "5 mm", stiffness = "0.1 N*m/rad", \
+    end_effector_length = "10 mm" },
+]
+tendons = [
+  { name = "pull", route = [{ joint = "near", side = "agonist" }, { joint = "far", side = "agonist" }] },
+]
 """
 
 

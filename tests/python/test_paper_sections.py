@@ -83,10 +83,7 @@ UNUSUAL: dict[str, tuple[tuple[str, str], tuple[object, ...]]] = {
         ('"0.5 N", "1 N", "2 N", "3 N"', '"20 N", "500 N"'),
         (tables_1_2_scale_model, cycles, step_load, *COMPENSATED),
     ),
-    "loads of next to nothing": (
-        ('"0.5 N", "1 N", "2 N", "3 N"', '"2 uN"'),
-        (workspace, cycles, compensated_step),
-    ),
+    "loads of next to nothing": (('"0.5 N", "1 N", "2 N", "3 N"', '"2 uN"'), (workspace, cycles, compensated_step)),
     "loads that are nearly the same": (
         ('"0.5 N", "1 N", "2 N", "3 N"', '"1 N", "1.0000001 N"'),
         (cycles, compensated_cycles),
@@ -96,10 +93,7 @@ UNUSUAL: dict[str, tuple[tuple[str, str], tuple[object, ...]]] = {
         (cycles,),
     ),
     "no loads": (('forces = ["0.5 N", "1 N", "2 N", "3 N"]', ""), (workspace, tables_1_2_scale_model, cycles)),
-    "one held state": (
-        ("[conditions]", '[conditions]\noutput_angles = ["30 deg"]'),
-        (step_load, compensated_step),
-    ),
+    "one held state": (("[conditions]", '[conditions]\noutput_angles = ["30 deg"]'), (step_load, compensated_step)),
     "held states next to each other": (
         ("[conditions]", '[conditions]\noutput_angles = ["30 deg", "30.2 deg"]'),
         (step_load, compensated_step),

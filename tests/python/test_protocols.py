@@ -110,10 +110,7 @@ def test_a_protocol_from_toml_and_from_python_asks_for_the_same(scaled: Instrume
             Motion(file=motion_file, angle_unit="deg", scale=-1.0, offset="2 deg"),
         ],
     )
-    same(
-        simulate.parse(text, folder=motion_file.parent).commands(scaled, DT),
-        python.commands(scaled, DT),
-    )
+    same(simulate.parse(text, folder=motion_file.parent).commands(scaled, DT), python.commands(scaled, DT))
 
 
 def test_a_recording_is_found_beside_the_protocol_file(scaled: Instrument, motion_file: Path) -> None:
@@ -329,10 +326,7 @@ def test_a_wrench_is_the_forces_that_its_components_are(real: Instrument) -> Non
         Ramp(axis="yaw", force=-0.5, radial_force=0.2, duration=0.1),
         Ramp(axis="pitch", force=0.3, radial_force=0.2, duration=0.1),
     )
-    by_component = (
-        Ramp(wrench=Wrench(fx=0.5), duration=0.1),
-        Ramp(wrench=Wrench(fy=-0.3, fz=0.2), duration=0.1),
-    )
+    by_component = (Ramp(wrench=Wrench(fx=0.5), duration=0.1), Ramp(wrench=Wrench(fy=-0.3, fz=0.2), duration=0.1))
     one, other = (Protocol(name="p", phases=phases).commands(real, DT) for phases in (by_axis, by_component))
     for name in ("force", "radial_force"):
         np.testing.assert_array_equal(one[name][-1], other[name][-1])

@@ -142,10 +142,7 @@ force = "-1 N"
 
 def test_a_file_with_chirp_and_load_steps_is_the_protocol_written_in_python(scaled: Instrument) -> None:
     read = simulate.parse(TEXT)
-    steps = (
-        LoadStep(after=1, force=1, duration=0.5),
-        LoadStep(after=2, moment=0.05, rise=0.05, duration=1),
-    )
+    steps = (LoadStep(after=1, force=1, duration=0.5), LoadStep(after=2, moment=0.05, rise=0.05, duration=1))
     chirp = Chirp(
         amplitude=10 * DEG,
         start_frequency=0.5,

@@ -23,12 +23,13 @@ from tenodesis.recording.metadata import CONTROLLER_INSTRUMENT, restored_control
 from tenodesis.recording.replay import replay
 from tenodesis.recording.simulation import record
 from tenodesis.recording.summary import describe, facts, outcome, tip_error
-from tenodesis.run import CONTROL, Run
-from tenodesis.simulate import Cycles, FaultInjection, Hold, Pretension, Protocol, Ramp, StepLoad
+from tenodesis.run import CONTROL
+from tenodesis.simulate import Cycles, Hold, Pretension, Protocol, Ramp, StepLoad
 from tenodesis.twin import Twin
 
 from .conftest import EXAMPLES, refused
 from .recording_samples import bits
+from .test_protocols_control import Stuck
 
 PROTOCOL = Protocol(
     name="short",
@@ -269,13 +270,6 @@ def test_without_a_controller_the_summary_has_what_the_load_took(scaled: Instrum
     assert slack.startswith("yaw_antagonist for ")
     rounded = replace(run, distal_tension=np.where([True, False], 4e-15, run["distal_tension"]))
     assert outcome(rounded, scaled)["slack"].startswith("yaw_agonist for ")
-
-
-class Stuck(Twin):
-    def run(self, *arguments: Any, **commands: Any) -> Run:
-        return super().run(
-            *arguments, **commands, fault_injection=[FaultInjection("tension.agonist", "hold", start=0.5)]
-        )
 
 
 def test_faults_are_named_with_their_first_time(scaled: Instrument) -> None:

@@ -221,11 +221,7 @@ def test_a_benchs_recording_is_compared_by_its_sensors(scaled: Instrument, tmp_p
         ({}, {"seed": "many"}, "metadata seed = 'many': it must be a number"),
         ({}, {"time_step": "nan"}, "time_step is nan"),
         ({"commanded_handle_angle": np.array([0.0, 2.0, 0.0])}, {}, "the handle's range"),
-        (
-            Names.paired(["pitch"])._asdict(),
-            {},
-            "has the joints pitch, scaled-up yaw; the instr.*same",
-        ),
+        (Names.paired(["pitch"])._asdict(), {}, "has the joints pitch, scaled-up yaw; the instr.*same"),
     ],
 )
 def test_what_cannot_be_replayed_is_refused(

@@ -13,14 +13,7 @@ from tenodesis.cli import vertices as command
 from tenodesis.errors import CommandError, InstrumentError, StudyError
 from tenodesis.instrument import Instrument
 from tenodesis.paper import rounder_vertices as rounder
-from tenodesis.paper.rounder_vertices import (
-    METAL,
-    PLASTIC,
-    SPRINGY,
-    VertexDesign,
-    VertexRope,
-    VertexStudy,
-)
+from tenodesis.paper.rounder_vertices import METAL, PLASTIC, SPRINGY, VertexDesign, VertexRope, VertexStudy
 
 from .conftest import EXAMPLES, refused
 

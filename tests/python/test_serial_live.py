@@ -6,10 +6,9 @@ import os
 import signal
 import socket
 import struct
-import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
@@ -157,10 +156,7 @@ def test_a_board_with_sensors_is_followed_and_does_what_it_is_asked(tmp_path: Pa
 def test_a_board_that_is_killed_is_a_fault_and_the_loop_does_not_run_in_circles(
     tmp_path: Path, streaming: Instrument
 ) -> None:
-    with (
-        sb.qemu(tmp_path) as (address, board),
-        looped(streaming, tmp_path / "live", address) as (loop, reader),
-    ):
+    with sb.qemu(tmp_path) as (address, board), looped(streaming, tmp_path / "live", address) as (loop, reader):
         loop.start()
         comes_to(loop, reader, "home", ENABLED)
         board.kill()
@@ -179,10 +175,7 @@ def test_a_board_that_is_killed_is_a_fault_and_the_loop_does_not_run_in_circles(
 
 
 def test_a_board_that_hangs_rests_and_goes_on_once_it_is_cleared(tmp_path: Path, streaming: Instrument) -> None:
-    with (
-        sb.qemu(tmp_path) as (address, board),
-        looped(streaming, tmp_path / "live", address) as (loop, reader),
-    ):
+    with sb.qemu(tmp_path) as (address, board), looped(streaming, tmp_path / "live", address) as (loop, reader):
         loop.start()
         comes_to(loop, reader, "home", ENABLED)
         os.kill(board.pid, signal.SIGSTOP)
@@ -238,13 +231,8 @@ class StreamingBoard:
         self.heard: list[tuple[float, Frame]] = []
         self.lied_at = float("inf")
 
-    @contextmanager
-    def served(self) -> Iterator[str]:
-        with socket.create_server(("127.0.0.1", 0)) as server:
-            thread = threading.Thread(target=self._serve, args=(server,), daemon=True)
-            thread.start()
-            yield f"socket://127.0.0.1:{server.getsockname()[1]}"
-        thread.join(5)
+    def served(self) -> AbstractContextManager[str]:
+        return sb.behind(self._serve)
 
     def _serve(self, server: socket.socket) -> None:
         with suppress(OSError):
@@ -298,10 +286,7 @@ def _rest(keep: Frame) -> int:
 
 
 LIES: dict[str, tuple[str, Callable[[Streamed, int, int], bytes]]] = {
-    "not a number": (
-        "not_a_number",
-        lambda t, s, n: t._replace(velocity=(float("nan"), 0.0)).frame(s, n).encoded(),
-    ),
+    "not a number": ("not_a_number", lambda t, s, n: t._replace(velocity=(float("nan"), 0.0)).frame(s, n).encoded()),
     "too fast": ("beyond_limit", lambda t, s, n: t._replace(velocity=(0.0, -1e3)).frame(s, n).encoded()),
     "no state": ("bad_answer", lambda t, s, n: t._replace(state=4).frame(s, n).encoded()),
     "the past": ("wrong_tick", lambda t, s, n: t._replace(time=5_000_000).frame(s, n).encoded()),
@@ -350,10 +335,7 @@ def test_a_board_that_measures_nothing_is_refused(tmp_path: Path, scaled: Instru
             return None
         return [Frame(sb.REFUSED, frame.session, frame.sequence, struct.pack("<2I", 7, 0)).encoded()]
 
-    with (
-        sb.served(sb.FakeBoard(reply)) as address,
-        refused("port", kind=DeviceError, allowed="sensors of its own"),
-    ):
+    with sb.served(sb.FakeBoard(reply)) as address, refused("port", kind=DeviceError, allowed="sensors of its own"):
         LiveLoop(with_board(scaled, "board"), tmp_path, Choices(device="serial", address=address))
 
 

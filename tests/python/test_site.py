@@ -37,10 +37,7 @@ def test_a_broken_link_and_a_foreign_script_are_found(site: Path, check_site: An
     foreign = '<script src="https://example.org/a.js"></script>'
     page.write_text(page.read_text("utf-8") + broken + foreign, "utf-8")
     (site / "style.css").write_text("a { background: url(//example.org/a.png) }", "utf-8")
-    assert check_site.broken_links(site) == [
-        "sub/other.html: ../index.html#nowhere",
-        "sub/other.html: nowhere.html",
-    ]
+    assert check_site.broken_links(site) == ["sub/other.html: ../index.html#nowhere", "sub/other.html: nowhere.html"]
     assert check_site.outside_requests(site) == [
         "style.css: //example.org/a.png",
         "sub/other.html: https://example.org/a.js",

@@ -32,12 +32,7 @@ def stiff(continuum: Continuum) -> Continuum:
         pretension="15 N",
         handle_range="62 deg",
         output_range="60 deg",
-        friction={
-            "law": "capstan",
-            "vertex_coefficient": 0.1,
-            "sheath_coefficient": 0.1,
-            "sheath_bend": "10 deg",
-        },
+        friction={"law": "capstan", "vertex_coefficient": 0.1, "sheath_coefficient": 0.1, "sheath_bend": "10 deg"},
         dynamics={"tip_inertia": "5.48e-06 kg*m^2"},
         drives={"spool_radius": "5 mm", "motor_speed": "1200 deg/s"},
         sensors={"load_cell_range": "100 N"},

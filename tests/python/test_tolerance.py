@@ -324,10 +324,7 @@ def test_the_example_is_a_tolerance_file_of_the_paper_s_pair(real: Instrument, s
 @pytest.mark.parametrize(
     ("row", "message"),
     [
-        (
-            'no_such_key|uniform|"1 mm"',
-            "no_such_key is not a known key of scaled-up; keys .* are .*overall_length",
-        ),
+        ('no_such_key|uniform|"1 mm"', "no_such_key is not a known key of scaled-up; keys .* are .*overall_length"),
         ('joint_type|uniform|"1 mm"', "joint_type of scaled-up is 'tendon-gear', not a number"),
         ('friction|uniform|"1 mm"', "friction of scaled-up is not a number"),
         ('conditions.forces|uniform|"1 N"', "conditions.forces of scaled-up is not a number"),
@@ -345,10 +342,7 @@ def test_the_example_is_a_tolerance_file_of_the_paper_s_pair(real: Instrument, s
             r"a normal distribution about 0.1 with a standard_deviation of 0.05 exceeds the bounds of an instrument "
             r"file \(from 0 to 3\) with a probability of 2.3 %",
         ),
-        (
-            'distal_gear_radius|uniform|"10 mm"',
-            "exceeds the bounds .* with a probability of 13 %",
-        ),
+        ('distal_gear_radius|uniform|"10 mm"', "exceeds the bounds .* with a probability of 13 %"),
     ],
 )
 def test_a_tolerance_that_cannot_be_is_refused_in_one_sentence(

@@ -24,6 +24,7 @@ from tenodesis.twin import Twin
 
 from .conftest import refused
 from .recording_samples import bits
+from .similar import geometrically_scaled
 
 LIMIT = 0.3
 """Root mean square difference over a hysteresis cycle that a round trip may have, deg."""
@@ -50,19 +51,6 @@ def directly(inst: Instrument, run: Run, time_step: float = 5e-4) -> tuple[Run, 
     time = np.arange(1, int(run.time[-1] / time_step)) * time_step
     commands = [np.interp(time, run.time, run[name]) for name in ("commanded_handle_angle", "force")]
     return Twin(inst, time_step=time_step).run(*commands), time
-
-
-def geometrically(inst: Instrument, s: float) -> Instrument:
-    """Return an instrument with every length times s, time with it, of the same material."""
-    changes: dict[str, Any] = {}
-    for key, value, quantity in inst.quantities():
-        power = {"m": 1, "N": 2, "N*m^2": 4}.get(quantity.unit, 0)
-        if key != "tendon_stiffness" and power:
-            changes[key] = value * s**power
-    if inst.dynamics.tip_inertia is not None:
-        changes |= {"dynamics.tip_inertia": inst.dynamics.tip_inertia * s**5}
-    changes |= {"drives.spool_radius": inst.drives.spool_radius * s}
-    return inst.replace(**changes)
 
 
 @pytest.fixture(scope="module")
@@ -92,11 +80,7 @@ def log(ideal: TendonGear, tmp_path_factory: pytest.TempPathFactory) -> Recordin
     ids=lambda value: "paper's" if value is None else str(value),
 )
 def test_the_bench_predicts_what_the_real_instrument_does(
-    real_size: TendonGear,
-    ideal: TendonGear,
-    tmp_path: Path,
-    force: float,
-    end_effector: float | None,
+    real_size: TendonGear, ideal: TendonGear, tmp_path: Path, force: float, end_effector: float | None
 ) -> None:
     """Hysteresis loops of the large one under the forces of Fig. 14, carried over, are the small one's."""
     scaled_up = ideal if end_effector is None else ideal.replace(end_effector_length=end_effector)
@@ -137,7 +121,7 @@ def test_ropes_softer_than_their_file_says_are_accounted_for(
 
 def test_there_and_back_is_where_it_began(any_inst: Instrument, tmp_path: Path) -> None:
     small = any_inst.axis(any_inst.axes[0]).replace(mismatch=None)
-    large = geometrically(small, 2.5)
+    large = geometrically_scaled(small, 2.5)
     log = recorded(tmp_path / "log.mcap", large, cycles(0.2, "200 deg/s", "20 deg"), quasi_static=True)
     carried = carry(log, small)
     assert carried.factors[small.axes[0]]["force"] == pytest.approx(2.5**2)

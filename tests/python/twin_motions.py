@@ -17,6 +17,15 @@ LAWS: dict[str, dict[str, Any]] = {
     "stribeck": {"law": "stribeck", "constant": 0.2, "static_ratio": 1.5},
     "viscous": {"law": "capstan", "viscous": 20.0},
 }
+SHARES = {"handle": 0.3, "handle_joint": 0.05, "tip_joint": 0.04, "anchor": 0.1}
+AS_BUILT: dict[str, dict[str, Any]] = {
+    "two vertices": {"vertices_per_joint": 2},
+    "two vertices, four contacts": {"vertices_per_joint": 2, "sheath_contacts": 4},
+    "base wrap": {"base_wrap": 0.2},
+    "shares": {"vertices_per_joint": 2} | {f"{place}_compliance_share": share for place, share in SHARES.items()},
+    "power": {"law": "capstan-power", "load_index": 0.7, "vertex_radius": 5e-4},
+    "bending": {"vertices_per_joint": 2, "vertex_radius": 2e-3, "tendon_bending_stiffness": 2e-6},
+}
 QUIET = {"sensors.encoder_noise": 0.0, "sensors.load_cell_noise": 0.0}
 
 
@@ -30,8 +39,9 @@ def smooth(inst: Instrument) -> Instrument:
 
 
 def with_friction(inst: Instrument, law: str = "capstan", **friction: Any) -> Instrument:
-    """The first axis with friction at all contacts."""
-    table = {"vertex_coefficient": 0.3, "sheath_coefficient": 0.15, "sheath_bend": 1.0} | LAWS[law] | friction
+    """The first axis with friction at all contacts, by a law or as built."""
+    rough = {"law": "capstan", "vertex_coefficient": 0.3, "sheath_coefficient": 0.15, "sheath_bend": 1.0}
+    table = rough | (LAWS | AS_BUILT)[law] | friction
     return smooth(inst).replace(**{f"friction.{key}": value for key, value in table.items()})
 
 

@@ -122,10 +122,7 @@ def backbone_parts(tip: Backbone, end: End, sizes: Sizes) -> list[Part]:
             _plate(tip, end, sizes),
             end.far,
             (k.at(turn=FLIP),),
-            dimensions=(
-                offset,
-                *far_dimensions(end, sizes, -end.far_collar - tip.collar),
-            ),
+            dimensions=(offset, *far_dimensions(end, sizes, -end.far_collar - tip.collar)),
             away=(0, 0, out),
         ),
         Part(

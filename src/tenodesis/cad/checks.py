@@ -322,9 +322,7 @@ def agreement(model: Model, count: int = ANGLES) -> Agreement:
         if one.joint.end_effector_length is not None
     ]
     return Agreement(
-        len(chosen),
-        float(np.nanmax(np.abs(ways + strokes - stretch))),
-        float(np.linalg.norm(off, axis=-1).max()),
+        len(chosen), float(np.nanmax(np.abs(ways + strokes - stretch))), float(np.linalg.norm(off, axis=-1).max())
     )
 
 

@@ -152,13 +152,7 @@ def check_lever(  # noqa: PLR0917
 
 
 def lever_parts(  # noqa: PLR0917
-    gear: GearJoint,
-    gear_end: End,
-    lever: Lever,
-    end: End,
-    sizes: Sizes,
-    place: tuple[float, float],
-    across: float,
+    gear: GearJoint, gear_end: End, lever: Lever, end: End, sizes: Sizes, place: tuple[float, float], across: float
 ) -> list[Part]:
     """Return the parts of a lever on the last gear pair, whose far half has its fork.
 
@@ -226,13 +220,7 @@ def lever_parts(  # noqa: PLR0917
 
 
 def _carrier(  # noqa: PLR0917
-    gear: GearJoint,
-    gear_end: End,
-    lever: Lever,
-    end: End,
-    sizes: Sizes,
-    way: tuple[float, float],
-    across: float,
+    gear: GearJoint, gear_end: End, lever: Lever, end: End, sizes: Sizes, way: tuple[float, float], across: float
 ) -> Part:
     """Return the far half of the gear pair with the fork of the lever, and the fixed jaw or the grip's socket."""
     body, bottom = far_half(gear, gear_end, sizes, gear_end.far_collar)

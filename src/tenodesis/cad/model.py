@@ -646,12 +646,7 @@ def _stem_diameter(full: FullForm) -> float:
 
 
 def _ends(  # noqa: PLR0917
-    inst: Instrument,
-    full: FullForm,
-    sizes: Sizes,
-    seat: float,
-    found: list[tuple[Joint, AnyJoint]],
-    ways: Ways,
+    inst: Instrument, full: FullForm, sizes: Sizes, seat: float, found: list[tuple[Joint, AnyJoint]], ways: Ways
 ) -> list[End]:
     tips, hands = ([one for one in found if one[0].place == place] for place in ("tip", "handle"))
     first, tip = tips[0]
@@ -870,11 +865,5 @@ def _rig(full: FullForm, tips: tuple[Station, ...], turn: float) -> Rig | None:
             half = max(half, joint.outer + joint.pulley.pin if across else joint.length)
     cable = full.conditions.cable_pulley_radius or _CABLE_RADIUS
     return Rig(
-        pivots[0],
-        k.MM * cable,
-        float(distances.min()),
-        float(distances.max()),
-        half + 3.0,
-        turn,
-        tuple(pivots[1:]),
+        pivots[0], k.MM * cable, float(distances.min()), float(distances.max()), half + 3.0, turn, tuple(pivots[1:])
     )

@@ -313,11 +313,7 @@ def _summary(model: Model, found: Checks) -> dict[str, Any]:
         "process": model.process.name,
         "tip_inertia": found.tip_inertia,
         "bodies": {
-            name: {
-                "mass": one.mass,
-                "centre": one.centre.tolist(),
-                "inertia_about_centre": one.about_centre.tolist(),
-            }
+            name: {"mass": one.mass, "centre": one.centre.tolist(), "inertia_about_centre": one.about_centre.tolist()}
             for name, one in inertias(model).items()
         },
         "rig_axes": [] if model.rig is None else [height / k.MM for height in (model.rig.pivot, *model.rig.others)],

@@ -166,13 +166,7 @@ def bought(  # noqa: PLR0917
 
 
 def pin(  # noqa: PLR0917
-    name: str,
-    diameter: float,
-    length: float,
-    solid: Solid,
-    body: str,
-    places: tuple[Location, ...],
-    away: Point,
+    name: str, diameter: float, length: float, solid: Solid, body: str, places: tuple[Location, ...], away: Point
 ) -> Part:
     """Return a dowel pin of a diameter and a length, mm."""
     return bought(name, f"Dowel pin ISO 2338 {diameter:g} x {math.ceil(length):g}", solid, body, places, away)

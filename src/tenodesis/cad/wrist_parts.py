@@ -10,17 +10,7 @@ import numpy as np
 from tenodesis.cad import kernel as k
 from tenodesis.cad.bench_parts import TIP_PIN
 from tenodesis.cad.kernel import FLIP
-from tenodesis.cad.parts import (
-    Dimension,
-    End,
-    Part,
-    Sizes,
-    groove_dimensions,
-    pin,
-    refuse,
-    spigot,
-    tube_dimensions,
-)
+from tenodesis.cad.parts import Dimension, End, Part, Sizes, groove_dimensions, pin, refuse, spigot, tube_dimensions
 from tenodesis.cad.pulley_parts import PINS, PulleyJoint, tendon_end
 
 _RIM = 0.25

@@ -51,10 +51,7 @@ def write_cad(  # noqa: PLR0917
     if axis is not None and inst.short_form is not None:
         check_choice("--axis", axis, inst.short_form.axes)
     modules = _modules(module or [])
-    with (
-        writing_solids(outputs, out, "--out"),
-        ProgressBar("", None) as bar,
-    ):
+    with writing_solids(outputs, out, "--out"), ProgressBar("", None) as bar:
         report = in_step(bar)
         report(0, 1, "solids")
         model = cad.build(inst, process=process, axis=axis, modules=modules)

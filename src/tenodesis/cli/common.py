@@ -48,8 +48,7 @@ InstrumentFile: TypeAlias = Annotated[
     str, typer.Argument(metavar="INSTRUMENT", help="Instrument file, or the name of a shipped instrument.")
 ]
 AxisToCompute: TypeAlias = Annotated[
-    str | None,
-    typer.Option(help="One axis of two, with the chapters on planar instruments. Default: all joints."),
+    str | None, typer.Option(help="One axis of two, with the chapters on planar instruments. Default: all joints.")
 ]
 SerialAddress: TypeAlias = Annotated[
     str | None, typer.Option(help="Of a serial device: /dev/ttyACM0, or socket://127.0.0.1:5555.")

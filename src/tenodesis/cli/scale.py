@@ -15,15 +15,7 @@ from rich.markup import escape
 from tenodesis import cad, scaling, workshop
 from tenodesis.cli.cad import DesignSolids, in_step, writing_solids
 from tenodesis.cli.command import command
-from tenodesis.cli.common import (
-    ProgressBar,
-    check_choice,
-    console,
-    load_instrument,
-    quantity,
-    say,
-    table,
-)
+from tenodesis.cli.common import ProgressBar, check_choice, console, load_instrument, quantity, say, table
 from tenodesis.cli.outputs import Outputs
 from tenodesis.cli.scale_joints import (
     error_text,

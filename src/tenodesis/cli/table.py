@@ -31,11 +31,7 @@ class EntryGroup(NamedTuple):
 
 
 PANELS: dict[str, dict[str, Entry | EntryGroup]] = {
-    "Describe": {
-        "new": Entry("new.new"),
-        "check": Entry("instrument.check"),
-        "schema": Entry("instrument.schema"),
-    },
+    "Describe": {"new": Entry("new.new"), "check": Entry("instrument.check"), "schema": Entry("instrument.schema")},
     "Analyse": {
         "loss": Entry("loss.loss"),
         "bench": Entry("bench.bench"),
@@ -51,9 +47,7 @@ PANELS: dict[str, dict[str, Entry | EntryGroup]] = {
         "link": Entry("live.link"),
         "foxglove": Entry("live.foxglove"),
         "devices": EntryGroup(
-            "List devices, or test a device.",
-            {"test": Entry("devices.test_device")},
-            Entry("devices.list_devices"),
+            "List devices, or test a device.", {"test": Entry("devices.test_device")}, Entry("devices.list_devices")
         ),
     },
     "Identify": {

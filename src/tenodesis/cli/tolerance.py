@@ -69,10 +69,7 @@ def study_tolerances(  # noqa: PLR0917
     newton = None if force is None else quantity("--force", force, PositiveForce)
     begun = time.monotonic()
     own = written_by_us(out / NUMBERS, "responses")
-    with (
-        outputs.folder(out, (PAGE, NUMBERS, SAMPLES_FILE), ("figures",), replace=own),
-        ProgressBar("samples") as bar,
-    ):
+    with outputs.folder(out, (PAGE, NUMBERS, SAMPLES_FILE), ("figures",), replace=own), ProgressBar("samples") as bar:
         study = tolerance.study(
             model,
             prototype,

@@ -33,10 +33,7 @@ def study_vertices(
         inst = inst.axis(axis or inst.axes[0])
     newton = None if force is None else quantity("--force", force, PositiveForce)
     own = written_by_us(out / NUMBERS, "designs")
-    with (
-        outputs.folder(out, (PAGE, NUMBERS, SWEEP), ("figures",), replace=own),
-        ProgressBar("designs") as bar,
-    ):
+    with outputs.folder(out, (PAGE, NUMBERS, SWEEP), ("figures",), replace=own), ProgressBar("designs") as bar:
         found = rounder_vertices.study(inst, newton, axis=axis, progress=bar)
         write(found, out)
     for one in tables(found):

@@ -95,10 +95,7 @@ class Plots:
             self._tension = add_chart(gui, title, of_tendons[1], height=_HEIGHT)
             self._stroke = add_chart(gui, "Motor stroke, mm", of_tendons[2], height=_HEIGHT)
             self._friction = add_chart(
-                gui,
-                "Friction, ratio to the file",
-                {"estimated": ESTIMATED, "file": LINE, "none": LINE},
-                height=_HEIGHT,
+                gui, "Friction, ratio to the file", {"estimated": ESTIMATED, "file": LINE, "none": LINE}, height=_HEIGHT
             )
             self._grip = add_chart(gui, "Grip force, N", {"on the object": INK, "none": LINE}, height=_HEIGHT)
             self._grip.visible = simulated and inst.grip is not None

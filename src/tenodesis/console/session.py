@@ -91,12 +91,7 @@ class Session:
     """
 
     def __init__(
-        self,
-        client: "viser.ClientHandle",
-        link: RestartableConnection,
-        origin: str,
-        workers: Workers,
-        folders: Folders,
+        self, client: "viser.ClientHandle", link: RestartableConnection, origin: str, workers: Workers, folders: Folders
     ) -> None:
         self.client, self.link, self.origin, self.folders = client, link, origin, folders
         self.requests = RequestQueue()

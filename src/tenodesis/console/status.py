@@ -35,20 +35,17 @@ ADVICE = {
         "Take the load off the tip and bring the handle toward straight, then clear.",
     ),
     "load_cell_stuck": Advice(
-        "A load cell repeats exactly the same value, without noise.",
-        "Check its cable and amplifier, then clear.",
+        "A load cell repeats exactly the same value, without noise.", "Check its cable and amplifier, then clear."
     ),
     "load_cell_range": Advice(
-        "A load cell shows a tension that no tendon can have.",
-        "Check its cable and calibration, then clear.",
+        "A load cell shows a tension that no tendon can have.", "Check its cable and calibration, then clear."
     ),
     "load_cell_drift": Advice(
         "The load cells do not agree with the length that the motors have wound, or were exchanged.",
         "Check their cables, take the load off, let the cells warm up, set their zero again. Then home, then enable.",
     ),
     "encoder_dropout": Advice(
-        "The handle's encoder shows an angle beyond the handle's range.",
-        "Check its cable, then clear.",
+        "The handle's encoder shows an angle beyond the handle's range.", "Check its cable, then clear."
     ),
     "encoder_jump": Advice(
         "The encoder of the handle or of a spool jumps faster than either can turn.",
@@ -66,13 +63,9 @@ ADVICE = {
         "The controller got no tick for too long, or the measurements are not updated.",
         "Close programs that load the machine, or check the device's connection, then clear.",
     ),
-    "not_a_number": Advice(
-        "A measurement is not a number.",
-        "Check the device's connection, then clear.",
-    ),
+    "not_a_number": Advice("A measurement is not a number.", "Check the device's connection, then clear."),
     "homing_failed": Advice(
-        "Homing has found something wrong and stopped.",
-        "Put it right as said below, clear, then home again.",
+        "Homing has found something wrong and stopped.", "Put it right as said below, clear, then home again."
     ),
     "stroke_unexplained": Advice(
         "The motors have moved the tip further than any load explains: a sensor, a rope or a motor is not as it seems.",

@@ -27,10 +27,7 @@ _MOVED = 0.02
 _HINTS = {
     (RuntimeState.DISABLED, True): "**3.** Press *Enable*: the motors bring the jaws back into the shadow.",
     (RuntimeState.PAUSED, True): "**3.** Press *Resume*: the motors bring the jaws back into the shadow.",
-    (
-        RuntimeState.ENABLED,
-        True,
-    ): "**4.** The motors restore the lost angle. Under *Law* choose *off* to see the loss.",
+    (RuntimeState.ENABLED, True): "**4.** The motors restore the lost angle. Under *Law* choose *off* to see the loss.",
     (RuntimeState.DISABLED, False): "**3.** Press *Enable*, and under *Law* choose *{law}*: the jaws come back.",
     (RuntimeState.PAUSED, False): "**3.** Press *Resume*, and under *Law* choose *{law}*: the jaws come back.",
     (RuntimeState.ENABLED, False): "**4.** The angle is lost. Under *Law* choose *{law}*: the motors restore it.",

@@ -237,12 +237,7 @@ def _tendons(inst: FullForm, controller: JointController) -> list[str]:
         count = contacts[m]
         curve = inst.growth_rows[m] if len(inst.growth_rows) else np.zeros((0, 2))
         curve = curve[np.isfinite(curve[:, 0])]
-        choices = {
-            "contacts": count,
-            "motor": int(tendon.start == "spool"),
-            "curve_entries": len(curve),
-            "reserved": 0,
-        }
+        choices = {"contacts": count, "motor": int(tendon.start == "spool"), "curve_entries": len(curve), "reserved": 0}
         values = {
             "stiffness": inst.stiffnesses[m],
             "pretension": inst.pretensions[m],

@@ -354,11 +354,7 @@ class NiDaqDevice(Bench):
             self._volts_per_speed = inst.drives.gear_ratio / np.array([drive.gain for drive in drives])
         self._period = 1e9 / rate
         self._tasks = tasks or NiTasks(
-            settings,
-            self._channels,
-            drives,
-            rate=rate,
-            encoder_counts=inst.drives.encoder_counts,
+            settings, self._channels, drives, rate=rate, encoder_counts=inst.drives.encoder_counts
         )
         super().__init__(
             Capabilities(

@@ -263,8 +263,7 @@ class NiDaq(FileTable):
         default=None, description="Digital line that changes with every command, for a relay that needs it to"
     )
     relay: Channel | None = Field(
-        default=None,
-        description="Digital line that is high while the motors may have their supply, for a relay in it",
+        default=None, description="Digital line that is high while the motors may have their supply, for a relay in it"
     )
     watchdog: Time | None = Field(
         default=0.025, description="Time without a command after which a device that can sets the outputs by itself"
@@ -324,8 +323,7 @@ class Serial(FileTable):
         default=0.25, description="Longest wait for an answer, with all repetitions"
     )
     sensors: Literal["twin", "board"] = Field(
-        default="twin",
-        description="Plant of the controller: the twin, or sensors and motors of the board itself",
+        default="twin", description="Plant of the controller: the twin, or sensors and motors of the board itself"
     )
 
 

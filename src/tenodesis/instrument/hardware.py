@@ -199,8 +199,7 @@ class Dynamics(Hand):
     """Inertia and damping of tip and hand."""
 
     tip_inertia: Inertia | None = Field(
-        default=None,
-        description="Inertia about the output angle; without it the unloaded tip has 20 Hz",
+        default=None, description="Inertia about the output angle; without it the unloaded tip has 20 Hz"
     )
     tip_damping: Damping | None = Field(
         default=None, description="Viscous damping of the output angle; without it a fifth of critical damping"
@@ -309,8 +308,7 @@ class Control(FileTable):
         ),
     )
     force_limit: Force | None = Field(
-        default=None,
-        description="Force at the tip beyond which the motors yield; without it 5/3 of the largest load",
+        default=None, description="Force at the tip beyond which the motors yield; without it 5/3 of the largest load"
     )
     assistance: Annotated[float, Field(ge=0, le=1)] = Field(
         default=1.0, description="Share of the lost angle that the motors give back"

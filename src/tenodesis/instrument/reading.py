@@ -140,11 +140,7 @@ def misrouted(name_or_path: str | Path) -> RouteError | None:
 def json_schema() -> dict[str, Any]:
     """Return the JSON schema of instrument files, for editors that complete and check TOML."""
     schema = TypeAdapter(SHORT_FORM | FullForm).json_schema(by_alias=True)
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "Tenodesis instrument",
-        **schema,
-    }
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Tenodesis instrument", **schema}
 
 
 @cache

@@ -13,13 +13,7 @@ from tenodesis.instrument.hardware import Dynamics, Mismatch
 from tenodesis.instrument.instrument import Instrument
 from tenodesis.instrument.tension import TensionSensor, tension_sensor
 from tenodesis.toml import did_you_mean, file_keys, validated
-from tenodesis.units import (
-    STIFFNESS,
-    AngleRange,
-    Length,
-    Quantity,
-    in_words,
-)
+from tenodesis.units import STIFFNESS, AngleRange, Length, Quantity, in_words
 
 PARAMETERS = tuple(_core.parameters())
 """The core's parameters of an instrument, in its order."""

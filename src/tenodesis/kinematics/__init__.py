@@ -42,26 +42,9 @@ from tenodesis.kinematics.urdf import urdf
 from tenodesis.kinematics.workspace import Workspace, workspace
 
 __all__ = [
-    "Dimensions",
-    "Frame",
-    "Frames",
-    "Limits",
-    "Port",
-    "Posture",
-    "Workspace",
-    "dimensions",
-    "forward",
-    "frames",
-    "inverse",
-    "jacobian",
-    "joint_positions",
-    "limits",
-    "mjcf",
-    "tip_pose",
-    "urdf",
-    "within_limits",
-    "workspace",
-]
+    "Dimensions", "Frame", "Frames", "Limits", "Port", "Posture", "Workspace", "dimensions", "forward", "frames",
+    "inverse", "jacobian", "joint_positions", "limits", "mjcf", "tip_pose", "urdf", "within_limits", "workspace",
+]  # fmt: skip
 
 
 def __dir__() -> list[str]:

@@ -44,8 +44,7 @@ def urdf(inst: InstrumentLike) -> str:
     tree = parts(inst, "urdf")
     density = _densities(of, tree)
     note = NOTE.format(
-        origin=origin_of(of),
-        more=_CONTINUUM if any(joint.mechanism == "continuum" for joint in of.inst.joints) else "",
+        origin=origin_of(of), more=_CONTINUUM if any(joint.mechanism == "continuum" for joint in of.inst.joints) else ""
     )
     base = "base" if of.port is None else "port"
     root = Element("robot", name=of.inst.name.replace(" ", "_"))

@@ -13,18 +13,7 @@ from tenodesis.paper import published
 from tenodesis.paper.context import DRAWN, WAYS, Context, RecordedRun, has_friction
 from tenodesis.paper.subject import HANDLE_SPEED, SPEED, FarMotion, Load, Subject, panels
 from tenodesis.report import style
-from tenodesis.report.content import (
-    Array,
-    Column,
-    Plot,
-    ResultTable,
-    Section,
-    Table,
-    fixed,
-    named,
-    number,
-    unit_text,
-)
+from tenodesis.report.content import Array, Column, Plot, ResultTable, Section, Table, fixed, named, number, unit_text
 from tenodesis.report.curves import Loop, estimated_output_angle, hysteresis, loop_panels
 from tenodesis.run import Run
 from tenodesis.units import unit_of

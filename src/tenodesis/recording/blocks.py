@@ -296,10 +296,7 @@ def carried(channels: Mapping[int, Channel]) -> dict[str, list[str]]:
 
 
 def assembled(
-    topics: Collection[schemas.Topic],
-    names: Names,
-    decoded: Mapping[str, Decoded],
-    carried: Mapping[str, list[str]],
+    topics: Collection[schemas.Topic], names: Names, decoded: Mapping[str, Decoded], carried: Mapping[str, list[str]]
 ) -> tuple[Run, dict[str, LeftOut]]:
     """Return the run of the topics that fit together, and the reasons why others do not."""
     left_out: dict[str, LeftOut] = {}

@@ -26,12 +26,7 @@ MOST_CURVES = 4
 """Largest number of test loads with curves; more would overlap."""
 
 _SIZE = (3.55, 1.75)  # inches: half the page's width
-_SMALL: Any = {
-    "font.size": 6.5,
-    "legend.fontsize": 6,
-    "lines.linewidth": 1.0,
-    "axes.linewidth": 0.6,
-}
+_SMALL: Any = {"font.size": 6.5, "legend.fontsize": 6, "lines.linewidth": 1.0, "axes.linewidth": 0.6}
 _POINTS = 161
 _LEAST_BOUND = 1e-3  # deg
 _FAR = 2.0  # times the largest tension; a bound beyond would flatten the curves
@@ -95,12 +90,7 @@ def _tensions(design: "Design") -> Figure:
         label = f"{name} {bound:.4g} N" + ("" if near else " (above)")
         axis.axhline(bound if near else np.nan, color=color, lw=1.0, ls="-.", label=label)
         top = max(top, 1.05 * bound) if near else top
-    axis.set(
-        xlabel="handle angle [°]",
-        ylabel="tension [N]",
-        xlim=np.degrees(handle[[0, -1]]),
-        ylim=(-0.03 * top, top),
-    )
+    axis.set(xlabel="handle angle [°]", ylabel="tension [N]", xlim=np.degrees(handle[[0, -1]]), ylim=(-0.03 * top, top))
     axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02), handlelength=1.5)
     return fig
 

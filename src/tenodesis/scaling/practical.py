@@ -137,11 +137,7 @@ def practical_front(front: Front) -> PracticalFront:
         )
     kept = nondominated(np.array([[round(value, 6) for value in row] for row in rows]))
     return PracticalFront(
-        front,
-        sweep.stages,
-        tuple(places[n] for n in kept),
-        tuple(rows[n] for n in kept),
-        tuple(exact[n] for n in kept),
+        front, sweep.stages, tuple(places[n] for n in kept), tuple(rows[n] for n in kept), tuple(exact[n] for n in kept)
     )
 
 

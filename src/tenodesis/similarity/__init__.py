@@ -12,20 +12,9 @@ from tenodesis.similarity.joints import JointComparison, JointError, compare_joi
 from tenodesis.similarity.loops import LoopError, Place
 
 __all__ = [
-    "GRID",
-    "Cause",
-    "Causes",
-    "Comparison",
-    "Group",
-    "JointComparison",
-    "JointError",
-    "Kind",
-    "LoopError",
-    "Place",
-    "SimilarityError",
-    "compare",
-    "compare_joints",
-]
+    "GRID", "Cause", "Causes", "Comparison", "Group", "JointComparison", "JointError", "Kind", "LoopError", "Place",
+    "SimilarityError", "compare", "compare_joints",
+]  # fmt: skip
 
 
 def __dir__() -> list[str]:

@@ -43,12 +43,7 @@ def load_matrix(inst: InstrumentLike, angles: ArrayLike) -> Array:
 
 
 def tip_wrench(
-    inst: InstrumentLike,
-    angles: ArrayLike,
-    moments: ArrayLike,
-    deviations: ArrayLike,
-    *,
-    usual: ArrayLike = USUAL,
+    inst: InstrumentLike, angles: ArrayLike, moments: ArrayLike, deviations: ArrayLike, *, usual: ArrayLike = USUAL
 ) -> TipWrench:
     """Return the wrench at the tip from moments about the joints; the covariance is large where they leave it open.
 

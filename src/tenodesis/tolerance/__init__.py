@@ -8,19 +8,9 @@ from tenodesis.tolerance.results import Response, Study
 from tenodesis.tolerance.sampling import Indices
 
 __all__ = [
-    "Indices",
-    "Parameter",
-    "Response",
-    "Study",
-    "Tolerance",
-    "Tolerances",
-    "default",
-    "drawn",
-    "json_schema",
-    "load",
-    "parse",
-    "study",
-]
+    "Indices", "Parameter", "Response", "Study", "Tolerance", "Tolerances", "default", "drawn", "json_schema", "load",
+    "parse", "study",
+]  # fmt: skip
 
 
 def __dir__() -> list[str]:

@@ -239,10 +239,7 @@ def _evaluated(on: Any, task: Evaluation | JointEvaluation, rows: Array, progres
     chunks = [{"rows": rows[n : n + CHUNK]} for n in range(0, len(rows), CHUNK)]
     progress(0, len(rows))
     found = campaign.run(
-        partial(_chunk, task),
-        chunks,
-        on=on,
-        progress=lambda done, _: progress(min(done * CHUNK, len(rows)), len(rows)),
+        partial(_chunk, task), chunks, on=on, progress=lambda done, _: progress(min(done * CHUNK, len(rows)), len(rows))
     )
     return np.concatenate([row["table"] for row in found])
 

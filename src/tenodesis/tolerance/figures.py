@@ -80,12 +80,7 @@ def _distributions(study: Study) -> Plot:
     what = "Similarity error over the loops of all joints"
     if not study.joints:
         what = f"Output loss at {np.degrees(study.end):.3g}° of handle and similarity error over the cycle"
-    return Plot(
-        "distributions",
-        f"{what}, {_conditions(study)}: {2 * study.samples} samples.",
-        fig,
-        curves,
-    )
+    return Plot("distributions", f"{what}, {_conditions(study)}: {2 * study.samples} samples.", fig, curves)
 
 
 def _histograms(axis: Axes, responses: Sequence[Response], names: Sequence[str]) -> None:

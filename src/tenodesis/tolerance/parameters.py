@@ -108,9 +108,7 @@ def _number(key: str, inst: Instrument) -> _Number:
         keys = ", ".join(name for name, (value, _) in known.items() if name not in _FIXED and isinstance(value, float))
         hint = did_you_mean(key, (), known)
         raise StudyError(
-            f"{key} is not a known key of {inst.name}{hint}; keys that can vary are {keys}.",
-            key=key,
-            allowed=keys,
+            f"{key} is not a known key of {inst.name}{hint}; keys that can vary are {keys}.", key=key, allowed=keys
         )
     value, field = known[key]
     if value is None:

@@ -9,15 +9,7 @@ from markupsafe import Markup
 from tenodesis.errors import StudyError
 from tenodesis.report import style
 from tenodesis.report.content import Plot, fixed
-from tenodesis.report.page import (
-    DRAWINGS,
-    about,
-    json_text,
-    render,
-    write_columns,
-    write_figure,
-    written,
-)
+from tenodesis.report.page import DRAWINGS, about, json_text, render, write_columns, write_figure, written
 from tenodesis.tolerance import figures
 from tenodesis.tolerance.results import QUANTILES, Response, Study
 

@@ -17,10 +17,7 @@ Frame: TypeAlias = Literal["tip", "stem"]
 
 _BY_COLUMN = ("wrench", "spool_velocity", "let_out", "spool_tension")
 """Arguments whose last axis is that of their columns, even with one dimension."""
-_INSTEAD = {
-    **dict.fromkeys(("force", "radial_force", "weight"), "wrench"),
-    "wrench": "force and radial_force",
-}
+_INSTEAD = {**dict.fromkeys(("force", "radial_force", "weight"), "wrench"), "wrench": "force and radial_force"}
 
 
 class Held(NamedTuple):
@@ -152,9 +149,7 @@ def _refused(name: str, inst: Instrument) -> ArgumentError:
     if instead is None:
         return grip_error(name, inst)
     return ArgumentError(
-        f"{name} is given, which the twin of {inst.name} does not take; give {instead}.",
-        key=name,
-        allowed=instead,
+        f"{name} is given, which the twin of {inst.name} does not take; give {instead}.", key=name, allowed=instead
     )
 
 

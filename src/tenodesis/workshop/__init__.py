@@ -7,26 +7,9 @@ from tenodesis.workshop.order import Item, RopeLength, Step, checklist, order_li
 from tenodesis.workshop.pack import FILES, Pack, prepare
 
 __all__ = [
-    "FILES",
-    "TARGET",
-    "Budget",
-    "Demand",
-    "Dimension",
-    "FirstRun",
-    "Grade",
-    "Item",
-    "Pack",
-    "Reading",
-    "RopeLength",
-    "Spread",
-    "Step",
-    "checklist",
-    "order_list",
-    "prepare",
-    "rehearse",
-    "rope_lengths",
-    "tolerate",
-]
+    "FILES", "TARGET", "Budget", "Demand", "Dimension", "FirstRun", "Grade", "Item", "Pack", "Reading", "RopeLength",
+    "Spread", "Step", "checklist", "order_list", "prepare", "rehearse", "rope_lengths", "tolerate",
+]  # fmt: skip
 
 
 def __dir__() -> list[str]:

@@ -24,10 +24,7 @@ _IT = {
 _IT_COST = {11: 0.4, 10: 0.6, 9: 0.9, 8: 1.3, 7: 1.9, 6: 3.0, 5: 5.0}
 # DIN 3967, um by reference diameters up to each of the sizes, mm: allowance and tolerance of a tooth's thickness.
 _GEAR_SIZES = (10, 50, 125, 280)
-_TEETH = {
-    "cd25": ((40, 54, 70, 95), (20, 30, 40, 50), 0.0),
-    "e24": ((22, 30, 40, 56), (12, 20, 25, 30), 0.8),
-}
+_TEETH = {"cd25": ((40, 54, 70, 95), (20, 30, 40, 50), 0.0), "e24": ((22, 30, 40, 56), (12, 20, 25, 30), 0.8)}
 _FITTED, _TURNED_PLATES = (0.02e-3, 1.0), (0.004e-3, 1.5)  # m of play, and the cost
 _DIN_3967 = "DIN 3967, largest play of two gears alike, quoted from memory of its tables; cost ours"
 _GENERAL_COST = {"c": 0.0, "m": 0.1, "f": 0.3}

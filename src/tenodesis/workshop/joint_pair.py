@@ -14,15 +14,7 @@ from tenodesis.instrument import FullForm, expanded
 from tenodesis.run import Array
 from tenodesis.similarity.joints import JointComparison, compare_joints
 from tenodesis.tolerance.parameters import Parameter, resolve, with_values_at
-from tenodesis.workshop.grades import (
-    Grade,
-    of_backbone,
-    of_length,
-    of_pretension,
-    of_radius,
-    of_spring,
-    of_stiffness,
-)
+from tenodesis.workshop.grades import Grade, of_backbone, of_length, of_pretension, of_radius, of_spring, of_stiffness
 
 _LENGTHS = ("end_effector_length", "backbone_length")
 _WORDS = {

@@ -74,10 +74,7 @@ def _practical(found: PracticalFront, chosen: int | None) -> Figure:
     fig = Figure(figsize=(7.3, 2.3), layout="constrained")
     left, right = fig.subplots(1, 2)
     weeks = np.floor(columns[:, 2] + 1e-9).astype(int)
-    panels = (
-        (left, 1e3 * columns[:, 1], "overall length [mm]"),
-        (right, columns[:, 3], "error as built, 95 % [°]"),
-    )
+    panels = ((left, 1e3 * columns[:, 1], "overall length [mm]"), (right, columns[:, 3], "error as built, 95 % [°]"))
     for axis, x, name in panels:
         for count, marker in zip(sorted(set(weeks.tolist())), "osD^v", strict=False):
             of = weeks == count
@@ -144,10 +141,7 @@ class Pack:
             caption = (
                 "Designs that none beats in cost, length, time to get and robustness; ringed: best by an objective"
             )
-            rows += [
-                (_objectives(self.practical),),
-                (PlanFigure(caption, practical_svg(self.practical, chosen)),),
-            ]
+            rows += [(_objectives(self.practical),), (PlanFigure(caption, practical_svg(self.practical, chosen)),)]
         return Supplement(_card(budget), tuple(rows), tuple(_warnings(budget, self.first_run.faults)))
 
     def write(self, folder: Path) -> None:

@@ -401,12 +401,7 @@ def _add(made: od.ObjectDictionary, index: int, name: str, kind: int, value: int
 
 
 def _add_record(
-    made: od.ObjectDictionary,
-    index: int,
-    name: str,
-    subs: list[tuple[int, int, int]],
-    *,
-    writable_count: bool = False,
+    made: od.ObjectDictionary, index: int, name: str, subs: list[tuple[int, int, int]], *, writable_count: bool = False
 ) -> None:
     record = od.ODRecord(name, index)
     count = 0 if writable_count else max(sub for sub, _, _ in subs)
