@@ -132,12 +132,11 @@ struct Compensator {
                              State& state) const {
     // What changes slowly is followed in every other tick, by turns.
     state.second = !state.second;
-    const S stroke = differential_stroke(observer, memory);
+    const S stroke = differential_stroke(observer, memory, state);
     if (!state.second) {
-      envelope.update(
-          observer.tracking_error(memory), stroke,
-          S(tuning::least_swing) * (settings.dead_band * memory.arm) + S(0.5) * observer.tremor_length(memory),
-          observer, memory, S(2) * dt, state.envelope);
+      envelope.update(observer.tracking_error(memory), stroke,
+                      S(tuning::waking) * (settings.dead_band * memory.arm) + S(0.5) * observer.tremor_length(memory),
+                      observer, memory, S(2) * dt, state.envelope);
     }
     if (actuation == Actuation::agonist) {
       const Winding<S> wanted = one_motor(stroke, observer, memory, state);
@@ -154,18 +153,22 @@ struct Compensator {
                           S(tuning::near_limit) * settings.tension_limit;
     const S along = at_limit && state.envelope.excess > S(0) ? smaller(common, S(0)) : common;
     // The motors take the hand's tremor away, as far as it is known when they follow.
-    const S against = observer.trembles(memory) ? settings.tremor_gain * observer.tremor_arm() *
+    const S against = observer.trembles(memory) ? tremor_gain(state) * observer.tremor_arm() *
                                                       memory.intent.speed_after(settings.tremor_delay)
                                                 : S(0);
     const S differential = limited(allowed - against);
     return {along + differential, along - differential};
   }
 
+  // Where the law's gain falls, tremor is left to shake the tip free of its friction as with motors at rest.
+  S tremor_gain(const State& state) const { return settings.tremor_gain * state.envelope.gain_factor; }
+
   // The differential stroke without what takes the tremor away, m.
-  S differential_stroke(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory) const {
+  S differential_stroke(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
+                        const State& state) const {
     const S stroke = (wound(memory.smooth, agonist) - wound(memory.smooth, antagonist)) * S(0.5);
     if (actuation == Actuation::agonist) return stroke;
-    return stroke + smaller(settings.tremor_gain, S(1)) * observer.tremor_arm() * memory.intent.tremor;
+    return stroke + smaller(tremor_gain(state), S(1)) * observer.tremor_arm() * memory.intent.tremor;
   }
 
   // The stroke that is missing to the motors' share of the loss; error: of tracking, m.

@@ -6,8 +6,8 @@
 // stroke beyond these bounds would push the tip further off than motors at rest leave it.
 //
 // A law that corrects a tip which friction holds may also hunt: it winds until the tip breaks away, and then back. So
-// the reversals of the tracking error that the hand has not made are counted, each by how little the strokes since the
-// one before have taken from the error's mean square. Where many follow each other the law's gain goes to zero, and the
+// the reversals of the tracking error that no tremor has made are counted, each by how little the strokes since the one
+// before have taken from the error's mean square. Where many follow each other the law's gain goes to zero, and the
 // spools go to the mean of what has been lost.
 
 #include "tenodesis/observer.hpp"
@@ -28,12 +28,10 @@ struct EnvelopeState {
   S excess{};        ///< of the stroke over them, m
   S error{};         ///< of the tip, moved only by what is certain, m
   S extreme{};       ///< of the error since its last reversal, m
-  S reversed{};      ///< error at that reversal, m
   S direction{1};    ///< of the error since then
   S since{};         ///< time since then, s
   S squared{};       ///< integral of the squared error since then, m^2 s
   S unmoved{};       ///< the same of the error without the differential stroke, m^2 s
-  S handle_angle{};  ///< at that reversal, rad
   S reversals{};     ///< recent reversals, each by how little the strokes have earned
   S mean_loss{};     ///< error without the differential stroke, smoothed, m
   S gain_factor{1};  ///< of the law's gain, from 1 to 0
@@ -62,8 +60,10 @@ struct Envelope {
     const S lost = state.error + differential;
     state.squared = state.squared + square(state.error) * dt;
     state.unmoved = state.unmoved + square(lost) * dt;
-    state.mean_loss = state.mean_loss + (lost - state.mean_loss) * (dt / S(tuning::swing_memory));
-    count_reversals(threshold, memory.intent.angle, dt, state);
+    state.mean_loss = state.mean_loss + (lost - state.mean_loss) * (dt / S(tuning::mean_memory));
+    // A tremor that the motors leave turns the error as often as the hand.
+    const S tremor = observer.trembles(memory) ? S(tuning::tremor_half_period) : S(0);
+    count_reversals(threshold, larger(settings.swing_time, tremor), dt, state);
   }
 
   /// Whether the tracking error is steady enough for common strokes, which free what friction holds.
@@ -100,18 +100,15 @@ struct Envelope {
     state.low = state.low + (low - state.low) * share;
   }
 
-  void count_reversals(const S& threshold, const S& handle_angle, const S& dt, State& state) const {
+  // Reversals that follow sooner than the least time are the tip's own oscillation, or tremor.
+  void count_reversals(const S& threshold, const S& least, const S& dt, State& state) const {
     const S& error = state.error;
     state.reversals = state.reversals - state.reversals * dt / S(tuning::swing_memory);
     state.since = smaller(state.since + dt, S(100));
     if ((error - state.extreme) * state.direction > S(0)) {
       state.extreme = error;
     } else if ((state.extreme - error) * state.direction > threshold) {
-      // A tip that friction holds stays behind by what the hand has drawn, and by no more.
-      const S excursion = abs(model.excursion(handle_angle) - model.excursion(state.handle_angle));
-      const bool by_hand = abs(handle_angle - state.handle_angle) >= S(tuning::swing_hand_travel) &&
-                           abs(state.extreme - state.reversed) <= S(tuning::tremor_spare) * excursion;
-      if (!by_hand && state.since >= settings.swing_time) {
+      if (state.since >= least) {
         const S left = state.squared / S(tuning::useless_share);
         state.reversals = state.reversals + (left < state.unmoved ? left / state.unmoved : S(1));
       }
@@ -119,9 +116,7 @@ struct Envelope {
       state.squared = S(0);
       state.unmoved = S(0);
       state.direction = -state.direction;
-      state.reversed = state.extreme;
       state.extreme = error;
-      state.handle_angle = handle_angle;
     }
     state.gain_factor = clamp(
         (S(tuning::many_reversals) - state.reversals) / S(tuning::many_reversals - tuning::few_reversals), S(0), S(1));

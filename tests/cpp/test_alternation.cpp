@@ -78,7 +78,7 @@ void small_errors_and_jumps_to_one_side_are_no_such_load() {
 template <class S>
 void neither_the_hand_nor_the_motors_make_a_load() {
   Fixture<S> hand;
-  hand.alternate(1, 12, 4 * jump, 1, tuning::swing_hand_travel);
+  hand.alternate(1, 12, 4 * jump, 1, 0.035);
   CLAIM(!hand.state.alternates() && hand.leaned == 0);
   Fixture<S> moving;
   moving.alternate(1, 6, 4 * jump, 0.1);
