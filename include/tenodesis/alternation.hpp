@@ -15,13 +15,12 @@ namespace tenodesis {
 /// What the law knows of the tip in a tick, lengths as strokes, m.
 template <class S>
 struct TrackedTip {
-  S certain{};       ///< of the tracking error
-  S stroke{};        ///< differential
-  S dead{};          ///< error that counts as none
-  S waking{};        ///< error that is worth a stroke
-  S jump{};          ///< error that counts as a jump of the load
-  S handle_angle{};  ///< that the hand means, rad
-  bool moving{};     ///< whether the hand moves
+  S certain{};    ///< of the tracking error
+  S stroke{};     ///< differential
+  S dead{};       ///< error that counts as none
+  S waking{};     ///< error that is worth a stroke
+  S jump{};       ///< error that counts as a jump of the load
+  bool moving{};  ///< whether the hand moves
 };
 
 template <class S>
@@ -35,7 +34,6 @@ struct AlternationState {
   S offset{};              ///< error, smoothed, m
   S stroke{};              ///< at the last jump, m
   S mean{};                ///< of the strokes at the last two, m
-  S handle_angle{};        ///< at the last jump, rad
   S on_target{};           ///< stroke when the error was last small, m
   S leaned{};              ///< time for which friction has been left to hold the tip, s
   S halves{first_halves};  ///< half-periods without a jump after which it is not any more
@@ -69,15 +67,13 @@ void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
   // The motors' own stroke makes no jump.
   const bool by_load = abs(tip.stroke - state.on_target) < S(0.5) * error;
   if (error > tip.jump && (state.armed || sign != state.sign) && by_load) {
-    const bool by_hand = abs(tip.handle_angle - state.handle_angle) >= S(tuning::swing_hand_travel);
-    state.jumps = sign != state.sign && !by_hand ? smaller(state.jumps + 1, 100) : 1;
+    state.jumps = sign != state.sign ? smaller(state.jumps + 1, 100) : 1;
     if (state.jumps == 1) state.patience = S(tuning::alternation_patience);
     state.half_before = state.half;
     state.half = state.since;
     state.since = S(0);
     state.sign = sign;
     state.armed = false;
-    state.handle_angle = tip.handle_angle;
     state.size_before = state.leans ? larger(state.size, state.size_before) : state.size;
     state.size = error;
     if (!state.leans) {

@@ -266,7 +266,7 @@ struct Compensator {
     AlternationState<S>& load = state.load;
     if (state.second) {
       const S jump = model.stroke_for(S(tuning::notable_angle) * memory.arm) + S(0.5) * tremor;
-      follow<S>({certain, stroke, dead, waking, jump, memory.intent.angle, moving}, S(2) * dt, load);
+      follow<S>({certain, stroke, dead, waking, jump, moving}, S(2) * dt, load);
     }
     if (state.phase == Phase::rest && !load.leans) return {};
     const bool strokes = state.phase == Phase::pull || state.phase == Phase::release;
