@@ -127,6 +127,8 @@ def test_a_table_says_by_its_headings_what_is_what(tmp_path: Path) -> None:
     assert set(load(ours).columns) == {"command.yaw", "measured.yaw"}
     with pytest.raises(IdentificationError, match="no column of the time"):
         load(table(tmp_path / "clock.csv", {"a_command": run.time, "a_measured": run.time}))
+    with pytest.raises(IdentificationError, match="second clock, t_measured"):
+        load(table(tmp_path / "two.csv", {"time [s]": run.time, "t_measured [s]": run.time, "a_command": run.time}))
 
 
 def test_what_is_left_out_of_a_table_is_said(tmp_path: Path) -> None:

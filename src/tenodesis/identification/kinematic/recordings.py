@@ -71,6 +71,12 @@ def _of_table(path: Path) -> MeasuredRun:
             continue
         kind, joint = _meaning(name)
         values = table.column(at)
+        if joint in _CLOCKS:
+            raise IdentificationError(
+                f"{path.name} has a second clock, {name}; commands and angles must be at the times of one.",
+                key="time",
+                value=name,
+            )
         if kind is None or not joint or not np.isfinite(values).any():
             continue
         if kind != EFFORT:
