@@ -230,6 +230,8 @@ def _weighed(
     near = start
     for _ in range(WEIGHED_SEARCHES):
         near = search.stepped(near)
+        # gains of load cells act on tensions, which are better known now
+        problem.weigh_sensors(search.full(near), search.train)
         scale = scales(problem.parameters, search.full(near))[search.free]
         found = uncertainty.estimate([search.linearised(near, run, scale) for run in search.train], search.loss)
         rough = np.flatnonzero(~search.linear)
