@@ -192,28 +192,28 @@ class Search:
         draws = draw.standard_normal((DRAWS_NEAR, near.size))
         points = [np.clip(near + root @ one, self.lower, self.upper) for one in draws]
         self._ahead(points)
-        ends = [point + self._step(point, self.residuals(point), slopes) for point in points]
-        mean, scale = np.mean(ends, axis=0), self._scale(near)
+        scale = self._scale(near)
+        root = np.sqrt(uncertainty.influence(self.residuals(near), self.loss)[1])
+        inverse = np.linalg.pinv(root[:, None] * slopes * scale, uncertainty.UNSEEN)
+        firsts = [uncertainty.influence(self.residuals(point), self.loss)[0] for point in points]
+        ends = [point - scale * (inverse @ (first / root)) for point, first in zip(points, firsts, strict=True)]
+        mean = np.mean(ends, axis=0)
         from scipy.optimize import lsq_linear  # noqa: PLC0415 - slow to load
 
         # of the quadratic whose optimum this is, the one within the bounds
         within = (self.lower - mean) / scale, (self.upper - mean) / scale
-        root = np.linalg.qr(slopes * scale, mode="r")
-        at = mean + scale * lsq_linear(root, np.zeros(len(root)), within, method="bvls").x
+        square = np.linalg.qr(root[:, None] * slopes * scale, mode="r")
+        at = mean + scale * lsq_linear(square, np.zeros(len(square)), within, method="bvls").x
         # the average of steps of the others is no optimum of these
         at = self._stepped(at, self.residuals(at), slopes * self.linear)
         return SearchEnd(at, self._cost(self.residuals(at)), converged=True, scatter=np.cov(ends, rowvar=False))
 
     def _stepped(self, at: Array, residuals: Array, slopes: Array) -> Array:
         """Return where a Gauss-Newton step leads, within the bounds."""
-        return np.clip(at + self._step(at, residuals, slopes), self.lower, self.upper)
-
-    def _step(self, at: Array, residuals: Array, slopes: Array) -> Array:
-        """Return a Gauss-Newton step."""
         first, second = uncertainty.influence(residuals, self.loss)
         root, scale = np.sqrt(second), self._scale(at)
         step = np.linalg.lstsq(root[:, None] * slopes * scale, first / root, rcond=uncertainty.UNSEEN)[0]
-        return np.asarray(-scale * step)
+        return np.clip(at - scale * step, self.lower, self.upper)
 
     def on_bounds(self, found: SearchEnd) -> tuple[Array, float]:
         """Return the optimum and its cost, with parameters moved onto the bounds that the search stops short of.
