@@ -43,8 +43,8 @@ _APPROACH = 0.5
 _MOST_SUBSTEPS, _DIGITS = 64, 12
 _STEP, _LEAST_STEP = 4e-2, 1e-2
 """Differences by which slopes are taken, over a parameter's scale: smaller ones see when stick and slip turn."""
-_KEPT = 5
-"""Slopes whose simulated readings are kept: those at all steps of a search near an optimum, and one more."""
+_KEPT = 2
+"""Slopes whose simulated readings are kept: those at an optimum are asked for again."""
 _AT_HOME = 0.01
 """Angle of a spool below which it is at zero, and only its counts say otherwise, rad."""
 _LOST = 1e3
