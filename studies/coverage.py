@@ -4,7 +4,7 @@
 
 Twin: cycles under a load that comes and goes, with noise and 12-bit encoders; every parameter reported as identifiable
 is to be within its interval in at least 90 % of the seeds. Backbones: noise on places and angles. Joints: a random
-coupling, play and offset, 60 s at 50 Hz with white noise of 0.06 degrees.
+coupling, play and offset, 60 s at 10, 50 and 100 Hz with white noise of 0.06 degrees.
 """
 
 import functools
@@ -151,10 +151,12 @@ JOINTS = ("roll", "pitch", "yaw")
 TICK, NOISE = 0.02, 1e-3  # s, rad
 
 
-def simulated(seed: int, law: str, *, samples: int = 3000, motion: int = 0) -> tuple[MeasuredRun, dict[str, float]]:
+def simulated(
+    seed: int, law: str, *, samples: int = 3000, motion: int = 0, tick: float = TICK
+) -> tuple[MeasuredRun, dict[str, float]]:
     """Return a recording of joints with a law, and their parameters; motions and noise of one seed are several."""
     draw, moves = np.random.default_rng(seed), np.random.default_rng([seed, motion])
-    time: Array = np.linspace(0, TICK * (samples - 1), samples)
+    time: Array = np.linspace(0, tick * (samples - 1), samples)
     command = {
         joint: sum(
             amplitude * np.sin(2 * np.pi * frequency * time + phase)
@@ -199,9 +201,9 @@ def _behind(moved: Array, half: float) -> Array:
     return np.array(found)
 
 
-def of_joints(seed: int, law: str) -> Iterable[Any]:
-    """Return the parameters of joints by kind."""
-    run, truth = simulated(seed, law)
+def of_joints(seed: int, law: str, rate: int = 50) -> Iterable[Any]:
+    """Return the parameters of joints by kind, from samples at a rate, Hz."""
+    run, truth = simulated(seed, law, samples=60 * rate, tick=1 / rate)
     for name, interval in fit(Kinematic([run], law=law), train=[0], starts=1).interval_95.items():
         if name in truth:
             yield judged(name.partition(".")[0], interval, truth[name])
@@ -319,6 +321,11 @@ WORKS = {
         for one in ROUTED[:3]
     },
     **{f"joints-{one}": Work(f"joints, {one}", functools.partial(of_joints, law=one), 50) for one in LAWS[1:]},
+    **{
+        f"joints-{one}-{rate}": Work(f"joints, {one}, {rate} Hz", functools.partial(of_joints, law=one, rate=rate), 50)
+        for one in LAWS[1:]
+        for rate in (10, 100)
+    },
 }
 COVERAGE = [
     Column("intervals, ", len, form="d"),

@@ -4,12 +4,14 @@ import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 import tenodesis as tn
+from tenodesis import threads
 from tenodesis.cli import identify
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, fit, routing
@@ -148,6 +150,9 @@ def test_pretensions_that_friction_does_not_hold_apart_are_found(uneven: tuple[F
     assert sum(held) >= 0.9 * len(held)
     # load cells are in the weights: the level of their tensions is no longer open to their gains of 0.5 %
     assert found.std["yaw_agonist.pretension"] < 0.005 * 30
+    # readings are linear in encoders' offsets, whatever friction does: these leave no mean
+    angles = problem.residuals(found.vector, 0).reshape(problem.channels(0), -1)[len(inst.tendons) :]
+    assert_allclose(angles.mean(axis=1), 0, atol=1e-6)
 
 
 def test_recordings_without_a_spool_or_a_motion_are_refused(driven: tuple[FullForm, FullForm, Run]) -> None:
@@ -201,6 +206,32 @@ def test_the_tip_seen_by_a_camera_tells_arms_and_stiffness(driven: tuple[FullFor
     for name, (low, high) in found.interval_95.items():
         assert low <= problem.value(true, name) <= high
     assert found.train_rmse["position_mm"] == pytest.approx(0.1, rel=0.05)
+
+
+def test_slopes_are_the_same_on_any_number_of_threads_and_take_no_twin_for_offsets(
+    driven: tuple[FullForm, FullForm, Run], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    inst, _, run = driven
+    short = routing.of_run(run.rows(0, 600), inst)
+    simulated: list[int] = []
+    step = routing.Routing._simulated
+
+    def counted(self: routing.Routing, *given: Any) -> Any:
+        simulated.append(1)
+        return step(self, *given)
+
+    monkeypatch.setattr(routing.Routing, "_simulated", counted)
+    slopes = []
+    for count in (1, 3):
+        monkeypatch.setattr(threads, "_threads", count)
+        problem = routing.problem([short], [], law="capstan")
+        slopes.append(problem.jacobian(problem.starting_values([0]), 0))
+    assert_array_equal(*slopes)
+    # two for each other parameter, and one at which all offsets are
+    assert len(simulated) == 2 * (2 * int(np.sum(~problem.linear)) + 1)
+    for one in (problem.starting_values([0]), problem.starting_values([0]) + 0.1 * problem.linear):
+        problem.residuals(one, 0)
+    assert len(simulated) == 2 * (2 * int(np.sum(~problem.linear)) + 1)
 
 
 @pytest.mark.slow

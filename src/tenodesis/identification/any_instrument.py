@@ -276,8 +276,8 @@ def value_of(inst: FullForm, name: str) -> float:
     return float(next(joint.radius for joint in inst.as_given("joints") if joint.name == passed.joint))
 
 
-def with_values(inst: FullForm, unknowns: Sequence[str], values: Array) -> FullForm:
-    """Return the instrument with values of its unknowns, (n,), by these names."""
+def with_values(inst: FullForm, unknowns: Sequence[str], values: Array, **changes: float) -> FullForm:
+    """Return the instrument with values of its unknowns, (n,), by these names, and changes of other keys."""
     tables = {table: list(inst.as_given(table)) for table in ("joints", "tendons")}
     for name, value in zip(unknowns, values.tolist(), strict=True):
         table, row, crossing, key = _place(inst, name)
@@ -289,4 +289,4 @@ def with_values(inst: FullForm, unknowns: Sequence[str], values: Array) -> FullF
         update = {key: value} | ({"side": None} if key == "angle" else {})
         route[crossing] = route[crossing].model_copy(update=update)
         tables[table][row] = one.model_copy(update={"route": tuple(route)})
-    return inst.replace(**tables)
+    return inst.replace(**tables, **changes)

@@ -68,7 +68,8 @@ def fit(
         Indices of the runs to fit, and of those held out: they take no part in the fit.
     starts
         The first is the problem's own (`Problem.starting_values`), the others are drawn within the bounds (Latin
-        hypercube).
+        hypercube), and not tried where the search with systematic errors of sensors in the weights reaches their noise
+        from the first.
     seed
         Of the starts and of the bootstrap.
     loss
@@ -104,18 +105,8 @@ def fit(
         done += 1
         report(done, total)
 
-    ends: list[SearchEnd | None] = []
     search.watch = lambda evaluations: report(min(done + min(evaluations / MOST_STEPS, 1.0), searches), total)
-    for start in starting_points(search, starts, seed):
-        ends.append(search.solve(start))
-        advance()
-    costs = [math.inf if end is None else end.cost for end in ends]
-    best = ends[int(np.argmin(costs))]
-    if best is None:
-        raise search.unanswered()
-    refined = best
-    if refine:
-        refined = _weighed(problem, search, _refined(problem, search, best, advance), seed, advance)
+    refined, best, costs = _searched(search, starts, seed, refine=refine, advance=advance)
     search.watch = None
     report(searches, total)
     at, cost = search.on_bounds(refined)
@@ -170,7 +161,7 @@ def fit(
         test_rmse=pooled([one for one in files if one.split == "test"]),
         identifiability=identifiable,
         whiteness=tuple(noises),
-        starts=starts,
+        starts=len(costs),
         same_optimum=same,
         costs=tuple(costs),
         loss=loss,
@@ -180,11 +171,34 @@ def fit(
         evaluations=search.evaluations,
         jacobians=search.jacobians,
         warnings=(
-            *warnings(found, noises, refined, same=same, starts=starts, parameters=len(indices)),
+            *warnings(found, noises, refined, same=same, starts=len(costs), parameters=len(indices)),
             *unexplained(problem, values, [one for one in files if one.split == "train"]),
         ),
         seconds=time.monotonic() - begun,
     )
+
+
+def _searched(
+    search: Search, starts: int, seed: int, *, refine: bool, advance: Callable[[], None]
+) -> tuple[SearchEnd, SearchEnd, list[float]]:
+    """Return the optimum, the best that was found before the problem was prepared for it, and the cost of each."""
+    problem = search.problem
+    # what reaches the sensors' noise from the first start needs no other
+    direct = _weighed(problem, search, search.begin, seed, advance) if refine else None
+    if direct is not None:
+        return direct, direct, [direct.cost]
+    ends = []
+    for start in starting_points(search, starts, seed):
+        ends.append(search.solve(start))
+        advance()
+    costs = [math.inf if end is None else end.cost for end in ends]
+    best = ends[int(np.argmin(costs))]
+    if best is None:
+        raise search.unanswered()
+    if not refine:
+        return best, best, costs
+    refined = _refined(problem, search, best, advance)
+    return _weighed(problem, search, refined.at, seed, advance) or refined, best, costs
 
 
 def _refined(problem: Problem, search: Search, best: SearchEnd, advance: Callable[[], None]) -> SearchEnd:
@@ -204,30 +218,37 @@ def _refined(problem: Problem, search: Search, best: SearchEnd, advance: Callabl
     return found
 
 
-def _weighed(problem: Problem, search: Search, best: SearchEnd, seed: int, advance: Callable[[], None]) -> SearchEnd:
-    """Return the optimum with systematic errors of sensors in the residuals' weights, where a problem has them.
+def _weighed(
+    problem: Problem, search: Search, start: Array, seed: int, advance: Callable[[], None]
+) -> SearchEnd | None:
+    """Return the optimum with systematic errors of sensors in the residuals' weights.
 
-    The optimum without them stands where that one is not reached, or the model leaves an effect out.
+    None where a problem has none, the search does not reach it, or the model leaves an effect out.
     """
-    if not problem.weigh_sensors(search.full(best.at), search.train):
-        return best
-    near = best
+    if not problem.weigh_sensors(search.full(start), search.train):
+        return None
+    near = start
     for _ in range(WEIGHED_SEARCHES):
-        near = search.stepped(near.at)
-        scale = scales(problem.parameters, search.full(near.at))[search.free]
-        found = uncertainty.estimate([search.linearised(near.at, run, scale) for run in search.train], search.loss)
-        sizes, directions = np.linalg.eigh(found.full)
-        widths = np.minimum(SLOPES_OVER * np.sqrt(sizes), LARGEST_WIDTH / np.abs(directions).max(axis=0))
-        search.changes = scale[:, None] * directions * widths
+        near = search.stepped(near)
+        # gains of load cells act on tensions, which are better known now
+        problem.weigh_sensors(search.full(near), search.train)
+        scale = scales(problem.parameters, search.full(near))[search.free]
+        found = uncertainty.estimate([search.linearised(near, run, scale) for run in search.train], search.loss)
+        rough = np.flatnonzero(~search.linear)
+        sizes, directions = np.linalg.eigh(found.full[np.ix_(rough, rough)])
+        widths = np.minimum(SLOPES_OVER * np.sqrt(sizes), LARGEST_WIDTH / np.abs(directions).max(axis=0, initial=0.0))
+        # what is known exactly of the others would be lost in directions shared with these
+        search.changes = np.diag(LARGEST_WIDTH * scale)
+        search.changes[np.ix_(rough, rough)] = scale[rough, None] * directions * widths
         advance()
-    near = search.smoothed(near.at, found.covariance, seed)
-    squares = search.residuals(near.at) ** 2
+    end = search.smoothed(near, found.covariance, seed)
+    squares = search.residuals(end.at) ** 2
     # the mean square of that many normal deviates, and its deviation
-    if squares.mean() > 1 + MOST_OVER_NOISE * math.sqrt(2 / squares.size):
-        problem.weigh_sensors(search.full(best.at), ())
-        search.changes = None
-        return best
-    return near
+    if squares.mean() <= 1 + MOST_OVER_NOISE * math.sqrt(2 / squares.size):
+        return end
+    problem.weigh_sensors(search.full(start), ())
+    search.changes = None
+    return None
 
 
 def _check(

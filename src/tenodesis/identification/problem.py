@@ -54,6 +54,11 @@ class Problem(ABC):
         named = dict.fromkeys(one.group for one in self.parameters if one.group)
         return {group: tuple(one.name for one in self.parameters if one.group == group) for group in named}
 
+    @cached_property
+    def linear(self) -> NDArray[np.bool_]:
+        """Which parameters residuals are known to be linear in, (parameters,): differences by them are exact."""
+        return np.zeros(len(self.parameters), dtype=np.bool_)
+
     @abstractmethod
     def residuals(self, values: Array, run: int) -> Array:
         """Return measured minus model, (n,), in units of the sensor's standard deviation.
@@ -88,6 +93,9 @@ class Problem(ABC):
     def residuals_near(self, values: Array, run: int, other: "Problem", there: Array) -> Array:
         """Return the residuals, (n,), whitened as those of another model of the same recordings are near its values."""
         return self.residuals(values, run)
+
+    def ahead(self, points: Sequence[Array], run: int) -> None:  # noqa: B027 - not every model can
+        """Prepare for the residuals at several values of the parameters, which are asked for next."""
 
     def refine(self, values: Array, runs: Sequence[int]) -> bool:
         """Prepare the residuals of runs for a search near some values, and return whether they differ from before."""
@@ -146,17 +154,23 @@ def differenced(
     *,
     which: Sequence[int] | None = None,
     step: float = STEP,
+    ahead: Callable[[list[Array]], None] = lambda _points: None,
 ) -> Array:
     """Return the derivatives of a vector function by central differences within bounds, shape (n, parameters).
 
     Those by some parameters, by index, if `which` names them; `step` is a share of each parameter's scale. To one side
-    alone where the function has no value at the other.
+    alone where the function has no value at the other. `ahead` is told at which points it will be asked.
     """
-    columns = []
+    ends = []
     for index in range(at.size) if which is None else which:
         above, below = at.copy(), at.copy()
         above[index] = min(at[index] + step * scale[index], upper[index])
         below[index] = max(at[index] - step * scale[index], lower[index])
+        ends.append((index, above, below))
+    ahead([point for _, *both in ends for point in both])
+    columns = []
+    for index, *both in ends:
+        above, below = both
         upper_value, lower_value = function(above), function(below)
         if not np.isfinite(upper_value).all():
             above, upper_value = at, function(at)

@@ -7,7 +7,7 @@ pretension where spools and handle are at zero; from there the twin approaches w
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from math import degrees, pi, sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -33,6 +33,7 @@ from tenodesis.recording.blocks import Progress
 from tenodesis.recording.signal_tables import POSE
 from tenodesis.routes import handle_share
 from tenodesis.run import ACROSS, COMPONENTS, Array, Run
+from tenodesis.threads import thread_pool
 from tenodesis.twin import Twin
 
 MOST_COMPARED = 3000
@@ -42,6 +43,8 @@ _APPROACH = 0.5
 _MOST_SUBSTEPS, _DIGITS = 64, 12
 _STEP, _LEAST_STEP = 4e-2, 1e-2
 """Differences by which slopes are taken, over a parameter's scale: smaller ones see when stick and slip turn."""
+_KEPT = 2
+"""Slopes whose simulated readings are kept: those at an optimum are asked for again."""
 _AT_HOME = 0.01
 """Angle of a spool below which it is at zero, and only its counts say otherwise, rad."""
 _LOST = 1e3
@@ -241,7 +244,7 @@ class Routing(Problem):
         No instrument is known, a recording lacks one of its tendons or joints of the handle, or nothing moves in it.
     """
 
-    searches_near = 5
+    searches_near = 7
 
     def __init__(self, runs: Sequence[MeasuredRun], law: str, inst: FullForm) -> None:
         if law not in LAWS:
@@ -263,9 +266,14 @@ class Routing(Problem):
         }
         self.parameters = self._parameters()
         self._step = _STEP
-        self._known: tuple[bytes, int, dict[str, Array]] | None = None
+        self._known: dict[tuple[bytes, int], dict[str, Array]] = {}
         self._near: dict[int, Marginalisation] = {}
         self._cells: dict[int, Array] = {}
+
+    @cached_property
+    def linear(self) -> NDArray[np.bool_]:
+        """Which parameters are offsets of encoders, (parameters,)."""
+        return np.array([one.name.endswith(_OFFSETS) for one in self.parameters])
 
     def _input(self, run: MeasuredRun) -> _Inputs:
         """Return what is given to the twin, at each of its steps."""
@@ -418,7 +426,7 @@ class Routing(Problem):
         named = dict(zip((one.name for one in self.parameters), values.tolist(), strict=True))
         tables = {key: value for key, value in named.items() if key.startswith(_TABLES)}
         own = {key: value for key, value in named.items() if key not in tables and not key.endswith(_OFFSETS)}
-        return with_values(self.inst, list(own), np.array(list(own.values()))).replace(**tables)
+        return with_values(self.inst, list(own), np.array(list(own.values())), **tables)
 
     def sample_time(self, run: int) -> float:
         """Return the time between the steps that are taken, s."""
@@ -441,21 +449,42 @@ class Routing(Problem):
             return self._pose_noise[channel]
         return encoder(self.inst).deviation * sqrt(len(self._bends[channel.partition(".")[2]]))
 
-    def _model(self, values: Array, run: int) -> dict[str, Array]:
-        """Return the readings of the twin by channel, NaN where it has no equilibrium."""
-        key = values.tobytes()
-        while self._known is None or self._known[:2] != (key, run):
+    def ahead(self, points: Sequence[Array], run: int) -> None:
+        """Simulate the twins of several values of the parameters side by side, of which the readings are then known."""
+        while True:
+            keys = dict.fromkeys((np.where(self.linear, 0.0, one).tobytes(), run) for one in points)
+            # the latest are last
+            self._known |= {key: self._known.pop(key) for key in keys if key in self._known}
+            lacking = [key for key in keys if key not in self._known]
+            given = [np.frombuffer(values) for values, _ in lacking]
             try:
-                self._known = (key, run, self._simulated(values, run, self._inputs[run].commands))
+                with thread_pool() as pool:
+                    found = [*pool.map(lambda one: self._simulated(one, run, self._inputs[run].commands), given)]
             except ArgumentError:
                 # stiffer tendons swing faster: from now on, steps are shorter
                 self._finer += 1
                 self._inputs = [self._input(one) for one in self._recorded]
                 self._near.clear()
-        return self._known[2]
+                self._known.clear()
+                continue
+            self._known |= zip(lacking, found, strict=True)
+            for key in [*self._known][: -2 * _KEPT * len(self.parameters) * len(self.runs)]:
+                del self._known[key]
+            return
+
+    def _model(self, values: Array, run: int) -> dict[str, Array]:
+        """Return the readings of the twin by channel, NaN where it has no equilibrium."""
+        self.ahead([values], run)
+        offsets = {
+            f"output_angle.{one.name.removesuffix(_OFFSETS)}": value
+            for one, value in zip(self.parameters, values.tolist(), strict=True)
+            if one.name.endswith(_OFFSETS)
+        }
+        known = self._known[np.where(self.linear, 0.0, values).tobytes(), run]
+        return {channel: row + offsets[channel] if channel in offsets else row for channel, row in known.items()}
 
     def _simulated(self, values: Array, run: int, wound: Array) -> dict[str, Array]:
-        """Return them where spools have wound this, (steps, tendons), m."""
+        """Return them without encoders' offsets where spools have wound this, (steps, tendons), m."""
         inputs = self._inputs[run]
         try:
             inst = self.instrument(values)
@@ -470,11 +499,10 @@ class Routing(Problem):
             if problem.key == "time_step":
                 raise
             return {channel: np.full(row.size, np.nan) for channel, row in inputs.measured.items()}
-        offsets = dict(zip((one.name for one in self.parameters), values.tolist(), strict=True))
         tension, angle = (whole.by_column(signal)[inputs.kept] for signal in ("tension", "output_angle"))
         found = {f"tension.{one.name}": tension[:, i] for i, one in enumerate(inst.tendons)}
         for bend, arcs in self._bends.items():
-            found[f"output_angle.{bend}"] = angle[:, arcs].sum(axis=1) + offsets.get(f"{bend}{_OFFSETS}", 0.0)
+            found[f"output_angle.{bend}"] = angle[:, arcs].sum(axis=1)
         if not found.keys() >= inputs.measured.keys():
             pose = tip_pose(inst, angle, port=Port(insertion=0.0))
             axis = rotated(pose.quaternion[:, 0], np.array([0.0, 0.0, 1.0]))
@@ -516,6 +544,7 @@ class Routing(Problem):
             scales(self.parameters, values),
             which=which,
             step=self._step,
+            ahead=lambda points: self.ahead(points, run),
         )
         return self._whitened(np.nan_to_num(slopes), run)
 
@@ -530,12 +559,12 @@ class Routing(Problem):
     def weigh_sensors(self, values: Array, runs: Sequence[int]) -> bool:
         """Take offsets and gains of load cells of runs, near some values, into the residuals' weights, of others out.
 
-        Not before a search is near its end: what is left of the tensions determines their level by when tendons slip,
-        where a search ends in any of many optima. And not beside what spools' counts hide: its effects are not linear,
-        and what the level of tensions would tell beside them is less than intervals would say.
+        Not in a search that must descend: what is left of the tensions determines their level by when tendons slip,
+        where it ends in any of many optima. And not beside what spools' counts hide: its effects are not linear, and
+        what the level of tensions would tell beside them is less than intervals would say.
         """
         self._cells.clear()
-        for run in runs if not self._near else ():
+        for run in runs if not any(self._inputs[run].input_errors for run in runs) else ():
             effects = self._of_cells(values, run)
             if effects.any():
                 directions, sizes, _ = np.linalg.svd(effects, full_matrices=False)

@@ -62,6 +62,8 @@ class Search:
         self.start = np.array([one.start for one in problem.parameters], dtype=np.float64)
         self.lower = np.array([problem.parameters[index].lower for index in free])
         self.upper = np.array([problem.parameters[index].upper for index in free])
+        self.linear = problem.linear[self.free]
+        """Which free parameters residuals are linear in."""
         self.begin = np.clip(problem.starting_values(train)[self.free], self.lower, self.upper)
         """Where a search of the free parameters begins; what is held stays at its own start."""
         self.samples = sum(problem.residuals(self.start, run).size for run in train)
@@ -102,8 +104,14 @@ class Search:
         if self.changes is None:
             return differenced(function, at, self.lower, self.upper, self._scale(at))
         ends = [[np.clip(at + sign * one, self.lower, self.upper) for sign in (1, -1)] for one in self.changes.T]
+        self._ahead([point for both in ends for point in both])
         moved = np.stack([above - below for above, below in ends], axis=1)
         return np.stack([function(above) - function(below) for above, below in ends], axis=1) @ np.linalg.inv(moved)
+
+    def _ahead(self, points: Sequence[Array]) -> None:
+        """Tell the problem at which points of the free parameters residuals are asked for next."""
+        for run in self.train:
+            self.problem.ahead([self.full(one) for one in points], run)
 
     def _own(self, values: Array, run: int) -> Array | None:
         """Return the problem's own derivatives by the free parameters, (n, free), or None to use differences."""
@@ -151,24 +159,24 @@ class Search:
         )
         return SearchEnd(moved(np.asarray(found.x)), float(found.cost), converged=found.status != 0)
 
-    def stepped(self, start: Array) -> SearchEnd:
+    def stepped(self, start: Array) -> Array:
         """Return the best of some Gauss-Newton steps from near an optimum, each halved if it raised the cost.
 
         Stick and slip make the cost rough: a search that must descend ends in the first of many optima.
         """
         self.begun = self.evaluations
         at, residuals = start, self.residuals(start)
-        best = SearchEnd(at, self._cost(residuals), converged=True)
+        best = (self._cost(residuals), at)
         for _ in range(STEPS_NEAR):
             there = self._stepped(at, residuals, self._finite(self.jacobian(at)))
             fresh = self.residuals(there)
-            end = SearchEnd(there, self._cost(fresh), converged=True)
-            if end.cost >= self._cost(residuals):
+            end = (self._cost(fresh), there)
+            if end[0] >= self._cost(residuals):
                 there = (at + there) / 2
                 fresh = self.residuals(there)
             at, residuals = there, fresh
-            best = min(best, end, key=lambda one: one.cost)
-        return best
+            best = min(best, end, key=lambda one: one[0])
+        return best[1]
 
     def smoothed(self, near: Array, covariance: Array, seed: int) -> SearchEnd:
         """Return where single Gauss-Newton steps lead on average from points around an optimum, and their scatter.
@@ -181,11 +189,23 @@ class Search:
         slopes = self._finite(self.jacobian(near))
         sizes, directions = np.linalg.eigh(covariance)
         root = self._scale(near)[:, None] * directions * np.sqrt(np.maximum(sizes, 0))
-        ends = []
-        for _ in range(DRAWS_NEAR):
-            point = np.clip(near + root @ draw.standard_normal(near.size), self.lower, self.upper)
-            ends.append(self._stepped(point, self.residuals(point), slopes))
-        at = np.mean(ends, axis=0)
+        draws = draw.standard_normal((DRAWS_NEAR, near.size))
+        points = [np.clip(near + root @ one, self.lower, self.upper) for one in draws]
+        self._ahead(points)
+        scale = self._scale(near)
+        root = np.sqrt(uncertainty.influence(self.residuals(near), self.loss)[1])
+        inverse = np.linalg.pinv(root[:, None] * slopes * scale, uncertainty.UNSEEN)
+        firsts = [uncertainty.influence(self.residuals(point), self.loss)[0] for point in points]
+        ends = [point - scale * (inverse @ (first / root)) for point, first in zip(points, firsts, strict=True)]
+        mean = np.mean(ends, axis=0)
+        from scipy.optimize import lsq_linear  # noqa: PLC0415 - slow to load
+
+        # of the quadratic whose optimum this is, the one within the bounds
+        within = (self.lower - mean) / scale, (self.upper - mean) / scale
+        square = np.linalg.qr(root[:, None] * slopes * scale, mode="r")
+        at = mean + scale * lsq_linear(square, np.zeros(len(square)), within, method="bvls").x
+        # the average of steps of the others is no optimum of these
+        at = self._stepped(at, self.residuals(at), slopes * self.linear)
         return SearchEnd(at, self._cost(self.residuals(at)), converged=True, scatter=np.cov(ends, rowvar=False))
 
     def _stepped(self, at: Array, residuals: Array, slopes: Array) -> Array:
@@ -198,8 +218,8 @@ class Search:
     def on_bounds(self, found: SearchEnd) -> tuple[Array, float]:
         """Return the optimum and its cost, with parameters moved onto the bounds that the search stops short of.
 
-        A parameter is moved onto a bound where the cost is no higher there. One without any effect stays where it
-        started.
+        A parameter is moved onto a bound where the cost is no higher there, unless the cost is rough. One without any
+        effect stays where it started.
         """
         at, cost = found.at, found.cost
         inert = ~self._finite(self.jacobian(at)).any(axis=0)
@@ -208,7 +228,7 @@ class Search:
             same = self._cost(self.residuals(kept))
             at, cost = (kept, same) if same <= cost else (at, cost)
         reach = _NEAR_BOUND * (self.upper - self.lower)
-        for bound in (self.lower, self.upper):
+        for bound in (self.lower, self.upper) if found.scatter is None else ():
             for index in np.flatnonzero((np.abs(at - bound) < reach) & (at != bound) & ~inert):
                 there = at.copy()
                 there[index] = bound[index]
