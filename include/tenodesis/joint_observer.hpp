@@ -220,6 +220,14 @@ struct JointObserver {
           variance = variance + tendon.row[at_angle + i] * now.covariance.at[i][j] * tendon.row[at_angle + j];
       now.unexplained_std[m] = sqrt(larger(variance, S(0))) / tendon.soft;
     }
+    // What a single tendon leaves unexplained has its errors once.
+    for (int m = 0; m < M && learns; ++m) {
+      if (contacts[m] == 0) continue;
+      const S own = square(now.unexplained_std[m]) -
+                    S(1 - 1 / evidence_of_homing) *
+                        (equations.of_cells + equations.of_lengths / square(equations.tendon[m].soft));
+      now.unexplained_std[m] = sqrt(larger(own, S(0)));
+    }
     return now;
   }
 
