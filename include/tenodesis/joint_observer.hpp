@@ -115,7 +115,6 @@ struct JointLearning {
   S scale[2]{};    ///< of friction and stiffness, beyond 1
   S weight[3]{};   ///< inverse of their covariance: friction, both, stiffness
   S tension[M]{};  ///< at the last evidence, N
-  S rise{};        ///< farthest of a tension from its pretension, N
 };
 
 template <class S, int N, int M, int contacts>
@@ -131,6 +130,8 @@ struct JointMemory {
 inline constexpr double most_angle = 0.98 * pi, most_gear_angle = 2.7409;
 /// Change of a tension, as a share of the pretension, above noise: evidence on friction and stiffness.
 inline constexpr double least_change = 0.02;
+/// Pieces of evidence in a homing that raises tensions by 0.6 of the pretension and lowers them again.
+inline constexpr double evidence_of_homing = 2 * 0.6 / least_change;
 /// Deviations that homing leaves of them at least: contacts differ, and a rope's compliance is not all along it alike.
 inline constexpr double least_friction_std = 0.05, least_stiffness_std = 0.02;
 /// Deviation of an angle before any tendon has been read, rad.
@@ -166,7 +167,11 @@ struct JointObserver {
     Found& now = memory.estimate;
     now.valid = is_finite(measured);
     if (!now.valid) return now;
+    // Constant errors are the same in all evidence.
+    const S alike = learns ? S(evidence_of_homing) : S(1);
     Equations equations;
+    equations.of_cells = alike * square(deviations.tension);
+    equations.of_lengths = alike * square(deviations.length);
     for (int h = 0; h < chain.handles; ++h) {
       S& smooth = memory.handle_angle[h];
       const S& read = measured.handle_angle[h];
@@ -215,6 +220,14 @@ struct JointObserver {
           variance = variance + tendon.row[at_angle + i] * now.covariance.at[i][j] * tendon.row[at_angle + j];
       now.unexplained_std[m] = sqrt(larger(variance, S(0))) / tendon.soft;
     }
+    // What a single tendon leaves unexplained has its errors once.
+    for (int m = 0; m < M && learns; ++m) {
+      if (contacts[m] == 0) continue;
+      const S own = square(now.unexplained_std[m]) -
+                    S(1 - 1 / evidence_of_homing) *
+                        (equations.of_cells + equations.of_lengths / square(equations.tendon[m].soft));
+      now.unexplained_std[m] = sqrt(larger(own, S(0)));
+    }
     return now;
   }
 
@@ -229,6 +242,7 @@ struct JointObserver {
       S soft;  // m/N
       bool counts;
     };
+    S of_cells, of_lengths;    // variances of the tendons' constant errors, N^2 and m^2
     Root<S, unknowns> root{};  // of the weights
     S right[unknowns]{};
     Tendon tendon[M];
@@ -249,7 +263,7 @@ struct JointObserver {
 
   // Friction is linear about what was learned of it, stiffness about the file's.
   void expect(JointLearning<S, M>& learned, Equations& equations) const {
-    auto& [scale, weight, tension, rise] = learned;
+    auto& [scale, weight, tension] = learned;
     if (!(weight[0] > S(0))) {
       weight[0] = S(1) / square(deviations.friction);
       weight[2] = S(1) / square(deviations.stiffness);
@@ -276,14 +290,8 @@ struct JointObserver {
   void learn(const Square<S, unknowns>& inverse, const S* value, const Measured& measured,
              JointLearning<S, M>& learned) const {
     const S friction = larger(covariance(inverse, at_friction, at_friction), square(S(least_friction_std)));
-    for (int m = 0; m < M; ++m) {
-      learned.tension[m] = measured.tension[m];
-      if (contacts[m] > 0) learned.rise = larger(learned.rise, abs(measured.tension[m] - chain.pretension[m]));
-    }
-    // A constant error of the load cells is the same in all evidence.
-    const S by_cells = deviations.tension / larger(learned.rise, deviations.tension);
-    const S stiffness =
-        larger(covariance(inverse, at_stiffness, at_stiffness), square(S(least_stiffness_std)) + square(by_cells));
+    for (int m = 0; m < M; ++m) learned.tension[m] = measured.tension[m];
+    const S stiffness = larger(covariance(inverse, at_stiffness, at_stiffness), square(S(least_stiffness_std)));
     const S both = covariance(inverse, at_stiffness, at_friction);
     const S by = S(1) / (friction * stiffness - square(both));
     const S weight[3]{by * stiffness, -by * both, by * friction};
@@ -419,7 +427,7 @@ struct JointObserver {
     row[at_stiffness] = -stretched;
     soft = total;
     // What is known of friction is that of all; each tendon has its own.
-    variance = square(total * deviations.tension) + square(deviations.length) + square(hidden_stretch) / S(3) +
+    variance = square(total) * equations.of_cells + equations.of_lengths + square(hidden_stretch) / S(3) +
                square(deviations.friction * stretch_by_friction);
     // A slack tendon is longer than what it spans, unless the joints are where it would not be.
     counts = estimate.taut[m] || estimate.unexplained[m] > S(0);
@@ -429,7 +437,7 @@ struct JointObserver {
   // Moments about each joint: of tendons, springs and load they add up to nothing. What is known of the load beforehand
   // makes its moments uncertain, all joints' together.
   bool add_balance(const Joints& joints, Equations& equations) const {
-    auto& [root, right, tendon, row, load] = equations;
+    auto& [of_cells, of_lengths, root, right, tendon, row, load] = equations;
     S left[N], variance[N], rate[N][N]{};
     for (int i = 0; i < N; ++i) {
       left[i] = joints.moment[i];

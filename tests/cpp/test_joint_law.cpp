@@ -177,6 +177,28 @@ void what_sticks_after_a_reversal_is_in_the_deviation() {
   for (int i = 0; i < 3; ++i) CLAIM(stuck.estimate.covariance.at[i][i] > 4 * firm.estimate.covariance.at[i][i]);
 }
 
+void errors_that_all_evidence_has_alike_are_in_the_deviation_of_the_stiffness() {
+  Observer observer = observer_of(0);
+  observer.deviations.stiffness = 0.25;
+  // Of the mean of all lengths, one deviation.
+  const double longer = observer.deviations.length / std::sqrt(6);
+  Observer::Memory memory{};
+  constexpr int ticks = 2000;
+  for (int n = 0; n <= ticks; ++n) {
+    const double rise = 0.6 * pretension * (1 - std::fabs(2.0 * n / ticks - 1));
+    Observer::Measured measured{};
+    for (int m = 0; m < 6; ++m) {
+      measured.tension[m] = pretension + rise;
+      measured.spool_angle[m] = (rise / stiffness + longer) / spool;
+    }
+    observer.update(measured, memory, true);
+  }
+  const auto& [scale, weight, tension] = memory.learned;
+  const double std = std::sqrt(weight[0] / (weight[0] * weight[2] - weight[1] * weight[1]));
+  CLAIM(std::fabs(scale[1]) < std);
+  CLAIM(std < 0.2 * observer.deviations.stiffness);
+}
+
 JointLaw<Wrist> law() {
   JointLaw<Wrist> made{};
   made.chain = wrist();
@@ -297,6 +319,7 @@ int main() {
   components_of_a_load_are_those_of_any_load();
   a_common_pull_shows_friction();
   what_sticks_after_a_reversal_is_in_the_deviation();
+  errors_that_all_evidence_has_alike_are_in_the_deviation_of_the_stiffness();
   joints_reach_their_targets_and_are_never_farther_than_without();
   whatever_is_true_within_the_deviation_a_joint_is_no_farther_than_without();
   jaws_that_were_closed_and_are_pressed_apart_keep_their_grip();
