@@ -134,9 +134,10 @@ struct Compensator {
     state.second = !state.second;
     const S stroke = differential_stroke(observer, memory, state);
     if (!state.second) {
-      envelope.update(observer.tracking_error(memory), stroke,
-                      S(tuning::waking) * (settings.dead_band * memory.arm) + S(0.5) * observer.tremor_length(memory),
-                      observer, memory, S(2) * dt, state.envelope);
+      envelope.update(
+          observer.tracking_error(memory), stroke,
+          S(tuning::least_swing) * (settings.dead_band * memory.arm) + S(0.5) * observer.tremor_length(memory),
+          observer, memory, S(2) * dt, state.envelope);
     }
     if (actuation == Actuation::agonist) {
       const Winding<S> wanted = one_motor(stroke, observer, memory, state);

@@ -7,8 +7,8 @@
 //
 // A law that corrects a tip which friction holds may also hunt: it winds until the tip breaks away, and then back. So
 // the reversals of the tracking error that no tremor has made are counted, each by how little the strokes since the one
-// before have taken from the error's mean square. Where many follow each other the law's gain goes to zero, and the
-// spools go to the mean of what has been lost.
+// before have taken from the error's mean square; one that the hand has made only where they have taken less than half.
+// Where many follow each other the law's gain goes to zero, and the spools go to the mean of what has been lost.
 
 #include "tenodesis/observer.hpp"
 
@@ -28,10 +28,12 @@ struct EnvelopeState {
   S excess{};        ///< of the stroke over them, m
   S error{};         ///< of the tip, moved only by what is certain, m
   S extreme{};       ///< of the error since its last reversal, m
+  S reversed{};      ///< error at that reversal, m
   S direction{1};    ///< of the error since then
   S since{};         ///< time since then, s
   S squared{};       ///< integral of the squared error since then, m^2 s
   S unmoved{};       ///< the same of the error without the differential stroke, m^2 s
+  S handle_angle{};  ///< at that reversal, rad
   S reversals{};     ///< recent reversals, each by how little the strokes have earned
   S mean_loss{};     ///< error without the differential stroke, smoothed, m
   S gain_factor{1};  ///< of the law's gain, from 1 to 0
@@ -63,7 +65,7 @@ struct Envelope {
     state.mean_loss = state.mean_loss + (lost - state.mean_loss) * (dt / S(tuning::mean_memory));
     // A tremor that the motors leave turns the error as often as the hand.
     const S tremor = observer.trembles(memory) ? S(tuning::tremor_half_period) : S(0);
-    count_reversals(threshold, larger(settings.swing_time, tremor), dt, state);
+    count_reversals(threshold, larger(settings.swing_time, tremor), memory.intent.angle, dt, state);
   }
 
   /// Whether the tracking error is steady enough for common strokes, which free what friction holds.
@@ -101,7 +103,7 @@ struct Envelope {
   }
 
   // Reversals that follow sooner than the least time are the tip's own oscillation, or tremor.
-  void count_reversals(const S& threshold, const S& least, const S& dt, State& state) const {
+  void count_reversals(const S& threshold, const S& least, const S& handle_angle, const S& dt, State& state) const {
     const S& error = state.error;
     state.reversals = state.reversals - state.reversals * dt / S(tuning::swing_memory);
     state.since = smaller(state.since + dt, S(100));
@@ -109,14 +111,21 @@ struct Envelope {
       state.extreme = error;
     } else if ((state.extreme - error) * state.direction > threshold) {
       if (state.since >= least) {
-        const S left = state.squared / S(tuning::useless_share);
-        state.reversals = state.reversals + (left < state.unmoved ? left / state.unmoved : S(1));
+        const S left = state.squared < state.unmoved ? state.squared / state.unmoved : S(1);
+        // A tip that friction holds stays behind by what the hand has drawn, and by no more.
+        const S excursion = abs(model.excursion(handle_angle) - model.excursion(state.handle_angle));
+        const bool by_hand = abs(handle_angle - state.handle_angle) >= S(tuning::swing_hand_travel) &&
+                             abs(state.extreme - state.reversed) <= S(tuning::tremor_spare) * excursion;
+        state.reversals = state.reversals + (by_hand ? larger(S(2) * left - S(1), S(0))
+                                                     : smaller(left * S(1 / tuning::useless_share), S(1)));
       }
       state.since = S(0);
       state.squared = S(0);
       state.unmoved = S(0);
       state.direction = -state.direction;
+      state.reversed = state.extreme;
       state.extreme = error;
+      state.handle_angle = handle_angle;
     }
     state.gain_factor = clamp(
         (S(tuning::many_reversals) - state.reversals) / S(tuning::many_reversals - tuning::few_reversals), S(0), S(1));

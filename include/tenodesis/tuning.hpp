@@ -59,8 +59,7 @@
   ROW(stroke_time, 0.25, "s", "chosen", "in which a common stroke goes from its middle to either end")                 \
   ROW(hand_travel, 5, "1", "chosen", "travel of the handle, in plays, above which the hand counts as moving")          \
   ROW(still_time, 0.1, "s", "studies/homing.py", "for which a hand, or a mean tension while homing, must be still")    \
-  ROW(waking, 2, "1", "chosen",                                                                                        \
-      "error that moves motors at rest, and by which its reversal stands out, in dead bands")                          \
+  ROW(waking, 2, "1", "chosen", "error that moves motors at rest, in dead bands")                                      \
   ROW(unseen, 4, "1", "studies/changes.py", "what strokes would show, in dead bands, that keeps the motors awake")     \
   ROW(long_rest, 1, "s", "studies/changes.py", "after which a disturbance is a new load")                              \
   ROW(correction_time, 1, "s", "studies/changes.py", "longest time of a correction between two strokes")               \
@@ -80,12 +79,15 @@
   ROW(envelope_friction, 1.5, "1", "studies/harm.py", "largest plausible friction over the observer's")                \
   ROW(envelope_compliance, 1.3, "1", "bound", "largest plausible compliance over the observer's")                      \
   ROW(envelope_smoothing, 0.1, "s", "studies/harm.py", "time constant of a stroke's bounds")                           \
+  ROW(least_swing, 3, "1", "studies/harm.py", "tracking error by which its reversal stands out, in dead bands")        \
   ROW(swing_half_periods, 1.3, "1", "studies/harm.py",                                                                 \
       "of the tip, which itself oscillates faster: least time between two reversals of the tracking error")            \
   ROW(swing_memory, 2, "s", "studies/harm.py", "time constant of recent reversals")                                    \
-  ROW(mean_memory, 4, "s", "studies/harm.py", "time constant of the mean loss")                                        \
-  ROW(useless_share, 0.7, "1", "studies/harm.py",                                                                      \
+  ROW(mean_memory, 3, "s", "studies/harm.py", "time constant of the mean loss")                                        \
+  ROW(useless_share, 0.4, "1", "studies/harm.py",                                                                      \
       "of the mean square that an error had without strokes, from which its reversal counts whole")                    \
+  ROW(swing_hand_travel, 0.03490658503988659, "rad", "studies/harm.py",                                                \
+      "handle travel between reversals that the hand made (2 deg)")                                                    \
   ROW(few_reversals, 2, "1", "studies/harm.py", "recent reversals from which the law's gain falls")                    \
   ROW(many_reversals, 4, "1", "studies/harm.py", "from which it is zero")                                              \
   ROW(return_rate, 5, "1/s", "studies/harm.py", "at which a stroke or a mean error that is not wanted is taken back")  \
