@@ -3,10 +3,23 @@
 from typing import Any
 
 __all__ = [
-    "ArgumentError", "CommandError", "CommandInterruptedError", "DesignError", "DeviceError", "Error", "FaultWarning",
-    "IdentificationError", "InstrumentError", "LiveError", "MissingExtraError", "NoSolutionError", "ProtocolError",
-    "RecordingError", "ReportError", "StudyError",
-]  # fmt: skip
+    "ArgumentError",
+    "CommandError",
+    "CommandInterruptedError",
+    "DesignError",
+    "DeviceError",
+    "Error",
+    "FaultWarning",
+    "IdentificationError",
+    "InstrumentError",
+    "LiveError",
+    "MissingExtraError",
+    "NoSolutionError",
+    "ProtocolError",
+    "RecordingError",
+    "ReportError",
+    "StudyError",
+]
 
 
 class Error(Exception):

@@ -23,8 +23,16 @@ from tenodesis.report.curves import Loop, SteppedCurve
 from tenodesis.run import Run
 
 __all__ = [
-    "hysteresis", "input_output", "loss", "posture", "routing", "run", "step_response", "tension", "transmissibility",
-]  # fmt: skip
+    "hysteresis",
+    "input_output",
+    "loss",
+    "posture",
+    "routing",
+    "run",
+    "step_response",
+    "tension",
+    "transmissibility",
+]
 
 _MOST_POINTS = 20_000
 

@@ -27,12 +27,39 @@ from tenodesis.control.resolution import Resolution, resolution
 from tenodesis.control.wrench import estimated_wrench
 
 __all__ = [
-    "FAULTS", "HOMING_REASONS", "TUNING", "Constant", "Controller", "FlightRecord", "Implausible", "JointController",
-    "JointEstimate", "JointOutput", "LawName", "ObserverName", "OperatingState", "Output", "Pair", "Parameters",
-    "Request", "Resolution", "compensated", "estimated_wrench", "export_header", "export_joints_header", "header",
-    "homing_failure", "identifier", "implausible", "joints_header", "names_of", "pairs", "parameters", "resolution",
+    "FAULTS",
+    "HOMING_REASONS",
+    "TUNING",
+    "Constant",
+    "Controller",
+    "FlightRecord",
+    "Implausible",
+    "JointController",
+    "JointEstimate",
+    "JointOutput",
+    "LawName",
+    "ObserverName",
+    "OperatingState",
+    "Output",
+    "Pair",
+    "Parameters",
+    "Request",
+    "Resolution",
+    "compensated",
+    "estimated_wrench",
+    "export_header",
+    "export_joints_header",
+    "header",
+    "homing_failure",
+    "identifier",
+    "implausible",
+    "joints_header",
+    "names_of",
+    "pairs",
+    "parameters",
+    "resolution",
     "tension_from_current",
-]  # fmt: skip
+]
 
 
 def __dir__() -> list[str]:

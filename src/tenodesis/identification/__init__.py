@@ -11,10 +11,27 @@ from tenodesis.identification.results import Fit, RunErrors, to_json
 from tenodesis.identification.uncertainty import Whiteness
 
 __all__ = [
-    "FORMATS", "AtRest", "Combination", "Estimate", "Fit", "Format", "Identifiability", "Kinematic", "Parameter",
-    "Problem", "RestFit", "RunErrors", "Trace", "Whiteness", "fit", "fit_at_rest", "jacobian_error", "measured",
-    "recorded", "to_json",
-]  # fmt: skip
+    "FORMATS",
+    "AtRest",
+    "Combination",
+    "Estimate",
+    "Fit",
+    "Format",
+    "Identifiability",
+    "Kinematic",
+    "Parameter",
+    "Problem",
+    "RestFit",
+    "RunErrors",
+    "Trace",
+    "Whiteness",
+    "fit",
+    "fit_at_rest",
+    "jacobian_error",
+    "measured",
+    "recorded",
+    "to_json",
+]
 
 
 def __dir__() -> list[str]:

@@ -20,11 +20,38 @@ from tenodesis.instrument.reading import (
 from tenodesis.instrument.short_form import PARAMETERS, AxisName, ShortForm
 
 __all__ = [
-    "DVRK_UNKNOWN", "JOINT_TYPES", "PARAMETERS", "PULLEY_RADIUS", "AxisName", "Continuum", "Crossing", "FullForm",
-    "Grip", "Instrument", "InstrumentLike", "JawAngle", "Joint", "Name", "RouteError", "ShortForm", "Tendon",
-    "TendonGear", "TendonPulley", "as_instrument", "as_short_form", "dvrk_text", "expanded", "from_dvrk", "in_arcs",
-    "jaw_reading", "json_schema", "load", "misrouted", "parse", "shipped",
-]  # fmt: skip
+    "DVRK_UNKNOWN",
+    "JOINT_TYPES",
+    "PARAMETERS",
+    "PULLEY_RADIUS",
+    "AxisName",
+    "Continuum",
+    "Crossing",
+    "FullForm",
+    "Grip",
+    "Instrument",
+    "InstrumentLike",
+    "JawAngle",
+    "Joint",
+    "Name",
+    "RouteError",
+    "ShortForm",
+    "Tendon",
+    "TendonGear",
+    "TendonPulley",
+    "as_instrument",
+    "as_short_form",
+    "dvrk_text",
+    "expanded",
+    "from_dvrk",
+    "in_arcs",
+    "jaw_reading",
+    "json_schema",
+    "load",
+    "misrouted",
+    "parse",
+    "shipped",
+]
 
 
 def __dir__() -> list[str]:

@@ -42,9 +42,26 @@ from tenodesis.kinematics.urdf import urdf
 from tenodesis.kinematics.workspace import Workspace, workspace
 
 __all__ = [
-    "Dimensions", "Frame", "Frames", "Limits", "Port", "Posture", "Workspace", "dimensions", "forward", "frames",
-    "inverse", "jacobian", "joint_positions", "limits", "mjcf", "tip_pose", "urdf", "within_limits", "workspace",
-]  # fmt: skip
+    "Dimensions",
+    "Frame",
+    "Frames",
+    "Limits",
+    "Port",
+    "Posture",
+    "Workspace",
+    "dimensions",
+    "forward",
+    "frames",
+    "inverse",
+    "jacobian",
+    "joint_positions",
+    "limits",
+    "mjcf",
+    "tip_pose",
+    "urdf",
+    "within_limits",
+    "workspace",
+]
 
 
 def __dir__() -> list[str]:

@@ -15,11 +15,36 @@ AnyDesign: TypeAlias = Design | JointDesign
 """A design of one plane or of all joints."""
 
 __all__ = [
-    "COMBINATIONS", "PINS", "AnyDesign", "Catalogue", "Choice", "Constraints", "Design", "DesignError", "Front",
-    "JointDesign", "JointFront", "Objective", "Objectives", "Practical", "PracticalFront", "TestLoad",
-    "WeightSelection", "Wheel", "design", "design_joints", "enlarged", "json_schema", "load", "name_of", "parse_pins",
-    "practical_front", "rivals_text", "select_weights", "shipped",
-]  # fmt: skip
+    "COMBINATIONS",
+    "PINS",
+    "AnyDesign",
+    "Catalogue",
+    "Choice",
+    "Constraints",
+    "Design",
+    "DesignError",
+    "Front",
+    "JointDesign",
+    "JointFront",
+    "Objective",
+    "Objectives",
+    "Practical",
+    "PracticalFront",
+    "TestLoad",
+    "WeightSelection",
+    "Wheel",
+    "design",
+    "design_joints",
+    "enlarged",
+    "json_schema",
+    "load",
+    "name_of",
+    "parse_pins",
+    "practical_front",
+    "rivals_text",
+    "select_weights",
+    "shipped",
+]
 
 
 def __dir__() -> list[str]:

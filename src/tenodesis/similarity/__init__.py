@@ -12,9 +12,20 @@ from tenodesis.similarity.joints import JointComparison, JointError, compare_joi
 from tenodesis.similarity.loops import LoopError, Place
 
 __all__ = [
-    "GRID", "Cause", "Causes", "Comparison", "Group", "JointComparison", "JointError", "Kind", "LoopError", "Place",
-    "SimilarityError", "compare", "compare_joints",
-]  # fmt: skip
+    "GRID",
+    "Cause",
+    "Causes",
+    "Comparison",
+    "Group",
+    "JointComparison",
+    "JointError",
+    "Kind",
+    "LoopError",
+    "Place",
+    "SimilarityError",
+    "compare",
+    "compare_joints",
+]
 
 
 def __dir__() -> list[str]:

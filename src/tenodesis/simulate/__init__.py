@@ -20,10 +20,32 @@ from tenodesis.simulate.pretension import Pretension
 from tenodesis.simulate.protocol import AnyPhase, Protocol, json_schema, load, parse, shipped
 
 __all__ = [
-    "INJECTION_POINTS", "AnyPhase", "Chirp", "Cycles", "FaultInjection", "GrippedObject", "Hold", "LoadStep", "Motion",
-    "Plant", "Pretension", "Protocol", "ProtocolError", "Ramp", "StepLoad", "TissueContact", "Wrench", "campaign",
-    "concatenate", "default_protocol", "execute", "json_schema", "load", "parse", "shipped",
-]  # fmt: skip
+    "INJECTION_POINTS",
+    "AnyPhase",
+    "Chirp",
+    "Cycles",
+    "FaultInjection",
+    "GrippedObject",
+    "Hold",
+    "LoadStep",
+    "Motion",
+    "Plant",
+    "Pretension",
+    "Protocol",
+    "ProtocolError",
+    "Ramp",
+    "StepLoad",
+    "TissueContact",
+    "Wrench",
+    "campaign",
+    "concatenate",
+    "default_protocol",
+    "execute",
+    "json_schema",
+    "load",
+    "parse",
+    "shipped",
+]
 
 
 def __dir__() -> list[str]:

@@ -8,9 +8,19 @@ from tenodesis.tolerance.results import Response, Study
 from tenodesis.tolerance.sampling import Indices
 
 __all__ = [
-    "Indices", "Parameter", "Response", "Study", "Tolerance", "Tolerances", "default", "drawn", "json_schema", "load",
-    "parse", "study",
-]  # fmt: skip
+    "Indices",
+    "Parameter",
+    "Response",
+    "Study",
+    "Tolerance",
+    "Tolerances",
+    "default",
+    "drawn",
+    "json_schema",
+    "load",
+    "parse",
+    "study",
+]
 
 
 def __dir__() -> list[str]:

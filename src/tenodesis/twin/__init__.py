@@ -8,9 +8,18 @@ from tenodesis.twin.contact import Contact, Side
 from tenodesis.twin.twin import Energy, State, Twin
 
 __all__ = [
-    "TIME_STEP", "Batch", "Contact", "Energy", "Held", "LoopController", "Side", "SignalFault", "State", "Twin",
+    "TIME_STEP",
+    "Batch",
+    "Contact",
+    "Energy",
+    "Held",
+    "LoopController",
+    "Side",
+    "SignalFault",
+    "State",
+    "Twin",
     "run_many",
-]  # fmt: skip
+]
 
 
 def __dir__() -> list[str]:

@@ -7,9 +7,26 @@ from tenodesis.workshop.order import Item, RopeLength, Step, checklist, order_li
 from tenodesis.workshop.pack import FILES, Pack, prepare
 
 __all__ = [
-    "FILES", "TARGET", "Budget", "Demand", "Dimension", "FirstRun", "Grade", "Item", "Pack", "Reading", "RopeLength",
-    "Spread", "Step", "checklist", "order_list", "prepare", "rehearse", "rope_lengths", "tolerate",
-]  # fmt: skip
+    "FILES",
+    "TARGET",
+    "Budget",
+    "Demand",
+    "Dimension",
+    "FirstRun",
+    "Grade",
+    "Item",
+    "Pack",
+    "Reading",
+    "RopeLength",
+    "Spread",
+    "Step",
+    "checklist",
+    "order_list",
+    "prepare",
+    "rehearse",
+    "rope_lengths",
+    "tolerate",
+]
 
 
 def __dir__() -> list[str]:
