@@ -105,7 +105,7 @@ void a_lag_that_is_only_unknown_for_a_while_takes_none(const A& axis) {
 template <class A>
 void neither_the_hand_nor_rare_loads_nor_the_tips_own_oscillation_take_it(const A& axis) {
   Fixture<A> hand(axis);
-  CLAIM(hand.swing(5, 10 * degree, 2, 4) == 1);
+  CLAIM(hand.swing(5, 10 * degree, 2, 4, 2.5) == 1);
   Fixture<A> rare(axis);
   CLAIM(rare.swing(20, 0, 0.25, 12) == 1);
   Fixture<A> ringing(axis);
@@ -118,6 +118,9 @@ void reversals_count_by_what_strokes_leave_of_the_error(const A& axis) {
   CLAIM(earns.swing(5, 0, 3, 3, 20) == 1);
   Fixture<A> earns_nothing(axis);
   CLAIM(earns_nothing.swing(5, 0, 3, 3, -10) == 0);
+  // Of reversals that the hand makes, as long as strokes take half away.
+  Fixture<A> hand(axis);
+  CLAIM(hand.swing(5, 10 * degree, 2, 4, -10) < 1);
 }
 
 template <class A>
