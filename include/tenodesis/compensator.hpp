@@ -161,8 +161,11 @@ struct Compensator {
     return {along + differential, along - differential};
   }
 
-  // Where the law's gain falls, tremor is left to shake the tip free of its friction as with motors at rest.
-  S tremor_gain(const State& state) const { return settings.tremor_gain * state.envelope.gain_factor; }
+  // Where the law's gain falls to zero, half of the tremor is left to shake the tip free of its friction, as with
+  // motors at rest.
+  S tremor_gain(const State& state) const {
+    return settings.tremor_gain * (S(0.5) + S(0.5) * state.envelope.gain_factor);
+  }
 
   // The differential stroke without what takes the tremor away, m.
   S differential_stroke(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
