@@ -118,7 +118,7 @@ void reversals_count_by_what_strokes_leave_of_the_error(const A& axis) {
   CLAIM(earns.swing(5, 0, 3, 3, 20) == 1);
   Fixture<A> earns_nothing(axis);
   CLAIM(earns_nothing.swing(5, 0, 3, 3, -10) == 0);
-  // Of reversals that the hand makes, as long as strokes take half away.
+  // The same for reversals that the hand makes.
   Fixture<A> hand(axis);
   CLAIM(hand.swing(5, 10 * degree, 2, 4, -10) < 1);
 }
