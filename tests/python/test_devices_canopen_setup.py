@@ -107,7 +107,7 @@ def test_a_drive_may_take_its_time_to_leave_a_fault(inst: Instrument) -> None:
 def test_a_drive_that_does_not_do_as_it_is_told_is_refused(
     inst: Instrument, monkeypatch: pytest.MonkeyPatch, change: dict[str, Any], named: str
 ) -> None:
-    monkeypatch.setattr("tenodesis.devices.can_setup._STATE_TIME", 0.2)
+    monkeypatch.setattr("tenodesis.devices.can_setup._MODE_TIME", 0.0)
     with served(inst, table(inst, zero="here")) as (device, bench, _):
         device.close()
         drive = bench.drives[AGONIST]

@@ -19,6 +19,7 @@ MISSED_HEARTBEATS = 3
 
 _ANSWER_TIME = 1.0  # s, of an SDO server
 _STATE_TIME = 5.0  # s, of a drive's change of state
+_MODE_TIME = 5.0  # s, of a drive's change of mode
 _HOMING_TIME = 5.0  # s; nothing moves meanwhile
 _RESET_TIME = 1.0  # s, of a drive that leaves its fault
 _AT_ZERO = 0.01  # turns, by which a position may be beside zero once it was taken for it
@@ -184,7 +185,7 @@ class Setup:
     def _mode_is(self, drive: DriveFrames, mode: int) -> None:
         self._wait(
             lambda: self._read(drive.node, 0x6061, 0, "b") == mode,
-            _STATE_TIME,
+            _MODE_TIME,
             lambda: f"{self._name[drive.node]} does not take mode {mode} (6060h); it must be a drive that has it",
         )
 
