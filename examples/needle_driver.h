@@ -2,7 +2,7 @@
  * pitch, jaw_1, jaw_2.
  *
  * Written by tenodesis 0.1.0 from needle-driver,
- * for version 2 of the C interface:
+ * for version 3 of the C interface:
  * the input's clock.
  *
  * Spools are at the pretension and joints straight where spool angles count from. Build src/c/joints.cpp by
@@ -28,7 +28,7 @@
 #endif
 #include "tenodesis/joints.h"
 
-#if TENODESIS_JOINTS_VERSION != 2u
+#if TENODESIS_JOINTS_VERSION != 3u
 #error "written for another version of the C interface: export the instrument again"
 #endif
 
@@ -103,6 +103,7 @@ static const tenodesis_joints_parameters needle_driver = {
             {TENODESIS_C(0.0), TENODESIS_C(0.0)}, /* not_a_number: 1, s */
             {TENODESIS_C(0.0), TENODESIS_C(0.0)}, /* homing_failed: 1, s */
             {TENODESIS_C(0.017453292519943295), TENODESIS_C(1.0)}, /* stroke_unexplained: rad, s */
+            {TENODESIS_C(0.03490658503988659), TENODESIS_C(0.5)}, /* rope_length: rad, s */
         },
     .joint =
         {

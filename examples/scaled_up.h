@@ -1,7 +1,7 @@
 /* The controller of scaled-up for tenodesis_init: yaw.
  *
  * Written by tenodesis 0.1.0 from scaled-up,
- * for version 5 of the C interface:
+ * for version 6 of the C interface:
  * observer friction, law robust, actuation differential, its own clock.
  *
  * It starts as homed: only where both tendons have the pretension, and spool angles count from there.
@@ -11,7 +11,7 @@
 
 #include "tenodesis/tenodesis.h"
 
-#if TENODESIS_VERSION != 5u
+#if TENODESIS_VERSION != 6u
 #error "written for another version of the C interface: export the instrument again"
 #endif
 
@@ -115,6 +115,7 @@ static const tenodesis_parameters scaled_up = {
                         {TENODESIS_C(0.0), TENODESIS_C(0.0)}, /* not_a_number: 1, s */
                         {TENODESIS_C(0.0), TENODESIS_C(0.0)}, /* homing_failed: 1, s */
                         {TENODESIS_C(0.017453292519943295), TENODESIS_C(1.0)}, /* stroke_unexplained: rad, s */
+                        {TENODESIS_C(0.03490658503988659), TENODESIS_C(0.5)}, /* rope_length: rad, s */
                     },
             },
         },

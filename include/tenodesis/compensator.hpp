@@ -132,7 +132,8 @@ struct Compensator {
                              State& state) const {
     // What changes slowly is followed in every other tick, by turns.
     state.second = !state.second;
-    const S stroke = differential_stroke(observer, memory, state);
+    const S tremor_gain = this->tremor_gain(state);
+    const S stroke = differential_stroke(observer, memory, tremor_gain);
     if (!state.second) {
       envelope.update(
           observer.tracking_error(memory), stroke,
@@ -154,9 +155,9 @@ struct Compensator {
                           S(tuning::near_limit) * settings.tension_limit;
     const S along = at_limit && state.envelope.excess > S(0) ? smaller(common, S(0)) : common;
     // The motors take the hand's tremor away, as far as it is known when they follow.
-    const S against = observer.trembles(memory) ? tremor_gain(state) * observer.tremor_arm() *
-                                                      memory.intent.speed_after(settings.tremor_delay)
-                                                : S(0);
+    const S against = observer.trembles(memory)
+                          ? tremor_gain * observer.tremor_arm() * memory.intent.speed_after(settings.tremor_delay)
+                          : S(0);
     const S differential = limited(allowed - against);
     return {along + differential, along - differential};
   }
@@ -169,10 +170,10 @@ struct Compensator {
 
   // The differential stroke without what takes the tremor away, m.
   S differential_stroke(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
-                        const State& state) const {
+                        const S& tremor_gain) const {
     const S stroke = (wound(memory.smooth, agonist) - wound(memory.smooth, antagonist)) * S(0.5);
     if (actuation == Actuation::agonist) return stroke;
-    return stroke + smaller(tremor_gain(state), S(1)) * observer.tremor_arm() * memory.intent.tremor;
+    return stroke + smaller(tremor_gain, S(1)) * observer.tremor_arm() * memory.intent.tremor;
   }
 
   // The stroke that is missing to the motors' share of the loss; error: of tracking, m.

@@ -57,7 +57,6 @@ struct AxisMemory {
   S zero[2]{};                     ///< spool angles at home, rad
   S offset[2]{};                   ///< of the load cells, as homing has found it, N
   S correction[2]{S(1), S(1)};     ///< of their gains
-  S unexplained{};                 ///< time for which the stroke has been beyond the envelope, s
   S yielded{};                     ///< time for which the force limit has held the law back, s
   std::uint32_t failed{};          ///< faults to report with the next tick
 };
@@ -135,7 +134,7 @@ struct AxisController {
                                     : compensator.wind(measured, friction, memory.friction, dt, memory.compensator);
     wanted[agonist] = winding.agonist / model().spool_radius;
     wanted[antagonist] = winding.antagonist / model().spool_radius;
-    judge_stroke(dt, memory);
+    if (!home) judge(dt, memory);
     // The tip presses on something if it has yielded for a while: a load that comes makes it yield for a moment.
     // A fault may end that before it is named.
     const S enough = S(tuning::press_time), most = S(4.0 / 3) * S(tuning::press_time);
@@ -145,14 +144,15 @@ struct AxisController {
         yielded >= enough ? (measured.spool_angle[agonist] - measured.spool_angle[antagonist]) * S(0.5) : S(0);
   }
 
-  /// Whether the motors have been beyond the envelope for long: then a sensor, a rope or a motor is not what it seems.
-  void judge_stroke(const S& dt, Memory& memory) const {
-    const Limit<S>& limit = watch.of(Fault::stroke_unexplained);
-    const S excess = memory.compensator.envelope.excess;
-    const bool beyond = excess > S(0) && limit.on() &&
-                        excess > model().stroke_for(limit.threshold * model().axis.distal.moment_arm(S(0)));
-    memory.unexplained = beyond ? smaller(memory.unexplained + dt, limit.persistence) : S(0);
-    if (beyond && memory.unexplained >= limit.persistence) memory.failed |= bit(Fault::stroke_unexplained);
+  /// Whether the motors have been beyond the envelope for long, as when a sensor, a rope or a motor is not what it
+  /// seems; or ropes have another length than when they were homed.
+  void judge(const S& dt, Memory& memory) const {
+    const S arm = model().axis.distal.moment_arm(S(0));
+    const auto lasting = [&](Fault fault, const S& way) {
+      memory.failed |= watch.lasting(fault, 0, way > watch.of(fault).threshold * arm, dt, memory.watch);
+    };
+    lasting(Fault::stroke_unexplained, memory.compensator.envelope.excess / model().stroke_for(S(1)));
+    lasting(Fault::rope_length, friction.tip_by_ropes(memory.friction));
   }
 };
 

@@ -46,8 +46,9 @@ constexpr Distrust distrusted(std::uint32_t faults) {
 
 /// Whether what the spools have wound is in doubt, so that the instrument must be homed before the faults can clear.
 constexpr bool needs_homing(std::uint32_t faults) {
-  return (faults & (bit(Fault::tendon_break) | bit(Fault::load_cell_drift) | bit(Fault::encoder_jump) |
-                    bit(Fault::spool_slip) | bit(Fault::homing_failed) | bit(Fault::stroke_unexplained))) != 0;
+  return (faults &
+          (bit(Fault::tendon_break) | bit(Fault::load_cell_drift) | bit(Fault::encoder_jump) | bit(Fault::spool_slip) |
+           bit(Fault::homing_failed) | bit(Fault::stroke_unexplained) | bit(Fault::rope_length))) != 0;
 }
 
 /// Counts up to the largest number, and stays there.

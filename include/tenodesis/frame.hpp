@@ -15,7 +15,7 @@
 namespace tenodesis::link {
 
 /// Raised whenever a message or its meaning changes; header, hello and refusal are the same in all versions.
-inline constexpr std::uint8_t protocol_version = 2;
+inline constexpr std::uint8_t protocol_version = 3;
 
 enum class Type : std::uint8_t {
   none = 0,

@@ -81,6 +81,12 @@ struct FrictionObserver {
     return (difference - passive) * memory.compliance * S(0.5);
   }
 
+  /// How far ropes that have got longer since the start have moved the tip, one way or the other, m: the sum of both
+  /// lengths is observed, and their difference is not. What the tensions at the start leave open is not counted.
+  S tip_by_ropes(const Memory& memory) const {
+    return S(0.5) * larger(abs(memory.reference - memory.reference_at_start) - abs(memory.reference_at_start), S(0));
+  }
+
   /// How far friction at the tip's joint may hide it, m.
   S exerted_unseen(const Memory& memory) const {
     const S both = memory.tendon[agonist].tension[2] + memory.tendon[antagonist].tension[2];
@@ -204,7 +210,8 @@ struct FrictionObserver {
     const auto& p = memory.covariance;
     memory.position_variance = unseen * unseen * S(1.0 / 3) + by_friction * by_friction * p[0][0] + p[1][1] * S(0.25) +
                                by_compliance * by_compliance * p[2][2] + by_share * by_share * memory.share_variance;
-    memory.deviation = sqrt(settings.bias_std * settings.bias_std + by_gain * by_gain * p[3][3] +
+    const S by_ropes = tip_by_ropes(memory);
+    memory.deviation = sqrt(settings.bias_std * settings.bias_std + by_ropes * by_ropes + by_gain * by_gain * p[3][3] +
                             by_tremor * by_tremor + memory.position_variance);
   }
 
@@ -239,13 +246,12 @@ struct FrictionObserver {
     memory.handle_angle = measured.handle_angle;
     memory.intent = IntentState<S>::at(measured.handle_angle);
     memory.covariance[0][0] = settings.scale_std * settings.scale_std;
-    memory.covariance[1][1] = settings.reference_std * settings.reference_std;
     const S left = homed ? S(tuning::homed_share) : S(1);
     memory.covariance[2][2] = larger(unsure, square(left * settings.compliance_std));
     memory.covariance[3][3] = square(left * settings.gain_std);
     memory.share_variance = square(S(tuning::share_std));
     const S excursion = model.excursion(measured.handle_angle);
-    S tip(0);
+    S tip(0), both(0);
     for (int i = 0; i < 2; ++i) {
       auto& one = memory.tendon[i];
       for (S& tension : one.tension) tension = measured.tension[i];
@@ -254,8 +260,14 @@ struct FrictionObserver {
       const S wound = model.spool_radius * measured.spool_angle[i];
       one.slip[0].dragged = wound - stretch_of(0, measured.tension[i], memory);
       one.slip[1].dragged = one.slip[0].dragged + side * excursion - stretch_of(1, measured.tension[i], memory);
-      tip = tip + side * S(0.5) * (wound + side * excursion - stretch(one, memory));
+      const S position = wound + side * excursion - stretch(one, memory);
+      tip = tip + side * S(0.5) * position;
+      both = both + position;
     }
+    // Tensions that are not the parameters' where the spools are at home are those of other lengths, or of friction.
+    memory.reference_at_start = homed ? S(0) : both;
+    memory.reference = memory.reference_at_start;
+    memory.covariance[1][1] = square(settings.reference_std) + square(memory.reference_at_start);
     put_tip(tip, memory);
     set_exponents(memory);
     memory.target = clamp(model.aim(measured.handle_angle), -model.stop, model.stop);
@@ -283,7 +295,7 @@ struct FrictionObserver {
     for (int n = 0; n < 3; ++n) {
       const S most = start[n] * start[n];
       const S grown = memory.covariance[n][n] + most * growth;
-      memory.covariance[n][n] = smaller(grown, most);
+      memory.covariance[n][n] = larger(memory.covariance[n][n], smaller(grown, most));
     }
   }
 
@@ -441,11 +453,12 @@ struct FrictionObserver {
     S spread = spread_by(by, memory, gain);
     if (residual * residual > square(S(tuning::outlier)) * (spread + noise)) {
       // More than the deviations explain: just after a reversal it is the model that is wrong about where a tendon
-      // slips, later most likely the hand has bent the sheath.
+      // slips, later most likely the hand has bent the sheath, or a rope has got longer.
       for (const auto& one : memory.tendon)
         if (abs(one.slip[0].run) < S(2) * S(tuning::firm_run) || abs(one.slip[1].run) < S(2) * S(tuning::firm_run))
           return false;
       reset_scale_variance(memory);
+      memory.covariance[1][1] = memory.covariance[1][1] + square(residual / S(tuning::outlier));
       spread = spread_by(by, memory, gain);
     }
     spread = spread + noise / weight;

@@ -118,7 +118,8 @@
   ROW(tick_late, TICK_LATE, "s", "a tick came too late, or time stood still")                                  \
   ROW(not_a_number, NOT_A_NUMBER, "1", "NaN, infinity, or beyond the range of any sensor")                     \
   ROW(homing_failed, HOMING_FAILED, "1", "homing found something wrong: the reason says what")                 \
-  ROW(stroke_unexplained, STROKE_UNEXPLAINED, "rad", "the motors moved the tip further than a load explains")
+  ROW(stroke_unexplained, STROKE_UNEXPLAINED, "rad", "the motors moved the tip further than a load explains")  \
+  ROW(rope_length, ROPE_LENGTH, "rad", "the ropes got longer or shorter, and may have moved the tip")
 
 /* Why homing failed, in the order of their numbers: name, NAME, meaning. */
 #define TENODESIS_HOMING_REASON_TABLE(ROW)                                                                           \

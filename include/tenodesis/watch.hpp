@@ -170,6 +170,11 @@ struct Watch {
     return of(Fault::tick_late).on() && !(since_last_step <= of(Fault::tick_late).threshold);
   }
 
+  /// The bit of a fault whose condition holds at a place, once it has lasted.
+  std::uint32_t lasting(Fault fault, int place, bool holds, const S& step, State& state) const {
+    return lasting(fault, place, of(fault), holds, step, state);
+  }
+
   /// Resets all but the counts, as after homing.
   static void restart(State& state) {
     State fresh{};
@@ -201,9 +206,6 @@ struct Watch {
     }
     lasted = smaller(lasted + step, longest);
     return lasted >= by.persistence ? bit(fault) : 0U;
-  }
-  std::uint32_t lasting(Fault fault, int place, bool holds, const S& step, State& state) const {
-    return lasting(fault, place, of(fault), holds, step, state);
   }
 
   static bool readable(const Measurement<S>& measured, const S (&commanded)[2], State& state) {

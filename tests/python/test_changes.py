@@ -68,6 +68,26 @@ def test_a_file_that_says_hold_holds(name: str) -> None:
     assert np.ptp(run["spool_angle"][6200:], axis=0).max() < 1e-3
 
 
+@pytest.mark.parametrize("name", INSTRUMENTS)
+@pytest.mark.parametrize("side", [0.0, *changes.SIDES])
+def test_a_rope_that_gets_longer_is_named_soon_or_takes_the_tip_no_farther_than_with_motors_off(
+    name: str, side: float
+) -> None:
+    for angle in changes.ANGLES:
+        found = changes.trial("rope", name, angle, side=side, longer=0.4, pretension=1.0)
+        assert found["more_unnamed"] < 1
+        assert set(found["names"]) <= {"rope_length"}
+
+
+@pytest.mark.parametrize("name", INSTRUMENTS)
+@pytest.mark.parametrize("pretension", [0.8, 1.2])
+def test_a_pretension_that_is_not_the_files_is_seen_by_the_tensions_at_the_start(name: str, pretension: float) -> None:
+    for side in changes.SIDES:
+        found = changes.trial("rope", name, 33.0, side=side, longer=0.0, pretension=pretension)
+        assert found["rms"] < 0.15 < 1 < found["rms_off"]
+        assert not found["names"]
+
+
 def test_a_law_that_is_changed_is_the_one_that_works_and_an_unknown_one_is_refused(scaled: Any) -> None:
     controller = Controller(scaled, observer="exact", law="exact")
     with pytest.raises(ValueError, match="law"):

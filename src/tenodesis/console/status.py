@@ -71,6 +71,10 @@ ADVICE = {
         "The motors have moved the tip further than any load explains: a sensor, a rope or a motor is not as it seems.",
         "Check the spools' encoders, the load cells and the ropes. Then home, then enable.",
     ),
+    "rope_length": Advice(
+        "A rope has got longer or shorter since homing, and may have moved the tip.",
+        "Check knots, crimps and the ropes on their spools. Then home, then enable.",
+    ),
 }
 """By the names in :data:`tenodesis.control.FAULTS`, of an instrument with load cells."""
 
