@@ -58,6 +58,12 @@ def test_tremor_of_a_straight_free_tip_is_halved(inst: Instrument, frequency: fl
     assert done["swing"] < 0.5 * done["swing_off"]
 
 
+@pytest.mark.parametrize("amplitude", [0.1, 0.3, 1.0])
+def test_irregular_tremor_of_a_straight_free_tip_is_lessened(inst: Instrument, amplitude: float) -> None:
+    done = tremor.shake(inst, tremor.Hand(None, amplitude))
+    assert done["swing"] < 0.85 * done["swing_off"]
+
+
 def test_a_load_is_compensated_in_tremor(inst: Instrument) -> None:
     for angle in tremor.ANGLES:
         done = tremor.shake(inst, tremor.Hand(8.0, 0.3, angle, 1.0))
