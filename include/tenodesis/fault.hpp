@@ -36,9 +36,9 @@ struct Distrust {
 /// The sensors that a mask of faults makes unusable.
 constexpr Distrust distrusted(std::uint32_t faults) {
   const auto any = [faults](auto... fault) { return (faults & (bit(fault) | ...)) != 0; };
-  // A dead load cell looks like a broken tendon, a slipped spool like a drifting cell.
+  // A dead load cell looks like a broken tendon, a slipped spool and a rope that gets longer like a drifting cell.
   return {any(Fault::tendon_break, Fault::load_cell_stuck, Fault::load_cell_range, Fault::load_cell_drift,
-              Fault::stroke_unexplained, Fault::not_a_number),
+              Fault::stroke_unexplained, Fault::rope_length, Fault::not_a_number),
           any(Fault::encoder_dropout, Fault::encoder_jump, Fault::not_a_number),
           any(Fault::encoder_jump, Fault::load_cell_drift, Fault::spool_slip, Fault::motor_not_following,
               Fault::stroke_unexplained)};
