@@ -14,7 +14,7 @@ CPP_TESTS := $(wildcard tests/cpp/*)
 TIDY := -std=c++20 -Iinclude -Isrc -Iexamples -fno-math-errno
 # They compile the templates of src/c/joints.cpp and src/bindings/twin.cpp again, for eleven sizes. The static analyzer
 # reads these templates there; here it would take a minute and a half.
-ELEVENFOLD := $(patsubst %,src/bindings/%.cpp,tendon_chain chain_twin joint_control)
+ELEVENFOLD := $(patsubst %,src/bindings/%.cpp,tendon_chain chain_twin chain_twins joint_control)
 # What has the sizes of an exported header.
 SIZED := src/c/joints.cpp tests/cpp/test_joints_interface.cpp
 CPP_FILES := $(filter %.h %.hpp %.cpp,$(CORE) $(EXTENSION) $(CPP_TESTS) $(wildcard src/c/* firmware/*)) \
