@@ -142,12 +142,12 @@ CALIBRATED = ("nothing", "two", "rough", "wrist", "real")
 
 @pytest.fixture(scope="module")
 def judged() -> dict[str, dict[str, Any]]:
-    """Rows of the study, and with errors of calibration drawn ("drawn"); nothing is asked of motors off."""
-    asked = {"nothing": 1, "rougher": 3} | dict.fromkeys(COMBINED, 2)
+    """Rows of the study, and with errors of calibration drawn ("drawn"), over 6 s; nothing is asked of motors off."""
+    asked = {"nothing": 1} | dict.fromkeys(COMBINED, 2)
     cases = {name: plants.cases_of(plants.ROWS[name], seeds) for name, seeds in asked.items()}
     cases |= {f"{name} drawn": plants.cases_of(plants.ROWS[name], 2, drawn=True) for name in CALIBRATED}
     moving = {name: own[: len(own) // 2] for name, own in cases.items()}
-    traces = iter(plants.run([one for own in moving.values() for one in own], 5.6))
+    traces = iter(plants.run([one for own in moving.values() for one in own], 6.0))
     found = {name: [next(traces) for _ in own] for name, own in moving.items()}
     return {name: plants.summary(cases[name], 2 * own) for name, own in found.items()}
 
@@ -162,8 +162,9 @@ def test_on_a_plant_of_its_own_structure_the_law_keeps_its_promise(judged: dict[
 
 
 @pytest.mark.slow
-def test_strokes_against_strong_friction_end_and_hardly_move_the_tip(judged: dict[str, dict[str, Any]]) -> None:
-    found = judged["rougher"]
+def test_strokes_against_strong_friction_end_and_hardly_move_the_tip() -> None:
+    cases = plants.cases_of(plants.ROWS["rougher"], 3)
+    found = plants.summary(cases, 2 * plants.run(cases[: len(cases) // 2]))
     assert found["final_rms"] < 0.3
     assert found["final_worst"] < 0.7
     assert found["later_worst"] < 1
