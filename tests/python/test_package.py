@@ -88,7 +88,7 @@ def stable_wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     compiler.write_text(
         f"#!/bin/sh\nmade={ROOT}/build/cp3*/CMakeFiles/_core.dir/src/bindings\n"
         'for word; do [ "$last" = -o ] && out=$word; last=$word; done\nname=${out##*/}\n'
-        'case $name in lanes_*.o | chain_twins.*.o)\n'
+        "case $name in lanes_*.o | chain_twins.*.o)\n"
         'for one in $made/$name; do [ -f "$one" ] && exec cp "$one" "$out"; done;; esac\n'
         'exec c++ "$@" -O0\n',
         "utf-8",
