@@ -19,6 +19,8 @@ ELEVENFOLD := $(patsubst %,src/bindings/%.cpp,tendon_chain chain_twin chain_twin
 SIZED := src/c/joints.cpp tests/cpp/test_joints_interface.cpp
 CPP_FILES := $(filter %.h %.hpp %.cpp,$(CORE) $(EXTENSION) $(CPP_TESTS) $(wildcard src/c/* firmware/*)) \
   examples/controller.c $(wildcard tests/consumers/*.c*)
+# Ninja takes no jobs from make --jobs.
+OWN_JOBS := MAKEFLAGS=
 CROSS_PYTHON ?= 3.13
 TOOL := $(BIN)/uv run --quiet --no-project --python $(BIN)/python --with-requirements packaging/requirements.lock
 LOCK := $(BIN)/uv pip compile --quiet --generate-hashes --no-emit-index-url --universal \
@@ -44,7 +46,7 @@ build: .venv/.built $(SCHEMAS) ## Install into .venv and build
 	@touch $@
 
 .venv/.built: .venv/.deps $(CORE) $(EXTENSION) CMakeLists.txt pyproject.toml
-	$(BIN)/pip install --quiet --no-build-isolation --no-deps --editable .
+	$(OWN_JOBS) $(BIN)/pip install --quiet --no-build-isolation --no-deps --editable .
 	@touch $@
 
 # For editors, which complete and check TOML files by them.
@@ -61,7 +63,7 @@ test-all: test-cpp build ## Run every test: also slow ones, processes and browse
 
 test-cpp: .venv/.deps ## Build and run the tests of the C++ core alone
 	$(BIN)/cmake -S . -B build/cpp -G Ninja -DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja > /dev/null
-	$(BIN)/cmake --build build/cpp
+	$(OWN_JOBS) $(BIN)/cmake --build build/cpp
 	$(BIN)/ctest --test-dir build/cpp --output-on-failure --parallel $$(nproc)
 
 firmware: build ## Build the controller for a Cortex-M4F and run it in QEMU; names the Debian packages it needs
