@@ -18,7 +18,7 @@ from tenodesis.live.loop import PROBLEMS, Choices, LiveLoop
 from tenodesis.live.ticks import Reader
 from tenodesis.twin import Twin
 
-from .conftest import refused
+from .conftest import refused, until
 
 INST = tn.load("scaled-up")
 
@@ -359,13 +359,6 @@ class Bench:
 def slow_rate(inst=INST):
     """An instrument that samples no faster than any machine keeps up with."""
     return inst.replace(**{"sensors.sampling_rate": 200.0})
-
-
-def until(holds, seconds=60.0):
-    end = time.monotonic() + seconds
-    while not holds():
-        assert time.monotonic() < end, "it did not come to that"
-        time.sleep(0.01)
 
 
 def set_moving(loop, bench):

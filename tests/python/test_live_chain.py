@@ -22,8 +22,8 @@ from tenodesis.run import Run, concatenate
 from tenodesis.statics import chain
 from tenodesis.twin import Held, Twin
 
-from .conftest import refused
-from .test_live import looped, until
+from .conftest import refused, until
+from .test_live import looped
 from .test_live_replacement import operating
 
 NAMES = ("needle-driver", "two-segment-continuum", "hybrid-scaled-up")

@@ -23,8 +23,7 @@ from tenodesis.live.host import Host, HostConnection
 from tenodesis.live.loop import Choices
 from tenodesis.live.runtime_process import RuntimeProcess
 
-from .conftest import refused
-from .test_live import until
+from .conftest import refused, until
 
 UNRUNNABLE = [
     ("dynamics.tip_inertia", "1e-7 kg*m^2"),

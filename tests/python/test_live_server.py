@@ -24,8 +24,8 @@ from tenodesis.live.status import ProtocolState
 from tenodesis.live.ticks import Reader
 from tenodesis.recording import Recording
 
-from .conftest import refused
-from .test_live import INST, looped, until
+from .conftest import refused, until
+from .test_live import INST, looped
 
 pytestmark = pytest.mark.process
 

@@ -29,9 +29,9 @@ from tenodesis.live.ticks import Reader
 from tenodesis.run import Run, concatenate
 
 from . import serial_board as sb
-from .conftest import refused
+from .conftest import refused, until
 from .serial_board import Frame, Streamed
-from .test_live import commanded, until
+from .test_live import commanded
 
 pytestmark = pytest.mark.process
 
