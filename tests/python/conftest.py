@@ -103,7 +103,7 @@ def until(happens: Callable[[], Any], process: "subprocess.Popen[Any] | None" = 
     while not happens():
         assert process is None or process.poll() is None, "the process has ended"
         assert time.monotonic() < end, "it did not come to that"
-        time.sleep(0.002)
+        time.sleep(0.01)
     return True
 
 

@@ -244,7 +244,7 @@ def test_looking_again_is_not_put_off_by_panels_that_leave_an_upright_picture(pa
         camera = browser.session.client.camera
         first = np.array(camera.look_at)
         guest.send({**CAMERA, "image_width": 512, "image_height": 800})
-        until(lambda: camera.image_width == 512)
+        until(lambda: camera.image_width == 512 and not np.any(camera.look_at))
         guest.set("Look at", "whole")
         until(lambda: np.any(np.array(camera.look_at) != 0))
         assert np.array(camera.look_at) == pytest.approx(first)
