@@ -12,13 +12,15 @@ CORE := $(wildcard include/tenodesis/*)
 EXTENSION := $(wildcard src/bindings/* src/engine/* src/runtime/*)
 CPP_TESTS := $(wildcard tests/cpp/*)
 TIDY := -std=c++20 -Iinclude -Isrc -Iexamples -fno-math-errno
-# They compile the templates of src/c/joints.cpp and src/bindings/twin.cpp again, for eleven sizes. The static analyzer
-# reads these templates there; here it would take a minute and a half.
-ELEVENFOLD := $(patsubst %,src/bindings/%.cpp,tendon_chain chain_twin joint_control)
+# They compile the templates of src/c/joints.cpp and src/bindings/twin.cpp again, for other sizes. The static analyzer
+# reads these templates there.
+AGAIN := $(patsubst %,src/bindings/%.cpp,tendon_chain chain_twin chain_twins joint_control)
 # What has the sizes of an exported header.
 SIZED := src/c/joints.cpp tests/cpp/test_joints_interface.cpp
 CPP_FILES := $(filter %.h %.hpp %.cpp,$(CORE) $(EXTENSION) $(CPP_TESTS) $(wildcard src/c/* firmware/*)) \
   examples/controller.c $(wildcard tests/consumers/*.c*)
+# Ninja takes no jobs from make --jobs.
+OWN_JOBS := MAKEFLAGS=
 CROSS_PYTHON ?= 3.13
 TOOL := $(BIN)/uv run --quiet --no-project --python $(BIN)/python --with-requirements packaging/requirements.lock
 LOCK := $(BIN)/uv pip compile --quiet --generate-hashes --no-emit-index-url --universal \
@@ -44,7 +46,7 @@ build: .venv/.built $(SCHEMAS) ## Install into .venv and build
 	@touch $@
 
 .venv/.built: .venv/.deps $(CORE) $(EXTENSION) CMakeLists.txt pyproject.toml
-	$(BIN)/pip install --quiet --no-build-isolation --no-deps --editable .
+	$(OWN_JOBS) $(BIN)/pip install --quiet --no-build-isolation --no-deps --editable .
 	@touch $@
 
 # For editors, which complete and check TOML files by them.
@@ -61,7 +63,7 @@ test-all: test-cpp build ## Run every test: also slow ones, processes and browse
 
 test-cpp: .venv/.deps ## Build and run the tests of the C++ core alone
 	$(BIN)/cmake -S . -B build/cpp -G Ninja -DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja > /dev/null
-	$(BIN)/cmake --build build/cpp
+	$(OWN_JOBS) $(BIN)/cmake --build build/cpp
 	$(BIN)/ctest --test-dir build/cpp --output-on-failure --parallel $$(nproc)
 
 firmware: build ## Build the controller for a Cortex-M4F and run it in QEMU; names the Debian packages it needs
@@ -81,8 +83,8 @@ lint: build ## Check style, types, layers and C++
 	$(BIN)/lint-imports
 	$(BIN)/clang-format --dry-run -Werror $(CPP_FILES)
 	flags="$$($(BIN)/python -c 'import nanobind, sysconfig; print("-isystem", nanobind.include_dir(), "-isystem", sysconfig.get_paths()["include"])')"; \
-	  { printf '%s --checks=-clang-analyzer-*\n' $(ELEVENFOLD); \
-	    printf '%s\n' $(filter-out %_avx2.cpp %_avx512.cpp $(SIZED) $(ELEVENFOLD),$(wildcard src/bindings/*.cpp src/c/*.cpp tests/cpp/test_*.cpp tests/cpp/fuzz_*.cpp)); } | \
+	  { printf '%s --checks=-clang-analyzer-*\n' $(AGAIN); \
+	    printf '%s\n' $(filter-out %_avx2.cpp %_avx512.cpp $(SIZED) $(AGAIN),$(wildcard src/bindings/*.cpp src/c/*.cpp tests/cpp/test_*.cpp tests/cpp/fuzz_*.cpp)); } | \
 	  xargs -P $$(nproc) -L 1 sh -c '$(BIN)/clang-tidy --quiet "$$@" -- $(TIDY) '"$$flags" tidy
 	$(BIN)/clang-tidy --quiet $(SIZED) -- $(TIDY) -include examples/needle_driver.h
 

@@ -42,7 +42,7 @@ std::unique_ptr<AnyTwin> make_chain_twin(const ChainSpec& spec, const In<3>& pas
                       steps_per_sample,  quasi_static,
                       currents,          seed};
   const ChainSizes sizes{spec.joints(), spec.handles(), tendons};
-  return std::visit([&](const auto& chain) { return make_twin<int(most_tendons)>(chain, rows, sizes); }, spec.any());
+  return twin_of(spec.any(), rows, sizes);
 }
 
 /// Mass matrix and moments of constant rates of every point.

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -12,8 +11,8 @@
 #include <limits>
 #include <memory>
 #include <random>
-#include <type_traits>
 
+#include "same_output.hpp"
 #include "scaled_up.h"
 #include "tenodesis/tenodesis.h"
 
@@ -30,25 +29,6 @@ struct Seen {
   std::array<long, 4> state;
   std::array<long, TENODESIS_FAULTS> fault;
 };
-
-using Bits = std::conditional_t<sizeof(Real) == 4, std::uint32_t, std::uint64_t>;
-bool same(Real a, Real b) {
-  return std::bit_cast<Bits>(a) == std::bit_cast<Bits>(b) || (std::isnan(a) && std::isnan(b));
-}
-
-bool same(const tenodesis_output& a, const tenodesis_output& b) {
-  bool all = a.state == b.state && a.homed == b.homed && a.homing == b.homing && a.faults == b.faults &&
-             a.first_faults == b.first_faults;
-  for (int n = 0; n < TENODESIS_AXES; ++n) {
-    const auto& each = a.axis[n];
-    const auto& other = b.axis[n];
-    all = all && same(each.spool_velocity[0], other.spool_velocity[0]) &&
-          same(each.spool_velocity[1], other.spool_velocity[1]) && same(each.output_angle, other.output_angle) &&
-          same(each.output_angle_std, other.output_angle_std) && same(each.tip_force, other.tip_force) &&
-          same(each.friction_scale, other.friction_scale) && each.faults == other.faults;
-  }
-  return all;
-}
 
 /// The simplest plant that lets homing and laws run: frictionless tendons, and motors that follow exactly.
 struct Plant {

@@ -2,36 +2,15 @@
 // with its code; reset is a fresh start.
 
 #include <array>
-#include <bit>
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <type_traits>
 
 #include "c_readings.hpp"
 #include "claim.hpp"
+#include "same_output.hpp"
 #include "tenodesis/fault.hpp"
 #include "tenodesis/tenodesis.h"
-
-using Bits = std::conditional_t<sizeof(Number) == 4, std::uint32_t, std::uint64_t>;
-bool same(Number a, Number b) {
-  return std::bit_cast<Bits>(a) == std::bit_cast<Bits>(b) || (std::isnan(a) && std::isnan(b));
-}
-
-bool same(const tenodesis_output& a, const tenodesis_output& b) {
-  bool all = a.state == b.state && a.homed == b.homed && a.homing == b.homing && a.faults == b.faults &&
-             a.first_faults == b.first_faults;
-  for (int n = 0; n < two; ++n) {
-    const auto& each = a.axis[n];
-    const auto& other = b.axis[n];
-    all = all && same(each.spool_velocity[0], other.spool_velocity[0]) &&
-          same(each.spool_velocity[1], other.spool_velocity[1]) && same(each.output_angle, other.output_angle) &&
-          same(each.output_angle_std, other.output_angle_std) && same(each.tip_force, other.tip_force) &&
-          same(each.tip_force_std, other.tip_force_std) && same(each.friction_scale, other.friction_scale) &&
-          same(each.friction_scale_std, other.friction_scale_std) && each.faults == other.faults;
-  }
-  return all;
-}
 
 void sizes_are_those_that_the_header_promises() {
   constexpr std::size_t real = sizeof(Number);

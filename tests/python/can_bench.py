@@ -22,6 +22,7 @@ from tenodesis.instrument.devices import CanOpen
 from tenodesis.run import Array
 from tenodesis.twin import Twin
 
+from .conftest import until
 from .simulated_bench.bench import SimulatedBench, TwinPlant
 
 RATE = 500.0  # Hz
@@ -167,14 +168,6 @@ def tick(device: CanOpenDevice, clock: Clock, speed: float = 0.5) -> NDArray[np.
 def motion(time: float) -> tuple[float, float]:
     """The hand bends the handle by 20 deg in 0.3 s, then the tip is loaded."""
     return np.radians(20) * (1 - np.cos(pi * min(time, 0.3) / 0.3)) / 2, 0.5 if time > 0.4 else 0.0
-
-
-def until(condition: Callable[[], bool]) -> bool:
-    """Whether the simulated bench, a thread of its own, comes to that."""
-    end = time.monotonic() + 10
-    while not condition() and time.monotonic() < end:
-        time.sleep(1e-3)
-    return condition()
 
 
 def at_rest(bench: SimulatedBench) -> bool:

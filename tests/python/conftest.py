@@ -2,6 +2,7 @@ import importlib.util
 import signal
 import subprocess
 import sys
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -94,6 +95,16 @@ def refused(
         np.testing.assert_equal(caught.value.value, value)
     assert allowed in caught.value.allowed
     assert kind in PARTS or str(caught.value).endswith(".")
+
+
+def until(happens: Callable[[], Any], process: "subprocess.Popen[Any] | None" = None, seconds: float = 60.0) -> bool:
+    """Wait until something happens, while a process runs, if one is given; it is an error if it does not."""
+    end = time.monotonic() + seconds
+    while not happens():
+        assert process is None or process.poll() is None, "the process has ended"
+        assert time.monotonic() < end, "it did not come to that"
+        time.sleep(0.01)
+    return True
 
 
 Ended: TypeAlias = tuple[int, str, str, BaseException | None]

@@ -4,7 +4,6 @@ import http.client
 import struct
 import threading
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 from urllib.parse import quote
@@ -13,6 +12,8 @@ import msgspec
 import zstandard
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
+
+from .conftest import until
 
 CAMERA = {
     "type": "ViewerCameraMessage",
@@ -63,7 +64,7 @@ class Guest:
 
     def set(self, label: str, value: Any) -> None:
         """Say that a part of the panel has a value, or was pressed; its label may go on."""
-        wait(lambda: any(known.startswith(label) for known in list(self.parts)))
+        until(lambda: any(known.startswith(label) for known in list(self.parts)))
         part = next(part for known, part in self.parts.items() if known.startswith(label))
         self.send({"type": "GuiUpdateMessage", "uuid": part["uuid"], "updates": {"value": value}})
 
@@ -72,7 +73,7 @@ class Guest:
 
     def upload(self, label: str, name: str, content: bytes, size: int | None = None, parts: int = 1) -> None:
         """Send the first part of a file to a part of the panel, said to be of a size."""
-        wait(lambda: label in self.parts)
+        until(lambda: label in self.parts)
         common = {"source_component_uuid": self.parts[label]["uuid"], "transfer_uuid": f"{name} {time.monotonic()}"}
         upload = {"filename": name, "mime_type": "", "size_bytes": len(content) if size is None else size}
         self.send({"type": "FileTransferStartUpload", **common, **upload, "part_count": parts})
@@ -108,14 +109,6 @@ class Guest:
             for part in self.parts.values():
                 if part["uuid"] == message["uuid"]:
                     part.update(message["updates"])
-
-
-def wait(happens: Callable[[], Any], seconds: float = 60.0) -> None:
-    """Wait until something happens."""
-    end = time.monotonic() + seconds
-    while not happens():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.02)
 
 
 def operates(bench: Any, guest: Guest) -> bool:

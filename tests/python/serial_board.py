@@ -12,7 +12,6 @@ import struct
 import subprocess
 import tempfile
 import threading
-import time
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
@@ -24,7 +23,7 @@ import pytest
 
 from tenodesis.control.export import INTERFACE_VERSION
 
-from .conftest import ROOT
+from .conftest import ROOT, until
 
 VERSION = 2
 PARAMETERS_SIZE = 784
@@ -110,9 +109,7 @@ def qemu(folder: Path, *, by_instructions: bool = True) -> Iterator[tuple[str, s
     with said.open("wb") as log:
         process = subprocess.Popen([*command, "-serial", f"unix:{path},server=on,wait=on"], stderr=log)
     try:
-        while not _listens(path):
-            assert process.poll() is None, said.read_text()
-            time.sleep(0.01)
+        until(lambda: _listens(path), process)
         yield f"unix://{path}", process
     finally:
         process.kill()

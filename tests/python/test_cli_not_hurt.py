@@ -3,8 +3,6 @@
 import shlex
 import shutil
 import signal
-import subprocess
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
@@ -15,7 +13,7 @@ import tenodesis as tn
 from tenodesis.files import locked_file, locked_folder
 from tenodesis.recording.simulation import write_run
 
-from .conftest import EXAMPLES, ROOT, start_command
+from .conftest import EXAMPLES, ROOT, start_command, until
 
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
 
@@ -309,12 +307,6 @@ def test_a_lock_that_a_dead_process_left_does_not_matter(desk: Path) -> None:
     with locked_file(desk / "x.mcap"):
         pass
     assert not (desk / ".x.mcap.lock").exists()
-
-
-def until(condition: Callable[[], bool], process: "subprocess.Popen[str]") -> None:
-    while not condition():
-        assert process.poll() is None, process.communicate()[1]
-        time.sleep(0.01)
 
 
 INTERRUPTED = (130, -signal.SIGINT)

@@ -5,7 +5,6 @@ import math
 import re
 import signal
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
@@ -22,7 +21,7 @@ from tenodesis.live import recorder as live
 from tenodesis.recording import Recorder, Recording
 from tenodesis.run import Run
 
-from .conftest import EXAMPLES, ROOT, start_command
+from .conftest import EXAMPLES, ROOT, start_command, until
 from .live_loop import Played
 
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
@@ -299,9 +298,8 @@ def test_info_of_a_recording_broken_off_says_so_and_of_one_that_is_not_live_noth
 def test_ctrl_c_leaves_a_readable_recording_and_says_so(tmp_path: Path) -> None:
     (tmp_path / "long.toml").write_text('name = "long"\n[[phases]]\nkind = "hold"\nduration = "3000 s"\n')
     process = start_command(tmp_path, "record", "scaled-up", "long.toml", "--out", "run.mcap")
-    while not ((tmp_path / "run.mcap").exists() and (tmp_path / "run.mcap").stat().st_size > 100_000):
-        time.sleep(0.02)
-        assert process.poll() is None
+    path = tmp_path / "run.mcap"
+    until(lambda: path.exists() and path.stat().st_size > 100_000, process)
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130

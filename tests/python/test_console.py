@@ -16,7 +16,7 @@ from tenodesis.console.access import page_html
 from tenodesis.console.status import ADVICE
 from tenodesis.live import folder as folders
 
-from .console_guest import wait
+from .conftest import until
 from .console_stand_in import SHORT_PROTOCOL, StandIn
 
 pytest.importorskip("viser", reason="the page needs viser")
@@ -150,7 +150,7 @@ def test_the_link_in_a_file_opens_the_page_by_itself(browser: Any, served: Page,
 def test_a_slider_moves_the_handle_and_the_tip_follows(window: Window, bench: StandIn) -> None:
     window.tab("Move")
     window.field("Handle yaw, °").fill("20")
-    wait(lambda: np.degrees(bench.connect("test").latest()["handle_angle"]) == pytest.approx(20, abs=0.01))
+    until(lambda: np.degrees(bench.connect("test").latest()["handle_angle"]) == pytest.approx(20, abs=0.01))
     origins = {origin for origin, asked in bench.commands if asked == "hand"}
     assert [re.fullmatch(r"browser \d+ at 127\.0\.0\.1:\d+", origin) is not None for origin in origins] == [True]
     window.sees("You operate")
@@ -159,19 +159,19 @@ def test_a_slider_moves_the_handle_and_the_tip_follows(window: Window, bench: St
 def test_a_load_takes_angle_and_the_law_gives_it_back(window: Window, bench: StandIn) -> None:
     window.tab("Law")
     window.choose("Law", "off")
-    wait(lambda: bench.controller.law == "off")
+    until(lambda: bench.controller.law == "off")
     window.press("Enable")
-    wait(lambda: bench.connect("test").status().state == "ENABLED")
+    until(lambda: bench.connect("test").status().state == "ENABLED")
     window.tab("Move")
     window.press("Apply the load as a step")
-    wait(lambda: loss(bench) > 5)
+    until(lambda: loss(bench) > 5)
     window.tab("Law")
     window.choose("Law", "robust")
     # The law's guarantee for a single run; when it is chosen depends on the machine.
-    wait(lambda: abs(loss(bench)) < 1)
+    until(lambda: abs(loss(bench)) < 1)
     window.tab("Move")
     window.press("Remove the load as a step")
-    wait(lambda: bench.forces[0] == 0)
+    until(lambda: bench.forces[0] == 0)
 
 
 def test_a_fault_is_named_with_what_to_do_and_can_be_cleared(window: Window, bench: StandIn) -> None:
@@ -182,9 +182,9 @@ def test_a_fault_is_named_with_what_to_do_and_can_be_cleared(window: Window, ben
     window.sees("encoder_jump")
     window.sees(ADVICE["encoder_jump"].remedy)
     assert bench.connect("test").status().state == "FAULT"
-    wait(lambda: bench.faults[0].stop < bench.twin.time)
+    until(lambda: bench.faults[0].stop < bench.twin.time)
     window.press("Clear the fault")
-    wait(lambda: bench.connect("test").status().state != "FAULT")
+    until(lambda: bench.connect("test").status().state != "FAULT")
 
 
 def test_stop_stops_and_is_told(window: Window, bench: StandIn) -> None:
@@ -200,7 +200,7 @@ def test_the_escape_key_stops_from_a_field_too_and_closes_a_list(window: Window,
     before = stops()
     window.tab("Move")
     window.field("Handle yaw, °").press("Escape")
-    wait(lambda: stops() == before + 1)
+    until(lambda: stops() == before + 1)
     window.tab("Law")
     window.field("Law").click()
     # A list that is not open yet, or not closed yet, would take the key otherwise.
@@ -209,7 +209,7 @@ def test_the_escape_key_stops_from_a_field_too_and_closes_a_list(window: Window,
     window.page.keyboard.press("Escape")
     option.wait_for(state="hidden")
     window.field("Law").press("Escape")
-    wait(lambda: stops() == before + 2)
+    until(lambda: stops() == before + 2)
 
 
 def test_a_file_that_is_too_large_is_not_even_sent(window: Window) -> None:
@@ -227,12 +227,12 @@ def test_a_protocol_runs_and_its_recording_is_opened_replayed_and_compared(
         # So slowly that it still runs when the browser shows it.
         bench.rate = 0.02
         window.upload("Protocol file from here", "short.toml", SHORT_PROTOCOL)
-        wait(lambda before=before: bench.recorded > before)
+        until(lambda before=before: bench.recorded > before)
         window.sees("short runs")
         bench.rate = 1.0
         window.sees("short is done")
     window.tab("Files")
-    wait(lambda: window.field("Recording").input_value() != "none yet")
+    until(lambda: window.field("Recording").input_value() != "none yet")
     window.press("Open")
     window.sees(f"{bench.inst.name}, yaw")
     window.press("Replay in the view")
@@ -271,7 +271,7 @@ def test_a_wrong_instrument_file_is_explained_key_by_key_and_a_right_one_runs(wi
     assert bench.inst.name == "scaled-up"
     window.choose("Shipped", "real-size")
     window.press("Run this instrument")
-    wait(lambda: bench.inst.name == "real-size")
+    until(lambda: bench.inst.name == "real-size")
     window.sees("Handle pitch, °")
     bench.begin(tn.load("scaled-up"))
     window.page.get_by_text("Handle pitch, °").wait_for(state="detached")
@@ -323,7 +323,7 @@ def test_the_view_is_sent_while_the_loop_runs(window: Window, bench: StandIn, se
     node = "window.__viserSceneTree.getState()"
     assert window.page.evaluate(f"Object.keys({node}).some((name) => name.endsWith('yaw_far'))")
     frames, ticks, since = served.frames, bench.ticks, time.perf_counter()
-    wait(lambda: bench.ticks - ticks >= 2000)
+    until(lambda: bench.ticks - ticks >= 2000)
     seconds = time.perf_counter() - since
     sent = served.frames - frames
     print(f"{sent / seconds:.0f} frames/s sent, the loop at {(bench.ticks - ticks) / seconds:.0f} Hz")

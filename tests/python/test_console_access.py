@@ -21,8 +21,8 @@ from tenodesis.instrument import Instrument
 from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
 
-from .conftest import refused
-from .console_guest import Guest, cookie, get, operates, wait
+from .conftest import refused, until
+from .console_guest import Guest, cookie, get, operates
 from .console_stand_in import StandIn
 
 pytestmark = pytest.mark.process
@@ -48,7 +48,7 @@ def test_the_page_answers_nothing_without_the_token_wherever_it_listens(
         assert bench.commands == []
         assert get(page).status == 200
         with Guest(page) as guest:
-            wait(lambda: operates(bench, guest))
+            until(lambda: operates(bench, guest))
 
 
 def test_the_token_is_shown_once_and_the_cookie_stays_with_the_page(page: Page) -> None:
@@ -113,15 +113,15 @@ def test_a_page_of_another_site_can_neither_connect_nor_stop(page: Page, bench: 
     assert get(page, "/stop").status == 403
     assert bench.commands == []
     with Guest(page, Origin=f"http://127.0.0.1:{page.port}") as guest:
-        wait(lambda: operates(bench, guest))
+        until(lambda: operates(bench, guest))
 
 
 def test_the_page_cannot_be_put_on_the_internet_by_a_browser(page: Page, bench: StandIn) -> None:
     with Guest(page) as guest:
-        wait(lambda: operates(bench, guest))
+        until(lambda: operates(bench, guest))
         guest.send({"type": "ShareUrlRequest"})
         guest.set(HAND, 3.0)
-        wait(lambda: bench.hands[0] > 0)
+        until(lambda: bench.hands[0] > 0)
         assert page._server._share_tunnel is None
 
 

@@ -18,7 +18,8 @@ from tenodesis.console import Page, serve
 from tenodesis.console.incoming import LARGEST_MESSAGE, fits, is_allowed
 from tenodesis.console.log import rare_log
 
-from .console_guest import CAMERA, Guest, get, operates, wait
+from .conftest import until
+from .console_guest import CAMERA, Guest, get, operates
 from .console_stand_in import StandIn
 
 HAND = "Handle yaw, °"
@@ -97,15 +98,15 @@ def test_a_control_takes_only_values_that_it_offers(control: Any, value: Any, al
 @pytest.mark.process
 def test_a_watcher_that_floods_takes_no_memory_and_moves_nothing(page: Page, bench: StandIn) -> None:
     with Guest(page) as one, Guest(page) as other:
-        wait(lambda: operates(bench, one) or operates(bench, other))
+        until(lambda: operates(bench, one) or operates(bench, other))
         guest, watcher = (one, other) if operates(bench, one) else (other, one)
-        wait(lambda: HAND in watcher.parts)
+        until(lambda: HAND in watcher.parts)
         kept: Any = page._server._websock_server._broadcast_buffer.message_from_id
         before, memory = len(kept), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         for number in range(100):
             watcher.send({"type": "GuiFormDirtyMessage", "uuid": f"{number}" * 300_000})
         guest.set(HAND, 5.0)
-        wait(lambda: bench.hands[0] > 0)
+        until(lambda: bench.hands[0] > 0)
         assert len(kept) == before
         # The messages together have 57 MB.
         grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory) / 1024
@@ -117,10 +118,10 @@ def test_a_watcher_that_floods_takes_no_memory_and_moves_nothing(page: Page, ben
 @pytest.mark.process
 def test_a_watcher_uploads_nothing(page: Page, bench: StandIn) -> None:
     with Guest(page) as one, Guest(page) as other:
-        wait(lambda: operates(bench, one) or operates(bench, other))
+        until(lambda: operates(bench, one) or operates(bench, other))
         watcher = other if operates(bench, one) else one
         watcher.upload("Motion from a CSV file", "a.csv", bytes(LARGEST_MESSAGE // 2), parts=2)
-        wait(lambda: "You only watch; take control first." in watcher.notices)
+        until(lambda: "You only watch; take control first." in watcher.notices)
         for browser in page._browsers.values():
             kept: Any = browser.session.client.gui
             assert kept._current_file_upload_states == {}
@@ -131,14 +132,14 @@ def test_values_that_a_list_does_not_offer_are_taken_back_and_logged_by_nobody(
     page: Page, bench: StandIn, caplog: pytest.LogCaptureFixture
 ) -> None:
     with Guest(page) as guest, caplog.at_level(logging.INFO):
-        wait(lambda: operates(bench, guest))
+        until(lambda: operates(bench, guest))
         for label in ("Law", "Motors", "Fault", "Recording", "Compare with", "Step on", "Motion", "Simulated speed"):
             guest.set(label, "none of them")
         for label in ("Inject it into the twin", "Play the motion", "Open", "Compare the tip angles"):
             guest.set(label, True)
-        wait(lambda: guest.property("Law", "value") == "robust")
+        until(lambda: guest.property("Law", "value") == "robust")
         guest.set(HAND, 5.0)
-        wait(lambda: bench.hands[0] > 0)
+        until(lambda: bench.hands[0] > 0)
         time.sleep(0.5)
     assert caplog.text == ""
 
@@ -159,7 +160,7 @@ def test_connections_that_send_nothing_leave_room_for_a_stop(page: Page, bench: 
             silent.enter_context(socket.create_connection(("127.0.0.1", page.port)))
         assert get(page, "/stop", X_Tenodesis="stop").status == 200
         with Guest(page) as guest:
-            wait(lambda: operates(bench, guest))
+            until(lambda: operates(bench, guest))
         opened = sum(1 for _ in Path("/proc/self/fd").iterdir())
         # Of 200 connections to itself the process still holds its own ends, and 64 of the others.
         assert opened < 200 + 64 + 100

@@ -21,7 +21,8 @@ from tenodesis.live.loop import Choices
 from tenodesis.statics import chain
 from tenodesis.twin import Twin
 
-from .console_guest import Guest, get, operates, wait
+from .conftest import until
+from .console_guest import Guest, get, operates
 
 YAW = "Handle yaw, °"
 
@@ -86,14 +87,14 @@ def served(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Served]:
 @pytest.mark.parametrize("served", ["hybrid-scaled-up"], indirect=True)
 def test_a_slider_moves_a_joint_of_the_handle_and_the_view_while_others_watch(served: Served) -> None:
     with Guest(served.page) as first:
-        wait(lambda: operates(served.watch.status(), first) and first.property(YAW, "disabled") is False)
+        until(lambda: operates(served.watch.status(), first) and first.property(YAW, "disabled") is False)
         with Guest(served.page) as second:
-            wait(lambda: second.property(YAW, "disabled"))
+            until(lambda: second.property(YAW, "disabled"))
             first.set(YAW, 20.0)
-            wait(lambda: np.degrees(served.latest["commands"]["handle_angle"][0]) == pytest.approx(20, abs=0.01))
+            until(lambda: np.degrees(served.latest["commands"]["handle_angle"][0]) == pytest.approx(20, abs=0.01))
             second.set(YAW, -10.0)
-            wait(lambda: any("only watch" in notice for notice in second.notices))
-            wait(lambda: second.property(YAW, "value") == pytest.approx(20, abs=0.2))
+            until(lambda: any("only watch" in notice for notice in second.notices))
+            until(lambda: second.property(YAW, "value") == pytest.approx(20, abs=0.2))
         scene = next(iter(served.page._browsers.values())).scene
 
         def drawn_where_it_is() -> bool:
@@ -102,53 +103,53 @@ def test_a_slider_moves_a_joint_of_the_handle_and_the_view_while_others_watch(se
             place = scene._scale * there.bodies["jaw_tip"].position
             return bool(np.abs(scene._bodies["jaw_tip"].position - place).max() < 5e-3)
 
-        wait(drawn_where_it_is)
+        until(drawn_where_it_is)
         first.set("Enable", True)
-        wait(lambda: served.watch.status().state == "ENABLED")
+        until(lambda: served.watch.status().state == "ENABLED")
         first.set("Load y, N", 0.5)
-        wait(lambda: served.latest["wrench"][1] == pytest.approx(0.5))
+        until(lambda: served.latest["wrench"][1] == pytest.approx(0.5))
         first.set("Law", "off")
-        wait(lambda: served.watch.status().law == "off")
+        until(lambda: served.watch.status().law == "off")
         first.set("Spool grip, °", 5.0)
-        wait(lambda: np.degrees(served.latest["spool_angle"][4]) == pytest.approx(5, abs=0.5))
+        until(lambda: np.degrees(served.latest["spool_angle"][4]) == pytest.approx(5, abs=0.5))
         for value in (np.nan, 1e300, "text", None, [1, 2]):
             for label in (YAW, "Load x, N", "Law", "Object between the jaws", "Opening, mm", "Spool grip, °"):
                 first.set(label, value)
         assert get(served.page, "/stop", X_Tenodesis="stop").status == 200
-        wait(lambda: served.watch.status().state == "PAUSED")
+        until(lambda: served.watch.status().state == "PAUSED")
         row = served.latest
         assert np.abs(row["commands"]["handle_angle"]).max() <= 1.6
         assert np.abs(row["wrench"]).max() <= 2.5
-    wait(lambda: served.watch.status().operator is None)
+    until(lambda: served.watch.status().operator is None)
 
 
 @pytest.mark.process
 @pytest.mark.parametrize("served", ["needle-driver"], indirect=True)
 def test_without_a_handle_the_sliders_are_the_joints_that_the_motors_turn(served: Served) -> None:
     with Guest(served.page) as guest:
-        wait(lambda: operates(served.watch.status(), guest) and guest.property("Pitch, °", "disabled") is False)
-        wait(lambda: guest.sees("Press *Enable*"))
+        until(lambda: operates(served.watch.status(), guest) and guest.property("Pitch, °", "disabled") is False)
+        until(lambda: guest.sees("Press *Enable*"))
         assert served.watch.status().law == "joints"
         guest.set("Enable", True)
-        wait(lambda: served.watch.status().state == "ENABLED")
+        until(lambda: served.watch.status().state == "ENABLED")
         guest.set("Pitch, °", 15.0)
         guest.set("Jaw 1, °", 30.0)
-        wait(lambda: np.degrees(served.latest["output_angle"])[:2] == pytest.approx([15, 30], abs=1.5))
+        until(lambda: np.degrees(served.latest["output_angle"])[:2] == pytest.approx([15, 30], abs=1.5))
         guest.set("Opening, mm", 2.0)
         guest.set("Object between the jaws", True)
-        wait(lambda: served.latest["commands"]["held"][0] == pytest.approx(2e-3))
+        until(lambda: served.latest["commands"]["held"][0] == pytest.approx(2e-3))
         guest.set("Object between the jaws", False)
-        wait(lambda: not served.latest["commands"]["held"].any())
+        until(lambda: not served.latest["commands"]["held"].any())
         served.watch.stop()
-        wait(lambda: served.watch.status().state == "PAUSED")
+        until(lambda: served.watch.status().state == "PAUSED")
         guest.set("Shipped", "scaled-up")
         guest.set("Run this instrument", True)
-        wait(lambda: served.watch.inst.name == "scaled-up", 60.0)
-        wait(lambda: operates(served.watch.status(), guest) and guest.property(YAW, "disabled") is False, 60.0)
+        until(lambda: served.watch.inst.name == "scaled-up")
+        until(lambda: operates(served.watch.status(), guest) and guest.property(YAW, "disabled") is False)
 
         def loads() -> bool:
             # Until the browser operates the new instrument, its sliders are taken back.
             guest.set("Load yaw, N", 0.5)
             return bool(served.latest["force"] == pytest.approx(0.5))
 
-        wait(loads)
+        until(loads)

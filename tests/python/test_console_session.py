@@ -19,7 +19,8 @@ from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.text import to_toml
 
-from .console_guest import CAMERA, Guest, get, operates, wait
+from .conftest import until
+from .console_guest import CAMERA, Guest, get, operates
 from .console_stand_in import SHORT_PROTOCOL, StandIn
 
 pytestmark = pytest.mark.process
@@ -34,21 +35,21 @@ def asked_by(bench: StandIn, what: str) -> list[str]:
 def test_the_second_browser_watches_until_it_takes_over(page: Page, bench: StandIn) -> None:
     with ExitStack() as both:
         first = both.enter_context(Guest(page))
-        wait(lambda: operates(bench, first))
+        until(lambda: operates(bench, first))
         second = both.enter_context(Guest(page))
-        wait(lambda: HAND in second.parts)
-        wait(lambda: first.property(HAND, "disabled") is False and second.property(HAND, "disabled"))
+        until(lambda: HAND in second.parts)
+        until(lambda: first.property(HAND, "disabled") is False and second.property(HAND, "disabled"))
         second.set(HAND, 20.0)
-        wait(lambda: any("only watches" in notice for notice in second.notices))
+        until(lambda: any("only watches" in notice for notice in second.notices))
         assert bench.hands[0] == 0
         second.set("Take control", True)
-        wait(lambda: operates(bench, second))
+        until(lambda: operates(bench, second))
         assert any(asked.startswith("acquire from browser") for _, asked in bench.commands)
         second.set(HAND, 21.0)
-        wait(lambda: bench.hands[0] == pytest.approx(np.radians(21)))
+        until(lambda: bench.hands[0] == pytest.approx(np.radians(21)))
         first.set(HAND, -10.0)
-        wait(lambda: any("taken over" in notice for notice in first.notices))
-        wait(lambda: any("only watches" in notice for notice in first.notices))
+        until(lambda: any("taken over" in notice for notice in first.notices))
+        until(lambda: any("only watches" in notice for notice in first.notices))
         assert bench.hands[0] == pytest.approx(np.radians(21))
         origins = {origin for origin, asked in bench.commands if asked == "hand"}
         assert origins == {bench.operator}
@@ -56,36 +57,36 @@ def test_the_second_browser_watches_until_it_takes_over(page: Page, bench: Stand
 
 def test_an_operator_who_goes_away_leaves_the_instrument_paused(page: Page, bench: StandIn) -> None:
     with Guest(page) as guest:
-        wait(lambda: operates(bench, guest))
+        until(lambda: operates(bench, guest))
         guest.set("Enable", True)
-        wait(lambda: bench.connect("test").status().state == "ENABLED")
-    wait(lambda: bench.connect("test").status().state == "PAUSED")
+        until(lambda: bench.connect("test").status().state == "ENABLED")
+    until(lambda: bench.connect("test").status().state == "PAUSED")
     assert bench.operator is None
 
 
 def test_an_operator_whose_network_is_cut_is_noticed(page: Page, bench: StandIn) -> None:
     guest = Guest(page)
-    wait(lambda: operates(bench, guest))
+    until(lambda: operates(bench, guest))
     # From here on it does not even answer pings, as behind a network that is down.
     guest.socket.recv_messages.pause()
     guest.socket.pong = lambda *_: None  # type: ignore[method-assign]
     guest.socket.protocol.receive_data = lambda *_: None  # type: ignore[method-assign]
-    wait(lambda: bench.operator is None)
+    until(lambda: bench.operator is None)
 
 
 def test_the_page_renews_its_operators_lease_until_it_hangs(
     page: Page, bench: StandIn, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with Guest(page) as guest:
-        wait(lambda: operates(bench, guest))
+        until(lambda: operates(bench, guest))
         for _ in range(3):
             last = bench.beat
-            wait(lambda last=last: bench.beat > last)
+            until(lambda last=last: bench.beat > last)
         assert operates(bench, guest)
         # However long ago its last tick was, it counts as hanging.
         monkeypatch.setattr("tenodesis.console.page._HANGS_AFTER", -1.0)
         monkeypatch.setattr("tests.python.console_stand_in.LEASE", 1.0)
-        wait(lambda: bench.operator is None)
+        until(lambda: bench.operator is None)
         assert "lease ran out" in [asked for _, asked in bench.commands]
 
 
@@ -93,10 +94,10 @@ def test_nobody_operates_motors_of_this_world_without_asking(scaled: Instrument,
     bench = StandIn(scaled, tmp_path, simulated=False)
     try:
         with serve(bench.connect, port=0, recordings=tmp_path) as page, Guest(page) as guest:
-            wait(lambda: HAND in guest.parts)
+            until(lambda: HAND in guest.parts)
             assert bench.operator is None
             guest.set("Take control", True)
-            wait(lambda: operates(bench, guest))
+            until(lambda: operates(bench, guest))
     finally:
         bench.close()
 
@@ -104,7 +105,7 @@ def test_nobody_operates_motors_of_this_world_without_asking(scaled: Instrument,
 def test_a_page_that_closes_lets_the_operator_go(bench: StandIn, tmp_path: Path) -> None:
     page = serve(bench.connect, port=0, recordings=tmp_path)
     with Guest(page) as guest:
-        wait(lambda: operates(bench, guest))
+        until(lambda: operates(bench, guest))
         page.close()
         page.close()
     assert bench.operator is None
@@ -113,15 +114,15 @@ def test_a_page_that_closes_lets_the_operator_go(bench: StandIn, tmp_path: Path)
 
 def test_a_flood_comes_down_to_the_latest_value_per_tick(page: Page, bench: StandIn) -> None:
     with Guest(page) as guest:
-        wait(lambda: operates(bench, guest))
-        wait(lambda: HAND in guest.parts)
+        until(lambda: operates(bench, guest))
+        until(lambda: HAND in guest.parts)
         ticks = page.frames
         for number in range(5000):
             guest.set(HAND, number % 40 / 2)
             if number == 2500:
                 assert get(page, "/stop", X_Tenodesis="stop").status == 200
         guest.set(HAND, 12.3)
-        wait(lambda: bench.hands[0] == pytest.approx(np.radians(12.3)))
+        until(lambda: bench.hands[0] == pytest.approx(np.radians(12.3)))
         commands = len(asked_by(bench, "hand"))
         assert 1 <= commands <= page.frames - ticks + 2
         assert operates(bench, guest)
@@ -130,31 +131,31 @@ def test_a_flood_comes_down_to_the_latest_value_per_tick(page: Page, bench: Stan
 
 def test_a_file_that_is_too_large_or_never_ends_is_not_kept(page: Page, bench: StandIn) -> None:
     with Guest(page) as guest:
-        wait(lambda: operates(bench, guest))
+        until(lambda: operates(bench, guest))
         guest.upload("Motion from a CSV file", "large.csv", b"", size=5_000_000_000)
-        wait(lambda: "large.csv has 5000 MB; a file must have at most 8 MB." in guest.notices)
+        until(lambda: "large.csv has 5000 MB; a file must have at most 8 MB." in guest.notices)
         (browser,) = page._browsers.values()
         kept: Any = browser.session.client.gui
         guest.upload("Motion from a CSV file", "longer.csv", bytes(1000), size=10, parts=3)
         guest.upload("Motion from a CSV file", "first.csv", b"time_s,angle_deg\n0,0\n1,5\n")
-        wait(lambda: "first.csv" in guest.notices)
+        until(lambda: "first.csv" in guest.notices)
         for number in range(20):
             guest.upload("Motion from a CSV file", f"{number}.csv", b"", size=1000, parts=2)
         guest.set(HAND, 2.0)
-        wait(lambda: bench.hands[0] > 0)
+        until(lambda: bench.hands[0] > 0)
         assert len(kept._current_file_upload_states) <= 1
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 1e300, "text", None, [1, 2]])
 def test_a_browser_that_sends_what_its_panel_would_not_moves_nothing(page: Page, bench: StandIn, value: Any) -> None:
     with Guest(page) as guest:
-        wait(lambda: operates(bench, guest))
+        until(lambda: operates(bench, guest))
         for label in (HAND, "Load yaw, N", "Law", "Recording", "Open", "Motion", "Play the motion"):
             guest.set(label, value)
         guest.send({"type": "GuiUpdateMessage", "uuid": guest.parts[HAND]["uuid"], "updates": {"props": None}})
         guest.socket.send(b"\x00malformed")
         with Guest(page) as other:
-            wait(lambda: HAND in other.parts)
+            until(lambda: HAND in other.parts)
         assert np.isfinite(bench.hands).all()
         assert abs(bench.hands[0]) <= bench.inst.handle_range
         assert np.isfinite(bench.forces).all()
@@ -164,9 +165,9 @@ def test_more_browsers_than_there_is_room_for_are_sent_away(page: Page, monkeypa
     monkeypatch.setattr("tenodesis.console.server.MOST_CLIENTS", 1)
     with ExitStack() as both:
         first = both.enter_context(Guest(page))
-        wait(lambda: HAND in first.parts)
+        until(lambda: HAND in first.parts)
         second = both.enter_context(Guest(page))
-        wait(lambda: second.socket.close_code == 1013)
+        until(lambda: second.socket.close_code == 1013)
         assert first.socket.close_code is None
 
 
@@ -178,13 +179,13 @@ def test_names_in_files_are_shown_and_not_obeyed(bench: StandIn, page: Page, tmp
     bench.begin(evil)
     (tmp_path / "<img src=x>.mcap").write_bytes(b"nothing")
     with Guest(page) as guest:
-        wait(lambda: operates(bench, guest))
+        until(lambda: operates(bench, guest))
         guest.upload("Protocol file from here", "p.toml", PROTOCOL.replace("NAME", "<img src=x>**[a](b)").encode())
-        wait(lambda: guest.sees("runs&") or guest.sees("** runs: "))
+        until(lambda: guest.sees("runs&") or guest.sees("** runs: "))
         guest.set("Recording", "<img src=x>.mcap")
         guest.set("Open", True)
-        wait(lambda: guest.sees("could not be opened"))
-        wait(lambda: any("is no MCAP file" in notice for notice in guest.notices))
+        until(lambda: guest.sees("could not be opened"))
+        until(lambda: any("is no MCAP file" in notice for notice in guest.notices))
         for text in guest.texts.values():
             assert "<iframe" not in text
             assert "<img" not in text
@@ -216,12 +217,12 @@ def test_a_browser_that_comes_while_there_is_no_runtime_can_start_one(bench: Sta
         gone = False
 
     with serve(connect, port=0, recordings=tmp_path) as page, Guest(page) as guest:
-        wait(lambda: "Start the instrument again" in guest.parts)
-        wait(lambda: guest.sees("The runtime has ended."))
+        until(lambda: "Start the instrument again" in guest.parts)
+        until(lambda: guest.sees("The runtime has ended."))
         assert HAND not in guest.parts
         guest.set("Start the instrument again", True)
-        wait(lambda: operates(bench, guest))
-        wait(lambda: HAND in guest.parts)
+        until(lambda: operates(bench, guest))
+        until(lambda: HAND in guest.parts)
 
 
 def test_sliders_begin_where_the_handle_and_the_load_are(scaled: Instrument, tmp_path: Path) -> None:
@@ -229,23 +230,23 @@ def test_sliders_begin_where_the_handle_and_the_load_are(scaled: Instrument, tmp
     bench.hands, bench.forces = np.array([np.radians(12.0)]), np.array([0.5])
     try:
         with serve(bench.connect, port=0, recordings=tmp_path) as page, Guest(page) as guest:
-            wait(lambda: guest.property(HAND, "value") == pytest.approx(12.0))
-            wait(lambda: guest.property("Load yaw, N", "value") == pytest.approx(0.5))
-            wait(lambda: "Remove the load as a step" in [part["label"] for part in guest.parts.values()])
+            until(lambda: guest.property(HAND, "value") == pytest.approx(12.0))
+            until(lambda: guest.property("Load yaw, N", "value") == pytest.approx(0.5))
+            until(lambda: "Remove the load as a step" in [part["label"] for part in guest.parts.values()])
     finally:
         bench.close()
 
 
 def test_looking_again_is_not_put_off_by_panels_that_leave_an_upright_picture(page: Page, bench: StandIn) -> None:
     with Guest(page) as guest:
-        wait(lambda: operates(bench, guest))
+        until(lambda: operates(bench, guest))
         (browser,) = page._browsers.values()
         camera = browser.session.client.camera
         first = np.array(camera.look_at)
         guest.send({**CAMERA, "image_width": 512, "image_height": 800})
-        wait(lambda: camera.image_width == 512)
+        until(lambda: camera.image_width == 512 and not np.any(camera.look_at))
         guest.set("Look at", "whole")
-        wait(lambda: np.any(np.array(camera.look_at) != 0))
+        until(lambda: np.any(np.array(camera.look_at) != 0))
         assert np.array(camera.look_at) == pytest.approx(first)
 
 
@@ -263,7 +264,7 @@ def test_other_threads_do_not_touch_an_event_of_the_loop() -> None:
 
 def test_all_browsers_have_such_an_event(page: Page, bench: StandIn) -> None:
     with Guest(page) as guest:
-        wait(lambda: operates(bench, guest))
+        until(lambda: operates(bench, guest))
         (browser,) = page._browsers.values()
         interface: Any = browser.session.client.gui._websock_interface
         assert isinstance(interface.get_message_buffer().message_event, LoopOnlyEvent)
@@ -271,22 +272,22 @@ def test_all_browsers_have_such_an_event(page: Page, bench: StandIn) -> None:
 
 def test_who_watches_does_not_open_instrument_files(page: Page, bench: StandIn) -> None:
     with Guest(page) as first, Guest(page) as second:
-        wait(lambda: operates(bench, first) or operates(bench, second))
+        until(lambda: operates(bench, first) or operates(bench, second))
         watcher = second if operates(bench, first) else first
         watcher.set("Path", "/etc/passwd")
         watcher.set("Run the file at this path", True)
-        wait(lambda: "You only watch; take control first." in watcher.notices)
+        until(lambda: "You only watch; take control first." in watcher.notices)
         assert not any("passwd" in notice for notice in watcher.notices)
 
 
 @pytest.mark.parametrize("path", ["/dev/zero", "/tmp", "/etc/passwd", "no such file", "a\0b"])
 def test_what_is_no_instrument_file_is_refused_by_its_name(page: Page, bench: StandIn, path: str) -> None:
     with Guest(page) as guest:
-        wait(lambda: operates(bench, guest))
+        until(lambda: operates(bench, guest))
         guest.set("Path", path)
         guest.set("Run the file at this path", True)
         known = path.partition("\0")[0]
-        wait(lambda: guest.sees(known) or any(known in notice for notice in guest.notices))
+        until(lambda: guest.sees(known) or any(known in notice for notice in guest.notices))
         assert asked_by(bench, "load") == []
 
 
@@ -324,9 +325,9 @@ def test_a_recording_says_what_it_is_or_why_it_cannot_be_opened(
     recordings: Path, page: Page, bench: StandIn, name: str, says: str
 ) -> None:
     with Guest(page) as guest:
-        wait(lambda: operates(bench, guest))
-        wait(lambda: "whole.mcap" in (guest.property("Recording", "options") or ()))
+        until(lambda: operates(bench, guest))
+        until(lambda: "whole.mcap" in (guest.property("Recording", "options") or ()))
         guest.set("Recording", name)
         guest.set("Open", True)
-        wait(lambda: guest.sees(says) or any(says in notice for notice in guest.notices))
+        until(lambda: guest.sees(says) or any(says in notice for notice in guest.notices))
         assert guest.property("Replay in the view", "disabled") is (name not in {"whole.mcap", "cut.mcap"})

@@ -25,9 +25,9 @@ from tenodesis.twin import Twin
 
 from . import can_bench
 from .can_bench import RATE, TIMEOUT, served
-from .conftest import refused
+from .conftest import refused, until
 from .simulated_bench.bench import TwinPlant
-from .test_live import looped, until
+from .test_live import looped
 
 pytest.importorskip("can")
 pytest.importorskip("canopen")

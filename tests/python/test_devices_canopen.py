@@ -45,9 +45,8 @@ from .can_bench import (
     stops,
     table,
     tick,
-    until,
 )
-from .conftest import refused
+from .conftest import refused, until
 from .simulated_bench.bench import SimulatedBench, TwinPlant
 
 EMERGENCY_OVERVOLTAGE = 0x3210

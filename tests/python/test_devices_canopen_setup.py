@@ -3,13 +3,14 @@
 import re
 from math import isnan, pi
 from typing import Any
+from unittest.mock import patch
 
 import can
 import numpy as np
 import pytest
 
 import tenodesis as tn
-from tenodesis.devices import cia402
+from tenodesis.devices import can_setup, cia402
 from tenodesis.devices.can_layout import Sensor, layout
 from tenodesis.devices.canopen import CanOpenDevice
 from tenodesis.errors import DeviceError, InstrumentError
@@ -22,6 +23,7 @@ from .can_bench import (
     RATE,
     SENSORS,
     SPEED,
+    TIMEOUT,
     at_rest,
     axis,
     bench_instrument,
@@ -139,7 +141,7 @@ def test_a_bench_that_another_program_serves_is_left_alone(inst: Instrument) -> 
         other = can.Bus(interface="virtual", channel=device._settings.channel)
         beat = other.send_periodic(can.Message(arbitration_id=0x77F, data=[5], is_extended_id=False), HEARTBEAT)
         try:
-            late = table(inst, channel=device._settings.channel, heartbeat=0.2)
+            late = table(inst, channel=device._settings.channel, heartbeat=1.0)
             with refused("devices.canopen.master", 127, kind=DeviceError):
                 CanOpenDevice(inst, late).open()
         finally:
@@ -149,13 +151,15 @@ def test_a_bench_that_another_program_serves_is_left_alone(inst: Instrument) -> 
         assert moves(bench)
 
 
-def not_opened(inst: Instrument, settings: CanOpen, named: str, **changes: Any) -> None:
+def not_opened(
+    inst: Instrument, settings: CanOpen, named: str, *, answer_time: float = TIMEOUT, **changes: Any
+) -> None:
     """Opening fails by that name, with a bench that has the usual table, and moves nothing."""
     changed = settings.model_copy(update={"channel": "tenodesis refused"} | changes)
     usual = table(inst, channel="tenodesis refused")
     bus = can.Bus(interface="virtual", channel="tenodesis refused")
     try:
-        with SimulatedBench(inst, usual, bus) as bench:
+        with patch.object(can_setup, "_ANSWER_TIME", answer_time), SimulatedBench(inst, usual, bus) as bench:
             device = CanOpenDevice(inst, changed)
             with pytest.raises(DeviceError, match=named):
                 device.open()
@@ -167,12 +171,10 @@ def not_opened(inst: Instrument, settings: CanOpen, named: str, **changes: Any) 
         bus.shutdown()
 
 
-def test_a_node_id_where_nobody_is_is_named_with_those_that_are_there(
-    inst: Instrument, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("tenodesis.devices.can_setup._ANSWER_TIME", 0.2)
+def test_a_node_id_where_nobody_is_is_named_with_those_that_are_there(inst: Instrument) -> None:
     wrong = table(inst, yaw=axis(inst, antagonist={"node": 77}))
-    not_opened(inst, wrong, r"antagonist drive of yaw \(node 77\) does not answer on virtual .*nodes 1.* are there")
+    said = r"antagonist drive of yaw \(node 77\) does not answer on virtual .*nodes 1.* are there"
+    not_opened(inst, wrong, said, answer_time=1.5)
 
 
 def test_a_node_that_is_no_drive_is_refused(inst: Instrument) -> None:

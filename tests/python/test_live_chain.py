@@ -22,8 +22,9 @@ from tenodesis.run import Run, concatenate
 from tenodesis.statics import chain
 from tenodesis.twin import Held, Twin
 
-from .conftest import refused
-from .test_live import looped, until
+from .conftest import refused, until
+from .test_live import looped
+from .test_live_replacement import operating
 
 NAMES = ("needle-driver", "two-segment-continuum", "hybrid-scaled-up")
 
@@ -261,16 +262,16 @@ def test_a_protocol_on_a_live_chain_is_commanded_tick_by_tick_with_what_the_jaws
 def test_a_chain_runs_in_the_live_process_is_recorded_and_shown(tmp_path: Path) -> None:
     host = Host("needle-driver", Choices(real_time=False), tmp_path)
     try:
-        with closing(host.connect("test")) as link:
+        with closing(host.connect("test")) as link, operating(link):
             assert link.acquire()
             link.request("enable")
             file = link.record(True, "wrist")
             assert file is not None
-            until(lambda: link.heartbeat() and file.exists())
+            until(file.exists)
             link.hand([0.2, -0.1, 0.1])
             link.wrench([0.3, 0, 0, 0, 0, 0])
             with foxglove.FoxgloveServer(Reader(host.folder), port=0) as server:
-                until(lambda: link.heartbeat() and abs(float(link.latest()["output_angle"][0]) - 0.2) < 0.05)
+                until(lambda: abs(float(link.latest()["output_angle"][0]) - 0.2) < 0.05)
                 assert server.publish()
             link.stop()
             until(lambda: link.status().state == "PAUSED")

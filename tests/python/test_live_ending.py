@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from tenodesis.live import host as hosts
 from tenodesis.live import runtime_process
 from tenodesis.live.host import Host
 
-from .conftest import ROOT
+from .conftest import ROOT, until
 
 pytestmark = pytest.mark.process
 
@@ -139,8 +138,4 @@ time.sleep(600)
     hosts._tidy()
     assert (Path(folder) / "ring").exists()
     os.kill(int(pid), signal.SIGCONT)
-    end = time.monotonic() + 20
-    while Path(folder).exists():
-        hosts._tidy()
-        assert time.monotonic() < end, "it was not tidied up"
-        time.sleep(0.05)
+    until(lambda: hosts._tidy() or not Path(folder).exists())

@@ -9,8 +9,7 @@ import tenodesis as tn
 from tenodesis.errors import LiveError
 from tenodesis.live.client import Client
 
-from .conftest import EXAMPLES, refused
-from .test_live import until
+from .conftest import EXAMPLES, refused, until
 from .test_live_operator import events, served
 
 __all__ = ["served"]

@@ -26,8 +26,8 @@ from tenodesis.live.ticks import Reader
 from tenodesis.recording import Recording
 
 from . import test_live_server
-from .conftest import refused
-from .test_live import looped, until
+from .conftest import refused, until
+from .test_live import looped
 from .test_live_server import operating
 
 pytestmark = pytest.mark.process

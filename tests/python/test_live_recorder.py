@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
@@ -30,7 +29,7 @@ from tenodesis.live.ticks import Reader
 from tenodesis.recording import Recorder, Recording
 from tenodesis.run import Names, Run
 
-from .conftest import ROOT, refused
+from .conftest import ROOT, refused, until
 from .live_loop import LiveLoop, Played
 from .test_recording import bits
 
@@ -75,14 +74,14 @@ sys.exit(recorder.supervise(lambda stop: recorder.record(Source(), folder, path,
 
 def status_when(folder: Path, enough: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
     """Wait until the recorder says that it is far enough."""
-    until = time.monotonic() + 60
-    while time.monotonic() < until:
-        if (folder / live.STATUS).exists():
-            status: dict[str, Any] = json.loads((folder / live.STATUS).read_text())
-            if enough(status):
-                return status
-        time.sleep(0.02)
-    raise AssertionError("the recorder said nothing of the kind")
+    file, status = folder / live.STATUS, {}
+
+    def is_enough() -> bool:
+        status.update(json.loads(file.read_text()) if file.exists() else {})
+        return bool(status) and enough(status)
+
+    until(is_enough)
+    return status
 
 
 def check_slow(recorded: Run) -> None:

@@ -23,8 +23,7 @@ from tenodesis.live.host import Host, HostConnection
 from tenodesis.live.loop import Choices
 from tenodesis.live.runtime_process import RuntimeProcess
 
-from .conftest import refused
-from .test_live import until
+from .conftest import refused, until
 
 UNRUNNABLE = [
     ("dynamics.tip_inertia", "1e-7 kg*m^2"),
@@ -84,12 +83,20 @@ def host(tmp_path: Path) -> Iterator[Host]:
     made.close()
 
 
-def enabled(host: Host) -> HostConnection:
+@contextmanager
+def enabled(host: Host) -> Iterator[HostConnection]:
+    """A connection that operates enabled motors."""
     link = host.connect("one")
-    assert link.acquire()
-    link.request("enable")
-    until(lambda: link.status().state == "ENABLED")
-    return link
+
+    def is_enabled() -> bool:
+        # Again, where a busy machine has let the lease run out meanwhile.
+        assert link.acquire()
+        link.request("enable")
+        return link.status().state == "ENABLED"
+
+    until(is_enabled)
+    with operating(link):
+        yield link
 
 
 @pytest.mark.process
@@ -97,41 +104,41 @@ def enabled(host: Host) -> HostConnection:
 def test_an_instrument_that_cannot_run_leaves_the_present_runtime_as_it_is(
     host: Host, scaled: Instrument, key: str, value: str
 ) -> None:
-    link = enabled(host)
-    pid = host.pid
-    with refused(key, kind=InstrumentError):
-        link.load(to_toml(scaled.replace(**{key: value})))
-    assert host.pid == pid
-    assert link.status().state == "ENABLED"
-    assert link.inst == scaled
+    with enabled(host) as link:
+        pid = host.pid
+        with refused(key, kind=InstrumentError):
+            link.load(to_toml(scaled.replace(**{key: value})))
+        assert host.pid == pid
+        assert link.status().state == "ENABLED"
+        assert link.inst == scaled
 
 
 @pytest.mark.process
 def test_a_runtime_that_does_not_start_leaves_the_present_one_as_it_is(
     host: Host, scaled: Instrument, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    link = enabled(host)
     # What no check finds: the new process cannot begin.
     monkeypatch.setattr(hosts, "rehearse", lambda *_: None)
-    with operating(link), pytest.raises(LiveError, match="sampling_rate"):
-        link.load(to_toml(scaled.replace(**{"sensors.sampling_rate": "1e-9 Hz"})))
-    assert link.status().state == "ENABLED"
-    link.load("real-size")
-    assert link.inst.name == "real-size"
-    assert link.heartbeat()
+    with enabled(host) as link:
+        with pytest.raises(LiveError, match="sampling_rate"):
+            link.load(to_toml(scaled.replace(**{"sensors.sampling_rate": "1e-9 Hz"})))
+        assert link.status().state == "ENABLED"
+        link.load("real-size")
+        assert link.inst.name == "real-size"
+        assert link.heartbeat()
 
 
 @pytest.mark.process
 def test_a_bench_that_is_opened_only_once_gets_its_instrument_back(
     host: Host, scaled: Instrument, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    link = enabled(host)
     monkeypatch.setattr(hosts, "rehearse", lambda *_: None)
     monkeypatch.setattr(hosts, "_exists_once", lambda _: True)
-    with pytest.raises(LiveError, match="runs again, its motors disabled"):
-        link.load(to_toml(scaled.replace(**{"sensors.sampling_rate": "1e-9 Hz"})))
-    assert link.inst == scaled
-    assert link.status().state == "DISABLED"
+    with enabled(host) as link:
+        with pytest.raises(LiveError, match="runs again, its motors disabled"):
+            link.load(to_toml(scaled.replace(**{"sensors.sampling_rate": "1e-9 Hz"})))
+        assert link.inst == scaled
+        assert link.status().state == "DISABLED"
 
 
 @pytest.mark.process
@@ -139,7 +146,6 @@ def test_a_stop_is_never_without_an_answer_while_runtimes_are_replaced(
     host: Host, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(hosts, "_exists_once", lambda _: True)
-    link = enabled(host)
     answered, failed = [], []
 
     def press() -> None:
@@ -153,19 +159,21 @@ def test_a_stop_is_never_without_an_answer_while_runtimes_are_replaced(
             time.sleep(0.05)
 
     done, pressing = threading.Event(), threading.Thread(target=press)
-    pressing.start()
-    link.load("real-size")
-    time.sleep(0.2)
-    done.set()
-    pressing.join()
-    assert {1, 2} <= set(answered)
-    assert failed == []
-    assert link.status().stopped
+    with enabled(host) as link:
+        pressing.start()
+        link.load("real-size")
+        time.sleep(0.2)
+        done.set()
+        pressing.join()
+        assert {1, 2} <= set(answered)
+        assert failed == []
+        assert link.status().stopped
 
 
 @pytest.mark.process
 def test_a_runtime_that_hangs_is_stopped_by_ending_it(host: Host) -> None:
-    link = enabled(host)
+    with enabled(host) as link:
+        pass
     assert host.pid is not None
     process: RuntimeProcess = host._process  # type: ignore[assignment]
     os.kill(host.pid, signal.SIGSTOP)

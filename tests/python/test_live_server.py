@@ -24,8 +24,8 @@ from tenodesis.live.status import ProtocolState
 from tenodesis.live.ticks import Reader
 from tenodesis.recording import Recording
 
-from .conftest import refused
-from .test_live import INST, looped, until
+from .conftest import refused, until
+from .test_live import INST, looped
 
 pytestmark = pytest.mark.process
 
@@ -54,6 +54,18 @@ def operating(folder):
 
     threading.Thread(target=beat, daemon=True).start()
     return client
+
+
+def with_a_last_word(served, monkeypatch):
+    """Two connections, of which the first has enabled the motors and renewed its lease for one second more."""
+    folder, _ = served
+    one, other = Client(folder, "one"), Client(folder, "other")
+    one.acquire()
+    one.request("enable")
+    until(lambda: other.status().state == "ENABLED")
+    monkeypatch.setattr(leases, "SECONDS", 1.0)
+    assert one.heartbeat()
+    return one, other
 
 
 def test_one_operates_and_others_watch_until_they_take_over(served):
@@ -108,22 +120,13 @@ def test_a_protocol_ends_with_its_operator_and_homes_nobodys_motors(served):
 
 
 def test_whoever_takes_over_from_one_that_says_nothing_finds_a_pause(served, monkeypatch):
-    monkeypatch.setattr(leases, "SECONDS", 1.0)
-    folder, _ = served
-    one, other = Client(folder, "one"), Client(folder, "other")
-    one.acquire()
-    one.request("enable")
-    until(lambda: other.status().state == "ENABLED")
+    _, other = with_a_last_word(served, monkeypatch)
     until(other.acquire)
     until(lambda: other.status().state == "PAUSED")
 
 
 def test_an_operator_that_says_nothing_is_taken_to_be_gone(served, monkeypatch):
-    monkeypatch.setattr(leases, "SECONDS", 1.0)
-    folder, _ = served
-    one, other = Client(folder, "one"), Client(folder, "other")
-    one.acquire()
-    one.request("enable")
+    _, other = with_a_last_word(served, monkeypatch)
     until(lambda: other.status().state == "PAUSED")
     assert other.status().problem == PROBLEMS[4]
 

@@ -11,7 +11,6 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from math import isfinite, nan
-from types import TracebackType
 from typing import Literal, NamedTuple, Self
 
 import numpy as np
@@ -183,9 +182,7 @@ class BoardController(Controller):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

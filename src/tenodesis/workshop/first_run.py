@@ -434,6 +434,18 @@ def rehearse(design: AnyDesign, *, brief: bool = False, seed: int = 0) -> FirstR
     last = max(n for n, stage in enumerate(stages) if stage.read) + 1
     read = parse("\n".join(['name = "read"', *_text(design, stages[:last], controlled=False)]), FIRST_RUN)
     runs = [_phases(_with_friction(inst, share), read, seed) for share in (1.0, *UNCERTAIN)]
+    closed, left, faults = under_law(design, brief=brief, seed=seed)
+    bends = _Bend.all_of(expanded(inst))
+    readings = _readings(design, bends, stages[:last], [_staged(stages[:last], run) for run in runs])
+    return FirstRun(protocol(design), tuple(readings), _demand(inst, closed), left, faults)
+
+
+def under_law(design: AnyDesign, *, brief: bool = False, seed: int = 0) -> tuple[list[Run], float, int]:
+    """Run the first run of a design with the controller; return its steps, what is left of their loads, and its faults.
+
+    As of :class:`FirstRun`. Raises ProtocolError if the twin cannot run the protocol.
+    """
+    inst = design.bench
     controller = Controller(inst, homed=False) if law_of(inst) == "robust" else JointController(inst)
     steps = _kept(design, _stages(design, brief=brief), controlled=True)
     with warnings.catch_warnings():
@@ -444,8 +456,7 @@ def rehearse(design: AnyDesign, *, brief: bool = False, seed: int = 0) -> FirstR
     bends = _Bend.all_of(expanded(inst))
     loaded = [run for step, run in zip(steps, closed, strict=True) if step.read == "load"]
     left = max((float(np.abs(_moved(bends, run, _loaded(run))).max()) for run in loaded), default=0.0)
-    readings = _readings(design, bends, stages[:last], [_staged(stages[:last], run) for run in runs])
-    return FirstRun(protocol(design), tuple(readings), _demand(inst, closed), left, int(np.bitwise_or.reduce(faults)))
+    return closed, left, int(np.bitwise_or.reduce(faults))
 
 
 def _phases(
