@@ -210,6 +210,10 @@ class JointController(LoopState):
             fault_names(first),
         )
 
+    def count_from(self, spool_angles: ArrayLike) -> None:
+        """Count spool angles from these (rad, by tendon), at which tendons have their pretension at straight joints."""
+        self.core.count_from(np.ascontiguousarray(spool_angles, float))
+
     @property
     def compensates(self) -> bool:
         """Whether the motors give back what joints lose."""
