@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import tenodesis as tn
-from tenodesis.errors import ProtocolError
+from tenodesis.errors import IdentificationError, ProtocolError
+from tenodesis.identification.force.observed import observed
 from tenodesis.instrument import FullForm, expanded
-from tenodesis.recording import Recording, summary
+from tenodesis.recording import Recording, summary, tables
 from tenodesis.recording.replay import replay
 from tenodesis.recording.simulation import record
 
@@ -254,6 +255,25 @@ def test_slack_tendons_are_tightened_before_the_law_begins_and_the_tip_is_known_
     assert not np.nansum(run["faults"])
     assert errors[1] < errors[0] + 0.02
     assert replay(Recording.open(path)).exact
+
+
+def test_a_recording_tells_the_force_at_the_tip_and_its_table_the_same(tmp_path: Path) -> None:
+    load = {"kind": "step-load", "delay": 0.1, "rise": 0.1, "duration": 0.5, "wrench": {"fx": 1.0, "fy": -0.5}}
+    path = tmp_path / "run.mcap"
+    run = record("needle-driver", tn.simulate.Protocol(name="push", phases=[load]), path)
+    tables.to_csv(run, path.with_suffix(".csv"))
+    found = observed(path)
+    for one in found.channels:
+        if one.name != "wrench.fz":  # along a straight tip, to which no joint yields
+            assert np.abs(one.recorded - one.value)[-100:].max() < (0.1 if one.unit == "N" else np.radians(0.15))
+            assert one.covered > 0.9
+    again = observed(path.with_suffix(".csv"), expanded("needle-driver"))
+    for one, other in zip(found.channels, again.channels, strict=True):
+        np.testing.assert_array_equal(one.value, other.value)
+    with refused("instrument", kind=IdentificationError):
+        observed(path.with_suffix(".csv"))
+    with refused("signals", kind=IdentificationError):
+        observed(path, expanded("hybrid-real-size"))
 
 
 @pytest.mark.parametrize(
