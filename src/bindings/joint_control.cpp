@@ -1,6 +1,7 @@
 // Observer and law of any chain of joints and tendons, for Python: tick by tick, or in a closed loop with a twin.
 
 #include <algorithm>
+#include <functional>
 #include <utility>
 
 #include "chain_spec.hpp"
@@ -72,14 +73,15 @@ class AnyJointController {
   void tick(const double* handle, const double* tension, const double* spool, const double* target, bool compensates,
             double since) {
     wound_.resize(sizes().tendons);
-    step({handle, tension, spool, target, wound_.data(), nullptr, std::exchange(request, Request::none), compensates,
-          since});
+    step({handle, tension, counted(spool), target, wound_.data(), nullptr, std::exchange(request, Request::none),
+          compensates, since});
     begun = true;
   }
   /// A tick in which velocities of the spools (rad/s) pass; the tendons have been wound as far as the spools say.
   void pass(const double* handle, const double* tension, const double* spool, const double* target,
             const double* velocity, double since) {
     wound_.resize(sizes().tendons);
+    spool = counted(spool);
     for (std::size_t m = 0; m < wound_.size(); ++m)
       if (is_finite(spool[m])) wound_[m] = spool_radius() * spool[m];
     step(
@@ -92,6 +94,9 @@ class AnyJointController {
     for (std::size_t m = 0; m < wound_.size(); ++m) wound_[m] += spool_radius() * velocity[m] * time;
   }
 
+  /// Counts the spools' angles from these, rad.
+  void count_from(const double* spool) { zero_.assign(spool, spool + sizes().tendons); }
+
   double wound(std::size_t tendon) const { return tendon < wound_.size() ? wound_[tendon] : 0; }
 
   Request request{};  ///< to be made with the next tick
@@ -100,12 +105,21 @@ class AnyJointController {
  protected:
   void forget() {
     wound_.clear();
+    zero_.clear();
     request = Request::none;
     begun = false;
   }
 
  private:
-  std::vector<double> wound_;  // m
+  const double* counted(const double* spool) {
+    if (zero_.empty()) return spool;
+    counted_.resize(zero_.size());
+    std::transform(spool, spool + zero_.size(), zero_.begin(), counted_.begin(), std::minus{});
+    return counted_.data();
+  }
+
+  std::vector<double> wound_;           // m
+  std::vector<double> zero_, counted_;  // rad
 };
 
 template <class W>
@@ -459,6 +473,14 @@ void bind_joint_control(nb::module_& m) {
       .def_prop_ro("width", &AnyJointController::width, "Numbers of an estimate.")
       .def_prop_ro("stored", &stored, "Numbers of a tick.")
       .def_prop_ro("prepared", &AnyJointController::prepared, "Constants of the law: within, response, settled.")
+      .def(
+          "count_from",
+          [](AnyJointController& controller, const In<1>& spool) {
+            require(spool.shape(0) == controller.sizes().tendons, "the spools do not fit the controller");
+            controller.count_from(spool.data());
+          },
+          "spool"_a, nb::sig("def count_from(self, spool: NDArray[numpy.float64]) -> None"),
+          "Count the spools' angles from these, rad.")
       .def("reset", &AnyJointController::reset, "Return to the initial state.");
 #ifndef TENODESIS_WITHOUT_LIVE
   nb::class_<LiveJoints, runtime::Device>(m, "LiveJoints", "A controller of all joints between live loop and device.")

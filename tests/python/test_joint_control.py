@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import tenodesis as tn
+from tenodesis.errors import IdentificationError, ProtocolError
+from tenodesis.identification.force.observed import observed
 from tenodesis.instrument import FullForm, expanded
-from tenodesis.recording import Recording, summary
+from tenodesis.recording import Recording, summary, tables
 from tenodesis.recording.replay import replay
 from tenodesis.recording.simulation import record
 
@@ -230,6 +232,62 @@ def test_a_law_of_all_joints_is_recorded_and_replayed_bit_by_bit(tmp_path: Path,
     assert np.array_equal(recording.run["commanded_output_angle"], run["commanded_output_angle"])
     assert replay(recording).exact
     assert "joints law" in summary.facts(summary.read(path))["controller"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "home"), [("needle-driver", False), ("hybrid-real-size", True)])
+def test_slack_tendons_are_tightened_before_the_law_begins_and_the_tip_is_known_as_well(
+    name: str, home: bool, tmp_path: Path
+) -> None:
+    inst = expanded(name)
+    load = {"kind": "step-load", "duration": 0.5, "wrench": {"fy": 2.0}}
+    errors, path = [], tmp_path / "run.mcap"
+    for first in ([], [{"kind": "pretension"}]):
+        controller = tn.control.JointController(inst)
+        protocol = tn.simulate.Protocol(name="tight", phases=[*first, load])
+        run = record(inst, protocol, path, controller=controller, home=home, overwrite=True)
+        enabled = run.by_column("operating_state")[:, 0] == tn.control.OperatingState.ENABLED
+        off = np.degrees(run["estimated_output_angle"] - run["output_angle"])[enabled]
+        errors.append(np.sqrt(np.mean(off**2)))
+    slack = run.rows(0, int(np.argmax(enabled)))
+    assert slack["tension"].min() == 0
+    assert np.isnan(slack["operating_state"][: int(np.argmax(slack["tension"].min(axis=1) > 1))]).all()
+    assert not np.nansum(run["faults"])
+    assert errors[1] < errors[0] + 0.02
+    assert replay(Recording.open(path)).exact
+
+
+def test_a_recording_tells_the_force_at_the_tip_and_its_table_the_same(tmp_path: Path) -> None:
+    load = {"kind": "step-load", "delay": 0.1, "rise": 0.1, "duration": 0.5, "wrench": {"fx": 1.0, "fy": -0.5}}
+    path = tmp_path / "run.mcap"
+    run = record("needle-driver", tn.simulate.Protocol(name="push", phases=[load]), path)
+    tables.to_csv(run, path.with_suffix(".csv"))
+    found = observed(path)
+    for one in found.channels:
+        if one.name != "wrench.fz":  # along a straight tip, to which no joint yields
+            assert np.abs(one.recorded - one.value)[-100:].max() < (0.1 if one.unit == "N" else np.radians(0.15))
+            assert one.covered > 0.9
+    again = observed(path.with_suffix(".csv"), expanded("needle-driver"))
+    for one, other in zip(found.channels, again.channels, strict=True):
+        np.testing.assert_array_equal(one.value, other.value)
+    with refused("instrument", kind=IdentificationError):
+        observed(path.with_suffix(".csv"))
+    with refused("signals", kind=IdentificationError):
+        observed(path, expanded("hybrid-real-size"))
+
+
+@pytest.mark.parametrize(
+    ("phases", "key"),
+    [
+        ([{"kind": "hold", "duration": 0.1}, {"kind": "pretension"}], "phase"),
+        ([{"kind": "pretension", "tension": "12 N"}], "tension"),
+    ],
+)
+def test_a_pretension_that_is_no_zero_of_the_spools_is_refused(phases: list[dict], key: str, tmp_path: Path) -> None:
+    controller = tn.control.JointController("needle-driver")
+    protocol = tn.simulate.Protocol(name="late", phases=phases)
+    with refused(key, kind=ProtocolError):
+        record("needle-driver", protocol, tmp_path / "run.mcap", controller=controller)
 
 
 def test_what_does_not_fit_is_refused() -> None:

@@ -6,35 +6,52 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.markup import escape
 
 from tenodesis.cli.command import command
-from tenodesis.cli.common import check_choice, console, say, table, warn
+from tenodesis.cli.common import check_choice, console, load_instrument, refuse_choices, say, table, warn
 from tenodesis.cli.identify import check_files, recordings_of
 from tenodesis.cli.outputs import Outputs
 from tenodesis.errors import CommandError
 from tenodesis.files import read_regular
-from tenodesis.identification.force import report
+from tenodesis.identification.force import observed, report
 from tenodesis.identification.force.fitting import fit_force
-from tenodesis.identification.force.model import RECALIBRATED, SIGNALS, ForceModel, from_json
+from tenodesis.identification.force.model import RECALIBRATED, SIGNALS, WIDTH, ForceModel, from_json
 from tenodesis.identification.force.report import RunResult, Traces, assess, bounds_of, pooled, traces
 from tenodesis.identification.formats import load_all
 from tenodesis.identification.registry import FORMATS
 from tenodesis.identification.report import grouped
+from tenodesis.instrument import expanded
+from tenodesis.units import in_unit
 
-FORMATS_OF_FORCE = ("davinci-tool", "davinci-posture")
+OF_TENDONS = "tendons"
+FORMATS_OF_FORCE = ("davinci-tool", "davinci-posture", OF_TENDONS)
 _LARGEST = 10_000_000
 
 
-@command("logs", "test", "prior")
+@command("logs", "test", "prior", "instrument_file")
 def force(  # noqa: PLR0917
     outputs: Outputs,
     logs: Annotated[
         list[Path], typer.Argument(metavar="LOG…", help="Recordings of both ends, or folders of text files.")
     ],
     signal: Annotated[str, typer.Option("--from", help="torque or current, measured at the near end.")] = "torque",
-    format_name: Annotated[str, typer.Option("--format", help=f"{', '.join(FORMATS_OF_FORCE)}.")] = "davinci-tool",
+    format_name: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            help=f"{', '.join(FORMATS_OF_FORCE)}. Default: {OF_TENDONS} of .mcap and with --instrument, else "
+            f"{FORMATS_OF_FORCE[0]}.",
+        ),
+    ] = None,
+    instrument_file: Annotated[
+        str | None,
+        typer.Option(
+            "--instrument", metavar="INSTRUMENT", help=f"Of {OF_TENDONS}: file or shipped name. Default: recorded."
+        ),
+    ] = None,
     test: Annotated[list[Path] | None, typer.Option(metavar="FILE", help="Recording held out; repeatable.")] = None,
     prior: Annotated[
         Path | None,
@@ -43,13 +60,33 @@ def force(  # noqa: PLR0917
             help="Model of another tool: LOG recalibrates offsets, friction and pretension; the rest is carried over.",
         ),
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for model.json and force.svg.")] = Path("out/force"),
+    out: Annotated[Path, typer.Option(help="Folder for model.json or force.csv, and force.svg.")] = Path("out/force"),
 ) -> None:
-    """Estimate torque and angle of a tool's jaw from its spindle's angle and torque, or motor current."""
+    """Estimate torque and angle of a tool's jaw from its spindle's angle and torque, or motor current.
+
+    Of a LOG of all tendons' tensions and spools: angles of all joints, load at the tip and grip, without a fit.
+    """
     tests = test or []
     check_files(logs, tests)
     check_choice("--from", signal, SIGNALS)
+    of_tendons = instrument_file is not None or all(one.suffix == ".mcap" for one in logs)
+    format_name = format_name or (OF_TENDONS if of_tendons else FORMATS_OF_FORCE[0])
     check_choice("--format", format_name, FORMATS_OF_FORCE)
+    if format_name == OF_TENDONS:
+        own = {"--test": str(tests[0]) if tests else None, "--prior": None if prior is None else str(prior)}
+        refuse_choices("tensions of all tendons need no fit", own)
+        if logs[1:]:
+            raise CommandError(key="LOG", value=str(logs[1]), allowed="one recording at a time of all tendons")
+        inst = None if instrument_file is None else expanded(load_instrument(instrument_file))
+        with outputs.folder(out, (observed.TABLE, observed.FIGURE)):
+            all_joints = observed.observed(logs[0], inst)
+            observed.write(all_joints, out)
+        for note in all_joints.notes:
+            say(f"{all_joints.name}: {note}.")
+        _print_observed(all_joints)
+        say(f"Written: {out / observed.TABLE}, {out / observed.FIGURE}")
+        return
+    refuse_choices(f"{format_name} has a model of its own", {"--instrument": instrument_file})
     with outputs.folder(out, (report.MODEL, report.FIGURE)):
         before = None if prior is None else _read(prior)
         files = recordings_of(logs, tests, format_name)
@@ -67,6 +104,18 @@ def force(  # noqa: PLR0917
     _print_bounds(found)
     _print_undetermined(model, carried=prior is not None)
     say(f"Written: {out / report.MODEL}, {out / report.FIGURE}")
+
+
+def _print_observed(found: observed.Observed) -> None:
+    title = f"{found.name}: estimated from the drive end, and recorded minus that"
+    shown = table(title, "", ">least", ">most", ">± 95 %", "unit", ">rmse", ">covered")
+    for one in found.channels:
+        scale = in_unit(observed.SHOWN[one.unit], one.unit)
+        spread = WIDTH * math.sqrt(float(np.mean(one.std**2)))
+        numbers = [f"{scale * number:.3g}" for number in (one.value.min(), one.value.max(), spread, one.rmse)]
+        compared = ["", ""] if math.isnan(one.rmse) else [numbers[3], f"{100 * one.covered:.0f} %"]
+        shown.add_row(escape(one.name), *numbers[:3], observed.SHOWN[one.unit], *compared)
+    console.print(shown)
 
 
 def _read(path: Path) -> ForceModel:

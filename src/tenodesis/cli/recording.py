@@ -82,7 +82,7 @@ def record(  # noqa: PLR0917
 ) -> None:
     """Run a protocol on the twin of an instrument and record it, with --law under a controller.
 
-    A protocol that begins with a pretension phase finds slack tendons, which a controller homes. By default every joint
+    A protocol that begins with a pretension phase finds slack tendons, which are tightened. By default every joint
     moves, the tip is loaded, and jaws grip.
     """
     inst, protocol = _inputs(instrument_file, protocol_file)

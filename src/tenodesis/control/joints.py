@@ -117,6 +117,8 @@ class JointController(LoopState):
         Whether the first tick enables it.
     period
         Time between ticks, s; by default the instrument's sampling period.
+    pure_force
+        Whether nothing acts on the tip but a force, and no moment: tendons can hardly tell these apart.
 
     Raises
     ------
@@ -128,7 +130,13 @@ class JointController(LoopState):
     """Of the last run on a twin, with a row per step."""
 
     def __init__(
-        self, inst: InstrumentLike, law: JointLawName = "joints", *, enabled: bool = True, period: float | None = None
+        self,
+        inst: InstrumentLike,
+        law: JointLawName = "joints",
+        *,
+        enabled: bool = True,
+        period: float | None = None,
+        pure_force: bool = False,
     ) -> None:
         given = expanded(inst)
         if law not in get_args(JointLawName):
@@ -140,6 +148,8 @@ class JointController(LoopState):
         super().__init__(enabled=enabled)
         rows = twin_rows(given, TIME_STEP, quasi_static=True)
         values = twin_values(given, TIME_STEP) | _values(given, self.period)
+        if pure_force:
+            values["moment_deviation"] *= _KNOWN
         self.numbers = {name: float(values[name]) for name in _NAMES}
         pretension = float(np.max(given.pretensions))
         found = limits(given, self.period, pretension, given.tension_sensors[0])
@@ -209,6 +219,23 @@ class JointController(LoopState):
             fault_names(faults),
             fault_names(first),
         )
+
+    def observe(self, tensions: ArrayLike, spool_angles: ArrayLike, handle_angle: ArrayLike) -> JointEstimate:
+        """Return what rows of a recording show, a period apart, by :meth:`step` from a reset on; nothing is commanded.
+
+        Shapes (n, tendons), (n, tendons) and (n, joints of the handle), in N and rad.
+        """
+        self.reset()
+        straight, out = np.zeros(len(self.inst.tip_joints)), np.empty((len(np.asarray(tensions)), self.core.stored))
+        given = (np.ascontiguousarray(one, float) for one in (handle_angle, tensions, spool_angles))
+        for handle, tension, spool, row in zip(*given, out, strict=True):
+            self.core.step(handle, tension, spool, straight, int(Request.NONE), False, self.period, row)
+        self.signals_of(out)
+        return self.estimate
+
+    def count_from(self, spool_angles: ArrayLike) -> None:
+        """Count spool angles from these (rad, by tendon), at which tendons have their pretension at straight joints."""
+        self.core.count_from(np.ascontiguousarray(spool_angles, float))
 
     @property
     def compensates(self) -> bool:

@@ -163,11 +163,11 @@ def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", n
         if signal in signals and signal not in _ABOUT
         for rows in [run.by_column(signal)]
         for n, column in enumerate(run.columns(signal) or [""] * rows.shape[1])
-    } | _on_one_tip(run)
+    } | on_one_tip(run)
     return _of_columns(name, run.time, columns, notes, None if inst is None else expanded(inst))
 
 
-def _on_one_tip(run: Run) -> dict[str, Array]:
+def on_one_tip(run: Run) -> dict[str, Array]:
     """Return forces by axis, which oppose flexion, as components of the force on the tip that all axes have."""
     if "force" not in run.signals():
         return {}

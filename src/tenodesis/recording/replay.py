@@ -20,11 +20,10 @@ from tenodesis.recording.metadata import EVERY, QUASI_STATIC, metadata_of_replay
 from tenodesis.recording.outcome import Outcome
 from tenodesis.recording.reader import Blocks, Recording
 from tenodesis.recording.schemas import TRANSFERRED
-from tenodesis.recording.simulation import without_control
 from tenodesis.recording.tables import columns
 from tenodesis.recording.writer import Recorder
 from tenodesis.run import HELD, TISSUE, Array, Names, Run, concatenate
-from tenodesis.simulate.execution import with_request
+from tenodesis.simulate.execution import with_request, without_control
 from tenodesis.twin import Contact, Held, Twin
 
 _UNEVEN = 0.01
@@ -305,7 +304,9 @@ class _Again:
             started = _uncontrolled(recorded)
             self._running = started < len(recorded)
             if started:
-                runs.append(without_control(_run(self._twin, recorded.rows(0, started))))
+                runs.append(without_control(_run(self._twin, recorded.rows(0, started)), self._controller))
+                if isinstance(self._controller, JointController):
+                    self._controller.count_from(runs[-1].by_column("measured_spool_angle")[-1])
             recorded = recorded.rows(started)
         if len(recorded):
             with warnings.catch_warnings():

@@ -12,9 +12,9 @@ from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.recording.metadata import metadata_of
 from tenodesis.recording.writer import Recorder
-from tenodesis.run import CONTROL, TISSUE, Run, concatenate
+from tenodesis.run import TISSUE, Run, concatenate
 from tenodesis.simulate import Pretension, Protocol
-from tenodesis.simulate.execution import blocks, check_controllable
+from tenodesis.simulate.execution import blocks, check_controllable, without_control
 from tenodesis.twin import TIME_STEP, Twin
 
 _LEAST_SLACK = 2e-3
@@ -59,7 +59,7 @@ def record(
     every
         Of how many rows one is written, the first and on; such a file cannot be replayed.
     home
-        Whether the controller homes before the protocol, from tight tendons.
+        Whether the controller homes before the protocol, or after the pretension phase that it begins with.
     overwrite
         Whether to replace a file that exists.
     progress
@@ -124,7 +124,7 @@ def _blocks(
     if isinstance(protocol.phases[0], Pretension):
         loosened = twin.loosen(max(_LEAST_SLACK, _SLACKENING * twin.stretch))
         loosened = without_tissue(loosened) if protocol.has_tissue else loosened
-        yield loosened if controller is None else without_control(loosened)
+        yield loosened if controller is None else without_control(loosened, controller)
     yield from blocks(twin, protocol, controller, home=home, progress=progress)
 
 
@@ -163,12 +163,6 @@ def write_run(
     )
     with Recorder(path, axes=run.names, metadata=metadata, overwrite=overwrite) as recorder:
         recorder.write(run)
-
-
-def without_control(run: Run) -> Run:
-    """Return a run with the signals of a controller that did not run yet, all NaN."""
-    absent: dict[str, Any] = {name: np.full(run.names.shape(name, len(run)), np.nan) for name in CONTROL}
-    return replace(run, **absent)
 
 
 def without_tissue(run: Run) -> Run:

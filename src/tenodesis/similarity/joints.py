@@ -1,5 +1,6 @@
 """Similarity of two instruments of several joints: factors, groups, and the error in angles and at the tip."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,6 +25,8 @@ _WITHIN = 0.75
 """Share of the ranges in which all joints are bent at once."""
 _REACHED = 1e-3
 """Farthest that a state may be from what was asked for, rad."""
+_FARTHEST = math.radians(150)
+"""To which a joint is bent; its equations end at half a turn, and loads and tolerances take it farther, rad."""
 _LOADING = 8
 """Steps in which a load is laid on."""
 _STEPS = 12
@@ -174,7 +177,9 @@ class JointComparison:
         A handle with as many joints as the tip is held at the same angles in both instruments; otherwise motors hold
         the same unloaded angles in both. States that either cannot be held in are left out.
         """
-        found = [row for row in map(self._held, _spread(self.real_size.bend_limits)) if row is not None]
+        real = self.real_size
+        most = _FARTHEST * np.array([[len(arcs)] for arcs in real.bends.values()])
+        found = [row for row in map(self._held, _spread(np.clip(real.bend_limits, -most, most))) if row is not None]
         angles, handle, strokes, other = (np.array(part) for part in zip(*found, strict=True))
         wrench, grip = _load_rows(self.loads)
         return WorkingStates(angles, handle, strokes, other, wrench, grip)

@@ -11,7 +11,7 @@ from tenodesis.control import Controller, JointController, OperatingState, Reque
 from tenodesis.control.pairs import served_motors
 from tenodesis.errors import ArgumentError, FaultWarning, ProtocolError
 from tenodesis.instrument import Instrument, ShortForm
-from tenodesis.run import Array, Run, concatenate
+from tenodesis.run import CONTROL, Array, Run, concatenate
 from tenodesis.simulate.command import Between, Command, Plant, Segment, sampled
 from tenodesis.simulate.pretension import Pretension
 from tenodesis.simulate.protocol import Planned, Protocol, block_size, errors_of
@@ -113,7 +113,8 @@ def execute(
 
     A controller moves the motors of its axes itself. A pretension phase is then its homing, whether or not it was homed
     before: all axes at once, to the pretension, at the speed and within the stroke of the table control of its
-    instrument; after that it resumes if it starts enabled. After a fault the motors hold and the protocol goes on; the
+    instrument; after that it resumes if it starts enabled. One of all joints begins only after it, and counts the
+    spools' angles from there. After a fault the motors hold and the protocol goes on; the
     run has the fault among its signals.
 
     Parameters
@@ -157,29 +158,36 @@ def blocks(
 ) -> Iterator[Run]:
     """Yield the run of :func:`execute` in blocks of 1 s at most, none of which is kept; parameters and errors alike.
 
-    home: whether the controller homes before the first phase, from tight tendons.
+    home: whether the controller homes before the first phase, or after it where that tightens tendons.
     """
     plan = protocol.plan(plant.inst, plant.time_step)
     if controller is not None:
         controller.check_instrument(plant.inst)
         check_controllable(plan, plant.inst, controller.inst)
-    bench = _Bench(plant, controller)
+    # The law of all joints begins with tight tendons: until then, load cells alone say how far to wind.
+    tightened = isinstance(controller, JointController) and isinstance(protocol.phases[0], Pretension)
+    bench = _Bench(plant, None if tightened else controller)
     total = sum(planned.seconds for planned in plan)
     begun = 0.0
     fault: Run | None = None
-    parts = [(planned.seconds, _runs(bench, planned)) for planned in plan]
+    rise = controller.numbers["homing_rise"] if isinstance(controller, JointController) else 0.0
+    parts = [(planned.seconds, _runs(bench, planned, rise)) for planned in plan]
     if home:
-        parts.insert(0, (0.0, bench.home(plan[0].initial, _HOMING_TIMEOUT)))
+        parts.insert(int(tightened), (0.0, bench.home(plan[0].initial, _HOMING_TIMEOUT)))
     for seconds, part in parts:
         done = begun
         begun += seconds
-        for run in part:
+        for moved in part:
+            run = moved if bench.controller is controller else without_control(moved, controller)
             yield run
             done += len(run) * plant.time_step
             if fault is None and controller is not None:
                 fault = _fault(run)
             if progress is not None:
                 progress(min(done, begun), total)
+        if isinstance(controller, JointController) and bench.controller is None:
+            controller.count_from(run.by_column("measured_spool_angle")[-1])
+            bench.controller = controller
     if progress is not None:
         progress(total, total)
     if fault is not None:
@@ -197,22 +205,24 @@ def check_controllable(plan: Sequence[Planned], inst: Instrument, assumed: Instr
     """Check that a controller can run phases on an instrument: they leave its spools to it, and match its homing.
 
     The controller is made for the instrument `assumed`; one in the full form has a controller of all joints, which
-    tightens no tendon, and to which velocities of the spools of a tool without a handle are commands. Raises
-    ProtocolError if it cannot run a phase.
+    begins after a first pretension phase, and to which velocities of the spools of a tool without a handle are
+    commands. Raises ProtocolError if it cannot run a phase.
     """
     all_joints = not isinstance(assumed, ShortForm)
     own = served_motors(inst, all_joints=all_joints)
     for planned in plan:
         with errors_of(planned.label):
             if isinstance(planned.phase, Pretension):
-                if isinstance(assumed, ShortForm):
-                    _check_homing(planned.phase, planned.initial, assumed)
-                    continue
-                raise ProtocolError(
-                    "a controller of all joints homes tendons that are tight, and tightens none; leave the phase out",
-                    key="phase",
-                    value="pretension",
-                )
+                if all_joints and planned is not plan[0]:
+                    raise ProtocolError(
+                        "a controller of all joints homes tendons that are tight, and tightens none; put the phase "
+                        "first, or leave it out",
+                        key="phase",
+                        value="pretension",
+                        allowed="first",
+                    )
+                _check_homing(planned.phase, planned.initial, assumed)
+                continue
             commands = [command for part in planned.segments for command in (part.start, part.end)]
             velocities = [] if all_joints and not inst.handle_joints else [one.spool_velocity for one in commands]
             tensions = [command.spool_tension for command in commands if command.spool_tension is not None]
@@ -235,7 +245,19 @@ def with_request(run: Run, request: Array) -> Run:
     return replace(run, request=np.broadcast_to(request.reshape(-1, *(1,) * (len(shape) - 1)), shape).copy())
 
 
-def _check_homing(phase: Pretension, initial: Command, inst: ShortForm) -> None:
+def without_control(run: Run, controller: Controller | JointController | None) -> Run:
+    """Return a run with the signals of a controller that did not run yet, all NaN."""
+    names, given = run.names, set(CONTROL)
+    if isinstance(controller, JointController):
+        names = names._replace(compensated=names.joints)
+        given = {*controller.signals_of(np.empty((0, controller.core.stored))), "request"}
+    absent: dict[str, Any] = {
+        name: np.full(names.shape(name, len(run)), np.nan) for name in given - {"commanded_spool_velocity"}
+    }
+    return replace(run, compensated=names.compensated, **absent)
+
+
+def _check_homing(phase: Pretension, initial: Command, inst: Instrument) -> None:
     if phase.axis is not None and len(inst.axes) > 1:
         raise ProtocolError(
             f"axis is {phase.axis}; with a controller give none, since it homes all axes", key="axis", value=phase.axis
@@ -244,24 +266,25 @@ def _check_homing(phase: Pretension, initial: Command, inst: ShortForm) -> None:
         raise ProtocolError(
             "the tip is loaded; with a controller homing must be without load", key="force", allowed="0 N"
         )
-    for planar in inst.planar:
-        if phase.tension is not None and abs(phase.tension - planar.pretension) > phase.tolerance:
+    for pretension in inst.pretensions:
+        if phase.tension is not None and abs(phase.tension - pretension) > phase.tolerance:
             raise ProtocolError(
                 f"tension is {phase.tension:g} N; with a controller it must be the pretension of "
-                f"{planar.pretension:g} N that {inst.name} has, to which it homes",
+                f"{pretension:g} N that {inst.name} has, to which it homes",
                 key="tension",
                 value=phase.tension,
-                allowed=f"{planar.pretension:g} N",
+                allowed=f"{pretension:g} N",
             )
 
 
-def _runs(bench: _Bench, planned: Planned) -> Iterator[Run]:
-    """Yield the runs of a phase."""
+def _runs(bench: _Bench, planned: Planned, rise: float) -> Iterator[Run]:
+    """Yield the runs of a phase; tendons that are to be tight for a law of all joints are wound by a rise beyond."""
     with errors_of(planned.label):
         if not isinstance(planned.phase, Pretension):
             for commands in sampled(planned.segments, block_size(bench.time_step, _BLOCK)):
                 yield bench.run(**commands)
         elif bench.controller is None:
-            yield from planned.phase.run(bench, planned.initial)
+            way = planned.phase.run_both_ways(bench, planned.initial, rise) if rise else None
+            yield from way or planned.phase.run(bench, planned.initial)
         else:
             yield from bench.home(planned.initial, planned.phase.timeout)

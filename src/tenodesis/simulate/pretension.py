@@ -25,6 +25,8 @@ _STOPPED = 0.2
 """Time within the tolerance with the drives at rest after which a tendon counts as tight, s."""
 _SLOWNESS = 4.0
 """Least ratio of the settling time to the drives' time constant; with less, the loop would overshoot."""
+_RETURN = 0.2
+"""Time in which the spools go to the middle of two angles, s."""
 _SLACK = 10e-3
 """Largest slack of a tendon, m."""
 _DRIFT = math.radians(10)
@@ -49,8 +51,26 @@ class Pretension(Phase):
         """Return the command that the phase ends with, after a command: the drives at rest."""
         return self._winding(command, places, 0.0)
 
-    def run(self, plant: Plant, command: Command) -> Iterator[Run]:
-        """Wind, from a command on, and yield the plant's response in short runs.
+    def run_both_ways(self, plant: Plant, command: Command, rise: float) -> Iterator[Run]:
+        """Wind to the tension, by a rise (share of it) beyond and back, and then to the middle of both spool angles.
+
+        Friction makes load cells beside the spools read too much on the way up, and too little on the way back. Yields
+        and raises as :meth:`run`.
+        """
+        places, found = Places.of(plant.inst), []
+        for share in (1.0, 1.0 + rise, 1.0):
+            for run in self.run(plant, command, share):
+                yield run
+            found.append(run.by_column("measured_spool_angle")[-1])
+        wound, still = self._tendons(places), self.end(command, places)
+        middle = self._winding(command, places, ((found[0] - found[-1]) / 2 / _RETURN)[wound])
+        for at, seconds in ((middle, _RETURN), (still, _STOPPED + plant.inst.drives.time_constant)):
+            steps = max(1, round(seconds / plant.time_step))
+            (commands,) = sampled([Segment(at, at, steps)], steps)
+            yield plant.run(**commands)
+
+    def run(self, plant: Plant, command: Command, share: float = 1.0) -> Iterator[Run]:
+        """Wind to a share of the tension, from a command on, and yield the plant's response in short runs.
 
         Raises ProtocolError if a tendon does not get tight within timeout and travel, its load cell reads nothing, or
         the tip is pulled aside.
@@ -59,6 +79,7 @@ class Pretension(Phase):
         tendons = self._tendons(places)
         stiffness = plant.inst.stiffnesses[tendons]
         target = plant.inst.pretensions[tendons] if self.tension is None else np.full(len(tendons), self.tension)
+        target = share * target
         travel = _SLACK + 2 * target / stiffness if self.travel is None else np.full_like(target, self.travel)
         settling = max(_SETTLING, _SLOWNESS * plant.inst.drives.time_constant)
         gain = 1 / (stiffness * settling)

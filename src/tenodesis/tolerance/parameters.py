@@ -160,7 +160,9 @@ def with_values_at(inst: Instrument, changes: Mapping[str, float]) -> Instrument
         if key in plain:
             continue
         listed, name, *inner = key.split(".")
-        tables = lists.setdefault(listed, [one.model_dump(exclude_unset=True) for one in inst.as_given(listed)])
+        if listed not in lists:
+            lists[listed] = [one.model_dump(exclude_unset=True) for one in inst.as_given(listed)]
+        tables = lists[listed]
         table = next(one for one in tables if one["name"] == name)
         if len(inner) > 1:
             table = next(one for one in table["route"] if one["joint"] == inner[0])

@@ -1,6 +1,7 @@
 """Joints that share tendons, or any chain."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -25,7 +26,8 @@ class ChainCore(TwinCore):
 
     def __init__(self, inst: FullForm, time_step: float, seed: int, quasi_static: bool) -> None:
         rows = twin_rows(inst, time_step, quasi_static)
-        core = _core.chain_twin(
+        self.of_seed = partial(
+            _core.chain_twin,
             inst.core,
             rows.passages,
             rows.contacts,
@@ -39,16 +41,16 @@ class ChainCore(TwinCore):
             rows.steps_per_sample,
             quasi_static,
             inst.sensors.kind == "current",
-            seed,
         )
+        """A twin of the same instrument and steps, by its seed"""
         own = {name: (pair.handle, pair.agonist, pair.antagonist) for name, pair in pairs(inst).items()}
-        super().__init__(core, names_of(inst), own, rows.steps_per_sample)
+        super().__init__(self.of_seed(seed), names_of(inst), own, rows.steps_per_sample)
         self.inst = inst
         self.kind = f"{len(inst.joints)} joints and {len(inst.tendons)} tendons of {inst.name}"
         self.spool_radius = inst.own_drives.spool_radius
         self.stretch = float(np.max(inst.pretensions / inst.stiffnesses))
         self.grips = inst.grip is not None
-        taken = {name: width for name, width in core.commands if name not in _NOT_TAKEN}
+        taken = {name: width for name, width in self.core.commands if name not in _NOT_TAKEN}
         if not self.grips:
             del taken["grip_force"]
         if not self.axes:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from tenodesis import _core, plant
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import FullForm, Instrument, ShortForm
+from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.run import Array
 from tenodesis.statics.query import common_shape
 from tenodesis.twin.axes_core import AxesCore
@@ -65,21 +65,22 @@ def chains(
         if count != len(insts):
             problem = f"{name} is for {count} runs, instruments for {len(insts)}; it must be the same."
             raise ArgumentError(problem, key=name, value=count, allowed=str(len(insts)))
-    forms: list[FullForm] = [inst.expanded for inst in insts]
-    twins = [
-        ChainCore(form, steps.time_step, seed, steps.quasi_static)
-        for form, seed in zip(forms, _seeds(seeds, len(insts)), strict=True)
-    ]
-    first = twins[0]
-    if any(twin.names[:3] != first.names[:3] for twin in twins):
+    own = _seeds(seeds, len(insts))
+    # Loads of one instrument are many runs, of which each needs a core of its own, and no more.
+    distinct = {id(inst): inst for inst in insts}
+    made = {key: ChainCore(one.expanded, steps.time_step, 0, steps.quasi_static) for key, one in distinct.items()}
+    cores = [made[id(inst)] for inst in insts]
+    first = cores[0]
+    if any(core.names[:3] != first.names[:3] for core in made.values()):
         raise ArgumentError("the runs differ in joints or tendons; all must have the same.", key="inst")
     tissue = by_axis(contact, first.names.joints)
     for one in tissue:
         if one is not None:
             one.check_outside(0.0)
-    rows = np.array([_rows(twins[r], insts[r], arrays, tissue, r) for r in range(len(twins) if per_run else 1)])
+    rows = np.array([_rows(cores[r], insts[r], arrays, tissue, r) for r in range(len(cores) if per_run else 1)])
     given = np.flatnonzero(rows.any(axis=(0, 1))).tolist() or [0]
-    return Many(first, [twin.core for twin in twins], insts, np.ascontiguousarray(rows[:, :, given]), given)
+    twins = [core.of_seed(seed) for core, seed in zip(cores, own, strict=True)]
+    return Many(first, twins, insts, np.ascontiguousarray(rows[:, :, given]), given)
 
 
 def axes(

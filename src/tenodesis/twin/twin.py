@@ -363,28 +363,30 @@ class Twin:
     def loosen(self, length: float = 2e-3) -> Run:
         """Unwind all spools by a length (m) at a third of their speed, without load, and return that run.
 
-        The handle stays at its last commanded angle. Raises ValueError if the length is not positive.
+        The handle stays at its last commanded angle; tendons that have no pretension are slack as they are, and stay.
+        Raises ValueError if the length is not positive.
         """
         if not 0 < length < 1:
             raise ArgumentError(key="length", value=length, allowed="a length above 0 and below 1 m")
         drives = self.inst.drives
         speed = drives.motor_speed / drives.gear_ratio / 3
-        start = self._core.now()["spool_angle"]
+        start, pretensions = self._core.now()["spool_angle"], self.inst.pretensions
+        tight = (pretensions > 0) | ~np.any(pretensions)
         runs = []
         # The drives need time to accelerate and to stop.
         expected = length / self.spool_radius / speed + 2 * speed * drives.gear_ratio / drives.motor_acceleration
         for _ in range(2 * round(expected / _LOOSENING_BLOCK) + 20):
-            unwound = (start - self._core.now()["spool_angle"]).min() * self.spool_radius
-            runs.append(self._hold(-speed if unwound < length else 0.0))
+            unwound = (start - self._core.now()["spool_angle"])[..., tight].min() * self.spool_radius
+            runs.append(self._hold(np.where(tight, -speed if unwound < length else 0.0, 0.0)))
             if unwound >= length and np.abs(runs[-1]["spool_velocity"][-1]).max() < 1e-6 * speed:
                 break
         return concatenate(runs)
 
-    def _hold(self, velocity: float) -> Run:
-        """Run for a block, unloaded, the handle at its last commanded angle, all spools at a velocity (rad/s)."""
+    def _hold(self, velocity: Array) -> Run:
+        """Run for a block, unloaded, the handle at its last commanded angle, spools at velocities (rad/s)."""
         count = max(1, round(_LOOSENING_BLOCK / self.time_step))
         handle = np.tile(self._core.handle_wanted(), (count, 1))
-        return self.run(handle, spool_velocity=np.full(len(self.names.tendons), velocity))
+        return self.run(handle, spool_velocity=np.tile(velocity, (count, 1)))
 
     def _rows(self, handle_angle: ArrayLike, force: ArrayLike, **loads: Unpack[Loads]) -> tuple[Array, int]:
         """Return the commands as the core takes them, checked, and their number; what is held is between the jaws."""
