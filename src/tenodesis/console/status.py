@@ -72,8 +72,8 @@ ADVICE = {
         "Check the spools' encoders, the load cells and the ropes. Then home, then enable.",
     ),
     "rope_length": Advice(
-        "A rope has got longer or shorter since homing, or a load cell has drifted: the tip may be off.",
-        "Check knots, crimps, the ropes on their spools and the zeros of the load cells. Then home, then enable.",
+        "A rope has got longer or shorter since homing, or a tension is read wrongly: the tip may be off.",
+        "Check knots, crimps, the ropes on their spools and the zeros of the tensions. Then home, then enable.",
     ),
 }
 """By the names in :data:`tenodesis.control.FAULTS`, of an instrument with load cells."""
