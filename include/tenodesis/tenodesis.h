@@ -45,7 +45,7 @@ typedef TENODESIS_REAL tenodesis_real;
 
 #define TENODESIS_VERSION 6u /* of this interface: raised whenever a struct or a meaning changes */
 #define TENODESIS_AXES 2
-#define TENODESIS_FAULTS 14
+#define TENODESIS_FAULTS 15
 #define TENODESIS_RECORDS 111    /* of the flight recorder: 100 before a fault, the fault's, 10 after */
 #define TENODESIS_RECORD_TICKS 4 /* ticks per record: the last 200 ms at 2 kHz */
 
