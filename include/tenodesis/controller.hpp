@@ -152,7 +152,7 @@ struct AxisController {
       memory.failed |= watch.lasting(fault, 0, way > watch.of(fault).threshold * arm, dt, memory.watch);
     };
     lasting(Fault::stroke_unexplained, memory.compensator.envelope.excess / model().stroke_for(S(1)));
-    lasting(Fault::rope_length, friction.tip_by_ropes(memory.friction));
+    lasting(Fault::rope_length, friction.tip_by_ropes(memory.friction, S(tuning::outlier)));
   }
 };
 

@@ -271,17 +271,17 @@ void faults_have_names() {
 }
 
 // Parameters and headers that were written for this version must keep their meaning.
-void the_layout_of_version_5_is_unchanged() {
+void the_layout_of_version_6_is_unchanged() {
   constexpr std::size_t real = sizeof(tenodesis_real);
   using Axis = tenodesis_axis_parameters;
-  static_assert(TENODESIS_VERSION == 5);
+  static_assert(TENODESIS_VERSION == 6);
   CLAIM(offsetof(tenodesis_parameters, homed) == 40 && offsetof(tenodesis_parameters, relief) == 48 + 7 * real);
-  CLAIM(sizeof(tenodesis_parameters) == 48 + 184 * real);
+  CLAIM(sizeof(tenodesis_parameters) == 48 + 188 * real);
   CLAIM(offsetof(Axis, handle_range) == 6 * real && offsetof(Axis, sheath_bend_rate) == 19 * real);
   CLAIM(offsetof(Axis, slack_tension) == 29 * real && offsetof(Axis, force_limit) == 41 * real);
   CLAIM(offsetof(Axis, homing_play) == 53 * real && offsetof(Axis, spool_noise) == 57 * real);
   CLAIM(offsetof(Axis, spool_jump) == 58 * real && offsetof(Axis, limit) == 60 * real);
-  CLAIM(TENODESIS_FAULT_ENCODER_JUMP == 7 && TENODESIS_FAULT_STROKE_UNEXPLAINED == TENODESIS_FAULTS - 1);
+  CLAIM(TENODESIS_FAULT_ENCODER_JUMP == 7 && TENODESIS_FAULT_ROPE_LENGTH == TENODESIS_FAULTS - 1);
   CLAIM(TENODESIS_HOMING_TIP_LOADED == 1 && TENODESIS_HOMING_TIMED_OUT == 18);
 }
 
@@ -295,7 +295,7 @@ void a_current_stands_for_a_tension_up_to_its_range() {
 }
 
 int main() {
-  the_layout_of_version_5_is_unchanged();
+  the_layout_of_version_6_is_unchanged();
   sizes_are_those_that_the_header_promises();
   what_comes_before_init_is_refused();
   bad_pointers_are_refused();
