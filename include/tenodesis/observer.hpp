@@ -266,8 +266,10 @@ struct FrictionObserver {
       tip = tip + side * S(0.5) * position;
       both = both + position;
     }
-    // Tensions that are not the parameters' where the spools are at home are those of other lengths, or of friction.
-    memory.reference_at_start = homed ? S(0) : both;
+    // Tensions that are not the parameters' where the spools are at home are those of other lengths, or of friction;
+    // or of noise.
+    const S explained = square(settings.reference_std) + square(settings.length_noise);
+    memory.reference_at_start = homed || both * both < square(S(tuning::outlier)) * explained ? S(0) : both;
     memory.reference = memory.reference_at_start;
     memory.covariance[1][1] = square(settings.reference_std) + square(memory.reference_at_start);
     put_tip(tip, memory);

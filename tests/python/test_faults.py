@@ -301,7 +301,13 @@ def test_no_tendon_hangs_for_long_undetected_or_slack(
         assert row is not None and names(run["faults"][row]) == {"tendon_slack"}
         assert abs(row * TIME_STEP - FAULT - 2.0) < 0.3
     elif row is not None:
-        assert names(run["faults"][row]) <= {"tendon_slack", "tendon_break", "load_cell_drift", "spool_slip"}
+        assert names(run["faults"][row]) <= {
+            "tendon_slack",
+            "tendon_break",
+            "load_cell_drift",
+            "spool_slip",
+            "rope_length",
+        }
 
 
 @pytest.mark.parametrize("rate", [20.0, -20.0, 5.0, -5.0])
