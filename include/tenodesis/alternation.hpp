@@ -5,8 +5,8 @@
 // held. So after three opposed jumps at like distances in time the motors give their stroke back while the tip is on
 // target, no further than friction holds it. The next jump shows what resting costs: a tip that stays within a share of
 // what it had jumped is left to friction, one that does not is tracked. What is left on average is taken away slowly.
-// After some time of rest the motors track again, since friction may hide what the load has become. A load that jumps
-// faster than motors can follow is not tracked at all.
+// After twice the load's half-period without a jump the motors track again, and next time wait twice as long. A load
+// that jumps faster than motors can follow is not tracked at all.
 
 #include "tenodesis/observer.hpp"
 
@@ -25,21 +25,25 @@ struct TrackedTip {
 
 template <class S>
 struct AlternationState {
-  S sign{};          ///< of the error's last jump
-  S since{};         ///< time since then, s
-  S half{};          ///< time between the last two, s
-  S half_before{};   ///< time between the two before, s
-  S size{};          ///< of the last jump, m
-  S size_before{};   ///< of the one before, m
-  S offset{};        ///< error, smoothed, m
-  S stroke{};        ///< at the last jump, m
-  S mean{};          ///< of the strokes at the last two, m
-  S on_target{};     ///< stroke when the error was last small, m
-  S leaned{};        ///< time for which friction has been left to hold the tip, s
-  int jumps{};       ///< each opposed to the one before
-  bool armed{true};  ///< whether the error has been small since the last jump
-  bool leans{};      ///< whether friction is left to hold the tip
-  bool fast{};       ///< whether the load jumps faster than motors can follow
+  S sign{};                ///< of the error's last jump
+  S since{};               ///< time since then, s
+  S half{};                ///< time between the last two, s
+  S half_before{};         ///< time between the two before, s
+  S size{};                ///< of the last jump, m
+  S size_before{};         ///< of the one before, m
+  S offset{};              ///< error, smoothed, m
+  S stroke{};              ///< at the last jump, m
+  S mean{};                ///< of the strokes at the last two, m
+  S on_target{};           ///< stroke when the error was last small, m
+  S leaned{};              ///< time for which friction has been left to hold the tip, s
+  S halves{first_halves};  ///< half-periods without a jump after which it is not any more
+  S patience{};            ///< time in which the error that is left to it halves, s
+  int jumps{};             ///< each opposed to the one before
+  bool armed{true};        ///< whether the error has been small since the last jump
+  bool leans{};            ///< whether friction is left to hold the tip
+  bool fast{};             ///< whether the load jumps faster than motors can follow
+
+  static constexpr S first_halves = S(2);
 
   /// Whether the load alternates, as far as its jumps show.
   constexpr bool alternates() const { return jumps >= 3 && half < S(2) * half_before && half_before < S(2) * half; }
@@ -52,7 +56,9 @@ void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
   const S sign = S(tip.certain > S(0) ? 1 : -1);
   state.offset = state.offset + (tip.certain - state.offset) * (dt / (S(tuning::alternation_smoothing) + dt));
   state.since = smaller(state.since + dt, S(100));
-  if (state.since > S(tuning::alternation_longest) || tip.moving) state.jumps = 0;
+  const bool forgotten = state.since > S(tuning::alternation_longest);
+  if (forgotten || tip.moving) state.jumps = 0;
+  if ((forgotten && !state.leans) || tip.moving) state.halves = state.first_halves;
   if (error < S(0.5) * tip.jump) {
     state.armed = true;
     state.on_target = tip.stroke;
@@ -62,6 +68,7 @@ void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
   const bool by_load = abs(tip.stroke - state.on_target) < S(0.5) * error;
   if (error > tip.jump && (state.armed || sign != state.sign) && by_load) {
     state.jumps = sign != state.sign ? smaller(state.jumps + 1, 100) : 1;
+    if (state.jumps == 1) state.patience = S(tuning::alternation_patience);
     state.half_before = state.half;
     state.half = state.since;
     state.since = S(0);
@@ -77,10 +84,16 @@ void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
   state.fast = state.alternates() && larger(state.half, state.half_before) < S(tuning::alternation_fastest) &&
                state.since < S(2) * state.half;
 
+  const bool outlived = state.leans && !state.fast && state.since > state.halves * state.half;
+  if (outlived) {
+    state.halves = S(2) * state.halves;
+    state.jumps = 0;
+  }
   const S jump = larger(state.size, state.size_before);
-  const bool too_far =
-      error > larger(tip.waking, S(tuning::alternation_left) * jump) || state.leaned > S(tuning::alternation_longest);
-  if (tip.moving || (too_far && !state.fast)) {
+  const S left = S(tuning::alternation_left) * jump / (S(1) + state.leaned / state.patience);
+  const bool too_far = error > larger(tip.waking, left) || state.leaned > S(tuning::alternation_longest);
+  if (tip.moving || outlived || (too_far && !state.fast)) {
+    if (state.leans && state.leaned > S(0.5)) state.patience = S(2) * state.patience;
     state.leans = false;
     state.leaned = S(0);
   } else if (state.fast || (state.alternates() && error < larger(tip.dead, S(tuning::alternation_on_target) * jump))) {

@@ -98,6 +98,7 @@
   ROW(alternation_left, 0.3, "1", "studies/changes.py",                                                                \
       "of a jump, that is left to friction at first; the rest of the stroke that it holds is given back")              \
   ROW(alternation_on_target, 0.1, "1", "studies/changes.py", "of a jump, below which the tip is on target")            \
+  ROW(alternation_patience, 2, "s", "studies/changes.py", "in which what is left to friction halves")                  \
   ROW(alternation_longest, 20, "s", "studies/changes.py",                                                              \
       "after which jumps are forgotten, and strokes look for a hidden load")                                           \
   ROW(alternation_smoothing, 0.5, "s", "studies/changes.py", "of the mean error")                                      \
