@@ -115,7 +115,7 @@ static const tenodesis_parameters scaled_up = {
                         {TENODESIS_C(0.0), TENODESIS_C(0.0)}, /* not_a_number: 1, s */
                         {TENODESIS_C(0.0), TENODESIS_C(0.0)}, /* homing_failed: 1, s */
                         {TENODESIS_C(0.017453292519943295), TENODESIS_C(1.0)}, /* stroke_unexplained: rad, s */
-                        {TENODESIS_C(0.061086523819801536), TENODESIS_C(0.5)}, /* rope_length: rad, s */
+                        {TENODESIS_C(0.06981317007977318), TENODESIS_C(0.5)}, /* rope_length: rad, s */
                     },
             },
         },

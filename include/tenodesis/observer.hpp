@@ -462,7 +462,7 @@ struct FrictionObserver {
         if (abs(one.slip[0].run) < S(2) * S(tuning::firm_run) || abs(one.slip[1].run) < S(2) * S(tuning::firm_run))
           return false;
       reset_scale_variance(memory);
-      memory.covariance[1][1] = memory.covariance[1][1] + square(residual / S(tuning::outlier));
+      memory.covariance[1][1] = memory.covariance[1][1] + square(residual);
       spread = spread_by(by, memory, gain);
     }
     spread = spread + noise / weight;

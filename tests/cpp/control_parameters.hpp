@@ -74,7 +74,7 @@ tenodesis_axis_parameters axis_parameters(const A& axis) {
   set(Fault::motor_not_following, 0.008, 0.005);
   set(Fault::tick_late, 0.025, 0);
   set(Fault::stroke_unexplained, degree, 1);
-  set(Fault::rope_length, 3.5 * degree, 0.5);
+  set(Fault::rope_length, 4 * degree, 0.5);
   return p;
 }
 

@@ -323,6 +323,6 @@ def limits(inst: Instrument, period: float, pretension: float, sensor: TensionSe
         "homing_failed": (0.0, 0.0),
         "stroke_unexplained": (np.radians(1), 1.0),
         # Sheaths that the hand bends, and friction a third off, look like 3 deg in hours of normal work.
-        "rope_length": (np.radians(3.5), 0.5),
+        "rope_length": (np.radians(4), 0.5),
         "spool_jump": (3 * speed, 1.2 * period),
     }
