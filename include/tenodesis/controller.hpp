@@ -147,12 +147,16 @@ struct AxisController {
   /// Whether the motors have been beyond the envelope for long, as when a sensor, a rope or a motor is not what it
   /// seems; or ropes have another length than when they were homed.
   void judge(const S& dt, Memory& memory) const {
-    const S arm = model().axis.distal.moment_arm(S(0));
-    const auto lasting = [&](Fault fault, const S& way) {
-      memory.failed |= watch.lasting(fault, 0, way > watch.of(fault).threshold * arm, dt, memory.watch);
+    const auto lasting = [&](Fault fault, bool beyond) {
+      memory.failed |= watch.lasting(fault, 0, beyond, dt, memory.watch);
     };
-    lasting(Fault::stroke_unexplained, memory.compensator.envelope.excess / model().stroke_for(S(1)));
-    lasting(Fault::rope_length, friction.tip_by_ropes(memory.friction, S(tuning::outlier)));
+    const auto limit = [&](Fault fault) { return watch.of(fault).threshold * model().axis.distal.moment_arm(S(0)); };
+    const S excess = memory.compensator.envelope.excess;
+    lasting(Fault::stroke_unexplained, excess > S(0) && excess > model().stroke_for(limit(Fault::stroke_unexplained)));
+    const S by_ropes = memory.friction.by_ropes;
+    const S most = limit(Fault::rope_length);
+    lasting(Fault::rope_length,
+            by_ropes > most && by_ropes > most + S(0.5) * S(tuning::outlier) * sqrt(memory.friction.covariance[1][1]));
   }
 };
 

@@ -81,14 +81,6 @@ struct FrictionObserver {
     return (difference - passive) * memory.compliance * S(0.5);
   }
 
-  /// How far ropes that have got longer since the start have moved the tip, one way or the other, m: the sum of both
-  /// lengths is observed, and their difference is not. What the tensions at the start leave open is not counted, nor
-  /// are so many deviations.
-  S tip_by_ropes(const Memory& memory, const S& deviations) const {
-    const S unsure = abs(memory.reference_at_start) + deviations * sqrt(memory.covariance[1][1]);
-    return S(0.5) * larger(abs(memory.reference - memory.reference_at_start) - unsure, S(0));
-  }
-
   /// How far friction at the tip's joint may hide it, m.
   S exerted_unseen(const Memory& memory) const {
     const S both = memory.tendon[agonist].tension[2] + memory.tendon[antagonist].tension[2];
@@ -212,9 +204,12 @@ struct FrictionObserver {
     const auto& p = memory.covariance;
     memory.position_variance = unseen * unseen * S(1.0 / 3) + by_friction * by_friction * p[0][0] + p[1][1] * S(0.25) +
                                by_compliance * by_compliance * p[2][2] + by_share * by_share * memory.share_variance;
-    const S by_ropes = tip_by_ropes(memory, S(0));
-    memory.deviation = sqrt(settings.bias_std * settings.bias_std + by_ropes * by_ropes + by_gain * by_gain * p[3][3] +
-                            by_tremor * by_tremor + memory.position_variance);
+    // The sum of both ropes' lengths is observed, and their difference is not. What the tensions at the start leave
+    // open is not counted.
+    const S at_start = memory.reference_at_start;
+    memory.by_ropes = S(0.5) * larger(abs(memory.reference - at_start) - abs(at_start), S(0));
+    memory.deviation = sqrt(settings.bias_std * settings.bias_std + memory.by_ropes * memory.by_ropes +
+                            by_gain * by_gain * p[3][3] + by_tremor * by_tremor + memory.position_variance);
   }
 
   void set_exponents(Memory& memory) const {
@@ -298,8 +293,8 @@ struct FrictionObserver {
     const S growth = square(S(tuning::forgetting)) * dt;
     for (int n = 0; n < 3; ++n) {
       const S most = start[n] * start[n];
-      const S grown = memory.covariance[n][n] + most * growth;
-      memory.covariance[n][n] = larger(memory.covariance[n][n], smaller(grown, most));
+      S& variance = memory.covariance[n][n];
+      if (variance < most) variance = smaller(variance + most * growth, most);
     }
   }
 
