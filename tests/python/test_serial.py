@@ -151,7 +151,7 @@ def test_malformed_frames_move_nothing_and_are_counted(board: str, scaled: Instr
         malformed = noise + b"".join(flipped) + step[: len(step) // 2]
         assert sb.answer_to(line, Frame(sb.HELLO, 0, 2), malformed).payload == before
         for frame, why in (
-            (Frame(sb.STEP, 7, 2**31 - 1, bytes(36), version=3), 1),
+            (Frame(sb.STEP, 7, 2**31 - 1, bytes(36), version=sb.VERSION + 1), 1),
             (Frame(sb.STEP, 0, 2**31 - 1, bytes(36)), 4),
             (Frame(sb.PARAMETERS, 7, 2**30, bytes(sb.PARAMETERS_SIZE)), 3),
         ):
@@ -280,7 +280,7 @@ def test_a_board_with_sensors_measures_steps_and_sends_by_itself(tmp_path: Path,
 # ---- boards that are none, or lie
 
 LIES: dict[str, tuple[str, Callable[[Frame], list[bytes]]]] = {
-    "another version": ("wrong_version", lambda f: [sb.output(f)._replace(version=3).encoded()]),
+    "another version": ("wrong_version", lambda f: [sb.output(f)._replace(version=sb.VERSION + 1).encoded()]),
     "refuses the version": (
         "wrong_version",
         lambda f: [Frame(sb.REFUSED, f.session, f.sequence, struct.pack("<2I", 1, 9)).encoded()],

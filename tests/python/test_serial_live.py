@@ -293,7 +293,7 @@ LIES: dict[str, tuple[str, Callable[[Streamed, int, int], bytes]]] = {
     "the same tick": ("link_lost", lambda t, s, n: t.frame(s, StreamingBoard.GOOD).encoded()),
     "another session": ("board_restarted", lambda t, s, n: t.frame(s ^ 1, n).encoded()),
     "was restarted": ("board_restarted", lambda t, s, n: Frame(sb.REFUSED, s, 0, struct.pack("<2I", 4, 0)).encoded()),
-    "another version": ("wrong_version", lambda t, s, n: t.frame(s, n)._replace(version=3).encoded()),
+    "another version": ("wrong_version", lambda t, s, n: t.frame(s, n)._replace(version=sb.VERSION + 1).encoded()),
     "too short": ("bad_answer", lambda t, s, n: t.frame(s, n)._replace(payload=bytes(60)).encoded()),
     "silence": ("link_lost", lambda t, s, n: b""),
     "a flood of noise": ("damaged_frames", lambda t, s, n: b"\x05\x00" * 10_000),
