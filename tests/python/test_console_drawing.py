@@ -204,7 +204,7 @@ def test_every_fault_and_every_choice_has_its_words() -> None:
     # What forces homing says so.
     header = (Path(__file__).parents[2] / "include/tenodesis/fault.hpp").read_text("utf-8")
     forcing = re.findall(r"Fault::(\w+)", header.partition("needs_homing")[2].partition("}")[0])
-    assert len(forcing) == 6
+    assert len(forcing) == 7
     assert not [name for name in forcing if " home" not in ADVICE[name].remedy]
     assert tuple(LAWS) == (*LawName.__args__, "joints")
     assert tuple(ACTUATIONS) == ActuationName.__args__
