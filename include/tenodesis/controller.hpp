@@ -153,6 +153,7 @@ struct AxisController {
     const auto limit = [&](Fault fault) { return watch.of(fault).threshold * model().axis.distal.moment_arm(S(0)); };
     const S excess = memory.compensator.envelope.excess;
     lasting(Fault::stroke_unexplained, excess > S(0) && excess > model().stroke_for(limit(Fault::stroke_unexplained)));
+    // A square root only where it may matter.
     const S by_ropes = memory.friction.by_ropes;
     const S most = limit(Fault::rope_length);
     lasting(Fault::rope_length,

@@ -5,7 +5,7 @@ tensions at the spools and whichever of the joints' angles were measured. Joints
 pretension where spools and handle are at zero; from there the twin approaches where a recording begins.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import degrees, pi, sqrt
@@ -156,18 +156,23 @@ def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", n
     if held.size:
         notes.append(f"from {run.time[held[0]]:.4g} s on the jaws hold something, which is not in the model: left out")
         run = run.rows(0, int(held[0]))
-    signals = run.signals()
-    columns = {
-        f"{signal}.{column}" if column else signal: rows[:, n]
-        for signal in _USED
-        if signal in signals and signal not in _ABOUT
-        for rows in [run.by_column(signal)]
-        for n, column in enumerate(run.columns(signal) or [""] * rows.shape[1])
-    } | on_one_tip(run)
+    columns = by_name(run, [signal for signal in _USED if signal not in _ABOUT])
     return _of_columns(name, run.time, columns, notes, None if inst is None else expanded(inst))
 
 
-def on_one_tip(run: Run) -> dict[str, Array]:
+def by_name(run: Run, signals: Iterable[str]) -> dict[str, Array]:
+    """Return those signals that a run has, ``measured_tension.NAME``, and forces by axis as those on the tip."""
+    found = run.signals()
+    return {
+        f"{signal}.{column}" if column else signal: rows[:, n]
+        for signal in signals
+        if signal in found
+        for rows in [run.by_column(signal)]
+        for n, column in enumerate(run.columns(signal) or [""] * rows.shape[1])
+    } | _on_one_tip(run)
+
+
+def _on_one_tip(run: Run) -> dict[str, Array]:
     """Return forces by axis, which oppose flexion, as components of the force on the tip that all axes have."""
     if "force" not in run.signals():
         return {}

@@ -14,7 +14,7 @@ from tenodesis.identification.force.model import WIDTH
 from tenodesis.identification.formats.csv import as_identification
 from tenodesis.identification.formats.mcap import first_rows
 from tenodesis.identification.report import write_files
-from tenodesis.identification.routing import on_one_tip
+from tenodesis.identification.routing import by_name
 from tenodesis.instrument import FullForm, expanded
 from tenodesis.recording import lab_map, lab_tables, signal_tables
 from tenodesis.report import page, style
@@ -65,8 +65,8 @@ class Observed(NamedTuple):
 def observed(path: Path, inst: FullForm | None = None) -> Observed:
     """Return what the observer finds in a recording, from tensions, spools and handle, of a force without a moment.
 
-    Tendons tell moments about joints; these cannot tell a force at the tip from a moment on it.
-        Raises IdentificationError if the instrument is not known, or a signal of it is not there.
+    Tendons tell moments about joints; these cannot tell a force at the tip from a moment on it. Raises
+    IdentificationError if the instrument is not known, or a signal of it is not there.
     """
     with as_identification():
         if lab_tables.is_table(path):
@@ -74,15 +74,7 @@ def observed(path: Path, inst: FullForm | None = None) -> Observed:
             notes = [*found]
         else:
             recording, notes = first_rows(path, _RECORDED)
-            run = recording.run
-            columns = {
-                f"{signal}.{name}": row
-                for signal in run.signals()
-                if signal in _RECORDED
-                for rows in [run.by_column(signal).T]
-                for name, row in zip(run.columns(signal) or [""] * len(rows), rows, strict=True)
-            } | on_one_tip(run)
-            columns[lab_map.TIME] = run.time
+            columns = by_name(recording.run, _RECORDED) | {lab_map.TIME: recording.run.time}
             if inst is None and "instrument" in recording.metadata:
                 inst = expanded(recording.instrument())
     if inst is None:
@@ -115,7 +107,7 @@ def observed(path: Path, inst: FullForm | None = None) -> Observed:
     names = [
         *(f"measured_output_angle.{joint.name}" for joint in inst.tip_joints),
         *(f"wrench.{component}" for component in COMPONENTS[:3]),
-        *(["grip_force."] if inst.grip is not None else []),
+        *(["grip_force"] if inst.grip is not None else []),
     ]
     units = ["rad"] * len(inst.tip_joints) + ["N"] * 4
     places = [0, 1, 2, 6]
@@ -123,7 +115,7 @@ def observed(path: Path, inst: FullForm | None = None) -> Observed:
     stds = [*estimate.angle_std.T, *estimate.load_std.T[places]]
     absent = np.full(len(tension), np.nan)
     channels = [
-        Channel(name.removeprefix("measured_").rstrip("."), unit, value, std, rows.get(name, absent))
+        Channel(name.removeprefix("measured_"), unit, value, std, rows.get(name, absent))
         for name, unit, value, std in zip(names, units, values, stds, strict=False)
     ]
     return Observed(path.name, rows[lab_map.TIME], channels, notes)
