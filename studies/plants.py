@@ -31,6 +31,7 @@ Signal = NDArray[np.float32]
 
 EASED, ONSET, LOADED, SECONDS, JUDGED = 1.2, 0.2, 1.5, 8.0, 2.0  # s; the estimate is judged from JUDGED on
 LATER, LAST, AVERAGED = 3.0, 1.0, 0.1  # s
+MEAN = 100  # ticks, in which the tip's own swing and dither cancel
 RATED = law.RATED | {"pulley wrist": 1.0}  # N
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -228,14 +229,15 @@ def instrument(name: str) -> Instrument:
     return inst.replace(tendon_stiffness=inst.tendon_stiffness * inst.mismatch.stiffness_ratio, mismatch=None)
 
 
-def cases_of(row: Row, seeds: int = 1, drawn: bool = False) -> list[Case]:
+def cases_of(row: Row, seeds: int = 1, drawn: bool = False, observe: str = "strokes") -> list[Case]:
     """Return a row's cases, those with motors first, and then the same with motors that stand.
 
-    drawn: whether each plant's sensors have errors of calibration, drawn as the instrument's file states them.
+    drawn: whether each plant's sensors have errors of calibration, drawn as the instrument's file states them;
+    observe: as the controller's file has it.
     """
     inst = instrument(row.instrument).replace(**row.stated)
     plant, load = plant_of(inst, **row.changes), RATED[row.instrument] * row.load
-    known = [inst.replace(**law.friction(inst, assumed)) for assumed in ASSUMED]
+    known = [inst.replace(**law.friction(inst, assumed), **{"control.observe": observe}) for assumed in ASSUMED]
     found: list[Case] = []
     for _, state, tremor, depth in product(range(seeds), row.states, row.tremors, row.depths):
         lane = with_tissue(plant, np.radians(state - depth)) if depth else plant
@@ -270,7 +272,9 @@ def summary(cases: Sequence[Case], traces: Sequence[Trace]) -> dict[str, Any]:
 
     Final errors, deg, are means over the last second, the estimate's (estimate_rms) RMS over it, later_worst is the
     error :data:`LATER` s after the load; nees is the estimate's squared error over its variance, mean over time and
-    cases, nees_worst that of the case with the largest; swings are of the tip, deg peak to peak in the last second, and
+    cases, nees_worst that of the case with the largest; within_1 and within_03 are the times after the load until the
+    mean error stays within 1° (the latest) and 0.3° (the median), s; swings are of the tip, deg peak to peak in the
+    last second, and
     from :data:`LATER` s after the load on (swing_since); touch is the force on the tissue in the last second, N;
     scales are the friction's at the end, over the truth.
     """
@@ -282,6 +286,10 @@ def summary(cases: Sequence[Case], traces: Sequence[Trace]) -> dict[str, Any]:
 
     def over(of: Iterable[Trace], value: Callable[[Trace], Any]) -> Array:
         return np.array([value(one) for one in of], float)
+
+    def settled(within: float) -> Array:
+        after = at > LOADED
+        return over(on, lambda one: at[after][_last_beyond(np.degrees(one.error[after]), within)] - LOADED)
 
     final, standing = (np.degrees(over(of, lambda one: one.error[last].mean())) for of in (on, off))
     nees = over(on, lambda one: (((one.estimate - one.tip) / one.std)[judged].astype(float) ** 2).mean())
@@ -296,6 +304,8 @@ def summary(cases: Sequence[Case], traces: Sequence[Trace]) -> dict[str, Any]:
         "off_rms": rms(standing),
         "off_worst": np.abs(standing).max(),
         "later_worst": np.abs(np.degrees(over(on, lambda one: one.error[later].mean()))).max(),
+        "within_1": settled(1.0).max(),
+        "within_03": np.median(settled(0.3)),
         "estimate_rms": rms(missed),
         "nees": nees.mean(),
         "nees_worst": nees.max(),
@@ -311,9 +321,17 @@ def summary(cases: Sequence[Case], traces: Sequence[Trace]) -> dict[str, Any]:
     }
 
 
-def judge(row: str, seeds: int = 1, drawn: bool = False, seconds: float = SECONDS) -> dict[str, Any]:
+def _last_beyond(error: Array, within: float) -> int:
+    mean = np.convolve(error, np.full(MEAN, 1 / MEAN), "valid")
+    beyond = np.flatnonzero(np.abs(mean) > within)
+    return int(beyond[-1]) + MEAN - 1 if beyond.size else 0
+
+
+def judge(
+    row: str, seeds: int = 1, drawn: bool = False, observe: str = "strokes", seconds: float = SECONDS
+) -> dict[str, Any]:
     """Run a row, all of its cases together, and summarise it."""
-    cases = cases_of(ROWS[row], seeds, drawn)
+    cases = cases_of(ROWS[row], seeds, drawn, observe)
     return summary(cases, run(cases, seconds))
 
 
@@ -323,6 +341,8 @@ JUDGED_BY = [
     Column("motors off RMS", "off_rms"),
     Column("motors off worst", "off_worst"),
     Column("3 s after the load worst", "later_worst"),
+    Column("within 1° at last, s", "within_1"),
+    Column("within 0.3° median, s", "within_03"),
     Column("estimate RMS", "estimate_rms", form=".3f"),
     Column("NEES, ", "nees", form=".1f"),
     Column("NEES worst, ", "nees_worst", form=".1f"),
@@ -344,12 +364,14 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="the first three rows only")
     parser.add_argument("--seeds", type=int, default=1, help="of noise and the tremor's phase")
     parser.add_argument("--drawn", action="store_true", help="errors of calibration as the instrument's file states")
+    parser.add_argument("--observe", choices=["strokes", "dither", "auto"], default="strokes")
     options = parser.parse_args()
     names = options.rows or list(ROWS)[: 3 if options.quick else None]
-    cases = campaign.cases(row=names, seeds=[options.seeds], drawn=[options.drawn])
+    cases = campaign.cases(row=names, seeds=[options.seeds], drawn=[options.drawn], observe=[options.observe])
     rows = campaign.run(judge, cases, "plants", results=options.results)
     groups = {ROWS[name].words: own for name, own in rows.by("row").items()}
-    law.show(options, "plants_drawn" if options.drawn else "plants", groups, JUDGED_BY, "what differs")
+    name = "_".join(["plants", *["drawn"] * options.drawn, *[options.observe] * (options.observe != "strokes")])
+    law.show(options, name, groups, JUDGED_BY, "what differs")
 
 
 if __name__ == "__main__":

@@ -37,7 +37,6 @@ struct AlternationState {
   S on_target{};           ///< stroke when the error was last small, m
   S leaned{};              ///< time for which friction has been left to hold the tip, s
   S halves{first_halves};  ///< half-periods without a jump after which it is not any more
-  S patience{};            ///< time in which the error that is left to it halves, s
   int jumps{};             ///< each opposed to the one before
   bool armed{true};        ///< whether the error has been small since the last jump
   bool leans{};            ///< whether friction is left to hold the tip
@@ -68,7 +67,6 @@ void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
   const bool by_load = abs(tip.stroke - state.on_target) < S(0.5) * error;
   if (error > tip.jump && (state.armed || sign != state.sign) && by_load) {
     state.jumps = sign != state.sign ? smaller(state.jumps + 1, 100) : 1;
-    if (state.jumps == 1) state.patience = S(tuning::alternation_patience);
     state.half_before = state.half;
     state.half = state.since;
     state.since = S(0);
@@ -90,10 +88,9 @@ void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
     state.jumps = 0;
   }
   const S jump = larger(state.size, state.size_before);
-  const S left = S(tuning::alternation_left) * jump / (S(1) + state.leaned / state.patience);
-  const bool too_far = error > larger(tip.waking, left) || state.leaned > S(tuning::alternation_longest);
+  const bool too_far =
+      error > larger(tip.waking, S(tuning::alternation_left) * jump) || state.leaned > S(tuning::alternation_longest);
   if (tip.moving || outlived || (too_far && !state.fast)) {
-    if (state.leans && state.leaned > S(0.5)) state.patience = S(2) * state.patience;
     state.leans = false;
     state.leaned = S(0);
   } else if (state.fast || (state.alternates() && error < larger(tip.dead, S(tuning::alternation_on_target) * jump))) {

@@ -9,8 +9,10 @@
 // Letting both out serves as well, so that it winds when the mean tension is low and lets out when it is high. Where it
 // stops, every contact is on the same edge of its friction band: whichever way a load pushes the tip next, one of the
 // tendons slips at once and shows it. While the hand moves, it makes the tendons slip, and no common stroke is needed.
+// Dither (dither.hpp) may take the place of the first strokes after a change.
 
 #include "tenodesis/alternation.hpp"
+#include "tenodesis/dither.hpp"
 #include "tenodesis/envelope.hpp"
 
 namespace tenodesis {
@@ -23,6 +25,13 @@ enum class ControlLaw : unsigned char {
   robust,          ///< observes by common strokes and corrects during them; needs the friction observer
 };
 
+/// By what the robust law makes the tendons slip to see the tip.
+enum class Observe : unsigned char {
+  strokes,
+  dither,     ///< after a change, and strokes later
+  automatic,  ///< dither where the drives can turn so fast that it serves better than strokes
+};
+
 template <class S>
 struct CompensatorSettings {
   S gain{};             ///< of the tracking error, 1/s
@@ -30,6 +39,8 @@ struct CompensatorSettings {
   S position_gain{};    ///< of a spool's set point, 1/s
   S dead_band{};        ///< of the output angle, rad
   S speed{};            ///< largest speed of a tendon, m/s
+  S acceleration{};     ///< largest of a tendon, m/s^2
+  S drive_time{};       ///< time constant of the drives, s
   S common_speed{};     ///< least speed of a common stroke, m/s
   S common_stroke{};    ///< largest common stroke to either side of the one that keeps the tendons tight, m
   S stroke_share{};     ///< growth of it per stroke that keeps them tight
@@ -49,6 +60,7 @@ enum class Phase : unsigned char {
   release,
   restrained,  ///< as shown: tracking, with less than the law wants (envelope.hpp)
   yielding,    ///< as shown: the tip presses with the force limit, and stays behind
+  dither,
 };
 
 template <class S>
@@ -59,6 +71,7 @@ struct CompensatorState {
   bool correcting{};          ///< whether the tip, as a stroke has shown it, is corrected without a stroke
   bool yielding{};            ///< whether the force limit has held the law back in this tick
   bool second{};              ///< whether this tick is the second of two
+  bool dithered{};            ///< whether dither has followed the last change
   int turns{};                ///< reversals of strokes since the motors last rested
   S handle_angle{};           ///< with the observer's play, rad
   S held_angle{};             ///< handle angle when the hand was last still, rad
@@ -72,6 +85,7 @@ struct CompensatorState {
   S reach{};                  ///< how far a stroke may go from there, m
   EnvelopeState<S> envelope{};
   AlternationState<S> load{};
+  DitherState<S> dither{};
   S short_of{};  ///< by how much the last stroke ended early because a tendon got loose, m
 
   constexpr Phase shown() const {
@@ -90,6 +104,7 @@ struct Compensator {
   Envelope<A> envelope{};
   ControlLaw law{ControlLaw::off};
   Actuation actuation{Actuation::differential};
+  Observe observe{Observe::strokes};
 
   /// Winding speeds, m/s; spool angles are counted from home.
   Winding<S> wind(const Measurement<S>& measured, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
@@ -274,7 +289,8 @@ struct Compensator {
       follow<S>({certain, stroke, dead, waking, jump, moving}, S(2) * dt, load);
     }
     if (state.phase == Phase::rest && !load.leans) return {};
-    const bool strokes = state.phase == Phase::pull || state.phase == Phase::release;
+    // They show the tip itself, not only what is certain of it.
+    const bool strokes = state.phase == Phase::pull || state.phase == Phase::release || state.phase == Phase::dither;
     // A load that alternates is left to friction or tracked.
     const S gain_factor = load.alternates() ? S(1) : state.envelope.gain_factor;
     S differential = settings.gain * gain_factor * (strokes ? missing : certain);
@@ -313,6 +329,11 @@ struct Compensator {
           wanted > S(0) || load.leans ? clamp(settings.gain * (wanted - common), least, settings.common_speed) : S(0);
       return {tightening + limited(differential), tightening - limited(differential)};
     }
+    if (state.phase == Phase::dither) {
+      const S tightening = clamp(settings.gain * (wanted - common), S(0), settings.common_speed);
+      const S along = tightening + dither(missing, dead, dt, state.dither);
+      return {along + limited(differential), along - limited(differential)};
+    }
     if (!trembles) {
       // So that the stroke itself does not move the tip.
       const S way = state.phase == Phase::pull ? S(1) : S(-1);
@@ -327,6 +348,19 @@ struct Compensator {
     const S along =
         larger(least, abs(differential) / S(tuning::differential_share)) * (state.phase == Phase::pull ? S(1) : S(-1));
     return {along + differential, along - differential};
+  }
+
+  void begin_dither(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, State& state) const {
+    const S tension = larger(memory.smooth.tension[agonist], memory.smooth.tension[antagonist]);
+    const S turned = memory.scale * (memory.nominal[0] + memory.nominal[1]) * tension * memory.compliance *
+                     (memory.share[0] + memory.share[1]);
+    const S seen = S(tuning::firm_run) * observer.settings.play;
+    state.dither = tenodesis::begin_dither(larger(S(tuning::dither_margin) * turned, seen), settings.acceleration,
+                                           settings.drive_time);
+    state.dithered = true;
+    // Slower dither would be taken for the hand's tremor.
+    const S slowest = S(pi / (tuning::tremor_quickest * tuning::tremor_half_period));
+    if (observe == Observe::automatic && state.dither.rate < slowest) turn(Phase::pull, state);
   }
 
   // A hand counts as moving once it has travelled further than noise does, until it has been still for a while.
@@ -392,9 +426,16 @@ struct Compensator {
     const bool far = abs(error) > S(tuning::far) * dead;
     const auto& load = state.load;
     const bool steady = Envelope<A>::steady(state.envelope) && !load.alternates() && !load.leans;
+    const auto dithers = [&] {
+      return observe != Observe::strokes && steady && !state.dithered && !trembles && !tight && !loose;
+    };
     state.since = smaller(state.since + dt, S(10));
-    if (moving || load.fast || load.leans || (far && state.phase == Phase::rest && abs(error) > waking))
-      return turn(Phase::track, state);
+    // A new load takes a tip away that rests, or that dither has brought to its target.
+    const auto taken = [&] {
+      const bool settled = state.phase == Phase::pull && state.dithered && state.dither.settled > 1;
+      return (settled || state.phase == Phase::rest) && abs(error) > waking;
+    };
+    if (moving || load.fast || load.leans || (far && taken())) return turn(Phase::track, state);
     switch (state.phase) {
       case Phase::track:
         if (state.correcting) {
@@ -404,14 +445,21 @@ struct Compensator {
           return;
         }
         if (near && (trembles || (sure && unseen < S(tuning::unseen) * dead))) return turn(Phase::rest, state);
+        if (dithers()) return turn(Phase::dither, state);
         if (loose && tight) return;
         if (steady && (!far || state.since > S(tuning::patience)))
           turn(above > S(0) && !loose ? Phase::release : Phase::pull, state);
         return;
       case Phase::rest:
         if (steady && (abs(error) > waking || (!trembles && unseen > S(tuning::unseen) * dead)))
-          turn(next_stroke(above, stroke, loose, state), state);
+          turn(dithers() ? Phase::dither : next_stroke(above, stroke, loose, state), state);
         return;
+      case Phase::dither:
+        // Two periods, since the first has the transient; in the tick before it begins they are those of the last one.
+        if ((state.dither.settled < 2 || state.since <= dt) && state.since < S(tuning::dither_time)) return;
+        // The pull that follows ends where every contact is on the same edge.
+        if (state.dither.settled > 1) state.near = S(tuning::settle_time) + dt;
+        return turn(Phase::pull, state);
       case Phase::pull:
         if (near && (trembles || (sure && observer.slip_together(memory, S(1))))) return turn(Phase::rest, state);
         // Between slack and the limit there is no room for strokes: only tracking is left.
@@ -467,6 +515,11 @@ struct Compensator {
       // which would leap.
       state.goal = stroke;
       state.reach = abs(missing) + dead + S(0.5) * observer.breakaway(memory, way);
+      // A tip that its own friction holds cannot leap by dither.
+      if (state.phase == Phase::dither) {
+        state.reach = std::numeric_limits<S>::max();
+        begin_dither(observer, memory, state);
+      }
     } else if (state.correcting) {
       state.goal = stroke + missing +
                    way * S(tuning::correction_over_breakaway) * settings.assistance * observer.breakaway(memory, way);
@@ -480,12 +533,13 @@ struct Compensator {
     if (phase == Phase::track || (state.phase == Phase::rest && state.since > S(tuning::long_rest))) {
       state.tolerance = S(1);
       state.turns = 0;
+      state.dithered = false;
     }
     if (state.phase != phase) state.since = S(0);
-    if (phase == Phase::rest || phase == Phase::track)
-      state.short_of = S(0);
-    else
+    if (phase == Phase::pull || phase == Phase::release)
       state.stroke = phase;
+    else
+      state.short_of = S(0);
     state.phase = phase;
   }
 };

@@ -20,7 +20,7 @@
   ROW(stop, "TENODESIS_STOP_...")                                                    \
   ROW(own_clock, "1: ticks come once per period; 0: time is taken from the input")   \
   ROW(homed, "1: at the start, spool angles are zero where tendons have pretension") \
-  ROW(reserved, "0")
+  ROW(observe, "TENODESIS_OBSERVE_...")
 
 /* Parameters that all axes share: name, unit, bound, meaning. */
 #define TENODESIS_COMMON_PARAMETERS(ROW)                                                        \

@@ -76,13 +76,22 @@ constexpr AxisController<A> axis_controller(const P& all, int number) {
        S(p.play), S(tuning::smoothing) * period, S(p.friction_scale_std), S(p.reference_std), S(p.compliance_std),
        S(p.slack_tension), S(p.cell_gain_std), S(p.bias_std), S(p.hand_play)}};
   axis.compensator.model = model;
-  axis.compensator.settings = {S(p.gain),          S(tuning::breakaway_angle) * S(p.tip_frequency),
-                               S(p.position_gain), S(p.dead_band),
-                               S(p.tendon_speed),  S(p.common_stroke) / S(tuning::stroke_time),
-                               S(p.common_stroke), S(p.common_stroke) * S(p.stiffness) / S(p.pretension),
-                               S(p.least_tension), S(p.tension_limit),
-                               S(p.force_limit),   S(p.assistance),
-                               hand_travel,        S(p.tremor_delay),
+  axis.compensator.settings = {S(p.gain),
+                               S(tuning::breakaway_angle) * S(p.tip_frequency),
+                               S(p.position_gain),
+                               S(p.dead_band),
+                               S(p.tendon_speed),
+                               S(all.acceleration_limit) * S(p.spool_radius),
+                               S(p.drive_time_constant),
+                               S(p.common_stroke) / S(tuning::stroke_time),
+                               S(p.common_stroke),
+                               S(p.common_stroke) * S(p.stiffness) / S(p.pretension),
+                               S(p.least_tension),
+                               S(p.tension_limit),
+                               S(p.force_limit),
+                               S(p.assistance),
+                               hand_travel,
+                               S(p.tremor_delay),
                                S(p.tremor_gain)};
   axis.compensator.envelope = {model,
                                {model.stroke_for(S(tuning::notable_angle) * model.axis.distal.moment_arm(S(0))),
@@ -130,7 +139,7 @@ bool configure(const P& p, Controller<A, most_axes>& controller) {
   using S = A::Scalar;
   if (p.axes < 1 || p.axes > static_cast<unsigned>(most_axes)) return false;
   if (p.observer > 2 || p.law > 4 || p.actuation > 1 || p.safe_state > 1 || p.stop > 1 || p.own_clock > 1 ||
-      p.homed > 1)
+      p.homed > 1 || p.observe > 2)
     return false;
   controller.axes = static_cast<int>(p.axes);
   controller.own_clock = p.own_clock == 1;
@@ -148,6 +157,7 @@ bool configure(const P& p, Controller<A, most_axes>& controller) {
     axis.observer = ObserverKind(p.observer);
     axis.compensator.law = ControlLaw(p.law);
     axis.compensator.actuation = Actuation(p.actuation);
+    axis.compensator.observe = Observe(p.observe);
     // Jogs need motion that is not faded in.
     axis.homing.settings.rest_time = larger(axis.homing.settings.rest_time, S(p.engage_time));
     if (!axis.watch.valid()) return false;

@@ -71,6 +71,8 @@ enum {
   TENODESIS_LAW_EXACT,
   TENODESIS_LAW_ROBUST
 };
+/* By what the robust law sees the tip: common strokes, or dither of both spools after each change. */
+enum { TENODESIS_OBSERVE_STROKES, TENODESIS_OBSERVE_DITHER, TENODESIS_OBSERVE_AUTO };
 enum { TENODESIS_ACTUATION_AGONIST, TENODESIS_ACTUATION_DIFFERENTIAL };
 /* After a fault the motors stand, or return home; stopped motors (disabled, paused, or their law off) return, or stand.
  * They begin after hold_time, and never by spools that a fault makes doubtful. */

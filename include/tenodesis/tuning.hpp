@@ -75,6 +75,10 @@
   ROW(near_limit, 0.94, "1", "bound: beside the noise of a cell",                                                      \
       "of the tension limit, above which no stroke tightens, and below which a tendon may be wound again")             \
   ROW(tremor_in_band, 0.15, "1", "studies/tremor.py", "of the tremor, that widens the dead band")                      \
+  ROW(dither_margin, 4, "1", "studies/plants.py", "amplitude of dither over that which turns sheath and handle")       \
+  ROW(dither_fastest, 251.32741228718345, "rad/s", "drives of 10 ms leave a third of it",                              \
+      "largest angular frequency of dither (40 Hz)")                                                                   \
+  ROW(dither_time, 0.5, "s", "studies/plants.py", "longest time of dither after a change")                             \
   /* envelope */                                                                                                       \
   ROW(envelope_friction, 1.5, "1", "studies/harm.py", "largest plausible friction over the observer's")                \
   ROW(envelope_compliance, 1.3, "1", "bound", "largest plausible compliance over the observer's")                      \
@@ -96,9 +100,8 @@
       "of the tip: a jump of the load, or by how much a stroke may exceed what one explains (1 deg)")                  \
   ROW(alternation_fastest, 0.3, "s", "studies/changes.py", "time between jumps that motors can follow")                \
   ROW(alternation_left, 0.3, "1", "studies/changes.py",                                                                \
-      "of a jump, that is left to friction at first; the rest of the stroke that it holds is given back")              \
+      "of a jump, that is left to friction; the rest of the stroke that it holds is given back")                       \
   ROW(alternation_on_target, 0.1, "1", "studies/changes.py", "of a jump, below which the tip is on target")            \
-  ROW(alternation_patience, 2, "s", "studies/changes.py", "in which what is left to friction halves")                  \
   ROW(alternation_longest, 20, "s", "studies/changes.py",                                                              \
       "after which jumps are forgotten, and strokes look for a hidden load")                                           \
   ROW(alternation_smoothing, 0.5, "s", "studies/changes.py", "of the mean error")                                      \

@@ -17,7 +17,7 @@ using Requests = Array<const std::uint8_t, 1>;
 using Modes = Array<const std::uint8_t, 3>;
 
 struct Choices {
-  std::uint32_t joint_type, observer, law, actuation, safe_state, stop;
+  std::uint32_t joint_type, observer, law, actuation, safe_state, stop, observe;
   bool own_clock, homed;
 };
 
@@ -38,6 +38,7 @@ ControlParameters parameters_of(const Choices& choices, const std::vector<double
   p.actuation = choices.actuation;
   p.safe_state = choices.safe_state;
   p.stop = choices.stop;
+  p.observe = choices.observe;
   p.own_clock = choices.own_clock ? 1 : 0;
   p.homed = choices.homed ? 1 : 0;
   for (std::size_t k = 0; k < common.size(); ++k) p.*common_parameters[k].member = common[k];
@@ -165,15 +166,16 @@ void tune(const std::string& name, double value) {
 void bind_control(nb::module_& m) {
   nb::class_<AnyController>(m, "Controller", "The controller of an instrument, with its state.")
       .def(nb::new_([](std::uint32_t joint_type, std::uint32_t observer, std::uint32_t law, std::uint32_t actuation,
-                       std::uint32_t safe_state, std::uint32_t stop, bool own_clock, bool homed,
+                       std::uint32_t safe_state, std::uint32_t stop, std::uint32_t observe, bool own_clock, bool homed,
                        const std::vector<double>& common, const In<2>& axes, const In<3>& limits,
                        bool single_precision) {
-             const ControlParameters p = parameters_of(
-                 {joint_type, observer, law, actuation, safe_state, stop, own_clock, homed}, common, axes, limits);
+             const ControlParameters p =
+                 parameters_of({joint_type, observer, law, actuation, safe_state, stop, observe, own_clock, homed},
+                               common, axes, limits);
              return single_precision ? make_controller<float>(p) : make_controller<double>(p);
            }),
-           "joint_type"_a, "observer"_a, "law"_a, "actuation"_a, "safe_state"_a, "stop"_a, "own_clock"_a, "homed"_a,
-           "common"_a, "axes"_a, "limits"_a, "single_precision"_a)
+           "joint_type"_a, "observer"_a, "law"_a, "actuation"_a, "safe_state"_a, "stop"_a, "observe"_a, "own_clock"_a,
+           "homed"_a, "common"_a, "axes"_a, "limits"_a, "single_precision"_a)
       .def("step", &step, "time"_a, "request"_a, "measured"_a,
            nb::sig("def step(self, time: int, request: int, measured: NDArray[numpy.float64]) -> "
                    "tuple[NDArray[numpy.float64], list[int], int, bool, bool, int, int, bool]"),

@@ -53,6 +53,7 @@ static_assert(fault_count == TENODESIS_FAULTS);
 static_assert(static_cast<int>(ControlLaw::robust) == TENODESIS_LAW_ROBUST);
 static_assert(static_cast<int>(Actuation::differential) == TENODESIS_ACTUATION_DIFFERENTIAL);
 static_assert(static_cast<int>(ObserverKind::friction) == TENODESIS_OBSERVER_FRICTION);
+static_assert(static_cast<int>(Observe::automatic) == TENODESIS_OBSERVE_AUTO);
 static_assert(static_cast<int>(Request::clear) == TENODESIS_REQUEST_CLEAR);
 static_assert(static_cast<int>(OperatingState::fault) == TENODESIS_FAULT);
 static_assert(static_cast<int>(SafeState::neutral) == TENODESIS_SAFE_NEUTRAL);

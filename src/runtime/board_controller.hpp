@@ -130,7 +130,7 @@ class BoardController : public AnyController {
 
  private:
   bool is_sound(const link::AxisAnswer& axis) {
-    if (axis.phase > static_cast<std::uint32_t>(Phase::yielding))
+    if (axis.phase > static_cast<std::uint32_t>(Phase::dither))
       return link_.fail(LinkProblem::bad_answer,
                         "the board is in phase " + std::to_string(axis.phase) + " of compensation");
     // Ramps in float may exceed the limit by rounding.

@@ -204,6 +204,7 @@ class Controller(LoopState):
         self.parameters = parameters(inst, period)
         after_fault = ("hold", "neutral").index(safe_state(inst))
         stop = ("return", "hold").index(inst.control.stop)
+        observe = ("strokes", "dither", "auto").index(inst.control.observe)
         common, axes, limits = self.parameters.rows()
         try:
             self.core = _core.Controller(
@@ -213,6 +214,7 @@ class Controller(LoopState):
                 chosen_actuation,
                 after_fault,
                 stop,
+                observe,
                 own_clock,
                 homed,
                 common,

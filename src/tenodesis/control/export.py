@@ -117,7 +117,7 @@ def header(
         f"    .stop = TENODESIS_STOP_{_constant(inst.control.stop)},",
         f"    .own_clock = {int(own_clock)},",
         f"    .homed = {int(homed)},",
-        "    .reserved = 0,",
+        f"    .observe = TENODESIS_OBSERVE_{_constant(inst.control.observe)},",
         *(f"    .{key} = {_number(parameters.common[key])}, /* {text} */" for key, text in _COMMON.items()),
         "    .axis =",
         "        {",

@@ -123,7 +123,8 @@ class JointController(LoopState):
     Raises
     ------
     ValueError
-        The law is unknown, neither tendon nor spring holds a joint, or the period is not above 0 and below 1 s.
+        The law is unknown, `control.observe` asks for dither, neither tendon nor spring holds a joint, or the period is
+        not above 0 and below 1 s.
     """
 
     estimate: JointEstimate
@@ -141,6 +142,8 @@ class JointController(LoopState):
         given = expanded(inst)
         if law not in get_args(JointLawName):
             raise ArgumentError(key="law", value=law, allowed=f"one of {', '.join(get_args(JointLawName))}")
+        if given.control.observe != "strokes":
+            raise ArgumentError(key="observe", value=given.control.observe, allowed="strokes, by the law of all joints")
         self.inst, self.law = given, law
         self.period = 1 / given.sensors.sampling_rate if period is None else period
         if not 0 < self.period < 1:

@@ -51,6 +51,7 @@ MOST_EXPONENT = 10.0
 
 SafeState: TypeAlias = Literal["hold", "neutral"]
 StopMode: TypeAlias = Literal["return", "hold"]
+Observe: TypeAlias = Literal["strokes", "dither", "auto"]
 FrictionLaw: TypeAlias = Literal["none", "capstan", "capstan-constant", "stribeck", "capstan-power"]
 ComplianceShare = Annotated[float, Field(gt=0, lt=1)]
 
@@ -315,6 +316,14 @@ class Control(FileTable):
     )
     least_tension: Share = Field(default=0.15, description="Tension that both tendons keep, over the pretension")
     common_stroke: Share = Field(default=0.4, description="Change of tension by a common stroke, over the pretension")
+    observe: Observe = Field(
+        default="strokes",
+        description=(
+            "By what the robust law makes the tendons slip to see the tip: common strokes; dither, a common vibration "
+            "of both spools for half a second after a change, which the hand feels; auto, dither where the drives "
+            "reach 12.5 Hz"
+        ),
+    )
     friction_uncertainty: Share = Field(default=0.4, description="Initial deviation of the friction scale")
     stiffness_uncertainty: Annotated[float, Field(ge=0, le=1)] = Field(
         default=0.25, description="Initial deviation of the tendons' compliance"
