@@ -364,7 +364,7 @@ NEW, LOSS, MANY, HEADER = "new mine --defaults", "loss real-size", "loss needle-
         *((f"{LOSS} --load '{one}'", "--load") for one in ("2", "2 mm", "-2 N", "nan N")),
         (f"{LOSS} --angle '60'", "--angle"),
         (f"{LOSS} --angle '170 deg'", "--angle of yaw"),
-        (f"{LOSS} --axis yaw --angle '170 deg'", "--angle"),
+        (f"{LOSS} --axis yaw --angle '170 deg'", "--angle of yaw"),
         (f"{LOSS} --axis roll", "axis"),
         (f"{LOSS} --axis yaw --moment '0 1 N*mm'", "--moment"),
         (f"{LOSS} --axis yaw --grip '1 N'", "--grip"),
