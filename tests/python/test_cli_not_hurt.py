@@ -18,7 +18,7 @@ from .conftest import EXAMPLES, ROOT, start_command, until
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
 
 SHORT = 'name = "short"\n[[phases]]\nkind = "hold"\nduration = "0.05 s"\n'
-PROTOTYPE = ("scaled-up.toml", "plan.html", "plan.pdf", "front.csv", "front.svg", "front.png")
+PROTOTYPE = ("scaled-up.toml", "plan.html", "plan.pdf", "parts.csv", "front.csv", "front.svg", "front.png")
 TOLERANCE = ("tolerance.html", "tolerance.json", "samples.csv", "figures/tornado.svg")
 VERTICES = ("vertices.html", "results.json", "sweep.csv", "figures/vertices.svg")
 PLAN = ("protocol.toml", "plan.html", "plan.svg", "plan.json")
@@ -47,7 +47,7 @@ def desk(tmp_path: Path, recording: Path, monkeypatch: pytest.MonkeyPatch) -> Pa
         (bench, "run"),
         (identify, "fit"),
         (plan_identification, "plan"),
-        (scale, "_front"),
+        (scale.scaling, "design"),
         (tolerance, "write"),
         (vertices, "write"),
         (simulation, "record"),
