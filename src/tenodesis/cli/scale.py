@@ -25,9 +25,9 @@ from tenodesis.files import atomic_files, write_errors
 from tenodesis.instrument import expanded
 from tenodesis.instrument.text import to_file
 from tenodesis.report import style
-from tenodesis.scaling import AnyDesign, Front, JointDesign, JointFront, figures, joints_plan, plan
+from tenodesis.scaling import AnyDesign, Front, JointDesign, JointFront, figures, plan
 from tenodesis.scaling.design import PREFERENCES, Preference
-from tenodesis.scaling.joints_plan import AsBuilt, distance
+from tenodesis.scaling.plan import AsBuilt, distance
 from tenodesis.scaling.practical import OBJECTIVES as PRACTICAL_OBJECTIVES
 from tenodesis.scaling.practical import SIMILAR, Objective, PracticalFront, practical_front
 from tenodesis.scaling.practical import as_built as built_usually
@@ -300,10 +300,7 @@ def _write(  # noqa: PLR0917
     """Write all files to a temporary place, and move them when all are written."""
     with write_errors(out, CommandError), atomic_files(out) as new:
         (new / _FILES[0]).write_text(to_file(design.scaled_up, comment=_HEADING.format(design.real_size.name)), "utf-8")
-        if isinstance(design, JointDesign):
-            joints_plan.write(design, new, built, supplement)
-        else:
-            plan.write(design, new, supplement)
+        plan.write(design, new, supplement, built)
         with (new / "parts.csv").open("w", newline="", encoding="utf-8") as file:
             csv.writer(file).writerows([("number", "part", "take", "which is"), *plan.part_rows(design)])
         if pack is not None:
