@@ -191,6 +191,7 @@ def test_the_real_size_instrument_comes_first(driver: FullForm) -> None:
 
 @pytest.mark.slow
 def test_scale_writes_model_plan_and_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tenodesis.cli.common.console.width", 80)
     monkeypatch.setattr("tenodesis.cli.scale._SAMPLES", 4)
     monkeypatch.setattr("tenodesis.workshop.budget.JOINT_SAMPLES", 100)
     out = tmp_path / "prototype"
