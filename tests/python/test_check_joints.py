@@ -165,10 +165,6 @@ def test_a_planar_instrument_loses_the_same_in_either_form(real: tn.Instrument) 
 
 VALUES = ["joint_type", "axes", "values", "derived", "resolution"]
 JOINTS = ["joints", "tendons", "arms", "handle_arms", "coupling", "stiffness", "by_handle", "losses"]
-OF_AXIS = [
-    *("output_angle", "force", "loaded_angle", "lost", "handle_correction", "stroke"),
-    *("agonist", "antagonist", "slack_force"),
-]
 
 
 @pytest.mark.parametrize("name", tn.shipped())
@@ -176,19 +172,18 @@ def test_json_has_the_keys_of_the_form_that_the_file_has(tenodesis: Run, name: s
     listed = name in LISTED
     checked = json.loads(tenodesis("check", name, "--json")[1])
     assert list(checked) == ["name", "description", *(JOINTS if listed else VALUES), "warnings"]
-    # Two planar axes are joints, too.
-    listed = listed or name == "real-size"
     lost = json.loads(tenodesis("loss", name, "--json")[1])
-    assert list(lost) == ["instrument", *(["joints", "tendons"] if listed else ["axis"]), "units", "rows"]
-    of_row = list(tn.statics.Loss._fields) if listed else OF_AXIS
+    assert list(lost) == ["instrument", "joints", "tendons", "units", "rows"]
+    of_row = list(tn.statics.Loss._fields)
     assert [*lost["units"]] == of_row and all(list(row) == of_row for row in lost["rows"])
 
 
 @pytest.mark.parametrize("name", LISTED)
 def test_every_shipped_instrument_is_held_and_has_losses(tenodesis: Run, name: str) -> None:
     found = rows(tenodesis, name)
-    assert len(found) == 6
-    assert all(None not in row["lost"] for row in found)
+    # at the end of its range a hybrid snaps through
+    assert len(found) == 9
+    assert all(None not in row["lost"] for row in found[:6])
 
 
 def test_a_grip_is_refused_where_there_is_none(declined: Callable[..., Error], tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from .conftest import EXAMPLES, ROOT, start_command, until
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
 
 SHORT = 'name = "short"\n[[phases]]\nkind = "hold"\nduration = "0.05 s"\n'
-PROTOTYPE = ("scaled-up.toml", "plan.html", "plan.pdf", "front.csv", "front.svg", "front.png")
+PROTOTYPE = ("scaled-up.toml", "plan.html", "plan.pdf", "parts.csv", "front.csv", "front.svg", "front.png")
 TOLERANCE = ("tolerance.html", "tolerance.json", "samples.csv", "figures/tornado.svg")
 VERTICES = ("vertices.html", "results.json", "sweep.csv", "figures/vertices.svg")
 PLAN = ("protocol.toml", "plan.html", "plan.svg", "plan.json")
@@ -47,7 +47,7 @@ def desk(tmp_path: Path, recording: Path, monkeypatch: pytest.MonkeyPatch) -> Pa
         (bench, "run"),
         (identify, "fit"),
         (plan_identification, "plan"),
-        (scale, "_front"),
+        (scale.scaling, "design"),
         (tolerance, "write"),
         (vertices, "write"),
         (simulation, "record"),
@@ -364,7 +364,7 @@ NEW, LOSS, MANY, HEADER = "new mine --defaults", "loss real-size", "loss needle-
         *((f"{LOSS} --load '{one}'", "--load") for one in ("2", "2 mm", "-2 N", "nan N")),
         (f"{LOSS} --angle '60'", "--angle"),
         (f"{LOSS} --angle '170 deg'", "--angle of yaw"),
-        (f"{LOSS} --axis yaw --angle '170 deg'", "--angle"),
+        (f"{LOSS} --axis yaw --angle '170 deg'", "--angle of yaw"),
         (f"{LOSS} --axis roll", "axis"),
         (f"{LOSS} --axis yaw --moment '0 1 N*mm'", "--moment"),
         (f"{LOSS} --axis yaw --grip '1 N'", "--grip"),

@@ -191,13 +191,14 @@ def test_the_real_size_instrument_comes_first(driver: FullForm) -> None:
 
 @pytest.mark.slow
 def test_scale_writes_model_plan_and_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tenodesis.cli.scale_joints._SAMPLES", 4)
+    monkeypatch.setattr("tenodesis.cli.common.console.width", 80)
+    monkeypatch.setattr("tenodesis.cli.scale._SAMPLES", 4)
     monkeypatch.setattr("tenodesis.workshop.budget.JOINT_SAMPLES", 100)
     out = tmp_path / "prototype"
     result = CliRunner().invoke(app, ["scale", "needle-driver", "--factor", "4", "--out", str(out)])
     assert result.exit_code == 0, result.output
     assert "at the real-size tip" in result.output
-    assert max(map(len, result.output.splitlines()[:24])) <= 80
+    assert max(len(line.rstrip()) for line in result.output.splitlines() if line.startswith(" ")) <= 80
     assert tn.load(out / "scaled-up.toml").name == "needle-driver-scaled-up"
     assert "jaw_1_wound" in (out / "plan.html").read_text("utf-8")
     with (out / "parts.csv").open(encoding="utf-8") as file:

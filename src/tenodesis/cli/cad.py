@@ -21,7 +21,7 @@ from tenodesis.files import write_errors
 from tenodesis.instrument import as_short_form
 from tenodesis.instrument.tip_motion import tip_inertia
 from tenodesis.report import style
-from tenodesis.scaling import Design
+from tenodesis.scaling import AnyDesign, JointDesign
 from tenodesis.scaling.plan import PlanFigure
 from tenodesis.units import Length
 
@@ -122,9 +122,9 @@ class DesignSolids:
         self._checks: cad.Checks | None = None
         self._refused: InstrumentError | None = None
 
-    def build(self, design: Design, report: Progress) -> Design:
+    def build(self, design: AnyDesign, report: Progress) -> AnyDesign:
         """Build them, with the modules of the design's gears, and return the design with their inertia."""
-        if self._folder is None:
+        if self._folder is None or isinstance(design, JointDesign):
             return design
         report(0, 1, "solids")
         wheels = {"distal": design.choice.distal, "proximal": design.choice.proximal}

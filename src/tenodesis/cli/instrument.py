@@ -16,7 +16,7 @@ from tenodesis import instrument, statics
 from tenodesis.cli.command import Answer, command
 from tenodesis.cli.common import InstrumentFile, console, load_instrument, note, say, table, warn
 from tenodesis.cli.joints import joints_as_json, print_joints
-from tenodesis.cli.loss import losses_of_joints
+from tenodesis.cli.loss import losses
 from tenodesis.cli.outputs import FIGURE, Outputs, output
 from tenodesis.control.derived import Derived, derive
 from tenodesis.control.plausibility import implausible
@@ -99,7 +99,7 @@ def _values(instrument_file: str, inst: Instrument) -> Answer:
     """Return what JSON has of an instrument's values and what follows from them, and what prints it."""
     if (short := inst.short_form) is None:
         joints = inst.expanded
-        found = losses_of_joints(joints, statics.usual_states(joints), np.eye(3, 6))
+        found = losses(joints, statics.usual_states(joints), np.eye(3, 6))
         return Answer(partial(joints_as_json, joints, found), partial(print_joints, joints, found))
     values, derived = listed(instrument_file, short), tuple(derive(short))
     resolution = [*sentences(short), *shares(short)]

@@ -1,47 +1,48 @@
 """The command that designs a scale model: ``tenodesis scale``."""
 
+import csv
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 import typer
 from rich.markup import escape
 
-from tenodesis import cad, scaling, workshop
+from tenodesis import cad, scaling, tolerance, workshop
 from tenodesis.cli.cad import DesignSolids, in_step, writing_solids
 from tenodesis.cli.command import command
 from tenodesis.cli.common import ProgressBar, check_choice, console, load_instrument, quantity, say, table
 from tenodesis.cli.outputs import Outputs
-from tenodesis.cli.scale_joints import (
-    error_text,
-    packed,
-    print_built,
-    print_designs,
-    print_pack,
-    scale_joints,
-    write_front,
-)
-from tenodesis.errors import CommandError
+from tenodesis.control.controller import fault_names
+from tenodesis.errors import CommandError, NoSolutionError, ProtocolError, StudyError
 from tenodesis.extras import require
 from tenodesis.files import atomic_files, write_errors
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import expanded
 from tenodesis.instrument.text import to_file
-from tenodesis.scaling import Catalogue, Design, Front, plan
+from tenodesis.report import style
+from tenodesis.scaling import AnyDesign, Front, JointDesign, JointFront, figures, plan
 from tenodesis.scaling.design import PREFERENCES, Preference
+from tenodesis.scaling.plan import AsBuilt, distance
 from tenodesis.scaling.practical import OBJECTIVES as PRACTICAL_OBJECTIVES
 from tenodesis.scaling.practical import SIMILAR, Objective, PracticalFront, practical_front
 from tenodesis.scaling.practical import as_built as built_usually
 from tenodesis.scaling.sweep import Progress as Report
 from tenodesis.units import SimilarityError
 
+AnyFront: TypeAlias = Front | JointFront
+
+_FILES = ("scaled-up.toml", "plan.html", "plan.pdf", "parts.csv", "front.csv", "front.svg", "front.png")
 _SHOWN = 10
 _TRIED = 20
 _NEAR = 0.9  # of the tension that a part allows
+_SAMPLES = 64
+_SHARE = 0.95
+_SHOWN_ERROR = 0.01  # deg, the smallest that is told apart
 _HEADING = """Scale model of {}, designed by tenodesis scale; plan.html lists what to build and which weights to use.
 The tip's inertia and damping, and the ropes' true modulus, are to be measured once it stands."""
 
@@ -118,55 +119,54 @@ def scale(  # noqa: PLR0917
             value=solids,
             allowed="another folder than --out",
         )
-    files = ["scaled-up.toml", "plan.html", "plan.pdf", "front.csv", "front.svg", "front.png"]
-    files += workshop.FILES if parts_too else ()
     inst = load_instrument(instrument_file)
-    if joints or inst.short_form is None:
-        for option, value in (("--objective", objective), ("--cad", solids)):
-            if value is not None:
-                raise CommandError(
-                    f"{option} is given, but {inst.name} is designed by its joints; leave it out.",
-                    key=option,
-                    value=value,
-                )
-        parsed = _pins(factor, pin or [])
-        parts = scaling.load(*(catalogue or ()))
-        scale_joints(outputs, inst, parts, parsed, prefer, pick, out, target if parts_too else None)
-        return
+    together = joints or inst.short_form is None
+    for option, value in (("--objective", objective), ("--cad", solids)):
+        if together and value is not None:
+            raise CommandError(
+                f"{option} is given, but {inst.name} is designed by its joints; leave it out.", key=option, value=value
+            )
     with ExitStack() as stack:
         if solids is not None:
             stack.enter_context(writing_solids(outputs, solids, "--cad"))
-        model = load_instrument(instrument_file, planar=True)
         parts = scaling.load(*(catalogue or ()))
         pins = _pins(factor, pin or [])
-        stack.enter_context(outputs.folder(out, files))
+        stack.enter_context(outputs.folder(out, (*_FILES, *(workshop.FILES if parts_too else ()))))
         report = in_step(stack.enter_context(ProgressBar("", None)))
 
         def designing(doing: str, done: int, total: int) -> None:
             report(done, total, doing)
 
-        front = _front(model, parts, pins, combinations, designing)
+        def searched(pins: dict[str, Any]) -> AnyFront:
+            if together:
+                return scaling.design_joints(inst, parts, pins=pins, progress=designing)
+            return scaling.design(inst, parts, pins=pins, combinations=combinations, progress=designing)
+
+        front = searched(pins)
         practical = _practical(front, objective, parts_too=parts_too)
         chosen, design = _chosen(front, prefer, pick) if objective is None else _best(practical, objective)
-        free = _front(model, parts, {}, combinations, designing) if pins else None
+        free = searched({}) if pins and not together else front
         built = DesignSolids(solids, process)
         design = built.build(design, report)
-        pack, lacking = packed(design, practical, target, built.backlash, designing) if parts_too else (None, "")
+        report(0, 1, "drawing instruments from tolerances")
+        kept, lacking = _built(design)
+        pack, without = _packed(design, practical, target, built.backlash, designing) if parts_too else (None, "")
         built.write(None if pack is None else pack.budget.drawn, report)
         report(0, 1, "writing the plan")
         supplement = _supplement(pack, None if objective is None else chosen, built.picture(out))
-        _write(out, files, front, design, free, supplement, pack)
-    _print_front(front, chosen if objective is None else None, design, free)
+        _write(out, front, free, design, kept, supplement, pack)
+    _print_front(front, chosen if objective is None else None, design, kept)
+    if isinstance(free, Front) and free is not front:
+        say(f"Without the pins, {scaling.rivals_text(free, design.objectives)}")
     if practical is not None:
         _print_objectives(practical, objective)
     if pack is not None:
-        if objective is not None and practical is not None:
-            _print_built(pack, practical.practical[chosen].as_built)
-        else:
-            _print_built(pack, built_usually(front, chosen))
-    if lacking:
-        say(lacking)
-    _print_written(out, pack, pins=bool(pins))
+        _print_budget(pack.budget)
+    for sentence in filter(None, (lacking, without)):
+        say(sentence)
+    picture = "its picture" if free is front else "a picture of the front without pins"
+    say(f"{', '.join(str(out / name) for name in _FILES[:5])} and {picture} are written.")
+    _print_pack(out, pack)
     built.report()
 
 
@@ -191,11 +191,7 @@ def _pins(factor: float | None, pins: Sequence[str]) -> dict[str, Any]:
     return scaling.parse_pins(given, file=True) | ({} if factor is None else scaling.parse_pins({"factor": factor}))
 
 
-def _front(model: ShortForm, parts: Catalogue, pins: dict[str, Any], combinations: int, report: Report) -> Front:
-    return scaling.design(model, parts, pins=pins, combinations=combinations, progress=report)
-
-
-def _chosen(front: Front, prefer: Preference, pick: int | None) -> tuple[int, Design]:
+def _chosen(front: AnyFront, prefer: Preference, pick: int | None) -> tuple[int, AnyDesign]:
     """Return the index of the design to take, and the design: the first whose test forces can be hung."""
     if pick is not None:
         if not 1 <= pick <= len(front):
@@ -204,7 +200,7 @@ def _chosen(front: Front, prefer: Preference, pick: int | None) -> tuple[int, De
     return _first_hung(front, front.ranked(prefer))
 
 
-def _first_hung(front: Front | PracticalFront, ranked: Sequence[int]) -> tuple[int, Design]:
+def _first_hung(front: AnyFront | PracticalFront, ranked: Sequence[int]) -> tuple[int, AnyDesign]:
     """Return the first design, with its index, whose test forces can be hung."""
     problems = []
     for index in ranked[:_TRIED]:
@@ -215,9 +211,9 @@ def _first_hung(front: Front | PracticalFront, ranked: Sequence[int]) -> tuple[i
     raise problems[0]
 
 
-def _practical(front: Front, objective: Objective | None, *, parts_too: bool) -> PracticalFront | None:
+def _practical(front: AnyFront, objective: Objective | None, *, parts_too: bool) -> PracticalFront | None:
     """Return the designs by what a workshop asks; None where they are not asked for, or there are none."""
-    if objective is None and not parts_too:
+    if isinstance(front, JointFront) or (objective is None and not parts_too):
         return None
     try:
         return practical_front(front)
@@ -227,7 +223,7 @@ def _practical(front: Front, objective: Objective | None, *, parts_too: bool) ->
         raise
 
 
-def _best(practical: PracticalFront | None, objective: Objective) -> tuple[int, Design]:
+def _best(practical: PracticalFront | None, objective: Objective) -> tuple[int, AnyDesign]:
     """Return the index on the practical front and the design: the first whose test forces can be hung."""
     assert practical is not None
     return _first_hung(practical, practical.ranked(objective))
@@ -244,44 +240,144 @@ def _supplement(
     return replace(found, rows=((pictured,), *found.rows))
 
 
+def _built(design: AnyDesign) -> tuple[AsBuilt | None, str]:
+    """Return the errors that most instruments keep that are built to usual tolerances; or a sentence on why not.
+
+    Those of one plane are linear, and in its front.
+    """
+    if not isinstance(design, JointDesign):
+        return None, ""
+    try:
+        found = tolerance.drawn(design.real_size, design.scaled_up, samples=_SAMPLES)
+    except StudyError as problem:
+        return None, f"As built is left out: {problem}"
+    kept = [float(np.quantile(found[f"similarity_largest.{one}"], _SHARE)) for one in design.comparison.joints]
+    return AsBuilt(_SHARE, tuple(kept), 1e-3 * float(np.quantile(found["tip_largest"], _SHARE))), ""
+
+
+def _packed(
+    design: AnyDesign, practical: PracticalFront | None, target: float, backlash: float | None, report: Report
+) -> tuple[workshop.Pack | None, str]:
+    """Return what a workshop needs besides the plan; or a sentence on why a design has no such, and the plan alone."""
+    try:
+        return workshop.prepare(design, practical, target=target, backlash=backlash, progress=report), ""
+    except (StudyError, ProtocolError, NoSolutionError) as problem:
+        return None, f"There are no tolerances, order list and first run for it: {problem}"
+
+
+def _print_pack(out: Path, pack: workshop.Pack | None) -> None:
+    """Print which files a workshop gets besides the plan, and which are left of an earlier design."""
+    if pack is not None:
+        say(f"Beside them: {', '.join(workshop.FILES)}.")
+        if pack.first_run.faults:
+            say(f"warning: the controller faults in the first run: {', '.join(fault_names(pack.first_run.faults))}.")
+    elif left := [name for name in workshop.FILES if (out / name).exists()]:
+        say(f"warning: of an earlier design are {', '.join(left)} in {out}; delete them.")
+
+
+def _print_budget(budget: workshop.Budget) -> None:
+    """Print what instruments built to a budget keep, and what that costs."""
+    forces = budget.forces or tuple(budget.by_force)
+    keeps = "keep" if budget.is_kept else "keep, with every grade that lowers it by 1 % for a cost of 1,"
+    dearest = max(budget.dimensions.values(), key=lambda one: one.cost)
+    say(
+        f"With friction: as designed {budget.designed:.2g}°; as built to the tolerances of the plan, up to "
+        f"{max(forces):.3g} N: median {budget.built.median:.2g}°, {100 * budget.share:g} % {keeps} "
+        f"{budget.built.kept:.2g}° ({budget.samples} drawn); cost {budget.cost:.3g}, most of it {dearest.key} "
+        f"({dearest.cost:.2g}). With the cheapest grades {budget.coarsest.kept:.2g}°."
+    )
+
+
 def _write(  # noqa: PLR0917
     out: Path,
-    files: Sequence[str],
-    front: Front,
-    design: Design,
-    free: Front | None,
+    front: AnyFront,
+    free: AnyFront,
+    design: AnyDesign,
+    built: AsBuilt | None,
     supplement: plan.Supplement | None,
     pack: workshop.Pack | None,
 ) -> None:
     """Write all files to a temporary place, and move them when all are written."""
     with write_errors(out, CommandError), atomic_files(out) as new:
-        (new / files[0]).write_text(to_file(design.scaled_up, comment=_HEADING.format(design.real_size.name)), "utf-8")
-        plan.write(design, new, supplement)
+        (new / _FILES[0]).write_text(to_file(design.scaled_up, comment=_HEADING.format(design.real_size.name)), "utf-8")
+        plan.write(design, new, supplement, built)
+        with (new / "parts.csv").open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file).writerows([("number", "part", "take", "which is"), *plan.part_rows(design)])
         if pack is not None:
             pack.write(new)
-        write_front(front, free or front, design.objectives, new)
+        _write_front(front, free, design.objectives, new)
 
 
-def _print_front(front: Front, chosen: int | None, design: Design, free: Front | None) -> None:
-    print_designs(front, _representatives(front, chosen), chosen, partial(built_usually, front))
-    say(
-        "As designed: largest similarity error over the working range. As built: what 95 % keep with usual tolerances, "
-        "without friction. Resolution: least force on the real instrument. Margin: breaking load over the largest "
-        "tension."
+def _write_front(front: AnyFront, drawn: AnyFront, chosen: scaling.Objectives, folder: Path) -> None:
+    """Write the designs of a front as CSV, and the picture of one with the chosen design."""
+    with style.applied():
+        figure = figures.draw_front(drawn, {"this design": chosen})
+        figure.savefig(folder / "front.svg", metadata={"Date": None}, dpi=200)
+        figure.savefig(folder / "front.png", dpi=200)
+    columns = {"row": list(range(1, len(front) + 1)), **front.table()}
+    with (folder / "front.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        for row in zip(*columns.values(), strict=True):
+            writer.writerow(f"{value:.9g}" if isinstance(value, float) else value for value in row)
+
+
+def _print_front(front: AnyFront, chosen: int | None, design: AnyDesign, kept: AsBuilt | None) -> None:
+    built = partial(built_usually, front) if isinstance(front, Front) else None
+    title = (
+        f"{front.real_size.name}: {front.examined} scale models judged, {front.feasible} meet every constraint, "
+        f"{len(front)} on the front"
     )
-    factors = design.comparison.factors
+    also = () if built is None else (">as built",)
+    designs = table(title, ">row", ">as designed", *also, ">resolution", ">length", ">margin", "made of")
+    for index in _representatives(front, chosen):
+        one = front.objectives[index]
+        row = (
+            str(index + 1), _error_text(one.similarity_error), *(() if built is None else (f"{built(index):.2g}°",)),
+            f"{1e3 * one.force_resolution:.3g} mN", f"{1e3 * one.overall_length:.4g} mm", f"{one.tension_margin:.3g}",
+            escape(front.described(index)),
+        )  # fmt: skip
+        designs.add_row(*row, style="bold" if index == chosen else None)
+    console.print(designs)
+    say(
+        "As designed: largest similarity error over the working range. As built: what 95 % keep with usual tolerances; "
+        "tenodesis tolerance says which of them dominate. Resolution: least force on the real instrument. Margin: "
+        "breaking load over the largest tension."
+    )
+    if isinstance(design, JointDesign):
+        _print_errors(design, kept)
+    factors, pretensions = design.comparison.factors, expanded(design.scaled_up).pretensions
+    tight = " to ".join(dict.fromkeys(f"{one:.4g}" for one in (pretensions.min(), pretensions.max())))
     say(
         f"{'Another design' if chosen is None else f'Row {chosen + 1}'} is taken: {design.scaled_up.name}, length "
-        f"x {factors['length']:.4g}, force x "
-        f"{factors['force']:.4g}, tension x {factors['tension']:.4g}; pretension {design.scaled_up.pretension:.4g} N."
+        f"x {factors['length']:.4g}, force x {factors['force']:.4g}, tension x {factors['tension']:.4g}, time "
+        f"x {factors['time']:.4g}; pretension {tight} N."
     )
+    if isinstance(front, JointFront) and (stock := front.in_stock) is not None:
+        say(f"With wheels in stock alone: {_error_text(stock.error)} as designed, length x {stock.factor:.4g}.")
     for sentence in _strained(design):
         say(sentence)
-    if free is not None:
-        say(f"Without the pins, {scaling.rivals_text(free, design.objectives)}")
 
 
-def _strained(design: Design) -> Iterator[str]:
+def _print_errors(design: JointDesign, built: AsBuilt | None) -> None:
+    pair = design.comparison
+    found = {"as designed": design.error, "with friction\nat rest": design.error_at_rest}
+    columns = {name: (error.largest.tolist(), error.largest_at_tip) for name, error in found.items()}
+    if built is not None:
+        columns[f"as built,\n{100 * built.share:g} % keep"] = (list(built.joints), built.tip)
+    errors = table("largest similarity error", "", *(f">{name}" for name in columns))
+    for n, joint in enumerate(pair.joints):
+        errors.add_row(joint, *(_error_text(angles[n]) for angles, _ in columns.values()))
+    errors.add_row("at the real-size tip", *(distance(tip) for _, tip in columns.values()))
+    console.print(errors)
+
+
+def _error_text(degrees: float) -> str:
+    """Return a similarity error as text."""
+    return f"{degrees:.2f}°" if degrees >= _SHOWN_ERROR else f"<{_SHOWN_ERROR:g}°"
+
+
+def _strained(design: AnyDesign) -> Iterator[str]:
     """Yield a sentence for each limit that the largest tension comes near: the rope's, the motors'."""
     limits, choice = design.catalogue.constraints, design.choice
     torque = math.inf if limits.spool_torque is None else limits.spool_torque
@@ -296,13 +392,6 @@ def _strained(design: Design) -> Iterator[str]:
             )
 
 
-def _print_written(out: Path, pack: workshop.Pack | None, *, pins: bool) -> None:
-    picture = "a picture of the front without pins" if pins else "its picture"
-    names = ("scaled-up.toml", "plan.html", "plan.pdf", "front.csv")
-    say(f"{', '.join(str(out / name) for name in names)} and {picture} are written.")
-    print_pack(out, pack)
-
-
 def _print_objectives(practical: PracticalFront, taken: Objective | None) -> None:
     title = "similar to 0.3°, by what a workshop asks"
     found = table(title, "", ">cost", ">length", ">weeks", ">as designed", ">as built", "made of")
@@ -311,7 +400,7 @@ def _print_objectives(practical: PracticalFront, taken: Objective | None) -> Non
         one = practical.practical[index]
         row = (
             f"{one.cost:.3g}", f"{1e3 * one.overall_length:.4g} mm", str(int(one.waiting + 1e-9)),
-            error_text(practical.exact[index].similarity_error), f"{one.as_built:.2g}°",
+            _error_text(practical.exact[index].similarity_error), f"{one.as_built:.2g}°",
             escape(practical.described(index)),
         )  # fmt: skip
         found.add_row(objective, *row, style="bold" if objective == taken else None)
@@ -323,12 +412,7 @@ def _print_objectives(practical: PracticalFront, taken: Objective | None) -> Non
     )
 
 
-def _print_built(pack: workshop.Pack, usually: float) -> None:
-    say(f"As built with usual tolerances {usually:.2g}°, without friction, as in the tables.")
-    print_built(pack.budget)
-
-
-def _representatives(front: Front, chosen: int | None) -> list[int]:
+def _representatives(front: AnyFront, chosen: int | None) -> list[int]:
     """Return a few designs of the front: the best by every preference, the chosen design, and some between."""
     best = {front.best(prefer) for prefer in PREFERENCES} | (set() if chosen is None else {chosen})
     step = max(len(front) // max(_SHOWN - len(best), 1), 1)

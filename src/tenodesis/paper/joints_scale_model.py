@@ -3,8 +3,7 @@
 from tenodesis.paper.context import Context, has_friction
 from tenodesis.paper.tables_1_2_scale_model import groups
 from tenodesis.report.content import Column, Section, Table, fixed, named
-from tenodesis.scaling.joints_plan import draw_losses
-from tenodesis.scaling.plan import FACTORS
+from tenodesis.scaling.plan import FACTORS, draw_losses
 from tenodesis.similarity.joints import JointComparison, JointError, compare_joints
 
 

@@ -11,7 +11,7 @@ from functools import cache
 from importlib import resources
 from pathlib import Path
 from textwrap import shorten
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple, TypeAlias
 
 import matplotlib as mpl
 import numpy as np
@@ -21,18 +21,20 @@ from tenodesis import statics
 from tenodesis.control.parameters import tension_limit
 from tenodesis.errors import DesignError
 from tenodesis.extras import require
-from tenodesis.instrument import expanded
+from tenodesis.instrument import Instrument, Joint, expanded
 from tenodesis.report import style
-from tenodesis.report.content import fixed, number, unit_text
-from tenodesis.report.page import about, render, written
+from tenodesis.report.content import Chart, fixed, number, unit_text
+from tenodesis.report.page import about, inline_svg, render, written
+from tenodesis.run import Array
 from tenodesis.scaling import figures
-from tenodesis.similarity import GRID, Comparison, JointComparison, SimilarityError
+from tenodesis.scaling.joints import JointDesign
+from tenodesis.scaling.scale_model import Design, TestLoad
+from tenodesis.similarity import GRID, Comparison, JointComparison, JointError, SimilarityError
+from tenodesis.statics import chain
+from tenodesis.statics.bends import Bends
 from tenodesis.units import in_unit
 
-if TYPE_CHECKING:
-    from tenodesis.scaling import AnyDesign
-    from tenodesis.scaling.scale_model import Design, TestLoad
-
+AnyDesign: TypeAlias = Design | JointDesign
 
 SPACE = "\u00a0"
 """Separator of a number and its unit, without a line break."""
@@ -155,13 +157,13 @@ class PlanTable:
     note: str = ""
 
 
-def parts(design: "AnyDesign") -> PlanTable:
+def parts(design: AnyDesign) -> PlanTable:
     """Return the parts, and how many of each."""
     rows = tuple(part_rows(design))
     return PlanTable("Parts", ("no.", "part", "take", "which is"), rows, texts=4, wide=(1, 2, 3), names=True)
 
 
-def part_rows(design: "AnyDesign") -> Iterator[tuple[str, str, str, str]]:
+def part_rows(design: AnyDesign) -> Iterator[tuple[str, str, str, str]]:
     """Yield number, part, what to take and what it is, of all parts."""
     choice, inst = design.choice, expanded(design.scaled_up)
     for one in design.wheels:
@@ -195,8 +197,7 @@ def part_rows(design: "AnyDesign") -> Iterator[tuple[str, str, str, str]]:
     )
     encoder = choice.encoder
     if encoder is None:
-        least = quantity(min(joint.radius for joint in inst.tip_joints), "mm", 4, "m")
-        yield "–", "encoders at the tip", "none of the catalogue", f"fits a distal radius of {least}"
+        yield "–", "encoders at the tip", "none of the catalogue", f"fits a distal radius of {_least_radius(design)}"
     else:
         yield (
             str(len(inst.arc_places)),
@@ -213,12 +214,16 @@ def part_rows(design: "AnyDesign") -> Iterator[tuple[str, str, str, str]]:
         yield str(needed.total()), "weights", masses(needed.elements()), "enough for each test load in turn"
 
 
-def spools_of(design: "AnyDesign") -> int:
+def _least_radius(design: AnyDesign) -> str:
+    return quantity(min(joint.radius for joint in expanded(design.scaled_up).tip_joints), "mm", 4, "m")
+
+
+def spools_of(design: AnyDesign) -> int:
     """Return how many tendons a spool winds."""
     return sum(tendon.start == "spool" for tendon in expanded(design.scaled_up).tendons)
 
 
-def weights_needed(design: "AnyDesign") -> Counter[float]:
+def weights_needed(design: AnyDesign) -> Counter[float]:
     """Return the weights (kg), and how many of each, that are enough for each test load in turn."""
     needed = Counter[float]()
     for test in design.tests:
@@ -226,57 +231,71 @@ def weights_needed(design: "AnyDesign") -> Counter[float]:
     return needed
 
 
-def lengths(design: "Design") -> PlanTable:
-    """Return the lengths to make, and the positions of the load rig."""
-    inst = design.scaled_up
-    values = {
-        "overall length L": inst.overall_length,
-        "tendon length": inst.tendon_length,
-        "stem diameter": inst.stem_diameter,
-        "backbone length": getattr(inst, "backbone_length", None),
-        "distal joint to tip l_d": inst.end_effector_length,
-        "proximal joint to hand l_p": inst.handle_length,
-        "load rig: pulley of the cables": design.catalogue.constraints.cable_pulley_radius,
-        "load rig: pivot to straight tip": inst.rig_arm,
-    }
-    rows = tuple((name, converted(value, "mm", 5)) for name, value in values.items() if value is not None)
-    return PlanTable("Lengths to make", ("", "mm"), rows)
+def lengths(design: AnyDesign) -> PlanTable:
+    """Return the lengths to make, and the positions of the load rig of one axis."""
+    inst, plane = expanded(design.scaled_up), design.scaled_up.short_form
+    rows = [("tendons, from spool to tip", inst.tendon_length), ("stem", inst.stem_length)]
+    if plane is not None:
+        rows = [("overall length L", plane.overall_length), *rows, ("stem diameter", plane.stem_diameter)]
+    for joint in inst.as_given("joints"):
+        rows += [(f"{joint.name}: {text}", value) for text, value in _of_joint(joint)]
+    if inst.grip is not None and inst.grip.length:
+        rows.append(("jaws' axis to what they hold", inst.grip.length))
+    if plane is not None:
+        rows.append(("load rig: pulley of the cables", design.catalogue.constraints.cable_pulley_radius))
+        rows.append(("load rig: pivot to straight tip", plane.rig_arm))
+    table = tuple((name, converted(value, "mm", 5)) for name, value in rows if value)
+    return PlanTable("Lengths to make", ("", "mm"), table, names=True)
 
 
-def loads(design: "Design") -> PlanTable:
+def _of_joint(joint: Joint) -> Iterator[tuple[str, float | None]]:
+    yield "before it", joint.offset
+    yield "backbone", joint.backbone_length
+    yield "to the hand" if joint.place == "handle" else "to where forces act", joint.end_effector_length
+
+
+def loads(design: AnyDesign) -> PlanTable:
     """Return the weights for every test load."""
     return PlanTable(
-        "Test loads, and the weights to hang for them on the two cables of the load rig",
-        ("loading cable", "counter cable", "real-size [N]", "tip [N]", "cables [N]", "off [%]", "off [N]", "loss [°]"),
+        "Test loads, and the weights to hang for them on two cables that pull against each other",
+        (
+            *("loading cable", "counter cable", "load", "real-size [N]", "tip [N]", "cables [N]", "off [%]"),
+            *("off [N]", "lost [°]"),
+        ),
         tuple(_load(design, test) for test in design.tests),
-        texts=2,
+        texts=3,
         wide=(0, 1),
         note="off: force by the weights minus the test force, in N on the real-size tip, ± the tolerances of the "
-        "weights; loss: output angle lost under the load with the handle straight, real-size | scaled-up",
+        "weights; lost: the most that a joint loses under the load with all of them straight, real-size | scaled-up",
     )
 
 
-def _load(design: "Design", test: "TestLoad") -> tuple[str, ...]:
-    losses = (
-        -np.degrees(statics.output_angle(inst, np.zeros(1), force)[0])
-        for inst, force in ((design.real_size, test.real_force), (design.scaled_up, test.force))
-    )
-    lever = (
-        design.catalogue.constraints.cable_pulley_radius / design.scaled_up.rig_arm / design.comparison.force_factor()
-    )
+def _load(design: AnyDesign, test: TestLoad) -> tuple[str, ...]:
+    of_jaws = test.direction == "grip_force"
+    factor = design.comparison.factors["grip_force" if of_jaws else "force"]
+    lever = test.force / test.weights.weight if test.weights.weight else 1.0
+    lost = (_lost(design.real_size, test._replace(force=test.real_force)), _lost(design.bench, test))
     return (
         masses(test.weights.loading),
         masses(test.weights.counter),
+        "grip" if of_jaws else test.direction.replace("f", "").replace("-", "−"),
         plain(test.real_force, 3),
         fixed(test.force, 3),
         fixed(test.weights.wanted, 2),
         signed(100 * test.error / test.real_force, 2),
-        with_tolerance(test.error, test.weights.tolerance * lever),
-        " | ".join(fixed(loss, 2) for loss in losses),
+        with_tolerance(test.error, test.weights.tolerance * lever / factor),
+        " | ".join(fixed(one, 2) for one in lost),
     )
 
 
-def pretension(design: "Design") -> PlanTable:
+def _lost(inst: Instrument, test: TestLoad) -> float:
+    """Return the most that a straight joint loses under a load, deg."""
+    whole, (wrench, grip) = expanded(inst), test.load
+    free, loaded = chain.output_angles(whole, 0.0, np.outer((0.0, 1.0), wrench), grip_force=np.array([0.0, grip]))
+    return float(np.degrees(np.abs(Bends.of(whole).summed(free - loaded)).max()))
+
+
+def pretension(design: Design) -> PlanTable:
     """Return the pretension to set and the force under which a tendon goes slack, of both instruments."""
     pair = (design.real_size, design.scaled_up)
     values = {"pretension of either tendon [N]": [inst.pretension for inst in pair]}
@@ -300,7 +319,7 @@ def factors(pair: Comparison | JointComparison) -> PlanTable:
     return PlanTable("Factors, scaled-up over real-size", ("", "factor"), (*rows, ("angles", "1")))
 
 
-def resolution(design: "AnyDesign", *more: tuple[str, str]) -> PlanTable:
+def resolution(design: AnyDesign, *more: tuple[str, str]) -> PlanTable:
     """Return the resolution of sensors and weights, in units of the real-size instrument."""
     choice, tension = design.choice, design.choice.load_cell.resolution / design.comparison.factors["tension"]
     least = "–" if choice.encoder is None else f"{plain(math.degrees(choice.encoder.resolution), 2)}°"
@@ -313,7 +332,7 @@ def resolution(design: "AnyDesign", *more: tuple[str, str]) -> PlanTable:
     return PlanTable("Resolution, real-size", ("", "smallest difference"), rows)
 
 
-def similarity(design: "Design", error: SimilarityError) -> PlanTable:
+def similarity(design: Design, error: SimilarityError) -> PlanTable:
     """Return the size of the similarity error, where it is largest, and which groups cause it.
 
     Where only the scaled-up instrument snaps through, the error is also given with its tip at the stop, by which a
@@ -335,7 +354,7 @@ def similarity(design: "Design", error: SimilarityError) -> PlanTable:
     )
 
 
-def _cause(design: "Design", error: SimilarityError) -> str:
+def _cause(design: Design, error: SimilarityError) -> str:
     """Return where the error is largest and which groups cause it."""
     try:
         found = design.comparison.causes(pretension=design.scaled_up.pretension, grid=GRID)
@@ -392,6 +411,8 @@ _SYMBOL = r"([^\W\d_]+)_(\w+)"
 _PRETENSION_OFF = 0.005
 """Share by which the pretension may differ from the similar pretension without a warning."""
 _ROUNDING = 1e-9
+_POINTS = 21
+_LEAST = 1e-6  # m
 
 
 @dataclass(frozen=True)
@@ -433,44 +454,114 @@ class ScalePlan:
     footer: str
 
 
-def content(design: "Design", supplement: Supplement | None = None) -> ScalePlan:
+class _OfKind(NamedTuple):
+    """What a plan has of one plane, or of all joints at once."""
+
+    cards: tuple[Card, ...]
+    """That of the similarity error last"""
+    rows: tuple[tuple[PlanTable | PlanFigure, ...], ...]
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class AsBuilt:
+    """Largest errors that a share of the instruments keep that are built to tolerances."""
+
+    share: float
+    joints: tuple[float, ...]
+    """By joint, deg"""
+    tip: float
+    """At the real-size tip, m"""
+
+
+def content(design: AnyDesign, supplement: Supplement | None = None, built: AsBuilt | None = None) -> ScalePlan:
     """Return the content of the plan of a design, with what another package adds to it."""
-    error = design.comparison.error(pretension=design.scaled_up.pretension)
-    output, tensions, errors = figures.plan_figures(design, error)
-    by_cells = ("force at the tip, by the load cells", quantity(design.force_resolution, "N", 2))
+    own = _of_joints(design, built) if isinstance(design, JointDesign) else _of_plane(design)
+    pair, whole = design.comparison, expanded(design.scaled_up)
+    catalogue = shorten(design.catalogue.name, _LONG, placeholder=" …")
+    joints = ", ".join(f"{one.name} ({one.mechanism})" for one in whole.as_given("joints") if one.place == "tip")
+    added = Supplement(None, ()) if supplement is None else supplement
     return ScalePlan(
         title=f"{design.scaled_up.name}: scale model of {design.real_size.name}",
-        lead=_lead(design),
-        cards=_cards(design, error, supplement),
-        warnings=(*_warnings(design, error), *(supplement.warnings if supplement else ())),
-        rows=(
-            (parts(design),),
-            (loads(design),),
-            (lengths(design), factors(design.comparison)),
-            (pretension(design), resolution(design, by_cells)),
-            (
-                PlanFigure(_output_caption(design), output),
-                PlanFigure("Expected tensions, scaled-up, and their bounds", tensions),
-            ),
-            (groups(design.comparison), PlanFigure("Scaled-up minus real-size output angle", errors)),
-            (similarity(design, error),),
-            *(supplement.rows if supplement else ()),
+        lead=f"{joints} · {len(whole.tendons)} tendons · from catalogue {catalogue}",
+        cards=(
+            Card(f"× {plain(pair.factors['length'])}", "length, scaled-up over real-size"),
+            Card(f"× {fixed(float(pair.factors['force']), 3)}", "force at the tip, scaled-up over real-size"),
+            Card(quantity(design.objectives.force_resolution, "N", 2), "resolution of the real-size tip force"),
+            Card(f"{fixed(design.objectives.tension_margin, 1)} ×", "rope's breaking load over its largest tension"),
+            *own.cards,
+            *(() if added.card is None else (added.card,)),
         ),
+        warnings=(*own.warnings, *_warnings(design), *added.warnings),
+        rows=((parts(design),), (loads(design),), (lengths(design), factors(pair)), *own.rows, *added.rows),
         footer=f"tenodesis {about()['tenodesis']} · curves and loads without friction · "
         "research software, not a medical device",
     )
 
 
-def write(design: "Design", folder: Path, supplement: Supplement | None = None) -> tuple[Path, Path]:
+def _of_plane(design: Design) -> _OfKind:
+    error = design.comparison.error(pretension=design.scaled_up.pretension)
+    output, tensions, errors = figures.plan_figures(design, error)
+    tests = figures.shown(design.tests)
+    which = f" at {len(tests)} of {len(design.tests)} test loads" if len(tests) < len(design.tests) else ""
+    set_to = f"pretension to set on either tendon ({quantity(design.real_size.pretension, 'N', 3)} real-size)"
+    snapped = f", {SNAPPED}" if error.held_by_one else ""
+    by_cells = ("force at the tip, by the load cells", quantity(design.force_resolution, "N", 2))
+    return _OfKind(
+        (
+            Card(quantity(design.scaled_up.pretension, "N", 3), set_to),
+            Card(
+                angle(design.objectives.similarity_error),
+                f"as designed: largest similarity error over the working range{snapped}",
+            ),
+        ),
+        (
+            (pretension(design), resolution(design, by_cells)),
+            (
+                PlanFigure(f"Expected output{which}: real-size pale, scaled-up thin", output),
+                PlanFigure("Expected tensions, scaled-up, and their bounds", tensions),
+            ),
+            (groups(design.comparison), PlanFigure("Scaled-up minus real-size output angle", errors)),
+            (similarity(design, error),),
+        ),
+        tuple(_of_error(design, error)),
+    )
+
+
+def _of_joints(design: JointDesign, built: AsBuilt | None) -> _OfKind:
+    pair, error = design.comparison, design.error
+    cards = [
+        Card(distance(error.largest_at_tip), "as designed: the largest error at the real-size tip"),
+        Card(angle(float(error.largest.max())), "as designed: largest similarity error of a joint, without friction"),
+    ]
+    if built is not None:
+        share = f"{100 * built.share:g} %"
+        cards.append(Card(angle(max(built.joints)), f"as built: {share} keep, with friction, by usual tolerances"))
+    return _OfKind(
+        tuple(cards),
+        (
+            (_tendons(design), resolution(design)),
+            (_losses(design),),
+            (_similarity_of_joints(design, built),),
+            (groups(pair, named=True),),
+        ),
+        tuple(_of_parts(design)),
+    )
+
+
+def distance(metres: float) -> str:
+    """Return an error at the tip as text."""
+    return quantity(metres, "mm", 2, "m") if metres >= _LEAST else f"<{1e3 * _LEAST:g} mm"
+
+
+def write(
+    design: AnyDesign, folder: Path, supplement: Supplement | None = None, built: AsBuilt | None = None
+) -> tuple[Path, Path]:
     """Write the plan of a design as plan.html and plan.pdf (A4) to a folder, both or neither, and return their paths.
 
     Raises DesignError if the folder cannot be written.
     """
-    return write_plan(content(design, supplement), folder)
-
-
-def write_plan(plan: ScalePlan, folder: Path) -> tuple[Path, Path]:
-    """Write the content of a plan as :func:`write`."""
+    plan = content(design, supplement, built)
     files = {"plan.html": html(plan).encode(), "plan.pdf": pdf(plan)}
     with written(folder, DesignError) as new:
         for name, data in files.items():
@@ -520,38 +611,90 @@ def _marked(text: str) -> Markup:
     return Markup(re.sub(_SYMBOL, r"\1<sub>\2</sub>", str(escape(text))))
 
 
-def _lead(design: "Design") -> str:
-    axis = f"axis {design.scaled_up.axes[0]}" if len(design.scaled_up.axes) == 1 else "both axes alike"
-    joints = dict.fromkeys((design.scaled_up.joint_type, design.real_size.joint_type))
-    catalogue = shorten(design.catalogue.name, _LONG, placeholder=" …")
-    return f"{' for '.join(joints)} joint · {axis} · from catalogue {catalogue}"
+def _tendons(design: JointDesign) -> PlanTable:
+    inst = design.scaled_up
+    rows = tuple(
+        (tendon.name, quantity(float(tension), "N", 4), quantity(float(stiffness), "N/mm", 4, "N/m"))
+        for tendon, tension, stiffness in zip(inst.tendons, inst.pretensions, inst.stiffnesses, strict=True)
+    )
+    return PlanTable("Tendons", ("", "pretension", "stiffness"), rows, names=True)
 
 
-def _cards(design: "Design", error: SimilarityError, supplement: Supplement | None) -> tuple[Card, ...]:
-    pretension = f"pretension to set on either tendon ({quantity(design.real_size.pretension, 'N', 3)} real-size)"
-    snapped = f", {SNAPPED}" if error.held_by_one else ""
-    return (
-        Card(quantity(design.scaled_up.pretension, "N", 3), pretension),
-        Card(f"× {fixed(float(design.comparison.force_factor()), 3)}", "force at the tip, scaled-up over real-size"),
-        Card(
-            angle(design.objectives.similarity_error),
-            f"as designed: largest similarity error over the working range{snapped}",
-        ),
-        *(() if supplement is None or supplement.card is None else (supplement.card,)),
-        Card(quantity(design.objectives.force_resolution, "N", 2), "resolution of the real-size tip force"),
-        Card(f"{fixed(design.objectives.tension_margin, 1)} ×", "rope's breaking load over its largest tension"),
+def _similarity_of_joints(design: JointDesign, built: AsBuilt | None) -> PlanTable:
+    pair = design.comparison
+    rows = [
+        _error("as designed, without friction", design.error),
+        _error("with friction at rest", design.error_at_rest),
+    ]
+    if built is not None:
+        tip = distance(built.tip)
+        rows.append((f"as built, {100 * built.share:g} % keep", *(angle(one) for one in built.joints), tip))
+    loads = ", ".join(
+        f"{one.size:.3g} N {'of grip' if one.name == 'grip' else f'along {one.name}'}" for one in pair.loads
+    )
+    return PlanTable(
+        f"Largest similarity error, up to {loads} real-size",
+        ("", *pair.joints, "at the real-size tip"),
+        tuple(rows),
+        names=True,
+        note="angles over the working range, scaled-up minus real-size; at the tip, how far they would move the "
+        "real-size one, of two jaws the farther; as built by general tolerances: tenodesis tolerance has more",
     )
 
 
-def _output_caption(design: "Design") -> str:
-    tests = figures.shown(design.tests)
-    which = f" at {len(tests)} of {len(design.tests)} test loads" if len(tests) < len(design.tests) else ""
-    return f"Expected output{which}: real-size pale, scaled-up thin"
+def _error(name: str, error: JointError) -> tuple[str, ...]:
+    return (name, *(angle(float(one)) for one in error.largest), distance(error.largest_at_tip))
 
 
-def _warnings(design: "Design", error: SimilarityError) -> Iterator[str]:
-    """Yield warnings for the workshop, a sentence each."""
-    constraints, choice = design.catalogue.constraints, design.choice
+def draw_losses(pair: JointComparison) -> Chart:
+    """Return a chart of the angles that each load leaves in the bent state, of both instruments."""
+    states = pair.states
+    bent = int(np.argmax(np.abs(states.angles).sum(axis=1)))
+    bends = Bends.of(pair.real_size)
+    chart, axes = Chart.panels(len(pair.loads), width=3.4 * len(pair.loads), height=2.8)
+    shares = np.linspace(0.0, 1.0, _POINTS)
+    for axis, load in zip(axes, pair.loads, strict=True):
+        wrench, grip = np.outer(shares, load.wrench), shares * load.grip_force
+        own = _angles(pair.real_size, states.handle[bent], states.strokes[bent], wrench, grip)
+        other = _angles(
+            pair.scaled_up, states.handle[bent], states.scaled_strokes[bent], *pair.scaled_loads(wrench, grip)
+        )
+        along = "of grip" if load.name == "grip" else f"along {load.name}"
+        force = chart.keep(f"force {along} [N]", shares * load.size)
+        colors = style.colors(len(pair.joints))
+        for n, (name, color) in enumerate(zip(pair.joints, colors, strict=True)):
+            real, scaled = (np.degrees(bends.summed(angles))[:, n] for angles in (own, other))
+            chart.curve(axis, force, f"{name}, force {along} [deg]", real, color=color, label=name)
+            kept = chart.keep(f"{name}, scale model, force {along} [deg]", scaled)
+            axis.plot(force[::4], kept[::4], "o", color=color, ms=3)
+        axis.set_xlabel(f"force {along}, real-size [N]")
+    axes[0].set_ylabel("angle [deg]")
+    style.legend_above(axes[0], len(pair.joints))
+    return chart
+
+
+def _losses(design: JointDesign) -> PlanFigure:
+    with style.applied():
+        drawn = inline_svg("angles", draw_losses(design.comparison).figure)
+    return PlanFigure("Angles that loads leave in a bent state: real-size (lines), scaled-up (points)", drawn)
+
+
+def _angles(inst: Instrument, handle: Array, strokes: Array, wrench: Array, grip: Array) -> Array:
+    return chain.output_angles(inst, handle, wrench, grip_force=grip, strokes=strokes)
+
+
+def _of_parts(design: JointDesign) -> Iterator[str]:
+    """Yield warnings about what a scale model of several joints is made of, a sentence each."""
+    if design.error.unsolved > design.comparison.error().unsolved:
+        yield "Where both do not hold a load, no error is counted."
+    for name, spring in design.choice.springs:
+        yield f"The spring of {name}, {spring:.4g} N m/rad, is in no catalogue: it must be made, or set by trying."
+    if any(tendon.stiffness_by_tension is not None for tendon in design.scaled_up.tendons):
+        yield "Ropes whose stiffness grows with the tension must have the scaled table of the instrument file."
+
+
+def _of_error(design: Design, error: SimilarityError) -> Iterator[str]:
+    """Yield warnings about the similarity in one plane, a sentence each."""
     similar = design.real_size.pretension * design.comparison.tension_factor
     off = design.scaled_up.pretension / similar - 1 if similar else 0.0
     if abs(off) > _PRETENSION_OFF:
@@ -560,6 +703,19 @@ def _warnings(design: "Design", error: SimilarityError) -> Iterator[str]:
             f"{'below' if off < 0 else 'above'} the similar {quantity(similar, 'N', 3)}: tendons do not go slack at "
             "similar loads."
         )
+    if error.held_by_one:
+        yield (
+            f"On {plain(100 * error.held_by_one, 2)} % of the working range one of the two snaps through and the other "
+            f"does not; with that tip at its stop, the error goes up to {angle(error.largest_snapped)}."
+        )
+    neither = error.unsolved - error.held_by_one
+    if neither > _ROUNDING:
+        yield f"On {plain(100 * neither, 2)} % of the working range neither holds the load."
+
+
+def _warnings(design: AnyDesign) -> Iterator[str]:
+    """Yield warnings for the workshop, a sentence each."""
+    constraints, choice = design.catalogue.constraints, design.choice
     for test in design.tests:
         share = test.error / test.real_force
         if abs(share) > constraints.force_tolerance:
@@ -581,12 +737,4 @@ def _warnings(design: "Design", error: SimilarityError) -> Iterator[str]:
             f"{quantity(design.largest_tension, 'N', 3)}: take load cells or a rope for more."
         )
     if choice.encoder is None:
-        yield f"No encoder of the catalogue fits a distal radius of {quantity(choice.distal.radius, 'mm', 4, 'm')}."
-    if error.held_by_one:
-        yield (
-            f"On {plain(100 * error.held_by_one, 2)} % of the working range one of the two snaps through and the other "
-            f"does not; with that tip at its stop, the error goes up to {angle(error.largest_snapped)}."
-        )
-    neither = error.unsolved - error.held_by_one
-    if neither > _ROUNDING:
-        yield f"On {plain(100 * neither, 2)} % of the working range neither holds the load."
+        yield f"No encoder of the catalogue fits a distal radius of {_least_radius(design)}."

@@ -105,21 +105,27 @@ def hold(inst: InstrumentLike, output_angles: ArrayLike) -> tuple[Array, Array]:
     return handle, strokes
 
 
-def usual_states(inst: InstrumentLike) -> list[Array]:
-    """Return the angles of the straight tip, (joints,), and of one bent by half of its range, or of the handle's."""
+def usual_states(inst: InstrumentLike, shares: Sequence[float] = (_HALF,)) -> list[Array]:
+    """Return the angles of the straight tip, (joints,), and of those bent by shares of its range, or of the handle's.
+
+    Shares that neither can be held at are left out.
+    """
     inst = expanded(inst)
-    straight = np.zeros(len(inst.tip_joints))
-    for place in ("tip", "handle"):
-        try:
-            if place == "tip":
-                bent = inst.bent(_HALF * inst.bend_ends)
-            else:
-                bent = equilibrium(inst, [_HALF * joint.range for joint in inst.handle_joints]).output_angle
-            hold(inst, bent)
-        except NoSolutionError:
-            continue
-        return [straight, bent]
-    return [straight]
+    ends = [joint.range for joint in inst.handle_joints]
+    found = [np.zeros(len(inst.tip_joints))]
+    for share in shares:
+        for place in ("tip", "handle"):
+            try:
+                if place == "tip":
+                    bent = inst.bent(share * inst.bend_ends)
+                else:
+                    bent = equilibrium(inst, [share * end for end in ends]).output_angle
+                hold(inst, bent)
+            except NoSolutionError:
+                continue
+            found.append(bent)
+            break
+    return found
 
 
 class UsualLoad(NamedTuple):
