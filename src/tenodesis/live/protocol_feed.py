@@ -12,7 +12,7 @@ from tenodesis.control.controller import fault_names
 from tenodesis.errors import ProtocolError
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.live.layout import CommandColumns
-from tenodesis.run import Array
+from tenodesis.run import Array, fault_bits
 from tenodesis.simulate import Pretension
 from tenodesis.simulate.command import SMOOTH, Between, between, sampled
 from tenodesis.simulate.execution import check_controllable
@@ -313,8 +313,8 @@ class Player:
         return OperatingState(int(self._tick["state"]))
 
     def _faults(self) -> str:
-        masks = np.nan_to_num(np.ravel(self._tick["faults"])).astype(np.int64)
-        return f"fault {', '.join(fault_names(int(np.bitwise_or.reduce(masks, initial=0)))) or 'of an unknown name'}"
+        (mask,) = fault_bits([np.ravel(self._tick["faults"])])
+        return f"fault {', '.join(fault_names(int(mask))) or 'of an unknown name'}"
 
     def _wait(self, planned: Planned, why: str) -> None:
         done, total = self.progress
