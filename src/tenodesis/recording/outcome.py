@@ -273,7 +273,7 @@ class Seen(Facts):
         return self
 
     def _add_faults(self, run: Run) -> None:
-        masks = fault_bits(run.faults)
+        masks = fault_bits(run["faults"])
         if self._bits or masks.any():
             for bit, name in enumerate(FAULTS):
                 rises = np.flatnonzero(np.diff(masks >> bit & 1, prepend=self._bits >> bit & 1) == 1)
