@@ -14,8 +14,8 @@ from tenodesis.instrument import FullForm, Instrument, Joint, expanded
 from tenodesis.run import ACROSS, COMPONENTS, TENDONS, Array
 from tenodesis.statics import chain, load_matrix
 
-_TRIED = 65
-"""Angles of a handle between which one that turns the tip is looked for."""
+_TRIED, _REFINED = 65, 5
+"""Angles of a handle between which one that turns the tip is looked for, and how often, closer each time."""
 _NEAR = 1e-15
 """Difference of angles that is rounding, rad."""
 
@@ -90,22 +90,20 @@ class Place:
 
     def handle_angle(self, output_angle: float) -> float:
         """Return the angle that :meth:`output_angles` turns to an output angle, rad; NaN if there is none."""
-        from scipy.optimize import brentq  # noqa: PLC0415 - takes long to load
-
-        def off(angles: Array) -> Array:
-            return self.output_angles(angles) - output_angle
-
         if self.joint is None:
             return output_angle
-        tried = np.concatenate([[0.0], np.linspace(*self.range, _TRIED)])
-        left = off(tried)
-        if abs(left[0]) < _NEAR:
+        if abs(self.output_angles(np.zeros(1))[0] - output_angle) < _NEAR:
             return 0.0
-        turns = 1 + np.flatnonzero(left[1:-1] * left[2:] <= 0)
-        if not turns.size:
-            return math.nan
-        at = turns[np.argmin(np.abs(tried[turns]))]
-        return float(brentq(lambda angle: off(np.array([angle]))[0], tried[at], tried[at + 1], xtol=_NEAR))
+        low, high = self.range
+        for _ in range(_REFINED):
+            tried = np.linspace(low, high, _TRIED)
+            left = self.output_angles(tried) - output_angle
+            turns = np.flatnonzero(left[:-1] * left[1:] <= 0)
+            if not turns.size:
+                return math.nan
+            at = turns[np.argmin(np.abs(tried[turns]))]
+            low, high = tried[at], tried[at + 1]
+        return float(low - left[at] * (high - low) / (left[at + 1] - left[at]))
 
     @property
     def reach(self) -> float:
