@@ -211,7 +211,7 @@ def test_what_an_instrument_does_not_take_is_refused_in_a_sentence(
 
 
 def test_a_board_serves_only_joints_with_a_law() -> None:
-    with pytest.raises(DeviceError, match="controller on a board, but needle-driver has no joint"):
+    with pytest.raises(DeviceError, match="serves pairs of tendons, and no joint of needle-driver"):
         rehearse(tn.load("needle-driver"), Choices(device="serial"))
 
 
