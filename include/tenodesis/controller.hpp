@@ -222,7 +222,7 @@ struct Controller {
     if (state.supervisor.operating != before || homing != was_homing) begin_anew(before, state);
 
     for (int n = 0; n < count(); ++n) {
-      const bool readable = (output.axis[n].faults & bit(Fault::not_a_number)) == 0;
+      const bool readable = !has(output.axis[n].faults, Fault::not_a_number);
       AxisMemory<S>& memory = state.axis[n];
       // An implausible reading is not used while the watch waits whether it lasts.
       Measurement<S> measured = readable ? memory.watch.trusted : axis[n].from_zero(input.axis[n], memory);
@@ -255,7 +255,7 @@ struct Controller {
   Request allowed(Request request, State& state) const {
     if (request == Request::clear && needs_homing(state.supervisor.faults)) forget_home(state);
     const std::uint32_t faults = state.supervisor.faults;
-    if (request == Request::clear && (distrusted(faults).spool || (faults & bit(Fault::tendon_break)) != 0))
+    if (request == Request::clear && (distrusted(faults).spool || has(faults, Fault::tendon_break)))
       for (int n = 0; n < count(); ++n) state.axis[n].command.knows_home = false;
     const bool engages = request == Request::enable || request == Request::resume;
     return engages && !state.homed ? Request::none : request;

@@ -21,6 +21,9 @@ inline constexpr int fault_count = sizeof fault_names / sizeof *fault_names;
 /// A fault's bit in a mask.
 constexpr std::uint32_t bit(Fault fault) { return std::uint32_t(1) << static_cast<std::uint32_t>(fault); }
 
+/// Whether a mask has any of some faults.
+constexpr bool has(std::uint32_t faults, auto... fault) { return (faults & (bit(fault) | ...)) != 0; }
+
 constexpr const char* name(Fault fault) {
   const int n = static_cast<int>(fault);
   return n < fault_count ? fault_names[n] : "unknown";
@@ -35,20 +38,18 @@ struct Distrust {
 
 /// The sensors that a mask of faults makes unusable.
 constexpr Distrust distrusted(std::uint32_t faults) {
-  const auto any = [faults](auto... fault) { return (faults & (bit(fault) | ...)) != 0; };
   // A dead load cell looks like a broken tendon, a slipped spool and a rope that gets longer like a drifting cell.
-  return {any(Fault::tendon_break, Fault::load_cell_stuck, Fault::load_cell_range, Fault::load_cell_drift,
+  return {has(faults, Fault::tendon_break, Fault::load_cell_stuck, Fault::load_cell_range, Fault::load_cell_drift,
               Fault::stroke_unexplained, Fault::rope_length, Fault::not_a_number),
-          any(Fault::encoder_dropout, Fault::encoder_jump, Fault::not_a_number),
-          any(Fault::encoder_jump, Fault::load_cell_drift, Fault::spool_slip, Fault::motor_not_following,
+          has(faults, Fault::encoder_dropout, Fault::encoder_jump, Fault::not_a_number),
+          has(faults, Fault::encoder_jump, Fault::load_cell_drift, Fault::spool_slip, Fault::motor_not_following,
               Fault::stroke_unexplained)};
 }
 
 /// Whether what the spools have wound is in doubt, so that the instrument must be homed before the faults can clear.
 constexpr bool needs_homing(std::uint32_t faults) {
-  return (faults &
-          (bit(Fault::tendon_break) | bit(Fault::load_cell_drift) | bit(Fault::encoder_jump) | bit(Fault::spool_slip) |
-           bit(Fault::homing_failed) | bit(Fault::stroke_unexplained) | bit(Fault::rope_length))) != 0;
+  return has(faults, Fault::tendon_break, Fault::load_cell_drift, Fault::encoder_jump, Fault::spool_slip,
+             Fault::homing_failed, Fault::stroke_unexplained, Fault::rope_length);
 }
 
 /// Counts up to the largest number, and stays there.

@@ -80,7 +80,7 @@ struct Homing {
   /// motor that does not follow, the failure says why.
   std::uint32_t explain(std::uint32_t faults, State& state) const {
     if (state.stage == jog) return faults & ~bit(Fault::motor_not_following);
-    if (state.stage != idle && (faults & bit(Fault::motor_not_following)) != 0) blame(state);
+    if (state.stage != idle && has(faults, Fault::motor_not_following)) blame(state);
     return faults;
   }
 

@@ -93,8 +93,7 @@ struct Supervisor {
     state.since = smaller(state.since + usable(dt), S(100));
     if (state.operating == OperatingState::fault) {
       state.faults |= faults;
-      if ((faults & bit(Fault::motor_not_following)) != 0 && state.since > S(tuning::time_to_obey))
-        state.cut_power = true;
+      if (has(faults, Fault::motor_not_following) && state.since > S(tuning::time_to_obey)) state.cut_power = true;
       if (request == Request::clear && faults == 0) {
         state.first = state.faults = 0;
         state.cut_power = false;
@@ -172,7 +171,7 @@ struct Supervisor {
   // Whether a motor that does not follow goes on so fast that its partner comes too late: before the supply would be
   // cut, a tendon would get slack, or come to its limit.
   bool runs_away(int i, const Measurement<S>& measured, const State& state, const CommandState<S>& axis) const {
-    if ((state.faults & bit(Fault::motor_not_following)) == 0) return false;
+    if (!has(state.faults, Fault::motor_not_following)) return false;
     const S moved = measured.spool_angle[i] - axis.held[i], speed = axis.speed[i] - axis.sent[i];
     // As far as it may take to stop, it has not run away.
     const S stopping = S(0.02) + S(0.02) * abs(axis.leaving[i]);  // rad; s of its loop's lag
@@ -300,7 +299,7 @@ struct Supervisor {
   bool relaxes(const State& state, const CommandState<S>& axis) const {
     const S enough = S(1e-3);  // rad
     return state.operating == OperatingState::fault && state.since >= hold_time && abs(axis.pressing) > enough &&
-           (state.first & bit(Fault::motor_not_following)) == 0;
+           !has(state.first, Fault::motor_not_following);
   }
 
   // A motor that runs away moves the tip, unless the other tendon goes along. The tensions show whether it really runs:
@@ -348,7 +347,7 @@ struct Supervisor {
     // Where a tendon hangs, the motors press the tip against something: they let go of it.
     const bool hangs = state.faults == bit(Fault::tendon_slack);
     // Where a tendon has broken, nothing is as it was at home.
-    const bool broken = (state.faults & bit(Fault::tendon_break)) != 0;
+    const bool broken = has(state.faults, Fault::tendon_break);
     if (broken || (safe_state != SafeState::neutral && !hangs) || state.since < hold_time) return S(0);
     return return_velocity(i, measured, !distrust.tension && !hangs, axis);
   }

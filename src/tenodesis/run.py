@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, TypeAlias, overload
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core, notebook
 from tenodesis.errors import ArgumentError
@@ -305,7 +305,7 @@ class Run:
         """When each fault of the controller came first, s, by name, in the order of time; empty without any."""
         if self.faults is None or not len(self):
             return {}
-        masks = np.bitwise_or.reduce(np.nan_to_num(self.faults).astype(np.int64).reshape(len(self), -1), axis=1)
+        masks = fault_bits(self.faults)
         rows = {name: np.flatnonzero(masks >> bit & 1) for bit, (name, _, _) in enumerate(_core.faults())}
         first = sorted((int(found[0]), name) for name, found in rows.items() if found.size)
         times = np.atleast_1d(self.time)
@@ -422,6 +422,12 @@ HELD = tuple(name for name in COMMANDS if name.startswith("held_"))
 
 CONTROL = _group("control")
 """Estimates, outputs and requests of a controller; NaN while it does not run."""
+
+
+def fault_bits(faults: ArrayLike) -> NDArray[np.int64]:
+    """Return the faults of all axes in each row as bits, (n,), of a signal (n,) or (n, axes), NaN: none."""
+    bits: NDArray[np.int64] = np.bitwise_or.reduce(np.atleast_2d(np.nan_to_num(faults).astype(np.int64).T), axis=0)
+    return bits
 
 
 def concatenate(runs: Sequence[Run]) -> Run:

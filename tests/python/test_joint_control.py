@@ -9,7 +9,7 @@ import tenodesis as tn
 from tenodesis.errors import IdentificationError, ProtocolError
 from tenodesis.identification.force.observed import observed
 from tenodesis.instrument import FullForm, expanded
-from tenodesis.recording import Recording, summary, tables
+from tenodesis.recording import Recording, lab_tables, summary, tables
 from tenodesis.recording.replay import replay
 from tenodesis.recording.simulation import record
 
@@ -274,6 +274,26 @@ def test_a_recording_tells_the_force_at_the_tip_and_its_table_the_same(tmp_path:
         observed(path.with_suffix(".csv"))
     with refused("signals", kind=IdentificationError):
         observed(path, expanded("hybrid-real-size"))
+
+
+def test_grip_force_is_compared_from_a_recording_as_from_its_table(tmp_path: Path) -> None:
+    applied = {"kind": "step-load", "delay": 0.1, "rise": 0.1, "duration": 0.3, "release": 0.1, "grip_force": 1.0}
+    closed = {"kind": "ramp", "duration": 0.3, "handle_angles": {"jaw_1": -0.1, "jaw_2": 0.1}}
+    phases = [applied, {"kind": "object", "stiffness": "2 N/mm"}, closed, {"kind": "hold", "duration": 0.2}]
+    path = tmp_path / "run.mcap"
+    run = record("needle-driver", tn.simulate.Protocol(name="grip", phases=phases), path)
+    table = path.with_suffix(".csv")
+    tables.to_csv(run, table)
+    for one in (observed(path), observed(table, expanded("needle-driver"))):
+        grip = one.channels[-1]
+        assert grip.recorded.max() > 1.0 + 1e-9
+        assert run["grip_force"].max() > 0.3
+        assert grip.rmse < 0.1
+    assert lab_tables.has_headings(path)
+    assert lab_tables.has_headings(table)
+    spindle = tmp_path / "00.TXT"
+    spindle.write_text("%Used left spindle\n0.0,1,2,3\n", "utf-8")
+    assert not lab_tables.has_headings(spindle)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """The live loop of instruments given by joints and tendons: the same loop, with columns by their names."""
 
 import time
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
@@ -211,8 +212,39 @@ def test_what_an_instrument_does_not_take_is_refused_in_a_sentence(
 
 
 def test_a_board_serves_only_joints_with_a_law() -> None:
-    with pytest.raises(DeviceError, match="controller on a board, but needle-driver has no joint"):
+    with pytest.raises(DeviceError, match="serves pairs of tendons, and no joint of needle-driver"):
         rehearse(tn.load("needle-driver"), Choices(device="serial"))
+
+
+def played_on(loop: LiveLoop, reader: Reader, protocol: simulate.Protocol) -> Iterator[Run]:
+    """Play a protocol, and yield the run in parts of 20 ms."""
+    player = Player(
+        protocol.plan(loop.inst, loop.period),
+        SimpleNamespace(push=loop.push, drop=loop.drop, **{"pending": 0}),
+        loop.request,
+        lambda: reader.layout.signals_of(reader.newest()),
+        inst=loop.inst,
+        assumed=loop.assumed,
+        columns=loop.commands,
+        time_step=loop.period,
+    )
+    while not player.finished:
+        player._queue.pending = loop.pending
+        player.advance()
+        yield ran(loop, reader, 0.02)
+
+
+def test_a_protocol_begins_with_straight_joints_wherever_the_one_before_has_left_them(tmp_path: Path) -> None:
+    loop = looped(tmp_path, tn.load("needle-driver"))
+    reader = Reader(tmp_path)
+    loop.request("enable")
+    ran(loop, reader, 0.01)
+    bent = simulate.Ramp(duration=0.3, handle_angles={"pitch": 0.3, "jaw_1": -0.2})
+    rest = simulate.Hold(duration=0.3)
+    for phases, end in (([bent, rest], [0.3, -0.2, 0.0]), ([rest], [0.0, 0.0, 0.0])):
+        *_, last = played_on(loop, reader, simulate.Protocol(name="bent", phases=phases))
+        assert last["commanded_output_angle"][-1] == pytest.approx(end, abs=np.radians(0.02))
+        assert last["output_angle"][-1] == pytest.approx(end, abs=0.01)
 
 
 @pytest.mark.parametrize("name", ["hybrid-scaled-up", "needle-driver"])
@@ -231,21 +263,9 @@ def test_a_protocol_on_a_live_chain_is_commanded_tick_by_tick_with_what_the_jaws
     wanted = simulate.Protocol(name="loads", phases=tuple(phases)).commands(inst, loop.period)
     phases += [simulate.GrippedObject(stiffness=2e3), simulate.Hold(duration=0.3)]
     protocol = simulate.Protocol(name="loads", phases=tuple(phases))
-    player = Player(
-        protocol.plan(inst, loop.period),
-        SimpleNamespace(push=loop.push, drop=loop.drop, **{"pending": 0}),
-        loop.request,
-        lambda: reader.layout.signals_of(reader.newest()),
-        inst=inst,
-        assumed=loop.assumed,
-        columns=loop.commands,
-        time_step=loop.period,
-    )
     runs, held = [], []
-    while not player.finished:
-        player._queue.pending = loop.pending
-        player.advance()
-        runs.append(ran(loop, reader, 0.02))
+    for run in played_on(loop, reader, protocol):
+        runs.append(run)
         held.append(reader.layout.signals_of(reader.newest())["commands"]["held"])
     assert max(stiffness for _, stiffness, _ in held) == 2e3
     ran(loop, reader, 0.02)

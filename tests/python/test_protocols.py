@@ -211,7 +211,8 @@ def test_a_load_without_release_stays_until_it_is_changed(scaled: Instrument) ->
 
 
 def test_weight_and_moment_act_by_way_of_the_load_rig() -> None:
-    rig: Any = SimpleNamespace(name="x", rig_arm=0.15, conditions=SimpleNamespace(cable_pulley_radius=0.015))
+    inst = SimpleNamespace(name="x", conditions=SimpleNamespace(cable_pulley_radius=0.015))
+    rig: Any = SimpleNamespace(inst=inst, rig_arm=0.15)
     assert StepLoad(weight="10 N", duration=1).tip_force(rig) == pytest.approx(1)
     assert StepLoad(moment="0.15 N*m", duration=1).tip_force(rig) == pytest.approx(1)
     assert StepLoad(force="-2 N", duration=1).tip_force(rig) == -2

@@ -24,6 +24,7 @@ from tenodesis.identification.formats import load_all
 from tenodesis.identification.registry import FORMATS
 from tenodesis.identification.report import grouped
 from tenodesis.instrument import expanded
+from tenodesis.recording.lab_tables import has_headings
 from tenodesis.units import in_unit
 
 OF_TENDONS = "tendons"
@@ -42,8 +43,8 @@ def force(  # noqa: PLR0917
         str | None,
         typer.Option(
             "--format",
-            help=f"{', '.join(FORMATS_OF_FORCE)}. Default: {OF_TENDONS} of .mcap and with --instrument, else "
-            f"{FORMATS_OF_FORCE[0]}.",
+            help=f"{', '.join(FORMATS_OF_FORCE)}. Default: {FORMATS_OF_FORCE[0]} of text without headings, else "
+            f"{OF_TENDONS}.",
         ),
     ] = None,
     instrument_file: Annotated[
@@ -69,7 +70,7 @@ def force(  # noqa: PLR0917
     tests = test or []
     check_files(logs, tests)
     check_choice("--from", signal, SIGNALS)
-    of_tendons = instrument_file is not None or all(one.suffix == ".mcap" for one in logs)
+    of_tendons = instrument_file is not None or any(has_headings(one) for one in logs)
     format_name = format_name or (OF_TENDONS if of_tendons else FORMATS_OF_FORCE[0])
     check_choice("--format", format_name, FORMATS_OF_FORCE)
     if format_name == OF_TENDONS:

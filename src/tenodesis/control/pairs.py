@@ -5,6 +5,7 @@ tensions and spool angles show that stretch. So each axis of the planar controll
 it does for an instrument of one joint, on a microcontroller too.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +27,7 @@ from tenodesis.run import Names
 from tenodesis.toml import validated
 
 _JOINT_TYPES = {"tendon-gear": "tendon-gear", "pulley": "tendon-pulley", "continuum": "continuum"}
+_ALIKE = 1e-6
 _SHARED = ("friction", "drives", "sensors", "control", "conditions")
 
 
@@ -56,9 +58,9 @@ def pairs(inst: InstrumentLike) -> dict[str, Pair]:
         agonist, antagonist = own if tips[own[0], j] > 0 else own[::-1]
         wound = np.flatnonzero(handles[agonist])
         alike = (
-            np.isclose(tips[agonist, j], -tips[antagonist, j], rtol=1e-6)
-            and np.allclose(handles[agonist], -handles[antagonist], rtol=1e-6)
-            and np.isclose(inst.stiffnesses[agonist], inst.stiffnesses[antagonist], rtol=1e-6)
+            math.isclose(tips[agonist, j], -tips[antagonist, j], rel_tol=_ALIKE)
+            and (np.abs(handles[agonist] + handles[antagonist]) <= _ALIKE * np.abs(handles[agonist])).all()
+            and math.isclose(inst.stiffnesses[agonist], inst.stiffnesses[antagonist], rel_tol=_ALIKE)
             and inst.pretensions[agonist] == inst.pretensions[antagonist]
             and all(inst.tendons[m].start == "spool" for m in own)
         )

@@ -8,7 +8,7 @@ from tenodesis.control.pairs import compensated
 from tenodesis.devices.device import Device
 from tenodesis.errors import ArgumentError, DeviceError
 from tenodesis.extras import require
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.instrument.devices import Serial
 
 
@@ -69,11 +69,20 @@ def _nidaq(inst: Instrument) -> Device:
 def _serial(inst: Instrument) -> Device:
     from tenodesis.devices.serial import SerialDevice  # noqa: PLC0415 - as above
 
+    return SerialDevice(on_board(inst), inst.devices.serial or Serial())
+
+
+def on_board(inst: Instrument) -> ShortForm:
+    """Return what the controller on a board is made for; raises DeviceError where its firmware serves no joint."""
     try:
-        assumed = compensated(inst)
+        return compensated(inst)
     except ArgumentError as problem:
-        raise DeviceError(f"serial is a controller on a board, but {problem}", key=problem.key) from None
-    return SerialDevice(assumed, inst.devices.serial or Serial())
+        raise DeviceError(
+            f"serial is a controller on a board, whose firmware serves pairs of tendons, and no joint of {inst.name} "
+            "has one of its own; canopen and nidaq take it, with the law of all joints on this computer.",
+            key=problem.key,
+            allowed="canopen or nidaq",
+        ) from None
 
 
 def _without_table(name: str, inst: Instrument) -> DeviceError:

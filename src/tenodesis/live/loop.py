@@ -16,6 +16,7 @@ from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.control.joints import JointLawName
 from tenodesis.control.pairs import names_of
 from tenodesis.control.parameters import tension_limit
+from tenodesis.devices import registry
 from tenodesis.devices.device import Capabilities, Device
 from tenodesis.devices.serial import SerialController, StreamedController
 from tenodesis.errors import ArgumentError, DeviceError, LiveError
@@ -99,7 +100,7 @@ def rehearse(inst: Instrument, choices: Choices) -> None:
     else:
         Controller(assumed, law=choices.law, actuation=choices.actuation, period=period)
     if choices.device not in ("twin", "serial"):
-        _check_device(_made(choices.device, inst).capabilities, inst)
+        _check_device(registry.make(choices.device, inst).capabilities, inst)
     elif choices.device == "serial":
         _check_board(inst)
 
@@ -144,7 +145,7 @@ class LiveLoop:
         self._device = device
         self._device_thread: DeviceThread | None = None
         if device is None and choices.device not in ("twin", "serial"):
-            self._device = _made(choices.device, inst)
+            self._device = registry.make(choices.device, inst)
         if self._device is not None:
             self._device.open()
         try:
@@ -428,9 +429,7 @@ def _board(inst: ShortForm, choices: Choices) -> SerialController | StreamedCont
 
 def _check_board(inst: Instrument) -> ShortForm:
     """Return what the controller on a board is made for; raise DeviceError where a board cannot serve."""
-    assumed, refused = controlled(inst)
-    if assumed is None:
-        raise DeviceError(f"serial is a controller on a board, but {refused}")
+    assumed = registry.on_board(inst)
     if len(assumed.axes) != len(inst.tip_joints) and (inst.devices.serial or Serial()).sensors == "board":
         raise DeviceError(
             f"a board with sensors and motors of its own serves {' and '.join(assumed.axes)}; {inst.name} has "
@@ -462,12 +461,6 @@ def _numbers(argument: str, values: ArrayLike, count: int, most: float | Array) 
         allowed = f"{amount} of magnitude {bound} at most"
         raise LiveError(key=argument, value=np.asarray(values).tolist(), allowed=allowed)
     return array
-
-
-def _made(name: str, inst: Instrument) -> Device:
-    from tenodesis.devices import registry  # noqa: PLC0415 - drivers are needed for their devices alone
-
-    return registry.make(name, inst)
 
 
 def _one_of(names: Iterable[str]) -> str:

@@ -12,7 +12,7 @@ from tenodesis.control.controller import fault_names
 from tenodesis.errors import ProtocolError
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.live.layout import CommandColumns
-from tenodesis.run import Array
+from tenodesis.run import Array, fault_bits
 from tenodesis.simulate import Pretension
 from tenodesis.simulate.command import SMOOTH, Between, between, sampled
 from tenodesis.simulate.execution import check_controllable
@@ -62,7 +62,8 @@ class Queue(Protocol):
 class Player:
     """A protocol that is being played; `advance` is to be called every 20 ms or so.
 
-    First the handle goes smoothly from where it is to where the protocol begins, and the loads to none. Nothing is
+    First the handle goes smoothly from where it is to where the protocol begins, without one the joints from where they
+    are meant to be to straight, and the loads to none. Nothing is
     sent while the instrument is not enabled; once it is enabled again, the handle goes back to where it was, and the
     protocol goes on. Homing that fails is the operator's to repeat.
 
@@ -167,6 +168,8 @@ class Player:
     def _play(self) -> Iterator[None]:
         homes_first = isinstance(self._plan[0].phase, Pretension)
         yield from self._send(self._way_to(self._start()), self._plan[0], disabled=homes_first)
+        if not homes_first:
+            yield from self._send(self._straightening(), self._plan[0])
         present: Between | None = None
         held: Held | None = None
         for planned in self._plan:
@@ -192,6 +195,19 @@ class Player:
         single = {name: values[np.newaxis] for name, values in initial.values.items()}
         row: Array = self._columns.row({**single, "contact": initial.contact}, 1)[0]
         return row
+
+    def _straightening(self) -> Array:
+        """Return rows (n, width) in which the spools of a tool without a handle turn its joints back to straight."""
+        speeds, aimed = self._plan[0].initial.speeds, np.ravel(self._tick.get("commanded_output_angle", np.nan))
+        if speeds is None or not np.isfinite(aimed).all():
+            return np.empty((0, self._columns.width))
+        aims = np.array([aimed[arcs].sum() for arcs in self._inst.bends.values()])
+        steps = math.ceil(SMOOTH.peak * float(np.abs(aims).max()) / _APPROACH / self._time_step)
+        rows = np.repeat(self._start()[np.newaxis], steps, axis=0)
+        if steps:
+            left = 1 - SMOOTH.way(np.arange(steps + 1) / steps)
+            rows[:, self._columns.columns["spool_velocity"]] = speeds(np.outer(left, aims))
+        return rows
 
     @property
     def _opening(self) -> float:
@@ -313,8 +329,8 @@ class Player:
         return OperatingState(int(self._tick["state"]))
 
     def _faults(self) -> str:
-        masks = np.nan_to_num(np.ravel(self._tick["faults"])).astype(np.int64)
-        return f"fault {', '.join(fault_names(int(np.bitwise_or.reduce(masks, initial=0)))) or 'of an unknown name'}"
+        (mask,) = fault_bits([np.ravel(self._tick["faults"])])
+        return f"fault {', '.join(fault_names(int(mask))) or 'of an unknown name'}"
 
     def _wait(self, planned: Planned, why: str) -> None:
         done, total = self.progress

@@ -22,6 +22,7 @@ from tenodesis.live.protocol_runner import ProtocolRunner
 from tenodesis.live.recording_process import RecordingProcess
 from tenodesis.live.status import RuntimeState, Status, Timing
 from tenodesis.live.ticks import Reader
+from tenodesis.run import fault_bits
 from tenodesis.twin import Held
 
 _TURN = 0.02
@@ -104,7 +105,7 @@ class Runtime:
             homed=bool(tick.get("homed", 0)),
             homing=bool(tick.get("homing", 0)),
             stopped=bool(tick.get("stopped", 0)),
-            faults=fault_names(_mask(tick, "faults")),
+            faults=_faults(tick),
             first_faults=fault_names(int(tick.get("first_faults", 0))),
             law=loop.law,
             actuation=loop.actuation,
@@ -157,7 +158,7 @@ class Runtime:
         tick = self._tick()
         if not tick:
             return
-        state, faults = _state(tick), fault_names(_mask(tick, "faults"))
+        state, faults = _state(tick), _faults(tick)
         if (state, faults) != self._state:
             self._state = (state, faults)
             first = fault_names(int(tick["first_faults"]))
@@ -190,6 +191,5 @@ def _homing_failures(tick: dict[str, Any], axes: tuple[str, ...]) -> dict[str, s
     return {axis: homing_failure(int(word)) for axis, word in zip(axes, words, strict=False) if word}
 
 
-def _mask(tick: dict[str, Any], name: str) -> int:
-    values = np.nan_to_num(np.atleast_1d(tick.get(name, 0.0))).astype(np.int64)
-    return int(np.bitwise_or.reduce(values, initial=0))
+def _faults(tick: dict[str, Any]) -> tuple[str, ...]:
+    return fault_names(int(fault_bits([np.atleast_1d(tick.get("faults", 0.0))])[0]))

@@ -24,11 +24,15 @@ def planar(context: Context) -> str:
 
 
 def law(context: Context) -> str:
-    """Whether a controller compensates a joint."""
+    """Whether a controller of pairs of tendons compensates a joint."""
     try:
         control.compensated(context.given)
-    except (ArgumentError, InstrumentError) as problem:
-        return str(problem)
+    except (ArgumentError, InstrumentError):
+        name = context.given.name
+        return (
+            f"it is about the law of pairs of tendons, and no joint of {name} has one of its own; tenodesis record "
+            "--law joints runs that of all joints."
+        )
     return ""
 
 

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from tenodesis.control import Controller, LawName, compensated
+from tenodesis.control.pairs import pairs
 from tenodesis.errors import InstrumentError, NoSolutionError, StudyError
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.paper import published, step_load, step_response
@@ -168,11 +169,11 @@ def worst(row: Mapping[str, Any], law: LawName) -> float:
 def _place(inst: Instrument, axis: str) -> tuple[Place, ShortForm]:
     """Return where a joint is commanded, by axis, and the instrument of it alone; raises InstrumentError if nowhere."""
     known = Places.of(inst).axes
-    plane = known[axis].plane if axis in known else None
-    if plane is None:
-        allowed = " or ".join(known) or "a joint with a joint of the handle and a pair of tendons of its own"
+    own = pairs(inst)
+    if axis not in own:
+        allowed = " or ".join(own) or "a joint with a joint of the handle and a pair of tendons of its own"
         raise InstrumentError(key="axis", value=axis, allowed=allowed)
-    return known[axis], plane
+    return known[axis], dict(zip(own, compensated(inst).planar, strict=True))[axis]
 
 
 def axes_of(inst: Instrument) -> tuple[str, ...]:
@@ -187,8 +188,7 @@ def axes_of(inst: Instrument) -> tuple[str, ...]:
     if not geared:
         kinds = ", ".join(dict.fromkeys(joint.mechanism for joint in inst.tip_joints))
         raise InstrumentError(key="joints.mechanism", value=kinds, allowed=f"{_GEARS}, whose vertices are sharp")
-    known = Places.of(inst).axes.items()
-    return tuple(axis for axis, place in known if inst.tip_joints[place.tip].mechanism == _GEARS)
+    return tuple(axis for axis, pair in pairs(inst).items() if inst.tip_joints[pair.joint].mechanism == _GEARS)
 
 
 def radius_limits(inst: Instrument) -> RadiusLimits:
@@ -334,7 +334,7 @@ def loop(inst: Instrument, axis: str, force: float) -> tuple[float, float]:
         run = Twin(inst, quasi_static=True).run(**_commands(inst, place, path, force))
     except NoSolutionError:
         return math.nan, math.nan
-    output = run.by_column("output_angle")[:, place.tip]
+    output = run.by_column("output_angle")[:, place.bends[0]]
     down = output[-up.size :]
     rising = output[-2 * up.size + 1 : -up.size + 1]
     grid = WAYS * reach

@@ -1,6 +1,7 @@
 """Tables of numbers from the files that laboratories write, each read by its library; the content shows the kind."""
 
 import csv
+import re
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -24,6 +25,7 @@ _COMPRESSED, _PART = 15, 1 << 20
 """Kind of a compressed variable of a MATLAB file, and bytes that are unpacked at once."""
 _MOST_COLUMNS = 1_000
 _LVM, _LVM_HEADER = "LabVIEW Measurement", "***End_of_Header***"
+_COMMENTS = ("#", "%")
 _MCAP = b"\x89MCAP0\r\n"
 _NUMBERS = ("double", "float", "int64", "int32", "int16", "int8", "uint64", "uint32", "uint16", "uint8")
 """Types of Parquet that are read."""
@@ -96,6 +98,21 @@ def is_table(path: Path) -> bool:
     return any(known(start) for known, _ in _READERS) or not (b"\0" in start or start.startswith(b"\x89"))
 
 
+def has_headings(path: Path) -> bool:
+    """Return whether a file names what it holds: any but text that begins with a number; False if it cannot be read."""
+    if path.is_dir():
+        return lab_bags.is_bag(path)
+    try:
+        start = _start(path)
+    except OSError:
+        return False
+    if start.startswith(_MCAP) or any(known(start) for known, _ in _READERS):
+        return True
+    lines = (line for line in start.decode("utf-8-sig", "replace").splitlines() if not line.startswith(_COMMENTS))
+    first = next((line for line in lines if line.strip()), "0")
+    return _number(re.split(r"[,;\s]", first.strip())[0]) is None
+
+
 def lines_of(path: Path) -> list[str]:
     """Return the lines of a text file that are not blank, without a byte order mark; raises OSError.
 
@@ -129,7 +146,7 @@ def _text(path: Path) -> Table:
         )
     if lines[0].startswith(_LVM):
         return _lvm(path, lines)
-    lines = [line for line in lines if not line.startswith(("#", "%"))]
+    lines = [line for line in lines if not line.startswith(_COMMENTS)]
     if not lines:
         raise RecordingError(f"{path} holds nothing but comments.", key="path", value=path)
     separator = _separator(lines)

@@ -12,7 +12,7 @@ from tenodesis import statics
 from tenodesis.control import FAULTS, OperatingState, Request
 from tenodesis.instrument import Instrument
 from tenodesis.recording.tables import columns
-from tenodesis.run import COMMANDS, CONTROL, MEASURED, Array, Run, concatenate
+from tenodesis.run import COMMANDS, CONTROL, MEASURED, Array, Run, concatenate, fault_bits
 from tenodesis.statics.bends import Bends
 
 _RANGED = ({**COMMANDS, **MEASURED, **CONTROL}.keys() | {"grip_force"}) - {
@@ -132,7 +132,7 @@ class Outcome:
         self._known += known.size
         for value in dict.fromkeys(known.tolist()):
             self._states[value] = self._states.get(value, 0) + int(np.count_nonzero(known == value))
-        masks = _fault_bits(run)
+        masks = fault_bits(run.faults)
         if masks.any():
             for bit, name in enumerate(self._names):
                 rows = np.flatnonzero(masks >> bit & 1)
@@ -273,7 +273,7 @@ class Seen(Facts):
         return self
 
     def _add_faults(self, run: Run) -> None:
-        masks = _fault_bits(run)
+        masks = fault_bits(run["faults"])
         if self._bits or masks.any():
             for bit, name in enumerate(FAULTS):
                 rises = np.flatnonzero(np.diff(masks >> bit & 1, prepend=self._bits >> bit & 1) == 1)
@@ -281,12 +281,6 @@ class Seen(Facts):
                     time, count = self.rises.get(name, (float(run.time[rises[0]]), 0))
                     self.rises[name] = (time, count + rises.size)
         self._bits = int(masks[-1])
-
-
-def _fault_bits(run: Run) -> NDArray[np.int64]:
-    """Return the faults of all axes in each row, as bits, (n,)."""
-    bits: NDArray[np.int64] = np.bitwise_or.reduce(np.nan_to_num(run.by_column("faults")).astype(np.int64), axis=1)
-    return bits
 
 
 def _tip_force(run: Run) -> dict[str, str]:

@@ -8,6 +8,8 @@ import re
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
+import numpy as np
+
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import FullForm
 from tenodesis.recording import lab_map
@@ -18,9 +20,11 @@ from tenodesis.toml import parse_toml, read_text
 
 POSE = {"measured_position": "m", "measured_direction": "1"}
 """Of the tip, in the stem's axes from the stem's end, as a camera sees it: components x, y, z."""
+GRIP = ("applied_grip_force", "grip_force")
+"""What presses the jaws apart, as it is applied and as what they hold does; the sum turns joints."""
 _READ = (
     *("commanded_handle_angle", "measured_handle_angle", "commanded_spool_velocity", "measured_spool_angle"),
-    *("measured_tension", "measured_output_angle", "wrench", "applied_grip_force"),
+    *("measured_tension", "measured_output_angle", "wrench", *GRIP),
 )
 SIGNS = "a spool's positive angle and velocity wind up its tendon, and joints bend as the instrument's axes say;"
 _TENDON_WORDS, _HANDLE_WORDS = {"spool", "motor", "winch", "disk", "drive"}, {"handle", "master", "command", "setpoint"}
@@ -56,6 +60,12 @@ def read(path: Path) -> tuple[dict[str, Array], tuple[str, ...]]:
                 places[name] = [lab_map.Part(at, unit or si, factor * scale)]
     found = lab_map.Mapped(table, places, notes, "")
     return {name: found.values(name) for name in places}, notes
+
+
+def gripped(columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Return columns with all that presses the jaws apart as grip_force, if any of it is there."""
+    parts = [columns[name] for name in GRIP if name in columns]
+    return {**columns, GRIP[1]: np.sum(parts, axis=0)} if parts else {**columns}
 
 
 def guess(table: Table, inst: FullForm) -> dict[str, Guess]:

@@ -457,7 +457,7 @@ class _Search:
         """Return a set with its error, and its factor of force by that of stiffness; None if it makes no model."""
         try:
             model = with_wheels(enlarged(self.real, one.factor, 1.0), self.real, one)
-            pair = compare_joints(self.real, model, loads=self.own.loads)
+            pair = compare_joints(self.own.working, model)
             error = pair.error()
         except (InstrumentError, NoSolutionError, ArgumentError):
             return None

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from tenodesis import kinematics, plant, statics, twin
-from tenodesis.errors import ArgumentError, NoSolutionError
+from tenodesis.errors import ArgumentError
 from tenodesis.instrument import FullForm, InstrumentLike, Joint, expanded
 from tenodesis.instrument.instrument import arm_of
 from tenodesis.run import Array
@@ -97,13 +97,77 @@ class JointError:
 
 
 @dataclass(frozen=True)
+class WorkingRange:
+    """A real-size instrument in its states and under its loads, which all its scale models are compared with."""
+
+    inst: FullForm
+    loads: tuple[UsualLoad, ...]
+    """The largest of the working range."""
+
+    @cached_property
+    def held(self) -> tuple[Array, Array, Array, Array]:
+        """What bends, (states, bends), angles of joints and handle, rad, and strokes, m, of the unloaded states."""
+        inst = self.inst
+        most = _FARTHEST * np.array([[len(arcs)] for arcs in inst.bends.values()])
+        bends = np.array(list(_spread(np.clip(inst.bend_limits, -most, most))))
+        wanted = np.array([inst.bent(row) for row in bends])
+        handle, strokes = statics.hold(inst, wanted)
+        ranges = np.array([joint.range for joint in inst.handle_joints])
+        within = (np.abs(handle) <= ranges).all(axis=1)
+        bends, wanted, handle, strokes = (one[within] for one in (bends, wanted, handle, strokes))
+        angles = chain.output_angles(inst, handle if handle.shape[1] else 0.0, strokes=strokes)
+        reached = np.abs(angles - wanted).max(axis=1) <= _REACHED
+        return bends[reached], angles[reached], handle[reached], strokes[reached]
+
+    @cached_property
+    def load_rows(self) -> tuple[Array, Array]:
+        """Wrenches (loads, 6), N and N m, and grip forces (loads,), N."""
+        return _load_rows(self.loads)
+
+    @cached_property
+    def loaded(self) -> Array:
+        """Angles in all states under all loads, (states, loads, joints), rad."""
+        _, _, handle, strokes = self.held
+        return _loaded(self.inst, handle, strokes, *self.load_rows)
+
+    @cached_property
+    def places(self) -> Array:
+        """Of the ends of the tip there, as of :meth:`places_at`."""
+        return self.places_at(self.loaded)
+
+    def places_at(self, angles: Array) -> Array:
+        """Return the places of the ends of the tip at angles (..., joints), rad, shape (..., ends, 3), m."""
+        found = kinematics.tip_pose(self.inst, np.nan_to_num(angles)).position
+        return np.asarray(found.reshape(*angles.shape[:-1], -1, 3))
+
+    @cached_property
+    def rates(self) -> chain.Rates:
+        """How what bends answers in the unloaded states."""
+        _, _, handle, strokes = self.held
+        return Bends.of(self.inst).rates(chain.rates(self.inst, handle, strokes=strokes))
+
+    @cached_property
+    def frequency(self) -> float:
+        """Lowest natural frequency, Hz."""
+        return float(plant.natural_frequencies(self.inst)[0])
+
+
+@dataclass(frozen=True)
 class JointComparison:
     """Two instruments with the same joints and tendons; :func:`compare_joints` makes it."""
 
-    real_size: FullForm
+    working: WorkingRange
     scaled_up: FullForm
-    loads: tuple[UsualLoad, ...]
-    """On the real-size instrument, the largest of the working range."""
+
+    @property
+    def real_size(self) -> FullForm:
+        """The real-size instrument."""
+        return self.working.inst
+
+    @property
+    def loads(self) -> tuple[UsualLoad, ...]:
+        """On the real-size instrument, the largest of the working range."""
+        return self.working.loads
 
     def __repr__(self) -> str:
         found = ", ".join(f"{key} {value:.4g}" for key, value in self.factors.items())
@@ -132,7 +196,7 @@ class JointComparison:
         """
         length = self.length_factor
         stiffness = float(np.exp(np.mean(np.log(self.scaled_up.stiffnesses / self.real_size.stiffnesses))))
-        time = plant.natural_frequencies(self.real_size)[0] / plant.natural_frequencies(self.scaled_up)[0]
+        time = self.working.frequency / plant.natural_frequencies(self.scaled_up)[0]
         spool = length * self.real_size.own_drives.spool_radius / self.scaled_up.own_drives.spool_radius
         force, moment, grip = self._load_factors
         return {
@@ -152,11 +216,9 @@ class JointComparison:
 
     @cached_property
     def _load_factors(self) -> tuple[float, float, float]:
-        states = self.states
-        real, scaled = (
-            Bends.of(inst).rates(chain.rates(inst, states.handle, strokes=strokes))
-            for inst, strokes in ((self.real_size, states.strokes), (self.scaled_up, states.scaled_strokes))
-        )
+        states, real = self.states, self.working.rates
+        found = chain.rates(self.scaled_up, states.handle, strokes=states.scaled_strokes)
+        scaled = Bends.of(self.scaled_up).rates(found)
         pairs = (
             (real.by_wrench[..., :3], scaled.by_wrench[..., :3]),
             (real.by_wrench[..., 3:], scaled.by_wrench[..., 3:]),
@@ -177,24 +239,10 @@ class JointComparison:
         A handle with as many joints as the tip is held at the same angles in both instruments; otherwise motors hold
         the same unloaded angles in both. States that either cannot be held in are left out.
         """
-        real = self.real_size
-        most = _FARTHEST * np.array([[len(arcs)] for arcs in real.bends.values()])
-        found = [row for row in map(self._held, _spread(np.clip(real.bend_limits, -most, most))) if row is not None]
-        angles, handle, strokes, other = (np.array(part) for part in zip(*found, strict=True))
-        wrench, grip = _load_rows(self.loads)
-        return WorkingStates(angles, handle, strokes, other, wrench, grip)
-
-    def _held(self, bends: Array) -> tuple[Array, Array, Array, Array] | None:
-        real, scaled = self.real_size, self.scaled_up
-        wanted = real.bent(bends)
-        try:
-            handle, strokes = statics.hold(real, wanted)
-            other = strokes if handle.any() else statics.hold(scaled, scaled.bent(bends))[1]
-            angles = chain.output_angles(real, handle, strokes=strokes)
-        except NoSolutionError:
-            return None
-        beyond = (np.abs(handle) > [joint.range for joint in real.handle_joints]).any()
-        return None if beyond or np.abs(angles - wanted).max() > _REACHED else (angles, handle, strokes, other)
+        bends, angles, handle, strokes = self.working.held
+        scaled = self.scaled_up
+        other = strokes if handle.any() else statics.hold(scaled, np.array([scaled.bent(row) for row in bends]))[1]
+        return WorkingStates(angles, handle, strokes, other, *self.working.load_rows)
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
@@ -222,12 +270,11 @@ class JointComparison:
         pretensions
             Of the scaled-up tendons, (tendons,), N; by default those of the real size, scaled.
         """
-        states, real = self.states, self.real_size
+        states = self.states
         scaled = with_pretensions(self.scaled_up, self.scaled_pretensions if pretensions is None else pretensions)
         wrench, grip = self.scaled_loads(states.wrench, states.grip_force)
-        expected = _loaded(real, states.handle, states.strokes, states.wrench, states.grip_force)
         found = _loaded(scaled, states.handle, states.scaled_strokes, wrench, grip)
-        return self.between(found, expected)
+        return self._between(found, self.working.loaded, self.working.places)
 
     def scaled_loads(self, wrench: Array, grip_force: Array) -> tuple[Array, Array]:
         """Return wrenches (..., 6) and grip forces on the scaled-up instrument by those on the real-size one."""
@@ -237,13 +284,19 @@ class JointComparison:
 
     def between(self, found: Array, expected: Array) -> JointError:
         """Return the error between angles of the tip's joints, scaled-up and real-size, (n, loads, joints), rad."""
-        bends = Bends.of(self.real_size)
-        angle = np.degrees(bends.summed(found - expected))
-        places = [
-            kinematics.tip_pose(self.real_size, np.nan_to_num(angles)).position.reshape(*angles.shape[:-1], -1, 3)
-            for angles in (found, expected)
-        ]
-        tip = np.linalg.norm(places[0] - places[1], axis=-1).max(axis=-1)
+        return self._between(found, expected, self.working.places_at(expected))
+
+    def between_many(self, found: Array, expected: Array) -> list[JointError]:
+        """Return the errors of many scaled-up instruments, (instruments, n, loads, joints), rad, as :meth:`between`.
+
+        The angles expected are those of all, (n, loads, joints), or of each.
+        """
+        one = self._between(found, expected, self.working.places_at(expected))
+        return [JointError(self.joints, *both) for both in zip(one.angle, one.tip, strict=True)]
+
+    def _between(self, found: Array, expected: Array, places: Array) -> JointError:
+        angle = np.degrees(Bends.of(self.real_size).summed(found - expected))
+        tip = np.linalg.norm(self.working.places_at(found) - places, axis=-1).max(axis=-1)
         return JointError(self.joints, angle, np.where(np.isnan(angle).any(axis=-1), np.nan, tip))
 
     @cached_property
@@ -351,14 +404,15 @@ class JointMotions(NamedTuple):
 
 
 def compare_joints(
-    real_size: InstrumentLike, scaled_up: InstrumentLike, *, loads: Sequence[UsualLoad] | None = None
+    real_size: InstrumentLike | WorkingRange, scaled_up: InstrumentLike, *, loads: Sequence[UsualLoad] | None = None
 ) -> JointComparison:
     """Compare a scaled-up instrument of several joints with the real-size one that it models.
 
     Parameters
     ----------
     real_size, scaled_up
-        Instruments whose joints and tendons have the same names, mechanisms and routes; two planar axes are joints.
+        Instruments whose joints and tendons have the same names, mechanisms and routes; two planar axes are joints. The
+        :attr:`JointComparison.working` of another comparison stands for the first with its loads.
     loads
         The largest on the real-size instrument; by default :func:`tenodesis.statics.usual_loads`.
 
@@ -367,7 +421,10 @@ def compare_joints(
     ArgumentError
         Joints or tendons differ.
     """
-    real, scaled = expanded(real_size), expanded(scaled_up)
+    if not isinstance(real_size, WorkingRange):
+        own = expanded(real_size)
+        real_size = WorkingRange(own, tuple(statics.usual_loads(own) if loads is None else loads))
+    real, scaled = real_size.inst, expanded(scaled_up)
     for what in ("tip_joints", "handle_joints", "tendons"):
         ours, theirs = ([_kind_of(one) for one in getattr(inst, what)] for inst in (real, scaled))
         if ours != theirs:
@@ -378,7 +435,7 @@ def compare_joints(
                 key="scaled_up",
                 value=scaled.name,
             )
-    return JointComparison(real, scaled, tuple(statics.usual_loads(real) if loads is None else loads))
+    return JointComparison(real_size, scaled)
 
 
 def with_pretensions(inst: FullForm, tensions: Array) -> FullForm:

@@ -78,7 +78,7 @@ class Chirp(Loaded):
         """Return the amplitude of the handle angle, rad; raises ProtocolError if no handle angle gives it."""
         if self.output_amplitude is None:
             return self.amplitude or 0.0
-        return unloaded_handle_angle(start.plane, "output_amplitude", self.output_amplitude)
+        return unloaded_handle_angle(start.place, "output_amplitude", self.output_amplitude)
 
     def cycles(self, share: Array, seconds: float) -> Array:
         """Return the periods done (n,) after shares of a duration (s); its derivative by time is the frequency."""

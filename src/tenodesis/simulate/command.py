@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
-from typing import Any, Literal, NamedTuple, Protocol, Self, TypeAlias
+from typing import Any, Literal, NamedTuple, Protocol, Self, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,10 +72,14 @@ class Command(NamedTuple):
     between: Between | None = None
     spool_tension: Array | None = None
     """That the drives hold whatever their spools do for it, N; 0: a drive follows its spool's velocity."""
+    aim: Array | None = None
+    """Without a handle: unloaded angles to which spools turn what bends at the tip, rad."""
+    speeds: Callable[[Array], Array] | None = None
+    """Of the spools for that, as of :meth:`Places.spool_speeds`."""
 
     @classmethod
-    def rest(cls, places: Places, *, tissue: bool = False, tension: bool = False) -> Self:
-        """Return the command of an instrument that is straight, unloaded and not driven.
+    def rest(cls, places: Places, time_step: float, *, tissue: bool = False, tension: bool = False) -> Self:
+        """Return the command of an instrument that is straight, unloaded and not driven, at a time step (s).
 
         tissue, tension: it may get tissue, and drives that hold tensions.
         """
@@ -85,6 +89,8 @@ class Command(NamedTuple):
             np.zeros(tendons),
             spool_tension=np.zeros(tendons) if tension else None,
         )
+        if not places.inst.handle_joints:
+            still = still._replace(aim=np.zeros(len(places.joints)), speeds=places.spool_speeds(time_step))
         contact = (None,) * joints if tissue else None
         if places.takes_forces:
             return still._replace(force=np.zeros(axes), radial_force=np.zeros(axes), contact=contact)
@@ -93,7 +99,7 @@ class Command(NamedTuple):
     @property
     def values(self) -> dict[str, Array]:
         """What may change along a segment, by name."""
-        named = {name: getattr(self, name) for name in ("handle_angle", *LOADS, *_OF_SPOOLS)}
+        named = {name: getattr(self, name) for name in ("handle_angle", "aim", *LOADS, *_OF_SPOOLS)}
         return {name: values for name, values in named.items() if values is not None}
 
     @property
@@ -126,10 +132,9 @@ class Command(NamedTuple):
         where = place.where(name)
         return where.sign * float(getattr(self, where.field)[where.columns][0])
 
-    def touching(self, joint: int, contact: Contact | None) -> Self:
-        """Return this command with tissue on a joint of the tip, or without."""
-        before = self.contact or ()
-        return self._replace(contact=(*before[:joint], contact, *before[joint + 1 :]))
+    def touching(self, contacts: Mapping[int, Contact | None]) -> Self:
+        """Return this command with tissue on joints of the tip, by number, or without."""
+        return self._replace(contact=tuple(contacts.get(n, one) for n, one in enumerate(self.contact or ())))
 
 
 LOADS = ("force", "radial_force", "wrench", "grip_force")
@@ -146,19 +151,23 @@ class Segment:
     start: Command
     end: Command
     steps: int
-    place: Place = field(default_factory=Place)
+    place: Place | None = None
     paths: Mapping[Moved, PathByStep] = field(default_factory=dict)
 
     def sample(self, first: int, last: int) -> dict[str, Array]:
         """Return the commands from step `first` + 1 to step `last`; a single column has no dimension of its own."""
-        done = np.arange(first + 1, last + 1)
+        done = np.arange(first, last + 1)
         columns = {
             name: between(start, end, done / self.steps)
             for (name, start), end in zip(self.start.values.items(), self.end.values.values(), strict=True)
         }
         for name, path in self.paths.items():
-            where = self.place.where(name)
+            where = cast("Place", self.place).where(name)
             columns[where.field][:, where.columns] = where.sign * path(done)[:, np.newaxis]
+        aims = columns.pop("aim", None)
+        columns = {name: values[1:] for name, values in columns.items()}
+        if aims is not None and self.start.speeds is not None:
+            columns["spool_velocity"] += self.start.speeds(aims)
         single = [name for name, values in columns.items() if values.shape[1] == 1 and name not in _OF_SPOOLS]
         return columns | {name: columns[name][:, 0] for name in single}
 

@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from tenodesis.errors import ArgumentError, ProtocolError
-from tenodesis.instrument import ShortForm
 from tenodesis.run import COMPONENTS, Array
 from tenodesis.simulate.command import Command
 from tenodesis.simulate.model import ProtocolModel, check_choice
-from tenodesis.simulate.places import Places
+from tenodesis.simulate.places import Place, Places
 from tenodesis.units import Delay, Duration, SignedForce, SignedMoment
 
 
@@ -78,8 +77,8 @@ class AppliedLoad(ProtocolModel):
         """Whether it has a force at the tip, in any form."""
         return (self.force, self.weight, self.moment) != (None,) * 3
 
-    def tip_force(self, inst: ShortForm) -> float:
-        """Return the tangential force at the tip, N, for either form of the load.
+    def tip_force(self, place: Place) -> float:
+        """Return the tangential force on a place at the tip, N, for either form of the load.
 
         Raises ProtocolError if the load is a weight and the instrument's file lacks the radius of the cable's pulley.
         """
@@ -87,16 +86,16 @@ class AppliedLoad(ProtocolModel):
             return self.force
         moment = self.moment
         if self.weight is not None:
-            radius = inst.conditions.cable_pulley_radius
+            radius = place.inst.conditions.cable_pulley_radius
             if radius is None:
                 raise ProtocolError(
-                    f"weight is given, but {inst.name} has no conditions.cable_pulley_radius; "
+                    f"weight is given, but {place.inst.name} has no conditions.cable_pulley_radius; "
                     "give that, or force or moment instead of weight",
                     key="weight",
                     value=self.weight,
                 )
             moment = self.weight * radius
-        return (moment or 0.0) / inst.rig_arm
+        return (moment or 0.0) / place.rig_arm
 
 
 class LoadStep(AppliedLoad):
@@ -144,13 +143,13 @@ def check_load_steps(steps: Sequence[LoadStep], seconds: float) -> None:
 
 
 def stepped_force(
-    steps: Sequence[LoadStep], inst: ShortForm, force: Array, done: NDArray[np.int64], time_step: float
+    steps: Sequence[LoadStep], place: Place, force: Array, done: NDArray[np.int64], time_step: float
 ) -> Array:
     """Return the force (N) at numbers of steps done (n,), from what it is without load steps (n,)."""
     for step in steps:
         # A load is there within the step in which it comes, as between two phases.
         share = step.share(np.asarray((done - (0 if step.rise else 1)) * time_step, float))
-        force = (1 - share) * force + share * step.tip_force(inst)
+        force = (1 - share) * force + share * step.tip_force(place)
     return force
 
 

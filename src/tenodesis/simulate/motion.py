@@ -135,13 +135,13 @@ class Motion(Loaded):
         angles = self.scale * _RADIANS[self.angle_unit] * self.samples.values + self.offset
         if not self.limit:
             return angles
-        reach = start.handle(self._source).reach
+        reach = start.place.reach
         return np.clip(angles, -reach, reach)
 
     def _check_angles(self, start: Start, angles: Array) -> None:
         places = zip(self.samples.lines, self.samples.times, strict=True)
         names = [f"{self.file or 'data'}: line {line} ({time:g} s): the handle angle" for line, time in places]
-        check_handle_angles(start.handle(self._source), names, angles)
+        check_handle_angles(start.place, names, angles)
 
 
 def _opening_after(start: Start, angle: float) -> Edge:

@@ -3,14 +3,14 @@
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import Literal, NamedTuple, Self, cast
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from tenodesis.errors import ArgumentError, ProtocolError
-from tenodesis.instrument import AxisName, Instrument, ShortForm
+from tenodesis.instrument import AxisName, Instrument
 from tenodesis.run import Array
 from tenodesis.simulate.command import (
     SHAPES,
@@ -28,7 +28,7 @@ from tenodesis.simulate.joint import REST, Edge
 from tenodesis.simulate.loads import AppliedLoad, LoadStep, NamedLoad, check_load_steps, stepped_force
 from tenodesis.simulate.model import ProtocolModel, check_choice
 from tenodesis.simulate.places import Place, Places
-from tenodesis.simulate.reach import check_handle_angle, unloaded_handle_angle
+from tenodesis.simulate.reach import check_handle_angle, check_output_angles, unloaded_handle_angle
 from tenodesis.twin import Contact, Side
 from tenodesis.units import (
     Angle,
@@ -61,26 +61,13 @@ class Start(NamedTuple):
     after: "OpenLoop | None" = None
 
     @property
-    def plane(self) -> ShortForm:
-        """The instrument of the axis alone; phases that need it are refused where there is none."""
-        return cast("ShortForm", self.place.plane)
-
-    @property
     def handle_angle(self) -> float:
-        """The handle angle of the joint, rad; 0 without a handle."""
-        return 0.0 if self.place.joint is None else self.command.at(self.place, "handle_angle")
-
-    def handle(self, key: str) -> Place:
-        """Return what moves by a value given by a key; raises ProtocolError if there is no joint at the handle."""
-        if self.place.joint is None:
-            raise ProtocolError(
-                f"{key} is given, but there is no joint at the handle; give spool_velocities of a ramp", key=key
-            )
-        return self.place
+        """The handle angle of the joint, rad, without a handle that to which spools turn the tip's."""
+        return self.command.at(self.place, "handle_angle")
 
     def reached(self, key: str, angle: float) -> float:
-        """Return a handle angle (rad), given by a key; raises ProtocolError if the handle does not reach it."""
-        return check_handle_angle(self.handle(key), key, angle)
+        """Return a handle angle (rad), given by a key; raises ProtocolError if it is not reached."""
+        return check_handle_angle(self.place, key, angle)
 
     def at(self, angle: float) -> bool:
         """Return whether the handle is at an angle (rad), up to rounding."""
@@ -121,7 +108,9 @@ class Moving(OpenLoop):
     """A phase that begins at a handle angle of its own."""
 
     joint: str | None = Field(
-        default=None, description="Joint of the handle that it moves, in place of an axis; the first if not given"
+        default=None,
+        description="Joint of the handle that it moves, or of the tip without one, in place of an axis; the first if "
+        "not given",
     )
     approach: HandleSpeed = Field(default=math.radians(20), description="Largest handle speed on the way to its start")
 
@@ -201,7 +190,7 @@ class Loaded(NamedLoad, Moving):
 
             def force(done: NDArray[np.int64]) -> Array:
                 base = between(*ends, done / steps) + (0.0 if more is None else more(done))
-                return stepped_force(self.load_steps, start.plane, base, done, start.time_step)
+                return stepped_force(self.load_steps, start.place, base, done, start.time_step)
 
             paths["force"] = force
             last = last.on(start.place, force=float(force(np.array([steps]))[0]))
@@ -231,7 +220,9 @@ class Ramp(NamedLoad, OpenLoop):
         default=None, description="Spool velocities at the end, agonist's and antagonist's; positive winds"
     )
     handle_angles: Mapping[str, Angle] = Field(
-        default={}, description="Handle angles at the end by joint of the handle, several at once"
+        default={},
+        description="Handle angles at the end by joint of the handle, several at once; without one unloaded angles by "
+        "joint of the tip",
     )
     spool_velocities: Mapping[str, SpoolVelocity] = Field(
         default={}, description="Spool velocities at the end by tendon, several at once"
@@ -260,8 +251,7 @@ class Ramp(NamedLoad, OpenLoop):
 
     def edges(self, start: Start) -> tuple[Edge, Edge]:
         """Return the constant speed of the handle."""
-        name = "" if start.place.joint is None else start.place.joint.name
-        angle = self.handle_angles.get(name, self.handle_angle)
+        angle = self.handle_angles.get(start.place.name, self.handle_angle)
         way = 0.0 if angle is None else angle - start.handle_angle
         return (Edge(way / self.duration),) * 2
 
@@ -330,7 +320,7 @@ class Cycles(Loaded):
         if self.amplitude is not None:
             far = start.reached("amplitude", self.amplitude)
         else:
-            far = unloaded_handle_angle(start.plane, "output_amplitude", self.output_amplitude or 0.0)
+            far = unloaded_handle_angle(start.place, "output_amplitude", self.output_amplitude or 0.0)
         near = -far if self.symmetric else start.reached("from", self.start)
         if near == far:
             raise ProtocolError(
@@ -387,7 +377,7 @@ class StepLoad(NamedLoad, Moving, AppliedLoad):
         """Yield the move to the handle angle, the delay, the load, and its release."""
         angle = self._angle(start)
         free = start.command.on(start.place, handle_angle=angle)
-        force = self.tip_force(start.plane) if self.is_tangential else None
+        force = self.tip_force(start.place) if self.is_tangential else None
         loaded = self.on_tip(free, start.places).on(start.place, force=force)
         yield from self.approached(start, angle)
         yield start.segment(free, free, self.delay)
@@ -399,7 +389,7 @@ class StepLoad(NamedLoad, Moving, AppliedLoad):
 
     def _angle(self, start: Start) -> float:
         if self.output_angle is not None:
-            return unloaded_handle_angle(start.plane, "output_angle", self.output_angle)
+            return unloaded_handle_angle(start.place, "output_angle", self.output_angle)
         if self.handle_angle is not None:
             return start.reached("handle_angle", self.handle_angle)
         return start.handle_angle
@@ -453,21 +443,21 @@ class TissueContact(OpenLoop):
 
     def segments(self, start: Start) -> Iterator[Segment]:
         """Yield the time in contact, and what follows it."""
-        touching = start.command.touching(start.place.tip, self._contact(start.plane))
+        contacts = self._contacts(start.place)
+        touching = start.command.touching(contacts)
         yield start.segment(touching, touching, self.duration or start.time_step)
         if self.duration is not None:
-            free = touching.touching(start.place.tip, None)
+            free = touching.touching(dict.fromkeys(contacts))
             yield start.segment(free, free, 0.0)
 
-    def _contact(self, inst: ShortForm) -> Contact | None:
+    def _contacts(self, place: Place) -> dict[int, Contact | None]:
+        """Return the tissue on each joint of a place: arcs that bend alike meet what a tip with its lever meets."""
         if not self.stiffness or self.angle is None:
-            return None
-        if abs(self.angle) > inst.output_stop:
-            stop = f"within the joint's stops at ±{math.degrees(inst.output_stop):.6g} deg"
-            raise ProtocolError(
-                f"angle is {math.degrees(self.angle):.6g} deg; it must be {stop}",
-                key="angle",
-                value=self.angle,
-                allowed=stop,
-            )
-        return Contact(self.angle, self.stiffness, self.damping, self.side)
+            return dict.fromkeys(place.bends)
+        check_output_angles(place, ["angle"], [self.angle])
+        count = len(place.bends)
+        return {
+            joint: Contact(self.angle / count, share * self.stiffness, share * self.damping, self.side)
+            for joint, lever in zip(place.bends, place.levers, strict=True)
+            for share in [sum(place.levers) / lever]
+        }

@@ -1,14 +1,23 @@
-"""What a protocol acts on: joints of an instrument's handle, pairs of tendons, and components of the load."""
+"""What a protocol acts on: joints of a handle or what spools bend, their tendons, and components of the load."""
 
-from collections.abc import Collection, Iterator, Mapping
+import math
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import Literal, NamedTuple, Self, cast
 
-from tenodesis import statics
+import numpy as np
+
 from tenodesis.control.pairs import compensated, pairs
 from tenodesis.errors import ArgumentError, ProtocolError
-from tenodesis.instrument import Instrument, Joint, ShortForm
-from tenodesis.run import ACROSS, COMPONENTS, TENDONS
+from tenodesis.instrument import FullForm, Instrument, Joint, expanded
+from tenodesis.run import ACROSS, COMPONENTS, TENDONS, Array
+from tenodesis.statics import chain, load_matrix
+
+_TRIED, _REFINED = 65, 5
+"""Angles of a handle between which one that turns the tip is looked for, and how often, closer each time."""
+_NEAR = 1e-15
+"""Difference of angles that is rounding, rad."""
 
 
 class Where(NamedTuple):
@@ -25,38 +34,84 @@ class Where(NamedTuple):
         return cls("wrench", slice(n, n + 1), sign)
 
 
-class Place(NamedTuple):
-    """What a phase acts on: a joint of the handle, and the joint of the tip that follows it by a pair of tendons."""
+@dataclass(frozen=True, eq=False)
+class Place:
+    """What a phase acts on: what bends at the tip, and the joint of the handle that moves it, or else the spools."""
 
-    joint: Joint | None = None
+    inst: FullForm
+    joint: Joint | None
     """Of the handle; None without one."""
-    handle: int = 0
-    """Its number."""
-    plane: ShortForm | None = None
-    """The instrument of the tip's joint alone, if that has a pair of tendons of its own."""
-    tip: int = 0
-    """Its number."""
+    number: int
+    """Of that joint, or without a handle of what bends."""
+    bends: Sequence[int]
+    """Joints of the tip that turn, one or the arcs of a backbone; empty where it moves none."""
     tendons: tuple[int, ...] = ()
-    """Numbers of the pair, agonist and antagonist."""
-    across: str | None = None
-    """Component of the wrench that a force on it opposes; None where forces are commanded by axis."""
+    """Numbers of the tendons that a spool winds about them; of a pair agonist and antagonist."""
+    load: Where | None = None
+    """Where a force on it stands that opposes flexion; None where none at the tip does."""
+    levers: Sequence[float] = ()
+    """Moments about the straight joints by such a force, m."""
+    rig_arm: float = 0.0
+    """Moment of a load rig by such a force, m."""
+
+    @property
+    def name(self) -> str:
+        """Name of what moves."""
+        return self.joint.name if self.joint is not None else self.inst.tip_joints[self.bends[0]].bend
 
     def where(self, name: str) -> Where:
         """Return where a value of this place stands in a command."""
         if name == "handle_angle":
-            return Where(name, slice(self.handle, self.handle + 1))
+            return Where(name if self.joint is not None else "aim", slice(self.number, self.number + 1))
         if name == "spool_velocity":
             return Where(name, list(self.tendons))
-        if self.across is None:
-            return Where(name, slice(self.tip, self.tip + 1))
-        return Where.of_component(self.across, -1.0) if name == "force" else Where.of_component("fz")
+        own = cast("Where", self.load)
+        if name == "force":
+            return own
+        return Where.of_component("fz") if own.field == "wrench" else own._replace(field=name)
+
+    def limits(self, kind: Literal["limits", "stops"]) -> tuple[float, float]:
+        """Return the ends of the working range of what bends, or its mechanical stops, rad."""
+        low, high = np.sum([getattr(self.inst.tip_joints[n], kind) for n in self.bends], axis=0)
+        return float(low), float(high)
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Ends of the angles that move it, rad."""
+        return self.limits("limits") if self.joint is None else self.joint.limits
+
+    def output_angles(self, angles: Array) -> Array:
+        """Return the angles (n,), rad, to which angles of the handle, or of spools, turn what bends without load."""
+        if self.joint is None:
+            return angles
+        held = np.zeros((len(angles), len(self.inst.handle_joints)))
+        held[:, self.number] = angles
+        return np.asarray(chain.output_angles(self.inst, held)[:, self.bends].sum(axis=1))
+
+    def handle_angle(self, output_angle: float) -> float:
+        """Return the angle that :meth:`output_angles` turns to an output angle, rad; NaN if there is none."""
+        if self.joint is None:
+            return output_angle
+        if abs(self.output_angles(np.zeros(1))[0] - output_angle) < _NEAR:
+            return 0.0
+        low, high = self.range
+        for _ in range(_REFINED):
+            tried = np.linspace(low, high, _TRIED)
+            left = self.output_angles(tried) - output_angle
+            turns = np.flatnonzero(left[:-1] * left[1:] <= 0)
+            if not turns.size:
+                return math.nan
+            at = turns[np.argmin(np.abs(tried[turns]))]
+            low, high = tried[at], tried[at + 1]
+        return float(low - left[at] * (high - low) / (left[at + 1] - left[at]))
 
     @property
     def reach(self) -> float:
-        """Largest handle angle, rad, that keeps the unloaded tip within its range; 0 without a handle."""
-        if self.plane is not None:
-            return float(statics.reach(self.plane))
-        return 0.0 if self.joint is None else self.joint.range
+        """Largest angle, rad, that keeps the unloaded tip within its range."""
+        most = min(map(abs, self.range))
+        if self.joint is None or not self.bends:
+            return most
+        return float(np.fmin.reduce([most, *(abs(self.handle_angle(end)) for end in self.limits("limits"))]))
 
 
 @dataclass(frozen=True)
@@ -65,33 +120,80 @@ class Places:
 
     inst: Instrument
     joints: Mapping[str, Place]
-    """By joint of the handle."""
+    """By joint of the handle, without one by what bends at the tip."""
     axes: Mapping[str, Place]
-    """By axis, of the joints at the tip with a pair of tendons of their own."""
+    """By axis, of the joints at the tip that a pair of tendons of their own moves, or without a handle spools alone."""
     takes_forces: bool
     """Whether loads are commanded as forces by axis, since the axes do not act on each other, or as a wrench."""
 
     @classmethod
     def of(cls, inst: Instrument) -> Self:
         """Return the places of an instrument."""
-        try:
-            planar = compensated(inst)
-        except ArgumentError:
-            return cls(inst, {joint.name: Place(joint, n) for n, joint in enumerate(inst.handle_joints)}, {}, False)
-        # An instrument of such axes alone is what its controller is made for.
-        alone = planar is inst
-        axes = {}
-        for (axis, pair), plane in zip(pairs(inst).items(), planar.planar, strict=True):
-            joint, tendons = inst.handle_joints[pair.handle], (pair.agonist, pair.antagonist)
-            axes[axis] = Place(joint, pair.handle, plane, pair.joint, tendons, None if alone else ACROSS[axis])
-        paired = {place.handle: place for place in axes.values()}
-        joints = {joint.name: paired.get(n, Place(joint, n)) for n, joint in enumerate(inst.handle_joints)}
-        return cls(inst, joints, axes, alone)
+        whole, alone, own = expanded(inst), inst.short_form is not None, pairs(inst)
+        bends = list(whole.bends.values())
+        turned = chain.coupling(whole) @ whole.tendon_arms("handle")
+        handles = np.array([turned[arcs].sum(axis=0) for arcs in bends])
+        arms, lever = whole.tendon_arms("tip"), load_matrix(whole, 0.0)
+        rigs: list[float] = []
+        with suppress(ArgumentError):  # without pairs, or with pairs of several mechanisms
+            rigs = [plane.rig_arm for plane in compensated(inst).planar]
+        paired = {pair.handle: (n, pair) for n, pair in enumerate(own.values())}
+
+        def place(joint: Joint | None, number: int) -> Place:
+            n, pair = paired.get(number, (0, None)) if joint is not None else (0, None)
+            if pair is not None:
+                arcs: Sequence[int] = next(arcs for arcs in bends if pair.joint in arcs)
+            elif joint is None:
+                arcs = bends[number]
+            else:
+                arcs = bends[int(np.argmax(np.abs(handles[:, number])))] if handles[:, number].any() else ()
+            if not arcs:
+                return Place(whole, joint, number, ())
+            turning = (int(m) for m in np.flatnonzero(arms[:, arcs[0]]))
+            tendons = pair[2:] if pair is not None else tuple(m for m in turning if whole.tendons[m].start == "spool")
+            across = ACROSS.get(str(whole.tip_joints[arcs[0]].axis))
+            levers = np.abs(lever[arcs, COMPONENTS.index(across)]) if across is not None else np.zeros(1)
+            if across is None or not levers.all():
+                return Place(whole, joint, number, arcs, tendons)
+            load = Where("force", slice(n, n + 1)) if alone else Where.of_component(across, -1.0)
+            rig = rigs[n] if rigs and pair is not None else float(levers.mean())
+            return Place(whole, joint, number, arcs, tendons, load, levers.tolist(), rig)
+
+        if not whole.handle_joints:
+            joints = {name: place(None, n) for n, name in enumerate(whole.bends)}
+            axes: dict[str, Place] = {}
+            for at in joints.values():
+                if at.load is not None:
+                    axes.setdefault(str(whole.tip_joints[at.bends[0]].axis), at)
+            return cls(inst, joints, axes, takes_forces=False)
+        joints = {joint.name: place(joint, n) for n, joint in enumerate(whole.handle_joints)}
+        by_number = list(joints.values())
+        return cls(inst, joints, {axis: by_number[pair.handle] for axis, pair in own.items()}, alone)
+
+    def spool_speeds(self, time_step: float) -> Callable[[Array], Array]:
+        """Return speeds of the spools, rad/s, (n, tendons), by unloaded angles, rad, (n + 1, bends), a time step apart.
+
+        Takes that time, s. The angles are those at which a law of all joints aims, while no tendon is slack: springs
+        and backbones take their share of what is wound.
+        """
+        inst = expanded(self.inst)
+        arms, straight = inst.tendon_arms("tip"), np.zeros(len(inst.tip_joints))
+        turned = chain.rates(inst, np.zeros(len(inst.handle_joints))).by_stroke @ arms
+        wound = arms @ np.linalg.pinv(turned) / chain.coordinates(inst.tip_joints, straight)[1]
+        wound /= inst.own_drives.spool_radius * time_step
+        bent = np.array([inst.bent(row) for row in np.eye(len(inst.bends))])
+
+        def speeds(aims: Array) -> Array:
+            angles = aims @ bent
+            at, _ = chain.coordinates([*inst.tip_joints] * len(aims), angles.ravel())
+            return np.asarray(np.diff(at.reshape(angles.shape), axis=0) @ wound.T)
+
+        return speeds
 
     @property
     def first(self) -> Place:
         """What a phase acts on that names nothing."""
-        return next(iter((*self.axes.values(), *self.joints.values())), Place())
+        return next(iter((*self.axes.values(), *self.joints.values())))
 
     @property
     def wound(self) -> list[int]:
@@ -101,7 +203,7 @@ class Places:
     def tendon_name(self, number: int) -> str:
         """Return the name of a tendon in a sentence: by its joint and side where it is one of a pair."""
         for axis, place in self.axes.items():
-            if number in place.tendons:
+            if number in place.tendons and len(place.tendons) == len(TENDONS):
                 return f"the {TENDONS[place.tendons.index(number)]} of {axis}"
         return f"tendon {self.inst.tendons[number].name}"
 
@@ -117,14 +219,14 @@ class Places:
             )
         places = self.axes if key == "axis" else self.joints
         if name not in places:
-            allowed = " or ".join(places) or "left out"
-            has = f", which {self.inst.name} has" if places else f", since {self.inst.name} has no joint at its handle"
-            raise ProtocolError(f"{key} is {name}; it must be {allowed}{has}", key=key, value=name, allowed=allowed)
+            allowed = " or ".join(places)
+            what = f"{allowed}, which {self.inst.name} has"
+            raise ProtocolError(f"{key} is {name}; it must be {what}", key=key, value=name, allowed=allowed)
         return places[name]
 
     def listed(self, key: str, name: str) -> Place:
-        """Return the place of a joint of the handle, named within a key; raises ProtocolError if there is none."""
-        _check_listed(key, name, self.joints, "joints of the handle")
+        """Return the place of what moves a joint, named within a key; raises ProtocolError if there is none."""
+        _check_listed(key, name, self.joints, "joints of the handle" if self.inst.handle_joints else "joints")
         return self.joints[name]
 
     def tendon(self, key: str, name: str) -> int:

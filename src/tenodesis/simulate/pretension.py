@@ -123,7 +123,7 @@ class Pretension(Phase):
         """Check that the tip (rad, by joint) is not pulled aside, as happens endlessly if the load cells disagree."""
         turns = [(n, joint.name) for n, joint in enumerate(places.inst.tip_joints)]
         if self.axis is not None:
-            turns = [(places.axes[self.axis].tip, self.axis)]
+            turns = [(places.axes[self.axis].bends[0], self.axis)]
         for joint, name in turns:
             angle = turned[joint]
             if abs(angle) > _DRIFT:

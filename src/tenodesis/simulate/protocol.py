@@ -129,8 +129,8 @@ class Protocol(ProtocolModel):
         places = Places.of(as_instrument(inst))
         block_size(time_step, time_step)
         plan: list[Planned] = []
-        command, total = Command.rest(places, tissue=self.has_tissue, tension=self.has_tension_drives), 0.0
-        before, before_at = REST, Place()
+        command, total = Command.rest(places, time_step, tissue=self.has_tissue, tension=self.has_tension_drives), 0.0
+        before, before_at = REST, None
         for number, (phase, following) in enumerate(zip(self.phases, (*self.phases[1:], None), strict=True), 1):
             label = f"{self.name}: phase {number} ({phase.kind})"
             with errors_of(label):
@@ -139,7 +139,7 @@ class Protocol(ProtocolModel):
                     planned, before = Planned(phase, label, command, (), phase.timeout), REST
                     command = phase.end(command, places)
                 else:
-                    edge = before if at == before_at else REST
+                    edge = before if at is before_at else REST
                     start = Start(at, command, time_step, places, edge, _continuing(following, at, places))
                     planned, before = _planned(phase, label, start), phase.edges(start)[1]
                     command = planned.segments[-1].end
@@ -217,7 +217,7 @@ def _continuing(following: AnyPhase | None, at: Place, places: Places) -> OpenLo
     if following is None or isinstance(following, Pretension):
         return None
     try:
-        return following if following.place(places) == at else None
+        return following if following.place(places) is at else None
     except ProtocolError:
         return None
 

@@ -62,31 +62,35 @@ def hold(inst: InstrumentLike, output_angles: ArrayLike) -> tuple[Array, Array]:
     inst
         The instrument.
     output_angles
-        Of the tip's joints, (joints,), rad.
+        Of the tip's joints, (..., joints), rad.
 
     Returns
     -------
     tuple
-        Handle angles (handle joints,), rad, and strokes (tendons,), m.
+        Handle angles (..., handle joints), rad, NaN where it cannot hold one of several, and strokes (..., tendons), m.
 
     Raises
     ------
     ArgumentError
         They are not as many as the joints.
     NoSolutionError
-        The handle cannot hold these angles.
+        The handle cannot hold these angles, of a single state.
     """
     from scipy.optimize import nnls  # noqa: PLC0415 - takes long to load
 
     inst = expanded(inst)
     angles = np.atleast_1d(np.asarray(output_angles, float))
-    if angles.shape != (len(inst.tip_joints),):
+    if angles.shape[-1] != len(inst.tip_joints):
         raise ArgumentError(key="output_angles", value=output_angles, allowed=f"{len(inst.tip_joints)} numbers, rad")
-    handle, strokes = np.zeros(len(inst.handle_joints)), np.zeros(len(inst.tendons))
+    many = angles.shape[:-1]
+    handle, strokes = (np.zeros((*many, len(parts))) for parts in (inst.handle_joints, inst.tendons))
     if not angles.any():
         return handle, strokes
-    if len(handle) == len(angles):
-        return handle_angles(inst, angles), strokes
+    if handle.shape[-1] == angles.shape[-1]:
+        return np.where(angles.any(axis=-1, keepdims=True), handle_angles(inst, angles), 0.0), strokes
+    if many:
+        found = [hold(inst, row)[1] for row in angles.reshape(-1, angles.shape[-1])]
+        return handle, np.array(found).reshape(strokes.shape)
     at, turns = coordinates(inst.tip_joints, angles)
     arms = inst.tendon_arms("tip")
     motors = np.array([tendon.start == "spool" for tendon in inst.tendons])

@@ -67,11 +67,11 @@ class JointEvaluation(NamedTuple):
             expected, other = self._angles([self._built("real-size", row) for row in rows], scaled_up=False)
             status = np.where(status == Status.OK, other, status)
         else:
-            expected = np.broadcast_to(self.reference, found.shape)
+            expected = self.reference
         table = np.full((len(rows), len(self.responses)), np.nan)
         held = status == Status.OK
         if held.any():
-            table[held] = self._responses(found[held], expected[held])
+            table[held] = self._responses(found[held], expected if self.reference is not None else expected[held])
         return np.column_stack([table, status])
 
     def _responses(self, found: Array, expected: Array) -> Array:
@@ -84,7 +84,7 @@ class JointEvaluation(NamedTuple):
         lost = np.abs(by_motion - by_motion[:, :, :, :1]).max(axis=(1, 2, 3))
         flexion, extension = self.motions.last_loop
         width = np.abs(by_motion[:, extension][:, ::-1, :, 0] - by_motion[:, flexion][:, :, :, 0]).mean(axis=1)
-        errors = [self.comparison.between(one, other) for one, other in zip(found, expected, strict=True)]
+        errors = self.comparison.between_many(found, expected)
         at_tip = [(1e3 * one.rms_at_tip, 1e3 * one.largest_at_tip) for one in errors]
         return np.column_stack(
             [lost, width.max(axis=1), [one.rms for one in errors], [one.largest for one in errors], at_tip]

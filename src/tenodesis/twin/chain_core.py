@@ -115,7 +115,7 @@ class ChainCore(TwinCore):
 
 def _rig(inst: FullForm) -> list[float]:
     """Return the wrench on the tip by a newton on the load rig (Fig. 13), which pushes at the first joint of a pair."""
-    wrench, radius, axes = [0.0] * 6, inst.conditions.cable_pulley_radius, list(pairs(inst))
-    if radius is not None and axes:
+    wrench, radius = [0.0] * 6, inst.conditions.cable_pulley_radius
+    if radius is not None and (axes := list(pairs(inst))):
         wrench[COMPONENTS.index(ACROSS[axes[0]])] = -radius / compensated(inst).planar[0].rig_arm
     return wrench

@@ -12,7 +12,7 @@ from tenodesis.control.controller import OperatingState, fault_names
 from tenodesis.control.joints import JointController
 from tenodesis.errors import ArgumentError, FaultWarning
 from tenodesis.instrument import Instrument, InstrumentLike
-from tenodesis.run import TENDONS, Array, Run
+from tenodesis.run import TENDONS, Array, Run, fault_bits
 from tenodesis.twin.chain_core import ChainCore
 from tenodesis.twin.commands import check_finite
 from tenodesis.twin.core import Stepped, Ticks, TwinCore
@@ -139,8 +139,7 @@ def warn_of_faults(run: Run, inst: Instrument, *, stacklevel: int = 3) -> None:
     if not rows.size:
         return
     row = int(rows[0])
-    mask = int(np.bitwise_or.reduce(np.nan_to_num(np.atleast_1d(masks[row])).astype(np.int64)))
-    names = fault_names(mask)
+    names = fault_names(int(fault_bits(masks)[row]))
     hint = ""
     if "load_cell_stuck" in names and inst.tension_sensors[0].noise == 0:
         hint = (

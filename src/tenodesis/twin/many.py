@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -77,7 +78,7 @@ def chains(
     for one in tissue:
         if one is not None:
             one.check_outside(0.0)
-    rows = np.array([_rows(cores[r], insts[r], arrays, tissue, r) for r in range(len(cores) if per_run else 1)])
+    rows = _rows(cores if per_run else cores[:1], arrays, tissue)
     given = np.flatnonzero(rows.any(axis=(0, 1))).tolist() or [0]
     twins = [core.of_seed(seed) for core, seed in zip(cores, own, strict=True)]
     return Many(first, twins, insts, np.ascontiguousarray(rows[:, :, given]), given)
@@ -150,12 +151,25 @@ def _seeds(seeds: ArrayLike | None, runs: int) -> list[int]:
     return [int(seed) for seed in given]
 
 
-def _rows(twin: ChainCore, inst: Instrument, arrays: Mapping[str, Array], tissue: Sequence[Any], run: int) -> Array:
-    given = {name: array[run] if array.ndim == _PER_RUN else array for name, array in arrays.items()}
-    commands = as_columns(dict.fromkeys(twin.widths, 0.0) | given, twin.widths, inst)
-    twin.check(commands)
-    check_spool_tension(commands["spool_tension"], inst)
-    return twin.rows(commands, Surroundings(tissue, None, "tip"))
+def _rows(cores: Sequence[ChainCore], arrays: Mapping[str, Array], tissue: Sequence[Any]) -> Array:
+    """Return the commands of all runs, (runs, n, columns): at once where each has its own, and twins take the same."""
+    first, runs = cores[0], len(cores)
+    shapes = {array.shape[:2] for array in arrays.values() if array.ndim}
+    if runs > 1 and (len(shapes) > 1 or any(core.widths != first.widths for core in cores)):
+        of_each = [{n: one[[r]] if one.ndim == _PER_RUN else one for n, one in arrays.items()} for r in range(runs)]
+        return np.concatenate([_rows([core], given, tissue) for core, given in zip(cores, of_each, strict=True)])
+    given = {
+        n: one.reshape(math.prod(one.shape[:2]), one.shape[2]) if one.ndim == _PER_RUN else one
+        for n, one in arrays.items()
+    }
+    unset: dict[str, Any] = dict.fromkeys(first.widths, 0.0)
+    commands = as_columns(unset | given, first.widths, first.inst)
+    of_runs = {name: np.split(array, runs) for name, array in commands.items()}
+    for run, core in enumerate(cores):
+        core.check({name: parts[run] for name, parts in of_runs.items()})
+    check_spool_tension(commands["spool_tension"], first.inst)
+    found = first.rows(commands, Surroundings(tissue, None, "tip"))
+    return found.reshape(runs, -1, found.shape[1])
 
 
 def _shape(runs: int, arrays: Mapping[str, Array]) -> tuple[int, int]:

@@ -15,7 +15,7 @@ from tenodesis.control import Controller, JointController
 from tenodesis.control.parameters import tension_limit
 from tenodesis.errors import FaultWarning, NoSolutionError
 from tenodesis.instrument import FullForm, Instrument, expanded
-from tenodesis.run import Array, Run, concatenate
+from tenodesis.run import Array, Run, concatenate, fault_bits
 from tenodesis.scaling import AnyDesign, TestLoad
 from tenodesis.simulate import Protocol, execute
 from tenodesis.simulate.protocol import parse
@@ -452,11 +452,11 @@ def under_law(design: AnyDesign, *, brief: bool = False, seed: int = 0) -> tuple
         # Its faults are told in the plan.
         warnings.simplefilter("ignore", FaultWarning)
         closed = _staged(steps, _phases(inst, protocol(design, controlled=True, brief=brief), seed, controller))
-    faults = [int(value) for run in closed for value in np.unique(np.asarray(run["faults"]).astype(np.int64))]
+    faults = np.bitwise_or.reduce(np.concatenate([fault_bits(run["faults"]) for run in closed]))
     bends = _Bend.all_of(expanded(inst))
     loaded = [run for step, run in zip(steps, closed, strict=True) if step.read == "load"]
     left = max((float(np.abs(_moved(bends, run, _loaded(run))).max()) for run in loaded), default=0.0)
-    return closed, left, int(np.bitwise_or.reduce(faults))
+    return closed, left, int(faults)
 
 
 def _phases(

@@ -27,7 +27,7 @@ SHOWN = {"rad": "deg", "N": "N"}
 TABLE, FIGURE = "force.csv", "force.svg"
 """What estimates are written as."""
 _DRIVE_END = ("measured_tension", "measured_spool_angle", "measured_handle_angle")
-_RECORDED = (*_DRIVE_END, "wrench", "force", "radial_force", "grip_force", "measured_output_angle")
+_RECORDED = (*_DRIVE_END, "wrench", "force", "radial_force", *signal_tables.GRIP, "measured_output_angle")
 _MOST_SHOWN = 2000
 """Rows that are drawn."""
 
@@ -96,7 +96,7 @@ def observed(path: Path, inst: FullForm | None = None) -> Observed:
         )
     time = columns[lab_map.TIME]
     every = max(1, round(1 / inst.sensors.sampling_rate / float(np.median(np.diff(time)))))
-    rows = {name: row[::every] for name, row in columns.items() if row.size}
+    rows = {name: row[::every] for name, row in signal_tables.gripped(columns).items() if row.size}
     tension, spool, handle = (
         np.array([rows[name] for name in group]).reshape(-1, len(time[::every])).T for group in of
     )
