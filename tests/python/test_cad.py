@@ -236,6 +236,14 @@ def test_ferrules_that_have_no_room_between_discs_are_refused() -> None:
         cad.build("two-segment-continuum", process="fdm")
 
 
+def test_a_snakes_joints_are_refused_as_tied() -> None:
+    inst = tn.load("needle-driver")
+    joints = [joint.model_dump(exclude_unset=True) for joint in inst.as_given("joints")]
+    joints[2]["tied_to"] = "jaw_1"
+    with refused("joints.jaw_2.tied_to", "jaw_1", kind=InstrumentError):
+        cad.build(inst.replace(joints=joints), process="milled")
+
+
 @pytest.mark.parametrize("name", ["needle-driver", "maryland-dissector"])
 def test_a_wrist_that_cannot_be_printed_at_its_size_is_refused_with_a_process_and_a_scale_that_fit(name: str) -> None:
     inst = tn.load(name)
@@ -307,7 +315,7 @@ def test_a_tendon_that_turns_both_jaws_is_refused() -> None:
     inst = tn.load("needle-driver")
     tendons = [one.model_dump(exclude_unset=True) for one in inst.as_given("tendons")]
     tendons[2]["route"] = [*tendons[2]["route"], {"joint": "jaw_2", "side": "antagonist", "radius": 1e-3}]
-    with refused("tendons.jaw_1_wound.route.radius", 1e-3, kind=InstrumentError):
+    with refused("tendons.jaw_1_wound.route.radius", 1.0, kind=InstrumentError):
         cad.build(inst.replace(tendons=tendons), process="milled")
 
 

@@ -262,6 +262,14 @@ def _check_joints(full: FullForm, given: Sequence[Joint]) -> None:
         jaws = place == "tip" and _carries_jaws(full)
         for number, joint in enumerate(joints):
             key = f"joints.{joint.bend}"
+            if joint.tied_to is not None and not joint.arc:
+                raise InstrumentError(
+                    f"{key}.tied_to is {joint.tied_to!r}: no parts tie joints to each other, as a snake's are; it "
+                    "must be left out.",
+                    key=f"{key}.tied_to",
+                    value=joint.tied_to,
+                    allowed="left out",
+                )
             on = joints[0] if jaws else joints[number - 1]
             before = on.name if number else "stem"
             # A joint that says nothing stands on the one before.
@@ -333,7 +341,6 @@ def _check_backbones(joints: Sequence[Joint]) -> None:
         "torsional_rigidity": (None, "discs on one rod cannot turn against each other", "left out"),
         "planes": (1, "parts are made of backbones that bend in one plane each", "1"),
         "within": (None, "parts are made of backbones that bend in one plane each", "left out"),
-        "tied_to": (None, "nothing ties the solids of backbones to each other", "left out"),
         "offset": (0.0, "a backbone begins where the part before it ends", "0"),
         "backbone_rigidity": (rigidity, "one rod goes through all segments", f"{rigidity:g} N*m^2"),
     }
@@ -610,12 +617,12 @@ def _over(full: FullForm) -> list[tuple[Tendon, Crossing, int, Crossing]]:
             continue
         arms = [abs(arm_of(crossings[others[number].name], others[number])) for number in numbers]
         if sum(arms) - max(arms) > LEAST_ARM:
-            raise InstrumentError(
-                f"tendon {tendon.name} turns {' and '.join(others[number].name for number in numbers)}: as a solid it "
-                "ends at a pulley of one of them; the other radius must be 0.",
-                key=f"tendons.{tendon.name}.route.radius",
-                value=sum(arms) - max(arms),
-                allowed="0",
+            key, other = f"tendons.{tendon.name}.route.radius", others[numbers[int(np.argsort(arms)[-2])]].name
+            refuse(
+                key,
+                k.MM * (sum(arms) - max(arms)),
+                f"at {other} beside that at another jaw, and as a solid a tendon ends at a pulley of one of them",
+                "0 there",
             )
         number = numbers[int(np.argmax(arms))]
         found.append((tendon, crossings[first.name], number, crossings[others[number].name]))
