@@ -231,6 +231,14 @@ def _two_segments(**changes: Any) -> Instrument:
     return inst.replace(joints=[near, far])
 
 
+def test_a_tendon_that_skips_an_inner_segment_is_refused() -> None:
+    inst = tn.load("two-segment-continuum")
+    tendons = [tendon.model_dump(exclude_unset=True) for tendon in inst.as_given("tendons")]
+    tendons[2]["route"] = tendons[2]["route"][1:]
+    with refused("tendons.far_agonist.route", "far", kind=InstrumentError):
+        cad.build(inst.replace(tendons=tendons), process="milled")
+
+
 def test_ferrules_that_have_no_room_between_discs_are_refused() -> None:
     with refused("tendon_diameter", 0.3, kind=InstrumentError):
         cad.build("two-segment-continuum", process="fdm")
@@ -515,6 +523,30 @@ def test_segments_agree_with_the_model_and_nothing_collides_with_both_bent_to_th
     assert len(rows) == 8
     assert any(np.allclose(row, np.radians([15] * 4 + [-15] * 4)) for row in rows)
     assert cad.interference(segments, ends) == []
+
+
+@pytest.mark.slow
+def test_tendons_of_a_segment_across_pass_the_inner_one_beside_a_round_rod_and_change_length_with_their_own_alone() -> (
+    None
+):
+    inst = _two_segments(axis="pitch")
+    tendons = [tendon.model_dump(exclude_unset=True) for tendon in inst.as_given("tendons")]
+    for tendon in tendons[2:]:
+        tendon["route"] = [{"joint": "near", "side": "middle"}, *tendon["route"][1:]]
+    made = built(inst.replace(tendons=tendons), process="milled", rig=False)
+    size = made.joints[0]
+    assert isinstance(size, Backbone)
+    assert size.rod.wide == 0
+    full = made.instrument.expanded
+    bent = cad.tendon_lengths(made, full.bent(np.radians([50, 0]))) - cad.tendon_lengths(made, 0.0)
+    assert bent[:2] == pytest.approx(np.array([-1.8e-3, 1.8e-3]) * math.radians(50), abs=1e-6)
+    # In the middle of the bend, spans between discs of a third of the pitch keep their lengths to the second order; the
+    # first, from the socket's face, does not.
+    pitch, disc, turn = size.pitch, size.disc, math.radians(50) / (4 * size.spans)
+    first = turn**2 * (disc / 16 + disc**2 / (32 * (pitch - disc / 2)) - pitch / 24)
+    assert 1e3 * bent[2:] == pytest.approx(first, rel=5e-3)
+    assert cad.agreement(made).excursion < 1e-6
+    assert cad.interference(made, [math.radians(-60), math.radians(60)]) == []
 
 
 def test_a_strip_has_the_rigidity_of_the_file_and_is_nine_times_as_stiff_to_the_side() -> None:

@@ -564,15 +564,15 @@ def _places(full: FullForm, sizes: Sizes) -> Ways:
     found: Ways = {joint.name: {} for joint in full.tip_joints}
     straight: dict[str, tuple[float, float]] = {}
     for tendon in full.tendons:
-        for joint, offset in crossed(full, tendon):
-            if joint.place != "tip":
-                continue
+        passed = [(joint, offset) for joint, offset in crossed(full, tendon) if joint.place == "tip"]
+        for number, (joint, offset) in enumerate(passed):
             place = (k.MM * float(offset[0]), k.MM * float(offset[1]))
-            if math.dist(straight.setdefault(tendon.name, place), place) > _SAME_PLACE:
+            skips = joint.name != full.tip_joints[number].name
+            if skips or math.dist(straight.setdefault(tendon.name, place), place) > _SAME_PLACE:
                 key = f"tendons.{tendon.name}.route"
                 raise InstrumentError(
-                    f"{key} goes aside at {joint.bend}: a tendon passes straight through all discs; it must be at one "
-                    "place of all of them.",
+                    f"{key} goes aside at {joint.bend}: a tendon passes straight through all discs before it; it must "
+                    "be at one place of all of them.",
                     key=key,
                     value=joint.bend,
                     allowed="straight",
