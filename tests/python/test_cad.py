@@ -18,6 +18,7 @@ import tenodesis as tn
 from tenodesis import cad, kinematics, plant
 from tenodesis.cad import kernel, pack, picture
 from tenodesis.cad.assembly import postures
+from tenodesis.cad.backbone_parts import Backbone, section
 from tenodesis.cad.gears import Gear
 from tenodesis.cad.lever_parts import Lever
 from tenodesis.cad.model import fitting, gear_of
@@ -78,6 +79,11 @@ def wrist(request: pytest.FixtureRequest) -> cad.Model:
 @pytest.fixture(scope="module")
 def pulley() -> cad.Model:
     return built(tn.parse(PULLEY), process="fdm")
+
+
+@pytest.fixture(scope="module")
+def segments() -> cad.Model:
+    return built("two-segment-continuum", process="milled", rig=False)
 
 
 @pytest.fixture(scope="module")
@@ -189,12 +195,61 @@ def test_what_cannot_be_made_of_several_joints_is_named_by_its_key(
 
 @pytest.mark.parametrize(
     ("name", "choices", "key"),
-    [("two-segment-continuum", {}, "joints.near_arc1.mechanism"), ("hybrid-scaled-up", {"axis": "yaw"}, "axis")],
+    [("hybrid-scaled-up", {"axis": "yaw"}, "axis")],
 )
 def test_joints_of_which_no_parts_are_made_are_refused(name: str, choices: dict[str, Any], key: str) -> None:
     with pytest.raises(InstrumentError) as found:
         cad.build(name, **choices)
     assert found.value.key == key
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"planes": 2}, "joints.far.planes"),
+        ({"backbone_rigidity": 1e-3}, "joints.far.backbone_rigidity"),
+        ({"offset": 2e-3}, "joints.far.offset"),
+        ({"torsional_rigidity": 1e-3}, "joints.far.torsional_rigidity"),
+        ({"axis": "pitch"}, "tendons.far_agonist.route"),
+        ({"mechanism": "pulley", "backbone_length": None, "backbone_rigidity": None}, "joints.near.mechanism"),
+        ({"radius": 1.5e-3}, "tendons.far_agonist.route"),
+    ],
+)
+def test_backbones_of_which_no_parts_are_made_are_refused_by_the_keys_of_the_file(
+    changes: dict[str, Any], key: str
+) -> None:
+    with pytest.raises(InstrumentError) as found:
+        cad.build(_two_segments(**changes), process="milled")
+    assert found.value.key == key
+
+
+def _two_segments(**changes: Any) -> Instrument:
+    """Return the two-segment continuum with keys of its far segment changed."""
+    inst = tn.load("two-segment-continuum")
+    near, far = (joint.model_dump(exclude_unset=True) for joint in inst.as_given("joints"))
+    far = {name: value for name, value in (far | changes).items() if value is not None}
+    return inst.replace(joints=[near, far])
+
+
+def test_a_tendon_that_skips_an_inner_segment_is_refused() -> None:
+    inst = tn.load("two-segment-continuum")
+    tendons = [tendon.model_dump(exclude_unset=True) for tendon in inst.as_given("tendons")]
+    tendons[2]["route"] = tendons[2]["route"][1:]
+    with refused("tendons.far_agonist.route", "far", kind=InstrumentError):
+        cad.build(inst.replace(tendons=tendons), process="milled")
+
+
+def test_ferrules_that_have_no_room_between_discs_are_refused() -> None:
+    with refused("tendon_diameter", 0.3, kind=InstrumentError):
+        cad.build("two-segment-continuum", process="fdm")
+
+
+def test_a_snakes_joints_are_refused_as_tied() -> None:
+    inst = tn.load("needle-driver")
+    joints = [joint.model_dump(exclude_unset=True) for joint in inst.as_given("joints")]
+    joints[2]["tied_to"] = "jaw_1"
+    with refused("joints.jaw_2.tied_to", "jaw_1", kind=InstrumentError):
+        cad.build(inst.replace(joints=joints), process="milled")
 
 
 @pytest.mark.parametrize("name", ["needle-driver", "maryland-dissector"])
@@ -268,7 +323,7 @@ def test_a_tendon_that_turns_both_jaws_is_refused() -> None:
     inst = tn.load("needle-driver")
     tendons = [one.model_dump(exclude_unset=True) for one in inst.as_given("tendons")]
     tendons[2]["route"] = [*tendons[2]["route"], {"joint": "jaw_2", "side": "antagonist", "radius": 1e-3}]
-    with refused("tendons.jaw_1_wound.route.radius", 1e-3, kind=InstrumentError):
+    with refused("tendons.jaw_1_wound.route.radius", 1.0, kind=InstrumentError):
         cad.build(inst.replace(tendons=tendons), process="milled")
 
 
@@ -416,6 +471,115 @@ def test_tendons_between_discs_differ_from_the_arcs_of_the_model_by_less_than_a_
     assert 0.5 * left < found.excursion < 1e-6
     assert found.tip < 1e-9
     assert cad.interference(continuum, ENDS[1:]) == []
+
+
+def _between_discs(size: Backbone, spans: int, beside: float, angle: float) -> float:
+    """Return the length, mm, of a tendon over spans of discs that bend by an angle in all, straight between them."""
+    turn, bend = angle / spans, spans * size.pitch / angle
+    length, last = 0.0, None
+    for number in range(spans + 1):
+        # Faces of the inner segment's last disc, of discs and the plate, about the centre of the bend.
+        along = np.array([math.cos(number * turn), math.sin(number * turn)])
+        for side in (-1, 1)[number == 0 :] if number < spans else (0,):
+            point = (beside - bend) * along + side * size.disc / 2 * np.array([along[1], -along[0]])
+            length += 0.0 if last is None else float(np.linalg.norm(point - last))
+            last = point
+    return length
+
+
+@pytest.mark.slow
+def test_tendons_of_an_outer_segment_pass_through_the_inner_one_and_have_the_lengths_of_their_ways(
+    segments: cad.Model,
+) -> None:
+    full, size = segments.instrument.expanded, segments.joints[0]
+    assert isinstance(size, Backbone)
+    angle, names = math.radians(50), [tendon.name for tendon in full.tendons]
+    straight = cad.tendon_lengths(segments, 0.0)
+    near, far, both = (
+        cad.tendon_lengths(segments, full.bent(np.radians(row))) - straight for row in ([50, 0], [0, 50], [50, 50])
+    )
+    # The near segment's own tendons end half a disc before those of its arcs.
+    spans = 4 * size.spans
+    for name, side in (("far_agonist", 1), ("far_antagonist", -1)):
+        number = names.index(name)
+        own = _between_discs(size, spans, side * 1.8, angle) - (spans * size.pitch - size.disc / 2)
+        assert 1e3 * far[number] == pytest.approx(own, abs=1e-9)
+        assert near[number] == pytest.approx(-side * 1.8e-3 * angle, abs=1e-6)
+        assert both[number] == pytest.approx(near[number] + far[number], abs=1e-9)
+    for name, side in (("near_agonist", 1), ("near_antagonist", -1)):
+        number = names.index(name)
+        assert near[number] == pytest.approx(-side * 1.8e-3 * angle, abs=1e-6)
+        assert far[number] == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.slow
+def test_segments_agree_with_the_model_and_nothing_collides_with_both_bent_to_their_ends(segments: cad.Model) -> None:
+    found = cad.agreement(segments)
+    # What is left of both: radius times (angle)^3 over 24 and the square of the number of spans.
+    assert found.excursion < 2 * 1.8e-3 * math.radians(60) ** 3 / (24 * 12**2)
+    assert found.tip < 1e-9
+    ends = [math.radians(-60), math.radians(60)]
+    rows = [row.tip for row in postures(segments, ends)]
+    assert len(rows) == 8
+    assert any(np.allclose(row, np.radians([15] * 4 + [-15] * 4)) for row in rows)
+    assert cad.interference(segments, ends) == []
+
+
+@pytest.mark.slow
+def test_tendons_of_a_segment_across_pass_the_inner_one_beside_a_round_rod_and_change_length_with_their_own_alone() -> (
+    None
+):
+    inst = _two_segments(axis="pitch")
+    tendons = [tendon.model_dump(exclude_unset=True) for tendon in inst.as_given("tendons")]
+    for tendon in tendons[2:]:
+        tendon["route"] = [{"joint": "near", "side": "middle"}, *tendon["route"][1:]]
+    made = built(inst.replace(tendons=tendons), process="milled", rig=False)
+    size = made.joints[0]
+    assert isinstance(size, Backbone)
+    assert size.rod.wide == 0
+    full = made.instrument.expanded
+    bent = cad.tendon_lengths(made, full.bent(np.radians([50, 0]))) - cad.tendon_lengths(made, 0.0)
+    assert bent[:2] == pytest.approx(np.array([-1.8e-3, 1.8e-3]) * math.radians(50), abs=1e-6)
+    # In the middle of the bend, spans between discs of a third of the pitch keep their lengths to the second order; the
+    # first, from the socket's face, does not.
+    pitch, disc, turn = size.pitch, size.disc, math.radians(50) / (4 * size.spans)
+    first = turn**2 * (disc / 16 + disc**2 / (32 * (pitch - disc / 2)) - pitch / 24)
+    assert 1e3 * bent[2:] == pytest.approx(first, rel=5e-3)
+    assert cad.agreement(made).excursion < 1e-6
+    assert cad.interference(made, [math.radians(-60), math.radians(60)]) == []
+
+
+def test_a_strip_has_the_rigidity_of_the_file_and_is_nine_times_as_stiff_to_the_side() -> None:
+    made = section(1.2e-3, strip=True)
+    rigidity = 60e9 * 1e-12 / 12 * made.thick**3 * made.wide
+    assert rigidity == pytest.approx(1.2e-3, rel=1e-12)
+    assert made.wide**2 / made.thick**2 == pytest.approx(9.0)
+    assert 60e9 * math.pi / 64 * (1e-3 * section(1.2e-3, strip=False).thick) ** 4 == pytest.approx(1.2e-3, rel=1e-12)
+
+
+@pytest.mark.slow
+def test_discs_have_the_volume_of_their_holes_less_than_a_cylinder(segments: cad.Model) -> None:
+    size, tunnel = segments.joints[0], 0.34
+    assert isinstance(size, Backbone)
+    hole, pocket = math.pi * tunnel**2 / 4, math.pi * (1.25 * 0.3 + 0.02) ** 2
+    slot = (size.rod.thick + 0.04) * (size.rod.wide + 0.04)
+    for name, holes, pockets in (("near_disc", 4, 0), ("far_disc", 2, 0), ("near_end", 4, 2)):
+        part = segments.part(name)
+        outer = next(one for one in part.dimensions if one.name == "outer diameter").value / 2
+        deep = size.disc - 0.15
+        solid = (math.pi * outer**2 - slot - holes * hole) * size.disc - pockets * (pocket - hole) * deep
+        assert kernel.volume(part.solid) == pytest.approx(solid, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_segments_are_written_with_closed_meshes_and_masses_of_their_links(segments: cad.Model, tmp_path: Path) -> None:
+    found = cad.write(segments, tmp_path / "pack")
+    assert all(one.watertight for one in found.printable)
+    weighed = {one.part: one.mass for one in cad.masses(segments)}
+    inst = tn.load(tmp_path / "pack" / "instrument.toml")
+    near, far = (joint.mass for joint in inst.as_given("joints"))
+    assert near == pytest.approx(weighed["near_disc"] + weighed["near_end"], rel=1e-3)
+    assert far == pytest.approx(weighed["far_disc"] + weighed["tip_plate"] + weighed["end_effector"], rel=1e-3)
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from tenodesis.cad import kernel as k
 from tenodesis.cad.backbone_parts import Backbone, arc_place, bent_rod
 from tenodesis.cad.gears import GearJoint
 from tenodesis.cad.kernel import Location, Solid
-from tenodesis.cad.model import Model
+from tenodesis.cad.model import Model, Station
 from tenodesis.cad.parts import Part
 from tenodesis.errors import ArgumentError
 from tenodesis.run import Array
@@ -66,8 +66,10 @@ def assembled(
         x, y, z = part.away
         away = k.at(exploded * x, exploded * y, exploded * z)
         for number, place in enumerate(part.places):
-            solid = bent_rod(backbone_of(model), float(np.ravel(output_angle)[0])) if part.body == "rod" else part.solid
-            found.append(Placed(part, number, frame(part, place) * away * own_place(place, part) * solid))
+            if part.body == "rod":
+                found.append(Placed(part, number, away * _bent_rod(model, output_angle, frame)))
+            else:
+                found.append(Placed(part, number, frame(part, place) * away * place * part.solid))
     return found
 
 
@@ -82,29 +84,45 @@ class Posture(NamedTuple):
 def postures(model: Model, output_angles: Sequence[float], handle_angles: Sequence[float] = ()) -> list[Posture]:
     """Return the straight posture, each joint bent to each of the angles, and all of an end at once to their ends.
 
-    Angles are those of the first joint at either end, rad; the others are bent to the same shares of their ranges. The
-    rig stands where it loads the first joint; for the others the instrument is turned and moved in its clamps.
+    Angles are those of the first joint at either end, or of its backbone, rad; the others are bent to the same shares
+    of their ranges, arcs of a backbone alike. The rig stands where it loads the first joint; for the others the
+    instrument is turned and moved in its clamps.
     """
     still = np.zeros(len(model.at(tip=True))), np.zeros(len(model.at(tip=False)))
     found = []
     for place, angles in enumerate((output_angles, handle_angles)):
-        joints = [one.joint for one in model.at(tip=place == 0)]
-        if not joints:
+        limits = _limits(model, tip=place == 0)
+        if not len(limits):
             continue
         # Ends of the ranges over that of the first joint.
-        ends = [tuple(limit / joints[0].range for limit in joint.limits) for joint in joints]
+        ends = limits / np.abs(limits[0]).max()
         bent = [
-            (number == 0, abs(angle) * limits[int(angle > 0)] * np.eye(len(joints))[number])
-            for number, limits in enumerate(ends)
+            (number == 0, abs(angle) * ends[number, int(angle > 0)] * np.eye(len(ends))[number])
+            for number in range(len(ends))
             for angle in angles
             if number == 0 or angle != 0
         ]
-        if len(joints) > 1 and angles:
+        if len(ends) > 1 and angles:
             most = max(map(abs, angles))
             bent += [(False, most * np.array(corner)) for corner in product(*ends)]
+        if place == 0:
+            bent = [(alone, model.instrument.expanded.bent(row)) for alone, row in bent]
         for alone, row in bent:
             found.append(Posture(_held(model, row), still[1], alone) if place == 0 else Posture(still[0], row, True))
     return found
+
+
+def _limits(model: Model, *, tip: bool) -> Array:
+    """Return the ends of the ranges of what bends by itself at an end, (bends, 2), rad."""
+    if tip:
+        return model.instrument.expanded.bend_limits
+    return np.array([one.joint.limits for one in model.at(tip=False)])
+
+
+def ranges(model: Model, *, tip: bool) -> Array:
+    """Return the largest angles of what bends by itself at an end, (bends,), rad: of joints, or of backbones."""
+    limits = _limits(model, tip=tip)
+    return np.abs(limits).max(axis=1) if len(limits) else np.zeros(0)
 
 
 def _held(model: Model, angles: Array) -> Array:
@@ -212,22 +230,55 @@ def frames_of(model: Model, output_angle: ArrayLike, handle_angle: ArrayLike | N
     frames = kinematics.frames(full, angles, np.broadcast_to(handles, (len(full.handle_joints),)))
     stem = frames.bodies["stem"].position
     places = {name: k.placed(k.MM * (one.position - stem), one.quaternion) for name, one in frames.bodies.items()}
+    places |= {"bench": k.at(), "rod": k.at()}
     rig = model.rig
-    if rig is None:
-        places["bench"] = k.at()
-        return lambda part, place: places[part.body]
-    plane = k.at(turn=(0, 0, rig.turn))
-    tip = (plane.inverse() * places[f"{model.bearing.joint.name}_tip"]).position
-    places["bench"] = plane
-    places["rig_bar"] = plane * k.at(z=rig.pivot) * k.turned_about_y(math.atan2(tip.X, tip.Z - rig.pivot))
-    places["rod"] = k.at()
+    if rig is not None:
+        plane = k.at(turn=(0, 0, rig.turn))
+        tip = (plane.inverse() * places[f"{model.bearing.joint.name}_tip"]).position
+        places["bench"] = plane
+        places["rig_bar"] = plane * k.at(z=rig.pivot) * k.turned_about_y(math.atan2(tip.X, tip.Z - rig.pivot))
+
+    arcs = arcs_of(model, angles)
 
     def placed(part: Part, place: Location) -> Location:
-        if part.body == "arc":
-            return arc_place(place.position.Z, backbone_of(model).length, float(angles[0]))
-        return places[part.body]
+        if part.body != "arc":
+            return places[part.body]
+        along = place.position.Z
+        # The last arc that begins before it.
+        arc, angle, begin = [one for one in arcs if one[2] <= along][-1]
+        turn = k.at(turn=(0, 0, arc.end.turn))
+        bent = turn * arc_place(along - begin, size_of(arc).length, angle) * turn.inverse()
+        return places[arc.end.near] * bent * k.at(z=-along)
 
     return placed
+
+
+def arcs_of(model: Model, angles: Array) -> list[tuple[Station, float, float]]:
+    """Return the arcs of a tip's backbones, their angles, rad, and where they begin along it, mm."""
+    found, begin = [], 0.0
+    for one, angle in zip(model.at(tip=True), angles, strict=True):
+        if isinstance(one.sizes, Backbone):
+            found.append((one, float(angle), begin))
+            begin += one.sizes.length
+    return found
+
+
+def size_of(arc: Station) -> Backbone:
+    """Return the sizes of an arc."""
+    assert isinstance(arc.sizes, Backbone)
+    return arc.sizes
+
+
+def _bent_rod(model: Model, output_angle: ArrayLike, frame: Placing) -> Solid:
+    """Return the rod of a tip's backbones, bent, in the frame of the stem's distal end."""
+    arcs = arcs_of(model, np.broadcast_to(np.asarray(output_angle, float), (len(model.at(tip=True)),)))
+    disc = next(part for part in model.parts if part.body == "arc")
+    bent = []
+    for one, angle, begin in arcs:
+        start = k.at(z=begin)
+        bent.append((size_of(one).length, angle, frame(disc, start) * start * k.at(turn=(0, 0, one.end.turn))))
+    size = size_of(arcs[-1][0])
+    return bent_rod(size.rod, bent, size.collar)
 
 
 def _handle_angles(model: Model, angles: Array) -> Array:
@@ -243,18 +294,6 @@ def _handle_angles(model: Model, angles: Array) -> Array:
             allowed=f"within what the handle of {inst.name} reaches, or given with a handle_angle",
         )
     return found
-
-
-def own_place(place: Location, part: Part) -> Location:
-    """Return a part's place within its body; that along a backbone is already part of its frame."""
-    return k.at() if part.body == "arc" else place
-
-
-def backbone_of(model: Model) -> Backbone:
-    """Return the backbone of an instrument that has one."""
-    joint = model.joints[0]
-    assert isinstance(joint, Backbone)
-    return joint
 
 
 def matrix(place: Location) -> Array:

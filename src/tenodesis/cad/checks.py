@@ -1,7 +1,7 @@
 """Checks of solids: their tendons and tip against the model, and whether their meshes can be printed."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from tenodesis import kinematics
 from tenodesis.cad import kernel as k
-from tenodesis.cad.assembly import Placing, frames_of, matrix, own_place
+from tenodesis.cad.assembly import Placing, arcs_of, frames_of, matrix, size_of
+from tenodesis.cad.backbone_parts import Backbone
 from tenodesis.cad.bench_parts import TIP_PIN
 from tenodesis.cad.kernel import Location, Solid
 from tenodesis.cad.lever_parts import Lever
@@ -90,13 +91,18 @@ def _rows(model: Model, angles: ArrayLike, *, tip: bool) -> Array:
 
 
 def _crossed(model: Model, tendon: Tendon) -> list[Station]:
-    """Return the joints that a tendon crosses, without jaws at whose axis it has no more than a coupling's rounding."""
+    """Return the joints that a tendon crosses, without jaws at whose axis it has no more than a coupling's rounding.
+
+    Of the arcs of backbones it is the last, since its way is that along all of them.
+    """
     crossings = {crossing.joint: crossing for crossing in tendon.route}
     own = [one for one in model.stations if one.joint.name in crossings]
+    arcs = [one for one in own if isinstance(one.sizes, Backbone)]
     return [
         one
         for one in own
-        if not isinstance(one.sizes, Jaw) or abs(arm_of(crossings[one.joint.name], one.joint)) > LEAST_ARM
+        if one not in arcs[:-1]
+        and (not isinstance(one.sizes, Jaw) or abs(arm_of(crossings[one.joint.name], one.joint)) > LEAST_ARM)
     ]
 
 
@@ -168,8 +174,10 @@ def _way(model: Model, station: Station, tendon: str) -> _Way:
 
         return wound
     tunnel = rope + k.MM * model.process.bore
+    if isinstance(joint, Backbone):
+        return _along(model, station, (x, y), tunnel)
     stations = []
-    for body, far in ((end.near, False), (end.carrier, False), ("arc", False), (end.far, True)):
+    for body, far in ((end.near, False), (end.carrier, False), (end.far, True)):
         # Where it is in the frame of the body, and which end of the tunnel is toward the joint.
         across = (end.place() if body != end.far else end.place(far=True)) * k.at(x, -y if far == end.tip else y)
         axis = 0.0 if far else end.start
@@ -180,14 +188,32 @@ def _way(model: Model, station: Station, tendon: str) -> _Way:
             for place in part.places
             for mouth in _mouths(part, _within(place, across), tunnel)
         ]
-        # A tendon passes both mouths of a disc.
-        stations += [one for _, one in (mouths if body == "arc" else sorted(mouths, key=lambda one: one[0])[:1])]
+        stations += [one for _, one in sorted(mouths, key=lambda one: one[0])[:1]]
+    return _straight(stations)
+
+
+def _along(model: Model, station: Station, at: tuple[float, float], tunnel: float) -> _Way:
+    """Return the function of a tendon's length along a tip's backbones, to the end of an arc, mm."""
+    across = k.at(turn=(0, 0, station.end.turn)) * k.at(*at)
+    arcs, straight = arcs_of(model, np.zeros(len(model.at(tip=True)))), frames_of(model, 0.0, 0.0)
+    end = next(begin + size_of(one).length for one, _, begin in arcs if one is station)
+    found = [
+        ((straight(part, place) * place * k.at(*mouth)).position.Z, (part, place, mouth))
+        for part in model.parts
+        if part.body in ("stem", "arc", arcs[-1][0].end.far) and part.made
+        for place in part.places
+        for mouth in _mouths(part, _within(place, across), tunnel)
+    ]
+    # From the socket's face to the disc or plate on which it ends; it passes both mouths of the discs between.
+    passed = sorted((one for one in found if -_NEAR < one[0] < end + _NEAR), key=lambda one: one[0])
+    return _straight([one for _, one in passed])
+
+
+def _straight(stations: Sequence[tuple[Part, Location, Array]]) -> _Way:
+    """Return the function of a tendon's length from mouth to mouth of tunnels, at places of parts, mm."""
 
     def straight(frame: Placing, _output: Array, _handle: Array) -> float:
-        points = [
-            (matrix(frame(part, place) * own_place(place, part)) @ np.append(point, 1.0))[:3]
-            for part, place, point in stations
-        ]
+        points = [(matrix(frame(part, place) * place) @ np.append(point, 1.0))[:3] for part, place, point in stations]
         return float(sum(np.linalg.norm(two - one) for one, two in pairwise(points)))
 
     return straight
@@ -293,14 +319,16 @@ def agreement(model: Model, count: int = ANGLES) -> Agreement:
     force = 0.05 * stiffness * radius**2 / (tip.end_effector_length or radius)
     tight = model.instrument.replace(pretension=min(stiffness * radius, 1e4), breaking_load=None).expanded
     limits = np.array([joint.limits for joint in full.tip_joints])
+    most = full.bend_limits[:, 1]
     ranges = np.array([joint.range for joint in full.handle_joints])
     if len(ranges) == 1:
         handles = np.linspace(-ranges, ranges, 20 * count + 1)
     else:
         handles = ranges * np.random.default_rng(0).uniform(-1.0, 1.0, (20 * count, len(ranges)))
     # Without a handle its drives draw the tendons.
-    wanted = np.random.default_rng(1).uniform(-1.0, 1.0, (len(handles), len(full.tip_joints)))
-    strokes = (0.0 if len(ranges) else 1.0) * (wanted * limits[:, 1]) @ full.tendon_arms("tip").T
+    wanted = most * np.random.default_rng(1).uniform(-1.0, 1.0, (len(handles), len(most)))
+    bent = np.array([full.bent(row) for row in wanted])
+    strokes = (0.0 if len(ranges) else 1.0) * bent @ full.tendon_arms("tip").T
     wrench = np.zeros(6)
     wrench[:3] = -force * bend_side(full.tip_joints[0].axis_vector)
     found = chain.equilibrium(tight, handles, wrench, strokes=strokes)

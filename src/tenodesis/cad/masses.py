@@ -7,12 +7,13 @@ import numpy as np
 
 from tenodesis import plant
 from tenodesis.cad import kernel as k
-from tenodesis.cad.assembly import frames_of, matrix
-from tenodesis.cad.backbone_parts import Backbone
+from tenodesis.cad.assembly import arcs_of, frames_of, matrix, size_of
 from tenodesis.cad.model import Model, Station
+from tenodesis.cad.parts import Part
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 
+_SAME = 1e-6  # mm
 _LEAST_MORE = 1e-9  # kg m^2, where the search for what a link needs more begins
 
 
@@ -60,19 +61,20 @@ def inertias(model: Model) -> dict[str, Inertia]:
     found: dict[str, Inertia] = {}
     bench = ("bench", "rig_bar")
     for body in dict.fromkeys(part.body for part in model.parts if part.body not in bench):
-        pieces = []
-        for part in model.parts:
-            if part.body != body:
-                continue
-            solid = part.solid
-            centre = np.array([*solid.center(k.kernel().CenterOf.MASS)])
-            own = np.array(solid.matrix_of_inertia) * part.density * 1e-15
-            for place in part.places:
-                placed = matrix(place)
-                turn, shift = placed[:3, :3], placed[:3, 3]
-                mass = solid.volume * 1e-9 * part.density
-                pieces.append(Inertia(mass, (turn @ centre + shift) * 1e-3, turn @ own @ turn.T))
-        found[body] = _joined(pieces)
+        found[body] = _joined([piece for part in model.parts if part.body == body for piece in _pieces(part)])
+    return found
+
+
+def _pieces(part: Part) -> list[Inertia]:
+    """Return the inertia of every piece of a part, in the frame of its body."""
+    solid, found = part.solid, []
+    centre = np.array([*solid.center(k.kernel().CenterOf.MASS)])
+    own = np.array(solid.matrix_of_inertia) * part.density * 1e-15
+    for place in part.places:
+        placed = matrix(place)
+        turn, shift = placed[:3, :3], placed[:3, 3]
+        mass = solid.volume * 1e-9 * part.density
+        found.append(Inertia(mass, (turn @ centre + shift) * 1e-3, turn @ own @ turn.T))
     return found
 
 
@@ -83,24 +85,24 @@ def tip_inertia(model: Model) -> float:
     well: at a straight joint it is as if it turned about the line of centres' middle, and the links turn by half the
     angle. A backbone's discs count by their share of the angle.
     """
-    bodies = inertias(model)
-    first, *others = model.at(tip=True)
-    joint, axis = first.sizes, np.array(first.joint.axis_vector)
+    bodies, tips = inertias(model), model.at(tip=True)
+    # The arcs of a backbone bend alike.
+    own = next(iter(model.instrument.expanded.bends.values()))
+    first, axis = tips[0], np.array(tips[0].joint.axis_vector)
     frame = frames_of(model, 0.0, 0.0)
     place = {part.body: matrix(frame(part, k.at()))[:3, 3] * 1e-3 for part in model.parts if part.body != "arc"}
-    apart = joint.length if isinstance(joint, Backbone) else k.MM * first.joint.chord
-    middle = place[first.end.far] - np.array([0.0, 0.0, 5e-4 * apart])
-    turning = [first.end.far, *(body for one in others for body in (one.end.carrier, one.end.far) if body in bodies)]
+    apart = sum(tips[number].joint.chord for number in own)
+    begin = place[first.end.near] + np.array([0.0, 0.0, 1e-3 * first.end.start])
+    middle = begin + np.array([0.0, 0.0, apart / 2])
+    outer = (body for one in tips[own[-1] + 1 :] for body in (one.end.carrier, one.end.far))
+    turning = [body for body in (tips[own[-1]].end.far, *outer) if body in bodies]
     found = sum((float(axis @ bodies[body].about(middle - place[body]) @ axis) for body in turning), 0.0)
-    if isinstance(joint, Backbone):
-        # A disc turns by its share of the angle, about the middle of the backbone before it.
-        discs: float = sum(
-            1e-9 * one.solid.volume * one.density * (5e-4 * float(disc.position.Z) ** 2 / joint.length) ** 2
-            for one in model.parts
-            if one.body == "arc"
-            for disc in one.places
-        )
-        return found + discs
+    for part in model.parts:
+        for disc in part.places if part.body == "arc" else ():
+            # A disc turns by its share of the angle, about the middle of the backbone before it.
+            along = 1e-3 * float(disc.position.Z)
+            reach = along**2 / (2 * apart) if along < apart else along - apart / 2
+            found += 1e-9 * part.solid.volume * part.density * reach**2
     return found + _links(first, bodies, axis)
 
 
@@ -121,13 +123,15 @@ def with_inertia(model: Model) -> Instrument:
         least = max(plant.least_tip_inertia(one) for one in short.planar)
         inertia = {"dynamics.tip_inertia": max(tip_inertia(model), least)}
         return short.replace(**inertia, sources={**given.sources, "dynamics.tip_inertia": source})
-    bodies, changes = inertias(model), {}
-    for one in model.at(tip=True):
-        link, axis = bodies[one.end.far], np.array(one.joint.axis_vector)
+    bodies, changes, tips = inertias(model), {}, model.at(tip=True)
+    for name, places in model.instrument.expanded.arc_places.items():
+        one, axis = tips[places[-1]], np.array(tips[places[-1]].joint.axis_vector)
+        link = _joined([*_discs(model, places), *([bodies[one.end.far]] if one.end.far in bodies else [])])
         across = float(np.diag(link.about(np.zeros(3)))[:2].mean())
-        changes[one.joint.name] = {
+        changes[name] = {
             "mass": link.mass,
-            "centre_of_mass": float(link.centre[2]),
+            # That of discs is before the end of their backbone, where a file has none.
+            "centre_of_mass": max(float(link.centre[2]), 0.0),
             "inertia": across + _links(one, bodies, axis),
         }
     keys = ("mass", "centre_of_mass", "inertia")
@@ -144,6 +148,22 @@ def with_inertia(model: Model) -> Instrument:
         return given.replace(joints=joints, sources={**given.sources, **sources})
 
     return built(_least_more(lambda more: float(plant.natural_frequencies(built(more).expanded)[-1])))
+
+
+def _discs(model: Model, places: Sequence[int]) -> list[Inertia]:
+    """Return the inertias of the discs of a backbone in arcs at places of the tip, straight, from its far end."""
+    arcs = arcs_of(model, np.zeros(len(model.at(tip=True))))
+    if not arcs:
+        return []
+    (_, _, low), (last, _, begin) = arcs[places[0]], arcs[places[-1]]
+    end = begin + size_of(last).length
+    return [
+        piece._replace(centre=piece.centre - np.array([0.0, 0.0, 1e-3 * end]))
+        for part in model.parts
+        if part.body == "arc"
+        for piece, place in zip(_pieces(part), part.places, strict=True)
+        if low < place.position.Z <= end + _SAME
+    ]
 
 
 def _least_more(fastest: Callable[[float], float]) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from tenodesis import kinematics
 from tenodesis.cad import kernel as k
-from tenodesis.cad.backbone_parts import Backbone, backbone, backbone_parts
+from tenodesis.cad.backbone_parts import Backbone, backbone, backbone_parts, check_ends, section
 from tenodesis.cad.bench_parts import (
     Hardware,
     Rig,
@@ -62,6 +62,8 @@ _BEYOND_RANGE = {"tip": math.radians(10), "handle": math.radians(5)}
 """By how much a joint turns farther than its working range before its parts touch."""
 
 AnyJoint: TypeAlias = GearJoint | PulleyJoint | Backbone | Lever | Wrist | Jaw
+Ways: TypeAlias = dict[str, dict[str, tuple[float, float]]]
+"""Where tendons are at a joint, mm, in its own frame: by joint and by tendon."""
 
 
 class Station(NamedTuple):
@@ -86,12 +88,10 @@ class Model:
     parts: tuple[Part, ...]
     stations: tuple[Station, ...]
     """Its joints, from the stem outward, those of the tip first."""
-    ways: "Ways"
+    ways: Ways
     """Where tendons are at a joint, mm, in its own frame: by joint and by tendon."""
     rig: Rig | None
     """Where the load rig stands; None of jaws, whose eyes are smaller than its pin."""
-    stop: float
-    """Output angle up to which the first joint of the tip was sized, rad."""
 
     @property
     def joints(self) -> tuple[AnyJoint, ...]:
@@ -156,7 +156,7 @@ def build(
     full = built.expanded
     chosen = process_of(process)
     bought = hardware or Hardware()
-    _check_joints(full)
+    _check_joints(full, full.joints if built.short_form is not None else built.as_given("joints"))
     if built.tendon_diameter is None:
         raise InstrumentError(
             f"{built.name} has no tendon_diameter; tunnels and grooves need it: give it, 0.5 mm say.",
@@ -194,9 +194,7 @@ def build(
         parts += drive_parts(sizes, bought, k.MM * full.own_drives.spool_radius, behind - 120, drawn)
     parts = [part if part.density else replace(part, density=chosen.density) for part in parts]
     # The inertia of a roll that is left out is not in the solids: the file written is of what is built.
-    return Model(
-        given if axis else built, built, axis, chosen, tuple(parts), stations, ways, where, _stop(tips[0].joint)
-    )
+    return Model(given if axis else built, built, axis, chosen, tuple(parts), stations, ways, where)
 
 
 def _check_lengths(inst: Instrument, stations: tuple[Station, ...], sizes: Sizes) -> None:
@@ -254,14 +252,24 @@ def _without_roll(inst: Instrument) -> Instrument:
     return inst.replace(joints=tables, tendons=tendons)
 
 
-def _check_joints(full: FullForm) -> None:
-    """Refuse joints of which no parts are made."""
+def _check_joints(full: FullForm, given: Sequence[Joint]) -> None:
+    """Refuse joints of which no parts are made; `given` are those of the file."""
     if not full.tip_joints:
         raise InstrumentError(f"{full.name} has no joint at the tip.", key="joints", allowed="one at least")
+    if _is_backbone(full):
+        _check_backbones([joint for joint in given if joint.place == "tip"])
     for place, joints in (("tip", full.tip_joints), ("handle", full.handle_joints)):
         jaws = place == "tip" and _carries_jaws(full)
         for number, joint in enumerate(joints):
-            key = f"joints.{joint.name}"
+            key = f"joints.{joint.bend}"
+            if joint.tied_to is not None and not joint.arc:
+                raise InstrumentError(
+                    f"{key}.tied_to is {joint.tied_to!r}: no parts tie joints to each other, as a snake's are; it "
+                    "must be left out.",
+                    key=f"{key}.tied_to",
+                    value=joint.tied_to,
+                    allowed="left out",
+                )
             on = joints[0] if jaws else joints[number - 1]
             before = on.name if number else "stem"
             # A joint that says nothing stands on the one before.
@@ -281,10 +289,10 @@ def _check_joints(full: FullForm) -> None:
                     value=joint.offset,
                     allowed=f"{k.MM * joints[1].offset:.4g} mm",
                 )
-            if joint.mechanism == "continuum" and (place == "handle" or len(joints) > 1):
+            if joint.mechanism == "continuum" and (place == "handle" or not _is_backbone(full)):
                 raise InstrumentError(
-                    f"{key}.mechanism is 'continuum': parts are made of one backbone at the tip; it must be "
-                    "'tendon-gear' or 'pulley'.",
+                    f"{key}.mechanism is 'continuum': parts are made of backbones at the tip, without other joints; it "
+                    "must be 'tendon-gear' or 'pulley'.",
                     key=f"{key}.mechanism",
                     value=joint.mechanism,
                     allowed="tendon-gear or pulley",
@@ -293,7 +301,7 @@ def _check_joints(full: FullForm) -> None:
             if (
                 len(joints) > 1
                 and not jaws
-                and joint.mechanism != "tendon-gear"
+                and joint.mechanism not in {"tendon-gear", "continuum"}
                 and not (number == len(joints) - 1 and is_lever)
             ):
                 raise InstrumentError(
@@ -321,6 +329,30 @@ def _check_joints(full: FullForm) -> None:
                 )
 
 
+def _is_backbone(full: FullForm) -> bool:
+    """Return whether the joints of the tip are arcs of backbones."""
+    return all(joint.mechanism == "continuum" or joint.is_twist for joint in full.tip_joints)
+
+
+def _check_backbones(joints: Sequence[Joint]) -> None:
+    """Refuse backbones of which no parts are made: all but those of a row of arcs, in a plane each, on one rod."""
+    rigidity = joints[0].backbone_rigidity
+    reasons = {
+        "torsional_rigidity": (None, "discs on one rod cannot turn against each other", "left out"),
+        "planes": (1, "parts are made of backbones that bend in one plane each", "1"),
+        "within": (None, "parts are made of backbones that bend in one plane each", "left out"),
+        "offset": (0.0, "a backbone begins where the part before it ends", "0"),
+        "backbone_rigidity": (rigidity, "one rod goes through all segments", f"{rigidity:g} N*m^2"),
+    }
+    for joint in joints:
+        for name, (wanted, because, allowed) in reasons.items():
+            value, key = getattr(joint, name), f"joints.{joint.name}.{name}"
+            if value != wanted:
+                raise InstrumentError(
+                    f"{key} is {value}: {because}; it must be {allowed}.", key=key, value=value, allowed=allowed
+                )
+
+
 def _carries_jaws(full: FullForm) -> bool:
     """Return whether the joints of the tip are a pulley and others on it."""
     return len(full.tip_joints) > 1 and all(joint.mechanism == "pulley" for joint in full.tip_joints)
@@ -334,7 +366,7 @@ def _turn(joint: Joint) -> float:
 
 def _stop(joint: Joint) -> float:
     """Return the angle up to which a joint is sized, rad."""
-    most = joint.range + _BEYOND_RANGE[joint.place]
+    most = joint.range + _BEYOND_RANGE[joint.place] / joint.arc_count
     return min(max(map(abs, joint.stops)), most) if joint.place == "tip" else most
 
 
@@ -342,7 +374,7 @@ def _key(inst: Instrument, joint: Joint, key: str = "radius") -> str:
     """Return the key of a joint's dimension in the instrument's file."""
     short, tip = inst.short_form, joint.place == "tip"
     if short is None:
-        return f"joints.{joint.name}.{key}"
+        return f"joints.{joint.bend}.{key}"
     if key == "end_effector_length":
         return key if tip else "handle_length"
     if key != "radius":
@@ -386,8 +418,10 @@ def _joint_parts(stations: tuple[Station, ...], sizes: Sizes, turn: float) -> li
                 parts += lever_parts(joint, end, beyond.sizes, beyond.end, sizes, beyond.end.passing[0], across)
         elif isinstance(joint, PulleyJoint):
             parts += pulley_parts(joint, end, sizes)
-        elif isinstance(joint, Backbone):
-            parts += backbone_parts(joint, end, sizes)
+        elif isinstance(joint, Backbone) and not number:
+            parts += backbone_parts(
+                [(one.sizes, one.end) for one in stations if isinstance(one.sizes, Backbone)], sizes
+            )
         elif isinstance(joint, Wrist):
             parts += wrist_parts(joint, end, [one.end for one in stations[1:]], sizes)
     return parts
@@ -424,13 +458,17 @@ def gear_of(key: str, radius: float, module: float | None = None) -> tuple[float
 
 def _stations(
     inst: Instrument, full: FullForm, sizes: Sizes, bought: Hardware, modules: Mapping[str, float]
-) -> "tuple[tuple[Station, ...], Ways]":
+) -> tuple[tuple[Station, ...], Ways]:
     """Return the joints of an instrument with their sizes and places, those of the tip first, and its tendons' ways."""
     seat = (k.MM * bought.sheath + sizes.bore) / 2
     alone = full.handle_joints if _carries_jaws(full) else (*full.tip_joints, *full.handle_joints)
-    found: list[tuple[Joint, AnyJoint]] = [(joint, _sized(inst, full, joint, sizes, seat, modules)) for joint in alone]
+    found: list[tuple[Joint, AnyJoint]] = []
     if _carries_jaws(full):
-        found = [*zip(full.tip_joints, fitting(inst, full, sizes), strict=True), *found]
+        found = [*zip(full.tip_joints, fitting(inst, full, sizes), strict=True)]
+    elif _is_backbone(full):
+        found = [*zip(full.tip_joints, _backbones(inst, full, sizes), strict=True)]
+        alone = full.handle_joints
+    found += [(joint, _sized(inst, full, joint, sizes, seat, modules)) for joint in alone]
     ways = _ways(full, {joint.name: (joint, one) for joint, one in found}, sizes)
     found = [
         (joint, one.passed(_passing(ways[joint.name]), sizes) if isinstance(one, GearJoint) else one)
@@ -450,10 +488,6 @@ def _sized(  # noqa: PLR0917
         module, teeth = gear_of(key, joint.radius, modules.get("distal" if tip else "proximal"))
         gear = Gear(k.MM * module, teeth, k.MM * sizes.process.backlash)
         return gear_joint(sizes, key, radius, gear, stop)
-    if joint.mechanism == "continuum":
-        rigidity, length = joint.backbone_rigidity or 0.0, joint.backbone_length or 0.0
-        rod = (64 * rigidity / (math.pi * 60e9)) ** 0.25
-        return backbone(sizes, radius, k.MM * length, k.MM * rod, stop)
     joints = full.tip_joints if tip else full.handle_joints
     if len(joints) == 1:
         return pulley_joint(sizes, key, radius, stop, None if tip else seat)
@@ -486,6 +520,76 @@ def _sized(  # noqa: PLR0917
     )
 
 
+def _backbones(inst: Instrument, full: FullForm, sizes: Sizes) -> list[Backbone]:
+    """Return the sizes of the arcs of a tip of backbones."""
+    places = _places(full, sizes)
+    beside = any(x and y for ways in places.values() for x, y in ways.values())
+    joints, found = full.tip_joints, []
+    rod = section(joints[0].backbone_rigidity or 0.0, strip=beside)
+    for number, joint in enumerate(joints):
+        ways = places[joint.name]
+        beyond = places[joints[number + 1].name] if number + 1 < len(joints) else {}
+        key = _key(inst, joint)
+        if not ways:
+            raise InstrumentError(f"no tendon bends {key.rpartition('.')[0]}.", key=key, allowed="crossed by a tendon")
+        found.append(
+            backbone(
+                sizes,
+                (key, _key(inst, joint, "backbone_length")),
+                tuple(ways.values()),
+                tuple(way for name, way in ways.items() if name not in beyond),
+                k.MM * (joint.backbone_length or 0.0),
+                joint.arc_count,
+                rod,
+                _stop(joint),
+            )
+        )
+        if rod.wide and _turn(joint) != _turn(joints[0]):
+            raise InstrumentError(
+                f"joints.{joint.bend}.axis is {joint.axis}: tendons side by side need a strip for a backbone, which "
+                f"bends in one plane; it must be that of {joints[0].bend}, or tendons must have places of their own.",
+                key=f"joints.{joint.bend}.axis",
+                value=joint.axis,
+                allowed=str(joints[0].axis),
+            )
+    check_ends(found, sizes, "tendon_diameter")
+    return found
+
+
+def _places(full: FullForm, sizes: Sizes) -> Ways:
+    """Return where tendons are at the joints of a tip of backbones, mm; of those at one place all side by side.
+
+    Those of a pair are opposite each other across the axis, so that both together do not bend the backbone aside.
+    """
+    found: Ways = {joint.name: {} for joint in full.tip_joints}
+    straight: dict[str, tuple[float, float]] = {}
+    for tendon in full.tendons:
+        passed = [(joint, offset) for joint, offset in crossed(full, tendon) if joint.place == "tip"]
+        for number, (joint, offset) in enumerate(passed):
+            place = (k.MM * float(offset[0]), k.MM * float(offset[1]))
+            skips = joint.name != full.tip_joints[number].name
+            if skips or math.dist(straight.setdefault(tendon.name, place), place) > _SAME_PLACE:
+                key = f"tendons.{tendon.name}.route"
+                raise InstrumentError(
+                    f"{key} goes aside at {joint.bend}: a tendon passes straight through all discs before it; it must "
+                    "be at one place of all of them.",
+                    key=key,
+                    value=joint.bend,
+                    allowed="straight",
+                )
+            x, y = turned(place, -_turn(joint))
+            found[joint.name][tendon.name] = (0.0 if abs(x) < _SAME_PLACE else x, 0.0 if abs(y) < _SAME_PLACE else y)
+    apart = ferrule(sizes)[0] + sizes.tunnel / 2 + sizes.wall
+    for name, place in straight.items():
+        alike = [other for other, its in straight.items() if math.dist(its, place) < _SAME_PLACE]
+        aside = (alike.index(name) - (len(alike) - 1) / 2) * apart
+        for ways in found.values() if aside else ():
+            if name in ways:
+                x, y = ways[name]
+                ways[name] = (x, y + math.copysign(aside, x * aside))
+    return found
+
+
 def fitting(inst: Instrument, full: FullForm, sizes: Sizes) -> tuple[AnyJoint, ...]:
     """Return the sizes of a wrist; refuses one that does not fit, and names a process and a scale at which it would."""
     try:
@@ -513,12 +617,12 @@ def _over(full: FullForm) -> list[tuple[Tendon, Crossing, int, Crossing]]:
             continue
         arms = [abs(arm_of(crossings[others[number].name], others[number])) for number in numbers]
         if sum(arms) - max(arms) > LEAST_ARM:
-            raise InstrumentError(
-                f"tendon {tendon.name} turns {' and '.join(others[number].name for number in numbers)}: as a solid it "
-                "ends at a pulley of one of them; the other radius must be 0.",
-                key=f"tendons.{tendon.name}.route.radius",
-                value=sum(arms) - max(arms),
-                allowed="0",
+            key, other = f"tendons.{tendon.name}.route.radius", others[numbers[int(np.argsort(arms)[-2])]].name
+            refuse(
+                key,
+                k.MM * (sum(arms) - max(arms)),
+                f"at {other} beside that at another jaw, and as a solid a tendon ends at a pulley of one of them",
+                "0 there",
             )
         number = numbers[int(np.argmax(arms))]
         found.append((tendon, crossings[first.name], number, crossings[others[number].name]))
@@ -599,10 +703,6 @@ def _wrist(inst: Instrument, full: FullForm, sizes: Sizes, factor: float) -> tup
     return (made, *jaws)
 
 
-Ways: TypeAlias = dict[str, dict[str, tuple[float, float]]]
-"""Where tendons are at a joint, mm, in its own frame: by joint and by tendon."""
-
-
 def _ways(full: FullForm, sized: Mapping[str, tuple[Joint, AnyJoint]], sizes: Sizes) -> Ways:
     """Return where all tendons are at all joints.
 
@@ -633,7 +733,7 @@ def _ways(full: FullForm, sized: Mapping[str, tuple[Joint, AnyJoint]], sizes: Si
                 value=sized[name][0].radius,
                 allowed="larger radii beyond",
             )
-    return found
+    return found | (_places(full, sizes) if _is_backbone(full) else {})
 
 
 def _passing(ways: Mapping[str, tuple[float, float]]) -> tuple[tuple[float, float], ...]:
@@ -662,7 +762,7 @@ def _ends(  # noqa: PLR0917
     stems = _stem_places(full, tip, ways)
     outermost = (
         max(math.hypot(*place) for place in stems.values())
-        if isinstance(tip, Wrist)
+        if isinstance(tip, Wrist | Backbone)
         else max(radius, *(math.hypot(*way) for way in ways[first.name].values()))
     )
     needed = math.hypot(outermost, shift) + sizes.rope / 2 + 0.02
@@ -705,6 +805,7 @@ def _ends(  # noqa: PLR0917
     ends: list[End] = []
     for joints in (tips, hands):
         at_tip = joints is tips
+        single = len({joint.bend for joint, _ in joints}) == 1
         # A jaw or trigger stands on the last gear pair.
         near = "stem"
         for number, (joint, one) in enumerate(joints):
@@ -721,7 +822,7 @@ def _ends(  # noqa: PLR0917
             ends.append(
                 End(
                     tip=at_tip,
-                    prefix=("tip" if at_tip else "handle") if len(joints) == 1 else joint.name,
+                    prefix=("tip" if at_tip else "handle") if single else joint.bend,
                     key=_key(inst, joint),
                     near=near,
                     carrier=f"{joint.name}_carrier",
@@ -735,7 +836,9 @@ def _ends(  # noqa: PLR0917
                     stem_length=stem_length,
                     stem_radius=stem,
                     stem_bore=bore,
-                    tendon_radius=min(abs(x) for x, _ in stems.values()) if isinstance(tip, Wrist) else outermost,
+                    tendon_radius=min(abs(x) or abs(y) for x, y in stems.values())
+                    if isinstance(tip, Wrist | Backbone)
+                    else outermost,
                     near_length=near_tip if at_tip else near_hand,
                     far_collar=max(collar, 1.5 * rods[-1])
                     if at_tip
@@ -835,23 +938,24 @@ def _rig(full: FullForm, tips: tuple[Station, ...], turn: float) -> Rig | None:
     if isinstance(tips[-1].sizes, Jaw):
         return None
     bent = []
-    gears = [one for one in tips if not isinstance(one.sizes, Lever)]
-    bearing = gears[-1].end
-    name = f"{gears[-1].joint.name}_tip"
+    last = [one for one in tips if not isinstance(one.sizes, Lever)][-1]
+    bearing, name = last.end, f"{last.joint.name}_tip"
     pivots = []
-    for number, one in enumerate(gears):
-        low, high = one.joint.limits
+    for (low, high), places in zip(full.bend_limits, full.bends.values(), strict=True):
+        if isinstance(tips[places[0]].sizes, Lever):
+            continue
+        one = tips[places[0]]
         angles = np.zeros((41, len(tips)))
-        angles[:, number] = np.linspace(low, high, 41)
+        angles[:, places] = np.linspace(low, high, 41)[:, np.newaxis] / len(places)
         frames = kinematics.frames(full, angles)
         stem = frames.bodies["stem"].position
-        places = k.MM * (frames.bodies[name].position - stem)
+        ends = k.MM * (frames.bodies[name].position - stem)
         flat = np.zeros((1, len(tips)))
         straight = kinematics.frames(full, flat).bodies
         begin = k.MM * (straight[one.end.near].position - straight["stem"].position)[0, 2] + one.end.start
-        middle = k.MM * one.joint.chord / 2 if isinstance(one.sizes, Backbone) else 0.0
+        middle = len(places) * one.sizes.length / 2 if isinstance(one.sizes, Backbone) else 0.0
         pivots.append(float(begin + middle))
-        bent.append(np.hypot(np.hypot(places[:, 0], places[:, 1]), places[:, 2] - pivots[-1]))
+        bent.append(np.hypot(np.hypot(ends[:, 0], ends[:, 1]), ends[:, 2] - pivots[-1]))
     distances = np.concatenate(bent)
     half = bearing.stem_radius
     for one in tips:

@@ -13,7 +13,7 @@ import numpy as np
 
 from tenodesis import files, kinematics
 from tenodesis.cad import kernel as k
-from tenodesis.cad.assembly import Overlap, Progress, assembled, frames_of, interference, matrix, mesh_play
+from tenodesis.cad.assembly import Overlap, Progress, assembled, frames_of, interference, matrix, mesh_play, ranges
 from tenodesis.cad.checks import Agreement, Printable, agreement, printable, write_mesh
 from tenodesis.cad.drawing import write_drawings
 from tenodesis.cad.gears import GearJoint
@@ -164,7 +164,7 @@ def check(model: Model, progress: Progress | None = None, *, steps: int = _STEPS
     """
     inst = model.instrument
     outputs, handles = (
-        [float(share * one.joint.range) for one in model.at(tip=tip)[:1] for share in np.linspace(-1, 1, steps)]
+        [float(share * most) for most in ranges(model, tip=tip)[:1] for share in np.linspace(-1, 1, steps)]
         for tip in (True, False)
     )
     overlaps = interference(model, [0.0, *outputs], handles, progress)

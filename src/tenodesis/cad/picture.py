@@ -37,19 +37,15 @@ _LINE = 15.0  # pt, of its line
 
 def draw_assembly(model: Model, output_angle: float = math.radians(40)) -> Figure:
     """Return a picture of the whole assembly, its tip bent to an angle (rad), and of both ends; a jaw half closed."""
-    tips, hands = model.at(tip=True), model.at(tip=False)
-    opens = np.sign(model.instrument.expanded.grip_arms)
-    angles = [
-        one.sizes.closed / 2
-        if isinstance(one.sizes, Lever)
-        else float(sign) * _HALF_OPEN
-        if isinstance(one.sizes, Jaw)
-        else min(output_angle, one.joint.limits[1])
-        for one, sign in zip(tips, opens, strict=True)
-    ]
-    placed = assembled(model, angles)
+    tips, hands, full = model.at(tip=True), model.at(tip=False), model.instrument.expanded
+    opens, angles = np.sign(full.grip_arms), []
+    for (first, *_), (_, most) in zip(full.bends.values(), full.bend_limits, strict=True):
+        sizes = tips[first].sizes
+        usual = float(opens[first]) * _HALF_OPEN if isinstance(sizes, Jaw) else min(output_angle, most)
+        angles.append(sizes.closed / 2 if isinstance(sizes, Lever) else usual)
+    placed = assembled(model, full.bent(angles))
     # The load rig follows the first joint alone.
-    loaded = assembled(model, [angles[0], *(0.0 for _ in angles[1:])])
+    loaded = assembled(model, full.bent([angles[0], *(0.0 for _ in angles[1:])]))
     fig = style.StyledFigure(figsize=(11.0, 7.2), layout="constrained")
     panels = fig.subplot_mosaic("AA;BC" if hands else "AA;BB", height_ratios=(0.62, 1.0), width_ratios=(1.0, 1.25))
     whole, tip = panels["A"], panels["B"]

@@ -96,7 +96,9 @@ def _print_inertia(checks: cad.Checks, model: cad.Model) -> None:
     given, built = model.given.short_form, checks.instrument.short_form
     if given is None or built is None:
         links = ", ".join(
-            f"{joint.name} {1e3 * (joint.mass or 0.0):.3g} g" for joint in checks.instrument.expanded.tip_joints
+            f"{joint.bend} {1e3 * (joint.mass or 0.0):.3g} g"
+            for joint in checks.instrument.expanded.tip_joints
+            if joint.arc == joint.arc_count or not joint.arc
         )
         more = checks.instrument.sources["joints.inertia"].partition("; ")[2]
         say(

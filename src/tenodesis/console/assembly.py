@@ -97,9 +97,9 @@ def _solids_of(scene: Any) -> Iterator[Solid]:
         yield Solid(name, body, mesh, (red, green, blue), _TUBE if name == "stem" else None)
 
 
-def disc_place(stem: kinematics.Frame, far: kinematics.Frame, along: float, length: float) -> kinematics.Frame:
-    """Return the frame at a distance along a backbone of a length, m, bent as an arc from the stem to the far body."""
-    first, last = stem.quaternion, far.quaternion
+def disc_place(near: kinematics.Frame, far: kinematics.Frame, along: float, length: float) -> kinematics.Frame:
+    """Return the frame at a distance along an arc of a backbone, of a length, m, from its near end to its far end."""
+    first, last = near.quaternion, far.quaternion
     last = last if first @ last >= 0 else -last
     half = float(np.arccos(np.clip(first @ last, -1.0, 1.0)))
 
@@ -112,4 +112,4 @@ def disc_place(stem: kinematics.Frame, far: kinematics.Frame, along: float, leng
     # The chord from the arc's begin points half as far round.
     reach = _core.joint_chord(MECHANISMS["continuum"], along, np.array([2 * share * half]))[0]
     chord = reach * rotated(turned(share / 2), np.array([0.0, 0.0, 1.0]))
-    return kinematics.Frame(stem.position + chord, turned(share))
+    return kinematics.Frame(near.position + chord, turned(share))

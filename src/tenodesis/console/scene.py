@@ -254,10 +254,16 @@ class Scene:
     def _place_discs(self, frames: Frames) -> None:
         if not self._discs:
             return
-        joint = self._inst.tip_joints[0]
-        stem, far = frames.bodies["stem"], frames.bodies[f"{joint.name}_far"]
+        begin, near, arcs = 0.0, frames.bodies["stem"], []
+        for joint in self._inst.tip_joints:
+            far = frames.bodies[f"{joint.name}_far"]
+            arcs.append((begin, near, far, joint.chord))
+            begin, near = begin + joint.chord, far
         for name, node in self._discs.items():
-            self._place(name, node, disc_place(stem, far, float(name.removeprefix(DISC)), joint.chord))
+            along = float(name.removeprefix(DISC))
+            # The last arc that begins before it.
+            begin, near, far, length = [one for one in arcs if one[0] <= along][-1]
+            self._place(name, node, disc_place(near, far, along - begin, length))
 
     def _port(self, scene: Any) -> None:
         """Draw the wall of the body around the port."""
