@@ -15,7 +15,7 @@ from tenodesis.simulate import campaign
 from tenodesis.simulate.campaign import Column, rms
 from tenodesis.twin import TIME_STEP, Twin
 
-EASED, LOADED, SECONDS, LAST = 1.2, 1.5, 6.0, 1.0  # s
+EASED, LOADED, SECONDS, LAST = 1.0, 2.5, 7.0, 1.0  # s; the motors rest before the load
 OBSERVED = ("strokes", "dither", "auto")
 MEAN = round(0.05 / TIME_STEP)
 """Steps of a mean in which dither and the tip's own swing cancel."""

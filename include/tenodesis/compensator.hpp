@@ -358,6 +358,7 @@ struct Compensator {
     state.dither = tenodesis::begin_dither(larger(S(tuning::dither_margin) * turned, seen), settings.acceleration,
                                            settings.drive_time);
     state.dithered = true;
+    ++state.turns;
     // Slower dither would be taken for the hand's tremor.
     const S slowest = S(pi / (tuning::tremor_quickest * tuning::tremor_half_period));
     if (observe == Observe::automatic && state.dither.rate < slowest) turn(Phase::pull, state);
@@ -427,7 +428,9 @@ struct Compensator {
     const auto& load = state.load;
     const bool steady = Envelope<A>::steady(state.envelope) && !load.alternates() && !load.leans;
     const auto dithers = [&] {
-      return observe != Observe::strokes && steady && !state.dithered && !trembles && !tight && !loose;
+      const int most = static_cast<int>(tuning::most_turns);
+      return observe != Observe::strokes && steady && !state.dithered && state.turns < most && !trembles && !tight &&
+             !loose;
     };
     state.since = smaller(state.since + dt, S(10));
     // A new load takes a tip away that rests, or that dither has brought to its target.
@@ -533,13 +536,14 @@ struct Compensator {
     if (phase == Phase::track || (state.phase == Phase::rest && state.since > S(tuning::long_rest))) {
       state.tolerance = S(1);
       state.turns = 0;
-      state.dithered = false;
     }
     if (state.phase != phase) state.since = S(0);
-    if (phase == Phase::pull || phase == Phase::release)
+    if (phase == Phase::pull || phase == Phase::release) {
       state.stroke = phase;
-    else
+    } else {
       state.short_of = S(0);
+      state.dithered = false;
+    }
     state.phase = phase;
   }
 };
