@@ -206,7 +206,9 @@ class Search:
         at = mean + scale * lsq_linear(square, np.zeros(len(square)), within, method="bvls").x
         # the average of steps of the others is no optimum of these
         at = self._stepped(at, self.residuals(at), slopes * self.linear)
-        return SearchEnd(at, self._cost(self.residuals(at)), converged=True, scatter=np.cov(ends, rowvar=False))
+        # How far the average still moves is how far it may be from where more searches would lead.
+        scatter = np.cov(ends, rowvar=False) + np.outer(at - near, at - near)
+        return SearchEnd(at, self._cost(self.residuals(at)), converged=True, scatter=scatter)
 
     def _stepped(self, at: Array, residuals: Array, slopes: Array) -> Array:
         """Return where a Gauss-Newton step leads, within the bounds."""
