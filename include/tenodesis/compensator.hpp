@@ -433,9 +433,10 @@ struct Compensator {
              !loose;
     };
     state.since = smaller(state.since + dt, S(10));
+    const bool on_target = state.dither.settled > 1;
     // A new load takes a tip away that rests, or that dither has brought to its target.
     const auto taken = [&] {
-      const bool settled = state.phase == Phase::pull && state.dithered && state.dither.settled > 1;
+      const bool settled = state.phase == Phase::pull && state.dithered && on_target;
       return (settled || state.phase == Phase::rest) && abs(error) > waking;
     };
     if (moving || load.fast || load.leans || (far && taken())) return turn(Phase::track, state);
@@ -459,9 +460,9 @@ struct Compensator {
         return;
       case Phase::dither:
         // Two periods, since the first has the transient; in the tick before it begins they are those of the last one.
-        if ((state.dither.settled < 2 || state.since <= dt) && state.since < S(tuning::dither_time)) return;
+        if (!(on_target && state.since > dt) && state.since <= S(tuning::dither_time)) return;
         // The pull that follows ends where every contact is on the same edge.
-        if (state.dither.settled > 1) state.near = S(tuning::settle_time) + dt;
+        if (on_target) state.near = S(tuning::settle_time) + dt;
         return turn(Phase::pull, state);
       case Phase::pull:
         if (near && (trembles || (sure && observer.slip_together(memory, S(1))))) return turn(Phase::rest, state);

@@ -209,7 +209,10 @@ class Run:
         "control", "1", "compensated", "Faults as a mask of bits, tenodesis.control.FAULTS in order"
     )
     phase: Array | None = _signal(
-        "control", "1", "compensated", "Of the robust law: 0 rest, 1 track, 2 pull, 3 release, 4 restrained, 5 yielding, 6 dither"
+        "control",
+        "1",
+        "compensated",
+        "Of the robust law: 0 rest, 1 track, 2 pull, 3 release, 4 restrained, 5 yielding, 6 dither",
     )
     homing_failure: Array | None = _signal(
         "control",

@@ -202,7 +202,8 @@ def test_numbers_are_those_of_the_design(design: Any, found: ScalePlan) -> None:
     text = " ".join(text for _, text in texts(found)).replace("\u00a0", " ")
     for number in (
         "41.3 N", "30 N real-size", "module 1.25 mm, 12 teeth", "module 1.25 mm, 27 teeth", "pitch radius 16.875 mm",
-        "breaks at 177.6 N", "2 kg + 20 g + 10 g", "yaw: to where forces act 86", "0.088°", "0.15 N", "2.88", "1.378", "101",
+        "breaks at 177.6 N", "2 kg + 20 g + 10 g", "yaw: to where forces act 86",
+        "0.088°", "0.15 N", "2.88", "1.378", "101",
     ):  # fmt: skip
         assert number in text, number
     assert [row[3:6] for row in table(found, "Test loads").rows][1] == ("1", f"{design.tests[1].force:.3f}", "19.39")
