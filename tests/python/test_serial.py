@@ -295,7 +295,7 @@ LIES: dict[str, tuple[str, Callable[[Frame], list[bytes]]]] = {
     "the past": ("stale_answers", lambda f: [sb.output(f, sequence=f.sequence - 1).encoded()]),
     "another tick": ("wrong_tick", lambda f: [sb.output(f, time=17).encoded()]),
     "no state": ("bad_answer", lambda f: [sb.output(f, state=4).encoded()]),
-    "no phase": ("bad_answer", lambda f: [sb.output(f, phase=6).encoded()]),
+    "no phase": ("bad_answer", lambda f: [sb.output(f, phase=7).encoded()]),
     "too short": ("bad_answer", lambda f: [sb.output(f)._replace(payload=bytes(20)).encoded()]),
     "another type": ("bad_answer", lambda f: [sb.output(f)._replace(type=sb.DONE).encoded()]),
     "damaged": ("damaged_frames", lambda f: [sb.output(f).encoded().replace(b"\x01", b"\x02")]),
