@@ -72,7 +72,7 @@ firmware: build ## Build the controller for a Cortex-M4F and run it in QEMU; nam
 bench: build ## Run the benchmarks, each against a named peer, and the studies of the law
 	for name in startup statics twin backbones environments control scaling identification live; do \
 	  $(BIN)/python benchmarks/$$name.py || exit; done
-	for name in homing harm changes tip_sensor tremor tissue plants information faults coverage; do \
+	for name in homing harm changes dither tip_sensor tremor tissue plants information faults coverage; do \
 	  $(BIN)/python studies/$$name.py || exit; done
 	$(BIN)/tenodesis vertices --overwrite
 
