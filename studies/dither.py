@@ -11,51 +11,57 @@ import law
 import numpy as np
 
 from tenodesis.control import Controller
+from tenodesis.instrument import Instrument
 from tenodesis.simulate import campaign
 from tenodesis.simulate.campaign import Column, rms
 from tenodesis.twin import TIME_STEP, Twin
 
 EASED, LOADED, SECONDS, LAST = 1.0, 2.5, 7.0, 1.0  # s; the motors rest before the load
 OBSERVED = ("strokes", "dither", "auto")
-MEAN = round(0.05 / TIME_STEP)
-"""Steps of a mean in which dither and the tip's own swing cancel."""
 DITHERS = 6  # of the signal phase
-CHANGES: dict[str, dict[str, Any]] = {
-    "nothing": {},
-    "hand of 5 N m/rad": {"dynamics.hand_stiffness": 5.0},
-    "backlash of 2° before the spools": {"drives.backlash": np.radians(2)},
-    "friction that falls with speed": {
-        "friction.law": "stribeck",
-        "friction.static_ratio": 1.3,
-        "friction.stribeck_speed": 1e-3,
-    },
-    "coefficients of 0.25, known": law.friction(law.instrument("scaled-up"), 2.5),
-    "drives of 5 ms, known": {"drives.time_constant": 0.005},
-    "drives of 30 ms, known": {"drives.time_constant": 0.03},
-    "10 % softer": {"tendon_stiffness": 0.9},
-}
-KNOWN = ("coefficients of 0.25, known", "drives of 5 ms, known", "drives of 30 ms, known")
+
+
+def unknown(inst: Instrument) -> dict[str, dict[str, Any]]:
+    """Return what a plant may have that its controller does not know."""
+    return {
+        "nothing": {},
+        "hand of 5 N m/rad": {"dynamics.hand_stiffness": 5.0},
+        "backlash of 2° before the spools": {"drives.backlash": np.radians(2)},
+        "friction that falls with speed": {
+            "friction.law": "stribeck",
+            "friction.static_ratio": 1.3,
+            "friction.stribeck_speed": 1e-3,
+        },
+        "10 % softer": {"tendon_stiffness": 0.9 * inst.tendon_stiffness},
+    }
+
+
+def known(inst: Instrument) -> dict[str, dict[str, Any]]:
+    """Return what a plant may have that stands in its file."""
+    return {
+        "coefficients of 0.25, known": law.friction(inst, 2.5),
+        "drives of 5 ms, known": {"drives.time_constant": 0.005},
+        "drives of 30 ms, known": {"drives.time_constant": 0.03},
+    }
 
 
 def load(instrument: str, change: str, observe: str, angle: float, assumed: float) -> dict[str, Any]:
     """Load a tip at an angle, deg, and return how its mean error went, deg, and how the handle was shaken, mN m."""
     truth = law.instrument(instrument)
-    changes = dict(CHANGES[change])
-    if "tendon_stiffness" in changes:
-        changes["tendon_stiffness"] *= truth.tendon_stiffness
-    plant = truth.replace(**changes)
-    file = (plant if change in KNOWN else truth).replace(**{"control.observe": observe})
-    known = file.replace(**law.friction(file, assumed))
+    stated = known(truth).get(change, {})
+    plant = truth.replace(**stated, **unknown(truth).get(change, {}))
+    file = truth.replace(**stated, **{"control.observe": observe})
+    assuming = file.replace(**law.friction(file, assumed))
     time = law.clock(SECONDS)
     handle = law.held(truth, angle, time, EASED)
-    run = Twin(plant, seed=1).run(handle, law.RATED[instrument] * (time > LOADED), controller=Controller(known))
+    run = Twin(plant, seed=1).run(handle, law.RATED[instrument] * (time > LOADED), controller=Controller(assuming))
     error = np.degrees(run["output_angle"] - law.target(truth, run["handle_angle"]))
-    mean = np.convolve(error, np.full(MEAN, 1 / MEAN), "valid")
-    at = run.time[MEAN - 1 :]
-    after = at > LOADED
-    found = {f"within_{name}": _last(mean[after], at[after], most) for name, most in (("1", 1.0), ("03", 0.3))}
+    found = {
+        f"within_{name}": law.last_beyond(run.time, error, LOADED, most) for name, most in (("1", 1.0), ("03", 0.3))
+    }
     dithers = run["phase"] == DITHERS
-    windows = run["handle_torque"][: run.time.size // MEAN * MEAN].reshape(-1, MEAN)
+    count = round(law.MEAN / TIME_STEP)
+    windows = run["handle_torque"][: run.time.size // count * count].reshape(-1, count)
     whole = dithers[: windows.size].reshape(windows.shape).all(1)
     later = (run.time > LOADED + LAST) & (run.time < LOADED + 3 * LAST)
     return found | {
@@ -65,11 +71,6 @@ def load(instrument: str, change: str, observe: str, angle: float, assumed: floa
         "dither": dithers.mean() * SECONDS,
         "faults": law.faults(run),
     }
-
-
-def _last(mean: law.Array, time: law.Array, most: float) -> float:
-    beyond = np.flatnonzero(np.abs(mean) > most)
-    return float(time[beyond[-1]]) - LOADED if beyond.size else 0.0
 
 
 COLUMNS = [
@@ -88,7 +89,7 @@ def main() -> None:
     options = law.arguments(__doc__, law.RATED).parse_args()
     cases = campaign.cases(
         instrument=options.instrument or list(law.RATED),
-        change=list(CHANGES),
+        change=[*unknown(law.instrument("scaled-up")), *known(law.instrument("scaled-up"))],
         observe=OBSERVED,
         angle=law.OUTPUTS,
         assumed=law.ASSUMED,

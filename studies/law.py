@@ -30,6 +30,8 @@ RATED = {"scaled-up": 1.485, "real-size": 0.52}  # N; 0.15 N m on the large one,
 OUTPUTS = (0.0, 33.0, 67.0, 80.0)  # deg, Fig. 15
 ASSUMED = (0.7, 1.0, 1.3)
 """Friction that a controller assumes, over the truth."""
+MEAN = 0.05  # s
+"""In which dither and the tip's own swing cancel."""
 TICK = 4
 """Steps between two readings of a sensor at the tip"""
 COEFFICIENTS = ("vertex_coefficient", "sheath_coefficient")
@@ -73,6 +75,14 @@ def held(inst: Instrument, angle: float, time: Array, span: float) -> Array:
     """Return a handle that moves smoothly, for a time, to where the tip is at an angle, deg, and stays."""
     way = eased(time, span)
     return way * float(tn.statics.handle_angle(inst, np.radians(angle)))
+
+
+def last_beyond(time: Array, error: Array, since: float, bound: float) -> float:
+    """Return how long after a time, s, an error, averaged over :data:`MEAN`, was last beyond a bound."""
+    after, window = time > since, round(MEAN / (time[1] - time[0]))
+    mean = np.convolve(error[after], np.full(window, 1 / window), "valid")
+    beyond = np.flatnonzero(np.abs(mean) > bound)
+    return float(time[after][beyond[-1] + window - 1 if beyond.size else 0] - since)
 
 
 class MovingTissue(Twin):

@@ -31,7 +31,6 @@ Signal = NDArray[np.float32]
 
 EASED, ONSET, LOADED, SECONDS, JUDGED = 1.2, 0.2, 1.5, 8.0, 2.0  # s; the estimate is judged from JUDGED on
 LATER, LAST, AVERAGED = 3.0, 1.0, 0.1  # s
-MEAN = 100  # ticks, in which the tip's own swing and dither cancel
 RATED = law.RATED | {"pulley wrist": 1.0}  # N
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -288,8 +287,7 @@ def summary(cases: Sequence[Case], traces: Sequence[Trace]) -> dict[str, Any]:
         return np.array([value(one) for one in of], float)
 
     def settled(within: float) -> Array:
-        after = at > LOADED
-        return over(on, lambda one: at[after][_last_beyond(np.degrees(one.error[after]), within)] - LOADED)
+        return over(on, lambda one: law.last_beyond(at, np.degrees(one.error), LOADED, within))
 
     final, standing = (np.degrees(over(of, lambda one: one.error[last].mean())) for of in (on, off))
     nees = over(on, lambda one: (((one.estimate - one.tip) / one.std)[judged].astype(float) ** 2).mean())
@@ -319,12 +317,6 @@ def summary(cases: Sequence[Case], traces: Sequence[Trace]) -> dict[str, Any]:
         "most_scale": scale.max(),
         "faults": list(dict.fromkeys(name for one in on for name in one.faults)),
     }
-
-
-def _last_beyond(error: Array, within: float) -> int:
-    mean = np.convolve(error, np.full(MEAN, 1 / MEAN), "valid")
-    beyond = np.flatnonzero(np.abs(mean) > within)
-    return int(beyond[-1]) + MEAN - 1 if beyond.size else 0
 
 
 def judge(

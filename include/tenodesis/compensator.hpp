@@ -60,7 +60,7 @@ enum class Phase : unsigned char {
   release,
   restrained,  ///< as shown: tracking, with less than the law wants (envelope.hpp)
   yielding,    ///< as shown: the tip presses with the force limit, and stays behind
-  dither,
+  dither,      ///< both spools vibrate alike
 };
 
 template <class S>

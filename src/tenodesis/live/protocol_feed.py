@@ -62,10 +62,10 @@ class Queue(Protocol):
 class Player:
     """A protocol that is being played; `advance` is to be called every 20 ms or so.
 
-    First the handle goes smoothly from where it is to where the protocol begins, without one the joints from where they
-    are meant to be to straight, and the loads to none. Nothing is
-    sent while the instrument is not enabled; once it is enabled again, the handle goes back to where it was, and the
-    protocol goes on. Homing that fails is the operator's to repeat.
+    First the handle goes smoothly from where it is to where the protocol begins, and the loads to none; the joints of a
+    tool without a handle go from where they are meant to be to straight. Nothing is sent while the instrument is not
+    enabled; once it is enabled again, the handle goes back to where it was, and the protocol goes on. Homing that fails
+    is the operator's to repeat.
 
     Parameters
     ----------
