@@ -22,6 +22,8 @@ from tenodesis.units import Angle, PositiveForce, SignedForce, SignedMoment
 Array = NDArray[np.float64]
 
 _USUAL_LOAD = 1.0  # N
+_BESIDE = 4
+"""Loads that 80 columns have room for beside the names of tendons."""
 _SHARES = (0.5, 1.0)
 """Of the range, beside the straight tip, if no angles are asked for."""
 _LEGEND = """\
@@ -130,31 +132,43 @@ def losses_as_json(inst: FullForm, found: Sequence[Loss]) -> dict[str, Any]:
 
 
 def print_losses(inst: FullForm, found: Sequence[Loss]) -> None:
-    """Print a table for each state: what each load takes, what restores it, and the tensions under it."""
+    """Print tables for each state: what each load takes, what restores it, and the tensions under it."""
     bends = Bends.of(inst)
     for _, state in groupby(found, key=lambda one: one.output_angles.tolist()):
         rows = list(state)
         at = dict(zip(bends.names, bends.summed(rows[0].output_angles).tolist(), strict=True))
         shown = table(f"{inst.name} at {', '.join(f'{name} {_fixed(degrees(one), 1)}°' for name, one in at.items())}")
-        shown.add_column("load [N]", no_wrap=True)
+        for heading in ("load [N]", *(f"{name} lost [°]" for name in bends.names), "slack from"):
+            shown.add_column(escape(heading), justify="right")
+        shown.add_column("tendon", no_wrap=True)
         for one in rows:
-            shown.add_column(components(one.wrench[:3]), justify="right", overflow="fold")
-        tips, handles, tendons = (bends.names, *([one.name for one in of] for of in (inst.handle_joints, inst.tendons)))
-        for what, names, values, decimals in (
-            ("lost [°]", tips, [np.degrees(bends.summed(one.lost)) for one in rows], 2),
-            ("falls to [°]", tips, [np.degrees(bends.summed(one.loaded_angles)) for one in rows], 2),
-            ("back by [°]", handles, [np.degrees(one.handle_corrections) for one in rows], 2),
-            ("back by [mm]", tendons, [1e3 * one.strokes for one in rows], 3),
-            ("tension [N]", tendons, [one.tensions for one in rows], 1),
-        ):
-            for name, row in zip(names, np.array(values).T, strict=True):
-                shown.add_row(f"{escape(name)} {escape(what)}", *(_fixed(value, decimals) for value in row))
-        shown.add_row("slack from", *(_slack(one) for one in rows))
-        shown.add_row("tendon", *(escape(one.slack_tendon) or "–" for one in rows))
+            lost = [_fixed(angle) for angle in np.degrees(bends.summed(one.lost))]
+            shown.add_row(components(one.wrench[:3]), *lost, _slack(one), escape(one.slack_tendon) or "–")
         console.print(shown)
+        # As many loads beside each other as have room.
+        for begin in range(0, len(rows), _BESIDE):
+            _print_under(inst, bends, rows[begin : begin + _BESIDE])
     note(_LEGEND)
     if any(not isfinite(value) for one in found for value in (*one.lost, *one.strokes)):
         note("–: the tip cannot be held under that load.")
+
+
+def _print_under(inst: FullForm, bends: Bends, rows: Sequence[Loss]) -> None:
+    """Print what the angles and tensions are under loads, and what restores the angles, a column a load."""
+    shown = table()
+    shown.add_column("load [N]", no_wrap=True)
+    for one in rows:
+        shown.add_column(components(one.wrench[:3]), justify="right", no_wrap=True)
+    tips, handles, tendons = (bends.names, *([one.name for one in of] for of in (inst.handle_joints, inst.tendons)))
+    for what, names, values, decimals in (
+        ("falls to [°]", tips, [np.degrees(bends.summed(one.loaded_angles)) for one in rows], 2),
+        ("back by [°]", handles, [np.degrees(one.handle_corrections) for one in rows], 2),
+        ("back by [mm]", tendons, [1e3 * one.strokes for one in rows], 3),
+        ("tension [N]", tendons, [one.tensions for one in rows], 1),
+    ):
+        for name, row in zip(names, np.array(values).T, strict=True):
+            shown.add_row(f"{escape(name)} {escape(what)}", *(_fixed(value, decimals) for value in row))
+    console.print(shown)
 
 
 def _slack(one: Loss) -> str:
