@@ -16,12 +16,10 @@ from tenodesis.kinematics import Port, tip_pose
 from tenodesis.kinematics.chain import rotated
 from tenodesis.run import Array
 from tenodesis.statics import Axes, chain
+from tenodesis.statics.tension_drive import angles_at_tensions
 
 _SIGNED = ("angle", "offset", "tie_ratio", "centre_of_mass")
 """Keys whose values may be negative."""
-_SOFT = 0.02
-"""Stiffness of tendons with given tensions, over that of the joints as the tendons feel it."""
-_ROUNDS = 12
 _WEIGHTINGS = 3
 _STEP = 1e-6
 """Difference by which slopes are taken, over an unknown's scale."""
@@ -148,40 +146,13 @@ def at_rest(inst: FullForm, data: AtRest, axes: Axes = "tip") -> dict[str, Array
         strokes = 0.0 if data.strokes is None else data.strokes
         angles = chain.output_angles(inst, held, wrench, strokes=strokes, axes=axes)
     else:
-        angles = _under_tensions(inst, np.asarray(data.tensions, float), held, wrench, axes)
+        angles = angles_at_tensions(inst, data.tensions, held, wrench, axes=axes)
     known = np.isfinite(angles)
     pose = tip_pose(inst, np.where(known, angles, 0.0), port=Port(insertion=0.0))
     lost = np.where(known.all(axis=-1, keepdims=True), 0.0, np.nan)
     summed = np.stack([angles[..., arcs].sum(axis=-1) for arcs in inst.arc_places.values()], axis=-1)
     direction = rotated(pose.quaternion[..., 0, :], np.array([0.0, 0.0, 1.0]))
     return {"position": pose.position[..., 0, :] + lost, "direction": direction + lost, "angles": summed}
-
-
-def _under_tensions(inst: FullForm, tensions: Array, held: Any, wrench: Any, axes: Axes) -> Array:
-    """Return the angles at which motors hold tensions (n, tendons), of tendons so soft that few rounds find strokes."""
-    springs, arms = np.diag(inst.springs), inst.tendon_arms("tip")
-    felt = np.where(arms != 0, springs / np.maximum(np.abs(arms), 1e-9) ** 2, np.inf).min() / len(tensions[0])
-    if not 0 < felt < math.inf:
-        raise IdentificationError(
-            f"{inst.name} has a joint without a spring; its readings must be by strokes.", key="tensions", value="given"
-        )
-    stiffness = min(_SOFT * felt, *inst.stiffnesses)
-    soft = inst.replace(
-        tendons=[tendon.model_copy(update={"stiffness": stiffness}) for tendon in inst.as_given("tendons")],
-        joints=list(inst.as_given("joints")),
-    )
-    handles = np.atleast_2d(chain.rows_of("handle_angles", held, len(inst.handle_joints)))
-    turned = np.array([chain.coordinates(inst.handle_joints, row)[0] for row in handles]) @ inst.tendon_arms("handle").T
-    slack = (tensions - np.array(inst.pretensions)) / stiffness - turned
-    strokes = slack
-    for _ in range(_ROUNDS):
-        angles = chain.output_angles(soft, held, wrench, strokes=strokes, axes=axes)
-        bent = np.array([chain.coordinates(inst.tip_joints, row)[0] for row in angles])
-        after = slack + bent @ arms.T
-        if not np.nanmax(np.abs(after - strokes), initial=0.0) * stiffness > 1e-9:
-            break
-        strokes = np.where(np.isfinite(after), after, strokes)
-    return angles
 
 
 def _searched(off: Any, start: Array, low: Array, inst: FullForm) -> tuple[Any, dict[str, float]]:

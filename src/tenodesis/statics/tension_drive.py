@@ -11,10 +11,15 @@ from tenodesis.statics import chain
 from tenodesis.statics.chain import Array, Axes
 from tenodesis.statics.query import common_shape
 
-_PARTS = 5
-"""In which tensions are raised from those at rest."""
-_SETTLED = 1e-8
-"""Difference of a tension at which it is met, N over 1 N and the tension."""
+_SOFT = 0.02
+"""Stiffness of tendons with given tensions, over that of the joints as the tendons feel it."""
+_ROUNDS = 50
+_SETTLED = 1e-9
+"""Difference of a tension at which it is met, N."""
+_WORSE = 100.0
+"""Times that difference, up to which the last round counts."""
+_LEAST_ARM = 1e-9
+"""Arm below which a tendon does not feel a joint, m."""
 
 
 def strokes_at_tensions(
@@ -42,6 +47,28 @@ def strokes_at_tensions(
         A tension is no finite number or below zero, a tendon has no motor, or a shape does not fit.
     """
     whole = expanded(inst)
+    angles = angles_at_tensions(whole, tensions, handle_angles, wrench, grip_force=grip_force, axes=axes)
+    held = chain.rows_of("handle_angles", handle_angles, len(whole.handle_joints))
+    held = np.broadcast_to(held, (*angles.shape[:-1], held.shape[-1]))
+    stretches = whole.stretches(np.broadcast_to(tensions, (*angles.shape[:-1], len(whole.tendons))))
+    return np.asarray(stretches - _drawn(whole, held, angles))
+
+
+def angles_at_tensions(
+    inst: InstrumentLike,
+    tensions: ArrayLike,
+    handle_angles: ArrayLike = 0.0,
+    wrench: ArrayLike = 0.0,
+    *,
+    grip_force: ArrayLike = 0.0,
+    axes: Axes = "tip",
+) -> Array:
+    """Return the angles of the tip's joints where motors hold tensions, (..., joints), rad; NaN where there are none.
+
+    They are found with tendons so soft that few rounds of strokes hold the tensions. Arguments and errors as
+    :func:`strokes_at_tensions`.
+    """
+    whole = expanded(inst)
     wanted = chain.rows_of("tensions", tensions, len(whole.tendons))
     wrong = wanted[~(np.isfinite(wanted) & (wanted >= 0))]
     if wrong.size:
@@ -56,44 +83,35 @@ def strokes_at_tensions(
         "grip_force": np.asarray(grip_force, float)[..., np.newaxis],
     }
     shape = common_shape({name: rows.shape[:-1] for name, rows in given.items()})
-    total = math.prod(shape)
-    flat = [np.broadcast_to(rows, (*shape, rows.shape[-1])).reshape(total, rows.shape[-1]) for rows in given.values()]
-    found = [
-        _strokes(whole, one, {"handle": held, "wrench": load, "grip": grip}, axes)
-        for one, held, load, grip in zip(*flat, strict=True)
-    ]
-    return np.reshape(found, (*shape, len(whole.tendons)))
+    wanted, held, load, grip = (
+        np.broadcast_to(rows, (*shape, rows.shape[-1])).reshape(math.prod(shape), rows.shape[-1])
+        for rows in given.values()
+    )
+    springs, arms = np.diag(whole.springs), whole.tendon_arms("tip")
+    felt = springs / np.maximum(np.abs(arms), _LEAST_ARM) ** 2 / len(whole.tendons)
+    stiffness = _SOFT * min([*felt[(arms != 0) & (springs > 0)], *whole.stiffnesses])
+    alike = {"stiffness": stiffness, "stiffness_by_tension": None}
+    soft = whole.replace(
+        tendons=[tendon.model_copy(update=alike) for tendon in whole.as_given("tendons")],
+        joints=list(whole.as_given("joints")),
+    )
+    slack = (wanted - np.array(whole.pretensions)) / stiffness
+    strokes = slack - _drawn(whole, held, np.zeros((len(wanted), len(whole.tip_joints))))
+    for _ in range(_ROUNDS):
+        angles = chain.output_angles(soft, held, load, grip_force=grip[:, 0], strokes=strokes, axes=axes)
+        after = slack - _drawn(whole, held, angles)
+        off = np.abs(after - strokes).max(axis=-1, keepdims=True) * stiffness
+        if not np.nanmax(off, initial=0.0) > _SETTLED:
+            break
+        strokes = np.where(np.isfinite(after), after, strokes)
+    return np.reshape(np.where(off <= _WORSE * _SETTLED, angles, np.nan), (*shape, len(whole.tip_joints)))
 
 
-def _strokes(inst: FullForm, wanted: Array, given: dict[str, Array], axes: Axes) -> Array:
-    """Return the strokes of one row, NaN if there are none."""
-    from scipy.optimize import root  # noqa: PLC0415 - takes long to load
-
-    held, wrench, grip = given["handle"], given["wrench"], given["grip"]
-    stiffness, arms = np.array(inst.stiffnesses), inst.tendon_arms("tip")
-    at_rest = np.array(inst.pretensions)
-    turned = inst.tendon_arms("handle") @ chain.coordinates(inst.handle_joints, held)[0]
-
-    # The unknowns are lengths times stiffness; a slack tendon counts as what it is short of being taut.
-    def missing(force: Array, goal: Array) -> tuple[Array, Array]:
-        # Two rows alike, for a single one raises where there is no equilibrium.
-        load: chain.ChainLoad = {"strokes": np.tile(force / stiffness, (2, 1)), "grip_force": grip[0], "axes": axes}
-        angles = chain.output_angles(inst, held, wrench, **load)[0]
-        by_stroke = chain.rates(inst, held, wrench, **load).by_stroke[0]
-        bent, by_angle = chain.coordinates(inst.tip_joints, angles)
-        tension = at_rest + force + stiffness * (turned - arms @ bent)
-        slope = np.eye(len(goal)) - stiffness[:, np.newaxis] * (arms * by_angle) @ by_stroke / stiffness
-        return tension - goal, slope
-
-    force = np.zeros(len(wanted))
-    for share in np.linspace(0.0, 1.0, _PARTS + 1):
-        # As tensions that the stiffness at rest would give.
-        goal = at_rest + stiffness * inst.stretches(at_rest + share * (wanted - at_rest))
-        try:
-            found = root(missing, force, (goal,), jac=True, tol=1e-12)
-        except ValueError:
-            return np.full(len(wanted), np.nan)
-        force = found.x
-        if not np.abs(found.fun).max() <= _SETTLED * (1 + goal.max()):
-            return np.full(len(wanted), np.nan)
-    return force / stiffness
+def _drawn(inst: FullForm, handle_angles: Array, angles: Array) -> Array:
+    """Return the length by which handle and tip stretch each tendon, (n, tendons), m."""
+    rows = math.prod(angles.shape[:-1])
+    held, bent = (
+        np.reshape([chain.coordinates(joints, row)[0] for row in of.reshape(rows, len(joints))], of.shape)
+        for joints, of in ((inst.handle_joints, handle_angles), (inst.tip_joints, angles))
+    )
+    return np.asarray(held @ inst.tendon_arms("handle").T - bent @ inst.tendon_arms("tip").T)
