@@ -73,7 +73,7 @@ def assembled(
     return found
 
 
-class Posture(NamedTuple):
+class BenchPosture(NamedTuple):
     """Angles of the joints of tip and handle, rad, and whether the load rig stands there."""
 
     tip: Array
@@ -81,7 +81,7 @@ class Posture(NamedTuple):
     with_rig: bool
 
 
-def postures(model: Model, output_angles: Sequence[float], handle_angles: Sequence[float] = ()) -> list[Posture]:
+def postures(model: Model, output_angles: Sequence[float], handle_angles: Sequence[float] = ()) -> list[BenchPosture]:
     """Return the straight posture, each joint bent to each of the angles, and all of an end at once to their ends.
 
     Angles are those of the first joint at either end, or of its backbone, rad; the others are bent to the same shares
@@ -108,7 +108,9 @@ def postures(model: Model, output_angles: Sequence[float], handle_angles: Sequen
         if place == 0:
             bent = [(alone, model.instrument.expanded.bent(row)) for alone, row in bent]
         for alone, row in bent:
-            found.append(Posture(_held(model, row), still[1], alone) if place == 0 else Posture(still[0], row, True))
+            found.append(
+                BenchPosture(_held(model, row), still[1], alone) if place == 0 else BenchPosture(still[0], row, True)
+            )
     return found
 
 

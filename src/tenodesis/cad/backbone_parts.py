@@ -35,8 +35,8 @@ _WIDER = 3.0
 """Width of a strip over its thickness, ours: to the side it is nine times as stiff."""
 
 
-class Section(NamedTuple):
-    """Section of a rod, mm: round, or a strip that is wider across the plane that it bends in."""
+class BackboneSection(NamedTuple):
+    """BackboneSection of a rod, mm: round, or a strip that is wider across the plane that it bends in."""
 
     thick: float
     """In that plane; the diameter of a round one."""
@@ -61,12 +61,12 @@ class Section(NamedTuple):
         return f"strip {self.thick:.3g} x {self.wide:.3g} mm" if self.wide else f"rod, diameter {self.thick:.3g} mm"
 
 
-def section(rigidity: float, *, strip: bool) -> Section:
+def section(rigidity: float, *, strip: bool) -> BackboneSection:
     """Return the section of a rod of a flexural rigidity, N m²: a strip where its tendons pass side by side."""
     if not strip:
-        return Section(k.MM * (64 * rigidity / (math.pi * _MODULUS)) ** 0.25, 0.0)
+        return BackboneSection(k.MM * (64 * rigidity / (math.pi * _MODULUS)) ** 0.25, 0.0)
     thick = k.MM * (12 * rigidity / (_WIDER * _MODULUS)) ** 0.25
-    return Section(thick, _WIDER * thick)
+    return BackboneSection(thick, _WIDER * thick)
 
 
 class Backbone(NamedTuple):
@@ -77,7 +77,7 @@ class Backbone(NamedTuple):
     ended: tuple[tuple[float, float], ...]
     """Those of them that end at its far end."""
     length: float
-    rod: Section
+    rod: BackboneSection
     outer: float
     """Radius of a disc."""
     disc: float
@@ -114,7 +114,7 @@ def backbone(  # noqa: PLR0917
     ended: Sequence[tuple[float, float]],
     length: float,
     arcs: int,
-    rod: Section,
+    rod: BackboneSection,
     largest: float,
 ) -> Backbone:
     """Return the sizes of one of so many arcs of a length that bend to an angle, rad, discs close enough for tendons.
@@ -246,7 +246,7 @@ def _bore(size: Backbone, sizes: Sizes) -> tuple[Dimension, ...]:
     )
 
 
-def bent_rod(rod: Section, arcs: Sequence[tuple[float, float, Location]], collar: float) -> Solid:
+def bent_rod(rod: BackboneSection, arcs: Sequence[tuple[float, float, Location]], collar: float) -> Solid:
     """Return the backbone of arcs of a length, bent to an angle from a place, straight in its socket and its plate."""
     b = k.kernel()
     face = (b.Rectangle(rod.thick, rod.wide) if rod.wide else b.Circle(rod.thick / 2)).face()

@@ -133,12 +133,12 @@ def _groups(inst: FullForm) -> dict[str, dict[str, str]]:
     }
 
 
-def _recognised(path: Path, headings: list[str], units: Mapping[str, str]) -> dict[str, list[lab_map.Part]]:
+def _recognised(path: Path, headings: list[str], units: Mapping[str, str]) -> dict[str, list[lab_map.SourceColumn]]:
     """Return the columns that headings name.
 
     Raises IdentificationError for a tendon or joint that the instrument has not.
     """
-    places: dict[str, list[lab_map.Part]] = {}
+    places: dict[str, list[lab_map.SourceColumn]] = {}
     for at, text in enumerate(headings):
         name, unit = lab_map.heading(text)
         if name in units:
@@ -146,7 +146,7 @@ def _recognised(path: Path, headings: list[str], units: Mapping[str, str]) -> di
                 raise IdentificationError(f"{path} has two columns {name}; it must have one.", key=name, value=text)
             unit = unit or units[name]
             scale = lab_map.scale_of(unit, units[name], f"{path}: the unit of {name}")
-            places[name] = [lab_map.Part(at, unit, scale)]
+            places[name] = [lab_map.SourceColumn(at, unit, scale)]
             continue
         kind, dot, _ = name.partition(".")
         own = [one for one in units if one.startswith(f"{kind}.")]
@@ -156,7 +156,9 @@ def _recognised(path: Path, headings: list[str], units: Mapping[str, str]) -> di
     return places
 
 
-def _complete(path: Path, key: str, columns: Mapping[str, str], places: Mapping[str, list[lab_map.Part]]) -> bool:
+def _complete(
+    path: Path, key: str, columns: Mapping[str, str], places: Mapping[str, list[lab_map.SourceColumn]]
+) -> bool:
     """Return whether a file has columns that belong together, which must be all or none."""
     there = [name for name in columns if name in places]
     if there and len(there) < len(columns):
@@ -164,7 +166,9 @@ def _complete(path: Path, key: str, columns: Mapping[str, str], places: Mapping[
     return bool(there)
 
 
-def _lacking(path: Path, key: str, names: object, places: Mapping[str, list[lab_map.Part]]) -> IdentificationError:
+def _lacking(
+    path: Path, key: str, names: object, places: Mapping[str, list[lab_map.SourceColumn]]
+) -> IdentificationError:
     lacking = ", ".join(map(str, names))  # type: ignore[call-overload]
     return IdentificationError(
         f"{path} lacks {lacking} of the {key}; it must have all, by headings such as 'x [mm]' or by a map "
@@ -174,7 +178,9 @@ def _lacking(path: Path, key: str, names: object, places: Mapping[str, list[lab_
     )
 
 
-def _numbers(path: Path, table: Table, columns: Mapping[str, str], places: Mapping[str, list[lab_map.Part]]) -> Array:
+def _numbers(
+    path: Path, table: Table, columns: Mapping[str, str], places: Mapping[str, list[lab_map.SourceColumn]]
+) -> Array:
     """Return columns in SI, (n, columns); raises IdentificationError for a cell that is no finite number."""
     found = np.stack([sum(part.scale * table.column(part.at) for part in places[name]) for name in columns], axis=1)
     wrong = np.argwhere(~np.isfinite(found))

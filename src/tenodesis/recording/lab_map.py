@@ -59,7 +59,7 @@ class Heading(NamedTuple):
     unit: str | None
 
 
-class Part(NamedTuple):
+class SourceColumn(NamedTuple):
     """A column of the table, its stated unit, and the factor from its numbers to SI."""
 
     at: int
@@ -71,7 +71,7 @@ class Mapped(NamedTuple):
     """A table with what its columns are: of each of :data:`COLUMNS` the parts whose sum it is."""
 
     table: Table
-    places: dict[str, list[Part]]
+    places: dict[str, list[SourceColumn]]
     notes: tuple[str, ...]
     axis: str
 
@@ -173,9 +173,9 @@ def scale_of(unit: str, si_unit: str, what: str) -> float:
         raise RecordingError(key=what, value=unit, allowed=f"a unit of the dimension of {si_unit}{hint}") from None
 
 
-def recognised(source: str, headings: Sequence[str]) -> tuple[dict[str, list[Part]], list[str]]:
+def recognised(source: str, headings: Sequence[str]) -> tuple[dict[str, list[SourceColumn]], list[str]]:
     """Return the columns that headings name (those of an export, or the columns' own names), and the export's axes."""
-    places: dict[str, list[Part]] = {}
+    places: dict[str, list[SourceColumn]] = {}
     axes: dict[str, None] = {}
     for at, text in enumerate(headings):
         name, unit = heading(text)
@@ -188,11 +188,11 @@ def recognised(source: str, headings: Sequence[str]) -> tuple[dict[str, list[Par
         if column is not None and column not in places:
             unit = unit or UNITS[column]
             scale = scale_of(unit, UNITS[column], f"{source}: the unit of {column}")
-            places[column] = [Part(at, unit, scale)]
+            places[column] = [SourceColumn(at, unit, scale)]
     return places, list(axes)
 
 
-def mapped(text: str, path: str, headings: Sequence[str], units: Mapping[str, str]) -> dict[str, list[Part]]:
+def mapped(text: str, path: str, headings: Sequence[str], units: Mapping[str, str]) -> dict[str, list[SourceColumn]]:
     """Return the columns that a map names, of those that there may be, with their SI units.
 
     Raises RecordingError if the map names what is not there.
@@ -221,7 +221,7 @@ def mapped(text: str, path: str, headings: Sequence[str], units: Mapping[str, st
         if isinstance(factor, bool) or not isinstance(factor, int | float) or not isfinite(factor) or not factor:
             raise RecordingError(key=f"{where}.factor", value=factor, allowed="a finite number other than 0")
         places[name] = [
-            Part(
+            SourceColumn(
                 headings.index(column),
                 str(unit),
                 factor * scale_of(str(unit), units[name], f"{path}: the unit of {name}"),

@@ -42,7 +42,7 @@ def read(path: Path) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Return the columns of a table in SI by name, and notes; raises RecordingError if file or map cannot be read."""
     table = lab_map.numbers_in(path)
     beside = lab_map.map_beside(path)
-    places: dict[str, list[lab_map.Part]] = {}
+    places: dict[str, list[lab_map.SourceColumn]] = {}
     notes: tuple[str, ...] = ()
     if beside is not None:
         text = read_text(beside, RecordingError)
@@ -57,7 +57,7 @@ def read(path: Path) -> tuple[dict[str, Array], tuple[str, ...]]:
             si = lab_map.UNITS[lab_map.TIME] if name == lab_map.TIME else unit_of(name)
             if si is not None:
                 scale = lab_map.scale_of(unit or si, si, f"{path}: the unit of {heading}")
-                places[name] = [lab_map.Part(at, unit or si, factor * scale)]
+                places[name] = [lab_map.SourceColumn(at, unit or si, factor * scale)]
     found = lab_map.Mapped(table, places, notes, "")
     return {name: found.values(name) for name in places}, notes
 

@@ -329,14 +329,14 @@ class Points(NamedTuple):
         )
 
 
-class WorkingRange(NamedTuple):
+class WorkingGrid(NamedTuple):
     """All points of the grid at which the instrument has an equilibrium, and a few of them with the same extent."""
 
     fine: Points
     coarse: Points
 
 
-def working_range(real_size: ShortForm, largest_force: float) -> WorkingRange:
+def working_range(real_size: ShortForm, largest_force: float) -> WorkingGrid:
     """Return the points at which scale models are judged, up to a force (N) and over the range of output angles.
 
     The few points are among the many: up to the largest force held at each of their handle angles, and the point of
@@ -355,7 +355,7 @@ def working_range(real_size: ShortForm, largest_force: float) -> WorkingRange:
     # Replaces one of the many points without a force.
     chosen[COARSE[1] * (COARSE[0] // 2)] = _most_strained(real_size, handle, force)
     few = tuple(np.array(chosen).T)
-    return WorkingRange(Points(handle[rows], force[columns]), Points(handle[few[0]], force[few[1]]))
+    return WorkingGrid(Points(handle[rows], force[columns]), Points(handle[few[0]], force[few[1]]))
 
 
 def _evenly(numbers: Array, count: int) -> list[int]:
@@ -395,7 +395,7 @@ class LoadCells:
 class Judge:
     """Computes parameters, results and costs of scale models by number; see :class:`Sweep` for the costs."""
 
-    def __init__(self, found: Candidates, catalogue: Catalogue, span: WorkingRange) -> None:
+    def __init__(self, found: Candidates, catalogue: Catalogue, span: WorkingGrid) -> None:
         self._candidates = found
         self._span = span
         self._catalogue = catalogue

@@ -21,7 +21,14 @@ from tenodesis.scaling.catalogue import Catalogue, narrowed, parse_pins, same
 from tenodesis.scaling.costs import Limit, LoadCells, Tally, finest_difference, nearest_spool, of_tension
 from tenodesis.scaling.design import PREFERENCES, Preference
 from tenodesis.scaling.parts import Encoder, LoadCell, Rod, Rope, Spool
-from tenodesis.scaling.scale_model import Fitted, Objectives, TestLoad, finest_encoder, of_sensors, with_tension_limit
+from tenodesis.scaling.scale_model import (
+    FittedWheel,
+    Objectives,
+    TestLoad,
+    finest_encoder,
+    of_sensors,
+    with_tension_limit,
+)
 from tenodesis.scaling.sweep import Progress, levels, nondominated
 from tenodesis.scaling.weights import select_weights
 from tenodesis.similarity.joints import JointComparison, JointError, compare_joints
@@ -143,7 +150,7 @@ class WheelSet(NamedTuple):
 class JointChoice(NamedTuple):
     """The parts that a design is made of."""
 
-    wheels: tuple[Fitted, ...]
+    wheels: tuple[FittedWheel, ...]
     to_size: bool
     rope: Rope
     rods: tuple[tuple[str, Rod], ...]
@@ -178,7 +185,7 @@ class JointDesign:
         return self.scaled_up
 
     @property
-    def wheels(self) -> tuple[Fitted, ...]:
+    def wheels(self) -> tuple[FittedWheel, ...]:
         """The wheels of all sizes."""
         return self.choice.wheels
 
@@ -342,10 +349,10 @@ def design_joints(
     for kind in ("ropes", "load_cells", "spools", "weights"):
         if not getattr(parts, kind):
             raise DesignError(f"catalogue {parts.name} has no {kind.replace('_', ' ')}.", key=kind)
-    return _Search(real, parts).front(progress)
+    return _JointSearch(real, parts).front(progress)
 
 
-class _Search:
+class _JointSearch:
     """What is judged of the scale models of an instrument."""
 
     def __init__(self, real: FullForm, catalogue: Catalogue) -> None:
@@ -676,7 +683,7 @@ def _beyond_stem(real: FullForm) -> float:
     return float(along)
 
 
-def _fitted(real: FullForm, catalogue: Catalogue, size: _Size, radius: float) -> Fitted:
+def _fitted(real: FullForm, catalogue: Catalogue, size: _Size, radius: float) -> FittedWheel:
     """Return wheels of a radius, m, with what is at them: joints, and tendons that run over one."""
     joints = [
         joint
@@ -696,6 +703,6 @@ def _fitted(real: FullForm, catalogue: Catalogue, size: _Size, radius: float) ->
         wheel = min(
             (one for one in gear_wheels(catalogue) if same(one.radius, radius)), key=lambda one: makeable([one])
         )
-        return Fitted(at, wheel, "gears", len(joints))
+        return FittedWheel(at, wheel, "gears", len(joints))
     backbones = bool(joints) and all(joint.mechanism == "continuum" for joint in joints)
-    return Fitted(at, Wheel(radius), "discs" if backbones else "pulleys", len(joints))
+    return FittedWheel(at, Wheel(radius), "discs" if backbones else "pulleys", len(joints))

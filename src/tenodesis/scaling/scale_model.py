@@ -72,7 +72,7 @@ class Objectives(NamedTuple):
 _PARTS = {"gears": "gear", "pulleys": "pulley", "discs": "set of discs"}
 
 
-class Fitted(NamedTuple):
+class FittedWheel(NamedTuple):
     """Wheels of one size: where they are, and how many joints turn on them."""
 
     at: str
@@ -166,7 +166,7 @@ class Design:
         return self.scaled_up.planar[0]
 
     @property
-    def wheels(self) -> tuple[Fitted, ...]:
+    def wheels(self) -> tuple[FittedWheel, ...]:
         """The wheels at both ends."""
         found = []
         for end, wheel in (("distal", self.choice.distal), ("proximal", self.choice.proximal)):
@@ -174,7 +174,7 @@ class Design:
             kind: Literal["gears", "pulleys", "discs"] = (
                 "discs" if is_backbone else "pulleys" if wheel.module is None else "gears"
             )
-            found.append(Fitted(f"{end} joint", wheel, kind, len(self.scaled_up.axes)))
+            found.append(FittedWheel(f"{end} joint", wheel, kind, len(self.scaled_up.axes)))
         return tuple(found)
 
     @property

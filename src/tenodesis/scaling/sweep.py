@@ -12,7 +12,7 @@ from tenodesis.instrument import ShortForm
 from tenodesis.run import Array
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates, candidates, finer
 from tenodesis.scaling.catalogue import Catalogue
-from tenodesis.scaling.costs import Forces, Judge, Limit, Tally, WorkingRange, forces_of, limits, working_range
+from tenodesis.scaling.costs import Forces, Judge, Limit, Tally, WorkingGrid, forces_of, limits, working_range
 from tenodesis.similarity.parameters import RADII
 
 _CHUNK = 65_536
@@ -54,7 +54,7 @@ class Sweep:
     real_size: ShortForm
     catalogue: Catalogue
     forces: Forces
-    range: WorkingRange
+    range: WorkingGrid
     stages: tuple[Stage, ...]
     numbers: NDArray[np.int64]
     costs: Array
@@ -120,7 +120,7 @@ def sweep(
 class _Search:
     """Judges candidates and finds their front, reporting progress."""
 
-    def __init__(self, catalogue: Catalogue, span: WorkingRange, forces: Forces, progress: Progress) -> None:
+    def __init__(self, catalogue: Catalogue, span: WorkingGrid, forces: Forces, progress: Progress) -> None:
         self._catalogue, self._span, self._progress = catalogue, span, progress
         self._limits = limits(catalogue, forces)
 
@@ -166,7 +166,7 @@ def exact_costs(judge: Judge, bounds: tuple[Limit, ...], numbers: NDArray[np.int
 
 
 def contradiction(
-    real_size: ShortForm, catalogue: Catalogue, pins: Mapping[str, Any], tally: Tally, span: WorkingRange
+    real_size: ShortForm, catalogue: Catalogue, pins: Mapping[str, Any], tally: Tally, span: WorkingGrid
 ) -> DesignError:
     """Return the error that names the two constraints that contradict each other, if there are two.
 

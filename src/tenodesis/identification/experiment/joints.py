@@ -38,7 +38,7 @@ _MOST = 4
 _UNKNOWN_COEFFICIENT = 0.1
 
 
-class Block(NamedTuple):
+class TimedMotion(NamedTuple):
     """A motion with its load, and when it begins, s."""
 
     name: str
@@ -49,7 +49,7 @@ class JointPlan(NamedTuple):
     """Motions of an instrument's joints, in their order, and what they are predicted to determine."""
 
     inst: FullForm
-    blocks: tuple[Block, ...]
+    blocks: tuple[TimedMotion, ...]
     run: Run
     """What the twin does; its commands are those of the bench."""
     wanted: tuple[str, ...]
@@ -129,7 +129,7 @@ def plan(
     together = next(motion for motion in motions if motion.name.startswith("all"))
     others = _problem(inst, [together] * len(taken), law, distal_encoder=distal_encoder)[1]
     _tell(progress, steps, steps)
-    blocks = tuple(Block(motion.name, place * BLOCK) for place, motion in enumerate(taken))
+    blocks = tuple(TimedMotion(motion.name, place * BLOCK) for place, motion in enumerate(taken))
     starts = zip((one.name for one in parameters), problem.starting_values(()).tolist(), strict=True)
     assumed = {name: start for name, start in starts if start != routing.Routing.value(given, name)}
     return JointPlan(inst, blocks, run, wanted, parameters, _std(problem), _std(others), assumed)

@@ -282,7 +282,7 @@ class Bands(NamedTuple):
     torque: Band
 
 
-class Estimate(NamedTuple):
+class FarEndEstimate(NamedTuple):
     """Far end of a run, each (n,): angle (rad) and torque (N m) with their standard deviations and covariance."""
 
     time: Array
@@ -332,7 +332,7 @@ class ForceModel:
         """Return the fitted parameters that the recordings determine less than the prior: three quarters are left."""
         return tuple(name for name in self.free if self.std(name) > 0.75 * self.prior_spread[name])
 
-    def estimate(self, run: MeasuredRun) -> Estimate:
+    def estimate(self, run: MeasuredRun) -> FarEndEstimate:
         """Return the far end at all samples of a recording, by its near end alone.
 
         Raises IdentificationError if a column is missing, or the current is saturated.
@@ -340,7 +340,7 @@ class ForceModel:
         run = checked(run, self.signal)
         return self.estimate_series(series_of(run, self.bench))
 
-    def estimate_series(self, series: Series) -> Estimate:
+    def estimate_series(self, series: Series) -> FarEndEstimate:
         """Return the far end of a run by the bench's signs."""
         bands = self.bands(series)
         far = predicted(self.values, series, self.signal, self.bench)
@@ -348,7 +348,7 @@ class ForceModel:
         angle, torque = bands
         side = -self.bench.jaw * self.bench.load
         covariance = angle.share * torque.share * side * far.hidden_angle * far.hidden_torque
-        return Estimate(
+        return FarEndEstimate(
             series.time,
             far.angle,
             far.torque,

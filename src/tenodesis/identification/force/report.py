@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from tenodesis.identification.force.model import WIDTH, Estimate, ForceModel, Series, checked, series_of, to_json
+from tenodesis.identification.force.model import WIDTH, FarEndEstimate, ForceModel, Series, checked, series_of, to_json
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.report import write_files
 from tenodesis.report import page, style
@@ -53,7 +53,7 @@ class Traces(NamedTuple):
     """A run with its estimate."""
 
     series: Series
-    estimate: Estimate
+    estimate: FarEndEstimate
 
 
 def traces(model: ForceModel, run: MeasuredRun) -> Traces:

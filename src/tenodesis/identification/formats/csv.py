@@ -113,7 +113,7 @@ def load(path: Path) -> InstrumentRun:
     return checked(path.name, time, columns, notes=notes)
 
 
-def _in_si(path: Path, name: str, stated_values: Array, parts: list[lab_map.Part], notes: list[str]) -> Array:
+def _in_si(path: Path, name: str, stated_values: Array, parts: list[lab_map.SourceColumn], notes: list[str]) -> Array:
     """Return a column in SI by its stated unit, or, if that is impossible, by the unit that its magnitude shows."""
     spread = spread_of(stated_values[np.isfinite(stated_values)])
     kind, place = lab_map.UNITS[name], parts[0]
@@ -139,7 +139,7 @@ def _in_si(path: Path, name: str, stated_values: Array, parts: list[lab_map.Part
 
 
 def _as_the_handle(
-    columns: dict[str, Array], stated: dict[str, Array], places: dict[str, list[lab_map.Part]], notes: list[str]
+    columns: dict[str, Array], stated: dict[str, Array], places: dict[str, list[lab_map.SourceColumn]], notes: list[str]
 ) -> None:
     """Convert angles under the handle's heading as its angle was, if its numbers were too small for the stated unit.
 
