@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from mcap.records import Channel, Schema
+from numpy.typing import NDArray
 
 from tenodesis.errors import IdentificationError, InstrumentError, RecordingError
 from tenodesis.identification.formats.csv import as_identification
@@ -27,11 +28,11 @@ from tenodesis.identification.formats.instrument_run import (
 from tenodesis.identification.formats.measured import Raw
 from tenodesis.instrument import ShortForm, as_short_form
 from tenodesis.recording import Blocks, Recording, cdr, container, schemas
-from tenodesis.recording.blocks import Progress, opened
+from tenodesis.recording.blocks import Progress, assembled, opened
 from tenodesis.recording.container import Contents, Message, Messages
 from tenodesis.recording.decode import Decoded, LeftOut, Misfit, decoded
 from tenodesis.recording.lab_bags import SQLITE, covered
-from tenodesis.run import SIGNALS, Array, Names, Run, concatenate
+from tenodesis.run import Array, Names, Run, concatenate
 
 SUFFIX = ".db3"
 
@@ -156,14 +157,6 @@ class _Signals(NamedTuple):
     instrument: ShortForm | None
 
 
-class _TopicSeries(NamedTuple):
-    """A topic's times (n,) in s, rising, the joints' names, and each array of numbers (n, count)."""
-
-    time: Array
-    joints: tuple[str, ...]
-    numbers: Mapping[str, Array]
-
-
 def load(path: Path, progress: Progress | None = None) -> InstrumentRun:
     """Return the first axis of a recording or of a bag: an MCAP or SQLite file, or a folder of them.
 
@@ -262,27 +255,30 @@ def _merged(path: Path, files: Sequence[Path]) -> _Signals:
             value=["measured_tension"],
         )
     begin = int(topics[_CLOCK][0].stamps[0])
-    series = {name: _series(path, name, parts, begin, notes) for name, parts in topics.items()}
-    time = series[_CLOCK].time
-    inside = np.ones(time.size, dtype=np.bool_)
-    found: dict[str, Array] = {}
-    apart = False
-    for topic in schemas.topics(Names.paired(axes)):
-        own = series.get(topic.name)
-        for field, signal in topic.signals.items() if own is not None else ():
-            if own is None or signal not in USED or signal in found or field not in own.numbers:
-                continue
-            at = _first_axis(topic.joints, own, field, 2 if SIGNALS[signal].per_tendon else 1)
-            if at is None:
-                notes.append(f"{topic.name} is left out: its joints are {', '.join(own.joints)}")
-                continue
-            found[signal] = np.stack([np.interp(time, own.time, own.numbers[field][:, one]) for one in at], axis=1)
-            inside &= covered(time, own.time)
-            apart |= not np.array_equal(time, own.time)
-    if apart:
+    found = {name: _ordered(path, name, parts, begin, notes) for name, parts in topics.items()}
+    clock = found[_CLOCK].stamps
+    names = Names.paired(axes)
+    used = {topic.name for topic in schemas.topics(names) if {*USED} & {*topic.signals.values()}}
+    found = {name: one for name, one in found.items() if name in used}
+    inside = np.logical_and.reduce([covered(clock, one.stamps) for one in found.values()])
+    if any(not np.array_equal(clock, one.stamps) for one in found.values()):
         notes.append("topics have stamps of their own: all are interpolated to those of the load cells")
-    cut = {name: values[inside] if values.shape[1] > 1 else values[inside, 0] for name, values in found.items()}
-    return _Signals(time[inside], axes, cut, tuple(notes), None)
+    onto = {name: _onto(clock, one) for name, one in found.items()}
+    run, left_out = assembled(schemas.topics(names), names, onto, {})
+    notes += [f"{topic} is left out: {reason}" for topic, reason in left_out.items()]
+    signals = {name: values[inside] for name, values in first_axis(run).items()}
+    return _Signals(run.time[inside], axes, signals, tuple(notes), None)
+
+
+def _onto(clock: NDArray[np.int64], topic: Decoded) -> Decoded:
+    """Return a topic's numbers interpolated to the stamps of another."""
+    # counted from the first, for a float has no digits for nanoseconds since 1970
+    at, of = clock - clock[0], topic.stamps - clock[0]
+    numbers = {
+        name: np.stack([np.interp(at, of, column) for column in values.T], axis=1)
+        for name, values in topic.numbers.items()
+    }
+    return Decoded(clock, topic.joints, numbers)
 
 
 def _topics(files: Sequence[Path], notes: list[str]) -> dict[str, list[Decoded]]:
@@ -312,11 +308,11 @@ def _contents(file: Path) -> container.Contents:
         return container.contents_of(data, size)
 
 
-def _series(path: Path, name: str, parts: Sequence[Decoded], begin: int, notes: list[str]) -> _TopicSeries:
+def _ordered(path: Path, name: str, parts: Sequence[Decoded], begin: int, notes: list[str]) -> Decoded:
     """Return a topic's messages of all files, less those that came twice or whose clock ran back."""
     fields = [field for field in parts[0].numbers if all(field in part.numbers for part in parts)]
     numbers = {field: np.concatenate([part.numbers[field] for part in parts]) for field in fields}
-    columns = {f"{field} {at}": values[:, at] for field, values in numbers.items() for at in range(values.shape[1])}
+    columns = {f"{field} {at}": column for field, values in numbers.items() for at, column in enumerate(values.T)}
     stamps = np.concatenate([part.stamps for part in parts])
     raw = Raw(f"{path.name}: {name}", (stamps - begin) / cdr.SECOND, columns)
     raw.ordered()
@@ -325,15 +321,7 @@ def _series(path: Path, name: str, parts: Sequence[Decoded], begin: int, notes: 
         field: np.stack([raw.columns[f"{field} {at}"] for at in range(values.shape[1])], axis=1)
         for field, values in numbers.items()
     }
-    return _TopicSeries(raw.time, parts[0].joints, kept)
-
-
-def _first_axis(joints: Sequence[str], own: _TopicSeries, field: str, count: int) -> list[int] | None:
-    """Return the columns of the first axis in a topic's numbers, None where the joints leave them open."""
-    if not joints:
-        return [0]
-    at = schemas.places(joints[:count], own.joints)
-    return at if at is not None and own.numbers[field].shape[1] == len(own.joints) else None
+    return Decoded(np.rint(raw.time * cdr.SECOND).astype(np.int64) + begin, parts[0].joints, kept)
 
 
 def _instrument(recording: Recording) -> ShortForm | None:
