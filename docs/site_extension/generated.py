@@ -3,6 +3,7 @@
 {{commands}}                     the reference of the commands
 {{keys instrument}}              the keys of a kind of file
 {{traceability}}                 equations, functions, tests
+{{homing}}                       why homing fails, and what to do
 {{table NAME}}                   a table of measured figures; with {{table NAME: COLUMN COLUMN}} some of its columns
 {{figure TABLE.ROW.COLUMN}}      one figure; with a format, {{figure TABLE.ROW.COLUMN:.1f}}
 """
@@ -17,7 +18,10 @@ import keys
 import traceability
 from sphinx.application import Sphinx
 
-PLACE = re.compile(r"\{\{(commands|keys|traceability|table|figure)(?: ([^}]*))?\}\}")
+from tenodesis.console.status import HOMING_REMEDIES
+from tenodesis.control import HOMING_REASONS
+
+PLACE = re.compile(r"\{\{(commands|keys|traceability|homing|table|figure)(?: ([^}]*))?\}\}")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
@@ -51,6 +55,12 @@ def table(quoted: str) -> str:
     return f"{text}\n\n`{found.command}`\n"
 
 
+def homing() -> str:
+    """Return the reasons for which homing fails, with their remedies, as Markdown."""
+    rows = [f"| `{name}` | {HOMING_REASONS[name]} | {remedy} |" for name, remedy in HOMING_REMEDIES.items()]
+    return "\n".join(["| reason | meaning | what to do |", "|---|---|---|", *rows]) + "\n"
+
+
 def _shown(value: Any, form: str) -> str:
     return "–" if value is None else value if isinstance(value, str) else format(value, form)
 
@@ -59,6 +69,7 @@ WRITERS: dict[str, Callable[[str], str]] = {
     "commands": lambda _: command_reference.text(),
     "keys": keys.tables,
     "traceability": lambda _: traceability.tables(),
+    "homing": lambda _: homing(),
     "table": table,
     "figure": figure,
 }
