@@ -177,8 +177,6 @@ void bind_control(nb::module_& m) {
            "joint_type"_a, "observer"_a, "law"_a, "actuation"_a, "safe_state"_a, "stop"_a, "observe"_a, "own_clock"_a,
            "homed"_a, "common"_a, "axes"_a, "limits"_a, "single_precision"_a)
       .def("step", &step, "time"_a, "request"_a, "measured"_a,
-           nb::sig("def step(self, time: int, request: int, measured: NDArray[numpy.float64]) -> "
-                   "tuple[NDArray[numpy.float64], list[int], int, bool, bool, int, int, bool]"),
            "One tick, time in ns: control signals and faults by axis; state, homed, homing, faults, first faults, "
            "cut_power.")
       .def(
@@ -204,7 +202,7 @@ void bind_control(nb::module_& m) {
           "How far the motors hold the tip from where it would be with their spools at home, rad; NaN where not known.")
       .def("counts", &counts, "axis"_a,
            "How often each fault was confirmed, bad samples of each sensor, number of late ticks.")
-      .def("records", &records, nb::sig("def records(self) -> tuple[NDArray[numpy.float64], int]"),
+      .def("records", &records,
            "The flight recorder, by record: time, state, faults, then per axis measurement, sent velocities, output "
            "angle; and the row of the fault's first tick, -1 without one.");
 

@@ -158,12 +158,8 @@ NB_MODULE(_core, m) {
       "spec"_a, "Unloaded distal coordinate at the end of the handle's range, as a share of the joint's limit.");
   // Python allocates the results: NumPy uses huge pages, which saves a page fault per 4 KiB.
   m.def("evaluate", &evaluate, "spec"_a, "operation"_a, "inputs"_a, "out"_a, "status"_a, "threads"_a,
-        nb::sig("def evaluate(spec: Spec, operation: str, inputs: Sequence[NDArray[numpy.float64]], "
-                "out: NDArray[numpy.float64], status: NDArray[numpy.uint8], threads: int) -> None"),
         "Write an operation's outputs, by output, 1 and point, and the status of every point.");
   m.def("gradient", &gradient, "spec"_a, "operation"_a, "inputs"_a, "variables"_a, "out"_a, "status"_a, "threads"_a,
-        nb::sig("def gradient(spec: Spec, operation: str, inputs: Sequence[NDArray[numpy.float64]], variables: "
-                "Sequence[int], out: NDArray[numpy.float64], status: NDArray[numpy.uint8], threads: int) -> None"),
         "Write the derivatives, by output, variable and point, and the status of every point.");
 
   m.def("tension_from_current", &tension_from_current<double>, "current"_a, "tension_per_current"_a, "range"_a,

@@ -452,9 +452,6 @@ void bind_joint_control(nb::module_& m) {
             controller.store(out.data());
           },
           "handle"_a, "tension"_a, "spool"_a, "target"_a, "request"_a, "compensates"_a, "since"_a, "out"_a,
-          nb::sig("def step(self, handle: NDArray[numpy.float64], tension: NDArray[numpy.float64], spool: "
-                  "NDArray[numpy.float64], target: NDArray[numpy.float64], request: int, compensates: bool, since: "
-                  "float, out: NDArray[numpy.float64]) -> None"),
           "One tick, since seconds after the last; out: what is stored of it.")
       .def(
           "run",
@@ -466,9 +463,6 @@ void bind_joint_control(nb::module_& m) {
           },
           "twin"_a, "commands"_a, "targets"_a, "requests"_a, "compensates"_a, "steps_per_tick"_a, "time_step"_a,
           "started"_a, "out"_a, "control"_a,
-          nb::sig("def run(self, twin: Twin, commands: NDArray[numpy.float64], targets: NDArray[numpy.float64], "
-                  "requests: collections.abc.Sequence[int], compensates: bool, steps_per_tick: int, time_step: float, "
-                  "started: int, out: NDArray[numpy.float64], control: NDArray[numpy.float64]) -> tuple[int, Status]"),
           "Steps of a twin with it in the loop; returns the steps taken and the last status.")
       .def_prop_ro("width", &AnyJointController::width, "Numbers of an estimate.")
       .def_prop_ro("stored", &stored, "Numbers of a tick.")
@@ -479,8 +473,7 @@ void bind_joint_control(nb::module_& m) {
             require(spool.shape(0) == controller.sizes().tendons, "the spools do not fit the controller");
             controller.count_from(spool.data());
           },
-          "spool"_a, nb::sig("def count_from(self, spool: NDArray[numpy.float64]) -> None"),
-          "Count the spools' angles from these, rad.")
+          "spool"_a, "Count the spools' angles from these, rad.")
       .def("reset", &AnyJointController::reset, "Return to the initial state.");
 #ifndef TENODESIS_WITHOUT_LIVE
   nb::class_<LiveJoints, runtime::Device>(m, "LiveJoints", "A controller of all joints between live loop and device.")

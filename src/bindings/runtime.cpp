@@ -204,7 +204,7 @@ void bind_runtime(nb::module_& m) {
            "Take so many ticks as fast as possible, on this thread.")
       .def("order", &give_order, "kind"_a, "a"_a = 0, "b"_a = 0, "at"_a = 0, "value"_a = 0.0, "ticks"_a = 0,
            "Give an order, by number of its kind; false where too many orders wait already.")
-      .def("play", &play, "rows"_a, nb::sig("def play(self, rows: NDArray[numpy.float64]) -> int"),
+      .def("play", &play, "rows"_a,
            "Queue ticks of a motion, rows of the device's commands; returns how many were taken.")
       .def(
           "lease", [](Runtime& loop, double seconds) { loop.lease(in_nanoseconds(seconds)); }, "seconds"_a,
@@ -234,7 +234,6 @@ void bind_runtime(nb::module_& m) {
   nb::class_<RingReader>(m, "RingReader", "Reads a live loop's records, from any process.")
       .def(nb::init<const std::string&>(), "path"_a)
       .def("read", &read, "cursor"_a, "out"_a,
-           nb::sig("def read(self, cursor: int, out: NDArray[numpy.float64]) -> tuple[int, int, int]"),
            "Copy records from the cursor on; returns how many, the cursor after them, and how many were lost.")
       .def_prop_ro("columns", &RingReader::columns)
       .def_prop_ro("capacity", &RingReader::capacity)

@@ -150,8 +150,6 @@ void bind_similarity(nb::module_& m) {
           },
           "spec"_a, "handle_angle"_a, "force"_a, "at_angle"_a, "stop"_a)
       .def("judge", &judge_designs, "rows"_a, "pretension"_a, "out"_a, "threads"_a,
-           nb::sig("def judge(self, rows: NDArray[numpy.float64], pretension: NDArray[numpy.float64], out: "
-                   "NDArray[numpy.float64], threads: int) -> None"),
            "Write the findings of every row of parameters, by row and finding; NaN scales the pretension.");
 }
 

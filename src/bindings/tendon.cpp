@@ -178,26 +178,18 @@ void bind_tendon(nb::module_& m) {
       .def(nb::init<const std::vector<double>&, const std::vector<double>&, double, double, double>(), "stiffness"_a,
            "exponent"_a, "constant"_a, "viscous"_a, "rest_tension"_a)
       .def("run", &AnyTendon::run, "spool"_a, "drawn"_a, "by_tension"_a, "time_step"_a, "out"_a,
-           nb::sig("def run(self, spool: NDArray[numpy.float64], drawn: NDArray[numpy.float64], by_tension: bool, "
-                   "time_step: float, out: NDArray[numpy.float64]) -> int"),
            "Step over prescribed ends; out: proximal and distal tension, wound length, friction loss, residual. "
            "Returns the most sweeps.")
       .def_prop_ro(
           "tension", [](const AnyTendon& own) { return own.state.tension.at; }, "Tension of every segment, N.")
       .def_prop_ro("slip", [](const AnyTendon& own) { return own.state.slip.at; }, "Slip past every contact, m.");
   m.def("transmit", &transmit_all, "tension"_a, "exponent"_a, "gain"_a, "held"_a, "out"_a,
-        nb::sig("def transmit(tension: NDArray[numpy.float64], exponent: float, gain: float, held: float, "
-                "out: NDArray[numpy.float64]) -> None"),
         "Write the distal tension of one contact; held: the distal tension before, N.");
   m.def("play", &play, "lower"_a, "upper"_a, "start"_a, "source"_a,
-        nb::sig("def play(lower: NDArray[numpy.float64], upper: NDArray[numpy.float64], start: float, "
-                "source: NDArray[numpy.int64]) -> None"),
         "Write by which bound a value was pushed last: k + 1 by upper[k], -(k + 1) by lower[k], 0 by none.");
   m.def("transmission_parameters", &transmission_names, "Names of a transmission's parameters, in their order.");
   m.def(
       "far_end", &far_end, "values"_a, "angle"_a, "signal"_a, "time_step"_a, "out"_a,
-      nb::sig("def far_end(values: NDArray[numpy.float64], angle: NDArray[numpy.float64], "
-              "signal: NDArray[numpy.float64], time_step: float, out: NDArray[numpy.float64]) -> None"),
       "Write angle and torque of the far end of a transmission, how far friction may hide each, and its near torque.");
 }
 

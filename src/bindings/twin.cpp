@@ -356,17 +356,10 @@ void bind_twin(nb::module_& m) {
       .def("copy", &AnyTwin::copy)
       .def(
           "run", &run, "commands"_a, "out"_a, "energy"_a.none() = nb::none(),
-          nb::sig("def run(self, commands: NDArray[numpy.float64], out: NDArray[numpy.float64], energy: "
-                  "NDArray[numpy.float64] | None = None) -> tuple[int, Status]"),
           "Step over rows of commands; a row of signals per step in out, totals in energy. Returns the steps taken and "
           "the last status.")
       .def("run_controlled", &run_controlled, "controller"_a, "axes"_a, "commands"_a, "steps_per_tick"_a, "time_step"_a,
            "relay"_a, "started"_a, "requests"_a.none(), "values"_a.none(), "modes"_a.none(), "out"_a, "control"_a,
-           nb::sig("def run_controlled(self, controller: Controller, axes: Sequence[Sequence[int]], commands: "
-                   "NDArray[numpy.float64], steps_per_tick: int, time_step: float, relay: float, started: int, "
-                   "requests: NDArray[numpy.uint8] | None, values: NDArray[numpy.float64] | None, modes: "
-                   "NDArray[numpy.uint8] | None, out: NDArray[numpy.float64], control: NDArray[numpy.float64]) -> "
-                   "tuple[int, Status]"),
            "The same with a controller in the loop; axes: joint of the handle, agonist and antagonist of each; values "
            "and modes: what is injected, by axis, step and point; control: the controller's signals by step and axis.")
       .def_prop_rw(
@@ -388,7 +381,7 @@ void bind_twin(nb::module_& m) {
             require(out.shape(0) == width_of(twin.signals()), "signals do not fit the twin");
             twin.store(out.data());
           },
-          "out"_a, nb::sig("def now(self, out: NDArray[numpy.float64]) -> None"), "Write the signals as they stand.")
+          "out"_a, "Write the signals as they stand.")
       .def(
           "handle_wanted",
           [](const AnyTwin& twin, std::size_t joint) {
@@ -414,10 +407,6 @@ void bind_twin(nb::module_& m) {
       .def_prop_ro("together", &TwinBatch::stride, "How many step in lockstep, in the lanes of a vector.")
       .def("advance", &advance, "commands"_a, "given"_a, "signals"_a, "every"_a, "out"_a, "outcome"_a, "threads"_a,
            "controllers"_a, "axes"_a, "steps_per_tick"_a, "time_step"_a,
-           nb::sig("def advance(self, commands: NDArray[numpy.float64], given: Sequence[int], signals: Sequence[int], "
-                   "every: int, out: NDArray[numpy.float64], outcome: NDArray[numpy.int64], threads: int, controllers: "
-                   "Sequence[Controller], axes: Sequence[Sequence[int]], steps_per_tick: int, time_step: float) -> "
-                   "None"),
            "Step over commands by twin, step and column of those that are given, or common ones, with a controller "
            "each if there are any; write every n-th step's signals, the controllers' counted on after the twins', axis "
            "by axis, by twin, signal and sample; outcome: steps taken and status of each. A twin that could not take a "

@@ -67,8 +67,6 @@ std::tuple<std::size_t, Status> gradient(const TwinSpec& spec, const In<2>& comm
 
 void bind_twin_gradient(nb::module_& m) {
   m.def("twin_gradient", &gradient, "spec"_a, "commands"_a, "as_read"_a, "variables"_a, "out"_a,
-        nb::sig("def twin_gradient(spec: TwinSpec, commands: NDArray[numpy.float64], as_read: bool, variables: "
-                "Sequence[int], out: NDArray[numpy.float64]) -> tuple[int, Status]"),
         "Write the expected readings of handle encoder, output encoder and both load cells, and their derivatives by "
         "parameters of twin and then axis, by reading, 1 + variable and step. Returns the steps taken and the last "
         "status.");
