@@ -19,6 +19,13 @@ Result<S> force_factor(const A& real_size, const B& scaled_up, const S& output_a
   return {ours.value / theirs.value, ours.status != Status::ok ? ours.status : theirs.status};
 }
 
+/// Unloaded distal coordinate at the end of the handle's range, as a share of the joint's limit.
+template <class A>
+auto unloaded_limit(const A& axis) {
+  const auto pull = axis.proximal.excursion_slope() * axis.proximal.coordinate(axis.handle_range);
+  return pull / axis.distal.excursion_slope() / axis.distal.limit();
+}
+
 /// Tension difference per tip force at the straight joint, dimensionless (eq. 1).
 template <class A>
 auto tension_per_force(const A& axis) {

@@ -3,6 +3,7 @@
 #include "evaluate.hpp"
 #include "module.hpp"
 #include "tenodesis/current.hpp"
+#include "tenodesis/similarity.hpp"
 #include "tenodesis/version.h"
 
 namespace tenodesis::bindings {
@@ -148,12 +149,7 @@ NB_MODULE(_core, m) {
   m.def(
       "unloaded_limit",
       [](const Spec& spec) {
-        return std::visit(
-            [](const auto& axis) {
-              const double pull = axis.proximal.excursion_slope() * axis.proximal.coordinate(axis.handle_range);
-              return pull / axis.distal.excursion_slope() / axis.distal.limit();
-            },
-            make_axis(spec));
+        return std::visit([](const auto& axis) { return unloaded_limit(axis); }, make_axis(spec));
       },
       "spec"_a, "Unloaded distal coordinate at the end of the handle's range, as a share of the joint's limit.");
   // Python allocates the results: NumPy uses huge pages, which saves a page fault per 4 KiB.

@@ -257,7 +257,7 @@ std::size_t stored(const AnyJointController& controller) {
   return controller.width() + controller.sizes().tendons + controller.sizes().joints + 3;
 }
 
-std::tuple<std::size_t, Status> run(AnyTwin& twin, AnyJointController& controller, const In<2>& commands,
+std::tuple<std::size_t, Status> run(AnyJointController& controller, AnyTwin& twin, const In<2>& commands,
                                     const In<2>& targets, const std::vector<int>& requests, bool compensates,
                                     int steps_per_tick, double time_step, std::size_t started, const Out<2>& out,
                                     const Out<2>& control) {
@@ -453,17 +453,9 @@ void bind_joint_control(nb::module_& m) {
           },
           "handle"_a, "tension"_a, "spool"_a, "target"_a, "request"_a, "compensates"_a, "since"_a, "out"_a,
           "One tick, since seconds after the last; out: what is stored of it.")
-      .def(
-          "run",
-          [](AnyJointController& controller, AnyTwin& twin, const In<2>& commands, const In<2>& targets,
-             const std::vector<int>& requests, bool compensates, int steps_per_tick, double time_step,
-             std::size_t started, const Out<2>& out, const Out<2>& control) {
-            return run(twin, controller, commands, targets, requests, compensates, steps_per_tick, time_step, started,
-                       out, control);
-          },
-          "twin"_a, "commands"_a, "targets"_a, "requests"_a, "compensates"_a, "steps_per_tick"_a, "time_step"_a,
-          "started"_a, "out"_a, "control"_a,
-          "Steps of a twin with it in the loop; returns the steps taken and the last status.")
+      .def("run", &run, "twin"_a, "commands"_a, "targets"_a, "requests"_a, "compensates"_a, "steps_per_tick"_a,
+           "time_step"_a, "started"_a, "out"_a, "control"_a,
+           "Steps of a twin with it in the loop; returns the steps taken and the last status.")
       .def_prop_ro("width", &AnyJointController::width, "Numbers of an estimate.")
       .def_prop_ro("stored", &stored, "Numbers of a tick.")
       .def_prop_ro("prepared", &AnyJointController::prepared, "Constants of the law: within, response, settled.")

@@ -106,8 +106,7 @@ void judge_one(const Target& target, const A& model, B axis, double pretension, 
   out[model_stiffness] = axis.stiffness;
   out[tension_per_tip_force] = tension_per_force(axis);
   out[rig_lever] = axis.distal.rig_arm();
-  out[unloaded_share] = axis.proximal.excursion_slope() * axis.proximal.coordinate(axis.handle_range) /
-                        axis.distal.excursion_slope() / axis.distal.limit();
+  out[unloaded_share] = unloaded_limit(axis);
   out[joints_span] = axis.proximal.tendon_span() + axis.distal.tendon_span();
   judge_over_points(target, axis, factor.value, out);
 }
