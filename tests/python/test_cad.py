@@ -289,6 +289,32 @@ def test_guide_wheels_of_a_scale_model_do_not_reach_each_others_pins() -> None:
     assert sorted(apart)[8] > made.guide + 0.25 * 0.75 + made.guide_pin / 2
 
 
+@pytest.mark.parametrize(
+    ("wheel", "jaw", "offset"),
+    [
+        # as ProGrasp forceps and clip appliers have them: half the pitch pulley's
+        (1.2337e-3, 2.4343e-3, 10.7e-3),
+        # as bowel graspers have them: jaws wider than the wrist
+        (1.69725e-3, 3.39449e-3, 10.7e-3),
+    ],
+)
+def test_small_wheels_have_guides_beside_the_pitch_pulley_and_tendons_get_to_wide_jaws(
+    wheel: float, jaw: float, offset: float
+) -> None:
+    inst = tn.load("needle-driver")
+    joints, tendons = (
+        [one.model_dump(exclude_unset=True) for one in inst.as_given(key)] for key in ("joints", "tendons")
+    )
+    for one in joints[1:]:
+        one.update(radius=jaw, offset=offset)
+    for tendon in tendons[2:]:
+        tendon["route"][0]["radius"] = wheel
+    made = _sized(inst.replace(joints=joints, tendons=tendons), "milled")[0]
+    assert [side for _, side, _ in made.guide_pins] == [-1, 1]
+    assert all(abs(lane.y) - 0.3 > made.ribs[1] - 1e-9 for lane in made.lanes)
+    assert made.around(Sizes(cad.PROCESSES["milled"], 0.4)) < 4.0
+
+
 @pytest.mark.parametrize(("name", "wrap"), [("needle-driver", 90.0), ("maryland-dissector", 90.0)])
 def test_guide_wheels_give_tendons_the_wrap_of_the_file_and_leave_room_for_every_rope(name: str, wrap: float) -> None:
     inst = tn.load(name)

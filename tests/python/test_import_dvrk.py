@@ -125,18 +125,25 @@ def test_a_jaw_angle_of_each_jaw_is_the_files_matrix_too_and_half_of_that_betwee
     inst = from_dvrk(path, jaw_angle="each")
     assert by_turns(inst, 0.5) == pytest.approx(np.array(PROGRASP), abs=1e-9)
     assert inst.tip_joints[2].range == pytest.approx(2 * 1.39626)
+    alone = from_dvrk(path, jaw_angle="pulleys")
+    assert by_turns(alone, 0.5279 / 0.5135 / 2) == pytest.approx(np.array(PROGRASP), abs=1e-9)
+    # of the tendons that turn jaws, each turns one
+    arms = np.abs(alone.tendon_arms("tip")[:, 2:])
+    assert arms.min(axis=1) == pytest.approx(0.0, abs=1e-15) and (arms.max(axis=1)[-4:] > 1e-3).all()
     with refused("jaw_angle", "both"):
         from_dvrk(path, jaw_angle="both")  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("jaw_angle", "here", "there"), [("between", 32, 1), ("each", 1, 32)])
-def test_the_reading_of_the_jaw_angle_is_said_with_what_the_other_one_means(
-    tmp_path: Path, tenodesis: Run, jaw_angle: JawAngle, here: int, there: int
+@pytest.mark.parametrize(
+    ("jaw_angle", "here", "there"), [("between", 32, [1, 0]), ("each", 1, [32, 0]), ("pulleys", 0, [32, 1])]
+)
+def test_the_reading_of_the_jaw_angle_is_said_with_what_the_other_ones_mean(
+    tmp_path: Path, tenodesis: Run, jaw_angle: JawAngle, here: int, there: list[int]
 ) -> None:
     path = write(tmp_path, content(PROGRASP))
     said = jaw_reading(path, jaw_angle)
     assert said is not None
-    assert [int(number) for number in re.findall(r"(\d+) %", said)] == [here, there]
+    assert [int(number) for number in re.findall(r"(\d+) %", said)] == [here, *there]
     code, printed, _ = tenodesis("import", "dvrk", path, "--out", tmp_path / "a.toml", "--jaw-angle", jaw_angle)
     assert code == 0 and said in " ".join(printed.split())
     assert said in (tmp_path / "a.toml").read_text("utf-8").replace("\n# ", " ")

@@ -622,7 +622,7 @@ def _over(full: FullForm) -> list[tuple[Tendon, Crossing, int, Crossing]]:
                 key,
                 k.MM * (sum(arms) - max(arms)),
                 f"at {other} beside that at another jaw, and as a solid a tendon ends at a pulley of one of them",
-                "0 there",
+                "0 there, as --jaw-angle pulleys imports tool files of pulleys",
             )
         number = numbers[int(np.argmax(arms))]
         found.append((tendon, crossings[first.name], number, crossings[others[number].name]))
@@ -640,12 +640,16 @@ def _same_side(full: FullForm, joint: Joint) -> float:
 
 
 def _passing_tendons(full: FullForm, jaws: Sequence[Jaw], turn: float, scale: float) -> list[Passing]:
-    """Return the tendons that pass the first joint of the tip, as solids have them, lengths at a scale."""
-    first, found = full.tip_joints[0], []
+    """Return the tendons that pass the first joint of the tip, as solids have them, lengths at a scale.
+
+    Radii that differ by a coupling's rounding are one.
+    """
+    first, found = full.tip_joints[0], list[Passing]()
     for tendon, over, number, at in _over(full):
         jaw, side = jaws[number], _sign(at)
         target = turned((side * jaw.pulley.radius, jaw.level + side * jaw.pulley.shift), turn)
         radius = scale * (first.radius if over.radius is None else over.radius)
+        radius = next((one.radius for one in found if abs(one.radius - radius) < k.MM * LEAST_ARM), radius)
         wrap = max(over.base_wrap, first.range + MORE_WRAP)
         found.append(Passing(tendon.name, _sign(over), radius, wrap, target))
     return found

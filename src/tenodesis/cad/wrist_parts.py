@@ -87,6 +87,17 @@ class Wrist(NamedTuple):
     """Of the jaws' frame against its own, deg."""
 
     @property
+    def ribs(self) -> tuple[float, float]:
+        """Where the fork's ribs between its own pulley and the wheels begin and end, from the middle."""
+        begin = self.pulley.outside + self.pulley.play
+        return begin, begin + self.pulley.cheek
+
+    @property
+    def guide_pins(self) -> list[tuple[float, int, float]]:
+        """Where guide pins are: x, side of the middle, and z."""
+        return sorted({(lane.guide[0], 1 if lane.y > 0 else -1, lane.guide[1]) for lane in self.lanes})
+
+    @property
     def inner(self) -> float:
         """Half the width between the arms of its fork."""
         p, most = self.pulley, max((abs(lane.y) for lane in self.lanes), default=0.0)
@@ -176,10 +187,11 @@ def wrist(
     found: list[tuple[Passing, float]] = []
     for up in (1, -1):
         ways = [way for way in passing if (way.target[1] > 0) == (up > 0)]
-        levels = [up * (own.outside + sizes.play + (n + 0.5) * _lane(sizes) + n * sizes.play) for n in range(len(ways))]
+        rib = own.outside + own.cheek + 2 * sizes.play
+        levels = [up * (rib + (n + 0.5) * _lane(sizes) + n * sizes.play) for n in range(len(ways))]
         orders = [list(zip(order, levels, strict=True)) for order in permutations(ways)]
-        found += max(orders, key=_apart)
-    guide, guide_pin, places = _guides(sizes, own, found, stem)
+        found += max(orders, key=lambda one: (min(_apart(one), sizes.tunnel + sizes.wall), -_aside(one)))
+    guide, guide_pin, places = _guides(sizes, found, stem)
     lanes = tuple(Lane(way, y, place) for (way, y), place in zip(found, places, strict=True))
     block = _block(sizes, own, lanes, jaws, guide, ranges)
     made = Wrist(own, lanes, guide, guide_pin, block, tuple(jaws), jaw_turn)
@@ -191,11 +203,9 @@ def wrist(
             f"the wheels of {len(lanes)} tendons side by side with their forks are {2 * needed:.3g} mm wide",
             f"at least {2 * needed:.3g} mm for process {sizes.process.name}",
         )
-    if not _clear(sizes, own, places, guide, sleeve_radius(guide_pin, sizes)):
-        refuse(
-            keys["radius"], own.radius, "no guide wheels before it leave each other and its own tendons room", "larger"
-        )
-    offset, lateral = jaws[0].offset, max(math.dist((way.side * way.radius, y), way.target) for way, y in found)
+    if not _clear(sizes, found, places, guide, sleeve_radius(guide_pin, sizes)):
+        refuse(keys["radius"], own.radius, "no guide wheels before it leave each other room", "larger")
+    offset, lateral = jaws[0].offset, _aside(found)
     free = block[1] - block[0] - 2 * sizes.tunnel / 3
     if free < lateral / math.tan(_STEEPEST):
         refuse(
@@ -249,6 +259,11 @@ def _places(lanes: Sequence[Lane]) -> list[tuple[float, float]]:
     return [place for lane in lanes for place in ((lane.way.side * lane.way.radius, lane.y), lane.way.target)]
 
 
+def _aside(found: Iterable[tuple[Passing, float]]) -> float:
+    """Return how far tendons get aside at most from their wheels to the jaws."""
+    return max(math.dist((way.side * way.radius, y), way.target) for way, y in found)
+
+
 def _apart(found: Iterable[tuple[Passing, float]]) -> float:
     """Return the least distance of the slanted ways from wheels to jaws, at equal heights."""
     shares = np.linspace(0.0, 1.0, 41)[:, np.newaxis]
@@ -260,7 +275,7 @@ def _apart(found: Iterable[tuple[Passing, float]]) -> float:
 
 
 def _guides(
-    sizes: Sizes, own: PulleyJoint, found: Sequence[tuple[Passing, float]], stem: float
+    sizes: Sizes, found: Sequence[tuple[Passing, float]], stem: float
 ) -> tuple[float, float, list[tuple[float, float]]]:
     """Return radius, pin and places of the guide wheels: the largest that fit, or else those that nearly do."""
     best: tuple[tuple[bool, float], float, float, list[tuple[float, float]]] = ((True, math.inf), 0.0, 0.0, [])
@@ -274,9 +289,8 @@ def _guides(
             ),
             default=PINS[0],
         )
-        sleeve = sleeve_radius(own_pin, sizes)
-        places = [_guide(sizes, own, way, float(radius), sleeve) for way, _ in found]
-        touches = not _clear(sizes, own, places, radius, sleeve)
+        places = [_guide(sizes, way, float(radius)) for way, _ in found]
+        touches = not _clear(sizes, found, places, radius, sleeve_radius(own_pin, sizes))
         out = max(math.hypot(x - way.side * radius, y) for (way, y), (x, _) in zip(found, places, strict=True))
         if (touches, out) < best[0]:
             best = ((touches, out), float(radius), own_pin, places)
@@ -285,14 +299,23 @@ def _guides(
     return best[1:]
 
 
-def _clear(sizes: Sizes, own: PulleyJoint, places: Sequence[tuple[float, float]], radius: float, sleeve: float) -> bool:
-    """Return whether guides of a radius pass the sleeves on each other's pins, and those the tendons that end here."""
+def _clear(
+    sizes: Sizes,
+    found: Sequence[tuple[Passing, float]],
+    places: Sequence[tuple[float, float]],
+    radius: float,
+    sleeve: float,
+) -> bool:
+    """Return whether guides of a radius pass the sleeves on the pins of others at their side of the middle."""
     wheel = radius + _RIM * sizes.rope + sleeve + sizes.play
-    rope = sleeve + sizes.rope / 2 + sizes.play
-    apart = [math.dist(one, other) for one in places for other in places]
-    return all(one < _SAME_PIN or one >= wheel for one in apart) and all(
-        abs(own.radius - abs(x)) >= rope for x, _ in places
-    )
+    levels = [y for _, y in found]
+    pairs = [
+        math.dist(one, other)
+        for y, one in zip(levels, places, strict=True)
+        for beside, other in zip(levels, places, strict=True)
+        if y * beside > 0
+    ]
+    return all(one < _SAME_PIN or one >= wheel for one in pairs)
 
 
 def sleeve_radius(own_pin: float, sizes: Sizes) -> float:
@@ -300,11 +323,10 @@ def sleeve_radius(own_pin: float, sizes: Sizes) -> float:
     return (own_pin + sizes.bore) / 2 + sizes.wall
 
 
-def _guide(sizes: Sizes, own: PulleyJoint, way: Passing, radius: float, sleeve: float) -> tuple[float, float]:
+def _guide(sizes: Sizes, way: Passing, radius: float) -> tuple[float, float]:
     """Return the centre, x and z, of the guide wheel from which a tendon meets its wheel with its wrap."""
     both = way.radius + radius
-    apart = max(both + 2 * _RIM * sizes.rope + sizes.play, own.rim + sleeve + sizes.play)
-    free = math.sqrt(max(apart**2 - both**2, 0.0))
+    free = math.sqrt((both + 2 * _RIM * sizes.rope + sizes.play) ** 2 - both**2)
     sin, cos = math.sin(way.wrap), math.cos(way.wrap)
     return way.side * (both * cos - free * sin), -both * sin - free * cos
 
@@ -314,14 +336,17 @@ def wrist_parts(joint: Wrist, end: End, jaw_ends: Sequence[End], sizes: Sizes) -
     p = joint.pulley
     of = end.prefix
     out = 3 * p.radius
-    pins = {(round(lane.guide[0], 6), round(lane.guide[1], 6)) for lane in joint.lanes}
-    places = {f"{of}_pin": (p.pin, [(0.0, 0.0)]), f"{of}_guide_pin": (joint.guide_pin, sorted(pins))}
+    short, middle = joint.outer - joint.ribs[0], (joint.outer + joint.ribs[0]) / 2
+    places = {
+        f"{of}_pin": (p.pin, 2 * joint.outer, [(0.0, 0.0, 0.0)]),
+        f"{of}_guide_pin": (joint.guide_pin, short, [(x, side * middle, z) for x, side, z in joint.guide_pins]),
+    }
     parts = [_fork_part(joint, end, sizes), _body_part(joint, end, jaw_ends[0], sizes)]
-    for name, (diameter, spots) in places.items():
+    for name, (diameter, length, spots) in places.items():
         if spots:
-            rod = k.rod((0, -joint.outer, 0), (0, joint.outer, 0), diameter / 2)
-            where = tuple(end.place() * k.at(x, 0, z) for x, z in spots)
-            parts.append(pin(name, diameter, 2 * joint.outer, rod, end.near, where, (0, 2 * out, 0)))
+            rod = k.rod((0, -length / 2, 0), (0, length / 2, 0), diameter / 2)
+            where = tuple(end.place() * k.at(*spot) for spot in spots)
+            parts.append(pin(name, diameter, length, rod, end.near, where, (0, 2 * out, 0)))
     radii = sorted({lane.way.radius for lane in joint.lanes})
     for number, radius in enumerate(radii):
         spots3 = [(0.0, lane.y, 0.0) for lane in joint.lanes if lane.way.radius == radius]
@@ -332,7 +357,7 @@ def wrist_parts(joint: Wrist, end: End, jaw_ends: Sequence[End], sizes: Sizes) -
         parts.append(
             _wheel(f"{of}_guide", f"Guide wheel before {of}", joint.guide, joint.guide_pin, spots3, end, sizes)
         )
-        parts += _sleeves(joint, end, sizes, sorted(pins))
+        parts += _sleeves(joint, end, sizes)
     jaw_pin = joint.jaws[0].pulley.pin
     rod = k.rod((0, -joint.jaw_outer, 0), (0, joint.jaw_outer, 0), jaw_pin / 2)
     where = (k.at(z=joint.jaws[0].offset, turn=(0, 0, jaw_ends[0].turn)),)
@@ -350,14 +375,16 @@ def _fork_part(joint: Wrist, end: End, sizes: Sizes) -> Part:
     wide = max([arm, *(abs(x) + joint.guide_pin / 2 + 2 * sizes.wall for x, _ in guides)])
     low = max([top, *(z for _, z in guides)])
     outline = [(-arm, 0.0), (arm, 0.0), (wide, low), (wide, top), (-wide, top), (-wide, low)]
-    for start in (-joint.outer, joint.inner):
-        body += k.bar(outline, start, start + p.fork) + k.rod((0, start, 0), (0, start + p.fork, 0), arm)
+    arms = [(joint.inner, joint.outer), *([joint.ribs] if joint.lanes else [])]
+    for start, stop in (*arms, *((-stop, -start) for start, stop in arms)):
+        body += k.bar(outline, start, stop) + k.rod((0, start, 0), (0, stop, 0), arm)
     body = k.common(body, k.rod((0, 0, top - joint.collar), (0, 0, arm), end.stem_radius))
     for x, y in {place for place, _ in end.stem_ways}:
         body -= k.rod((x, y, top - joint.collar), (x, y, top), sizes.tunnel / 2)
     reach = joint.outer + 1
-    for (x, z), diameter in [((0.0, 0.0), p.pin), *((place, joint.guide_pin) for place in set(guides))]:
-        body -= k.rod((x, -reach, z), (x, reach, z), (diameter + sizes.bore) / 2)
+    body -= k.rod((0, -reach, 0), (0, reach, 0), (p.pin + sizes.bore) / 2)
+    for x, side, z in joint.guide_pins:
+        body -= k.rod((x, 0, z), (x, side * reach, z), (joint.guide_pin + sizes.bore) / 2)
     body += spigot(end, sizes, -end.near_length)
     bore = (p.pin + sizes.bore) / 2
     return Part(
@@ -471,17 +498,17 @@ def _wheel(  # noqa: PLR0917
     )
 
 
-def _sleeves(joint: Wrist, end: End, sizes: Sizes, pins: Sequence[tuple[float, float]]) -> list[Part]:
+def _sleeves(joint: Wrist, end: End, sizes: Sizes) -> list[Part]:
     """Return the sleeves that fill the guide pins beside their wheels."""
     half, parts, radius = _lane(sizes) / 2, [], sleeve_radius(joint.guide_pin, sizes)
     gaps: dict[float, list[k.Point]] = {}
-    for x, z in pins:
-        at = sorted(lane.y for lane in joint.lanes if math.dist(lane.guide, (x, z)) < 1e-5)
-        edges = [-joint.inner, *(y + side * half for y in at for side in (-1, 1)), joint.inner]
+    for x, side, z in joint.guide_pins:
+        at = sorted(side * lane.y for lane in joint.lanes if lane.guide == (x, z) and side * lane.y > 0)
+        edges = [joint.ribs[1], *(y + beside * half for y in at for beside in (-1, 1)), joint.inner]
         for low, high in zip(edges[::2], edges[1::2], strict=True):
             length = round(high - low - 2 * sizes.play, 6)
             if length > sizes.wall:
-                gaps.setdefault(length, []).append((x, (low + high) / 2, z))
+                gaps.setdefault(length, []).append((x, side * (low + high) / 2, z))
     for number, (length, spots) in enumerate(gaps.items()):
         body = k.rod((0, -length / 2, 0), (0, length / 2, 0), radius)
         body -= k.rod((0, -length, 0), (0, length, 0), (joint.guide_pin + sizes.bore) / 2)

@@ -20,7 +20,8 @@ def import_dvrk(
         str, typer.Option(help="Radius of the largest pulley about the pitch axis; all scale with it.")
     ] = f"{1e3 * instrument.PULLEY_RADIUS:g} mm",
     jaw_angle: Annotated[
-        instrument.JawAngle, typer.Option(help="What the file's jaw angle is: between the jaws, or of each jaw.")
+        instrument.JawAngle,
+        typer.Option(help="What the file's jaw angle is: between the jaws, of each jaw, or as pulleys have it."),
     ] = "between",
     out: Annotated[Path | None, output(INSTRUMENT, "The file. Default: NAME.toml.")] = None,
 ) -> None:

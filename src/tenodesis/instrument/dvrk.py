@@ -25,8 +25,9 @@ from tenodesis.instrument.full_form import FullForm
 from tenodesis.instrument.instrument import Array
 from tenodesis.instrument.reading import parse
 
-JawAngle: TypeAlias = Literal["between", "each"]
-"""What a file's jaw angle is: that between the jaws, or that of each jaw from the middle."""
+JawAngle: TypeAlias = Literal["between", "each", "pulleys"]
+"""What a file's jaw angle is: that between the jaws, that of each jaw from the middle, or what of either makes a disk
+turn one jaw alone, as pulleys do."""
 
 PULLEY_RADIUS = 2.5e-3
 """Radius of the largest pulley about the pitch axis that is assumed, m: it fits into a stem of 8 mm."""
@@ -58,8 +59,11 @@ _TIED: dict[str, dict[str, Any]] = {
 _MOST_CONDITION = 1e6
 """Condition number above which a matrix is singular, for the six digits that files have."""
 # Strings stay as they are: two slashes may stand in them.
-_JAW_SHARE: dict[JawAngle, float] = {"between": 0.5, "each": 1.0}
-_JAW_MEANING: dict[JawAngle, str] = {"between": "that between the jaws", "each": "each jaw's own, from the middle"}
+_JAW_MEANING: dict[JawAngle, str] = {
+    "between": "that between the jaws",
+    "each": "each jaw's own, from the middle",
+    "pulleys": "what makes a disk turn one jaw alone",
+}
 _COMMENT = re.compile(r'("(?:[^"\\\n]|\\.)*")|//[^\n]*|/\*.*?\*/', re.DOTALL)
 _OURS = {
     "joints.radius": "ours: the file has ratios of radii only; the largest one about the pitch axis is given",
@@ -81,7 +85,8 @@ def from_dvrk(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS, jaw_ang
     pulley_radius
         Radius of the largest pulley about the pitch axis, m; all others, and the spools', scale with it.
     jaw_angle
-        What the file's jaw angle is: that between the jaws, or that of each jaw from the middle; files do not say it.
+        What the file's jaw angle is: that between the jaws, that of each jaw from the middle, or as pulleys have it,
+        which turn one jaw each; files do not say it.
 
     Raises
     ------
@@ -94,7 +99,7 @@ def from_dvrk(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS, jaw_ang
 
 
 def jaw_reading(path: str | Path, jaw_angle: JawAngle = "between") -> str | None:
-    """Return how the jaw angle of a tool file is read, and what either reading means.
+    """Return how the jaw angle of a tool file is read, and what any reading means.
 
     None for a tool without jaws, or with jaws that one disk turns against each other.
     Of a wrist of pulleys one would expect that a disk turns one jaw alone. Arguments and errors as of
@@ -107,7 +112,7 @@ def jaw_reading(path: str | Path, jaw_angle: JawAngle = "between") -> str | None
 
 def dvrk_text(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS, jaw_angle: JawAngle = "between") -> str:
     """Return the text of the instrument file that :func:`from_dvrk` reads; arguments and errors as there."""
-    if jaw_angle not in _JAW_SHARE:
+    if jaw_angle not in _JAW_MEANING:
         raise ArgumentError(key="jaw_angle", value=jaw_angle, allowed=" or ".join(get_args(JawAngle)))
     path = Path(path)
     content = _content(path)
@@ -122,7 +127,7 @@ def dvrk_text(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS, jaw_ang
         raise _refused(path, "snake-like is true, but jaw.ftmax is 0", 0, "a tool with jaws")
     names = _SNAKE if is_snake else ("roll", "pitch", "jaw_1", "jaw_2") if jaws else _NAMES
     turns = np.linalg.inv(_with_jaws(matrix, jaw_angle) if jaws and not is_snake else matrix)
-    share = _JAW_SHARE[jaw_angle]
+    share = _jaw_share(matrix, jaw_angle) if jaws else 0.0
     ranges = [_both_sides(*limit) for limit in limits]
     if is_snake:
         # Half of a tendon's excursion at either of two tied joints; the jaws turn against each other.
@@ -179,21 +184,32 @@ def dvrk_text(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS, jaw_ang
     return head + "\n" + tomli_w.dumps(dict(sorted(values.items(), key=lambda one: isinstance(one[1], list | dict))))
 
 
+def _jaw_share(matrix: Array, jaw_angle: JawAngle) -> float:
+    """Return how much of the file's jaw angle a jaw turns from the middle."""
+    yaw, jaw = np.abs(matrix[2:, np.flatnonzero(matrix[3])]).sum(axis=1)
+    # a disk that turns jaws against each other says nothing of it
+    return {"between": 0.5, "each": 1.0, "pulleys": float(yaw / jaw) or 0.5}[jaw_angle]
+
+
 def _with_jaws(matrix: Array, jaw_angle: JawAngle) -> Array:
     """Return the matrix with the angles of the two jaws in place of yaw and jaw."""
-    share = _JAW_SHARE[jaw_angle]
+    share = _jaw_share(matrix, jaw_angle)
     return np.vstack([matrix[:2], matrix[2] + share * matrix[3], matrix[2] - share * matrix[3]])
 
 
 def _reading(matrix: Array, jaw_angle: JawAngle) -> str:
     turned = {
-        one: np.sort(np.abs(_with_jaws(matrix, one)[2:, np.flatnonzero(matrix[3])]), axis=0) for one in _JAW_SHARE
+        one: np.sort(np.abs(_with_jaws(matrix, one)[2:, np.flatnonzero(matrix[3])]), axis=0) for one in _JAW_MEANING
     }
     by = {one: f"{100 * (least / most).max():.0f} %" for one, (least, most) in turned.items()}
-    (other,) = set(_JAW_SHARE) - {jaw_angle}
+    others = [
+        f"taken as {words} (--jaw-angle {one}), it is {by[one]}"
+        for one, words in _JAW_MEANING.items()
+        if one != jaw_angle
+    ]
     return (
         f"The file's jaw angle is taken as {_JAW_MEANING[jaw_angle]}: a disk that turns a jaw turns the other one by "
-        f"up to {by[jaw_angle]} of it. Taken as {_JAW_MEANING[other]} (--jaw-angle {other}), it is {by[other]}."
+        f"up to {by[jaw_angle]} of it; {'; '.join(others)}."
     )
 
 
