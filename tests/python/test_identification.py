@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, Fit, Parameter, Problem, fit, jacobian_error, to_json
+from tenodesis.identification.search import Search
 from tenodesis.identification.uncertainty import (
     Linearised,
     autocorrelation,
@@ -213,6 +214,23 @@ def test_many_starts_find_the_valley_that_one_start_misses() -> None:
 
 
 @pytest.mark.slow
+def test_steps_near_an_optimum_lead_past_small_optima_and_do_not_fall_over_cliffs() -> None:
+    matrix = design(400)
+
+    def rough(values: Array) -> Array:
+        # ripples that fold the way to the optimum, and a jump next to it
+        jump = 5.0 if values[0] > TRUTH[0] + 0.02 else 0.0
+        return np.asarray(matrix @ (values + 0.01 * np.sin(300 * (values - TRUTH))) + jump * (matrix[:, 0] > 0.5))
+
+    search = Search(Model(LINE, rough, [matrix @ TRUTH], noise=0.1), [0, 1], [0], "linear", "exact")
+    start = np.array([1.3, 0.6])
+    slid = search.solve(start)
+    assert slid is not None and slid.cost > 50
+    search.changes = np.diag([0.4, 0.4])
+    assert search.stepped(start) == pytest.approx(TRUTH, abs=0.02)
+    assert search.cost(search.stepped(start)) < 1
+
+
 def test_the_same_seed_gives_the_same_result_and_another_one_other_starts() -> None:
     one, same, other = (fit(play_model(), train=[0], bootstrap=40, seed=seed) for seed in (1, 1, 2))
     assert one.values == same.values

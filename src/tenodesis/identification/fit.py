@@ -20,7 +20,16 @@ from tenodesis.identification.results import (
     unexplained,
     warnings,
 )
-from tenodesis.identification.search import MOST_STEPS, DerivativesName, Search, SearchEnd, replicates, starting_points
+from tenodesis.identification.search import (
+    HALVINGS,
+    MOST_STEPS,
+    TOLD_APART,
+    DerivativesName,
+    Search,
+    SearchEnd,
+    replicates,
+    starting_points,
+)
 from tenodesis.identification.uncertainty import Linearised, LossName, Whiteness
 from tenodesis.run import Array
 
@@ -29,16 +38,12 @@ REFINEMENTS = 3
 """Searches from the optimum on, where a problem is prepared for it."""
 SETTLED = 1e-3
 """Share of its range by which a parameter may move in the last of these."""
-WEIGHED_SEARCHES = 2
-"""Searches with systematic errors of sensors in the weights; after each, deviations are better known."""
-SLOPES_OVER = 8.0
-"""Change over which a slope is taken then, in deviations of each principal direction of what is open.
+SLOPES_OVER = 8.0 * 2**HALVINGS
+"""Change over which a slope is taken at first, in deviations of each principal direction of what is open.
 
 Over a smaller one, a few contacts that stick or slip make up the difference; over a larger one, the change of many.
 Along parameters instead, these would be many deviations of what is known best, and hide what is known least.
 """
-MOST_OVER_NOISE = 5.0
-"""Deviations by which residuals may then be above the sensors' noise."""
 LARGEST_WIDTH = 0.02
 """Of these changes, over a parameter's scale."""
 LEAST_REPLICATES = 40
@@ -227,11 +232,13 @@ def _weighed(
     """
     if not problem.weigh_sensors(search.full(start), search.train):
         return None
-    near = start
-    for _ in range(WEIGHED_SEARCHES):
+    near, before = start, search.cost(start)
+    for _ in range(problem.searches_near):
         near = search.stepped(near)
+        gain = before - search.cost(near)
         # gains of load cells act on tensions, which are better known now
         problem.weigh_sensors(search.full(near), search.train)
+        before, residuals = search.cost(near), search.residuals(near)
         scale = scales(problem.parameters, search.full(near))[search.free]
         found = uncertainty.estimate([search.linearised(near, run, scale) for run in search.train], search.loss)
         rough = np.flatnonzero(~search.linear)
@@ -241,11 +248,11 @@ def _weighed(
         search.changes = np.diag(LARGEST_WIDTH * scale)
         search.changes[np.ix_(rough, rough)] = scale[rough, None] * directions * widths
         advance()
-    end = search.smoothed(near, found.covariance, seed)
-    squares = search.residuals(end.at) ** 2
-    # the mean square of that many normal deviates, and its deviation
-    if squares.mean() <= 1 + MOST_OVER_NOISE * math.sqrt(2 / squares.size):
-        return end
+        if gain < TOLD_APART * len(search.free):
+            break
+    if search.explains(residuals):
+        scatter = search.scatter(near, found.covariance, seed)
+        return SearchEnd(near, search.cost(near), converged=True, scatter=scatter)
     problem.weigh_sensors(search.full(start), ())
     search.changes = None
     return None

@@ -20,10 +20,16 @@ LEAST_PER_PARAMETER = 10
 MOST_STEPS = 100
 """Iterations of a search."""
 
-STEPS_NEAR = 4
-"""Gauss-Newton steps at once near an optimum."""
+SHARES_NEAR = (1.0, 0.5, 0.25, 0.125)
+"""Of a Gauss-Newton step near an optimum, of which the best is taken (three halvings: Kelley 2011, `imfil`)."""
+TOLD_APART = 0.5
+"""Cost by which an optimum's likelihood tells one deviation of one parameter: half of a unit of chi-square."""
 DRAWS_NEAR = 40
 """Points around an optimum from which steps are averaged: their mean is known to a sixth of their scatter."""
+MOST_OVER_NOISE = 5.0
+"""Deviations by which the mean square of residuals may be above the sensors' noise."""
+HALVINGS = 3
+"""Of the changes over which slopes are taken near an optimum, down to a few deviations."""
 _REFIT_STEPS = 20
 """Iterations of a search from the optimum, for a replicate of the bootstrap."""
 _TOLERANCE = 1e-9
@@ -105,8 +111,17 @@ class Search:
             return differenced(function, at, self.lower, self.upper, self._scale(at))
         ends = [[np.clip(at + sign * one, self.lower, self.upper) for sign in (1, -1)] for one in self.changes.T]
         self._ahead([point for both in ends for point in both])
-        moved = np.stack([above - below for above, below in ends], axis=1)
-        return np.stack([function(above) - function(below) for above, below in ends], axis=1) @ np.linalg.inv(moved)
+        middle, moved, found = function(at), [], []
+        for points in ends:
+            sides = [function(one) - middle for one in points]
+            sizes = [float(np.linalg.norm(one)) for one in sides]
+            # a side that differs more than this leads over a cliff, as where a pair of tendons slips at once
+            if np.linalg.norm(sides[0] + sides[1]) > min(sizes) > 0:
+                beyond = int(np.argmax(sizes))
+                points[beyond], sides[beyond] = at, np.zeros_like(middle)
+            moved.append(points[0] - points[1])
+            found.append(sides[0] - sides[1])
+        return np.stack(found, axis=1) @ np.linalg.inv(np.stack(moved, axis=1))
 
     def _ahead(self, points: Sequence[Array]) -> None:
         """Tell the problem at which points of the free parameters residuals are asked for next."""
@@ -160,26 +175,31 @@ class Search:
         return SearchEnd(moved(np.asarray(found.x)), float(found.cost), converged=found.status != 0)
 
     def stepped(self, start: Array) -> Array:
-        """Return the best of some Gauss-Newton steps from near an optimum, each halved if it raised the cost.
+        """Return where Gauss-Newton steps lead from near an optimum, each as long as lowers the cost most.
 
-        Stick and slip make the cost rough: a search that must descend ends in the first of many optima.
+        Slopes over changes beyond the steps of stick and slip lead past the small optima between these; where a step
+        lowers the cost by less than can be told, changes are halved (implicit filtering, Gilmore and Kelley 1995).
         """
         self.begun = self.evaluations
-        at, residuals = start, self.residuals(start)
-        best = (self._cost(residuals), at)
-        for _ in range(STEPS_NEAR):
-            there = self._stepped(at, residuals, self._finite(self.jacobian(at)))
-            fresh = self.residuals(there)
-            end = (self._cost(fresh), there)
-            if end[0] >= self._cost(residuals):
-                there = (at + there) / 2
-                fresh = self.residuals(there)
-            at, residuals = there, fresh
-            best = min(best, end, key=lambda one: one[0])
-        return best[1]
+        at, residuals, halvings = start, self.residuals(start), 0
+        for _ in range(MOST_STEPS):
+            step = self._stepped(at, residuals, self._finite(self.jacobian(at))) - at
+            points = [at + share * step for share in SHARES_NEAR]
+            self._ahead(points)
+            found = [self.residuals(one) for one in points]
+            costs = [self._cost(one) for one in found]
+            best, before = int(np.argmin(costs)), self._cost(residuals)
+            if costs[best] < before:
+                at, residuals = points[best], found[best]
+            if not costs[best] < before - TOLD_APART:
+                if self.changes is None or halvings == HALVINGS:
+                    break
+                halvings += 1
+                self.changes = self.changes / 2
+        return at
 
-    def smoothed(self, near: Array, covariance: Array, seed: int) -> SearchEnd:
-        """Return where single Gauss-Newton steps lead on average from points around an optimum, and their scatter.
+    def scatter(self, near: Array, covariance: Array, seed: int) -> Array:
+        """Return the covariance of where single Gauss-Newton steps lead to from points around an optimum, about it.
 
         Points are drawn from what is left open of the parameters, with their covariance, (free, free), over their
         scales. Where the cost is smooth, all steps lead to its optimum.
@@ -190,32 +210,31 @@ class Search:
         sizes, directions = np.linalg.eigh(covariance)
         root = self._scale(near)[:, None] * directions * np.sqrt(np.maximum(sizes, 0))
         draws = draw.standard_normal((DRAWS_NEAR, near.size))
-        points = [np.clip(near + root @ one, self.lower, self.upper) for one in draws]
+        points = [near, *(np.clip(near + root @ one, self.lower, self.upper) for one in draws)]
         self._ahead(points)
-        scale = self._scale(near)
-        root = np.sqrt(uncertainty.influence(self.residuals(near), self.loss)[1])
-        inverse = np.linalg.pinv(root[:, None] * slopes * scale, uncertainty.UNSEEN)
-        firsts = [uncertainty.influence(self.residuals(point), self.loss)[0] for point in points]
-        ends = [point - scale * (inverse @ (first / root)) for point, first in zip(points, firsts, strict=True)]
-        mean = np.mean(ends, axis=0)
-        from scipy.optimize import lsq_linear  # noqa: PLC0415 - slow to load
+        found = [(one, self.residuals(one)) for one in points]
+        moves = [self._stepped(one, rows, slopes) - near for one, rows in found if self.explains(rows)]
+        return np.asarray(np.mean([np.outer(one, one) for one in moves], axis=0), dtype=np.float64)
 
-        # of the quadratic whose optimum this is, the one within the bounds
-        within = (self.lower - mean) / scale, (self.upper - mean) / scale
-        square = np.linalg.qr(root[:, None] * slopes * scale, mode="r")
-        at = mean + scale * lsq_linear(square, np.zeros(len(square)), within, method="bvls").x
-        # the average of steps of the others is no optimum of these
-        at = self._stepped(at, self.residuals(at), slopes * self.linear)
-        # How far the average still moves is how far it may be from where more searches would lead.
-        scatter = np.cov(ends, rowvar=False) + np.outer(at - near, at - near)
-        return SearchEnd(at, self._cost(self.residuals(at)), converged=True, scatter=scatter)
+    def explains(self, residuals: Array) -> bool:
+        """Return whether residuals are the sensors' noise: their mean square is that of so many normal deviates."""
+        return bool(np.mean(residuals**2) <= 1 + MOST_OVER_NOISE * math.sqrt(2 / residuals.size))
 
     def _stepped(self, at: Array, residuals: Array, slopes: Array) -> Array:
         """Return where a Gauss-Newton step leads, within the bounds."""
         first, second = uncertainty.influence(residuals, self.loss)
         root, scale = np.sqrt(second), self._scale(at)
         step = np.linalg.lstsq(root[:, None] * slopes * scale, first / root, rcond=uncertainty.UNSEEN)[0]
-        return np.clip(at - scale * step, self.lower, self.upper)
+        there = at - scale * step
+        if (there >= self.lower).all() and (there <= self.upper).all():
+            return there
+        from scipy.optimize import lsq_linear  # noqa: PLC0415 - slow to load
+
+        # others make up for what a bound holds
+        within = (self.lower - at) / scale, (self.upper - at) / scale
+        turned, square = np.linalg.qr(root[:, None] * slopes * scale)
+        shares = lsq_linear(square, -turned.T @ (first / root), within, method="bvls").x
+        return np.clip(at + scale * shares, self.lower, self.upper)
 
     def on_bounds(self, found: SearchEnd) -> tuple[Array, float]:
         """Return the optimum and its cost, with parameters moved onto the bounds that the search stops short of.
@@ -270,6 +289,10 @@ class Search:
 
     def _scale(self, at: Array) -> Array:
         return scales(self.problem.parameters, self.full(at))[self.free]
+
+    def cost(self, at: Array) -> float:
+        """Return the cost of values of the free parameters."""
+        return self._cost(self.residuals(at))
 
     def _cost(self, residuals: Array) -> float:
         squares = residuals**2
