@@ -264,8 +264,8 @@ def _check_joints(full: FullForm, given: Sequence[Joint]) -> None:
             key = f"joints.{joint.bend}"
             if joint.tied_to is not None and not joint.arc:
                 raise InstrumentError(
-                    f"{key}.tied_to is {joint.tied_to!r}: no parts tie joints to each other, as a snake's are; it "
-                    "must be left out.",
+                    f"{key}.tied_to is {joint.tied_to!r}: a file does not say by what, gears, links or ropes, nor "
+                    "their sizes; no parts are made of it, and it must be left out.",
                     key=f"{key}.tied_to",
                     value=joint.tied_to,
                     allowed="left out",
