@@ -8,9 +8,9 @@ namespace tenodesis {
 
 /// Most parts that a step is divided into.
 inline constexpr int most_parts = 1024;
-/// Error of an angle that rates at a step's beginning lead to, rad, from which on the step is divided into so many
-/// parts. From 1e-4 to 1e-6 and from 2 to 8 parts, ProGrasp forceps under load come to the same within 0.03 degrees,
-/// which is also where steps of a quarter of the time lead (studies/any_routing.py).
+/// Error of an angle to which inertia alone leads, rad, from which on a swing that steps do not follow divides a step,
+/// and into how many parts. From 1e-4 to 1e-6 and from 2 to 8 parts ProGrasp forceps come to the same within 0.03
+/// degrees, which is where steps of a quarter of the time lead (studies/any_routing.py).
 inline constexpr double rough_guess = 1e-5;
 inline constexpr int fine_parts = 4;
 
@@ -121,7 +121,7 @@ struct Twin {
     Status found = move(command, time_step, before, state);
     if (found == Status::no_equilibrium && quasi_static) found = move_in_parts(16, command, before, state);
     // Joints beside contacts that stick swing faster than steps follow: the trapezoidal rule would let them ring up.
-    if (found == Status::ok && is_rough(state)) found = move_in_parts(fine_parts, command, before, state);
+    if (found == Status::ok && is_rough(before, state)) found = move_in_parts(fine_parts, command, before, state);
     for (int h = 0; h < handles() && found == Status::ok && !prescribed(); ++h)
       if (beyond_range(h, state.angle[N + h])) found = Status::out_of_range;
     if (found != Status::ok) {
@@ -136,11 +136,14 @@ struct Twin {
     return Status::ok;
   }
 
-  /// Whether rates at a step's beginning led elsewhere than where the tip is: it swings faster than steps follow.
-  Flag<S> is_rough(const State& after) const {
+  /// Whether a joint of the tip swings in less than pi steps: by the trapezoidal rule inertia alone then leads more
+  /// than twice as far as it goes.
+  Flag<S> is_rough(const State& before, const State& after) const {
     Flag<S> rough = false;
-    for (int i = 0; i < N && !quasi_static; ++i)
-      rough = rough || abs(after.angle[i] - after.band_angle[i]) > S(rough_guess);
+    for (int i = 0; i < N && !quasi_static; ++i) {
+      const S led = after.band_angle[i] - before.angle[i], went = after.angle[i] - before.angle[i];
+      rough = rough || (abs(led - went) > S(rough_guess) && abs(led) > S(2) * abs(went));
+    }
     return rough;
   }
   /// Whether the handle is held where a command says.
