@@ -140,9 +140,11 @@ struct Twin {
   /// than twice as far as it goes.
   Flag<S> is_rough(const State& before, const State& after) const {
     Flag<S> rough = false;
+    // What jaws hold pushes with its force at a step's end, and does not ring.
+    const Flag<S> is_free = after.grip_force == S(0);
     for (int i = 0; i < N && !quasi_static; ++i) {
       const S led = after.band_angle[i] - before.angle[i], went = after.angle[i] - before.angle[i];
-      rough = rough || (abs(led - went) > S(rough_guess) && abs(led) > S(2) * abs(went));
+      rough = rough || (is_free && abs(led - went) > S(rough_guess) && abs(led) > S(2) * abs(went));
     }
     return rough;
   }
