@@ -121,7 +121,8 @@ struct Twin {
     Status found = move(command, time_step, before, state);
     if (found == Status::no_equilibrium && quasi_static) found = move_in_parts(16, command, before, state);
     // Joints beside contacts that stick swing faster than steps follow: the trapezoidal rule would let them ring up.
-    if (found == Status::ok && is_rough(before, state)) found = move_in_parts(fine_parts, command, before, state);
+    if (found == Status::ok && is_rough(command, before, state))
+      found = move_in_parts(fine_parts, command, before, state);
     for (int h = 0; h < handles() && found == Status::ok && !prescribed(); ++h)
       if (beyond_range(h, state.angle[N + h])) found = Status::out_of_range;
     if (found != Status::ok) {
@@ -138,10 +139,10 @@ struct Twin {
 
   /// Whether a joint of the tip swings in less than pi steps: by the trapezoidal rule inertia alone then leads more
   /// than twice as far as it goes.
-  Flag<S> is_rough(const State& before, const State& after) const {
+  Flag<S> is_rough(const Command& command, const State& before, const State& after) const {
     Flag<S> rough = false;
-    // What jaws hold pushes with its force at a step's end, and does not ring.
-    const Flag<S> is_free = after.grip_force == S(0);
+    // An object between jaws pushes with its force at a step's end, and does not ring.
+    const Flag<S> is_free = !(command.held.stiffness > S(0));
     for (int i = 0; i < N && !quasi_static; ++i) {
       const S led = after.band_angle[i] - before.angle[i], went = after.angle[i] - before.angle[i];
       rough = rough || (is_free && abs(led - went) > S(rough_guess) && abs(led) > S(2) * abs(went));

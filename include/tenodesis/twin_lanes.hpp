@@ -160,7 +160,7 @@ template <class T>
   for (int m = 0; m < M; ++m) sum = sum + next.drive[m].angle;
   // Not of infinities and NaN.
   const S none = sum - sum;  // NOLINT(misc-redundant-expression)
-  moved = moved && none == S(0) && !twin.is_rough(before, next);
+  moved = moved && none == S(0) && !twin.is_rough(command, before, next);
   for (int h = 0; h < N; ++h) moved = moved && !twin.beyond_range(h, next.angle[N + h]);
   for (const auto& tissue : command.contact) moved = moved && abs(tissue.angle) <= S(pi);
   return moved;
