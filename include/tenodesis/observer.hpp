@@ -408,33 +408,32 @@ struct FrictionObserver {
     return true;
   }
 
-  // Both tendons slip: their two positions of the tip differ by errors of friction, lengths, stiffness and gains. The
-  // effects of friction add up where they slip the same way, as in common strokes, and their difference shows where the
-  // hand or the tip draws one and lets the other go. Whether anything was learned.
+  // Both tendons slip the same way: their two positions of the tip differ by errors of friction, lengths, stiffness and
+  // gains. Whether anything was learned.
   bool learn(const S* position, const S* ratio, Memory& memory) const {
-    const auto& [one, other] = memory.tendon;
-    if (!(one.slips && other.slips)) return false;
-    const S weight =
-        smaller(one.slip[1].indicator * one.reversal.direction, other.slip[1].indicator * other.reversal.direction);
-    if (!(weight > S(0))) return false;
+    const S first = memory.tendon[agonist].slip[1].indicator;
+    const S second = memory.tendon[antagonist].slip[1].indicator;
+    const S direction = first > S(0) ? S(1) : S(-1);
+    const S weight = smaller(abs(first), abs(second));
+    if (!(first * second > S(0)) || !slip_together(memory, direction)) return false;
     const S compliance = memory.compliance;
     const S* const share = memory.share;
     const S at_joint = share[1] * memory.nominal[0], at_stem = share[2] * (memory.nominal[0] + memory.nominal[1]);
+    const S to_stem = direction > S(0) ? S(1) / ratio[1] : ratio[1];
     // Tensions by the compliance that they stretch, up to the handle's joint and beyond.
     S near(0), beyond_it(0), stems(0), apart(0), rubbing(0), sticking(0);
     const S reversed = S(1) + S(tuning::surely_reversed) * (memory.reversing - S(1));
-    for (const auto& tendon : memory.tendon) {
-      const bool pulled = tendon.reversal.direction > S(0);
-      const S stem = pulled ? tendon.tension[1] / ratio[1] : tendon.tension[1] * ratio[1];
-      const S before = share[0] * tendon.tension[0] + share[1] * tendon.tension[1];
-      const S after = share[2] * stem + share[3] * tendon.tension[3];
+    for (int i = 0; i < 2; ++i) {
+      const auto& one = memory.tendon[i];
+      const S stem = one.tension[1] * to_stem;
+      const S before = share[0] * one.tension[0] + share[1] * one.tension[1];
+      const S after = share[2] * stem + share[3] * one.tension[3];
       near = near + before;
       beyond_it = beyond_it + after;
       stems = stems + stem;
       apart = before + after - apart;
-      const S rubs = at_joint * tendon.tension[1] + at_stem * stem;
-      rubbing = pulled ? rubbing + rubs : rubbing - rubs;
-      const S left = tendon.reversal.left(tendon.tension[0], reversed);
+      rubbing = rubbing + at_joint * one.tension[1] + at_stem * stem;
+      const S left = one.reversal.left(one.tension[0], reversed);
       sticking = sticking + left * left;
     }
     const S pretensions = S(2) * model.axis.pretension;
@@ -442,9 +441,9 @@ struct FrictionObserver {
     const S residual = position[0] + position[1] - compliance * (beyond_it - pretensions * (S(1) - to_joint));
     const S by_share = compliance * (stems - near / to_joint);
     // Without friction in the parameters, its effect must not be taken for one of the gains.
-    const S by_gain = at_stem > S(0) ? -compliance * apart : S(0);
-    const S by[unknowns] = {compliance * rubbing, S(-1), (pretensions - near - beyond_it) / model.axis.stiffness,
-                            by_gain};
+    const S by_gain = rubbing > S(0) ? -compliance * apart : S(0);
+    const S by[unknowns] = {direction * compliance * rubbing, S(-1),
+                            (pretensions - near - beyond_it) / model.axis.stiffness, by_gain};
     const S by_stem = compliance * share[2];
     const S noise = settings.length_noise * settings.length_noise +
                     S(tuning::share_plays) * by_share * by_share * memory.share_variance +
@@ -454,9 +453,9 @@ struct FrictionObserver {
     if (residual * residual > square(S(tuning::outlier)) * (spread + noise)) {
       // More than the deviations explain: just after a reversal it is the model that is wrong about where a tendon
       // slips, later most likely the hand has bent the sheath, or a rope has got longer.
-      for (const auto& tendon : memory.tendon)
-        for (const auto& slip : tendon.slip)
-          if (abs(slip.run) < S(2) * S(tuning::firm_run)) return false;
+      for (const auto& one : memory.tendon)
+        if (abs(one.slip[0].run) < S(2) * S(tuning::firm_run) || abs(one.slip[1].run) < S(2) * S(tuning::firm_run))
+          return false;
       reset_scale_variance(memory);
       memory.covariance[1][1] = memory.covariance[1][1] + square(residual);
       spread = spread_by(by, memory, gain);

@@ -180,19 +180,23 @@ int tenodesis_step(tenodesis_controller* controller, const tenodesis_input* inpu
     if (!usable) return TENODESIS_BAD_POINTER;
     return mark_of(controller) == damaged ? TENODESIS_DAMAGED : TENODESIS_NOT_STARTED;
   }
-  if (!with(*session, [&](const auto& own) { return session->check.holds(own.controller); })) {
-    session->mark = damaged;
-    *output = {};
-    return TENODESIS_DAMAGED;
-  }
   const bool known = input->request <= TENODESIS_REQUEST_CLEAR;
   ControlInput<S, TENODESIS_AXES>& in = session->in;
   ControlOutput<S, TENODESIS_AXES>& out = session->out;
   in.time = input->time;
   in.request = known ? Request(input->request) : Request::none;
-  const int axes = with(*session, [](const auto& own) { return own.controller.count(); });
-  for (int n = 0; n < axes; ++n) in.axis[n] = measurement_as<Measurement<S>>(input->axis[n]);
-  with(*session, [&](auto& own) { return own.controller.step(in, own.state, out); });
+  int axes = 0;
+  with(*session, [&](auto& own) {
+    if (!session->check.holds(own.controller)) return;
+    axes = own.controller.count();
+    for (int n = 0; n < axes; ++n) in.axis[n] = measurement_as<Measurement<S>>(input->axis[n]);
+    own.controller.step(in, own.state, out);
+  });
+  if (axes < 1) {
+    session->mark = damaged;
+    *output = {};
+    return TENODESIS_DAMAGED;
+  }
   put(out, *output);
   record(in, out, axes, session->recorder);
   return known ? TENODESIS_OK : TENODESIS_BAD_REQUEST;
