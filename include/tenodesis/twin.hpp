@@ -9,8 +9,8 @@ namespace tenodesis {
 /// Most parts that a step is divided into.
 inline constexpr int most_parts = 1024;
 /// Error of an angle to which inertia alone leads, rad, from which on a swing that steps do not follow divides a step,
-/// and into how many parts. From 1e-4 to 1e-6 and from 2 to 8 parts ProGrasp forceps come to the same within 0.03
-/// degrees, which is where steps of a quarter of the time lead (studies/any_routing.py).
+/// and into how many parts. Six cases of ProGrasp forceps (studies/any_routing.py) come to the same within 0.03 degrees
+/// from 1e-4 to 1e-6 and from 2 to 8 parts, as with steps of a quarter of the time.
 inline constexpr double rough_guess = 1e-5;
 inline constexpr int fine_parts = 4;
 
