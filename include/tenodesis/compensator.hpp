@@ -323,12 +323,10 @@ struct Compensator {
     }
     if (!strokes) {
       // A moving hand may need more tension to keep the looser tendon tight, and must not wait for it until it rests.
-      // No stroke brings back what one has wound more than that while the tip is left to friction; more tension than
-      // at home would only strengthen it.
-      const bool back = load.leans || gain_factor < S(0.5);
-      const S least = back ? S(-tuning::slow_stroke) * settings.common_speed : S(0);
-      const S most = wanted > S(0) || back ? settings.common_speed : S(0);
-      const S tightening = clamp(settings.gain * (wanted - common), least, most);
+      // No stroke brings back what one has wound more than that while the tip is left to friction.
+      const S least = load.leans ? S(-tuning::slow_stroke) * settings.common_speed : S(0);
+      const S tightening =
+          wanted > S(0) || load.leans ? clamp(settings.gain * (wanted - common), least, settings.common_speed) : S(0);
       return {tightening + limited(differential), tightening - limited(differential)};
     }
     if (state.phase == Phase::dither) {

@@ -6,13 +6,8 @@
 
 namespace tenodesis {
 
-/// Most parts that a step is divided into.
+/// Most parts that a quasi-static step is divided into.
 inline constexpr int most_parts = 1024;
-/// Error of an angle to which inertia alone leads, rad, from which on a swing that steps do not follow divides a step,
-/// and into how many parts. Six cases of ProGrasp forceps (studies/any_routing.py) come to the same within 0.03 degrees
-/// from 1e-4 to 1e-6 and from 2 to 8 parts, as with steps of a quarter of the time.
-inline constexpr double rough_guess = 1e-5;
-inline constexpr int fine_parts = 4;
 
 /// The hand on the handle; without stiffness the handle angle is prescribed.
 template <class S>
@@ -119,10 +114,7 @@ struct Twin {
         state.drive[m] =
             advance(drive, before.drive[m], command.spool_velocity[m], before.tendon[m].tension[0], time_step);
     Status found = move(command, time_step, before, state);
-    if (found == Status::no_equilibrium && quasi_static) found = move_in_parts(16, command, before, state);
-    // Joints beside contacts that stick swing faster than steps follow: the trapezoidal rule would let them ring up.
-    if (found == Status::ok && is_rough(command, before, state))
-      found = move_in_parts(fine_parts, command, before, state);
+    if (found == Status::no_equilibrium && quasi_static) found = move_in_parts(command, before, state);
     for (int h = 0; h < handles() && found == Status::ok && !prescribed(); ++h)
       if (beyond_range(h, state.angle[N + h])) found = Status::out_of_range;
     if (found != Status::ok) {
@@ -137,18 +129,6 @@ struct Twin {
     return Status::ok;
   }
 
-  /// Whether a joint of the tip swings in less than pi steps: by the trapezoidal rule inertia alone then leads more
-  /// than twice as far as it goes.
-  Flag<S> is_rough(const Command& command, const State& before, const State& after) const {
-    Flag<S> rough = false;
-    // An object between jaws pushes with its force at a step's end, and does not ring.
-    const Flag<S> is_free = !(command.held.stiffness > S(0));
-    for (int i = 0; i < N && !quasi_static; ++i) {
-      const S led = after.band_angle[i] - before.angle[i], went = after.angle[i] - before.angle[i];
-      rough = rough || (is_free && abs(led - went) > S(rough_guess) && abs(led) > S(2) * abs(went));
-    }
-    return rough;
-  }
   /// Whether the handle is held where a command says.
   bool prescribed() const { return !any(hand.stiffness > S(0)); }
   Flag<S> beyond_range(int h, const S& angle) const {
@@ -395,13 +375,12 @@ struct Twin {
     return worst;
   }
 
-  // Divides a step: a guess within a large quasi-static one may have no equilibrium although the chain has one.
-  [[gnu::noinline, gnu::cold]] Status move_in_parts(int least_parts, const Command& command, const State& before,
-                                                    State& next) const {
+  // Divides a large quasi-static step: a guess within it may have no equilibrium although the chain has one.
+  [[gnu::noinline, gnu::cold]] Status move_in_parts(const Command& command, const State& before, State& next) const {
     const State wound = next;
     const Command& from = before.command;
     Status found = Status::no_equilibrium;
-    for (int parts = least_parts; parts <= most_parts && found == Status::no_equilibrium; parts *= 8) {
+    for (int parts = 16; parts <= most_parts && found == Status::no_equilibrium; parts *= 8) {
       State at = before;
       S worst(0);
       int sweeps = 0;
@@ -433,8 +412,7 @@ struct Twin {
       at.residual_in_parts = worst;
       next = at;
     }
-    for (int g = 0; g < joints && quasi_static; ++g)
-      next.velocity[g] = (next.angle[g] - before.angle[g]) * per_second();
+    for (int g = 0; g < joints; ++g) next.velocity[g] = (next.angle[g] - before.angle[g]) * per_second();
     return found;
   }
 

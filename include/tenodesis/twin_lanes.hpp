@@ -136,8 +136,7 @@ template <class Many, class One, class Visit>
 }
 
 /// Steps the lanes that run, without their sensors, by the command that the next state has: finite numbers; true in
-/// those that moved in one part, the rest of the next state of others is undefined. The hands of all lanes yield, or
-/// none does.
+/// those that moved, the rest of the next state of others is undefined. The hands of all lanes yield, or none does.
 template <class T>
 [[gnu::always_inline]] inline Flag<typename T::S> step_in_lanes(const T& twin, const Flag<typename T::S>& runs,
                                                                 const typename T::State& before,
@@ -160,7 +159,7 @@ template <class T>
   for (int m = 0; m < M; ++m) sum = sum + next.drive[m].angle;
   // Not of infinities and NaN.
   const S none = sum - sum;  // NOLINT(misc-redundant-expression)
-  moved = moved && none == S(0) && !twin.is_rough(command, before, next);
+  moved = moved && none == S(0);
   for (int h = 0; h < N; ++h) moved = moved && !twin.beyond_range(h, next.angle[N + h]);
   for (const auto& tissue : command.contact) moved = moved && abs(tissue.angle) <= S(pi);
   return moved;

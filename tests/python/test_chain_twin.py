@@ -1,22 +1,18 @@
 """The twin of joints and tendons: planar twin, statics, friction law and energies that it must agree with."""
 
 import itertools
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import tenodesis as tn
 from tenodesis import _core
-from tenodesis.control import JointController, Request
-from tenodesis.instrument import from_dvrk
 from tenodesis.plant import mass_matrix, natural_frequencies
 from tenodesis.routes import TwinRows, twin_rows
 from tests.python import chain_samples
 
 from .chain_samples import LISTED
 from .conftest import refused
-from .test_import_dvrk import MATRICES, content, write
 
 NOMINAL = {"mismatch.stiffness_ratio": 1.0, "mismatch.output_encoder_offset": 0.0}
 FRICTION = {"law": "capstan", "vertex_coefficient": 0.15, "sheath_coefficient": 0.1, "sheath_bend": np.radians(20)}
@@ -465,32 +461,3 @@ def test_jaws_whose_tendons_begin_to_slip_before_stiff_ends_find_an_equilibrium(
     controller = tn.control.JointController(inst, "off")
     run = tn.twin.Twin(inst, seed=1).run(np.zeros((steps, 0)), controller=controller, target=target, wrench=wrench)
     assert len(run.time) == steps
-
-
-@pytest.mark.slow
-def test_a_wrist_that_friction_holds_does_not_ring_up_where_steps_are_longer_than_its_swing(tmp_path: Path) -> None:
-    # With undivided steps it shakes off what friction holds, and jumps by a degree.
-    tool = from_dvrk(write(tmp_path, content(MATRICES["PROGRASP_FORCEPS_420093"])))
-    true, assumed = (
-        tool.replace(friction=FRICTION | {"vertex_coefficient": by, "sheath_coefficient": by}) for by in (0.07, 0.1)
-    )
-
-    def angles(time_step: float) -> np.ndarray:
-        time = np.arange(1, round(5 / time_step) + 1) * time_step
-
-        def eased(start: float, span: float) -> np.ndarray:
-            share = np.clip((time - start) / span, 0, 1)[:, np.newaxis]
-            return np.asarray(share**2 * (3 - 2 * share))
-
-        request = np.zeros(len(time), dtype=int)
-        request[0], request[round(2.1 / time_step)] = Request.HOME, Request.RESUME
-        run = tn.twin.Twin(true, time_step=time_step, seed=1).run(
-            np.zeros((len(time), 0)),
-            controller=JointController(assumed),
-            request=request,
-            target=eased(2.2, 1.0) * np.radians([-70, -48, 36, -70]),
-            wrench=eased(3.4, 0.1) * np.array([-2.2, 2.2, 0, 0, 0, 0]),
-        )
-        return run["output_angle"][round(5e-4 / time_step) - 1 :: round(5e-4 / time_step)][7000:]
-
-    assert np.degrees(np.abs(angles(5e-4) - angles(1.25e-4))).max() < 0.1

@@ -43,7 +43,7 @@ class Problem(ABC):
     """The unknowns."""
     runs: tuple[str, ...]
     """Names of the recordings."""
-    searches_near: ClassVar[int] = 0
+    searches_near: int = 0
     """Searches near an optimum at most, for which `refine` and `weigh_sensors` prepare."""
     advised: ClassVar[Sequence[tuple[Set[str], str]]] = ()
     """What would make one of some parameters identifiable, the first that applies."""

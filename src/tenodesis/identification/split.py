@@ -205,6 +205,7 @@ class Windowed(Problem):
     def __init__(self, problem: Problem, windows: Mapping[int, Window]) -> None:
         self.problem, self._windows = problem, windows
         self.parameters, self.runs, self.groups = problem.parameters, problem.runs, problem.groups
+        self.searches_near = problem.searches_near
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus model within the window by name, each with its unit last."""
