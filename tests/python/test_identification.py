@@ -213,7 +213,6 @@ def test_many_starts_find_the_valley_that_one_start_misses() -> None:
     assert len(many.costs) == 16
 
 
-@pytest.mark.slow
 def test_steps_near_an_optimum_lead_past_small_optima_and_do_not_fall_over_cliffs() -> None:
     matrix = design(400)
 
@@ -231,6 +230,7 @@ def test_steps_near_an_optimum_lead_past_small_optima_and_do_not_fall_over_cliff
     assert search.cost(search.stepped(start)) < 1
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_result_and_another_one_other_starts() -> None:
     one, same, other = (fit(play_model(), train=[0], bootstrap=40, seed=seed) for seed in (1, 1, 2))
     assert one.values == same.values

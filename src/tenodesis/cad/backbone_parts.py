@@ -36,7 +36,7 @@ _WIDER = 3.0
 
 
 class BackboneSection(NamedTuple):
-    """BackboneSection of a rod, mm: round, or a strip that is wider across the plane that it bends in."""
+    """Section of a rod, mm: round, or a strip that is wider across the plane that it bends in."""
 
     thick: float
     """In that plane; the diameter of a round one."""

@@ -23,7 +23,7 @@ from tenodesis.identification.results import (
 from tenodesis.identification.search import (
     HALVINGS,
     MOST_STEPS,
-    TOLD_APART,
+    ONE_DEVIATION,
     DerivativesName,
     Search,
     SearchEnd,
@@ -248,11 +248,11 @@ def _weighed(
         search.changes = np.diag(LARGEST_WIDTH * scale)
         search.changes[np.ix_(rough, rough)] = scale[rough, None] * directions * widths
         advance()
-        if gain < TOLD_APART * len(search.free):
+        if gain < ONE_DEVIATION * len(search.free):
             break
     if search.explains(residuals):
         scatter = search.scatter(near, found.covariance, seed)
-        return SearchEnd(near, search.cost(near), converged=True, scatter=scatter)
+        return SearchEnd(near, before, converged=True, scatter=scatter)
     problem.weigh_sensors(search.full(start), ())
     search.changes = None
     return None

@@ -22,8 +22,8 @@ MOST_STEPS = 100
 
 SHARES_NEAR = (1.0, 0.5, 0.25, 0.125)
 """Of a Gauss-Newton step near an optimum, of which the best is taken (three halvings: Kelley 2011, `imfil`)."""
-TOLD_APART = 0.5
-"""Cost by which an optimum's likelihood tells one deviation of one parameter: half of a unit of chi-square."""
+ONE_DEVIATION = 0.5
+"""By how much one deviation of one parameter raises the cost from an optimum: half of a unit of chi-square."""
 DRAWS_NEAR = 40
 """Points around an optimum from which steps are averaged: their mean is known to a sixth of their scatter."""
 MOST_OVER_NOISE = 5.0
@@ -178,7 +178,8 @@ class Search:
         """Return where Gauss-Newton steps lead from near an optimum, each as long as lowers the cost most.
 
         Slopes over changes beyond the steps of stick and slip lead past the small optima between these; where a step
-        lowers the cost by less than can be told, changes are halved (implicit filtering, Gilmore and Kelley 1995).
+        lowers the cost by less than one deviation of a parameter raises it, changes are halved (implicit filtering,
+        Gilmore and Kelley 1995).
         """
         self.begun = self.evaluations
         at, residuals, halvings = start, self.residuals(start), 0
@@ -191,7 +192,7 @@ class Search:
             best, before = int(np.argmin(costs)), self._cost(residuals)
             if costs[best] < before:
                 at, residuals = points[best], found[best]
-            if not costs[best] < before - TOLD_APART:
+            if not costs[best] < before - ONE_DEVIATION:
                 if self.changes is None or halvings == HALVINGS:
                     break
                 halvings += 1
@@ -246,14 +247,14 @@ class Search:
         inert = ~self._finite(self.jacobian(at)).any(axis=0)
         if inert.any():
             kept = np.where(inert, self.start[self.free], at)
-            same = self._cost(self.residuals(kept))
+            same = self.cost(kept)
             at, cost = (kept, same) if same <= cost else (at, cost)
         reach = _NEAR_BOUND * (self.upper - self.lower)
         for bound in (self.lower, self.upper) if found.scatter is None else ():
             for index in np.flatnonzero((np.abs(at - bound) < reach) & (at != bound) & ~inert):
                 there = at.copy()
                 there[index] = bound[index]
-                if self._cost(self.residuals(there)) <= cost * (1 + 1e-9):
+                if self.cost(there) <= cost * (1 + 1e-9):
                     again = self.solve(
                         there, held=[int(index), *np.flatnonzero((at == self.lower) | (at == self.upper))]
                     )
