@@ -129,6 +129,13 @@ struct Twin {
     return Status::ok;
   }
 
+  /// Whether the step from a state is one of backward Euler.
+  bool is_backward(const State& before) const {
+    if constexpr (known)
+      return false;
+    else
+      return before.swings && !quasi_static;
+  }
   /// Whether the handle is held where a command says.
   bool prescribed() const { return !any(hand.stiffness > S(0)); }
   Flag<S> beyond_range(int h, const S& angle) const {

@@ -1,7 +1,8 @@
 #pragma once
 // The energy balance of a step of a twin: stored energy, work put in, losses to friction and damping.
 //
-// All work is integrated by the trapezoidal rule, which for linear springs is exact.
+// All work is integrated by the trapezoidal rule, which for linear springs is exact. In a step of backward Euler
+// (twin_step.hpp) it is that of what acts at the step's end, and what such a step takes from a swing counts as damping.
 
 #include "tenodesis/twin.hpp"
 
@@ -15,7 +16,7 @@ struct Energy {
   S spools{};    ///< work of the spools on the tendons
   S load{};      ///< work of the load on the tip
   S friction{};  ///< lost at the contacts
-  S damping{};   ///< lost at the tip's joints and within tendons
+  S damping{};   ///< lost at the tip's joints, within tendons, and of swings that steps do not follow
   S tissue{};    ///< lost in tissue: to its damping, and what was stored in tissue that is taken away
   /// Lost at the contacts by the tensions at the step's end, where the friction law holds: not negative, except for
   /// rounding.
@@ -68,7 +69,8 @@ template <class T>
 Energy<typename T::S> twin_energy(const T& twin, const typename T::State& before, const typename T::State& after) {
   using S = T::S;
   constexpr int N = T::N;
-  const auto mean = [](const S& a, const S& b) { return (a + b) * S(0.5); };
+  const bool backward = twin.is_backward(before);
+  const auto mean = [&](const S& a, const S& b) { return backward ? b : (a + b) * S(0.5); };
   Energy<S> energy{};
   energy.stored = stored_energy(twin, after);
   for (int h = 0; h < N; ++h)
@@ -132,6 +134,9 @@ Energy<typename T::S> twin_energy(const T& twin, const typename T::State& before
       energy.tissue = energy.tissue - after.contact_moment[i] * (after.angle[i] - before.angle[i]) + was_in -
                       in(after, after.angle[i]);
   }
+  if (backward)
+    energy.damping = energy.handle + energy.spools + energy.load - energy.friction - energy.tissue +
+                     stored_energy(twin, before) - energy.stored;
   return energy;
 }
 

@@ -108,6 +108,7 @@ struct TwinState {
   S measured_spool[M]{};
   int until_sample{};
   SideBySide<S>::Count sweeps{};
+  bool swings{};            ///< whether the last step was of a swing that steps do not follow; not of known layouts
   S residual_in_parts{-1};  ///< largest of the last step's parts; -1: it was not divided
 };
 

@@ -5,6 +5,10 @@
 // under a guess its tensions are linear in the joints' coordinates; the joints' own equations follow with these, by
 // Newton's iteration, and the guess is revised until nothing contradicts it. A joint at the handle draws the segment
 // before its contact, one at the tip the segment beyond.
+//
+// In motion the rule is trapezoidal. It resists a slip by the mean of friction at the step's ends; at a contact that
+// stuck at its beginning that is less than the slip takes. Where a swing lasts a few steps, as beside contacts that
+// stick, what is missing each time makes it grow. So a step after one of such a swing is of backward Euler.
 
 #include <type_traits>
 
@@ -55,6 +59,11 @@ inline constexpr int patience = 8;
 template <Real S>
 inline constexpr S negligible = sizeof(S) == 4 ? S(1e-5) : S(1e-10);
 
+/// (Frequency of a swing, rad/s, times the time step) squared from which on steps do not follow it: 2 pi steps long.
+inline constexpr double most_followed = 1;
+/// Turns in a step that are no swing, rad.
+inline constexpr double least_swing = 1e-9;
+
 /// Change of angles within which a load's moments are linear to 1e-8 of them, rad.
 inline constexpr double near_angle = 1e-4;
 
@@ -96,7 +105,7 @@ struct TwinStep {
   [[no_unique_address]] std::conditional_t<T::known, Nothing, Linearised> linearised;
   Rows::template PerSegment<Sum> pull[M];
   Sum moment[U];         // of the tendons by each coordinate, N m per unit
-  Square<S, U> heavy{};  // 2 M / h^2
+  Square<S, U> heavy{};  // 2 M / h^2; of backward Euler M / h^2
   S bias[U]{};
   S angle[joints];
   S coordinate[U];  // of the unknown joints
@@ -264,11 +273,16 @@ struct TwinStep {
     return false;
   }
 
+  bool is_backward() const { return twin.is_backward(before); }
+  // Rate of a speed by the angle at the step's end, and speed that the step begins with, as far as it counts.
+  S speed_rate() const { return twin.quasi_static ? S(0) : is_backward() ? per_second : S(2) * per_second; }
+  S carried(int u) const { return is_backward() ? S(0) : before.velocity[u]; }
+
   void set_inertia() {
-    const S twice = S(2) * per_second * per_second;
-    for (int h = N; h < U; ++h) heavy.at[h][h] = twice * twin.hand.inertia;
+    const S by = speed_rate() * per_second;
+    for (int h = N; h < U; ++h) heavy.at[h][h] = by * twin.hand.inertia;
     if (N == 1 && any(twin.lone_inertia > S(0))) {
-      heavy.at[0][0] = twice * twin.lone_inertia;
+      heavy.at[0][0] = by * twin.lone_inertia;
       return;
     }
     S x[N], speed[N], matrix[N][N];
@@ -278,7 +292,7 @@ struct TwinStep {
     }
     inertia(twin.chain, twin.link, x, speed, matrix, bias);
     for (int i = 0; i < N; ++i)
-      for (int j = 0; j < N; ++j) heavy.at[i][j] = twice * matrix[i][j];
+      for (int j = 0; j < N; ++j) heavy.at[i][j] = by * matrix[i][j];
   }
 
   // Where rates and moments at the step's beginning lead.
@@ -647,9 +661,11 @@ struct TwinStep {
     moments(off, slope);
     for (int u = 0; u < U; ++u) pushes[u] = off[u];
     yielding = slope;
-    const S share = twin.quasi_static ? S(1) : S(0.5);
+    const bool by_end = twin.quasi_static || is_backward();
+    const S share = by_end ? S(1) : S(0.5);
     for (int u = 0; u < U; ++u) {
-      if (!twin.quasi_static) off[u] = (off[u] + before.moment[u]) * share - bias[u];
+      if (!by_end) off[u] = (off[u] + before.moment[u]) * share;
+      if (!twin.quasi_static) off[u] = off[u] - bias[u];
       for (int v = 0; v < U; ++v) slope.at[u][v] = slope.at[u][v] * share;
     }
     if (!twin.quasi_static)
@@ -733,14 +749,14 @@ struct TwinStep {
     S load[N];
     set_load(load);
     for (int u = 0; u < U; ++u) turn[u] = turn_at(u, coordinate[u]);
-    const S speed_rate = twin.quasi_static ? S(0) : S(2) * per_second;
+    const S speed_rate = this->speed_rate();
     for (int u = 0; u < U; ++u) {
       const S pulled = moment[u].at(coordinate);
       at[u] = turn[u] * pulled;
       for (int v = 0; v < U; ++v) slope.at[u][v] = turn[u] * moment[u].by[v] * turn[v];
       // The rate of a gear's cos(half angle)/2.
       if (twin.mechanism(u) == Mechanism::gear) slope.at[u][u] = slope.at[u][u] - S(0.25) * coordinate[u] * pulled;
-      const S velocity = twin.quasi_static ? S(0) : speed_rate * (angle[u] - before.angle[u]) - before.velocity[u];
+      const S velocity = twin.quasi_static ? S(0) : speed_rate * (angle[u] - before.angle[u]) - carried(u);
       if (u < N) {
         const int i = u < N ? u : 0;
         const S beyond = twin.beyond_stop(i, angle[i]);
@@ -762,7 +778,7 @@ struct TwinStep {
     twin.chain.each_tie([&](int i, const Tie<S>& tie) {
       // The trapezoidal rule would let what is stiff ring from step to step; friction of half a step's time ends it.
       const S lag = twin.quasi_static || !tie.is_rigid ? S(0) : S(0.5) * duration;
-      const auto rate = [&](int j) { return speed_rate * (angle[j] - before.angle[j]) - before.velocity[j]; };
+      const auto rate = [&](int j) { return speed_rate * (angle[j] - before.angle[j]) - carried(j); };
       const S apart = angle[i] - tie.ratio * angle[tie.to] + lag * (rate(i) - tie.ratio * rate(tie.to));
       const S held = tie.stiffness * apart, by = tie.stiffness * (S(1) + lag * speed_rate);
       at[i] = at[i] - held;
@@ -774,6 +790,20 @@ struct TwinStep {
     });
   }
 
+  // Whether moments fell along the step's way by more than inertia times its rate's square: a pure swing of stiffness
+  // k and inertia m has k h^2 / m of that.
+  bool swings() const {
+    if (twin.quasi_static) return false;
+    S fallen(0), weighed(0), largest(0);
+    for (int u = 0; u < U; ++u) {
+      const S turned = angle[u] - before.angle[u];
+      largest = larger(largest, abs(turned));
+      fallen = fallen - (next.moment[u] - before.moment[u]) * turned;
+      for (int v = 0; v < U; ++v) weighed = weighed + turned * heavy.at[u][v] * (angle[v] - before.angle[v]);
+    }
+    return largest > S(least_swing) && fallen * speed_rate() > S(most_followed) * per_second * weighed;
+  }
+
   void finish() {
     twin.each_tendon([&](int m) {
       if (pulls(m)) follow_tension(m);
@@ -781,10 +811,12 @@ struct TwinStep {
     for (int g = 0; g < joints; ++g) {
       const S turned = angle[g] - before.angle[g];
       const bool is_free = g < U && !twin.quasi_static;
-      next.velocity[g] = is_free ? S(2) * per_second * turned - before.velocity[g] : turned * per_second;
+      const bool is_mean = is_free && !is_backward();  // of the speeds at both ends, what turned in the step
+      next.velocity[g] = is_mean ? S(2) * per_second * turned - before.velocity[g] : turned * per_second;
       next.angle[g] = angle[g];
       next.moment[g] = g < U ? pushed[g < U ? g : 0] : S(0);
     }
+    if constexpr (!T::known) next.swings = swings();
     for (int i = 0; i < N; ++i) {
       next.contact_force[i] = next.contact_moment[i] = S(0);
       if (!any(command.contact[i].present())) continue;

@@ -1,18 +1,22 @@
 """The twin of joints and tendons: planar twin, statics, friction law and energies that it must agree with."""
 
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import tenodesis as tn
 from tenodesis import _core
+from tenodesis.instrument import from_dvrk
 from tenodesis.plant import mass_matrix, natural_frequencies
 from tenodesis.routes import TwinRows, twin_rows
+from tenodesis.twin.rows import columns_by_name
 from tests.python import chain_samples
 
 from .chain_samples import LISTED
 from .conftest import refused
+from .test_import_dvrk import MATRICES, content, write
 
 NOMINAL = {"mismatch.stiffness_ratio": 1.0, "mismatch.output_encoder_offset": 0.0}
 FRICTION = {"law": "capstan", "vertex_coefficient": 0.15, "sheath_coefficient": 0.1, "sheath_bend": np.radians(20)}
@@ -461,3 +465,41 @@ def test_jaws_whose_tendons_begin_to_slip_before_stiff_ends_find_an_equilibrium(
     controller = tn.control.JointController(inst, "off")
     run = tn.twin.Twin(inst, seed=1).run(np.zeros((steps, 0)), controller=controller, target=target, wrench=wrench)
     assert len(run.time) == steps
+
+
+@pytest.mark.parametrize("seed", [4, 9, 13])
+def test_a_tool_at_rest_does_not_ring_up_where_steps_are_longer_than_a_swing(tmp_path: Path, seed: int) -> None:
+    """Beside contacts that stick, a swing of three steps grew until friction gave way, by a degree or more."""
+    friction = FRICTION | {"vertex_coefficient": 0.13, "sheath_coefficient": 0.13}
+    inst = from_dvrk(write(tmp_path, content(MATRICES["PROGRASP_FORCEPS_420093"]))).replace(friction=friction)
+    rng = np.random.default_rng(seed)
+    moving, still = 2500, 700
+    time = np.arange(1, moving + still + 1)[:, np.newaxis] * 5e-4
+
+    def eased(start: float, span: float) -> np.ndarray:
+        share = np.clip((time - start) / span, 0, 1)
+        return share**2 * (3 - 2 * share)
+
+    # To a pose, under a force there, then to and fro; after that the motors rest.
+    asked = eased(0, 0.6) * np.radians([-70, -48, 36, -70])
+    for start in (0.8, 0.9, 1.0, 1.1):
+        asked = asked + eased(start, 0.1) * rng.uniform(-np.radians(6), np.radians(6), 4)
+    wound = asked @ inst.tendon_arms("tip").T / inst.drives.spool_radius
+    core = tn.twin.Twin(inst, seed=1).core
+    spools = np.diff(wound, axis=0, prepend=0) / 5e-4
+    rows = rows_of(core, len(time), spool_velocity=spools, wrench=eased(0.65, 0.1) * [-2.2, 2.2, 0, 0, 0, 0])
+    signals_of(core, rows[:moving])
+    totals = np.zeros((still, len(_core.energies())))
+    speed = np.empty(still)
+    for k, row in enumerate(rows[moving:]):
+        out = np.empty((1, sum(width for _, width in core.signals)))
+        assert core.run(row[np.newaxis], out, totals[k]) == (1, _core.Status.OK)
+        speed[k] = np.abs(out[:, columns_by_name(core.signals)["output_velocity"]]).max()
+    # Within 50 ms it has died down.
+    assert speed[100:].max() < 0.1 * speed[:20].max()
+    energies = dict(zip(_core.energies(), totals.T, strict=True))
+    assert energies["friction"].min() > -1e-12
+    assert energies["damping"].min() > -1e-12
+    lost = sum(energies[name] for name in ("friction", "damping", "tissue"))
+    put_in = sum(energies[name] for name in ("handle", "spools", "load"))
+    np.testing.assert_allclose(energies["stored_after"] - energies["stored_before"], put_in - lost, rtol=0, atol=1e-12)

@@ -61,7 +61,7 @@ class Energy(NamedTuple):
     friction: float
     """Dissipated by friction."""
     damping: float
-    """Dissipated by damping."""
+    """Dissipated by damping, and taken from swings that time steps do not follow."""
     tissue: float
     """Dissipated by tissue's damping, or stored in tissue that was taken away."""
     least_friction: float
