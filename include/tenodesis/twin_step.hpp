@@ -790,18 +790,24 @@ struct TwinStep {
     });
   }
 
-  // Whether moments fell along the step's way by more than inertia times its rate's square: a pure swing of stiffness
-  // k and inertia m has k h^2 / m of that.
+  // Whether moments fell along the step's way, and by their slopes would, by more than inertia times its rate's square:
+  // a pure swing of stiffness k and inertia m has k h^2 / m of that. Neither a joint that tendons draw about a turning
+  // point nor one that moves with its motors swings.
   bool swings() const {
     if (twin.quasi_static) return false;
-    S fallen(0), weighed(0), largest(0);
+    S fallen(0), falling(0), weighed(0), largest(0);
     for (int u = 0; u < U; ++u) {
       const S turned = angle[u] - before.angle[u];
       largest = larger(largest, abs(turned));
-      fallen = fallen - (next.moment[u] - before.moment[u]) * turned;
-      for (int v = 0; v < U; ++v) weighed = weighed + turned * heavy.at[u][v] * (angle[v] - before.angle[v]);
+      fallen = fallen - turned * (next.moment[u] - before.moment[u]);
+      for (int v = 0; v < U; ++v) {
+        const S along = turned * (angle[v] - before.angle[v]);
+        falling = falling - along * yielding.at[u][v];
+        weighed = weighed + along * heavy.at[u][v];
+      }
     }
-    return largest > S(least_swing) && fallen * speed_rate() > S(most_followed) * per_second * weighed;
+    const S least = S(most_followed) * per_second / speed_rate() * weighed;
+    return largest > S(least_swing) && fallen > least && falling > least;
   }
 
   void finish() {
