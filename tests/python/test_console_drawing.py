@@ -25,16 +25,16 @@ from tenodesis.instrument import Instrument
 from tenodesis.kinematics.chain import skeleton
 from tenodesis.live.status import RuntimeState
 
-from .conftest import refused
+from .conftest import EXAMPLES, ROOT, refused
 
 
-@pytest.fixture(params=tn.shipped())
-def shipped(request: pytest.FixtureRequest) -> Instrument:
-    """Every instrument that comes with the package."""
+@pytest.fixture(params=[*tn.shipped(), EXAMPLES / "pulley.toml", EXAMPLES / "continuum.toml"], ids=str)
+def inst(request: pytest.FixtureRequest) -> Instrument:
+    """Every instrument that comes with the package, and every mechanism."""
     return tn.load(request.param)
 
 
-def closed_and_on_bodies(inst: Instrument) -> None:
+def test_every_solid_is_closed_and_lies_on_a_body_of_its_own_name(inst: Instrument) -> None:
     drawn = with_short_stem(inst)
     found = solids(drawn)
     assert all(solid.mesh.is_volume for solid in found)
@@ -42,15 +42,7 @@ def closed_and_on_bodies(inst: Instrument) -> None:
     assert len(found) == len({(solid.body, solid.name) for solid in found})
 
 
-def test_every_solid_is_closed_and_lies_on_a_body_of_its_own_name(any_inst: Instrument) -> None:
-    closed_and_on_bodies(any_inst)
-
-
-def test_every_solid_of_a_shipped_instrument_is_closed_and_lies_on_a_body(shipped: Instrument) -> None:
-    closed_and_on_bodies(shipped)
-
-
-def ends_are_left_as_they_are(inst: Instrument) -> None:
+def test_a_stem_drawn_short_leaves_both_ends_as_they_are(inst: Instrument) -> None:
     drawn = with_short_stem(inst)
     assert extents(drawn)[::2] == pytest.approx(extents(inst)[::2])
     assert extents(drawn)[1] <= extents(inst)[1]
@@ -64,14 +56,6 @@ def ends_are_left_as_they_are(inst: Instrument) -> None:
     for end, start in starts.items():
         ways = [bodies[end].position - bodies[start].position for bodies in (whole, cut)]
         assert ways[0] == pytest.approx(ways[1], abs=1e-12)
-
-
-def test_a_stem_drawn_short_leaves_both_ends_as_they_are(any_inst: Instrument) -> None:
-    ends_are_left_as_they_are(any_inst)
-
-
-def test_a_stem_of_a_shipped_instrument_drawn_short_leaves_both_ends_as_they_are(shipped: Instrument) -> None:
-    ends_are_left_as_they_are(shipped)
 
 
 def test_what_the_hand_asks_for_is_the_output_angle_without_load(any_inst: Instrument) -> None:
@@ -202,7 +186,7 @@ def test_every_fault_and_every_choice_has_its_words() -> None:
     assert {*CURRENT_ADVICE} < {*ADVICE}
     assert {*CURRENT_REMEDIES} < {*HOMING_REMEDIES}
     # What forces homing says so.
-    header = (Path(__file__).parents[2] / "include/tenodesis/fault.hpp").read_text("utf-8")
+    header = (ROOT / "include/tenodesis/fault.hpp").read_text("utf-8")
     forcing = re.findall(r"Fault::(\w+)", header.partition("needs_homing")[2].partition("}")[0])
     assert len(forcing) == 7
     assert not [name for name in forcing if " home" not in ADVICE[name].remedy]

@@ -269,9 +269,11 @@ def test_a_folder_that_others_can_enter_is_refused(tmp_path):
     assert list((tmp_path / "open").iterdir()) == []
 
 
-@pytest.mark.parametrize(
-    ("order", "says"),
-    [
+def test_an_order_of_the_operators_that_makes_no_sense_is_refused_in_a_sentence(served):
+    folder, _ = served
+    raw = connected(folder, b'{"op": "acquire"}\n')
+    answers = raw.makefile("rb")
+    for order, says in (
         ({"op": []}, "op is []; it must be one of hello, status"),
         ({"op": "hand", "angles": [True]}, "angles is [True]; it must be a list of finite numbers"),
         ({"op": "hand", "angles": [float("nan")]}, "angles is [nan]; it must be a list of finite numbers"),
@@ -282,12 +284,7 @@ def test_a_folder_that_others_can_enter_is_refused(tmp_path):
         ({"op": "play", "protocol": RAMP.to_toml(), "record": [[]]}, "record is [[]]; it must be true or false"),
         ({"op": "law", "law": "off"}, "actuation is None; it must be text"),
         ({"op": "inject_fault", "point": "tick", "mode": "add", "value": 1, "seconds": 1, "axis": 2}, "axis is 2; it"),
-    ],
-)
-def test_an_order_of_the_operators_that_makes_no_sense_is_refused_in_a_sentence(served, order, says):
-    folder, _ = served
-    raw = connected(folder, b'{"op": "acquire"}\n')
-    raw.sendall(json.dumps(order).encode() + b"\n")
-    answer = json.loads(raw.makefile("rb").readline())
-    assert says in answer["error"]
+    ):
+        raw.sendall(json.dumps(order).encode() + b"\n")
+        assert says in json.loads(answers.readline())["error"]
     raw.close()
