@@ -10,9 +10,11 @@ from matplotlib.figure import Figure
 
 import tenodesis as tn
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike
 from tenodesis.report import curves, style
 from tenodesis.run import Run
+
+from .conftest import EXAMPLES
 
 PNG = b"\x89PNG\r\n"
 STATICS = ("input_output", "loss", "tension", "transmissibility")
@@ -34,8 +36,9 @@ def drawn(figure: Figure) -> list[np.ndarray[Any, Any]]:
 
 
 @pytest.mark.parametrize("name", STATICS)
-def test_statics_are_drawn_in_the_reports_style_and_shown_by_notebooks(name: str, any_inst: Instrument) -> None:
-    figure = getattr(tn.plot, name)(any_inst)
+@pytest.mark.parametrize("inst", ["real-size", EXAMPLES / "continuum.toml"], ids=str)
+def test_statics_are_drawn_in_the_reports_style_and_shown_by_notebooks(name: str, inst: InstrumentLike) -> None:
+    figure = getattr(tn.plot, name)(inst)
     assert figure._repr_png_().startswith(PNG)
     assert figure.axes[0].spines["top"].get_visible() is False
     assert figure.axes[0].xaxis.label.get_color() == style.INK

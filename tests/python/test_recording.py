@@ -40,9 +40,8 @@ def test_a_run_comes_back_bit_by_bit(axes: tuple[str, ...], tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("name", SIGNALS)
-@pytest.mark.parametrize("axes", [("yaw",), ("yaw", "pitch")])
-def test_a_signal_alone_comes_back_alone(name: str, axes: tuple[str, ...], tmp_path: Path) -> None:
-    run = a_run(3, axes, names=[name])
+def test_a_signal_alone_comes_back_alone(name: str, tmp_path: Path) -> None:
+    run = a_run(3, ("yaw", "pitch"), names=[name])
     assert bits(Recording.open(recorded(tmp_path / "run.mcap", run)).run) == bits(run)
 
 
