@@ -19,7 +19,6 @@ from .conftest import refused
 
 ROOT = Path(__file__).parents[2]
 PSI = 6894.757
-POUND_FORCE, INCH = 4.448222, 25.4e-3
 
 FACTORS = {"7x7": 0.388, "7x19": 0.362}
 """K of 6x7-WSC and 6x19M-WSC, EN 12385-4 by Feyrer, Wire Ropes, Table 1.9."""
@@ -79,21 +78,6 @@ def test_the_standard_catalogue_has_what_every_joint_type_needs() -> None:
     assert standard.constraints == load("workshop").constraints
 
 
-def test_the_standard_catalogue_is_its_parts_merged() -> None:
-    parts = (
-        *("gears", "ropes", "weights", "load-cells", "encoders", "spools", "pulleys", "rods"),
-        *("motors", "hardware", "workshop"),
-    )
-    merged = load(*parts)
-    assert merged.name == " + ".join(parts)
-    same = {"name": "standard", "description": load().description}
-    assert merged.model_copy(update=same) == load()
-
-
-def test_the_folder_of_the_catalogues_can_be_found_at_the_top() -> None:
-    assert {file.stem for file in (ROOT / "catalogue").glob("*.toml")} == set(shipped())
-
-
 def test_shipped_modules_are_those_of_iso_54() -> None:
     first, both = load("gears").gears, load("gears-with-series-ii").gears
     assert first and both
@@ -119,17 +103,6 @@ def test_ropes_are_as_stiff_as_their_measured_stretch() -> None:
     for rope in load("ropes").ropes:
         stretch = next(factor for name, factor in STRETCH.items() if rope.name.startswith(name))
         assert rope.modulus == pytest.approx(400 / (math.pi * stretch) * PSI, rel=1e-3)
-
-
-def test_effective_moduli_are_the_fill_factor_times_a_credible_rope_modulus() -> None:
-    fill = {"7x7": 0.432 * 4 / math.pi, "7x19": 0.418 * 4 / math.pi}
-    for rope in load("ropes").ropes:
-        assert 90e9 < rope.modulus / fill[rope.name.split()[0]] < 160e9
-
-
-def test_the_formula_is_on_the_safe_side_of_ropes_sold() -> None:
-    sold = 480 * POUND_FORCE
-    assert 0.5 * sold < FACTORS["7x7"] * (INCH / 16) ** 2 * 1570e6 < sold
 
 
 def test_shipped_weights_are_a_one_two_two_five_set_of_class_m1() -> None:
@@ -287,15 +260,6 @@ def test_a_catalogue_can_be_written_with_units_and_sent_elsewhere() -> None:
     assert len(set(load().ropes)) == 27
 
 
-def test_constraints_are_none_or_have_the_defaults_told() -> None:
-    free = Constraints()
-    for key in ("factor", "overall_length", "end_effector_length", "handle_length", "print_bed", "largest_force"):
-        assert getattr(free, key) is None
-    assert (free.ratio_tolerance, free.tension_margin, free.load_cell_margin) == (0.01, 1.5, 1.2)
-    assert (free.cable_pulley_radius, free.cable_mass, free.force_tolerance) == (0.015, 0.05, 0.02)
-    assert free.test_forces == ()
-
-
 def test_the_schema_knows_every_key() -> None:
     schema = json_schema()
     assert {*KINDS, "gears", "constraints", "include", "sources"} < set(schema["properties"])
@@ -317,60 +281,36 @@ CELL = '[[load_cells]]\nname = "cell"\nrange = "1 N"\n'
         ("a =", "not valid TOML"),
         ("rope = 1", "rope is not a known key (did you mean ropes?); it must be one of name,"),
         (
-            "[constraints]\nfactors = [3, 4]",
-            "constraints.factors is not a known key (did you mean constraints.factor?); it must be one of factor,",
-        ),
-        (
-            "[gears]\nmodule = 1",
-            "gears.module is not a known key (did you mean gears.modules?); it must be one of modules, teeth",
-        ),
-        (
             ROPE + 'colour = "red"',
             "ropes 1 (thin): colour is not a known key; it must be one of source, known, name, diameter",
         ),
         (ROPE, "ropes 1 (thin): diameter is missing; it is required."),
         (ROPE + "diameter = 0.5", "ropes 1 (thin): diameter = 0.5: it has no unit"),
-        (ROPE + 'diameter = "0.5"', "ropes 1 (thin): diameter = '0.5': it has no unit"),
-        (ROPE + 'diameter = "5 N"', "ropes 1 (thin): diameter = '5 N': it is measured in N"),
         (SERIES + 'diameters = ["1 mm", 2]', "ropes 1 (thin): diameters (value 2) = 2: it has no unit"),
-        (SERIES + "diameters = []", "ropes 1 (thin): diameters = []: it must be a list that is not empty."),
         (SERIES + 'diameters = ["1 mm", "1.0 mm"]', "ropes has 'thin 1 mm' twice; it must have every part once."),
         (
             SERIES.replace("0.388", "1.2") + 'diameters = ["1 mm"]',
             "breaking_load_factor = 1.2: it must be less than 1.",
         ),
         ("[constraints]\nfactor = [8, 3]", "constraints.factor = [8, 3]: its least, 8, is more than its most, 3"),
-        ('[constraints]\nhandle_length = ["1 m", "400 mm"]', "['1 m', '400 mm']: its least, 1, is more than its most"),
-        ("[gears]\nteeth = [60, 12]", "gears.teeth = [60, 12]: its least, 60, is more than its most, 12"),
         ('[gears]\nmodules = ["1 mm", "1.0 mm"]', "gears: modules has 1 mm twice; it must have every module once."),
-        ("[constraints]\nfactor = [3]", "constraints.factor (value 2) is missing; it is required."),
-        ("[constraints]\nfactor = 3", "constraints.factor = 3: it must be a list."),
-        ("[constraints]\ncable_mass = 0.05", "constraints.cable_mass = 0.05: it has no unit; write a mass"),
-        ("[constraints]\nforce_tolerance = 2", "constraints.force_tolerance = 2: it must be less than 1."),
-        ("[constraints]\ntension_margin = 0.5", "tension_margin = 0.5: it must be greater than or equal to 1."),
         (CELL + 'resolution = "2 N"', "load_cells 1 (cell): resolution is 2 N, which is not below the range of 1 N"),
-        (2 * (CELL + 'resolution = "0.1 N"\n'), "load_cells has 'cell' twice"),
         ('[[weights]]\nmass = "1 g"\n[[weights]]\nmass = "0.001 kg"', "weights has '1 g' twice"),
-        ('[[weights]]\nmass = "0 g"', "weights 1: mass = '0 g': it must be a mass above 0 kg"),
-        ('[[weights]]\nmass = "1 g"\ncount = 0', "weights 1: count = 0: it must be greater than or equal to 1."),
         (
             '[[weights]]\nmasses = ["1 g"]\ncounts = [1, 2]',
             "counts and masses have 2 and 1 values; both must have the same number",
         ),
-        ('[[weights]]\nmasses = ["1 g"]', "weights 1: counts is missing; it is required."),
         (
             '[[spools]]\nradius = "1 mm"\nradii = ["2 mm"]',
             "spools 1: radius is not a known key (did you mean radii?); it must be one of source, known, radii",
         ),
         ('[ropes]\nname = "thin"', "ropes = {'name': 'thin'}: it must be a list of tables, [[ropes]]."),
         ("pulleys = [3]", "pulleys 1 = 3: it must be a table, [[pulleys]]."),
-        ("gears = 3", "gears = 3: it must be a table."),
         ('[sources]\nropes_ = "x"', "sources.ropes_ names no key (did you mean ropes?); keys are gears,"),
         (
             'include = ["nowhere"]',
             "nowhere (included by own.toml): there is no such file and no catalogue of that name",
         ),
-        ('include = "ropes"', "include = 'ropes': it must be a list."),
     ],
 )
 def test_a_bad_catalogue_is_refused_in_one_sentence(write: Any, text: str, message: str) -> None:

@@ -263,7 +263,6 @@ def test_record_info_and_export_take_several_joints(tenodesis: Command, tmp_path
     [
         (("--law", "robust"), "needle-driver has no joint that a controller can compensate"),
         (("--axis", "yaw"), "needle-driver lists joints and tendons; it must be a planar instrument"),
-        (("scaled-up",), "scaled-up is an instrument; it must be a protocol"),
     ],
 )
 def test_what_record_does_not_take_is_said(tenodesis: Command, arguments: tuple[str, ...], sentence: str) -> None:

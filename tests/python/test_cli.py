@@ -182,30 +182,6 @@ def test_bench_computes_all_joints_of_ones_own_two_axes_unless_one_is_named(
     assert declined("bench", "own.toml", "--scaled-up", "needle-driver").key == "scaled_up"
 
 
-def test_check_prints_values_and_sources(tenodesis: Run) -> None:
-    code, said, _ = tenodesis("check", "scaled-up")
-    assert code == 0
-    assert "11451" in said
-    assert "Table I" in said
-
-
-@pytest.mark.parametrize(
-    ("arguments", "key"),
-    [
-        (("bench", "bad.toml"), "joint_type"),
-        (("check", "bad.toml"), "joint_type"),
-        (("bench", "real-size", "--scaled-up", "absent"), "file"),
-        (("bench", "real-size", "--scaled-up", EXAMPLES / "pulley.toml"), "joint_type"),
-    ],
-)
-def test_a_mistake_is_refused_by_its_key(
-    declined: Callable[..., Error], tmp_path: Path, arguments: tuple[object, ...], key: str
-) -> None:
-    (tmp_path / "bad.toml").write_text('name = "x"\n')
-    assert declined(*arguments).key == key
-    assert not (tmp_path / "out").exists()
-
-
 @pytest.mark.process
 def test_the_command_line_runs_from_a_shell(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "tenodesis.cli", "check", "absent"]

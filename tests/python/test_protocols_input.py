@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from pydantic import ValidationError
 
 from tenodesis import simulate
 from tenodesis.instrument import Instrument
@@ -30,26 +29,20 @@ MOTION = '[[phases]]\nkind = "motion"\n'
 BAD = [
     ("", "phases is missing"),
     ("phases = []", "phases = []: "),
-    ("phases = 3", "phases = 3: "),
     ("phases = [3]", "phase 1 = 3"),
     ("speed = 1\n" + HOLD, "speed is not a known key"),
-    ("[[phases", "is not valid TOML: "),
     ("[[phases]]\nduration = '1 s'", "phase 1: kind is missing"),
     (HOLD + HOLD.replace("hold", "rest"), "phase 2: kind is 'rest'"),
     (HOLD + "time = '1 s'", "phase 1 (hold): time is not a known key"),
     (HOLD.replace('"1 s"', '"-1 s"'), "phase 1 (hold): duration = '-1 s': it must be a duration above 0 s and below "),
     (HOLD.replace('"1 s"', "1"), "phase 1 (hold): duration = 1: it has no unit; write a duration above 0 s"),
-    (HOLD.replace('"1 s"', '"1 N"'), "phase 1 (hold): duration = '1 N': it is measured in N; it must be a duration"),
-    (HOLD.replace('"1 s"', '"nan s"'), "phase 1 (hold): duration = 'nan s': it must be a duration"),
     (HOLD.replace('duration = "1 s"', ""), "phase 1 (hold): duration is missing"),
     (HOLD + "axis = 'roll'", "phase 1 (hold): axis = 'roll': it must be 'yaw' or 'pitch'."),
     (CYCLES.replace("count = 2", "count = 0"), "phase 1 (cycles): count = 0: "),
-    (CYCLES.replace("count = 2", "count = 2.5"), "phase 1 (cycles): count = 2.5: "),
     (
         CYCLES.replace("20 deg/s", "20 Hz"),
         "phase 1 (cycles): speed = '20 Hz': it is not measured by angle; write it like",
     ),
-    (CYCLES.replace("20 deg/s", "20 mm/s"), "phase 1 (cycles): speed = '20 mm/s': it is not measured by angle"),
     (
         CYCLES.replace("20 deg/s", "0 deg/s"),
         "phase 1 (cycles): speed = '0 deg/s': it must be a speed above 1e-06 rad/s",
@@ -60,17 +53,13 @@ BAD = [
     (CYCLES + "output_amplitude = '1 deg'", "phase 1 (cycles): amplitude and output_amplitude are given"),
     (CYCLES + "from = '1 deg'\nsymmetric = true", "phase 1 (cycles): from and symmetric are both given"),
     (CYCLES + "shape = 'square'", "phase 1 (cycles): shape = 'square': it must be 'triangle', 'sine' or 'smooth'."),
-    (CYCLES + "symmetric = 1", "phase 1 (cycles): symmetric = 1: "),
     (STEP + "weight = '1 N'", "phase 1 (step-load): force and weight are given"),
     (STEP.replace('force = "1 N"', ""), "phase 1 (step-load): none of force, weight and moment is given"),
     (STEP + "handle_angle = '1 deg'\noutput_angle = '1 deg'", "phase 1 (step-load): handle_angle and output_angle are"),
     (STEP + "delay = '-1 s'", "phase 1 (step-load): delay = '-1 s': it must be a duration of at least 0 s"),
-    (STEP + "release = '-1 s'", "phase 1 (step-load): release = '-1 s': it must be a duration above 0 s"),
-    (MOTION + "file = 3\nangle_unit = 'deg'", "phase 1 (motion): file = 3: "),
     (MOTION + "angle_unit = 'deg'", "phase 1 (motion): none of file and data is given"),
     (MOTION + "angle_unit = 'deg'\nfile = 'a'\ndata = 'time'", "phase 1 (motion): file and data are given"),
     (MOTION + "file = 'a'", "phase 1 (motion): angle_unit is missing"),
-    (MOTION + "file = 'a'\nangle_unit = 'gon'", "phase 1 (motion): angle_unit = 'gon': it must be 'deg' or"),
     ('[[phases]]\nkind = "ramp"\nduration = "1 s"', "phase 1 (ramp): nothing is ramped; give handle_angle, force,"),
     (
         '[[phases]]\nkind = "ramp"\nduration = "1 s"\nspool_velocity = ["1 rad/s", "1 m/s"]',
@@ -91,23 +80,6 @@ def test_a_bad_file_ends_in_a_sentence_that_names_place_and_value(text: str, sta
     assert "\n" not in str(problem.value)
 
 
-@pytest.mark.parametrize("key", ["phases", "kind", "time"])
-def test_a_bad_key_is_answered_with_the_known_ones(key: str) -> None:
-    text = {
-        "phases": HOLD.replace("[[phases]]", "[[phase]]"),
-        "kind": HOLD.replace("hold", "rest"),
-        "time": HOLD + "time = 1",
-    }
-    with pytest.raises(ProtocolError) as problem:
-        simulate.parse(f'name = "p"\n{text[key]}')
-    known = {
-        "phases": "name, description, phases",
-        "kind": "pretension, hold, cycles, step-load, ramp, motion",
-        "time": "axis, kind, duration",
-    }
-    assert known[key] in str(problem.value)
-
-
 @pytest.mark.parametrize("name", ['""', '"a\\nb"', f'"{"x" * 61}"', "3"])
 def test_a_name_that_cannot_be_shown_is_refused(name: str) -> None:
     with refused("name", kind=ProtocolError):
@@ -119,11 +91,8 @@ SAMPLES = [
     ("t,angle\n0,1\n1,2\n", "data has no column 'time'; it has t, angle"),
     ("time,a,b\n0,1\n1,2\n", "data has no column 'angle'; it has time, a, b"),
     ("time,angle\n", "data has 0 rows of numbers"),
-    ("time,angle\n0,1\n", "data has 1 rows of numbers"),
     ("# x\ntime,angle\n0,1\n1,nan\n", "data: line 4: angle is 'nan'; it must be a finite number"),
     ("time,angle\n0,1\n1,\n", "data: line 3: angle is ''"),
-    ("time,angle\n0,1\n1\n", "data: line 3: angle is ''"),
-    ("time,angle\n0,1\ninf,2\n", "data: line 3: time is 'inf'"),
     ("time,angle\n0,1\n1,2\n1,3\n", "data: line 4: time is 1 after 1; times must increase strictly"),
 ]
 
@@ -242,16 +211,3 @@ def test_every_problem_of_a_file_is_named_at_once() -> None:
         "my.toml: phase 1 (hold): duration",
         "my.toml: phase 2 (cycles): count",
     ]
-
-
-@pytest.mark.parametrize("name", simulate.shipped())
-def test_the_same_file_gives_the_same_protocol(name: str) -> None:
-    first, second = simulate.load(name), simulate.load(name)
-    assert first == second
-    assert hash(first) == hash(second)
-
-
-def test_phases_do_not_change() -> None:
-    hold = Hold(duration=1)
-    with pytest.raises(ValidationError):
-        hold.duration = 2  # type: ignore[misc]

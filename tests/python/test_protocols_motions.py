@@ -164,15 +164,12 @@ def test_a_file_with_chirp_and_load_steps_is_the_protocol_written_in_python(scal
     ("change", "start"),
     [
         (("0.5 Hz", "3 rad/s"), "phase 1 (chirp): start_frequency = '3 rad/s': it is measured by angle; write a freq"),
-        (("0.5 Hz", "0 Hz"), "phase 1 (chirp): start_frequency = '0 Hz': it must be a frequency above 1e-06 Hz"),
         (
             ('amplitude = "10 deg"', ""),
             "phase 1 (chirp): none of amplitude, output_amplitude and force_amplitude is given",
         ),
-        (('"linear"', '"square"'), "phase 1 (chirp): sweep = 'square': it must be 'linear' or 'logarithmic'"),
         (('force = "1 N", ', ""), "load_steps 1: none of force, weight and moment is given; give exactly one of them"),
         (('after = "2 s"', 'since = "2 s"'), "load_steps 2: since is not a known key; it must be one of force, weight"),
-        (('after = "0.5 s"', "after = 0.5"), "load_steps 1: after = 0.5: it has no unit"),
     ],
 )
 def test_a_bad_chirp_or_load_step_in_a_file_is_named_with_its_phase(change: tuple[str, str], start: str) -> None:
@@ -220,10 +217,6 @@ def test_a_load_step_without_a_duration_stays_for_what_follows(scaled: Instrumen
         (
             ({"duration": 1.0}, {"after": 0.5}),
             "load_steps 2 has after = 0.5 s, while the load before is on; it must wait",
-        ),
-        (
-            ({}, {"after": 0.5}),
-            "load_steps 2 has after = 0.5 s, while the load before is on; it must wait until the load",
         ),
     ],
 )
