@@ -1,6 +1,6 @@
 """Claims about backbones cut into arcs: where they end, what friction leaves, and what else knows of their arcs."""
 
-from math import degrees, log, sqrt
+from math import degrees, log
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,6 @@ from tenodesis.recording.simulation import record
 from tenodesis.statics import chain
 from tenodesis.statics.bends import Bends, straight_arms
 from tests.peers import elastica
-
-from .chain_samples import brought_to_rest
 
 ROOT = Path(__file__).parents[2]
 CASE = elastica.Backbone(40e-3, 1e-3, 2e-3, 100e3, 20.0, 10e-3)
@@ -151,15 +149,6 @@ def test_a_tendon_with_friction_bends_it_as_the_closed_form_says(coefficient: fl
     assert degrees(angle) == pytest.approx(degrees(log(1 + coefficient * bend) / coefficient), abs=0.3)
     # In the middle of the last arc, half an arc before the end.
     assert distal == pytest.approx(base / (1 + coefficient * bend), rel=0.05)
-
-
-def test_a_backbone_in_motion_keeps_its_energy_and_comes_to_rest_where_statics_says() -> None:
-    inst = single(2).replace(friction={})
-    rest = brought_to_rest(inst, [0.5, 0, 0, 0, 0, 0])
-    # It bends into an S.
-    assert rest[0] > 0.05
-    assert rest[1] < -0.05
-    assert sqrt(abs(rest.sum())) < 0.3
 
 
 def test_segments_in_arcs_are_asked_for_recorded_and_compensated_by_the_names_of_their_file(tmp_path: Path) -> None:

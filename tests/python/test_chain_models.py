@@ -87,13 +87,6 @@ def test_the_model_as_written_follows_its_controls_to_where_the_statics_are() ->
     assert tensions == pytest.approx(list(rest.tensions), rel=1e-4)
 
 
-@every_sample
-def test_the_urdf_is_read_by_pinocchio_with_all_its_joints(inst: FullForm) -> None:
-    pinocchio = pytest.importorskip("pinocchio")
-    names = set(pinocchio.buildModelFromXML(kinematics.urdf(inst)).names) - {"universe"}
-    assert names == set(kinematics.joint_positions(inst, 0.0))
-
-
 @pytest.mark.parametrize("name", INSTRUMENTS)
 def test_joints_and_tendons_of_a_planar_file_have_its_poses_without_the_port(name: str) -> None:
     planar = INSTRUMENTS[name]

@@ -155,14 +155,6 @@ def test_a_tendon_is_slack_from_the_printed_load_on_and_the_strokes_restore(
     np.testing.assert_allclose(back, row["output_angles"], atol=1e-9)
 
 
-def test_a_planar_instrument_loses_the_same_in_either_form(real: tn.Instrument) -> None:
-    planar = real.replace(axes=["yaw"])
-    angle = np.radians(40)
-    lost = tn.statics.loss(planar, [angle], [-0.5, 0, 0, 0, 0, 0]).lost[0]
-    handle = tn.statics.handle_angle(planar, angle)
-    assert lost == pytest.approx(angle - tn.statics.output_angle(planar, handle, 0.5), abs=1e-9)
-
-
 VALUES = ["joint_type", "axes", "values", "derived", "resolution"]
 JOINTS = ["joints", "tendons", "arms", "handle_arms", "coupling", "stiffness", "by_handle", "losses"]
 

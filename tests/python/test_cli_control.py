@@ -8,7 +8,6 @@ from typing import TypeAlias
 import numpy as np
 import pytest
 
-import tenodesis as tn
 from tenodesis import _core, control
 from tenodesis.control.parameters import AXIS, COMMON
 from tenodesis.instrument import Instrument
@@ -78,20 +77,6 @@ def test_joints_whose_tendons_turn_several_have_a_controller_of_all(tenodesis: C
     assert code == 1 and "--observer is 'paper', but the law of all joints has one of its own" in problem
 
 
-def test_an_export_says_what_it_wrote(tenodesis: Command, tmp_path: Path) -> None:
-    code, out, _ = tenodesis("export", "controller", "real-size")
-    assert (code, out) == (
-        0,
-        "real_size.h: real_size, the controller of real-size (yaw and pitch), for tenodesis_init.\n",
-    )
-    text = (tmp_path / "real_size.h").read_text()
-    assert f"Written by tenodesis {tn.__version__} from real-size," in text
-    assert "static const tenodesis_parameters real_size = {" in text
-    assert ".axes = 2," in text
-    assert ".homed = 0," in text and "request TENODESIS_REQUEST_HOME" in text
-    assert '#include "tenodesis/tenodesis.h"' in text
-
-
 def test_options_choose_what_the_controller_is(tenodesis: Command, tmp_path: Path) -> None:
     options = ("--axis", "pitch", "--observer", "exact", "--law", "paper-feedback", "--actuation", "agonist")
     more = ("--own-clock", "--name", "mine", "--out", "x.h")
@@ -108,12 +93,6 @@ def test_options_choose_what_the_controller_is(tenodesis: Command, tmp_path: Pat
         ".own_clock = 1,",
     ):
         assert line in text
-
-
-def test_an_existing_header_is_replaced_when_asked(tenodesis: Command, tmp_path: Path) -> None:
-    (tmp_path / "scaled_up.h").write_text("mine")
-    assert tenodesis("export", "controller", "scaled-up", "--overwrite")[0] == 0
-    assert "tenodesis_parameters" in (tmp_path / "scaled_up.h").read_text()
 
 
 def test_a_header_serves_the_joints_that_have_a_pair_of_their_own(tenodesis: Command, tmp_path: Path) -> None:

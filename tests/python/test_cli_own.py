@@ -173,14 +173,6 @@ def test_loads_and_ranges_of_ones_own_are_taken(tenodesis: Run) -> None:
     assert (inst.stem_diameter, inst.handle_length) == (8e-3, 9e-2)
 
 
-def test_a_file_that_exists_is_replaced_only_when_asked(tenodesis: Run, tmp_path: Path) -> None:
-    (tmp_path / "mine.toml").write_text("precious")
-    assert tenodesis("new", "mine.toml", "--defaults")[0] == 1
-    assert (tmp_path / "mine.toml").read_text() == "precious"
-    assert tenodesis("new", "mine.toml", "--defaults", "--overwrite")[0] == 0
-    assert tn.load("mine.toml").name == "mine"
-
-
 def test_an_implausible_answer_is_taken_with_a_warning(tenodesis: Run) -> None:
     code, said, _ = tenodesis("new", "mine", "--defaults", "--distal-radius", "3 mm", "--stem-diameter", "5 mm")
     assert code == 0
@@ -203,10 +195,6 @@ def test_a_number_that_nobody_gave_is_refused_with_the_options_it_follows_from(t
     assert "it follows from --distal-radius." in " ".join(said.split())
     refusal = InstrumentError("pretension is 9 N; it must be less.", key="pretension", value=9.0, allowed="less")
     assert str(new._named(refusal, {"pretension": "pretension"}, [])).startswith("--pretension: pretension is 9 N")
-
-
-def test_the_sketch_fits_a_terminal() -> None:
-    assert all(len(line) <= 76 for joint_type in JOINT_TYPES for line in sketch(joint_type).splitlines())
 
 
 # ---------------------------------------------------------------------- loss

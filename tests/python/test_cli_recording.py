@@ -4,7 +4,6 @@ import json
 import math
 import re
 import signal
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
@@ -123,17 +122,8 @@ def test_a_controller_is_recorded_shown_and_replayed(tenodesis: Command, tmp_pat
 def test_a_controller_may_be_told_another_instrument(tenodesis: Command, tmp_path: Path) -> None:
     text = (ROOT / "instruments" / "scaled-up.toml").read_text("utf-8")
     (tmp_path / "known.toml").write_text(text.replace("stiffness_ratio = 0.85", "").replace("50 GPa", "42.5 GPa"))
-    tenodesis(
-        "record",
-        "scaled-up",
-        "short.toml",
-        "--law",
-        "robust",
-        "--controller-instrument",
-        "known.toml",
-        "--out",
-        "run.mcap",
-    )
+    told = ("--law", "robust", "--controller-instrument", "known.toml")
+    tenodesis("record", "scaled-up", "short.toml", *told, "--out", "run.mcap")
     assert "made for another instrument (scaled-up)" in tenodesis("info", "run.mcap")[1]
     assert "bit by bit" in tenodesis("replay", "run.mcap")[1]
     assert Recording.open("run.mcap").metadata["controller_instrument"].count("42500000000.0")
@@ -208,22 +198,6 @@ def test_a_mistake_is_refused_by_its_key(
         writer.finish()
     assert declined(*(word.replace("_s", " s") for word in words.split())).key == key
     assert (tmp_path / "x.mcap").exists() is (key == "load"), "what was recorded until then is kept"
-
-
-def test_an_existing_recording_is_replaced_when_asked(tenodesis: Command, tmp_path: Path) -> None:
-    (tmp_path / "run.mcap").write_text("mine")
-    assert tenodesis("record", "scaled-up", "short.toml", "--out", "run.mcap")[0] == 1
-    assert (tmp_path / "run.mcap").read_text() == "mine"
-    assert tenodesis("record", "scaled-up", "short.toml", "--out", "run.mcap", "--overwrite")[0] == 0
-    assert len(Recording.open("run.mcap").run) == 600
-
-
-def test_an_export_without_pandas_says_what_to_install(tenodesis: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    tenodesis("record", "scaled-up", "short.toml", "--out", "run.mcap")
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    code, _, err = tenodesis("export", "recording", "run.mcap", "--out", "run.parquet")
-    assert code == 1
-    assert "pip install 'tenodesis[tables]'" in err
 
 
 def shown_by(out: str) -> dict[str, str]:

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import tenodesis as tn
 from tenodesis.control import Controller, OperatingState, Output, Request
 from tenodesis.instrument import Instrument
 from tenodesis.simulate import FaultInjection
@@ -14,7 +13,6 @@ from tenodesis.twin import Twin
 
 from .conftest import refused
 from .test_control import PERIOD, clock, eased, with_friction
-from .twin_motions import smooth
 
 # ---- requests and states
 
@@ -73,22 +71,6 @@ def test_nothing_compensates_before_it_is_homed(scaled: Instrument) -> None:
     out = session.step("home")
     assert out.state == OperatingState.ENABLED
     assert out.homing
-
-
-def test_homing_makes_slack_tendons_ready_to_compensate(scaled: Instrument) -> None:
-    inst = with_friction(scaled)
-    twin = Twin(inst, seed=2)
-    twin.loosen(3e-3)
-    controller = Controller(inst, homed=False, enabled=False)
-    controller.ask("home")
-    run = twin.run(np.zeros(round(8 / PERIOD)), controller=controller)
-    assert run["operating_state"][-1] == OperatingState.PAUSED
-    np.testing.assert_allclose(run["tension"][-1], inst.pretension, rtol=0.02)
-    controller.ask("resume")
-    force = np.where(clock(10) > 4, 1.485, 0.0)
-    run = twin.run(eased(np.radians(28.5), 1.5, 10), force, controller=controller)
-    wanted = tn.statics.output_angle(smooth(scaled), np.radians(28.5))
-    assert np.degrees(run["output_angle"][-1] - wanted) == pytest.approx(0, abs=0.4)
 
 
 def test_a_controller_that_is_not_enabled_sends_nothing(scaled: Instrument) -> None:

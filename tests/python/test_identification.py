@@ -9,7 +9,7 @@ from scipy import stats
 from scipy.signal import lfilter
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification import FORMATS, Fit, Parameter, Problem, fit, jacobian_error, to_json
+from tenodesis.identification import Fit, Parameter, Problem, fit, jacobian_error, to_json
 from tenodesis.identification.search import Search
 from tenodesis.identification.uncertainty import (
     Linearised,
@@ -188,13 +188,6 @@ def test_exact_derivatives_are_those_of_differences_and_save_evaluations() -> No
     assert differenced.evaluations > 2 * exact.evaluations
     assert list(exact.values.values()) == pytest.approx(list(differenced.values.values()), rel=1e-5)
     assert forbidden.values == differenced.values
-
-
-def test_evaluations_are_all_that_were_made() -> None:
-    problem = play_model(derivative=False)
-    found = fit(problem, train=[0], starts=2)
-    # besides them: one for the number of samples, and four differences and a last look at the optimum
-    assert problem.calls - found.evaluations == 1 + 2 * 2 + 1
 
 
 def two_valleys() -> Model:
@@ -480,30 +473,3 @@ def test_blocks_keep_the_correlation_and_the_sensors_together() -> None:
     assert (drawn[0] == drawn[1]).all()
     assert autocorrelation(drawn[0], 1)[1] == pytest.approx(0.9, abs=0.03)
     assert set(np.round(drawn[0], 9)) <= set(np.round(errors - errors.mean(), 9))
-
-
-def test_results_have_the_keys_that_others_read() -> None:
-    errors = [coloured(400, 0, n) for n in range(2)]
-    found = fit(line(errors), train=[0], test=[1], bootstrap=40)
-    numbers = to_json(found, format="csv", law="capstan", notes={"run 0": ("dropped 1 row",)})
-    expected = {"format", "law", "parameters", "train_rmse_N", "test_rmse_N", "files", "whiteness", "evaluations"}
-    assert expected | {"seconds"} <= set(numbers)
-    keys = {"value", "unit", "std", "interval_95", "bootstrap_interval_95", "identifiable"}
-    assert keys <= set(numbers["parameters"]["gain"])
-    assert numbers["files"]["run 1"]["split"] == "test"
-    assert numbers["files"]["run 1"]["rmse_N"] == numbers["test_rmse_N"]
-    assert numbers["notes"] == {"run 0": ["dropped 1 row"]}
-
-
-def test_formats_are_known_by_name() -> None:
-    assert list(FORMATS) == [
-        "davinci-tool",
-        "davinci-posture",
-        "endoscope-pair",
-        "tendon-sheath",
-        "joints",
-        "tendons",
-        "recording",
-        "csv",
-        "mcap",
-    ]

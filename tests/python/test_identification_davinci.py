@@ -82,14 +82,6 @@ def test_derivatives_agree_with_differences(law: str) -> None:
         assert jacobian_error(tool, values(tool) * 1.03, run, quantile=0.98) < 2e-4
 
 
-@pytest.mark.parametrize("law", LAWS)
-def test_residuals_of_the_truth_are_zero(law: str) -> None:
-    tool = Tool(simulated(law), law=law)
-    for run in range(3):
-        assert np.abs(tool.residuals(values(tool), run)).max() < 1e-9
-        assert np.abs(tool.errors(values(tool), run)["output_angle_deg"]).max() < 1e-9
-
-
 @pytest.mark.slow
 def test_simulated_parameters_are_recovered_from_noisy_runs() -> None:
     tool = Tool(simulated("capstan-constant", noise=2e-3))

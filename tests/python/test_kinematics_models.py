@@ -43,16 +43,10 @@ def test_what_a_format_does_not_carry_is_said_in_it():
         assert ("the arc of a backbone" in km.mjcf(inst)) == ("the arc of a backbone" in km.urdf(inst))
 
 
-@pytest.mark.parametrize(
-    ("name", "axes"),
-    [
-        *((name, None) for name in tn.shipped()),
-        *((name, axes) for name in ("real-size", "scaled-up") for axes in (("yaw",), ("pitch",), ("pitch", "yaw"))),
-    ],
-)
-def test_every_instrument_that_is_shipped_makes_models_that_load(name, axes):
+@pytest.mark.parametrize("name", tn.shipped())
+def test_every_instrument_that_is_shipped_makes_models_that_load(name):
     mujoco, pinocchio = pytest.importorskip("mujoco"), pytest.importorskip("pinocchio")
-    inst = tn.load(name) if axes is None else tn.load(name).replace(axes=axes)
+    inst = tn.load(name)
     joints, in_mujoco = (set(km.joint_positions(inst, 0.0, format=format)) for format in ("urdf", "mjcf"))
     model = mujoco.MjModel.from_xml_string(km.mjcf(inst))
     assert {model.joint(n).name for n in range(model.njnt)} == in_mujoco
@@ -122,20 +116,3 @@ def test_the_mujoco_model_settles_where_the_statics_tell(name):
         held, yaw = (sum(data.joint(name).qpos[0] for name in hinges[key]) for key in ("handle_yaw", "yaw"))
         assert held == pytest.approx(handle, abs=1e-3)
         assert np.degrees(yaw) == pytest.approx(np.degrees(tn.statics.output_angle(alone, held, force)), abs=1e-4)
-
-
-def test_models_are_written_completely_by_the_command_line_and_not_over_others(tmp_path, monkeypatch):
-    from typer.testing import CliRunner
-
-    from tenodesis.cli.app import app
-
-    monkeypatch.chdir(tmp_path)
-    runner = CliRunner()
-    for kind, extension, root in (("urdf", ".urdf", "robot"), ("mjcf", ".xml", "mujoco")):
-        assert runner.invoke(app, ["export", kind, "real-size"]).exit_code == 0
-        assert ElementTree.parse(f"real-size{extension}").getroot().tag == root
-        again = runner.invoke(app, ["export", kind, "real-size"])
-        assert again.exit_code == 1
-        assert "exists already" in str(again.exception)
-        assert runner.invoke(app, ["export", kind, "real-size", "--overwrite"]).exit_code == 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["real-size.urdf", "real-size.xml"]

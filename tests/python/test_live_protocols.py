@@ -11,7 +11,6 @@ from tenodesis.control import OperatingState
 from tenodesis.errors import ProtocolError
 from tenodesis.instrument import Instrument
 from tenodesis.live.protocol_feed import Player
-from tenodesis.live.status import ProtocolState, ProtocolStatus
 from tenodesis.run import Array, concatenate
 from tenodesis.simulate import Chirp, Cycles, Motion, Pretension, Protocol, Ramp, StepLoad
 
@@ -338,17 +337,3 @@ def test_what_no_controller_can_run_is_refused_before_it_begins(
     with pytest.raises(ProtocolError, match=said):
         player(loop, Protocol(name="refused", phases=phases))
     assert loop.pending == 0
-
-
-@pytest.mark.parametrize(
-    ("state", "runs"),
-    [
-        (ProtocolState.RUNNING, True),
-        (ProtocolState.WAITING, True),
-        (ProtocolState.DONE, False),
-        (ProtocolState.ENDED, False),
-    ],
-)
-def test_a_protocol_runs_until_it_is_done_or_something_ends_it(state, runs):
-    # Whatever its problem says.
-    assert ProtocolStatus("x", 1.0, 2.0, state, "x waits at 1 s").runs is runs

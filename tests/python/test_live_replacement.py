@@ -20,7 +20,6 @@ from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
 from tenodesis.live import host as hosts
 from tenodesis.live.host import Host, HostConnection
-from tenodesis.live.loop import Choices
 from tenodesis.live.runtime_process import RuntimeProcess
 
 from .conftest import refused, until
@@ -46,11 +45,6 @@ def test_a_file_that_cannot_run_says_which_value_prevents_it(
     file.write_text(to_toml(inst))
     check(str(file))
     assert str(caught.value) in capsys.readouterr().out
-
-
-def test_all_shipped_instruments_can_run() -> None:
-    for name in ("real-size", "scaled-up"):
-        plant.check_runnable(tn.load(name))
 
 
 def test_a_sampling_period_of_years_is_refused_by_a_twin_too(scaled: Instrument) -> None:
@@ -183,11 +177,6 @@ def test_a_runtime_that_hangs_is_stopped_by_ending_it(host: Host) -> None:
     assert not process.runs
     with pytest.raises(LiveError, match="has ended"):
         link.stop()
-
-
-def test_the_twin_alone_may_run_twice() -> None:
-    assert not hosts._exists_once(Choices())
-    assert hosts._exists_once(Choices(device="canopen"))
 
 
 @pytest.mark.process

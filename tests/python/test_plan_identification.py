@@ -310,12 +310,6 @@ def test_command_refuses_what_it_does_not_understand(app: typer.Typer, options: 
         run(app, "scaled-up", *options)
 
 
-def test_command_offers_its_criteria_as_a_choice(app: typer.Typer) -> None:
-    refused = run(app, "scaled-up", "--criterion", "Z")
-    assert refused.exit_code == 2
-    assert "'Z' is not one of" in refused.output
-
-
 def test_command_never_overwrites_the_instrument(app: typer.Typer, tmp_path: Path) -> None:
     given = tmp_path / "protocol.toml"
     given.write_text(tn.instrument.text.to_toml(tn.load("scaled-up")), "utf-8")

@@ -40,20 +40,6 @@ def motion_file(tmp_path: Path) -> Path:
     return file
 
 
-def test_the_shipped_protocols_are_the_ones_promised() -> None:
-    assert simulate.shipped() == ("cycles", "pretension", "step-load", "tissue", "wrist")
-
-
-def test_the_shipped_wrist_is_said_to_be_synthetic() -> None:
-    wrist = simulate.load("wrist")
-    assert "synthetic" in wrist.description
-    phase = wrist.phases[0]
-    assert isinstance(phase, Motion)
-    assert phase.file is not None
-    assert phase.file.read_text().startswith("# Synthetic")
-    assert len(phase.samples.times) < 1000
-
-
 def test_a_protocol_from_toml_and_from_python_asks_for_the_same(scaled: Instrument, motion_file: Path) -> None:
     text = """
         name = "all"

@@ -57,14 +57,6 @@ def test_a_protocol_in_blocks_is_the_run_of_its_commands_at_once(scaled: Instrum
     assert set(CONTROL) <= run.signals().keys()
 
 
-def test_the_robust_law_restores_the_angle_that_a_load_takes(scaled: Instrument) -> None:
-    without = simulate.execute(Twin(scaled), one(PUSHED))
-    run = simulate.execute(Twin(scaled), one(PUSHED), Controller(scaled))
-    aim = tn.statics.output_angle(scaled, without["handle_angle"][-1])
-    assert np.degrees(aim - without["output_angle"][-1]) > 3
-    assert abs(np.degrees(aim - run["output_angle"][-1])) < 1
-
-
 @pytest.mark.parametrize("homed", [False, True])
 def test_a_pretension_is_the_controllers_homing(any_inst: Instrument, homed: bool) -> None:
     controller = Controller(any_inst, homed=homed)
@@ -93,12 +85,6 @@ def test_a_controller_that_does_not_start_enabled_stays_paused_after_homing(scal
     controller = Controller(scaled, homed=False, enabled=False)
     run = simulate.execute(slack(scaled), one(Pretension(), Hold(duration=0.1)), controller)
     assert states(run) == [OperatingState.ENABLED, OperatingState.PAUSED]
-
-
-def test_what_was_not_homed_compensates_nothing(scaled: Instrument) -> None:
-    run = simulate.execute(Twin(scaled), one(PUSHED), Controller(scaled, homed=False))
-    assert states(run) == [OperatingState.DISABLED]
-    assert not run["commanded_spool_velocity"].any()
 
 
 def test_a_fault_ends_nothing_and_the_motors_hold_where_the_file_has_them(scaled: Instrument) -> None:
@@ -146,12 +132,6 @@ def test_a_pretension_of_one_axis_is_refused(real: Instrument) -> None:
         simulate.execute(Twin(real), one(Pretension(axis="pitch")), Controller(real))
     alone = real.axis("pitch")
     run = simulate.execute(slack(alone), one(Pretension(axis="pitch")), Controller(alone, homed=False))
-    assert states(run)[-1] == OperatingState.ENABLED
-
-
-def test_tendons_that_are_tight_already_are_homed_too(any_inst: Instrument) -> None:
-    run = simulate.execute(Twin(any_inst), one(Hold(duration=0.1), Pretension()), Controller(any_inst))
-    assert not run["faults"].any()
     assert states(run)[-1] == OperatingState.ENABLED
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
@@ -145,18 +144,6 @@ def test_stock_readers_find_the_controllers_signals_by_topic(name: str, request:
             topic = f"/controller/{axis}/{signal}" if inst.axes[1:] else f"/controller/{signal}"
             found = np.array([message.data for message in messages[topic]])
             assert found.tobytes() == run[signal].reshape(len(run), -1)[:, n].tobytes()
-
-
-def test_tables_have_the_controllers_signals(scaled: Instrument, tmp_path: Path) -> None:
-    run = record(scaled, PROTOCOL, tmp_path / "run.mcap", controller=Controller(scaled))
-    Recording.open(tmp_path / "run.mcap").to_csv(tmp_path / "run.csv")
-    table = pd.read_csv(tmp_path / "run.csv")
-    for heading, name in (
-        ("estimated_output_angle.yaw [rad]", "estimated_output_angle"),
-        ("friction_scale.yaw [1]", "friction_scale"),
-        ("faults.yaw [1]", "faults"),
-    ):
-        assert (table[heading].to_numpy() == run[name]).all()
 
 
 def test_a_recording_without_a_controller_is_as_it_was(scaled: Instrument, tmp_path: Path) -> None:
