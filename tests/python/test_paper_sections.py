@@ -183,23 +183,14 @@ def test_unusual_instruments_of_other_mechanisms_get_a_report_too(
     assert "shrinks faster" not in text
 
 
-@pytest.mark.parametrize("name", ["pulley", "continuum"])
-def test_other_mechanisms_get_a_report_without_the_papers_numbers(name: str, request: pytest.FixtureRequest) -> None:
-    inst: Instrument = request.getfixturevalue(name)
-    context = Context.of(inst)
-    rest = (workspace, tables_1_2_scale_model, scale_model_design, cycles, step_load, checks)
+@pytest.mark.slow
+def test_a_continuum_gets_a_report_without_the_papers_numbers(continuum: Instrument) -> None:
+    context = Context.of(continuum, seeds=1)
+    rest = (workspace, tables_1_2_scale_model, scale_model_design, cycles, step_load, checks, *COMPENSATED, campaign)
     text = computed(context, of(*STATICS, *rest), drawn=False)
-    assert inst.name in text
+    assert continuum.name in text
     assert "No scale model was given" in text
     assert "Published and computed" not in text
-    assert all(result.published is None for result in context.results.values())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["pulley", "continuum"])
-def test_other_mechanisms_are_compensated_without_the_papers_numbers(name: str, request: pytest.FixtureRequest) -> None:
-    context = Context.of(request.getfixturevalue(name), seeds=1)
-    computed(context, of(*COMPENSATED, campaign), drawn=False)
     assert context.results["campaign.step_load.final_error_rms"].value < 5
     assert all(result.published is None for result in context.results.values())
 

@@ -1,6 +1,7 @@
 """Claims about what a workshop gets besides the plan: tolerances, order list, assembly, first run, objectives."""
 
 import csv
+from functools import cache
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -348,13 +349,20 @@ def test_what_is_alike_has_one_grade_and_a_cost_for_every_piece(of_joints: works
     assert sum(one.share for one in of_joints.dimensions.values()) == pytest.approx(1.0)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["hybrid-real-size", "needle-driver"])
-def test_a_design_of_several_joints_has_parts_and_a_first_run_that_its_twin_runs(name: str) -> None:
-    """By the same functions as planar ones, whose first run is a run of one joint."""
+@cache
+def rehearsed(name: str, *, brief: bool) -> tuple[Any, Any]:
+    """Return the best design of several joints and its first run."""
     found = scaling.design_joints(name, pins={"factor": 4.0})
     design = found[found.best()]
-    inst, run = design.scaled_up, workshop.rehearse(design, brief=True)
+    return design, workshop.rehearse(design, brief=brief)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "brief"), [("hybrid-real-size", False), ("needle-driver", True)])
+def test_a_design_of_several_joints_has_parts_and_a_first_run_that_its_twin_runs(name: str, brief: bool) -> None:
+    """By the same functions as planar ones, whose first run is a run of one joint."""
+    design, run = rehearsed(name, brief=brief)
+    inst = design.scaled_up
     assert all(one.low <= one.expected <= one.high for one in run.readings)
     # Every joint is moved and loaded, every cell is read.
     steps = " ".join(one.step for one in run.readings)
@@ -377,8 +385,7 @@ def test_a_design_of_several_joints_has_parts_and_a_first_run_that_its_twin_runs
 
 @pytest.mark.slow
 def test_the_controller_of_all_joints_brings_the_hybrid_back_under_its_test_loads() -> None:
-    found = scaling.design_joints("hybrid-real-size", pins={"factor": 4.0})
-    run = workshop.rehearse(found[found.best()])
+    _, run = rehearsed("hybrid-real-size", brief=False)
     assert not run.faults
     assert run.left < 0.3
     loads = [one for one in run.readings if one.what.endswith("under the load") and "fx" in one.step]
