@@ -326,15 +326,11 @@ def test_the_example_is_a_tolerance_file_of_the_paper_s_pair(real: Instrument, s
     [
         ('no_such_key|uniform|"1 mm"', "no_such_key is not a known key of scaled-up; keys .* are .*overall_length"),
         ('joint_type|uniform|"1 mm"', "joint_type of scaled-up is 'tendon-gear', not a number"),
-        ('friction|uniform|"1 mm"', "friction of scaled-up is not a number"),
-        ('conditions.forces|uniform|"1 N"', "conditions.forces of scaled-up is not a number"),
         ("friction.sheath_contacts|uniform|1", "is 1, an integer; only a number can vary"),
         ('tendon_length|uniform|"1 mm"', "tendon_length of scaled-up is not given"),
         ('handle_range|uniform|"1 deg"', "handle_range of scaled-up cannot vary"),
         ('pretension|uniform|"-1 N"', r"pretension of scaled-up: half_width = '-1 N': it must be a force above 0 N"),
         ('pretension|uniform|"-5 %"', r"half_width = '-5 %': it must be above 0"),
-        ("pretension|uniform|2.0", "half_width = 2.0: it has no unit"),
-        ('pretension|uniform|"2 mm"', "it is measured in mm"),
         ('friction.vertex_coefficient|uniform|"2 mm"', "it is not understood; it must be a number"),
         ('friction.viscous|uniform|"5 %"', "the file's value is 0, of which there is no share"),
         (
@@ -358,8 +354,6 @@ def test_a_tolerance_that_cannot_be_is_refused_in_one_sentence(
     [
         ("", "tolerances: parameters is .*; it must be one table"),
         ("parameters = []", "tolerances: parameters is .*; it must be one table"),
-        ("parameters = 3", r"parameters = 3: it must be"),
-        ("x = ", "is not valid TOML"),
         ('[[parameters]]\nkey = "pretension"\nhalf_width = "1 N"', "parameter 1: distribution is missing"),
         (
             '[[parameters]]\nkey = "pretension"\ndistribution = "cauchy"\nhalf_width = "1 N"',
@@ -376,10 +370,6 @@ def test_a_tolerance_that_cannot_be_is_refused_in_one_sentence(
         (
             '[[parameters]]\nkey = "pretension"\ndistribution = "uniform"\nhalf_width = "1 N"\nwidth = 1',
             "parameter 1: width is not a known key .did you mean half_width.*; it must be one of key, distribution",
-        ),
-        (
-            '[[parameters]]\nkey = "pretension"\ndistribution = "uniform"\nhalf_width = true',
-            'half_width = True: it must be text like "0.1 mm"',
         ),
         (
             2 * '[[parameters]]\nkey = "pretension"\ndistribution = "uniform"\nhalf_width = "1 N"\n',
