@@ -41,6 +41,12 @@ def turns(playing: Player, loop: LiveLoop, most: int = 2000, ticks: int = TURN) 
     raise AssertionError("it goes on")
 
 
+def go_on(playing: Player, loop: LiveLoop, count: int) -> None:
+    for _ in range(count):
+        playing.advance()
+        loop.ticks(TURN)
+
+
 def commanded(loop: LiveLoop) -> Array:
     """Return what was commanded, shape (ticks, 3), without the ticks in which nothing changed."""
     run = concatenate(loop.runs)
@@ -167,9 +173,7 @@ def test_in_a_fault_nothing_is_asked_or_sent(loop: LiveLoop) -> None:
     loop.inject_fault(1, 1, 1e6, 120)
     loop.ticks(10 * TURN)
     playing = player(loop, HOMING)
-    for _ in range(5):
-        playing.advance()
-        loop.ticks(TURN)
+    go_on(playing, loop, 5)
     assert "clear it and home the instrument to go on" in str(playing.problem)
     assert loop.asked == ["enable"]
     assert not commanded(loop).any()
@@ -177,9 +181,7 @@ def test_in_a_fault_nothing_is_asked_or_sent(loop: LiveLoop) -> None:
 
 def test_a_fault_stops_what_is_sent_and_it_goes_on_once_it_is_mended(loop: LiveLoop) -> None:
     playing = player(loop, STEPS)
-    for _ in range(20):
-        playing.advance()
-        loop.ticks(TURN)
+    go_on(playing, loop, 20)
     # The agonist's load cell is 1 MN off for 60 ms.
     loop.inject_fault(1, 1, 1e6, 120)
     turns(playing, loop)
@@ -189,9 +191,7 @@ def test_a_fault_stops_what_is_sent_and_it_goes_on_once_it_is_mended(loop: LiveL
     assert "fault " in playing.problem
     assert playing.problem.endswith("clear it and enable the instrument to go on, or cancel the protocol.")
     done = playing.progress.done
-    for _ in range(30):
-        playing.advance()
-        loop.ticks(TURN)
+    go_on(playing, loop, 30)
     assert loop.pending == 0
     stood = commanded(loop)[-20 * TURN :]
     assert (stood == stood[0]).all()
@@ -229,17 +229,13 @@ def check_all_of_it(loop: LiveLoop, protocol: Protocol) -> None:
 @pytest.mark.parametrize("paused", [0, 1, 20])
 def test_a_pause_holds_it_and_resuming_goes_on(paused: int, loop: LiveLoop) -> None:
     playing = player(loop, STEPS)
-    for _ in range(20):
-        playing.advance()
-        loop.ticks(TURN)
+    go_on(playing, loop, 20)
     loop.ask("pause")
     loop.ticks(TURN)
     playing.advance()
     assert playing.problem is not None
     assert "the instrument is PAUSED; resume it to go on" in playing.problem
-    for _ in range(paused):
-        playing.advance()
-        loop.ticks(TURN)
+    go_on(playing, loop, paused)
     loop.ask("resume")
     loop.ticks(TURN)
     turns(playing, loop)
@@ -249,16 +245,12 @@ def test_a_pause_holds_it_and_resuming_goes_on(paused: int, loop: LiveLoop) -> N
 
 def test_after_a_stop_the_handle_goes_back_smoothly_to_where_it_goes_on(loop: LiveLoop) -> None:
     playing = player(loop, STEPS)
-    for _ in range(90):
-        playing.advance()
-        loop.ticks(TURN)
+    go_on(playing, loop, 90)
     loop.stop()
     loop.ticks(TURN)
     turns(playing, loop)
     loop.hand(-0.2)
-    for _ in range(50):
-        playing.advance()
-        loop.ticks(TURN)
+    go_on(playing, loop, 50)
     assert commanded(loop)[-1, 0] == pytest.approx(-0.2, abs=1e-3)
     stopped = sum(map(len, loop.runs))
     loop.ask("resume")
@@ -278,9 +270,7 @@ def test_an_instrument_that_is_not_enabled_is_not_moved(tmp_path: Path, scaled: 
     turns(playing, loop)
     assert playing.problem is not None
     assert playing.problem.endswith("the instrument is DISABLED; enable it to go on, or cancel the protocol.")
-    for _ in range(5):
-        playing.advance()
-        loop.ticks(TURN)
+    go_on(playing, loop, 5)
     assert not commanded(loop).any()
     assert loop.asked == []
     loop.ask("enable")
@@ -296,18 +286,14 @@ def test_an_instrument_that_is_not_enabled_is_not_moved(tmp_path: Path, scaled: 
 
 def test_cancelling_stops_at_once_and_forgets_what_was_ahead(loop: LiveLoop) -> None:
     playing = player(loop, STEPS)
-    for _ in range(100):
-        playing.advance()
-        loop.ticks(TURN)
+    go_on(playing, loop, 100)
     playing.advance()
     assert loop.pending
     done = playing.progress.done
     playing.cancel()
     at, before = commanded(loop)[-2:]
     assert (at != before).any()
-    for _ in range(10):
-        playing.advance()
-        loop.ticks(TURN)
+    go_on(playing, loop, 10)
     assert (commanded(loop)[-10 * TURN :] == before).all()
     assert playing.finished
     assert playing.progress.done == done < playing.progress.total

@@ -13,7 +13,7 @@ from tenodesis.run import concatenate
 from tenodesis.simulate import Pretension, Protocol, Ramp
 
 from .live_loop import TURN, LiveLoop
-from .test_live_protocols import HOMING, STEPS, commanded, planned, player, turns
+from .test_live_protocols import HOMING, STEPS, commanded, go_on, planned, player, turns
 
 PAUSED = Protocol(name="paused", phases=(Ramp(handle_angle=0.0, duration=0.3), Pretension(timeout=30.0)))
 
@@ -68,9 +68,7 @@ def test_cancelling_while_homing_pauses_the_motors(tmp_path: Path, scaled: Instr
     loop = LiveLoop(tmp_path, scaled, homed=False, loosened=2e-3)
     loop.ticks(TURN)
     playing = player(loop, HOMING)
-    for _ in range(10):
-        playing.advance()
-        loop.ticks(TURN)
+    go_on(playing, loop, 10)
     assert loop.latest()["homing"] == 1
     playing.cancel()
     loop.ticks(TURN)
@@ -88,9 +86,8 @@ def test_homing_that_lasts_too_long_is_paused_and_is_the_operators_to_repeat(
     turns(playing, loop)
     assert loop.asked == ["home", "pause"]
     assert "it has not homed within 0.2 s; home the instrument to go on" in str(playing.problem)
-    for _ in range(10):
-        loop.ticks(TURN)
-        playing.advance()
+    loop.ticks(TURN)
+    go_on(playing, loop, 10)
     assert loop.latest()["operating_state"] == OperatingState.PAUSED
     assert loop.asked == ["home", "pause"]
     assert playing.problem is not None
@@ -101,17 +98,14 @@ def test_homing_that_a_fault_ends_goes_on_after_the_operator_homed(tmp_path: Pat
     loop = LiveLoop(tmp_path, scaled, homed=False, loosened=2e-3)
     loop.ticks(TURN)
     playing = player(loop, HOMING)
-    for _ in range(10):
-        playing.advance()
-        loop.ticks(TURN)
+    go_on(playing, loop, 10)
     loop.inject_fault(1, 1, 1e6, 120)
     turns(playing, loop)
     assert "clear it and home the instrument to go on" in str(playing.problem)
     loop.ticks(10 * TURN)
     loop.ask("clear")
-    for _ in range(10):
-        loop.ticks(TURN)
-        playing.advance()
+    loop.ticks(TURN)
+    go_on(playing, loop, 10)
     assert loop.asked == ["home", "clear"]
     loop.ask("home")
     loop.ticks(TURN)

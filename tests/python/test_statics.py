@@ -22,20 +22,6 @@ def test_unloaded_tip_follows_the_reference_kinematic_relationship(real: TendonG
         assert np.abs(tn.statics.output_angle(inst, handle) - expected).max() < 1e-14
 
 
-def test_unloaded_pulley_follows_the_radius_ratio(pulley: Instrument) -> None:
-    handle = np.linspace(-0.7, 0.7, 51)
-    assert np.abs(tn.statics.output_angle(pulley, handle) - 2.25 * handle).max() < 1e-14
-
-
-def test_unloaded_continuum_shares_the_angle_between_tendons_and_backbone(continuum: Continuum) -> None:
-    k, r = continuum.tendon_stiffness, continuum.distal_tendon_offset
-    tendons = 2 * k * r**2
-    backbone = continuum.backbone_rigidity / continuum.backbone_length
-    handle = 0.2
-    expected = tendons * (continuum.proximal_pulley_radius / r * handle) / (tendons + backbone)
-    assert tn.statics.output_angle(continuum, handle) == pytest.approx(expected, abs=1e-14)
-
-
 def test_loaded_continuum_balances_by_virtual_work_on_its_integrated_shape(continuum: Continuum) -> None:
     """The lever is the derivative of the tip's position, here by quadrature along the arc."""
     c = continuum
