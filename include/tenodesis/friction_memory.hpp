@@ -42,6 +42,7 @@ struct FrictionMemory {
   S gain_error{};                ///< of the agonist's load cell, the antagonist's being its opposite
   S covariance[4][4]{};          ///< of scale, reference, compliance, gain error; of each pair the first alone
   S share_variance{};            ///< of the share before the handle's joint
+  S since_together{};            ///< time since friction was learned from tendons that slip the same way, s
   Slip<S> tip_slip{};            ///< of the tendons at the tip's joint, as length of the agonist
   S tip_edge{};                  ///< friction at the tip's joint over its bound, of the agonist, for the force alone
   S unobservable[2]{};           ///< how far the tip may have moved unseen, toward flexion and extension, m

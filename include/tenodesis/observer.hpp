@@ -291,6 +291,7 @@ struct FrictionObserver {
   void grow(const S& dt, Memory& memory) const {
     const S start[3] = {settings.scale_std, settings.reference_std, settings.compliance_std};
     const S growth = square(S(tuning::forgetting)) * dt;
+    memory.since_together = memory.since_together + dt;
     for (int n = 0; n < 3; ++n) {
       const S most = start[n] * start[n];
       S& variance = memory.covariance[n][n];
@@ -383,12 +384,12 @@ struct FrictionObserver {
 
   // Variance of the compared lengths from that of the estimates; gain: covariance with each.
   static S spread_by(const S* by, const Memory& memory, S* gain) {
-    S spread(0);
     for (int n = 0; n < unknowns; ++n) {
-      gain[n] = S(0);
-      for (int m = 0; m < unknowns; ++m) gain[n] = gain[n] + memory.covariance[smaller(n, m)][larger(n, m)] * by[m];
-      spread = spread + by[n] * gain[n];
+      gain[n] = memory.covariance[0][n] * by[0];
+      for (int m = 1; m < unknowns; ++m) gain[n] = gain[n] + memory.covariance[smaller(n, m)][larger(n, m)] * by[m];
     }
+    S spread = by[0] * gain[0];
+    for (int n = 1; n < unknowns; ++n) spread = spread + by[n] * gain[n];
     return larger(spread, S(0));
   }
 
@@ -408,31 +409,49 @@ struct FrictionObserver {
     return true;
   }
 
-  // Both tendons slip the same way: their two positions of the tip differ by errors of friction, lengths, stiffness and
-  // gains. Whether anything was learned.
+  void set_compliance(const S& scale, Memory& memory) const {
+    memory.compliance_scale = clamp(scale, S(1) / S(tuning::most_compliance), S(tuning::most_compliance));
+    memory.compliance = memory.compliance_scale / model.axis.stiffness;
+  }
+
+  // The other unknowns keep their deviations: a Schmidt-Kalman filter (Schmidt, Adv. Control Syst. 3, 1966).
+  void learn_stiffness(const S& step, const S& trusted, const S* gain, Memory& memory) const {
+    set_compliance(memory.compliance_scale - gain[2] * step, memory);
+    for (int n = 0; n < unknowns; ++n) {
+      S& covariance = memory.covariance[smaller(n, 2)][larger(n, 2)];
+      const S left = covariance - gain[n] * (trusted * gain[2]);
+      covariance = n == 2 ? larger(left, S(1e-3) * covariance) : left;
+    }
+  }
+
+  // Both tendons slip: their two positions of the tip differ by errors of friction, lengths, stiffness and gains.
+  // Whether anything was learned. While the hand draws one and lets the other go, friction acts by the difference of
+  // their tensions and may be wrong in more ways than its scale. Stiffness acts by their sum, and is learned alone,
+  // where strokes have shown nothing for a while.
   bool learn(const S* position, const S* ratio, Memory& memory) const {
-    const S first = memory.tendon[agonist].slip[1].indicator;
-    const S second = memory.tendon[antagonist].slip[1].indicator;
-    const S direction = first > S(0) ? S(1) : S(-1);
-    const S weight = smaller(abs(first), abs(second));
-    if (!(first * second > S(0)) || !slip_together(memory, direction)) return false;
+    const auto& [one, other] = memory.tendon;
+    if (!one.slips || !other.slips) return false;
+    const S way[2] = {one.reversal.direction, other.reversal.direction};
+    const S weight = smaller(way[0] * one.slip[1].indicator, way[1] * other.slip[1].indicator);
+    if (!(weight > S(0))) return false;
+    const bool together = way[0] == way[1];
+    if (!together && memory.since_together < S(tuning::apart_after)) return false;
     const S compliance = memory.compliance;
     const S* const share = memory.share;
     const S at_joint = share[1] * memory.nominal[0], at_stem = share[2] * (memory.nominal[0] + memory.nominal[1]);
-    const S to_stem = direction > S(0) ? S(1) / ratio[1] : ratio[1];
     // Tensions by the compliance that they stretch, up to the handle's joint and beyond.
     S near(0), beyond_it(0), stems(0), apart(0), rubbing(0), sticking(0);
     const S reversed = S(1) + S(tuning::surely_reversed) * (memory.reversing - S(1));
     for (int i = 0; i < 2; ++i) {
       const auto& one = memory.tendon[i];
-      const S stem = one.tension[1] * to_stem;
+      const S stem = way[i] > S(0) ? one.tension[1] / ratio[1] : one.tension[1] * ratio[1];
       const S before = share[0] * one.tension[0] + share[1] * one.tension[1];
       const S after = share[2] * stem + share[3] * one.tension[3];
       near = near + before;
       beyond_it = beyond_it + after;
       stems = stems + stem;
       apart = before + after - apart;
-      rubbing = rubbing + at_joint * one.tension[1] + at_stem * stem;
+      rubbing = rubbing + way[i] * (at_joint * one.tension[1] + at_stem * stem);
       const S left = one.reversal.left(one.tension[0], reversed);
       sticking = sticking + left * left;
     }
@@ -441,9 +460,9 @@ struct FrictionObserver {
     const S residual = position[0] + position[1] - compliance * (beyond_it - pretensions * (S(1) - to_joint));
     const S by_share = compliance * (stems - near / to_joint);
     // Without friction in the parameters, its effect must not be taken for one of the gains.
-    const S by_gain = rubbing > S(0) ? -compliance * apart : S(0);
-    const S by[unknowns] = {direction * compliance * rubbing, S(-1),
-                            (pretensions - near - beyond_it) / model.axis.stiffness, by_gain};
+    const S by_gain = at_stem > S(0) ? -compliance * apart : S(0);
+    const S by[unknowns] = {compliance * rubbing, S(-1), (pretensions - near - beyond_it) / model.axis.stiffness,
+                            by_gain};
     const S by_stem = compliance * share[2];
     const S noise = settings.length_noise * settings.length_noise +
                     S(tuning::share_plays) * by_share * by_share * memory.share_variance +
@@ -453,6 +472,7 @@ struct FrictionObserver {
     if (residual * residual > square(S(tuning::outlier)) * (spread + noise)) {
       // More than the deviations explain: just after a reversal it is the model that is wrong about where a tendon
       // slips, later most likely the hand has bent the sheath, or a rope has got longer.
+      if (!together) return false;
       for (const auto& one : memory.tendon)
         if (abs(one.slip[0].run) < S(2) * S(tuning::firm_run) || abs(one.slip[1].run) < S(2) * S(tuning::firm_run))
           return false;
@@ -463,11 +483,14 @@ struct FrictionObserver {
     spread = spread + noise / weight;
     const S trusted = S(1) / spread;
     const S step = residual * trusted;
+    if (!together) {
+      learn_stiffness(step, trusted, gain, memory);
+      return true;
+    }
+    memory.since_together = S(0);
     memory.scale = clamp(memory.scale - gain[0] * step, S(1) / S(tuning::friction_range), S(tuning::friction_range));
     memory.reference = memory.reference - gain[1] * step;
-    memory.compliance_scale =
-        clamp(memory.compliance_scale - gain[2] * step, S(1) / S(tuning::most_compliance), S(tuning::most_compliance));
-    memory.compliance = memory.compliance_scale / model.axis.stiffness;
+    set_compliance(memory.compliance_scale - gain[2] * step, memory);
     memory.gain_error = clamp(memory.gain_error - gain[3] * step, S(-0.5) * S(tuning::most_gain_difference),
                               S(0.5) * S(tuning::most_gain_difference));
     for (int n = 0; n < unknowns; ++n) {

@@ -24,6 +24,8 @@
   ROW(forgetting, 0.05, "1/s^0.5", "studies/plants.py",                                                                \
       "growth of its deviations, share of their start per root second")                                                \
   ROW(outlier, 3, "1", "99.7 % of a normal distribution", "deviations beyond which a measurement is not explained")    \
+  ROW(apart_after, 2, "s", "studies/harm.py",                                                                          \
+      "without both tendons slipping the same way, after which stiffness is learned while they slip apart")            \
   ROW(calm_lag, 2, "1", "studies/plants.py",                                                                           \
       "lag of the filtered tension, in slack tensions, above which nothing is learned; a tendon is loose below twice " \
       "it")                                                                                                            \
