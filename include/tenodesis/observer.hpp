@@ -429,10 +429,10 @@ struct FrictionObserver {
   // their tensions and may be wrong in more ways than its scale. Stiffness acts by their sum, and is learned alone,
   // where strokes have shown nothing for a while.
   bool learn(const S* position, const S* ratio, Memory& memory) const {
-    const auto& [one, other] = memory.tendon;
-    if (!one.slips || !other.slips) return false;
-    const S way[2] = {one.reversal.direction, other.reversal.direction};
-    const S weight = smaller(way[0] * one.slip[1].indicator, way[1] * other.slip[1].indicator);
+    const auto& [first, second] = memory.tendon;
+    if (!first.slips || !second.slips) return false;
+    const S way[2] = {first.reversal.direction, second.reversal.direction};
+    const S weight = smaller(way[0] * first.slip[1].indicator, way[1] * second.slip[1].indicator);
     if (!(weight > S(0))) return false;
     const bool together = way[0] == way[1];
     if (!together && memory.since_together < S(tuning::apart_after)) return false;
