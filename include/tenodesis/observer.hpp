@@ -419,6 +419,7 @@ struct FrictionObserver {
     set_compliance(memory.compliance_scale - gain[2] * step, memory);
     for (int n = 0; n < unknowns; ++n) {
       S& covariance = memory.covariance[smaller(n, 2)][larger(n, 2)];
+      // Rounding must not make the variance negative.
       const S left = covariance - gain[n] * (trusted * gain[2]);
       covariance = n == 2 ? larger(left, S(1e-3) * covariance) : left;
     }
