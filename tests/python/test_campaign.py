@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,23 @@ def test_rows_are_the_cases_with_their_metrics_in_order(on: Any) -> None:
     assert rows["force"].tolist() == [0, 1, 2, 0, 2, 4]
     assert [len(group) for group in rows.by("seed").values()] == [2, 2, 2]
     assert rows.where(mass=2.0, seed=1)[0]["force"] == 2
+
+
+def threads_of_algebra(seed: int) -> dict[str, Any]:
+    return {"threads": os.environ.get("OPENBLAS_NUM_THREADS", "all"), "next": seed + 1}
+
+
+@pytest.mark.process
+def test_linear_algebra_of_a_process_has_one_thread_unless_the_environment_says_otherwise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    for asked, had in ((None, "1"), ("3", "3")):
+        if asked:
+            monkeypatch.setenv("OPENBLAS_NUM_THREADS", asked)
+        rows = campaign.run(threads_of_algebra, campaign.cases(seed=range(2)))
+        assert {row["threads"] for row in rows} == {had}
+        assert os.environ.get("OPENBLAS_NUM_THREADS") == asked
 
 
 def test_what_joints_cannot_hold_has_no_row_and_an_error_names_its_case() -> None:

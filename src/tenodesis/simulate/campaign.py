@@ -12,12 +12,13 @@ are a row::
 """
 
 import json
+import os
 import signal
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from itertools import product
 from multiprocessing import get_context
@@ -56,6 +57,8 @@ _SAVED_EVERY = 5.0
 """Time between two savings of the results, s."""
 _WORST = 3
 """Rows that a verdict names."""
+_OF_ALGEBRA = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Variables by which libraries of linear algebra are told, when they are loaded, with how many threads they compute."""
 
 
 class Rows(Sequence[dict[str, Any]]):
@@ -176,12 +179,25 @@ def _outcomes(
         warnings.simplefilter("ignore", FaultWarning)
         work: dict[Future[Mapping[str, Any] | None], int] = {}
         try:
-            work = {pool.submit(_tried, trial, case): n for n, case in todo.items()}
+            with _single_threads() if processes else nullcontext():
+                work = {pool.submit(_tried, trial, case): n for n, case in todo.items()}
             for done in as_completed(work):
                 yield work[done], done.result()
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
+
+
+@contextmanager
+def _single_threads() -> Iterator[None]:
+    """Begin processes whose linear algebra computes with a single thread, unless the environment says otherwise."""
+    own = [name for name in _OF_ALGEBRA if name not in os.environ]
+    os.environ.update(dict.fromkeys(own, "1"))
+    try:
+        yield
+    finally:
+        for name in own:
+            os.environ.pop(name, None)
 
 
 def _tried(trial: Trial, case: Case) -> Mapping[str, Any] | None:
