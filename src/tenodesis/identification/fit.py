@@ -145,8 +145,14 @@ def fit(
         low, high = np.quantile(fits, [0.025, 0.975], axis=0)
         bootstrapped = {name: (float(low[n]), float(high[n])) for n, name in enumerate(names)}
 
-    files = tuple(
-        run_errors(problem, values, run, split) for split, runs in (("train", train), ("test", test)) for run in runs
+    files = (
+        *(
+            run_errors(
+                problem, values, run, "train", problem.sensor_errors(values, run, one.jacobian, found.covariance)
+            )
+            for run, one in zip(search.train, linearised, strict=True)
+        ),
+        *(run_errors(problem, values, run, "test") for run in test),
     )
     aic, bic = information_criteria(base, len(indices))
     return Fit(

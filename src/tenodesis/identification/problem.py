@@ -33,6 +33,14 @@ class Trace(NamedTuple):
     model: Array
 
 
+class SensorError(NamedTuple):
+    """A constant error of a sensor, as likely as a recording makes it."""
+
+    value: float
+    std: float
+    unit: str
+
+
 class Problem(ABC):
     """A model with the recordings it is fitted to, by the index of the run.
 
@@ -125,6 +133,14 @@ class Problem(ABC):
     def systematic_errors(self, values: Array, run: int) -> Array | None:
         """Return effects of systematic sensor errors of one standard deviation on residuals, (n, errors)."""
         return None
+
+    def sensor_errors(self, values: Array, run: int, slopes: Array, covariance: Array) -> dict[str, SensorError]:
+        """Return errors of sensors in the weights of a run by name, those that are likeliest at an optimum.
+
+        `slopes` of the residuals are by free parameters, (n, free), and `covariance` is theirs, (free, free), in any
+        units of theirs.
+        """
+        return {}
 
     def traces(self, values: Array, run: int) -> dict[str, Trace]:
         """Return measured and modelled signals by name with the unit last, as in errors."""

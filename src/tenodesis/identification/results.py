@@ -11,7 +11,7 @@ from tenodesis import notebook
 from tenodesis.errors import IdentificationError
 from tenodesis.extras import require
 from tenodesis.identification.identifiability import Identifiability
-from tenodesis.identification.problem import Parameter, Problem, Trace
+from tenodesis.identification.problem import Parameter, Problem, SensorError, Trace
 from tenodesis.identification.search import LEAST_PER_PARAMETER, MOST_STEPS, SearchEnd
 from tenodesis.identification.uncertainty import LossName, Uncertainty, Whiteness
 from tenodesis.instrument import Instrument
@@ -45,6 +45,8 @@ class RunErrors:
     rmse: dict[str, float]
     mean: dict[str, float]
     largest: dict[str, float]
+    sensors: dict[str, SensorError] = field(default_factory=dict)
+    """Of a run that was fitted: constant errors of sensors that the fit has found, by name."""
 
 
 @dataclass(frozen=True)
@@ -269,6 +271,7 @@ def _file(one: RunErrors) -> dict[str, Any]:
         "rmse": _numbers(one.rmse),
         "mean": _numbers(one.mean),
         "largest": _numbers(one.largest),
+        "sensors": {name: error._asdict() for name, error in one.sensors.items()},
     }
 
 
@@ -299,7 +302,9 @@ _MOST_WORSE = 4.0
 """Largest ratio of the error of held-out runs to that of fitted runs."""
 
 
-def run_errors(problem: Problem, values: Array, run: int, split: str) -> RunErrors:
+def run_errors(
+    problem: Problem, values: Array, run: int, split: str, sensors: dict[str, SensorError] | None = None
+) -> RunErrors:
     """Return the errors of a run, which is of the split train or test."""
     errors = problem.errors(values, run)
     for key, one in errors.items():
@@ -312,6 +317,7 @@ def run_errors(problem: Problem, values: Array, run: int, split: str) -> RunErro
         rmse={key: float(np.sqrt(np.mean(one**2))) for key, one in errors.items()},
         mean={key: float(np.mean(one)) for key, one in errors.items()},
         largest={key: float(np.max(np.abs(one))) for key, one in errors.items()},
+        sensors=sensors or {},
     )
 
 

@@ -21,7 +21,7 @@ from tenodesis.identification.any_instrument import value_of, with_values
 from tenodesis.identification.formats.csv import as_identification
 from tenodesis.identification.formats.mcap import first_rows
 from tenodesis.identification.formats.measured import MeasuredRun, Raw
-from tenodesis.identification.problem import Parameter, Problem, Trace, differenced, scales
+from tenodesis.identification.problem import Parameter, Problem, SensorError, Trace, differenced, scales
 from tenodesis.identification.registry import Format
 from tenodesis.identification.twin_model.marginalise import Marginalisation, marginalise
 from tenodesis.identification.twin_model.steps import InputError, QuantisedSensor, encoder, unrounded
@@ -601,6 +601,24 @@ class Routing(Problem):
             return None
         found, near = self._of_cells(values, run), self._near.get(run)
         return found if near is None else near.whitened(np.concatenate([found, near.nonlinear], axis=1))
+
+    def sensor_errors(self, values: Array, run: int, slopes: Array, covariance: Array) -> dict[str, SensorError]:
+        """Return what load cells read too much: ``tension.NAME.offset``, N, and ``tension.NAME.gain``, a share."""
+        if run not in self._cells:
+            return {}
+        left, sizes, right = np.linalg.svd(self._of_cells(values, run), full_matrices=False)
+        # (1 + M'M)^-1 M' before plain rows, of whitened ones
+        told = right.T * (sizes / np.sqrt(1 + sizes**2)) @ left.T
+        by_parameters = told @ slopes
+        spread = right.T / (1 + sizes**2) @ right + by_parameters @ covariance @ by_parameters.T
+        likeliest = zip(told @ self.residuals(values, run), np.sqrt(np.diag(spread)), strict=True)
+        found = {}
+        for channel in [one for one in self._tension_sensors if one in self._inputs[run].measured]:
+            sensor = self._tension_sensors[channel]
+            for key, scale, unit in (("offset", sensor.offset, "N"), ("gain", sensor.gain_error, "1")):
+                value, std = (float(scale * one) for one in next(likeliest))
+                found[f"{channel}.{key}"] = SensorError(value, std, unit)
+        return found
 
     def _read(self, values: Array, run: int) -> dict[str, Array]:
         """Return the model's readings by channel, with the errors of load cells that are likeliest where it has them.
