@@ -8,8 +8,10 @@ of what its pretension holds. Tendons have friction in their sheaths and at ever
 controller assumes. Errors are those of all that bends over the last tenth of a second, against the commands, or what
 the handle asks for; beside them those of a rigid coupling matrix alone, and how much farther from its command any of
 them is with the law than without: at the end, and ever since the force. The same again as calibrated: with constant
-errors of load cells and lengths of tendons, drawn for each case with the deviations that the file states. Last, the
-wrist moves while the jaws hold an object.
+errors of load cells and lengths of tendons, drawn for each case with the deviations that the file states; and as
+identified: on three instruments with such errors, of whose parameters and load cells the controller knows what
+identification finds in a recording of 2 s with the joints' angles, before friction changes. Last, the wrist moves while
+the jaws hold an object.
 """
 
 from collections.abc import Sequence
@@ -17,12 +19,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import coverage
 import figures
 import law
 import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.control import JointController, JointEstimate, Request
+from tenodesis.identification import fit, routing
 from tenodesis.instrument import FullForm, expanded, from_dvrk
 from tenodesis.run import Run
 from tenodesis.simulate import campaign
@@ -42,6 +46,9 @@ MOST = np.radians(70)
 CLOSINGS = (0.05, 0.1, 0.3, 0.6)
 """Of each jaw beyond straight, rad."""
 RESUMED, HOMED, ARRIVED, LOADED, END, LAST, STEP = 2.1, 2.2, 1.0, 3.4, 6.2, 0.1, 5e-4  # s
+CALIBRATIONS = ("exact", "as calibrated", "as identified")
+IDENTIFIED = 77
+"""Of the seeds of instruments that are identified."""
 MOVED = round((HOMED + 1.5) / STEP)
 """Step from which the wrist moves with an object."""
 
@@ -104,6 +111,30 @@ def drawn(inst: FullForm, random: np.random.Generator) -> tuple[FullForm, Array]
     return inst.replace(tendons=tendons), lengths
 
 
+@cache
+def identified(name: str, seed: int) -> tuple[dict[str, Any], FullForm]:
+    """Return changes of an instrument with errors, those of its load cells as identification leaves them, and its file.
+
+    A length of a tendon that is not known is a pretension that is not. The file has what was identified.
+    """
+    inst = tool(name)
+    true, lengths = drawn(inst, np.random.default_rng([seed, IDENTIFIED]))
+    tensions = np.maximum(inst.pretensions - inst.stiffnesses * lengths, 0.0).tolist()
+    given = zip(true.as_given("tendons"), tensions, strict=True)
+    tendons = [tendon.model_copy(update={"pretension": tension}) for tendon, tension in given]
+    run = coverage.excited(true.replace(tendons=tendons), inst, seed)
+    problem = routing.problem([routing.of_run(run, inst)], [], law="capstan")
+    found = fit(problem, train=[0], starts=1)
+    cells = [found.files[0].sensors[f"tension.{tendon.name}.offset"] for tendon in tendons]
+    left = [
+        tendon.model_copy(update={"load_cell_bias": tendon.load_cell_bias - cell.value})
+        for tendon, cell in zip(tendons, cells, strict=True)
+    ]
+    offset = float(campaign.rms(np.array([cell.std for cell in cells])))
+    known = expanded(problem.instrument(found.vector)).replace(**{"sensors.load_cell_offset": offset})
+    return {"tendons": left}, known
+
+
 def run_of(
     name: str,
     friction: float,
@@ -112,17 +143,21 @@ def run_of(
     *,
     compensates: bool,
     calibration: Sequence[int] = (),
+    identification: int | None = None,
     seed: int = 1,
     **loads: Any,
 ) -> tuple[Run, JointEstimate, Array]:
     """Return a run, its estimates and the errors of what bends, deg; handle, target: rad, with a row per step.
 
-    calibration: seed of the errors that it has left; without a seed there are none.
+    calibration, identification: seed of the errors that it has left; without a seed there are none.
     """
-    inst = tool(name, friction)
+    inst, known = tool(name, friction), tool(name)
     if calibration:
         inst, loads["let_out"] = drawn(inst, np.random.default_rng(calibration))
-    controller = JointController(tool(name), "joints" if compensates else "off")
+    if identification is not None:
+        changes, known = identified(name, identification)
+        inst = inst.replace(**changes)
+    controller = JointController(known, "joints" if compensates else "off")
     aims = {} if inst.handle_joints else {"target": target}
     request = np.zeros(len(target), dtype=int)
     if compensates:
@@ -137,19 +172,21 @@ def summed(inst: FullForm, angles: Array) -> Array:
 
 
 def trial(
-    name: str, state: int, direction: tuple[float, float, float], friction: float, calibrated: bool
+    name: str, state: int, direction: tuple[float, float, float], friction: float, calibration: str
 ) -> dict[str, Any]:
     """Run a state under a force, by a rigid coupling alone and with the law: errors, deg.
 
-    calibrated: whether calibration has left errors; else there are none.
+    calibration: what has left errors.
     """
     inst = tool(name)
     way = eased(HOMED, ARRIVED)
     handle, target = (way * angles for angles in commanded(inst, state))
     wrench = eased(LOADED, 0.1) * np.array([*(force_of(inst) * np.asarray(direction)), 0, 0, 0])
     given: dict[str, Any] = {"wrench": wrench}
-    if calibrated:
+    if calibration == "as calibrated":
         given["calibration"] = (state, DIRECTIONS.index(tuple(direction)), law.ASSUMED.index(friction))
+    elif calibration == "as identified":
+        given["identification"] = law.ASSUMED.index(friction)
     _, _, alone = run_of(name, friction, handle, target, compensates=False, **given)
     run, estimate, with_law = run_of(name, friction, handle, target, compensates=True, **given)
     last = slice(-round(LAST / STEP), None)
@@ -213,10 +250,10 @@ def main() -> None:
     ]
     for name in [*(options.name or (() if options.tool else NAMES)), *options.tool]:
         axes = {"name": [name], "state": range(len(SHARES)), "direction": DIRECTIONS, "friction": law.ASSUMED}
-        cases = campaign.cases(**axes, calibrated=[False, True])
-        by = campaign.run(trial, cases, Path(name).stem, results=options.results).by("calibrated")
+        cases = campaign.cases(**axes, calibration=CALIBRATIONS)
+        by = campaign.run(trial, cases, Path(name).stem, results=options.results).by("calibration")
         print(f"{Path(name).stem}, {force_of(tool(name)):.3g} N in {len(DIRECTIONS)} directions")
-        groups = by[False].by("friction") | {"all": by[False], "as calibrated": by[True]}
+        groups = by["exact"].by("friction") | {"all": by["exact"]} | {one: by[one] for one in CALIBRATIONS[1:]}
         law.show(options, f"any_routing_{figures.slug(Path(name).stem)}", groups, columns)
         if tool(name).grip is not None:
             axes = {"name": [name], "closing": CLOSINGS, "friction": law.ASSUMED}

@@ -228,6 +228,11 @@ def routed(seed: int, name: str, seconds: float = ROUTED_SECONDS) -> tuple[FullF
         share = next((share for key, share in spread.items() if parameter.name.endswith(key)), 0.0)
         drawn[parameter.name] = parameter.start * rng.uniform(1 - share, 1 + share)
     true = routing.problem([], [], law="capstan", instrument=inst).instrument(np.array([*drawn.values()]))
+    return inst, true, excited(true, inst, seed, seconds)
+
+
+def excited(true: FullForm, inst: FullForm, seed: int, seconds: float = ROUTED_SECONDS) -> tn.Run:
+    """Return a run of a true instrument: joints bend, by handle or by motors as the file has it, and loads turn."""
     try:
         twin = tn.twin.Twin(true, time_step=STEP, seed=seed)
     except ArgumentError:
@@ -245,11 +250,11 @@ def routed(seed: int, name: str, seconds: float = ROUTED_SECONDS) -> tuple[FullF
         bent[:, arcs] = (BENDING * wave(place, 0.23) / len(arcs))[:, np.newaxis]
     wrench = np.zeros((time.size, 6))
     wrench[:, :2] = PUSHING * np.stack([wave(0, 0.45), wave(1, 0.6)], axis=1)
+    if inst.handle_joints:
+        return twin.run(handle, wrench=wrench)
     # without a handle the motors bend the joints
     wound = -np.gradient(bent @ inst.tendon_arms("tip").T, step, axis=0) / twin.spool_radius
-    if inst.handle_joints:
-        return inst, true, twin.run(handle, wrench=wrench)
-    return inst, true, twin.run(np.zeros((time.size, 0)), wrench=wrench, spool_velocity=wound)
+    return twin.run(np.zeros((time.size, 0)), wrench=wrench, spool_velocity=wound)
 
 
 def sensed(run: tn.Run, inst: FullForm, seed: int, *, by_encoders: bool) -> tuple[routing.RoutingRun, dict[str, float]]:
