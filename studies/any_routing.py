@@ -10,8 +10,8 @@ the handle asks for; beside them those of a rigid coupling matrix alone, and how
 them is with the law than without: at the end, and ever since the force. The same again as calibrated: with constant
 errors of load cells and lengths of tendons, drawn for each case with the deviations that the file states; and as
 identified: on three instruments with such errors, of whose parameters and load cells the controller knows what
-identification finds in a recording of 2 s with the joints' angles, before friction changes. Last, the wrist moves while
-the jaws hold an object.
+identification finds in a recording of 3 s with the joints' angles, at the end of which tendons are slack, before
+friction changes. Last, the wrist moves while the jaws hold an object.
 """
 
 from collections.abc import Sequence
@@ -49,6 +49,8 @@ RESUMED, HOMED, ARRIVED, LOADED, END, LAST, STEP = 2.1, 2.2, 1.0, 3.4, 6.2, 0.1,
 CALIBRATIONS = ("exact", "as calibrated", "as identified")
 IDENTIFIED = 77
 """Of the seeds of instruments that are identified."""
+SLACK, SETTLED = 2.5, 0.6
+"""Times what is wound to the pretension, that is let out; after how long joints have bent so far that all slips, s."""
 MOVED = round((HOMED + 1.5) / STEP)
 """Step from which the wrist moves with an object."""
 
@@ -112,27 +114,25 @@ def drawn(inst: FullForm, random: np.random.Generator) -> tuple[FullForm, Array]
 
 
 @cache
-def identified(name: str, seed: int) -> tuple[dict[str, Any], FullForm]:
-    """Return changes of an instrument with errors, those of its load cells as identification leaves them, and its file.
+def identified(name: str, seed: int) -> tuple[FullForm, Array, FullForm]:
+    """Return an instrument with errors, those of its load cells as identification leaves them, and its file.
 
-    A length of a tendon that is not known is a pretension that is not. The file has what was identified.
+    The errors of lengths, m, are between; the file has what was identified.
     """
     inst = tool(name)
     true, lengths = drawn(inst, np.random.default_rng([seed, IDENTIFIED]))
-    tensions = np.maximum(inst.pretensions - inst.stiffnesses * lengths, 0.0).tolist()
-    given = zip(true.as_given("tendons"), tensions, strict=True)
-    tendons = [tendon.model_copy(update={"pretension": tension}) for tendon, tension in given]
-    run = coverage.excited(true.replace(tendons=tendons), inst, seed)
-    problem = routing.problem([routing.of_run(run, inst)], [], law="capstan")
+    slack = SLACK * float(np.max(inst.pretensions / inst.stiffnesses))
+    run = coverage.excited(true, inst, seed, slack=slack, let_out=lengths)
+    problem = routing.problem([routing.of_run(run, inst, settled=SETTLED)], [], law="capstan")
     found = fit(problem, train=[0], starts=1)
-    cells = [found.files[0].sensors[f"tension.{tendon.name}.offset"] for tendon in tendons]
-    left = [
+    cells = [found.files[0].sensors[f"tension.{tendon.name}.offset"] for tendon in inst.tendons]
+    tendons = [
         tendon.model_copy(update={"load_cell_bias": tendon.load_cell_bias - cell.value})
-        for tendon, cell in zip(tendons, cells, strict=True)
+        for tendon, cell in zip(true.as_given("tendons"), cells, strict=True)
     ]
-    offset = float(campaign.rms(np.array([cell.std for cell in cells])))
-    known = expanded(problem.instrument(found.vector)).replace(**{"sensors.load_cell_offset": offset})
-    return {"tendons": left}, known
+    offset = max(cell.std for cell in cells)
+    known = problem.instrument(found.vector).replace(**{"sensors.load_cell_offset": offset})
+    return true.replace(tendons=tendons), lengths, known
 
 
 def run_of(
@@ -155,8 +155,8 @@ def run_of(
     if calibration:
         inst, loads["let_out"] = drawn(inst, np.random.default_rng(calibration))
     if identification is not None:
-        changes, known = identified(name, identification)
-        inst = inst.replace(**changes)
+        left, loads["let_out"], known = identified(name, identification)
+        inst = inst.replace(tendons=left.as_given("tendons"))
     controller = JointController(known, "joints" if compensates else "off")
     aims = {} if inst.handle_joints else {"target": target}
     request = np.zeros(len(target), dtype=int)

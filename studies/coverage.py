@@ -212,6 +212,8 @@ def of_joints(seed: int, law: str, rate: int = 50) -> Iterable[Any]:
 ROUTED = ("needle-driver", "maryland-dissector", "two-segment-continuum", "hybrid-real-size")
 ROUTED_SECONDS, COEFFICIENT = 2.0, 0.12
 BENDING, PUSHING, OFFSET = 0.35, 0.5, 0.01  # rad, N, rad
+LET_OUT = 1.0
+"""Time in which spools let tendons out, s."""
 
 
 def routed(seed: int, name: str, seconds: float = ROUTED_SECONDS) -> tuple[FullForm, FullForm, tn.Run]:
@@ -231,8 +233,13 @@ def routed(seed: int, name: str, seconds: float = ROUTED_SECONDS) -> tuple[FullF
     return inst, true, excited(true, inst, seed, seconds)
 
 
-def excited(true: FullForm, inst: FullForm, seed: int, seconds: float = ROUTED_SECONDS) -> tn.Run:
-    """Return a run of a true instrument: joints bend, by handle or by motors as the file has it, and loads turn."""
+def excited(
+    true: FullForm, inst: FullForm, seed: int, seconds: float = ROUTED_SECONDS, *, slack: float = 0.0, **given: Any
+) -> tn.Run:
+    """Return a run of a true instrument: joints bend, by handle or by motors as the file has it, and loads turn.
+
+    Last, spools let so much of all tendons out, m, from which load cells read what they are off. given: of the run.
+    """
     try:
         twin = tn.twin.Twin(true, time_step=STEP, seed=seed)
     except ArgumentError:
@@ -244,17 +251,23 @@ def excited(true: FullForm, inst: FullForm, seed: int, seconds: float = ROUTED_S
     def wave(place: int, least: float) -> Array:
         return grown * np.sin(2 * np.pi * (least + 0.09 * place) * time + place)
 
-    handle = np.stack([BENDING * wave(n, 0.3) for n in range(len(inst.handle_joints))] or [time[:0]], axis=1)
+    columns = [BENDING * wave(n, 0.3) for n in range(len(inst.handle_joints))]
+    handle = np.stack(columns, axis=1) if columns else np.zeros((time.size, 0))
     bent = np.zeros((time.size, len(inst.tip_joints)))
     for place, arcs in enumerate(inst.arc_places.values()):
         bent[:, arcs] = (BENDING * wave(place, 0.23) / len(arcs))[:, np.newaxis]
     wrench = np.zeros((time.size, 6))
     wrench[:, :2] = PUSHING * np.stack([wave(0, 0.45), wave(1, 0.6)], axis=1)
-    if inst.handle_joints:
-        return twin.run(handle, wrench=wrench)
     # without a handle the motors bend the joints
-    wound = -np.gradient(bent @ inst.tendon_arms("tip").T, step, axis=0) / twin.spool_radius
-    return twin.run(np.zeros((time.size, 0)), wrench=wrench, spool_velocity=wound)
+    bends = 0 if inst.handle_joints else -np.gradient(bent @ inst.tendon_arms("tip").T, step, axis=0)
+    velocity = bends / twin.spool_radius + np.zeros((time.size, len(inst.tendons)))
+    if slack:
+        count = round(LET_OUT / step)
+        handle, wrench = (np.concatenate([rows, np.repeat(rows[-1:], count, axis=0)]) for rows in (handle, wrench))
+        share = 2 * np.sin(np.pi * np.arange(count) / count) ** 2 / LET_OUT
+        own = np.repeat(-slack / twin.spool_radius * share[:, np.newaxis], velocity.shape[1], axis=1)
+        velocity = np.concatenate([velocity, own])
+    return twin.run(handle, wrench=wrench, spool_velocity=velocity, **given)
 
 
 def sensed(run: tn.Run, inst: FullForm, seed: int, *, by_encoders: bool) -> tuple[routing.RoutingRun, dict[str, float]]:

@@ -16,6 +16,7 @@ from tenodesis.cli import identify
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, fit, routing
 from tenodesis.identification.formats.measured import MeasuredRun
+from tenodesis.identification.results import to_json
 from tenodesis.instrument import FullForm
 from tenodesis.instrument.text import to_toml
 from tenodesis.recording import Recorder, lab_tables, signal_tables, tables
@@ -24,7 +25,7 @@ from tenodesis.run import Run
 from .conftest import ROOT, refused
 
 sys.path.append(str(ROOT / "studies"))
-from coverage import routed, sensed
+from coverage import excited, routed, sensed
 
 OPEN = ["jaw_1_wound.stiffness", "pitch_wound.pretension", "friction.vertex_coefficient", "jaw_2.encoder_offset"]
 
@@ -75,6 +76,26 @@ def test_the_truth_leaves_the_sensors_noise(driven: tuple[FullForm, FullForm, Ru
     # No tendon slips earlier or later than it did.
     assert np.abs(residuals).max() < 6
     assert {"friction", "stiffness", "pretension", "radius", "compliance", "offset", "viscous"} == set(problem.groups)
+
+
+def test_tendons_that_end_slack_tell_what_load_cells_are_off_however_they_lay_at_first() -> None:
+    inst, _, _ = routed(0, "two-segment-continuum", seconds=0.1)
+    offsets = (0.12, -0.1, 0.0, 0.07)  # N
+    given = zip(inst.as_given("tendons"), offsets, strict=True)
+    off = [one.model_copy(update={"load_cell_bias": bias}) for one, bias in given]
+    true = inst.replace(tendons=off)
+    # what is let out at once, m, leaves tendons as no twin begins
+    run = excited(true, inst, seed=1, seconds=1.2, slack=1.5e-3, let_out=[5e-6, -5e-6, 8e-6, 0.0])
+    problem = routing.problem([routing.of_run(run, inst, settled=0.6)], [], law="capstan")
+    assert next(iter(problem.traces(problem.starting_values([0]), 0).values())).time[0] == pytest.approx(0.6, abs=1e-3)
+    pretensions = [f"{one.name}.pretension" for one in inst.tendons]
+    found = fit(problem, pretensions, train=[0], starts=1)
+    for tendon, bias in zip(inst.tendons, offsets, strict=True):
+        error = found.files[0].sensors[f"tension.{tendon.name}.offset"]
+        assert abs(error.value - bias) < 4 * error.std
+        assert (error.std < 0.2 * inst.sensors.load_cell_offset, error.unit) == (True, "N")
+    written = to_json(found, format="tendons", law="capstan")["files"]["run"]["sensors"]
+    assert written["tension.near_agonist.offset"]["value"] == found.files[0].sensors["tension.near_agonist.offset"].value
 
 
 def test_a_recording_that_is_cut_off_before_its_first_row_is_said_to_be_so(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ pretension where spools and handle are at zero; from there the twin approaches w
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import degrees, pi, sqrt
 from pathlib import Path
@@ -113,6 +113,8 @@ class RoutingRun(MeasuredRun):
     """
 
     instrument: FullForm | None = None
+    settled: float = 0.0
+    """Time from the first row until tendons have slipped whichever way they lay, s: readings before are not compared"""
 
 
 class _Inputs(NamedTuple):
@@ -132,6 +134,8 @@ class _Inputs(NamedTuple):
     """s"""
     from_home: bool
     """Whether handle and spools are at zero, and the tip free, at first."""
+    settles: bool
+    """Whether what is compared begins later than that."""
     kept: NDArray[np.intp]
     """Steps at which a row of the recording is compared."""
     input_errors: tuple[InputError, ...]
@@ -144,8 +148,17 @@ class _Inputs(NamedTuple):
     """Readings that one of these stands for"""
 
 
-def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", notes: Sequence[str] = ()) -> RoutingRun:
+def of_run(
+    run: Run,
+    inst: InstrumentLike | None = None,
+    *,
+    name: str = "run",
+    notes: Sequence[str] = (),
+    settled: float = 0.0,
+) -> RoutingRun:
     """Return a run's inputs and readings as a recording to identify from; the search starts from the instrument.
+
+    settled: time before which readings are not compared, s, for tendons that did not begin as the twin's do.
 
     Raises
     ------
@@ -157,7 +170,8 @@ def of_run(run: Run, inst: InstrumentLike | None = None, *, name: str = "run", n
         notes.append(f"from {run.time[held[0]]:.4g} s on the jaws hold something, which is not in the model: left out")
         run = run.rows(0, int(held[0]))
     columns = by_name(run, [signal for signal in _USED if signal not in _ABOUT])
-    return _of_columns(name, run.time, columns, notes, None if inst is None else expanded(inst))
+    found = _of_columns(name, run.time, columns, notes, None if inst is None else expanded(inst))
+    return replace(found, settled=settled)
 
 
 def by_name(run: Run, signals: Iterable[str]) -> dict[str, Array]:
@@ -262,7 +276,7 @@ class Routing(Problem):
         }
         self._recorded, self._finer = tuple(runs), 1
         self._inputs = [self._input(one) for one in runs]
-        self._times = [one.time[_compared(self._channels(one))] for one in runs]
+        self._times = [one.time[self._compared(one)] for one in runs]
         self._pose_noise = {
             channel: max(
                 _of_differences([one.measured[channel] for one in self._inputs if channel in one.measured]), least
@@ -329,7 +343,7 @@ class Routing(Problem):
         # a velocity holds for a step, and in the approach there is none
         held = np.repeat(velocity, substeps, axis=0)[: at.size]
         channels = self._channels(run)
-        compared = _compared(channels)
+        compared = self._compared(run)
         errors = [(column, error) for column, path in enumerate(paths) for error in path.errors]
         return _Inputs(
             handle=stepped(handle),
@@ -339,6 +353,7 @@ class Routing(Problem):
             grip=stepped(grip),
             time_step=step,
             from_home=from_home,
+            settles=isinstance(run, RoutingRun) and run.settled > 0,
             kept=approach + substeps * np.arange(count)[compared],
             input_errors=tuple(
                 InputError(
@@ -365,6 +380,12 @@ class Routing(Problem):
             except ArgumentError:
                 continue
         raise IdentificationError(key="sample_time", value=sample_time, allowed="shorter")
+
+    def _compared(self, run: MeasuredRun) -> slice:
+        """Return which rows of a recording are compared."""
+        rows = _compared(self._channels(run))
+        before = int(np.searchsorted(run.time, run.time[0] + (run.settled if isinstance(run, RoutingRun) else 0.0)))
+        return slice(rows.start + -(-max(before - rows.start, 0) // rows.step) * rows.step, None, rows.step)
 
     def _channels(self, run: MeasuredRun) -> dict[str, Array]:
         """Return what is compared, by channel: tensions, and angles of joints, of a backbone its arcs' sum."""
@@ -412,7 +433,7 @@ class Routing(Problem):
         """
         values = {one.name: one.start for one in self.parameters}
         values |= {key: values[key] or _LEAST_COEFFICIENT for key in _COEFFICIENTS if key in values}
-        first = next((self._inputs[run].measured for run in runs if self._inputs[run].from_home), {})
+        first = next((one.measured for run in runs if (one := self._inputs[run]).from_home and not one.settles), {})
         for channel in self._tension_sensors.keys() & first.keys():
             values[f"{channel.partition('.')[2]}.pretension"] = float(first[channel][0])
         return np.array([*values.values()])
