@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from tenodesis.control import JointController, JointEstimate, Request
 from tenodesis.identification import fit, routing
+from tenodesis.identification.problem import SensorError
 from tenodesis.instrument import FullForm, expanded, from_dvrk
 from tenodesis.run import Run
 from tenodesis.simulate import campaign
@@ -125,13 +126,19 @@ def identified(name: str, seed: int) -> tuple[FullForm, Array, FullForm]:
     run = coverage.excited(true, inst, seed, slack=slack, let_out=lengths)
     problem = routing.problem([routing.of_run(run, inst, settled=SETTLED)], [], law="capstan")
     found = fit(problem, train=[0], starts=1)
-    cells = [found.files[0].sensors[f"tension.{tendon.name}.offset"] for tendon in inst.tendons]
+    # of a recording that the model does not explain no errors of load cells are known
+    unknown = [SensorError(0.0, sensor.offset, "N") for sensor in inst.tension_sensors]
+    told = found.files[0].sensors
+    cells = [told.get(f"tension.{one.name}.offset", own) for one, own in zip(inst.tendons, unknown, strict=True)]
     tendons = [
         tendon.model_copy(update={"load_cell_bias": tendon.load_cell_bias - cell.value})
         for tendon, cell in zip(true.as_given("tendons"), cells, strict=True)
     ]
     offset = max(cell.std for cell in cells)
-    known = problem.instrument(found.vector).replace(**{"sensors.load_cell_offset": offset})
+    fitted = problem.instrument(found.vector).as_given("tendons")
+    # those in the file are what homing winds to
+    wound = [one.model_copy(update={"pretension": own}) for one, own in zip(fitted, inst.pretensions, strict=True)]
+    known = problem.instrument(found.vector).replace(tendons=wound, **{"sensors.load_cell_offset": offset})
     return true.replace(tendons=tendons), lengths, known
 
 
