@@ -25,7 +25,7 @@ class LaneTwins {
   using One = LaneTwin<axes, tip, double>;
   using Many = LaneTwin<axes, tip, L>;
 
-  explicit LaneTwins(bool quasi_static) : resting_(quasi_static) {}
+  explicit LaneTwins(bool quasi_static) { many_.quasi_static = quasi_static; }
   LaneTwins(const LaneTwins&) = delete;
   LaneTwins& operator=(const LaneTwins&) = delete;
   ~LaneTwins() = default;
@@ -38,7 +38,6 @@ class LaneTwins {
     until_sample_ = from.until_sample;
     // Sensors are read beside the steps.
     one_[k].steps_per_sample = std::numeric_limits<int>::max();
-    many_.quasi_static = resting_;
     pair_twins(many_, one_[k], [&](auto& all, const auto& own) { all.set(k, own); });
     for (int m = 0; m < One::M; ++m) many_.alike[m] = one_[k].alike[m] && (many_.alike[m] || !any(runs_));
     put(k, from, state_[current_]);
@@ -47,22 +46,8 @@ class LaneTwins {
     runs_.set(k, true);
   }
 
-  void advance(const tenodesis_lanes::Job& job) {
-    if (resting_)
-      advance_all<true>(job);
-    else
-      advance_all<false>(job);
-  }
-
- private:
-  static constexpr ChainSizes sizes{axes, axes, 2 * axes};
-  // Columns of a chain's commands; that which says in which axes the wrench is.
-  static constexpr std::size_t most_columns = 14 + 8 * axes;
-  static constexpr std::size_t stem_place = 7 + 3 * axes;
-
   // Flat, since a compiler inlines less of a larger file.
-  template <bool resting>
-  [[gnu::flatten]] void advance_all(const tenodesis_lanes::Job& job) {
+  [[gnu::flatten]] void advance(const tenodesis_lanes::Job& job) {
     for (std::size_t k = 0; k < job.runs; ++k) {
       job.outcomes[2 * k] = runs_[int(k)] ? std::int64_t(job.steps) : 0;
       job.outcomes[2 * k + 1] = std::int64_t(runs_[int(k)] ? Status::ok : Status::no_equilibrium);
@@ -71,11 +56,7 @@ class LaneTwins {
     for (std::size_t c = 0; c < job.column_count; ++c)
       for (int s = 0; s < 2; ++s) column_[s][c] = column_of(state_[s].command, job.columns[c].place);
     // A copy that nothing else can change, so that what follows from its constants is computed once.
-    const Many twin = [&] {
-      Many copy = many_;
-      copy.quasi_static = resting;
-      return copy;
-    }();
+    const Many twin = many_;
     for (std::size_t i = 0; i < job.steps && any(runs_); ++i) {
       if (job.tick != nullptr && i % std::size_t(job.steps_per_tick) == 0) tick(job, i);
       // What no column gives was that of other calls.
@@ -93,6 +74,12 @@ class LaneTwins {
       if ((i + 1) % job.every == 0) keep(twin, job, i / job.every);
     }
   }
+
+ private:
+  static constexpr ChainSizes sizes{axes, axes, 2 * axes};
+  // Columns of a chain's commands; that which says in which axes the wrench is.
+  static constexpr std::size_t most_columns = 14 + 8 * axes;
+  static constexpr std::size_t stem_place = 7 + 3 * axes;
 
   // Whether readings are among the kept signals.
   static bool is_measured(const tenodesis_lanes::Job& job) {
@@ -258,7 +245,6 @@ class LaneTwins {
   int current_{};
   int steps_per_sample_{1};
   int until_sample_{1};
-  bool resting_;
 };
 
 }  // namespace tenodesis::engine
