@@ -323,12 +323,13 @@ struct Compensator {
     }
     if (!strokes) {
       // A moving hand may need more tension to keep the looser tendon tight, and must not wait for it until it rests.
-      // Where no stroke lets out what one has wound more than that, it is let out slowly: tension is friction.
-      const bool withheld = load.leans || gain_factor < S(1);
+      // What one has wound more than that, no stroke brings back while gain is withheld, nor while the tip is left to
+      // friction.
       const S needed = wanted - common;
-      const S slower = withheld ? needed * S(1 / tuning::common_memory) : S(0);
-      const S faster = wanted > S(0) ? smaller(settings.gain * needed, settings.common_speed) : S(0);
-      const S tightening = needed < S(0) ? slower : faster;
+      const S slowly = gain_factor < S(1) ? smaller(needed, S(0)) * S(1 / tuning::common_memory) : S(0);
+      const S least = load.leans ? S(-tuning::slow_stroke) * settings.common_speed : slowly;
+      const S most = wanted > S(0) || load.leans ? settings.common_speed : S(0);
+      const S tightening = clamp(settings.gain * needed, least, most);
       return {tightening + limited(differential), tightening - limited(differential)};
     }
     if (state.phase == Phase::dither) {

@@ -72,7 +72,7 @@
   ROW(most_turns, 4, "1", "studies/harm.py", "the same where it had not")                                              \
   ROW(tolerance_growth, 1.5, "1", "chosen", "of the dead band by a stroke")                                            \
   ROW(most_tolerance, 3, "1", "studies/tremor.py", "dead bands up to which it grows")                                  \
-  ROW(common_memory, 1, "s", "studies/harm.py", "in which tendons are let out that no stroke lets out")                \
+  ROW(common_memory, 1, "s", "studies/harm.py", "time constant with which tendons are let out without strokes")        \
   ROW(differential_share, 0.8, "1", "chosen", "of a common stroke's speed: no tendon is to reverse")                   \
   ROW(slow_stroke, 0.25, "1", "studies/tremor.py", "of the speed of a stroke on target")                               \
   ROW(near_limit, 0.94, "1", "bound: beside the noise of a cell",                                                      \
