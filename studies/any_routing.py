@@ -128,8 +128,8 @@ def identified(name: str, seed: int) -> tuple[FullForm, Array, FullForm]:
     found = fit(problem, train=[0], starts=1)
     # of a recording that the model does not explain no errors of load cells are known
     unknown = [SensorError(0.0, sensor.offset, "N") for sensor in inst.tension_sensors]
-    told = found.files[0].sensors
-    cells = [told.get(f"tension.{one.name}.offset", own) for one, own in zip(inst.tendons, unknown, strict=True)]
+    errors = found.files[0].sensors
+    cells = [errors.get(f"tension.{one.name}.offset", own) for one, own in zip(inst.tendons, unknown, strict=True)]
     tendons = [
         tendon.model_copy(update={"load_cell_bias": tendon.load_cell_bias - cell.value})
         for tendon, cell in zip(true.as_given("tendons"), cells, strict=True)

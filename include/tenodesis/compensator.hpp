@@ -323,8 +323,8 @@ struct Compensator {
     }
     if (!strokes) {
       // A moving hand may need more tension to keep the looser tendon tight, and must not wait for it until it rests.
-      // What one has wound more than that, no stroke brings back while gain is withheld, nor while the tip is left to
-      // friction.
+      // While gain is withheld or the tip is left to friction there are no strokes that let out again what is wound
+      // beyond that.
       const S needed = wanted - common;
       const S slowly = gain_factor < S(1) ? smaller(needed, S(0)) * S(1 / tuning::common_memory) : S(0);
       const S least = load.leans ? S(-tuning::slow_stroke) * settings.common_speed : slowly;

@@ -276,7 +276,7 @@ class Routing(Problem):
         }
         self._recorded, self._finer = tuple(runs), 1
         self._inputs = [self._input(one) for one in runs]
-        self._times = [one.time[self._compared(one)] for one in runs]
+        self._times = [one.time[self._rows_compared(one)] for one in runs]
         self._pose_noise = {
             channel: max(
                 _of_differences([one.measured[channel] for one in self._inputs if channel in one.measured]), least
@@ -343,7 +343,7 @@ class Routing(Problem):
         # a velocity holds for a step, and in the approach there is none
         held = np.repeat(velocity, substeps, axis=0)[: at.size]
         channels = self._channels(run)
-        compared = self._compared(run)
+        compared = self._rows_compared(run)
         errors = [(column, error) for column, path in enumerate(paths) for error in path.errors]
         return _Inputs(
             handle=stepped(handle),
@@ -381,7 +381,7 @@ class Routing(Problem):
                 continue
         raise IdentificationError(key="sample_time", value=sample_time, allowed="shorter")
 
-    def _compared(self, run: MeasuredRun) -> slice:
+    def _rows_compared(self, run: MeasuredRun) -> slice:
         """Return which rows of a recording are compared."""
         rows = _compared(self._channels(run))
         before = int(np.searchsorted(run.time, run.time[0] + (run.settled if isinstance(run, RoutingRun) else 0.0)))
@@ -629,10 +629,10 @@ class Routing(Problem):
             return {}
         left, sizes, right = np.linalg.svd(self._of_cells(values, run), full_matrices=False)
         # (1 + M'M)^-1 M' before plain rows, of whitened ones
-        told = right.T * (sizes / np.sqrt(1 + sizes**2)) @ left.T
-        by_parameters = told @ slopes
+        estimator = right.T * (sizes / np.sqrt(1 + sizes**2)) @ left.T
+        by_parameters = estimator @ slopes
         spread = right.T / (1 + sizes**2) @ right + by_parameters @ covariance @ by_parameters.T
-        likeliest = zip(told @ self.residuals(values, run), np.sqrt(np.diag(spread)), strict=True)
+        likeliest = zip(estimator @ self.residuals(values, run), np.sqrt(np.diag(spread)), strict=True)
         found = {}
         for channel in [one for one in self._tension_sensors if one in self._inputs[run].measured]:
             sensor = self._tension_sensors[channel]

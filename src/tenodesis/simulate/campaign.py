@@ -58,7 +58,7 @@ _SAVED_EVERY = 5.0
 _WORST = 3
 """Rows that a verdict names."""
 _OF_ALGEBRA = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Variables by which libraries of linear algebra are told, when they are loaded, with how many threads they compute."""
+"""Variables from which libraries of linear algebra read, when they are loaded, how many threads they may use."""
 
 
 class Rows(Sequence[dict[str, Any]]):
