@@ -11,7 +11,7 @@ PYTEST := $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loads
 CORE := $(wildcard include/tenodesis/*)
 EXTENSION := $(wildcard src/bindings/* src/engine/* src/runtime/*)
 CPP_TESTS := $(wildcard tests/cpp/*)
-TIDY := -std=c++20 -Iinclude -Isrc -Iexamples -fno-math-errno
+TIDY := -std=c++20 -Iinclude -Isrc -Iexamples -fno-math-errno -DTENODESIS_FEW_SIZES
 # They compile the templates of src/c/joints.cpp and src/bindings/twin.cpp again, for other sizes. The static analyzer
 # reads these templates there.
 AGAIN := $(patsubst %,src/bindings/%.cpp,tendon_chain chain_twin chain_twins joint_control)

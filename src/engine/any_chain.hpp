@@ -13,14 +13,14 @@ template <int N>
 using Paired = TendonChain<double, N, 2 * N>;
 template <int N>
 using Many = TendonChain<double, N, int(most_tendons)>;
-// A chain of a number of joints that is not built has the next larger one, whose further joints are inert. Most chains
-// have two tendons a joint or fewer; their loops are short.
-#ifdef __clang_analyzer__
-// Linters read two sizes for all: only numbers differ.
+// A chain whose size is not built has the next larger one, whose further joints are inert. Most chains have two tendons
+// a joint or fewer; their loops are short.
+#ifdef TENODESIS_FEW_SIZES
+// Where speed does not matter, two sizes do for all: only numbers differ.
 using AnyChain = std::variant<Paired<2>, Many<int(most_joints)>>;
 #else
-using AnyChain = std::variant<Paired<1>, Many<1>, Paired<2>, Many<2>, Paired<3>, Many<3>, Paired<4>, Many<4>, Paired<5>,
-                              Many<5>, Many<6>, Many<7>, Many<8>, Many<12>, Many<16>, Many<int(most_joints)>>;
+using AnyChain = std::variant<Paired<1>, Paired<2>, Many<2>, Paired<3>, Paired<4>, Many<4>, Many<6>, Many<8>, Many<12>,
+                              Many<int(most_joints)>>;
 #endif
 
 struct TwinRows;

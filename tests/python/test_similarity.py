@@ -166,8 +166,6 @@ def test_what_cannot_be_compared_is_refused(real: TendonGear, pulley: Instrument
             tn.similarity.compare(real, narrow)
     with pytest.raises(ValueError, match="largest_force is -1"):
         tn.similarity.compare(real, real, largest_force=-1)
-    with pytest.raises(ValueError, match="measure is 'mean'"):
-        tn.similarity.compare(real, real).best_force_factor("mean")  # type: ignore[arg-type]
 
 
 def test_a_prototype_with_less_reach_is_judged_as_far_as_it_goes(real: TendonGear, pulley: Instrument) -> None:
@@ -303,17 +301,3 @@ def test_between_mechanisms_what_groups_do_not_explain_is_the_mechanisms(real: T
     assert {cause.name for cause in causes.causes} == {"T_o/(kr)", "Theta", "joint type"}
     assert causes["joint type"].rms > 0
     assert causes.remainder_rms < 0.02 * causes.error_rms
-
-
-def test_the_best_force_factor_beats_the_one_of_mid_range(real: TendonGear, scaled: TendonGear) -> None:
-    comparison = tn.similarity.compare(real, scaled, largest_force=1.0)
-    grid = (41, 16)
-    middle = comparison.error(grid=grid)
-    largest, rms = (comparison.best_force_factor(measure) for measure in ("largest", "rms"))
-    assert comparison.error(force_factor=largest, grid=grid).largest_snapped < 0.8 * middle.largest_snapped
-    best = comparison.error(force_factor=rms, grid=grid).rms_snapped
-    assert best <= middle.rms_snapped
-    for nearby in (0.999, 1.001):
-        assert comparison.error(force_factor=rms * nearby, grid=grid).rms_snapped > best
-    exact = tn.similarity.compare(real, geometrically_scaled(real, 3.0))
-    assert exact.best_force_factor() == pytest.approx(9, rel=1e-5)

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import degrees
-from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -17,13 +16,10 @@ from tenodesis.similarity.frictionless import GRID, SimilarityError
 from tenodesis.similarity.loops import LoopError
 from tenodesis.similarity.pair import SimilarPair
 
-Measure: TypeAlias = Literal["largest", "rms"]
-
 COARSE = (41, 16)
 """Grid of methods that evaluate the error many times."""
 
 _LEAST_COVERED = 0.5
-_SEARCHED = np.geomspace(0.5, 2.0, 41)
 
 
 @dataclass(frozen=True)
@@ -188,49 +184,6 @@ class Comparison(SimilarPair):
         if friction:
             return causes.causes_at_rest(path, self.error_at_rest(forces=forces, **given), progress)
         return causes.frictionless_causes(path, self.error(largest_force=largest_force, grid=grid, **given))
-
-    def best_force_factor(
-        self,
-        measure: Measure = "largest",
-        *,
-        pretension: float | None = None,
-        largest_force: float | None = None,
-        grid: tuple[int, int] = COARSE,
-    ) -> float:
-        """Return the force factor that minimises the frictionless error over the working range.
-
-        A scaled-up tip that snaps through counts as at its stop, so that losing the tip never lowers the error. The
-        factor of :meth:`force_factor` is exact at mid-range only.
-
-        Parameters
-        ----------
-        measure
-            What is minimised: the "largest" or the "rms" error.
-        pretension, largest_force, grid
-            As for :meth:`error`.
-
-        Raises
-        ------
-        ValueError
-            The measure is unknown.
-        """
-        if measure not in ("largest", "rms"):
-            raise ArgumentError(key="measure", value=measure, allowed="largest or rms")
-        from scipy.optimize import minimize_scalar  # noqa: PLC0415 - slow to load, and seldom needed
-
-        middle = float(self.force_factor())
-
-        def cost(logarithm: float) -> float:
-            factor = middle * float(np.exp(logarithm))
-            error = self.error(pretension=pretension, force_factor=factor, largest_force=largest_force, grid=grid)
-            return error.largest_snapped if measure == "largest" else error.rms_snapped
-
-        # Snapping through makes the cost discontinuous, so that the minimum is bracketed by a grid search first.
-        logarithms = np.log(_SEARCHED)
-        least = int(np.argmin([cost(logarithm) for logarithm in logarithms]))
-        bounds = logarithms[max(least - 1, 0)], logarithms[min(least + 1, logarithms.size - 1)]
-        found = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-7})
-        return middle * float(np.exp(found.x))
 
 
 def compare(real_size: InstrumentLike, scaled_up: InstrumentLike, *, largest_force: float | None = None) -> Comparison:
