@@ -50,10 +50,12 @@ RESUMED, HOMED, ARRIVED, LOADED, END, LAST, STEP = 2.1, 2.2, 1.0, 3.4, 6.2, 0.1,
 CALIBRATIONS = ("exact", "as calibrated", "as identified")
 IDENTIFIED = 77
 """Of the seeds of instruments that are identified."""
-SLACK, SETTLED = 2.5, 0.6
+SLACK, SETTLED = 2.5, 0.9
 """Times what is wound to the pretension, that is let out; after how long joints have bent so far that all slips, s."""
 MOVED = round((HOMED + 1.5) / STEP)
 """Step from which the wrist moves with an object."""
+APART = round(0.02 / STEP)
+"""Steps by which grips are compared at most: where the law turns a joint sooner, friction turns sooner, too."""
 
 
 @cache
@@ -214,7 +216,7 @@ def trial(
 
 
 def grip_kept(name: str, closing: float, friction: float) -> dict[str, float]:
-    """Return the grip on an object by a coupling alone, N, and bounds of that with the law over it, the wrist moving.
+    """Return the grip on an object while the wrist moves, N, and bounds of that with the law over that by a coupling.
 
     closing: of each jaw, half of it before it touches, rad.
     """
@@ -228,11 +230,28 @@ def grip_kept(name: str, closing: float, friction: float) -> dict[str, float]:
         # The trigger draws what the closed jaws take.
         triggered = np.linalg.pinv(inst.tendon_arms("handle")) @ inst.tendon_arms("tip") @ closed
         handle = closes * triggered + moves * np.where(triggers(inst), 0, commanded(inst, 1)[0])
-    own, alone = (
-        run_of(name, friction, handle, target, compensates=compensates, held=held, seed=2)[0]["grip_force"][MOVED:]
-        for compensates in (True, False)
+
+    def gripped(scale: float, *, compensates: bool) -> tuple[Array, JointEstimate]:
+        run, estimate, _ = run_of(name, scale, handle, target, compensates=compensates, held=held, seed=2)
+        return run["grip_force"][MOVED:].ravel(), estimate
+
+    (free, _), (alone, _), (own, estimate) = (
+        gripped(scale, compensates=compensates)
+        for scale, compensates in ((0.0, False), (friction, False), (friction, True))
     )
-    return {"alone": float(alone[0]), "least": float((own / alone).min()), "most": float((own / alone).max())}
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(alone, APART, mode="edge"), 2 * APART + 1)
+    return {
+        "free": float(free[-1]),
+        "alone_least": float(alone.min()),
+        "alone_most": float(alone.max()),
+        "law_least": float(own.min()),
+        "law_most": float(own.max()),
+        "least": float((own / alone).min()),
+        "most": float((own / alone).max()),
+        "least_apart": float((own / around.min(axis=1)).min()),
+        "most_apart": float((own / around.max(axis=1)).max()),
+        "known": float(estimate.load_std[MOVED, -1]),
+    }
 
 
 def main() -> None:
@@ -251,9 +270,16 @@ def main() -> None:
         Column("normalised, 1", "normalised", campaign.rms),
     ]
     grips = [
-        Column("coupling, N", "alone", np.mean),
-        Column("least with the law, 1", "least", np.min),
-        Column("most, 1", "most", np.max),
+        Column("without friction, N", "free", np.mean),
+        Column("coupling least, N", "alone_least", np.min),
+        Column("coupling most, N", "alone_most", np.max),
+        Column("law least, N", "law_least", np.min),
+        Column("law most, N", "law_most", np.max),
+        Column("least over coupling, 1", "least", np.min),
+        Column("most over it, 1", "most", np.max),
+        Column("least within 20 ms, 1", "least_apart", np.min),
+        Column("most within 20 ms, 1", "most_apart", np.max),
+        Column("known to, N", "known", np.mean),
     ]
     for name in [*(options.name or (() if options.tool else NAMES)), *options.tool]:
         axes = {"name": [name], "state": range(len(SHARES)), "direction": DIRECTIONS, "friction": law.ASSUMED}
