@@ -136,7 +136,8 @@ struct Compensator {
   Winding<S> guarded(const Measurement<S>& measured, const Winding<S>& wanted) const {
     const auto guard = [&](int i, const S& speed) {
       const S spare = (S(1) + S(tuning::near_limit)) * S(0.5) * settings.tension_limit - measured.tension[i];
-      const S allowed = speed > S(0) ? speed * clamp(spare / (S(0.1) * settings.tension_limit), S(0), S(1)) : speed;
+      const S near = S(0.1) * settings.tension_limit;
+      const S allowed = speed > S(0) && spare < near ? speed * larger(spare / near, S(0)) : speed;
       if (!model.springs() || spare >= S(0) || wound(measured, i) <= S(0)) return allowed;
       return smaller(allowed, limited(S(tuning::approach_rate) / model.axis.stiffness * spare));
     };
@@ -218,9 +219,10 @@ struct Compensator {
   // not at all, and where it hangs it is wound.
   Winding<S> kept_tight(const FrictionMemory<S>& memory, const Winding<S>& wanted) const {
     const auto keep = [&](int i, const S& speed) {
-      const S left = memory.tendon[i].tension[0] - settings.least_tension * S(0.5);
-      const S room = clamp(left / (settings.least_tension * S(0.5)), S(0), S(1));
-      if (room > S(0) || speed > S(0)) return speed < S(0) ? speed * room : speed;
+      const S near = settings.least_tension * S(0.5);
+      const S left = memory.tendon[i].tension[0] - near;
+      if (left >= near || speed > S(0)) return speed;
+      if (left > S(0)) return speed * (left / near);
       return settings.common_speed * S(0.25) * clamp(S(-4) * left / settings.least_tension - S(1), S(0), S(1));
     };
     return {keep(agonist, wanted.agonist), keep(antagonist, wanted.antagonist)};
