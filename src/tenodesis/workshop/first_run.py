@@ -489,8 +489,7 @@ def _loosen(twin: Twin) -> None:
 def _staged(stages: Sequence[_Stage], runs: Sequence[Run]) -> list[Run]:
     """Return the run of every step, from those of its phases."""
     given = iter(runs)
-    own = [[next(given) for _ in stage.phases] for stage in stages]
-    return [phases[0] if len(phases) == 1 else concatenate(phases) for phases in own]
+    return [concatenate([next(given) for _ in stage.phases]) for stage in stages]
 
 
 def _with_friction(inst: Instrument, share: float) -> Instrument:
