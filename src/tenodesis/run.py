@@ -434,7 +434,7 @@ def fault_bits(faults: ArrayLike) -> NDArray[np.int64]:
 
 
 def concatenate(runs: Sequence[Run]) -> Run:
-    """Return consecutive runs joined into one.
+    """Return consecutive runs joined into one, whose arrays are copies: it keeps none of theirs in memory.
 
     Raises
     ------
@@ -444,8 +444,6 @@ def concatenate(runs: Sequence[Run]) -> Run:
     if not runs:
         raise ArgumentError(key="runs", value=runs, allowed="one run or more")
     first = runs[0]
-    if len(runs) == 1:
-        return first
     names = tuple(first.signals())
     if any(run.names != first.names or tuple(run.signals()) != names for run in runs):
         raise ArgumentError("the runs differ in axes or signals; they must have the same.", key="runs")
