@@ -189,11 +189,10 @@ def test_many_twins_over_threads_run_as_one_by_one() -> None:
 
 def test_the_bias_of_a_load_cell_is_read_and_moves_nothing() -> None:
     inst = shipped("needle-driver").replace(**{"sensors.load_cell_noise": 0.0})
-    biased = [one.model_copy(update={"load_cell_bias": 0.1 * n}) for n, one in enumerate(inst.as_given("tendons"))]
+    biases = {f"tendons.{one.name}.load_cell_bias": 0.1 * n for n, one in enumerate(inst.tendons)}
     handle, wrench, velocity = motion(inst, 50)
     right, off = (
-        tn.twin.Twin(one).run(handle, wrench=wrench, spool_velocity=velocity)
-        for one in (inst, inst.replace(tendons=biased))
+        tn.twin.Twin(one).run(handle, wrench=wrench, spool_velocity=velocity) for one in (inst, inst.replace(**biases))
     )
     assert np.array_equal(right["tension"], off["tension"])
     read = off["measured_tension"] - right["measured_tension"]

@@ -8,7 +8,7 @@ import pytest
 import tenodesis as tn
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import AtRest, fit_at_rest
-from tenodesis.identification.any_instrument import at_rest
+from tenodesis.identification.any_instrument import at_rest, value_of
 from tenodesis.instrument import FullForm
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -32,15 +32,7 @@ def test_truth_is_in_the_intervals(file: str, unknowns: tuple[str, ...], seeds: 
     exact = at_rest(inst, data)
     told = fit_at_rest(inst, data._replace(**exact), unknowns)
     truth = np.array([of.value for of in told.unknowns.values()])
-    begun = told.inst.replace(
-        joints=[
-            joint.model_copy(update={"backbone_rigidity": 1.2 * joint.backbone_rigidity})
-            if joint.backbone_rigidity
-            else joint
-            for joint in inst.as_given("joints")
-        ],
-        tendons=list(inst.as_given("tendons")),
-    )
+    begun = inst.replace(**{"joints.bend.backbone_rigidity": 1.2 * value_of(inst, "bend.backbone_rigidity")})
     inside = []
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
@@ -60,17 +52,10 @@ def test_rigidity_from_the_poses_of_an_elastica_under_tensions() -> None:
     inst = tn.instrument.expanded(tn.load(EXAMPLES / "backbone.toml"))
     poses = tn.poses.load(EXAMPLES / "backbone_poses.csv", inst)
     data = AtRest(tensions=poses.tensions, wrench=poses.wrench, position=poses.position)
-    joints = [
-        joint.model_copy(update={"backbone_rigidity": 1.3 * joint.backbone_rigidity})
-        if joint.backbone_rigidity
-        else joint
-        for joint in inst.as_given("joints")
-    ]
-    off = inst.replace(joints=joints, tendons=list(inst.as_given("tendons")))
+    rigidity = value_of(inst, "bend.backbone_rigidity")
+    off = inst.replace(**{"joints.bend.backbone_rigidity": 1.3 * rigidity})
     found = fit_at_rest(off, data, ["bend.backbone_rigidity", "bend.radius"])
-    assert found.unknowns["bend.backbone_rigidity"].value == pytest.approx(
-        inst.as_given("joints")[-1].backbone_rigidity, rel=2e-3
-    )
+    assert found.unknowns["bend.backbone_rigidity"].value == pytest.approx(rigidity, rel=2e-3)
     assert found.noise["position"] < 1e-5
 
 

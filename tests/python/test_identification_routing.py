@@ -37,17 +37,13 @@ def driven() -> tuple[FullForm, FullForm, Run]:
 
 def known(inst: FullForm, true: FullForm) -> FullForm:
     """The true instrument but for what is open."""
+    own = {one.name: one for one in inst.as_given("tendons")}
     return true.replace(
-        tendons=[
-            one.model_copy(
-                update={
-                    "stiffness": own.stiffness if one.name == "jaw_1_wound" else one.stiffness,
-                    "pretension": own.pretension if one.name == "pitch_wound" else one.pretension,
-                }
-            )
-            for one, own in zip(true.as_given("tendons"), inst.as_given("tendons"), strict=True)
-        ],
-        **{"friction.vertex_coefficient": 0.1},
+        **{
+            "tendons.jaw_1_wound.stiffness": own["jaw_1_wound"].stiffness,
+            "tendons.pitch_wound.pretension": own["pitch_wound"].pretension,
+            "friction.vertex_coefficient": 0.1,
+        }
     )
 
 
@@ -81,9 +77,8 @@ def test_the_truth_leaves_the_sensors_noise(driven: tuple[FullForm, FullForm, Ru
 def test_tendons_that_end_slack_tell_what_load_cells_are_off_however_they_lay_at_first() -> None:
     inst, _, _ = routed(0, "two-segment-continuum", seconds=0.1)
     offsets = (0.12, -0.1, 0.0, 0.07)  # N
-    given = zip(inst.as_given("tendons"), offsets, strict=True)
-    off = [one.model_copy(update={"load_cell_bias": bias}) for one, bias in given]
-    true = inst.replace(tendons=off)
+    named = zip(inst.tendons, offsets, strict=True)
+    true = inst.replace(**{f"tendons.{one.name}.load_cell_bias": bias for one, bias in named})
     # what is let out at once, m, leaves tendons as no twin begins
     run = excited(true, inst, seed=1, seconds=1.2, slack=1.5e-3, let_out=[5e-6, -5e-6, 8e-6, 0.0])
     problem = routing.problem([routing.of_run(run, inst, settled=0.6)], [], law="capstan")
@@ -214,11 +209,7 @@ def test_any_tensions_and_angles_will_do_with_spools_by_their_encoders(
 
 def test_the_tip_seen_by_a_camera_tells_arms_and_stiffness(driven: tuple[FullForm, FullForm, Run]) -> None:
     _, true, run = driven
-    (softer,) = (one for one in true.as_given("tendons") if one.name == "jaw_1_wound")
-    others = [
-        one if one is not softer else one.model_copy(update={"stiffness": 1e5}) for one in true.as_given("tendons")
-    ]
-    whole = routing.of_run(run, true.replace(tendons=others))
+    whole = routing.of_run(run, true.replace(**{"tendons.jaw_1_wound.stiffness": 1e5}))
     seen = tn.kinematics.tip_pose(true, run.by_column("output_angle"), port=tn.kinematics.Port(insertion=0.0))
     columns = {name: row for name, row in whole.columns.items() if not name.startswith(("tension", "output_angle"))}
     noise = 1e-4 * np.random.default_rng(0).standard_normal((len(run), 3))

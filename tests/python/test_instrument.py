@@ -183,6 +183,19 @@ def test_instruments_can_be_sent_to_other_processes_and_kept_in_sets(real: Tendo
     assert tn.statics.tensions(changed, 0.0).agonist == 5.0
 
 
+def test_values_of_joints_tendons_and_routes_are_changed_by_their_names() -> None:
+    inst = tn.load("needle-driver")
+    changes = {"joints.pitch.radius": 3e-3, "tendons.jaw_1_wound.pretension": "4 N", "tendons.pitch_wound.start": None}
+    changed = inst.replace(**changes, **{"tendons.pitch_wound.pitch.coefficient": 0.2})
+    assert [joint.name for joint in changed.tip_joints if joint.radius == 3e-3] == ["pitch"]
+    assert changed.pretensions.tolist() == [20.0, 20.0, 4.0, 20.0, 20.0, 20.0]
+    assert changed.tendons[0].route[0].coefficient == 0.2
+    assert changed.replace(**{"tendons.pitch_wound.pitch.coefficient": None}).tendons[0] == inst.tendons[0]
+    for key in ("joints.elbow.radius", "tendons.pitch_wound", "tendons.pitch_wound.yaw.radius"):
+        with refused(key, 3e-3, kind=tn.InstrumentError):
+            inst.replace(**{key: 3e-3})
+
+
 def test_numpy_numbers_and_a_byte_order_mark_are_taken(real: TendonGear, tmp_path: Path) -> None:
     for number in (np.int64(3), np.float32(3), np.float64(3)):
         assert real.replace(pretension=number).pretension == 3

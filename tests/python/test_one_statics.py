@@ -65,9 +65,8 @@ def test_a_force_that_keeps_its_direction_is_solved_by_the_chain_and_is_the_same
 
 def test_one_joint_without_a_closed_form_takes_and_returns_numbers(short: Instrument) -> None:
     joints = short.expanded
-    tendons = [tendon.model_dump(exclude_unset=True) for tendon in joints.tendons]
-    tendons[1]["stiffness"] *= 1 + 1e-9
-    uneven = joints.replace(tendons=tendons)
+    other = joints.tendons[1]
+    uneven = joints.replace(**{f"tendons.{other.name}.stiffness": (1 + 1e-9) * (other.stiffness or 0.0)})
     assert uneven.closed_form is None
     force = 0.2 * statics.slack_force(short, 0.0)
     ours = statics.output_angle(uneven, 0.2, force)

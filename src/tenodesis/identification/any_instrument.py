@@ -12,14 +12,20 @@ import numpy as np
 from tenodesis.errors import IdentificationError
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
 from tenodesis.instrument.joints import SIGNS
+from tenodesis.instrument.numbers import values_by_key
 from tenodesis.kinematics import Port, tip_pose
 from tenodesis.kinematics.chain import rotated
 from tenodesis.run import Array
 from tenodesis.statics import Axes, chain
 from tenodesis.statics.tension_drive import angles_at_tensions
 
-_SIGNED = ("angle", "offset", "tie_ratio", "centre_of_mass")
-"""Keys whose values may be negative."""
+_LEAST = {"angle": -math.inf, "tie_ratio": -math.inf, "offset": 0.0, "centre_of_mass": 0.0}
+"""Least values of the keys that may be zero."""
+_LEAST_SHARE = 1e-3
+"""Of where the search starts, the least that the others may be."""
+_OF_TENDON = 2
+"""Dots in the key of a tendon; more are in that of where it crosses a joint."""
+_OF_CROSSING = ("radius", "far_radius", "angle")
 _WEIGHTINGS = 3
 _STEP = 1e-6
 """Difference by which slopes are taken, over an unknown's scale."""
@@ -99,11 +105,12 @@ def fit_at_rest(inst: InstrumentLike, data: AtRest, unknowns: Sequence[str], *, 
     """
     whole = expanded(inst)
     start = np.array([value_of(whole, name) for name in unknowns])
-    signed = np.array([name.rpartition(".")[2] in _SIGNED for name in unknowns])
-    if not (signed | (start > 0)).all():
-        name = unknowns[int(np.argmin(signed | (start > 0)))]
+    low = np.array([_LEAST.get(name.rpartition(".")[2], _LEAST_SHARE) for name in unknowns])
+    may_be_zero = low != _LEAST_SHARE
+    if not (may_be_zero | (start > 0)).all():
+        name = unknowns[int(np.argmin(may_be_zero | (start > 0)))]
         raise IdentificationError(key=name, value=0.0, allowed="above 0, for the search starts there")
-    scale = np.where(signed, 1.0, np.abs(start))
+    scale = np.where(may_be_zero, 1.0, np.abs(start))
     measured = data.measured
     count = sum(of.size for of in measured.values())
     if count <= len(start) or not len(start):
@@ -125,7 +132,7 @@ def fit_at_rest(inst: InstrumentLike, data: AtRest, unknowns: Sequence[str], *, 
             key="data",
             value=whole.name,
         )
-    found, noise = _searched(off, start / scale, np.where(signed, -np.inf, 1e-3), whole)
+    found, noise = _searched(off, start / scale, low, whole)
     sizes, directions = np.linalg.svd(found.jac, full_matrices=False)[1:]
     if sizes[-1] < _SINGULAR * sizes[0]:
         part = [name for name, share in zip(unknowns, np.abs(directions[-1]), strict=True) if share > 0.1]
@@ -200,64 +207,38 @@ def _result(inst: FullForm, scales: dict[str, float], found: Any, noise: dict[st
     return RestFit(estimates, with_values(inst, list(scales), found.x * [*scales.values()]), noise, correlation)
 
 
-def _place(inst: FullForm, name: str) -> tuple[str, int, int, str]:
-    """Return table, row, crossing (-1: none) and key of an unknown."""
-    *path, key = name.split(".")
-    for table in ("joints", "tendons"):
-        rows = inst.as_given(table)
-        row = next((at for at, one in enumerate(rows) if path and one.name == path[0]), -1)
-        if row < 0:
-            continue
-        if len(path) == 1 and isinstance(getattr(rows[row], key, None), float) | (key in _defaults(inst, table, row)):
-            return table, row, -1, key
-        if table == "tendons" and len(path) == 2 and key in ("radius", "far_radius", "angle"):
-            crossing = next((at for at, one in enumerate(rows[row].route) if one.joint == path[1]), -1)
-            if crossing >= 0:
-                return table, row, crossing, key
-    raise IdentificationError(
-        f"{name} is no unknown of {inst.name}; it must be JOINT.KEY, TENDON.KEY or TENDON.JOINT.KEY of numbers that "
-        "its file has.",
-        key="unknowns",
-        value=name,
-    )
-
-
-def _defaults(inst: FullForm, table: str, row: int) -> dict[str, float]:
-    """Return what a tendon has that its file leaves out."""
-    if table == "joints":
-        return {}
-    return {"stiffness": inst.stiffnesses[row], "pretension": inst.pretensions[row]}
+def _number(inst: FullForm, name: str) -> tuple[str, float]:
+    """Return the key of an unknown, as :meth:`FullForm.replace` takes it, and its value."""
+    own, key = name.partition(".")[0], name.rpartition(".")[2]
+    table = next((t for t in ("joints", "tendons") if own in [one.name for one in inst.as_given(t)]), None)
+    path, known = f"{table}.{name}", values_by_key(inst)
+    value = known[path][0] if path in known else None
+    if path.count(".") > _OF_TENDON:
+        crossing = path.removesuffix(key)
+        if key == "angle" and value is None:
+            value = math.pi if SIGNS[known[f"{crossing}side"][0]] < 0 else 0.0
+        elif key == "far_radius" and value is None:
+            value = known[f"{crossing}radius"][0]
+        elif key not in _OF_CROSSING:
+            value = None
+    if not isinstance(value, float):
+        raise IdentificationError(
+            f"{name} is no unknown of {inst.name}; it must be JOINT.KEY, TENDON.KEY or TENDON.JOINT.KEY of numbers "
+            "that its file has.",
+            key="unknowns",
+            value=name,
+        )
+    return path, value
 
 
 def value_of(inst: FullForm, name: str) -> float:
     """Return the value of an unknown by the name that :func:`fit_at_rest` knows it by; raises as that does."""
-    table, row, crossing, key = _place(inst, name)
-    one = inst.as_given(table)[row]
-    if crossing < 0:
-        value = getattr(one, key)
-        return float(_defaults(inst, table, row)[key] if value is None else value)
-    passed = one.route[crossing]
-    value = getattr(passed, key)
-    if value is not None:
-        return float(value)
-    if key == "angle":
-        return math.pi if SIGNS[passed.side] < 0 else 0.0
-    if passed.radius is not None:
-        return float(passed.radius)
-    return float(next(joint.radius for joint in inst.as_given("joints") if joint.name == passed.joint))
+    return _number(inst, name)[1]
 
 
 def with_values(inst: FullForm, unknowns: Sequence[str], values: Array, **changes: float) -> FullForm:
     """Return the instrument with values of its unknowns, (n,), by these names, and changes of other keys."""
-    tables = {table: list(inst.as_given(table)) for table in ("joints", "tendons")}
-    for name, value in zip(unknowns, values.tolist(), strict=True):
-        table, row, crossing, key = _place(inst, name)
-        one = tables[table][row]
-        if crossing < 0:
-            tables[table][row] = one.model_copy(update={key: value})
-            continue
-        route = list(one.route)
-        update = {key: value} | ({"side": None} if key == "angle" else {})
-        route[crossing] = route[crossing].model_copy(update=update)
-        tables[table][row] = one.model_copy(update={"route": tuple(route)})
-    return inst.replace(**tables, **changes)
+    paths = [_number(inst, name)[0] for name in unknowns]
+    # a tendon crosses a joint at an angle instead of on a side
+    sides = {f"{path.removesuffix('angle')}side": None for path in paths if path.endswith(".angle")}
+    return inst.replace(**dict(zip(paths, values.tolist(), strict=True)), **sides, **changes)

@@ -1,7 +1,7 @@
 """The instrument from which everything is computed: joints and tendons, in either form that a file may have."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
@@ -327,8 +327,9 @@ class Instrument(FileTable, AnyForm):
         """Return this instrument with some values changed, by key; lists of tables as lists of dictionaries.
 
         Values are in SI units or text with a unit; None leaves a key out again. A key within a table is written with a
-        dot: ``**{"friction.vertex_coefficient": 0.2}``. Raises InstrumentError if a key is unknown or a value is not
-        allowed.
+        dot: ``**{"friction.vertex_coefficient": 0.2}``; of joints and tendons after their name, and of a route after
+        its joint's: ``joints.pitch.radius``, ``tendons.a.pitch.radius``. Raises InstrumentError if a key is unknown or
+        a value is not allowed.
         """
         return validated(type(self), self.with_values(changes), InstrumentError, entries=ENTRIES)
 
@@ -351,6 +352,8 @@ class Instrument(FileTable, AnyForm):
             if inner and isinstance(held, BaseModel | dict):
                 own = dict(held) if isinstance(held, dict) else held.model_dump(exclude_unset=True)
                 values[table] = {name: item for name, item in (own | {inner: value}).items() if item is not None}
+            elif inner and isinstance(held, tuple | list) and table in ENTRIES:
+                values[table] = _with_entry(held, key, inner.split("."), value)
             else:
                 values[key] = value
         return {key: value for key, value in values.items() if value is not None}
@@ -371,3 +374,18 @@ class Instrument(FileTable, AnyForm):
                 key="tendon_stiffness",
             )
         return self.tendon_modulus * math.pi / 4 * self.tendon_diameter**2 / length
+
+
+def _with_entry(entries: Sequence[Any], key: str, path: Sequence[str], value: Any) -> list[Any]:
+    """Return entries of a list, of which that with a name, or that crosses a joint, has another value; None: none."""
+    name, *inner = path
+    tables = [one if isinstance(one, dict) else one.model_dump(exclude_unset=True) for one in entries]
+    names = [str(one.get("name", one.get("joint"))) for one in tables]
+    if name not in names or not inner:
+        raise InstrumentError(key=key, value=value, allowed=f"of {', '.join(names)}, with a key")
+    at = names.index(name)
+    if inner[1:]:
+        tables[at] = tables[at] | {"route": _with_entry(tables[at].get("route", ()), key, inner, value)}
+    else:
+        tables[at] = {one: item for one, item in (tables[at] | {inner[0]: value}).items() if item is not None}
+    return tables

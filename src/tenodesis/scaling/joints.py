@@ -632,28 +632,24 @@ def _built(front: JointFront, index: int, wheels: WheelSet, rope: Rope, rod: Rod
     model = with_wheels(enlarged(real, wheels.factor, stiffness), real, wheels)
     encoder = finest_encoder(catalogue, min(joint.radius for joint in model.tip_joints))
     area = rope.rigidity
-    joints = [joint.model_dump(exclude_unset=True) for joint in model.as_given("joints")]
-    rods = []
-    for table in joints:
-        if rod is not None and table.get("backbone_rigidity"):
-            one = min(catalogue.rods, key=lambda rod: abs(math.log(rod.rigidity / table["backbone_rigidity"])))
-            table["backbone_rigidity"] = one.rigidity
-            rods.append((table["name"], one))
     length = area / float(model.stiffnesses.min())
-    held = [one for one in joints if one.get("place") == "handle" and one.get("end_effector_length")]
-    if real.tendon_length:
-        for one in held:
+    changes: dict[str, Any] = {}
+    rods = []
+    for joint in model.as_given("joints"):
+        rigidity = joint.backbone_rigidity or 0.0
+        if rod is not None and rigidity:
+            one = min(catalogue.rods, key=lambda rod: abs(math.log(rod.rigidity / rigidity)))
+            changes[f"joints.{joint.name}.backbone_rigidity"] = one.rigidity
+            rods.append((joint.name, one))
+        if joint.place == "handle" and joint.end_effector_length and real.tendon_length:
             # The handle keeps its share of the tendons' compliance, where the sheath's friction acts.
-            one["end_effector_length"] *= length / (wheels.factor * real.tendon_length)
-    tendons = [tendon.model_dump(exclude_unset=True) for tendon in model.as_given("tendons")]
-    for table, own in zip(tendons, model.stiffnesses, strict=True):
-        table.pop("stiffness", None)
-        table.pop("length", None)
-        if "stiffness_by_tension" not in table and not math.isclose(area / own, length, rel_tol=_SAME):
-            table["length"] = area / float(own)
-    changes: dict[str, Any] = {
-        "joints": joints,
-        "tendons": tendons,
+            hand = joint.end_effector_length * length / (wheels.factor * real.tendon_length)
+            changes[f"joints.{joint.name}.end_effector_length"] = hand
+    for tendon, own in zip(model.as_given("tendons"), model.stiffnesses.tolist(), strict=True):
+        alike = tendon.stiffness_by_tension is not None or math.isclose(area / own, length, rel_tol=_SAME)
+        changes[f"tendons.{tendon.name}.stiffness"] = None
+        changes[f"tendons.{tendon.name}.length"] = None if alike else area / own
+    changes |= {
         "tendon_stiffness": None,
         "tendon_diameter": rope.diameter,
         "tendon_modulus": rope.modulus,

@@ -442,11 +442,8 @@ def with_pretensions(inst: FullForm, tensions: Array) -> FullForm:
     """Return an instrument with other pretensions of its tendons, (tendons,), N."""
     if np.allclose(inst.pretensions, tensions, rtol=1e-12):
         return inst
-    tendons = [
-        tendon.model_copy(update={"pretension": float(tension)})
-        for tendon, tension in zip(inst.as_given("tendons"), tensions, strict=True)
-    ]
-    return inst.replace(tendons=[tendon.model_dump(exclude_unset=True) for tendon in tendons])
+    named = zip(inst.as_given("tendons"), tensions.tolist(), strict=True)
+    return inst.replace(**{f"tendons.{tendon.name}.pretension": tension for tendon, tension in named})
 
 
 def _kind_of(one: object) -> tuple[object, ...]:

@@ -13,7 +13,7 @@ from tenodesis.similarity.joints import JointComparison, JointMotions, compare_j
 from tenodesis.statics import up_to_force
 from tenodesis.statics.bends import Bends
 from tenodesis.tolerance.files import InstrumentName
-from tenodesis.tolerance.parameters import Parameter, with_values_at
+from tenodesis.tolerance.parameters import Parameter
 
 INVALID = -1
 """Status of a sample that is not a valid instrument."""
@@ -106,7 +106,7 @@ class JointEvaluation(NamedTuple):
         inst = self.real_size if which == "real-size" else self.scaled_up
         changes = {key: float(value) for (of, key), value in zip(self.keys, row, strict=True) if of == which}
         try:
-            return expanded(with_values_at(inst, changes) if changes else inst)
+            return expanded(inst.replace(**changes) if changes else inst)
         except InstrumentError:
             return None
 

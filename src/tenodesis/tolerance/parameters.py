@@ -2,14 +2,14 @@
 
 import math
 import re
-from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, NamedTuple, get_args
 
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 from tenodesis.errors import StudyError
-from tenodesis.instrument import FullForm, Instrument
+from tenodesis.instrument import Instrument
+from tenodesis.instrument.numbers import values_by_key
 from tenodesis.report.content import unit_text
 from tenodesis.tolerance.files import DistributionName, InstrumentName, Tolerance, Tolerances
 from tenodesis.toml import did_you_mean
@@ -23,7 +23,6 @@ _FIXED = {
     "output_range": "it bounds the cycle, which is the same for all samples",
     "sensors.sampling_rate": "it is the same for all runs of a batch",
 }
-_LISTS = ("joints", "tendons")
 _PERCENT = re.compile(r"\s*(?P<number>[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*%\s*")
 _SHOWN = {"m": "mm", "Pa": "GPa", "rad": "deg"}
 
@@ -103,7 +102,7 @@ def _parameter(tolerance: Tolerance, inst: Instrument) -> Parameter:
 def _number(key: str, inst: Instrument) -> _Number:
     if key in _FIXED:
         raise StudyError(f"{key} of {inst.name} cannot vary: {_FIXED[key]}.", key=key)
-    known = dict(_fields(inst))
+    known = values_by_key(inst)
     if key not in known:
         keys = ", ".join(name for name, (value, _) in known.items() if name not in _FIXED and isinstance(value, float))
         hint = did_you_mean(key, (), known)
@@ -122,52 +121,6 @@ def _kind(value: object) -> str:
     if isinstance(value, int):
         return f"{value}, an integer"
     return f"{value!r}, not a number" if isinstance(value, str) else "not a number"
-
-
-def _fields(table: BaseModel, prefix: str = "") -> Iterator[tuple[str, tuple[Any, FieldInfo]]]:
-    for name, field in type(table).model_fields.items():
-        value = table.as_given(name) if isinstance(table, Instrument) else getattr(table, name)
-        key = prefix + (field.alias or name)
-        if isinstance(value, BaseModel):
-            yield from _fields(value, f"{key}.")
-        elif isinstance(value, tuple) and isinstance(table, FullForm):
-            for n, one in enumerate(value):
-                if isinstance(one, BaseModel):
-                    yield from _of_entry(table, key, n, one)
-        yield key, (value, field)
-
-
-def _of_entry(inst: FullForm, key: str, place: int, entry: BaseModel) -> Iterator[tuple[str, tuple[Any, FieldInfo]]]:
-    """Yield the values of a joint or a tendon, by its name; a tendon's are those that it has by default, too."""
-    own = f"{key}.{getattr(entry, 'name', place)}"
-    used = {} if key != "tendons" else {"stiffness": inst.stiffnesses[place], "pretension": inst.pretensions[place]}
-    for name, (value, field) in _fields(entry, f"{own}."):
-        yield name, (float(used[one]) if (one := name.rpartition(".")[2]) in used else value, field)
-    for crossing in getattr(entry, "route", ()):
-        joint = next(one for one in inst.as_given("joints") if one.name == crossing.joint)
-        for name, (value, field) in _fields(crossing, f"{own}.{crossing.joint}."):
-            yield name, (joint.radius if name.endswith(".radius") and value is None else value, field)
-
-
-def with_values_at(inst: Instrument, changes: Mapping[str, float]) -> Instrument:
-    """Return an instrument with values changed by the keys of a study: joints.NAME.KEY, tendons.NAME.JOINT.KEY.
-
-    Raises InstrumentError if a value is not allowed.
-    """
-    plain = {key: value for key, value in changes.items() if key.partition(".")[0] not in _LISTS}
-    lists: dict[str, list[dict[str, Any]]] = {}
-    for key, value in changes.items():
-        if key in plain:
-            continue
-        listed, name, *inner = key.split(".")
-        if listed not in lists:
-            lists[listed] = [one.model_dump(exclude_unset=True) for one in inst.as_given(listed)]
-        tables = lists[listed]
-        table = next(one for one in tables if one["name"] == name)
-        if len(inner) > 1:
-            table = next(one for one in table["route"] if one["joint"] == inner[0])
-        table[inner[-1]] = value
-    return inst.replace(**plain, **lists)
 
 
 def _metadata(field: FieldInfo) -> list[Any]:

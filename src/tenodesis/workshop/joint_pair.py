@@ -10,10 +10,10 @@ import numpy as np
 
 from tenodesis import tolerance
 from tenodesis.errors import ArgumentError, InstrumentError, StudyError
-from tenodesis.instrument import FullForm, expanded
+from tenodesis.instrument import FullForm
 from tenodesis.run import Array
 from tenodesis.similarity.joints import JointComparison, compare_joints
-from tenodesis.tolerance.parameters import Parameter, resolve, with_values_at
+from tenodesis.tolerance.parameters import Parameter, resolve
 from tenodesis.workshop.grades import Grade, of_backbone, of_length, of_pretension, of_radius, of_spring, of_stiffness
 
 _LENGTHS = ("end_effector_length", "backbone_length")
@@ -154,7 +154,7 @@ class JointPair:
 
     def _one(self, values: dict[str, float]) -> FullForm | None:
         try:
-            return expanded(with_values_at(self.scaled_up, values))
+            return self.scaled_up.replace(**values)
         except InstrumentError:
             return None
 
