@@ -21,10 +21,11 @@ from tenodesis.identification.any_instrument import value_of, with_values
 from tenodesis.identification.formats.csv import as_identification
 from tenodesis.identification.formats.mcap import first_rows
 from tenodesis.identification.formats.measured import MeasuredRun, Raw
-from tenodesis.identification.problem import Parameter, Problem, SensorError, Trace, differenced, scales
+from tenodesis.identification.problem import Parameter, SensorError, differenced, scales
 from tenodesis.identification.registry import Format
 from tenodesis.identification.twin_model.marginalise import Marginalisation, marginalise
-from tenodesis.identification.twin_model.steps import InputError, QuantisedSensor, encoder, unrounded
+from tenodesis.identification.twin_model.stepped import Shown, SteppedProblem
+from tenodesis.identification.twin_model.steps import InputError, QuantisedSensor, SteppedRun, encoder, unrounded
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
 from tenodesis.kinematics import Port, tip_pose
 from tenodesis.kinematics.chain import rotated
@@ -47,8 +48,6 @@ _KEPT = 2
 """Slopes whose simulated readings are kept: those at an optimum are asked for again."""
 _AT_HOME = 0.01
 """Angle of a spool below which it is at zero, and only its counts say otherwise, rad."""
-_LOST = 1e3
-"""Residual where the instrument has no equilibrium."""
 _LEAST_COEFFICIENT = 0.05
 """At which the search for a friction coefficient begins where the file states none."""
 _LEAST_MOTION = (0.02, 1e-4, 1e-2, 1e-2, 1e-3)
@@ -118,34 +117,20 @@ class RoutingRun(MeasuredRun):
 
 
 class _Inputs(NamedTuple):
-    """What is given to the twin, a row each step, and what is compared."""
+    """What is given to the twin, a row each step, besides what the spools have wound, the commands of its run."""
 
     handle: Array
     """(n, joints of the handle), rad"""
-    commands: Array
-    """Wound by the spools, (n, tendons), m, where no velocities were commanded"""
     velocity: Array
     """Commanded to the spools, (n, tendons), rad/s"""
     wrench: Array
     """(n, 6), N and N m"""
     grip: Array
     """(n, 1), N"""
-    time_step: float
-    """s"""
     from_home: bool
     """Whether handle and spools are at zero, and the tip free, at first."""
     settles: bool
     """Whether what is compared begins later than that."""
-    kept: NDArray[np.intp]
-    """Steps at which a row of the recording is compared."""
-    input_errors: tuple[InputError, ...]
-    """Of what the spools have wound between their encoders' counts."""
-    mixing: Array
-    """(errors, errors)"""
-    measured: dict[str, Array]
-    """Readings in these steps, by channel"""
-    stride: int = 1
-    """Readings that one of these stands for"""
 
 
 def of_run(
@@ -251,7 +236,7 @@ def load(path: Path, progress: Progress | None = None) -> RoutingRun:
     return of_run(recording.run, inst, name=path.name, notes=left_out)
 
 
-class Routing(Problem):
+class Routing(SteppedProblem):
     """Recordings of all tendons of an instrument, and what of it is unknown.
 
     Unknown are each tendon's stiffness and pretension, rigidities of backbones, arms of tendons at joints, friction
@@ -275,14 +260,16 @@ class Routing(Problem):
             f"tension.{tendon.name}": sensor for tendon, sensor in zip(inst.tendons, inst.tension_sensors, strict=True)
         }
         self._recorded, self._finer = tuple(runs), 1
-        self._inputs = [self._input(one) for one in runs]
-        self._times = [one.time[self._rows_compared(one)] for one in runs]
         self._pose_noise = {
             channel: max(
-                _of_differences([one.measured[channel] for one in self._inputs if channel in one.measured]), least
+                _of_differences(
+                    [one.columns[channel][self._rows_compared(one)] for one in runs if channel in one.columns]
+                ),
+                least,
             )
             for channel, least in _POSE.items()
         }
+        self._prepare()
         self.parameters = self._parameters()
         self._step = _STEP
         self._known: dict[tuple[bytes, int], dict[str, Array]] = {}
@@ -294,8 +281,13 @@ class Routing(Problem):
         """Which parameters are offsets of encoders, (parameters,)."""
         return np.array([one.name.endswith(_OFFSETS) for one in self.parameters])
 
-    def _input(self, run: MeasuredRun) -> _Inputs:
-        """Return what is given to the twin, at each of its steps."""
+    def _prepare(self) -> None:
+        """Put the recordings into the steps that the twin takes."""
+        both = [self._input(one) for one in self._recorded]
+        self._inputs, self._runs = [inputs for inputs, _ in both], [run for _, run in both]
+
+    def _input(self, run: MeasuredRun) -> tuple[_Inputs, SteppedRun]:
+        """Return what is given to the twin, at each of its steps, and what the spools have wound with what is read."""
         name, columns, count = run.name, run.columns, len(run)
         spools = [{f"{kind}.{one.name}" for one in self.inst.tendons} for kind in ("spool_velocity", "spool_angle")]
         needed = [f"handle_angle.{one.name}" for one in self.inst.handle_joints]
@@ -345,16 +337,22 @@ class Routing(Problem):
         channels = self._channels(run)
         compared = self._rows_compared(run)
         errors = [(column, error) for column, path in enumerate(paths) for error in path.errors]
-        return _Inputs(
+        inputs = _Inputs(
             handle=stepped(handle),
-            commands=stepped(wound),
             velocity=np.concatenate([np.zeros((approach, velocity.shape[1])), held]),
             wrench=stepped(wrench),
             grip=stepped(grip),
-            time_step=step,
             from_home=from_home,
             settles=isinstance(run, RoutingRun) and run.settled > 0,
+        )
+        return inputs, SteppedRun(
+            name=name,
+            time_step=step,
+            stride=1,
+            commands=stepped(wound),
+            lead=approach,
             kept=approach + substeps * np.arange(count)[compared],
+            time=run.time[compared],
             input_errors=tuple(
                 InputError(
                     column,
@@ -369,6 +367,8 @@ class Routing(Problem):
             ),
             mixing=block_diag(*(path.mixing for path in paths)),
             measured={channel: row[compared] for channel, row in channels.items()},
+            sensors={channel: self._sensor(channel) for channel in channels},
+            handle_as_read=False,
         )
 
     def _steps(self, sample_time: float) -> tuple[float, int]:
@@ -403,7 +403,7 @@ class Routing(Problem):
 
     def _parameters(self) -> tuple[Parameter, ...]:
         inst = self.inst
-        shown = {channel for one in self._inputs for channel in one.measured}
+        shown = {channel for one in self._runs for channel in one.measured}
         unknowns: dict[str, _Unknown] = {}
         for tendon in inst.as_given("tendons"):
             unknowns |= {f"{tendon.name}.{key}": of for key, of in _OF_TENDON.items()}
@@ -433,7 +433,8 @@ class Routing(Problem):
         """
         values = {one.name: one.start for one in self.parameters}
         values |= {key: values[key] or _LEAST_COEFFICIENT for key in _COEFFICIENTS if key in values}
-        first = next((one.measured for run in runs if (one := self._inputs[run]).from_home and not one.settles), {})
+        known = (run for run in runs if self._inputs[run].from_home and not self._inputs[run].settles)
+        first = next((self._runs[run].measured for run in known), {})
         for channel in self._tension_sensors.keys() & first.keys():
             values[f"{channel.partition('.')[2]}.pretension"] = float(first[channel][0])
         return np.array([*values.values()])
@@ -454,26 +455,14 @@ class Routing(Problem):
         own = {key: value for key, value in named.items() if key not in tables and not key.endswith(_OFFSETS)}
         return with_values(self.inst, list(own), np.array(list(own.values())), **tables)
 
-    def sample_time(self, run: int) -> float:
-        """Return the time between the steps that are taken, s."""
-        return float(self._times[run][1] - self._times[run][0])
-
-    def channels(self, run: int) -> int:
-        """Return how many tensions and angles are compared."""
-        return len(self._inputs[run].measured)
-
-    def sensors(self, run: int) -> tuple[str, ...]:
-        """Return their names."""
-        return tuple(self._inputs[run].measured)
-
-    def _noise(self, channel: str) -> float:
-        """Return the standard deviation of a reading, that of its steps included."""
+    def _sensor(self, channel: str) -> QuantisedSensor:
         if channel in self._tension_sensors:
             sensor = self._tension_sensors[channel]
-            return QuantisedSensor(sensor.noise, sensor.resolution).deviation
+            return QuantisedSensor(sensor.noise, sensor.resolution)
         if channel in _POSE:
-            return self._pose_noise[channel]
-        return encoder(self.inst).deviation * sqrt(len(self._bends[channel.partition(".")[2]]))
+            return QuantisedSensor(self._pose_noise[channel], 0.0)
+        # an arc has an encoder of its own
+        return QuantisedSensor(*(sqrt(len(self._bends[channel.partition(".")[2]])) * one for one in encoder(self.inst)))
 
     def ahead(self, points: Sequence[Array], run: int) -> None:
         """Simulate the twins of several values of the parameters side by side, of which the readings are then known."""
@@ -485,11 +474,11 @@ class Routing(Problem):
             given = [np.frombuffer(values) for values, _ in lacking]
             try:
                 with thread_pool() as pool:
-                    found = [*pool.map(lambda one: self._simulated(one, run, self._inputs[run].commands), given)]
+                    found = [*pool.map(lambda one: self._simulated(one, run, self._runs[run].commands), given)]
             except ArgumentError:
                 # stiffer tendons swing faster: from now on, steps are shorter
                 self._finer += 1
-                self._inputs = [self._input(one) for one in self._recorded]
+                self._prepare()
                 self._near.clear()
                 self._known.clear()
                 continue
@@ -498,8 +487,7 @@ class Routing(Problem):
                 del self._known[key]
             return
 
-    def _model(self, values: Array, run: int) -> dict[str, Array]:
-        """Return the readings of the twin by channel, NaN where it has no equilibrium."""
+    def _readings(self, values: Array, run: int) -> dict[str, Array]:
         self.ahead([values], run)
         offsets = {
             f"output_angle.{one.name.removesuffix(_OFFSETS)}": value
@@ -511,10 +499,10 @@ class Routing(Problem):
 
     def _simulated(self, values: Array, run: int, wound: Array) -> dict[str, Array]:
         """Return them without encoders' offsets where spools have wound this, (steps, tendons), m."""
-        inputs = self._inputs[run]
+        inputs, one = self._inputs[run], self._runs[run]
         try:
             inst = self.instrument(values)
-            whole = Twin(inst, time_step=inputs.time_step).run(
+            whole = Twin(inst, time_step=one.time_step).run(
                 inputs.handle,
                 wrench=inputs.wrench,
                 spool_velocity=inputs.velocity,
@@ -524,28 +512,19 @@ class Routing(Problem):
         except (NoSolutionError, ArgumentError) as problem:
             if problem.key == "time_step":
                 raise
-            return {channel: np.full(row.size, np.nan) for channel, row in inputs.measured.items()}
-        tension, angle = (whole.by_column(signal)[inputs.kept] for signal in ("tension", "output_angle"))
+            return {channel: np.full(row.size, np.nan) for channel, row in one.measured.items()}
+        tension, angle = (whole.by_column(signal)[one.kept] for signal in ("tension", "output_angle"))
         found = {f"tension.{one.name}": tension[:, i] for i, one in enumerate(inst.tendons)}
         for bend, arcs in self._bends.items():
             found[f"output_angle.{bend}"] = angle[:, arcs].sum(axis=1)
-        if not found.keys() >= inputs.measured.keys():
+        if not found.keys() >= one.measured.keys():
             pose = tip_pose(inst, angle, port=Port(insertion=0.0))
             axis = rotated(pose.quaternion[:, 0], np.array([0.0, 0.0, 1.0]))
             found |= dict(zip(_POSE, np.concatenate([pose.position[:, 0], axis], axis=1).T, strict=True))
-        return {channel: found[channel] for channel in inputs.measured}
+        return {channel: found[channel] for channel in one.measured}
 
     def _expected(self, values: Array, run: int, wound: Array) -> Array:
-        return self._scaled(self._simulated(values, run, wound))
-
-    def _scaled(self, readings: dict[str, Array]) -> Array:
-        """Return readings over their noise, of one channel after another."""
-        return np.concatenate([row / self._noise(channel) for channel, row in readings.items()])
-
-    def plain_residuals(self, values: Array, run: int) -> Array:
-        """Return measured minus model of all channels over their noise, with what spools' counts hide."""
-        model = self._model(values, run)
-        return np.nan_to_num(self._scaled(self._inputs[run].measured) - self._scaled(model), nan=_LOST)
+        return self._scaled(self._simulated(values, run, wound), run)
 
     def residuals(self, values: Array, run: int) -> Array:
         """Return measured minus model of all channels over their noise.
@@ -563,7 +542,7 @@ class Routing(Problem):
         """Return differences of the residuals by parameters, of a step in which stick and slip hardly turn."""
         lower, upper = (np.array([getattr(one, end) for one in self.parameters]) for end in ("lower", "upper"))
         slopes = differenced(
-            lambda at: -self._scaled(self._model(at, run)),
+            lambda at: -self._scaled(self._readings(at, run), run),
             values,
             lower,
             upper,
@@ -578,8 +557,8 @@ class Routing(Problem):
         """Halve the difference by which slopes are taken, and marginalise what spools' counts hide near some values."""
         self._step /= 2
         for run in runs if self._step >= _LEAST_STEP else ():
-            if self._inputs[run].input_errors:
-                self._near[run] = marginalise(self._inputs[run], partial(self._expected, values, run))
+            if self._runs[run].input_errors:
+                self._near[run] = marginalise(self._runs[run], partial(self._expected, values, run))
         return self._step >= _LEAST_STEP
 
     def weigh_sensors(self, values: Array, runs: Sequence[int]) -> bool:
@@ -590,7 +569,7 @@ class Routing(Problem):
         what the level of tensions would tell beside them is less than intervals would say.
         """
         self._cells.clear()
-        for run in runs if not any(self._inputs[run].input_errors for run in runs) else ():
+        for run in runs if not any(self._runs[run].input_errors for run in runs) else ():
             effects = self._of_cells(values, run)
             if effects.any():
                 directions, sizes, _ = np.linalg.svd(effects, full_matrices=False)
@@ -607,12 +586,12 @@ class Routing(Problem):
 
         Gains act on the tensions of the model, for readings have the residuals' own noise.
         """
-        model = self._model(values, run)
+        model = self._readings(values, run)
         effects = []
         for channel, sensor in self._tension_sensors.items():
             for error in (sensor.offset, sensor.gain_error * model[channel]) if channel in model else ():
                 own = {name: 0 * row + (error if name == channel else 0.0) for name, row in model.items()}
-                effects.append(self._scaled(own))
+                effects.append(self._scaled(own, run))
         size = sum(row.size for row in model.values())
         return np.nan_to_num(np.stack(effects, axis=1)) if effects else np.zeros((size, 0))
 
@@ -634,19 +613,25 @@ class Routing(Problem):
         spread = right.T / (1 + sizes**2) @ right + by_parameters @ covariance @ by_parameters.T
         likeliest = zip(estimator @ self.residuals(values, run), np.sqrt(np.diag(spread)), strict=True)
         found = {}
-        for channel in [one for one in self._tension_sensors if one in self._inputs[run].measured]:
+        for channel in [one for one in self._tension_sensors if one in self._runs[run].measured]:
             sensor = self._tension_sensors[channel]
             for key, scale, unit in (("offset", sensor.offset, "N"), ("gain", sensor.gain_error, "1")):
                 value, std = (float(scale * one) for one in next(likeliest))
                 found[f"{channel}.{key}"] = SensorError(value, std, unit)
         return found
 
-    def _read(self, values: Array, run: int) -> dict[str, Array]:
+    def _shown(self, channel: str) -> Shown:
+        kind, scale = ("tension_N", 1.0) if channel.startswith("tension") else ("output_angle_deg", degrees(1))
+        if channel in _POSE:
+            kind, scale = ("position_mm", 1e3) if channel.startswith("position") else ("direction_1", 1.0)
+        return Shown(f"{channel}_{kind.rpartition('_')[2]}", kind, scale)
+
+    def _likeliest(self, values: Array, run: int) -> dict[str, Array]:
         """Return the model's readings by channel, with the errors of load cells that are likeliest where it has them.
 
         They are in the model once they are in the weights, of a run held out as of one that is fitted.
         """
-        model = dict(self._model(values, run))
+        model = dict(self._readings(values, run))
         if not self._cells:
             return model
         effects = self._of_cells(values, run)
@@ -657,25 +642,6 @@ class Routing(Problem):
             sensor = self._tension_sensors[channel]
             model[channel] = model[channel] * (1 + gain * sensor.gain_error) + offset * sensor.offset
         return model
-
-    def errors(self, values: Array, run: int) -> dict[str, Array]:
-        """Return measured minus model of tensions in N and angles in degrees, of each kind one after another."""
-        model = self._read(values, run)
-        of: dict[str, list[Array]] = {}
-        for channel, row in self._inputs[run].measured.items():
-            key, scale = _shown(channel)
-            of.setdefault(key, []).append(scale * (row - model[channel]))
-        return {key: np.concatenate(parts) for key, parts in of.items()}
-
-    def traces(self, values: Array, run: int) -> dict[str, Trace]:
-        """Return measured and modelled tensions and angles."""
-        model = self._read(values, run)
-        found = {}
-        for channel, row in self._inputs[run].measured.items():
-            key, scale = _shown(channel)
-            name = f"{channel}_{key.rpartition('_')[2]}"
-            found[name] = Trace(self._times[run], scale * row, scale * model[channel])
-        return found
 
 
 def _of_differences(rows: Sequence[Array]) -> float:
@@ -698,13 +664,6 @@ def _compared(channels: Mapping[str, Array]) -> slice:
     first = int(read[0]) % period if read.size else 0
     stride = -(-(len(rows) - first) // (period * MOST_COMPARED))
     return slice(first, None, period * stride)
-
-
-def _shown(channel: str) -> tuple[str, float]:
-    """Return a channel's kind with its unit, and how much of that its SI unit is."""
-    if channel in _POSE:
-        return ("position_mm", 1e3) if channel.startswith("position") else ("direction_1", 1.0)
-    return ("tension_N", 1.0) if channel.startswith("tension") else ("output_angle_deg", degrees(1))
 
 
 def _under(law: str, inst: FullForm) -> FullForm:

@@ -1,49 +1,17 @@
 """Residuals with the errors of a twin's commands marginalised out."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from math import sqrt
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array, diags_array
 
 from tenodesis.identification.twin_model import tuning
-from tenodesis.identification.twin_model.steps import InputError
+from tenodesis.identification.twin_model.steps import InputError, SteppedRun
 from tenodesis.run import Array
 from tenodesis.threads import thread_pool
-
-
-class Commanded(Protocol):
-    """A run in steps whose commands have errors, as :class:`SteppedRun` names its parts."""
-
-    @property
-    def commands(self) -> Array:
-        """Commands by step, (steps, columns)."""
-
-    @property
-    def input_errors(self) -> tuple[InputError, ...]:
-        """Errors of the commands."""
-
-    @property
-    def mixing(self) -> Array:
-        """Independent combinations of these, one standard deviation each, (errors, combinations)."""
-
-    @property
-    def measured(self) -> Mapping[str, Array]:
-        """Readings by sensor."""
-
-    @property
-    def kept(self) -> NDArray[np.intp]:
-        """Steps with readings."""
-
-    @property
-    def time_step(self) -> float:
-        """Length of a step, s."""
-
-    @property
-    def stride(self) -> int:
-        """Samples per step."""
 
 
 class Marginalisation(NamedTuple):
@@ -67,7 +35,7 @@ class Marginalisation(NamedTuple):
         return np.asarray(weighted - self.effects @ (self.shrinkage @ (self.effects.T @ weighted)))
 
 
-def marginalise(run: Commanded, expected: Callable[[Array], Array]) -> Marginalisation:
+def marginalise(run: SteppedRun, expected: Callable[[Array], Array]) -> Marginalisation:
     """Return how the residuals of a run with errors of its inputs are whitened.
 
     `expected` maps commands to readings in standard deviations, one sensor after the other.
@@ -84,7 +52,7 @@ def marginalise(run: Commanded, expected: Callable[[Array], Array]) -> Marginali
     return Marginalisation(weights, effects, shrinkage, nonlinear)
 
 
-def _effects(run: Commanded, expected: Callable[[Array], Array]) -> tuple[csc_array, Array]:
+def _effects(run: SteppedRun, expected: Callable[[Array], Array]) -> tuple[csc_array, Array]:
     """Return linear effects of each error on residuals, (n, errors), and nonlinear effects by group, (n, groups).
 
     Errors that are far apart share a run of the model: the effect of each ends where the next one begins.

@@ -11,9 +11,10 @@ from tenodesis._core import Status
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.identification.formats.measured import MeasuredRun
-from tenodesis.identification.problem import Parameter, Problem, Trace
+from tenodesis.identification.problem import Parameter, Problem
 from tenodesis.identification.twin_model import tuning
 from tenodesis.identification.twin_model.marginalise import Marginalisation, marginalise
+from tenodesis.identification.twin_model.stepped import Shown, SteppedProblem
 from tenodesis.identification.twin_model.steps import READINGS, SteppedRun, in_steps
 from tenodesis.instrument import ShortForm
 from tenodesis.instrument.compliance import compliance_shares
@@ -132,10 +133,13 @@ _LAWS_OF = {
 """Friction laws that have a parameter, where not all have it."""
 
 _ROW = _core.twin_parameters()
-_ANGLES = {"measured_handle_angle": "handle_angle_deg", "measured_output_angle": "output_angle_deg"}
+_ANGLES = {
+    "measured_handle_angle": Shown("handle_angle_deg", "", 180 / pi),
+    "measured_output_angle": Shown("output_angle_deg", "output_angle_deg", 180 / pi),
+}
 
 
-class TwinProblem(Problem):
+class TwinProblem(SteppedProblem):
     """Recordings of an instrument, and its twin as their model.
 
     The handle angle is the commanded one, or that of its encoder less its offset; spool angles are those of their
@@ -257,17 +261,9 @@ class TwinProblem(Problem):
             )
         return tuple(out)
 
-    def channels(self, run: int) -> int:
-        """Return how many sensors the residuals of a run hold."""
-        return len(self._runs[run].measured)
-
     def sensors(self, run: int) -> tuple[str, ...]:
         """Return what these sensors are called."""
         return tuple(name.removeprefix("measured_").replace("_", " ") for name in self._runs[run].measured)
-
-    def plain_residuals(self, values: Array, run: int) -> Array:
-        """Return measured minus model in standard deviations, (n,), errors of commands included."""
-        return self._plain(self._model(values, run, [])[:, 0], run)
 
     def residuals_near(self, values: Array, run: int, other: Problem, there: Array) -> Array:
         """Return the residuals, (n,), whitened as those of another model of the same recordings are near its values."""
@@ -302,10 +298,6 @@ class TwinProblem(Problem):
             one.sensors[name].deviation_of_mean(one.stride) / one.sensors[name].deviation for name in one.measured
         )
 
-    def sample_time(self, run: int) -> float:
-        """Return the time between residuals of a sensor, s."""
-        return float(np.median(np.diff(self._runs[run].time)))
-
     def residuals(self, values: Array, run: int) -> Array:
         """Return measured minus model, in standard deviations, one sensor after the other."""
         residuals = self.plain_residuals(values, run)
@@ -318,7 +310,7 @@ class TwinProblem(Problem):
     def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
         """Return the derivatives of the residuals by some parameters, given their indices, shape (n, how many)."""
         model, slopes = self._differentiated(values, run, which)
-        return self._whitened(slopes, self._plain(model[:, 0], run), values, run)
+        return self._whitened(slopes, self._plain(_by_name(model[:, 0]), run), values, run)
 
     def plain_derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
         """Return those of the residuals with errors of commands included, as :meth:`plain_residuals` has them."""
@@ -331,12 +323,8 @@ class TwinProblem(Problem):
 
     def _differentiated(self, values: Array, run: int, which: Sequence[int]) -> tuple[Array, Array]:
         """Return the model of a run, and the derivatives of the residuals by some parameters."""
-        one = self._runs[run]
         model = self._model(values, run, [self._variables[index] for index in which])
-        parts = [
-            -np.nan_to_num(model[READINGS.index(name), 1:].T / one.deviation[name], nan=0.0) for name in one.measured
-        ]
-        return model, np.concatenate(parts)
+        return model, -np.nan_to_num(self._scaled(_by_name(model[:, 1:].swapaxes(1, 2)), run), nan=0.0)
 
     def systematic_errors(self, values: Array, run: int) -> Array:
         """Return the effects of systematic errors on residuals, one deviation each, (n, m).
@@ -353,28 +341,10 @@ class TwinProblem(Problem):
                 for wave in (np.cos(turns), np.sin(turns)):
                     waves.append(np.zeros(count * len(sensors)))
                     waves[-1][place * count : (place + 1) * count] = sqrt(size) / sensor.deviation * wave
-        plain = self._plain(model, run)
+        plain = self._plain(_by_name(model), run)
         near = self._marginalisation(plain, values, run)
         errors = np.nan_to_num(np.stack([np.zeros(plain.size), *waves], axis=1))
         return errors if near is None else near.whitened(np.concatenate([errors, near.nonlinear], axis=1))
-
-    def errors(self, values: Array, run: int) -> dict[str, Array]:
-        """Return measured minus model: output_angle_deg where there is a distal encoder, tension_N of both tendons."""
-        off = self._differences(values, run)
-        errors = {"tension_N": np.concatenate([off[f"tension_{tendon}"] for tendon in TENDONS])}
-        if "measured_output_angle" in off:
-            errors = {"output_angle_deg": np.degrees(off["measured_output_angle"])} | errors
-        return errors
-
-    def traces(self, values: Array, run: int) -> dict[str, Trace]:
-        """Return every sensor's signal with the model's."""
-        one = self._runs[run]
-        off = self._differences(values, run)
-        traces = {}
-        for name, measured in one.measured.items():
-            scale = 180 / pi if name in _ANGLES else 1.0
-            traces[_ANGLES.get(name, f"{name}_N")] = Trace(one.time, measured * scale, (measured - off[name]) * scale)
-        return traces
 
     def instrument(self, values: Array) -> ShortForm:
         """Return the instrument with these values in place, those that differ from its own."""
@@ -401,12 +371,6 @@ class TwinProblem(Problem):
         if asked & {"friction.vertex_coefficient", "friction.sheath_coefficient", "friction.constant"}:
             return "Record cycles at two pretensions and both small and large handle angles, with common-mode pulls."
         return None
-
-    def _plain(self, model: Array, run: int) -> Array:
-        """Return measured minus a model, by reading and kept step, in standard deviations."""
-        one = self._runs[run]
-        parts = [(data - model[READINGS.index(name)]) / one.deviation[name] for name, data in one.measured.items()]
-        return np.asarray(np.nan_to_num(np.concatenate(parts), nan=tuning.LOST_RESIDUAL), dtype=np.float64)
 
     def _whitened(self, rows: Array, plain: Array, values: Array, run: int) -> Array:
         """Return rows, (n,) or (n, m), with the errors that encoders leave in commands marginalised out."""
@@ -442,17 +406,17 @@ class TwinProblem(Problem):
         """Return the model's sensor readings of a run, in standard deviations, one sensor after the other."""
         one = self._runs[run]
         model = self._run(one._replace(commands=commands), self._numbers(values), [])[:, 0, one.kept]
-        parts = [model[READINGS.index(name)] / sensor.deviation for name, sensor in one.sensors.items()]
-        return np.asarray(np.nan_to_num(np.concatenate(parts)), dtype=np.float64)
+        return np.asarray(np.nan_to_num(self._scaled(_by_name(model), run)), dtype=np.float64)
+
+    def _readings(self, values: Array, run: int) -> dict[str, Array]:
+        return _by_name(self._model(values, run, [])[:, 0])
+
+    def _shown(self, channel: str) -> Shown:
+        return _ANGLES.get(channel) or Shown(f"{channel}_N", "tension_N")
 
     def _numbers(self, values: Array) -> list[float]:
         given = {UNKNOWNS[name].number: float(value) for name, value in zip(self._names, values, strict=True)}
         return [(self._nominal | given)[name] for name in _ROW]
-
-    def _differences(self, values: Array, run: int) -> dict[str, Array]:
-        """Return measured minus model by sensor; NaN from where the model's tip is lost."""
-        model = self._model(values, run, [])[:, 0]
-        return {name: data - model[READINGS.index(name)] for name, data in self._runs[run].measured.items()}
 
     def _model(self, values: Array, run: int, variables: Sequence[int]) -> Array:
         """Return the model's sensor readings and their derivatives, by reading, row and kept step."""
@@ -495,6 +459,10 @@ def instrument_of(runs: Sequence[MeasuredRun], given: ShortForm | None) -> Short
         raise IdentificationError(f"{runs[0].name} contains no planar instrument; give --instrument.", key="instrument")
     # that of a recorded twin is the truth
     return known[0].replace(mismatch=None)
+
+
+def _by_name(readings: Array) -> dict[str, Array]:
+    return dict(zip(READINGS, readings, strict=True))
 
 
 def _applies(name: str, law: str, given: set[str], *, spooled: bool, handle_as_read: bool) -> bool:
