@@ -352,7 +352,7 @@ def test_motions_that_no_duration_holds_are_refused(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(joints, "BLOCK", 0.1)
     monkeypatch.setattr(joints, "_motions", lambda inst, force: every(inst, force)[:1] + every(inst, force)[-1:])
     with refused("duration", kind=IdentificationError):
-        joints.plan(tn.instrument.expanded(tn.load("needle-driver")), duration=0.05, force=0.0)
+        plan(tn.load("needle-driver"), duration=0.05, forces=[])
 
 
 every = joints._motions

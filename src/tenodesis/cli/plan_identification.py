@@ -1,22 +1,19 @@
 """The command that proposes a bench protocol for an identification."""
 
-import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from tenodesis.cli.command import command
 from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_instrument, quantity, say, table
-from tenodesis.cli.outputs import Outputs, write_text
+from tenodesis.cli.outputs import Outputs
 from tenodesis.errors import CommandError
-from tenodesis.identification.experiment import DURATION, OPTIMISTIC, ProposedProtocol, joints, plan, report
+from tenodesis.identification.experiment import DURATION, ProposedProtocol, plan, report
 from tenodesis.identification.experiment.information import CriterionName
-from tenodesis.instrument import expanded
 from tenodesis.units import Duration, PositiveForce
 
 _NONE = "none"
-COMMANDS = "commands.csv"
 
 
 @command("instrument_file")
@@ -50,31 +47,26 @@ def plan_identification(  # noqa: PLR0917
     several = given.short_form is None
     if several and axis is not None:
         raise CommandError(key="--axis", value=axis, allowed="left out: tendons turn several joints")
-    how: dict[str, Any] = {
-        "duration": quantity("--duration", duration, Duration),
-        "distal_encoder": not without_distal_encoder,
-        "law": law,
-        "criterion": criterion,
-    }
-    loads = None if forces is None else _forces(forces)
-    if several:
-        force = joints.LOAD if loads is None else max(loads, default=0.0)
-        with outputs.folder(out, (COMMANDS, report.NUMBERS)), ProgressBar("motions tried") as bar:
-            planned = joints.plan(expanded(given), words, force=force, progress=bar, **how)
-            write_text(out / COMMANDS, joints.commands(planned))
-            write_text(out / report.NUMBERS, json.dumps(joints.to_json(planned), indent=1) + "\n")
-        _print_joints(planned)
-        say(f"Written: {out / COMMANDS}, {out / report.NUMBERS}")
-        return
-    inst = load_instrument(instrument_file, planar=True)
+    inst = given if several else load_instrument(instrument_file, planar=True)
     if axis is not None:
         inst = inst.axis(axis)
-    names = (report.PROTOCOL, report.PAGE, report.FIGURE, report.NUMBERS)
-    with outputs.folder(out, names), ProgressBar("protocols tried") as bar:
-        found = plan(inst, words, forces=loads, progress=bar, **how)
+    files = (report.COMMANDS,) if several else (report.PROTOCOL, report.PAGE, report.FIGURE)
+    with outputs.folder(out, (*files, report.NUMBERS)), ProgressBar("protocols tried") as bar:
+        found = plan(
+            inst,
+            words,
+            duration=quantity("--duration", duration, Duration),
+            distal_encoder=not without_distal_encoder,
+            forces=None if forces is None else _forces(forces),
+            law=law,
+            criterion=criterion,
+            progress=bar,
+        )
         written = report.write(found, out)
     _print_plan(found)
     say(f"Written: {', '.join(str(path) for path in written)}")
+    if found.protocol is None:
+        return
     alone = "" if axis is None else f" --axis {axis}"
     say(f"Record: tenodesis record {instrument_file} {out / report.PROTOCOL}{alone} --out LOG.mcap")
     say(
@@ -87,26 +79,6 @@ def _forces(text: str) -> list[float]:
     if text.strip() == _NONE:
         return []
     return [quantity("--forces", part.strip(), PositiveForce) for part in text.split(",")]
-
-
-def _print_joints(found: joints.JointPlan) -> None:
-    title = f"{found.inst.name}: proposed motions, {joints.BLOCK * len(found.blocks):.4g} s"
-    console.print(table(title, ">begins [s]", "motion", rows=((f"{one.begins:.4g}", one.name) for one in found.blocks)))
-    intervals = table(
-        "predicted 95 % intervals, all parameters open; times as wide by all joints together, without load",
-        *("wanted", ">file", ">half width", ">all joints", ""),
-    )
-    for one in found.parameters:
-        if one.name in found.wanted:
-            half = joints.HALF * found.std[one.name]
-            wider = found.alone[one.name] / found.std[one.name]
-            shown = "" if found.identifiable(one.name) else "not identifiable"
-            in_file = f"{one.start:.5g} {one.unit}"
-            if one.name in found.assumed:
-                in_file = f"none, {found.assumed[one.name]:.5g} assumed"
-            intervals.add_row(one.name, in_file, f"{half:.2g}", f"{wider:.3g}", shown)
-    console.print(intervals)
-    say(joints.OPTIMISTIC)
 
 
 def _print_plan(found: ProposedProtocol) -> None:
@@ -122,5 +94,5 @@ def _print_plan(found: ProposedProtocol) -> None:
             name, *report.shown(found, name), *ratios, "" if found.identifiable(name) else "not identifiable"
         )
     console.print(intervals)
-    for sentence in (*dict.fromkeys(found.unidentifiable.values()), *found.warnings, OPTIMISTIC):
+    for sentence in (*dict.fromkeys(found.unidentifiable.values()), *found.warnings, found.caveat):
         say(sentence)

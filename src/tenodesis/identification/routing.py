@@ -320,7 +320,7 @@ class Routing(SteppedProblem):
             raise IdentificationError(
                 f"{name}: neither handle nor spools nor the load move.", key="columns", value=list(columns)
             )
-        step, substeps = self._steps(run.sample_time)
+        step, substeps = steps_within(self.inst, run.sample_time, self._finer)
         # a rest before it would let tendons slip elsewhere than in a recording that begins at once
         positions = zip(given[:-1], _LEAST_MOTION, strict=False)
         from_home = all(np.abs(of[0]).max(initial=0.0) <= least for of, least in positions)
@@ -370,16 +370,6 @@ class Routing(SteppedProblem):
             sensors={channel: self._sensor(channel) for channel in channels},
             handle_as_read=False,
         )
-
-    def _steps(self, sample_time: float) -> tuple[float, int]:
-        """Return the longest step of the twin that divides the time between rows, s, and how many there are in it."""
-        for substeps in range(self._finer, _MOST_SUBSTEPS):
-            try:
-                # a clock's last digits are no time
-                return Twin(self.inst, time_step=round(sample_time / substeps, _DIGITS)).time_step, substeps
-            except ArgumentError:
-                continue
-        raise IdentificationError(key="sample_time", value=sample_time, allowed="shorter")
 
     def _rows_compared(self, run: MeasuredRun) -> slice:
         """Return which rows of a recording are compared."""
@@ -642,6 +632,20 @@ class Routing(SteppedProblem):
             sensor = self._tension_sensors[channel]
             model[channel] = model[channel] * (1 + gain * sensor.gain_error) + offset * sensor.offset
         return model
+
+
+def steps_within(inst: FullForm, sample_time: float, least: int = 1) -> tuple[float, int]:
+    """Return the longest step of the twin that divides the time between rows, s, and how many there are in it.
+
+    They are at least so many. Raises IdentificationError if none is short enough.
+    """
+    for substeps in range(least, _MOST_SUBSTEPS):
+        try:
+            # a clock's last digits are no time
+            return Twin(inst, time_step=round(sample_time / substeps, _DIGITS)).time_step, substeps
+        except ArgumentError:
+            continue
+    raise IdentificationError(key="sample_time", value=sample_time, allowed="shorter")
 
 
 def _of_differences(rows: Sequence[Array]) -> float:

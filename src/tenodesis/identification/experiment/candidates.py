@@ -6,7 +6,7 @@ A candidate is a block of phases that begins and ends straight and unloaded, wit
 import math
 from collections.abc import Iterator, Sequence
 from itertools import product
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from tenodesis import statics
 from tenodesis.errors import IdentificationError, NoSolutionError
@@ -44,11 +44,11 @@ _PLAIN_PERIOD = 6.6
 
 
 class Candidate(NamedTuple):
-    """A block of phases with its name."""
+    """A block of phases, or a motion of several joints, with its name."""
 
     name: str
     kind: str
-    phases: tuple[Phase, ...]
+    phases: tuple[Any, ...]
 
 
 def loads(inst: ShortForm, forces: Sequence[float] | None = None) -> tuple[float, ...]:

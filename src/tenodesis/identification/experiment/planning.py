@@ -7,36 +7,26 @@ from itertools import count
 from typing import NamedTuple, get_args
 
 import numpy as np
-import tomli_w
 from scipy import special
 
-from tenodesis import simulate
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import identifiability
-from tenodesis.identification.experiment import candidates as blocks
-from tenodesis.identification.experiment.candidates import Candidate, Phase, baselines
+from tenodesis.identification.experiment.candidates import Candidate
 from tenodesis.identification.experiment.information import Criterion, CriterionName, Information, choose
-from tenodesis.identification.experiment.simulated import InfeasibleProtocolError, SimulatedExperiment
+from tenodesis.identification.experiment.joints import JointExperiment
+from tenodesis.identification.experiment.simulated import Experiment, InfeasibleProtocolError, SimulatedExperiment
 from tenodesis.identification.problem import Parameter
-from tenodesis.identification.twin_model.problem import TwinProblem
-from tenodesis.instrument import ShortForm
-from tenodesis.instrument.text import readable, with_units
-from tenodesis.run import Array, Run
+from tenodesis.instrument import Instrument, expanded
+from tenodesis.run import Run
 from tenodesis.simulate import Protocol
 from tenodesis.threads import thread_pool
-from tenodesis.units import READABLE
 
-OPTIMISTIC = (
-    "Predicted intervals account for the sensors' noise and rounding alone: they are the best that a bench can reach. "
-    "Effects beyond the model, its longer time steps, inaccurate loads and an instrument that differs from its file "
-    "make them wider."
-)
+OPTIMISTIC = SimulatedExperiment.caveat
 
 HELD_WITH = {"friction.sheath_bend": "friction.sheath_coefficient"}
 """Parameters that are held unless wanted, since they act only in a product with another."""
 HALF = float(special.ndtri(0.975))
 """Half a 95 % interval, in standard deviations."""
-_UNITS = {si: unit for si, unit in READABLE.items() if si != "s"}
 
 
 class Block(NamedTuple):
@@ -63,8 +53,10 @@ class Prediction:
 class ProposedProtocol:
     """A proposed protocol with its predictions."""
 
-    inst: ShortForm
+    inst: Instrument
     law: str
+    caveat: str
+    """What the predictions leave out."""
     distal_encoder: bool
     duration: float
     criterion: CriterionName
@@ -74,14 +66,17 @@ class ProposedProtocol:
     open: tuple[str, ...]
     """Free parameters in the predictions, including the wanted parameters."""
     held: tuple[str, ...]
-    protocol: Protocol
+    assumed: Mapping[str, float]
+    """Values in place of those that the file lacks."""
+    protocol: Protocol | None
+    """None of motions that no protocol holds, which `run` has the commands of."""
     blocks: tuple[Block, ...]
     run: Run
     """What the twin does in it."""
     proposed: Prediction
     baselines: tuple[Prediction, ...]
     growth: tuple[Mapping[str, float], ...]
-    """Standard deviation of every open parameter after each block."""
+    """Standard deviation of every open parameter after each block; of several joints at the end alone."""
     unidentifiable: Mapping[str, str]
     """Why no candidate identifies them, by the names of parameters."""
     left_out: Mapping[str, str]
@@ -114,14 +109,6 @@ class ProposedProtocol:
         return identifiability.is_identifiable(one, self.proposed.std[name])
 
 
-def to_text(protocol: Protocol, comment: str = "") -> str:
-    """Return the text of a protocol file, with a comment at its head."""
-    phases = [{"kind": phase.kind} | with_units(phase, unset=False) for phase in protocol.phases]
-    values = with_units(protocol, unset=False) | {"phases": readable(phases, _UNITS)}
-    head = "".join(f"# {line}".rstrip() + "\n" for line in comment.splitlines())
-    return f"{head}\n{tomli_w.dumps(values)}" if head else tomli_w.dumps(values)
-
-
 DURATION = 30.0
 LONGEST = 600.0
 """Longest protocol that is planned, s."""
@@ -130,7 +117,7 @@ WANTED = ("friction", "stiffness", "pretension")
 
 
 def plan(
-    inst: ShortForm,
+    inst: Instrument,
     want: Sequence[str] | None = None,
     *,
     duration: float = DURATION,
@@ -142,7 +129,8 @@ def plan(
 ) -> ProposedProtocol:
     """Propose the bench protocol after which the wanted parameters are known best, and predict how well.
 
-    The design is local: derivatives are taken at the file's values. Of two axes it is for the first.
+    The design is local: derivatives are taken at the file's values. Of two axes it is for the first; of an instrument
+    that lists joints and tendons for all joints.
 
     Parameters
     ----------
@@ -151,7 +139,8 @@ def plan(
     duration
         How long the protocol may last, s.
     forces
-        Known forces at the tip that the bench has, N; none if empty; by default shares of the slack limit.
+        Known forces at the tip that the bench has, N; none if empty; by default shares of the slack limit. Of several
+        joints the largest, 0.5 N by default.
     law
         Friction law; the instrument's by default.
     criterion
@@ -164,18 +153,18 @@ def plan(
     IdentificationError
         The request is not valid, or no candidate fits into the duration.
     """
-    inst = inst.planar[0]
     _check(duration, criterion)
-    experiment = SimulatedExperiment(inst, law or inst.friction.law, distal_encoder=distal_encoder)
+    short = inst.short_form
+    experiment: Experiment = (
+        JointExperiment(expanded(inst), law, distal_encoder=distal_encoder, forces=forces)
+        if short is None
+        else SimulatedExperiment(short.planar[0], law, distal_encoder=distal_encoder, forces=forces)
+    )
     wanted = _wanted(experiment, want)
     free, held = _free(experiment, wanted)
     measure = Criterion(criterion, free, wanted)
-    given = blocks.loads(experiment.inst, forces)
-    offered = blocks.candidates(experiment.inst, given)
-    # The loads of Fig. 14, or those of the bench where the file has none; none without a load rig.
-    of_paper = experiment.inst.conditions.forces or given[:3] if given else ()
-    compared = baselines(experiment.inst, of_paper, duration)
-    done, total = count(1), len(offered) + len(compared) + _ORDERS
+    offered, compared = experiment.candidates, experiment.baselines(duration)
+    done, total = count(1), len(offered) + len(compared) + experiment.orders
 
     def step() -> None:
         if progress is not None:
@@ -201,29 +190,31 @@ def plan(
             left_out[name] = str(problem)
             skipped.append(f"Not compared with {name}: {problem}.")
         else:
-            (information,) = experiment.information(run)[1]
+            (information,) = experiment.prediction(run)[1]
             predictions.append(predicted(name, run, information))
         step()
     ends = [*(one.begins + one.seconds for one in best.blocks[:-1]), math.inf]
-    fitted, grown = experiment.information(best.run, ends)
+    fitted, grown = experiment.prediction(best.run, ends)
     found = ProposedProtocol(
         inst=experiment.inst,
         law=experiment.law,
+        caveat=experiment.caveat,
         distal_encoder=distal_encoder,
         duration=duration,
         criterion=criterion,
-        forces=given,
+        forces=experiment.forces,
         parameters=experiment.parameters,
         wanted=tuple(names[one] for one in wanted),
         open=tuple(names[one] for one in free),
         held=tuple(names[one] for one in held),
+        assumed=experiment.assumed,
         protocol=best.protocol,
         blocks=best.blocks,
         run=best.run,
         proposed=predicted("the proposed protocol", best.run, grown[-1]),
         baselines=tuple(predictions),
         growth=tuple(_std(experiment, one, free) for one in grown),
-        unidentifiable=_unidentifiable(experiment, fitted, everything, given),
+        unidentifiable=experiment.unidentifiable(fitted, everything),
         left_out=left_out,
         warnings=(),
     )
@@ -239,7 +230,7 @@ class _TriedCandidate(NamedTuple):
 class _TriedProtocol(NamedTuple):
     """A protocol of several blocks with its evaluation."""
 
-    protocol: Protocol
+    protocol: Protocol | None
     blocks: tuple[Block, ...]
     run: Run
     information: Information
@@ -252,7 +243,7 @@ def _check(duration: float, criterion: str) -> None:
         raise IdentificationError(key="criterion", value=criterion, allowed=" or ".join(get_args(CriterionName)))
 
 
-def _wanted(experiment: SimulatedExperiment, want: Sequence[str] | None) -> list[int]:
+def _wanted(experiment: Experiment, want: Sequence[str] | None) -> list[int]:
     """Return the indices of the parameters that names of parameters or groups stand for."""
     names = [one.name for one in experiment.parameters]
     groups = experiment.groups
@@ -283,7 +274,7 @@ def _wanted(experiment: SimulatedExperiment, want: Sequence[str] | None) -> list
     return [names.index(name) for name in dict.fromkeys(found)]
 
 
-def _free(experiment: SimulatedExperiment, wanted: Sequence[int]) -> tuple[list[int], list[int]]:
+def _free(experiment: Experiment, wanted: Sequence[int]) -> tuple[list[int], list[int]]:
     """Return the indices of the parameters that are open, and of those held since they act only in a product."""
     names = [one.name for one in experiment.parameters]
     held = [names.index(name) for name in HELD_WITH if name in names and names.index(name) not in wanted]
@@ -291,7 +282,7 @@ def _free(experiment: SimulatedExperiment, wanted: Sequence[int]) -> tuple[list[
 
 
 def _tried(
-    experiment: SimulatedExperiment, offered: Sequence[Candidate], step: Callable[[], None]
+    experiment: Experiment, offered: Sequence[Candidate], step: Callable[[], None]
 ) -> tuple[list[_TriedCandidate], dict[str, str]]:
     """Return the information of each candidate by itself, and why others cannot be run."""
 
@@ -315,14 +306,8 @@ def _tried(
     return tried, left_out
 
 
-_ORDERS = 3
-"""Orders of the blocks that are tried."""
-_REPEATS = 2
-"""How often a candidate may be chosen while others fit: repetitions also repeat the model's errors."""
-
-
 def _best(
-    experiment: SimulatedExperiment,
+    experiment: Experiment,
     tried: Sequence[_TriedCandidate],
     *,
     duration: float,
@@ -337,7 +322,7 @@ def _best(
     pool, reason = list(tried), ""
     while True:
         seconds = [one.seconds for one in pool]
-        most = max(_REPEATS, math.ceil(_REPEATS * duration / sum(seconds)))
+        most = max(experiment.repeats, math.ceil(experiment.repeats * duration / sum(seconds)))
         chosen = choose([one.information for one in pool], seconds, duration, measure, most=most)
         if not chosen:
             raise IdentificationError(
@@ -347,7 +332,7 @@ def _best(
                 value=duration,
             )
         protocols = []
-        for order in _orders(chosen):
+        for order in _orders(chosen, experiment.orders):
             try:
                 protocols.append(_joined(experiment, [pool[place] for place in order]))
             except InfeasibleProtocolError as problem:
@@ -366,93 +351,25 @@ def _best(
             )
 
 
-def _orders(chosen: Sequence[int]) -> list[list[int]]:
-    """Return orders to try: as offered, in reverse, and shuffled; the same each time."""
-    draw = np.random.default_rng(0)
-    shuffled = [draw.permutation(np.array(chosen)).tolist() for _ in range(_ORDERS - 2)]
-    orders = [list(chosen), list(reversed(chosen)), *shuffled]
-    return [order for place, order in enumerate(orders) if order not in orders[:place]]
-
-
-def _joined(experiment: SimulatedExperiment, order: Sequence[_TriedCandidate]) -> _TriedProtocol:
-    phases: list[Phase] = [phase for one in order for phase in one.candidate.phases]
-    proposed = Protocol(
-        name="identification",
-        description=f"Proposed to identify {experiment.inst.name}"[:200],
-        phases=tuple(phases),
-    )
-    # run with the digits that the file will have
-    protocol = simulate.parse(to_text(proposed))
-    run = experiment.run(protocol.phases)
-    begins = np.concatenate([[0.0], np.cumsum([one.seconds for one in order])])
-    parts = tuple(
-        Block(one.candidate, float(begin), one.seconds) for one, begin in zip(order, begins[:-1], strict=True)
-    )
+def _joined(experiment: Experiment, order: Sequence[_TriedCandidate]) -> _TriedProtocol:
+    protocol, run = experiment.joined([phase for one in order for phase in one.candidate.phases])
+    begins = np.concatenate([[0.0], np.cumsum([one.seconds for one in order])[:-1]]).tolist()
+    parts = tuple(Block(one.candidate, begin, one.seconds) for one, begin in zip(order, begins, strict=True))
     return _TriedProtocol(protocol, parts, run, experiment.information(run)[1][0])
 
 
-def _std(experiment: SimulatedExperiment, information: Information, free: Sequence[int]) -> dict[str, float]:
+def _orders(chosen: Sequence[int], count: int) -> list[list[int]]:
+    """Return orders to try: as offered, in reverse, and shuffled; the same each time."""
+    draw = np.random.default_rng(0)
+    shuffled = [draw.permutation(np.array(chosen)).tolist() for _ in range(count - 2)]
+    orders = [list(chosen), list(reversed(chosen)), *shuffled][:count]
+    return [order for place, order in enumerate(orders) if order not in orders[:place]]
+
+
+def _std(experiment: Experiment, information: Information, free: Sequence[int]) -> dict[str, float]:
     """Return the standard deviation of parameters that are open together, SI."""
     std = information.of(free).uncertainty().std * experiment.scale[list(free)]
     return dict(zip((experiment.parameters[index].name for index in free), std.tolist(), strict=True))
-
-
-def _unidentifiable(
-    experiment: SimulatedExperiment, problem: TwinProblem, everything: Information, forces: Sequence[float]
-) -> dict[str, str]:
-    """Return why all candidates together do not identify some parameters, by those parameters' names."""
-    base = problem.residuals(experiment.values, 0)
-
-    def change(values: Array) -> float:
-        return float(np.sum((problem.residuals(values, 0) - base) ** 2))
-
-    indices = range(len(experiment.parameters))
-    examined = identifiability.examine(
-        problem, indices, experiment.values, scale=experiment.scale, found=everything.uncertainty(), change=change
-    )
-    why: dict[str, str] = {}
-    for one in examined.combinations:
-        if len(one.names) == 1:
-            sentence = f"No candidate identifies {one.names[0]}: the readings hardly depend on it."
-        else:
-            known = f"only {one.known} acts" if one.known else "they change the readings in the same way"
-            sentence = f"No candidate identifies {identifiability.listed(one.names)} separately: {known}."
-        reason = _reason(experiment, problem, one.names)
-        why |= dict.fromkeys(one.names, f"{sentence} {reason}" if reason else sentence)
-    for name, fine in examined.identifiable.items():
-        if not fine and name not in why:
-            reason = _reason(experiment, problem, (name,))
-            sentence = f"No candidate identifies {name}: it depends on several others."
-            why[name] = f"{sentence} {reason}" if reason else sentence
-    if not forces and experiment.inst.joint_type != "continuum":
-        # A continuum's backbone is a known force.
-        sentence = (
-            f"No candidate identifies {', '.join(_SCALING)} separately: without a known force at the tip all tensions "
-            "scale together, but for the tip's oscillation, whose inertia is held at the file's. Put known loads on "
-            "the tip, or hold the gains at a calibration's."
-        )
-        why |= dict.fromkeys(_SCALING, sentence)
-    return why
-
-
-def _reason(experiment: SimulatedExperiment, problem: TwinProblem, names: Sequence[str]) -> str | None:
-    """Return why some parameters are not identifiable, or what would make them so."""
-    if "handle_length_share" in names and experiment.law == "none":
-        return "Without friction the tension is the same all along a tendon."
-    if "friction.sheath_coefficient" in names and not experiment.inst.friction.sheath_bend:
-        return "The sheath of the file has no bend: give its bend, measured."
-    if not experiment.distal_encoder and any(name.startswith(("mismatch.load_cell", "stiffness")) for name in names):
-        return "A distal encoder would identify them, or holding the load cells' gains and biases at a calibration's."
-    return problem.advice(names)
-
-
-_SCALING = (
-    "stiffness_ratio",
-    "pretension_ratio",
-    "mismatch.load_cell_gain.agonist",
-    "mismatch.load_cell_gain.antagonist",
-)
-"""Parameters that scale together where no force is known."""
 
 
 def _warnings(found: ProposedProtocol) -> tuple[str, ...]:

@@ -8,7 +8,9 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from tenodesis.identification.experiment.planning import HALF, OPTIMISTIC, Prediction, ProposedProtocol, to_text
+from tenodesis.identification.experiment.joints import commands
+from tenodesis.identification.experiment.planning import HALF, Prediction, ProposedProtocol
+from tenodesis.identification.experiment.simulated import to_text
 from tenodesis.identification.report import readable, write_files
 from tenodesis.identification.results import LIBRARIES
 from tenodesis.report import page, style
@@ -99,7 +101,7 @@ def _half_width(plan: ProposedProtocol, name: str, std: float) -> float:
     return HALF * std * readable(unit)[0]
 
 
-PROTOCOL, PAGE, FIGURE, NUMBERS = "protocol.toml", "plan.html", "plan.svg", "plan.json"
+PROTOCOL, PAGE, FIGURE, NUMBERS, COMMANDS = "protocol.toml", "plan.html", "plan.svg", "plan.json", "commands.csv"
 """What a plan is written as."""
 SCHEMA = 1
 """Version of the layout of plan.json."""
@@ -110,8 +112,12 @@ _TEMPLATE = "plan.html.j2"
 def write(plan: ProposedProtocol, out: Path) -> list[Path]:
     """Write protocol.toml, plan.html, plan.svg and plan.json into a folder, atomically, and return their paths.
 
-    Raises IdentificationError if the folder cannot be written.
+    Of motions that no protocol holds, commands.csv and plan.json. Raises IdentificationError if the folder cannot be
+    written.
     """
+    numbers = {NUMBERS: json_text(to_json(plan))}
+    if plan.protocol is None:
+        return write_files(out, {COMMANDS: commands(plan.run)} | numbers, last=NUMBERS)
     with style.applied():
         drawn = {
             "course": (course(plan), "What the twin does in the proposed protocol, block by block."),
@@ -125,7 +131,7 @@ def write(plan: ProposedProtocol, out: Path) -> list[Path]:
     texts = {
         PROTOCOL: to_text(plan.protocol, comment=_comment(plan)),
         FIGURE: svgs["course"][0],
-        NUMBERS: json_text(to_json(plan)),
+        **numbers,
         PAGE: _page(plan, svgs),
     }
     return write_files(out, texts, last=PAGE)
@@ -166,7 +172,7 @@ def to_json(plan: ProposedProtocol) -> dict[str, Any]:
         "baselines": {one.name: _prediction(one) for one in plan.baselines},
         "not_identifiable_by_any": dict(plan.unidentifiable),
         "left_out": dict(plan.left_out),
-        "warnings": [*plan.warnings, OPTIMISTIC],
+        "warnings": [*plan.warnings, plan.caveat],
     }
 
 
@@ -176,6 +182,8 @@ def shown(plan: ProposedProtocol, name: str) -> tuple[str, str]:
     factor, unit = readable(one.unit)
     width = HALF * plan.proposed.std[name] * factor
     value = f"{one.start * factor:.5g}{f' {unit}' if unit else ''}"
+    if name in plan.assumed:
+        value = f"none, {value} assumed"
     return value, f"± {width:.2g}" if math.isfinite(width) else "open"
 
 
@@ -217,6 +225,5 @@ def _page(plan: ProposedProtocol, svgs: dict[str, tuple[str, str]]) -> str:
         rows=rows,
         drawn=[(name, Markup(style.inlined(name, svg)), caption) for name, (svg, caption) in svgs.items()],
         reasons=list(dict.fromkeys(plan.unidentifiable.values())),
-        optimistic=OPTIMISTIC,
         about=page.about(*LIBRARIES),
     )

@@ -1,68 +1,221 @@
-"""The experiment on the twin: it runs protocols, whose derivatives predict how well they identify parameters."""
+"""Experiments on the twin: they run motions, whose derivatives predict how well these identify parameters."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
+import tomli_w
 
-from tenodesis import plant, twin
+from tenodesis import plant, simulate, twin
 from tenodesis.control.parameters import tension_limit
 from tenodesis.errors import Error, NoSolutionError, ProtocolError
-from tenodesis.identification.experiment.candidates import Phase
+from tenodesis.identification import identifiability
+from tenodesis.identification.experiment import candidates as blocks
+from tenodesis.identification.experiment.candidates import Candidate, Phase
 from tenodesis.identification.experiment.information import Information, converters, information
 from tenodesis.identification.formats.measured import MeasuredRun
-from tenodesis.identification.problem import Parameter, scales
+from tenodesis.identification.problem import Parameter, Problem, scales
 from tenodesis.identification.twin_model.problem import TwinProblem
 from tenodesis.identification.twin_model.tuning import LONGEST_STEP
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument, ShortForm
+from tenodesis.instrument.text import readable, with_units
 from tenodesis.run import TENDONS, Array, Run
 from tenodesis.simulate import Protocol
+from tenodesis.units import READABLE
 
 _OFF = ((0.8, 0.8), (1.2, 1.2))
 """Stiffness and pretension, over the file's, with which a protocol must run as well."""
 _CANDIDATE = "candidate"
 _COARSE = 2.0
 """Largest RMS error of longer steps, in standard deviations of a sample."""
+_UNITS = {si: unit for si, unit in READABLE.items() if si != "s"}
+_SCALING = (
+    "stiffness_ratio",
+    "pretension_ratio",
+    "mismatch.load_cell_gain.agonist",
+    "mismatch.load_cell_gain.antagonist",
+)
+"""Parameters that scale together where no force is known."""
 
 
 class InfeasibleProtocolError(Error):
     """A protocol that the instrument cannot run; the message is a short reason."""
 
 
-class SimulatedExperiment:
+class Experiment(ABC):
+    """An instrument with its sensors, on which motions are tried: candidates, what they do, and what they say."""
+
+    inst: Instrument
+    law: str
+    """Friction law of the model."""
+    distal_encoder: bool
+    forces: tuple[float, ...]
+    """Known at the tip, N, ascending."""
+    caveat: ClassVar[str]
+    """What its predictions leave out."""
+    orders: ClassVar[int]
+    """Orders of the chosen motions that are tried."""
+    repeats: ClassVar[int]
+    """How often a motion may be chosen while others fit: repetitions also repeat the model's errors."""
+
+    @property
+    @abstractmethod
+    def candidates(self) -> list[Candidate]:
+        """The motions that are offered."""
+
+    @abstractmethod
+    def baselines(self, duration: float) -> Mapping[str, tuple[Any, ...]]:
+        """Return the unplanned motions to compare with by name, each of a duration, s."""
+
+    @property
+    @abstractmethod
+    def _model(self) -> Problem:
+        """A model of its recordings."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All unknowns of the model, starting from the file."""
+        return self._model.parameters
+
+    @property
+    def groups(self) -> Mapping[str, tuple[str, ...]]:
+        """Names of parameters by group."""
+        return self._model.groups
+
+    @cached_property
+    def values(self) -> Array:
+        """The file's values of all parameters, at which derivatives are taken."""
+        return self._model.starting_values(())
+
+    @cached_property
+    def scale(self) -> Array:
+        """Unit of the changes of each parameter, shape (parameters,)."""
+        return scales(self.parameters, self.values)
+
+    @property
+    def assumed(self) -> dict[str, float]:
+        """Values in place of those that the file lacks, by parameter."""
+        return {}
+
+    @abstractmethod
+    def run(self, phases: Sequence[Any]) -> Run:
+        """Return the twin's response; raises InfeasibleProtocolError if the instrument cannot run them."""
+
+    @abstractmethod
+    def information(self, run: Run, until: Sequence[float] = (math.inf,)) -> tuple[Problem, list[Information]]:
+        """Return the model of a run, and its information on all parameters until some times (s)."""
+
+    def prediction(self, run: Run, until: Sequence[float] = (math.inf,)) -> tuple[Problem, list[Information]]:
+        """Return them as predictions have them, after a choice."""
+        return self.information(run, until)
+
+    def joined(self, phases: Sequence[Any]) -> tuple[Protocol | None, Run]:
+        """Return the protocol of motions, if a file may hold it, and the twin's response; raises as :meth:`run`."""
+        return None, self.run(phases)
+
+    def unidentifiable(self, problem: Problem, everything: Information) -> dict[str, str]:
+        """Return why all candidates together do not identify some parameters, by those parameters' names."""
+        return {}
+
+
+def to_text(protocol: Protocol, comment: str = "") -> str:
+    """Return the text of a protocol file, with a comment at its head."""
+    phases = [{"kind": phase.kind} | with_units(phase, unset=False) for phase in protocol.phases]
+    values = with_units(protocol, unset=False) | {"phases": readable(phases, _UNITS)}
+    head = "".join(f"# {line}".rstrip() + "\n" for line in comment.splitlines())
+    return f"{head}\n{tomli_w.dumps(values)}" if head else tomli_w.dumps(values)
+
+
+class SimulatedExperiment(Experiment):
     """A one-axis instrument with its sensors, on which protocols are run.
 
     The mismatch of the instrument's file is left out; `law` is the friction law of the model.
     """
 
-    def __init__(self, inst: ShortForm, law: str, *, distal_encoder: bool) -> None:
+    caveat = (
+        "Predicted intervals account for the sensors' noise and rounding alone: they are the best that a bench can "
+        "reach. Effects beyond the model, its longer time steps, inaccurate loads and an instrument that differs from "
+        "its file make them wider."
+    )
+    orders, repeats = 3, 2
+    inst: ShortForm
+
+    def __init__(
+        self, inst: ShortForm, law: str | None, *, distal_encoder: bool, forces: Sequence[float] | None = None
+    ) -> None:
         self.inst = inst.replace(mismatch=None)
-        self.law = law
+        self.law = law or inst.friction.law
+        self.forces = blocks.loads(self.inst, forces)
         self.distal_encoder = distal_encoder
         self.time_step = _time_step(inst)
         self._sensors = converters(self.inst)
         self._limit = tension_limit(self.inst)
 
     @cached_property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """All unknowns of the model, starting from the file."""
-        return self._still.parameters
+    def candidates(self) -> list[Candidate]:
+        """The blocks of phases that are offered."""
+        return blocks.candidates(self.inst, self.forces)
 
-    @cached_property
-    def groups(self) -> Mapping[str, tuple[str, ...]]:
-        """Names of parameters by group."""
-        return self._still.groups
+    def baselines(self, duration: float) -> dict[str, tuple[Phase, ...]]:
+        """Return plain cycles, and the paper's under the loads of Fig. 14, or of the bench where the file has none."""
+        of_paper = self.inst.conditions.forces or self.forces[:3] if self.forces else ()
+        return blocks.baselines(self.inst, of_paper, duration)
 
-    @cached_property
-    def values(self) -> Array:
-        """The file's values of all parameters."""
-        return np.array([one.start for one in self.parameters])
+    def joined(self, phases: Sequence[Phase]) -> tuple[Protocol, Run]:
+        """Return the protocol of phases, with the digits that its file will have, and the twin's response."""
+        about = f"Proposed to identify {self.inst.name}"[:200]
+        protocol = simulate.parse(to_text(Protocol(name="identification", description=about, phases=tuple(phases))))
+        return protocol, self.run(protocol.phases)
 
-    @cached_property
-    def scale(self) -> Array:
-        """Unit of the changes of each parameter, shape (parameters,)."""
-        return scales(self.parameters, self.values)
+    def unidentifiable(self, problem: Problem, everything: Information) -> dict[str, str]:
+        """Return why all candidates together do not identify some parameters, by those parameters' names."""
+        base = problem.residuals(self.values, 0)
+
+        def change(values: Array) -> float:
+            return float(np.sum((problem.residuals(values, 0) - base) ** 2))
+
+        indices = range(len(self.parameters))
+        examined = identifiability.examine(
+            problem, indices, self.values, scale=self.scale, found=everything.uncertainty(), change=change
+        )
+        why: dict[str, str] = {}
+        for one in examined.combinations:
+            if len(one.names) == 1:
+                sentence = f"No candidate identifies {one.names[0]}: the readings hardly depend on it."
+            else:
+                known = f"only {one.known} acts" if one.known else "they change the readings in the same way"
+                sentence = f"No candidate identifies {identifiability.listed(one.names)} separately: {known}."
+            reason = self._reason(problem, one.names)
+            why |= dict.fromkeys(one.names, f"{sentence} {reason}" if reason else sentence)
+        for name, fine in examined.identifiable.items():
+            if not fine and name not in why:
+                reason = self._reason(problem, (name,))
+                sentence = f"No candidate identifies {name}: it depends on several others."
+                why[name] = f"{sentence} {reason}" if reason else sentence
+        if not self.forces and self.inst.joint_type != "continuum":
+            # A continuum's backbone is a known force.
+            sentence = (
+                f"No candidate identifies {', '.join(_SCALING)} separately: without a known force at the tip all "
+                "tensions scale together, but for the tip's oscillation, whose inertia is held at the file's. Put "
+                "known loads on the tip, or hold the gains at a calibration's."
+            )
+            why |= dict.fromkeys(_SCALING, sentence)
+        return why
+
+    def _reason(self, problem: Problem, names: Sequence[str]) -> str | None:
+        """Return why some parameters are not identifiable, or what would make them so."""
+        if "handle_length_share" in names and self.law == "none":
+            return "Without friction the tension is the same all along a tendon."
+        if "friction.sheath_coefficient" in names and not self.inst.friction.sheath_bend:
+            return "The sheath of the file has no bend: give its bend, measured."
+        if not self.distal_encoder and any(name.startswith(("mismatch.load_cell", "stiffness")) for name in names):
+            return (
+                "A distal encoder would identify them, or holding the load cells' gains and biases at a calibration's."
+            )
+        return problem.advice(names)
 
     def run(self, phases: Sequence[Phase]) -> Run:
         """Return the twin's response.
@@ -123,7 +276,7 @@ class SimulatedExperiment:
         return not all(np.sqrt(np.mean(off**2)) < _COARSE * sensor.deviation_of_mean(1) for off, sensor in pairs)
 
     @cached_property
-    def _still(self) -> TwinProblem:
+    def _model(self) -> TwinProblem:
         """The model of an experiment in which nothing happens."""
         nothing = twin.Twin(self.inst, time_step=self.time_step).run(np.zeros(64))
         return TwinProblem([self._measured(nothing, 1)], self.law, self.inst)
