@@ -23,9 +23,9 @@ _LEAST = {"angle": -math.inf, "tie_ratio": -math.inf, "offset": 0.0, "centre_of_
 """Least values of the keys that may be zero."""
 _LEAST_SHARE = 1e-3
 """Of where the search starts, the least that the others may be."""
-_OF_TENDON = 2
-"""Dots in the key of a tendon; more are in that of where it crosses a joint."""
-_OF_CROSSING = ("radius", "far_radius", "angle")
+_OF_CROSSING = 2
+"""Dots in the key of where a tendon crosses a joint."""
+_AT_CROSSING = ("radius", "far_radius", "angle")
 _WEIGHTINGS = 3
 _STEP = 1e-6
 """Difference by which slopes are taken, over an unknown's scale."""
@@ -207,19 +207,23 @@ def _result(inst: FullForm, scales: dict[str, float], found: Any, noise: dict[st
     return RestFit(estimates, with_values(inst, list(scales), found.x * [*scales.values()]), noise, correlation)
 
 
-def _number(inst: FullForm, name: str) -> tuple[str, float]:
-    """Return the key of an unknown, as :meth:`FullForm.replace` takes it, and its value."""
-    own, key = name.partition(".")[0], name.rpartition(".")[2]
-    table = next((t for t in ("joints", "tendons") if own in [one.name for one in inst.as_given(t)]), None)
-    path, known = f"{table}.{name}", values_by_key(inst)
-    value = known[path][0] if path in known else None
-    if path.count(".") > _OF_TENDON:
-        crossing = path.removesuffix(key)
+def _path(inst: FullForm, name: str) -> str:
+    """Return the key of an unknown as :meth:`FullForm.replace` takes it."""
+    of_joint = name.partition(".")[0] in [joint.name for joint in inst.as_given("joints")]
+    return f"{'joints' if of_joint else 'tendons'}.{name}"
+
+
+def value_of(inst: FullForm, name: str) -> float:
+    """Return the value of an unknown by the name that :func:`fit_at_rest` knows it by; raises as that does."""
+    known, path = values_by_key(inst), _path(inst, name)
+    crossing, _, key = path.rpartition(".")
+    value = known.get(path, (None,))[0]
+    if crossing.count(".") == _OF_CROSSING:
         if key == "angle" and value is None:
-            value = math.pi if SIGNS[known[f"{crossing}side"][0]] < 0 else 0.0
+            value = math.pi if SIGNS[known[f"{crossing}.side"][0]] < 0 else 0.0
         elif key == "far_radius" and value is None:
-            value = known[f"{crossing}radius"][0]
-        elif key not in _OF_CROSSING:
+            value = known[f"{crossing}.radius"][0]
+        elif key not in _AT_CROSSING:
             value = None
     if not isinstance(value, float):
         raise IdentificationError(
@@ -228,17 +232,12 @@ def _number(inst: FullForm, name: str) -> tuple[str, float]:
             key="unknowns",
             value=name,
         )
-    return path, value
-
-
-def value_of(inst: FullForm, name: str) -> float:
-    """Return the value of an unknown by the name that :func:`fit_at_rest` knows it by; raises as that does."""
-    return _number(inst, name)[1]
+    return value
 
 
 def with_values(inst: FullForm, unknowns: Sequence[str], values: Array, **changes: float) -> FullForm:
     """Return the instrument with values of its unknowns, (n,), by these names, and changes of other keys."""
-    paths = [_number(inst, name)[0] for name in unknowns]
+    paths = [_path(inst, name) for name in unknowns]
     # a tendon crosses a joint at an angle instead of on a side
     sides = {f"{path.removesuffix('angle')}side": None for path in paths if path.endswith(".angle")}
     return inst.replace(**dict(zip(paths, values.tolist(), strict=True)), **sides, **changes)
