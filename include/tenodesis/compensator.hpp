@@ -426,8 +426,12 @@ struct Compensator {
     state.near = abs(error) < dead ? smaller(state.near + dt, S(tuning::settle_time) + dt)
                                    : larger(state.near - S(3) * dt, S(0));
     const bool near = state.near > S(tuning::settle_time);
-    // What no stroke can show must not keep the motors awake.
-    const bool sure = near && (share * share * memory.position_variance < square(S(tuning::outlier) * dead) ||
+    const bool on_target = state.dither.settled > 1;
+    const auto dithered = [&] { return state.phase == Phase::pull && state.dithered && on_target; };
+    // While more friction is still being found, the tip is behind the estimate by more than its deviation says. What no
+    // stroke can show must not keep the motors awake.
+    const bool sure = near && ((share * share * memory.position_variance < square(S(tuning::outlier) * dead) &&
+                                (memory.scale < S(tuning::rising_friction) * memory.earlier_scale || dithered())) ||
                                S(state.turns) > S(tuning::most_turns));
     const bool far = abs(error) > S(tuning::far) * dead;
     const auto& load = state.load;
@@ -438,12 +442,8 @@ struct Compensator {
              !loose;
     };
     state.since = smaller(state.since + dt, S(10));
-    const bool on_target = state.dither.settled > 1;
     // A new load takes a tip away that rests, or that dither has brought to its target.
-    const auto taken = [&] {
-      const bool settled = state.phase == Phase::pull && state.dithered && on_target;
-      return (settled || state.phase == Phase::rest) && abs(error) > waking;
-    };
+    const auto taken = [&] { return (dithered() || state.phase == Phase::rest) && abs(error) > waking; };
     if (moving || load.fast || load.leans || (far && taken())) return turn(Phase::track, state);
     switch (state.phase) {
       case Phase::track:

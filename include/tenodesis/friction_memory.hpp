@@ -36,6 +36,7 @@ struct FrictionMemory {
   S reference{};                 ///< excess of both tendons' lengths over their references, m
   S reference_at_start{};        ///< the same by the tensions at the start, m
   S by_ropes{};                  ///< how far ropes of another length than then have moved the tip, either way, m
+  S earlier_scale{1};            ///< friction scale as it was a stroke ago, smoothed
   S compliance_scale{1};         ///< of the tendons, relative to the parameters
   S compliance{};                ///< stretch of a tendon per newton, m/N
   S share[4]{};                  ///< of the compliance by segment, as it has been found

@@ -292,6 +292,8 @@ struct FrictionObserver {
     const S start[3] = {settings.scale_std, settings.reference_std, settings.compliance_std};
     const S growth = square(S(tuning::forgetting)) * dt;
     memory.since_together = memory.since_together + dt;
+    memory.earlier_scale =
+        memory.earlier_scale + (memory.scale - memory.earlier_scale) * (dt * S(1 / tuning::stroke_time));
     for (int n = 0; n < 3; ++n) {
       const S most = start[n] * start[n];
       S& variance = memory.covariance[n][n];

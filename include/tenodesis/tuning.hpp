@@ -56,6 +56,8 @@
   ROW(far, 15, "1", "studies/harm.py", "error that is corrected first without a stroke, in dead bands")                \
   ROW(patience, 0.3, "s", "studies/tremor.py", "for which that is tried")                                              \
   ROW(settle_time, 0.03, "s", "studies/harm.py", "within the dead band before the motors rest")                        \
+  ROW(rising_friction, 1.1, "1", "studies/plants.py",                                                                  \
+      "friction scale over that of a stroke ago, above which a tip is not yet where it is estimated")                  \
   ROW(breakaway_angle, 0.010471975511965976, "rad", "studies/tremor.py",                                               \
       "speed of a tip that breaks away, over its angular frequency (0.6 deg)")                                         \
   ROW(stroke_time, 0.25, "s", "chosen", "in which a common stroke goes from its middle to either end")                 \
