@@ -50,7 +50,7 @@ std::tuple<std::size_t, Status> gradient(const TwinSpec& spec, const In<2>& comm
   do {
     of.variables = variables.data() + of.first;
     of.variable_count = std::min(most, variables.size() - of.first);
-    if (lanes != nullptr) {
+    if (lanes != nullptr && lanes->differentiate != nullptr) {
       std::int64_t outcome[2];
       lanes->differentiate(of, outcome);
       done = {std::size_t(outcome[0]), Status(outcome[1])};

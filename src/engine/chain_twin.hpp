@@ -247,7 +247,7 @@ class ChainTwin final : public AnyTwin {
   std::optional<LaneTwinBytes> in_lanes() const override {
     if constexpr (T::known)
       if (!twin_.current.on)
-        return LaneTwinBytes{{T::N, int(twin_.mechanism(0)), twin_.quasi_static},
+        return LaneTwinBytes{{T::N, int(twin_.mechanism(0)), twin_.quasi_static, step_alone},
                              !twin_.prescribed(),
                              twin_.steps_per_sample,
                              state_.until_sample,
@@ -263,6 +263,11 @@ class ChainTwin final : public AnyTwin {
   }
 
  private:
+  static std::int64_t step_alone(const void* twin, const void* command, void* state) {
+    return std::int64_t(
+        static_cast<const T*>(twin)->step(*static_cast<const Command*>(command), *static_cast<State*>(state)));
+  }
+
   Command command_of(const double* from) const {
     return chain_command<Command>(shape(), [&] { return *from++; }, [](double column) { return column != 0; });
   }

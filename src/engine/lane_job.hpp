@@ -16,6 +16,8 @@ struct Kind {
   int axes;
   int mechanism;
   bool quasi_static;
+  /// Steps a twin alone, given as the bytes of its type, with a command and its state; returns the status.
+  std::int64_t (*step_alone)(const void* twin, const void* command, void* state);
 };
 
 /// What a controller compensates: a joint of the handle and a pair of tendons.
@@ -77,7 +79,7 @@ struct Lanes {
   void (*start)(void* group, int lane, const void* twin, const void* state);
   void (*advance)(void* group, const Job& job);
   void (*release)(void* group);
-  /// Steps taken and status.
+  /// Steps taken and status; null where vectors are no wider than the program's own.
   void (*differentiate)(const Gradient& of, std::int64_t outcome[2]);
 };
 

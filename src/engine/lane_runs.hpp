@@ -44,7 +44,7 @@ void with_group(const void* group, const Work& work) {
 
 void* make_group(const tenodesis_lanes::Kind& kind) {
   void* made{};
-  with_kind(kind, [&]<class G>() { made = new G{kind, decltype(G::twins)(kind.quasi_static)}; });
+  with_kind(kind, [&]<class G>() { made = new G{kind, decltype(G::twins)(kind)}; });
   return made;
 }
 
@@ -60,6 +60,7 @@ void release(void* group) {
   with_group(group, [&]<class G>() { delete static_cast<G*>(group); });
 }
 
+#if TENODESIS_LANES > 2
 void differentiate_one(const tenodesis_lanes::Gradient& of, std::int64_t outcome[2]) {
   static_assert(PackedDual::directions == tenodesis_lanes::most_directions);
   const Variables<PackedDual> at(of.parameters, of.variables, of.variable_count);
@@ -78,6 +79,9 @@ void differentiate_one(const tenodesis_lanes::Gradient& of, std::int64_t outcome
   if (const auto* pulley = std::get_if<1>(&any)) return with_axis(*pulley);
   with_axis(*std::get_if<2>(&any));
 }
+#else
+constexpr decltype(tenodesis_lanes::Lanes::differentiate) differentiate_one = nullptr;
+#endif
 
 }  // namespace
 }  // namespace tenodesis::engine

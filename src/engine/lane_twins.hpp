@@ -25,7 +25,9 @@ class LaneTwins {
   using One = LaneTwin<axes, tip, double>;
   using Many = LaneTwin<axes, tip, L>;
 
-  explicit LaneTwins(bool quasi_static) { many_.quasi_static = quasi_static; }
+  explicit LaneTwins(const tenodesis_lanes::Kind& kind) : alone_(kind.step_alone) {
+    many_.quasi_static = kind.quasi_static;
+  }
   LaneTwins(const LaneTwins&) = delete;
   LaneTwins& operator=(const LaneTwins&) = delete;
   ~LaneTwins() = default;
@@ -197,7 +199,7 @@ class LaneTwins {
       for (std::size_t n = 0; n < job.axis_count; ++n)
         for (const std::size_t m : {job.axes[n].agonist, job.axes[n].antagonist})
           command.spool_velocity[m] = velocity_[m][k];
-    const Status status = one_[k].step(command, state);
+    const auto status = Status(alone_(&one_[k], &command, &state));
     put(k, state, next);
     if (status == Status::ok) return;
     runs_.set(k, false);
@@ -242,6 +244,7 @@ class LaneTwins {
   Many::State state_[2]{};
   L* column_[2][most_columns]{};
   std::array<One, K> one_{};
+  decltype(tenodesis_lanes::Kind::step_alone) alone_;
   int current_{};
   int steps_per_sample_{1};
   int until_sample_{1};

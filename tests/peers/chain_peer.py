@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 # equilibrium without overshoot, so that a load close to the fold is not carried over it by momentum.
 RATE = 200.0
 _STILL = 1e-10  # rad: how far velocity and acceleration may still carry a joint that is called settled
+_NEARLY_STILL = 1e-5  # rad: the same before the load comes, whose rest only decides where that one begins
 _BATCH = 10  # steps between two looks at the state
 _MAX_STEPS = 60_000  # only within a few parts in 100 000 of the fold does creeping there take longer
 IMMOVABLE = 1e12
@@ -84,7 +85,7 @@ class ChainPeer:
         handles, tendons, steps = len(inst.handle_joints), len(inst.tendons), 0
         motors = slice(handles, handles + tendons)
         data.ctrl[motors] = strokes
-        for share in (0.0, 1.0):
+        for share, still in ((0.0, _NEARLY_STILL), (1.0, _STILL)):
             load = share * np.asarray(wrench, float) / len(inst.bearing)
             own, fixed = (load, 0 * load) if axes == "tip" else (0 * load, load)
             data.ctrl[handles + tendons :] = np.concatenate([np.tile(part, len(inst.bearing)) for part in (own, fixed)])
@@ -92,7 +93,7 @@ class ChainPeer:
                 joint = inst.tip_joints[jaw]
                 length = (inst.grip and inst.grip.length) or joint.end_effector_length or 0.0
                 data.qfrc_applied[self._hinges[joint.name]] = share * sign * length * grip_force
-            taken, resting = relax(mujoco, model, data)
+            taken, resting = relax(mujoco, model, data, still)
             steps += taken
             if not resting:
                 return Settled(np.full(len(inst.tip_joints), nan), np.full(tendons, nan), steps)
@@ -100,14 +101,14 @@ class ChainPeer:
         return Settled(angles, -data.actuator_force[motors], steps)
 
 
-def relax(mujoco: Any, model: Any, data: Any) -> tuple[int, bool]:
-    """Step until the joints rest, snap through or run out of steps: steps taken, and whether they rest."""
+def relax(mujoco: Any, model: Any, data: Any, still: float) -> tuple[int, bool]:
+    """Step until the joints rest (rad), snap through or run out of steps: steps taken, and whether they rest."""
     for steps in range(_BATCH, _MAX_STEPS + 1, _BATCH):
         mujoco.mj_step(model, data, _BATCH)
         # A carrier turned by a right angle lines up with its tendons, which then have no lever to hold it.
         if not abs(data.qpos).max() < pi / 2:
             return steps, False
-        if abs(data.qvel).max() < _STILL * RATE and abs(data.qacc).max() < _STILL * RATE**2:
+        if abs(data.qvel).max() < still * RATE and abs(data.qacc).max() < still * RATE**2:
             return steps, True
     return _MAX_STEPS, False
 

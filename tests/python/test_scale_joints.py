@@ -1,5 +1,6 @@
 import csv
 import math
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 import tenodesis as tn
-from tenodesis import similarity
+from tenodesis import similarity, workshop
 from tenodesis.cli.app import app
 from tenodesis.errors import DesignError, StudyError
 from tenodesis.instrument import FullForm, expanded
@@ -194,6 +195,7 @@ def test_scale_writes_model_plan_and_parts(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr("tenodesis.cli.common.console.width", 80)
     monkeypatch.setattr("tenodesis.cli.scale._SAMPLES", 4)
     monkeypatch.setattr("tenodesis.workshop.budget.JOINT_SAMPLES", 100)
+    monkeypatch.setattr("tenodesis.workshop.pack.rehearse", partial(workshop.rehearse, brief=True))
     out = tmp_path / "prototype"
     result = CliRunner().invoke(app, ["scale", "needle-driver", "--factor", "4", "--out", str(out)])
     assert result.exit_code == 0, result.output

@@ -15,7 +15,7 @@ from tenodesis.control import Controller, JointController
 from tenodesis.control.parameters import tension_limit
 from tenodesis.errors import FaultWarning, NoSolutionError
 from tenodesis.instrument import FullForm, Instrument, expanded
-from tenodesis.run import Array, Run, concatenate, fault_bits
+from tenodesis.run import Array, Run, fault_bits
 from tenodesis.scaling import AnyDesign, TestLoad
 from tenodesis.simulate import Protocol, execute
 from tenodesis.simulate.protocol import parse
@@ -433,10 +433,10 @@ def rehearse(design: AnyDesign, *, brief: bool = False, seed: int = 0) -> FirstR
     stages = _stages(design, brief=True)
     last = max(n for n, stage in enumerate(stages) if stage.read) + 1
     read = parse("\n".join(['name = "read"', *_text(design, stages[:last], controlled=False)]), FIRST_RUN)
-    runs = [_phases(_with_friction(inst, share), read, seed) for share in (1.0, *UNCERTAIN)]
+    runs = [_steps(_with_friction(inst, share), stages[:last], read, seed) for share in (1.0, *UNCERTAIN)]
     closed, left, faults = under_law(design, brief=brief, seed=seed)
     bends = _Bend.all_of(expanded(inst))
-    readings = _readings(design, bends, stages[:last], [_staged(stages[:last], run) for run in runs])
+    readings = _readings(design, bends, stages[:last], runs)
     return FirstRun(protocol(design), tuple(readings), _demand(inst, closed), left, faults)
 
 
@@ -451,7 +451,7 @@ def under_law(design: AnyDesign, *, brief: bool = False, seed: int = 0) -> tuple
     with warnings.catch_warnings():
         # Its faults are told in the plan.
         warnings.simplefilter("ignore", FaultWarning)
-        closed = _staged(steps, _phases(inst, protocol(design, controlled=True, brief=brief), seed, controller))
+        closed = _steps(inst, steps, protocol(design, controlled=True, brief=brief), seed, controller)
     faults = np.bitwise_or.reduce(np.concatenate([fault_bits(run["faults"]) for run in closed]))
     bends = _Bend.all_of(expanded(inst))
     loaded = [run for step, run in zip(steps, closed, strict=True) if step.read == "load"]
@@ -459,20 +459,25 @@ def under_law(design: AnyDesign, *, brief: bool = False, seed: int = 0) -> tuple
     return closed, left, int(faults)
 
 
-def _phases(
-    inst: Instrument, planned: Protocol, seed: int, controller: Controller | JointController | None = None
+def _steps(
+    inst: Instrument,
+    stages: Sequence[_Stage],
+    planned: Protocol,
+    seed: int,
+    controller: Controller | JointController | None = None,
 ) -> list[Run]:
-    """Return the run of every phase of one run of a protocol, on a twin whose tendons are slack where it winds them."""
+    """Return the run of every step of one run of a protocol, on a twin whose tendons are slack where it winds them."""
     twin = Twin(inst, seed=seed)
     tight = next((n for n, phase in enumerate(planned.phases) if phase.kind == "pretension"), None)
     if tight is not None:
         _loosen(twin)
     whole = execute(twin, planned, controller)
-    steps = [round(phase.seconds / twin.time_step) for phase in planned.plan(inst, twin.time_step)]
+    rows = [round(phase.seconds / twin.time_step) for phase in planned.plan(inst, twin.time_step)]
     if tight is not None:
         # Only tightening takes as long as it takes.
-        steps[tight] += len(whole) - sum(steps)
-    ends = np.cumsum(steps).tolist()
+        rows[tight] += len(whole) - sum(rows)
+    last = np.cumsum([len(stage.phases) for stage in stages]) - 1
+    ends = np.cumsum(rows)[last].tolist()
     return [whole.rows(begin, end) for begin, end in zip([0, *ends[:-1]], ends, strict=True)]
 
 
@@ -484,12 +489,6 @@ def _loosen(twin: Twin) -> None:
     if back.any():
         steps = np.arange(round(2 / twin.time_step)) < round(1 / twin.time_step)
         twin.run(np.zeros((steps.size, len(inst.handle_joints))), spool_velocity=np.outer(steps, back))
-
-
-def _staged(stages: Sequence[_Stage], runs: Sequence[Run]) -> list[Run]:
-    """Return the run of every step, from those of its phases."""
-    given = iter(runs)
-    return [concatenate([next(given) for _ in stage.phases]) for stage in stages]
 
 
 def _with_friction(inst: Instrument, share: float) -> Instrument:
