@@ -428,11 +428,14 @@ struct Compensator {
     const bool near = state.near > S(tuning::settle_time);
     const bool on_target = state.dither.settled > 1;
     const auto dithered = [&] { return state.phase == Phase::pull && state.dithered && on_target; };
-    // While more friction is still being found, the tip is behind the estimate by more than its deviation says. What no
-    // stroke can show must not keep the motors awake.
-    const bool sure = near && ((share * share * memory.position_variance < square(S(tuning::outlier) * dead) &&
-                                (memory.scale < S(tuning::rising_friction) * memory.earlier_scale || dithered())) ||
-                               S(state.turns) > S(tuning::most_turns));
+    // While the first strokes still find more friction, the tip is behind the estimate by more than its deviation says.
+    const auto learned = [&] {
+      return state.turns > 1 || memory.scale < S(tuning::rising_friction) * memory.earlier_scale || dithered();
+    };
+    // What no stroke can show must not keep the motors awake.
+    const bool sure =
+        near && ((share * share * memory.position_variance < square(S(tuning::outlier) * dead) && learned()) ||
+                 S(state.turns) > S(tuning::most_turns));
     const bool far = abs(error) > S(tuning::far) * dead;
     const auto& load = state.load;
     const bool steady = Envelope<A>::steady(state.envelope) && !load.alternates() && !load.leans;
