@@ -131,6 +131,10 @@ struct Compensator {
 
   S limited(const S& speed) const { return clamp(speed, -settings.speed, settings.speed); }
 
+  static S looser_tension(const FrictionMemory<S>& memory) {
+    return smaller(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]);
+  }
+
   // Near the tension limit a tendon is wound more slowly, and just below it, where the drives still need to stop, not
   // at all. Where the hand goes on, against the joint's own spring, the motor lets out what it has wound.
   Winding<S> guarded(const Measurement<S>& measured, const Winding<S>& wanted) const {
@@ -170,6 +174,8 @@ struct Compensator {
     const bool at_limit = larger(memory.smooth.tension[agonist], memory.smooth.tension[antagonist]) >
                           S(tuning::near_limit) * settings.tension_limit;
     const S along = at_limit && state.envelope.excess > S(0) ? smaller(common, S(0)) : common;
+    // Between the limit and a tendon that would hang, the motors cannot bring the stroke back.
+    if (at_limit && settings.least_tension > looser_tension(memory)) state.envelope.excess = S(0);
     // The motors take the hand's tremor away, as far as it is known when they follow.
     const S against = observer.trembles(memory)
                           ? tremor_gain * observer.tremor_arm() * memory.intent.speed_after(settings.tremor_delay)
@@ -418,8 +424,7 @@ struct Compensator {
     const S share = model.stroke_for(settings.assistance);
     const S unseen = share * larger(memory.unobservable[0], memory.unobservable[1]);
     const S stroke = settings.common_stroke + settings.stroke_share * wanted;
-    const bool loose =
-        settings.least_tension > smaller(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]);
+    const bool loose = settings.least_tension > looser_tension(memory);
     const bool tight = larger(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]) >
                        S(tuning::near_limit) * settings.tension_limit;
     // Noise that crosses the band's edge for a tick must not begin the time anew.
