@@ -1,8 +1,10 @@
 """Claims about mistakes at the command line: each ends in one sentence, before any work, and nothing is lost."""
 
+import os
 import shlex
 import shutil
 import signal
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
@@ -290,11 +292,24 @@ INTERRUPTED = (130, -signal.SIGINT)
 """What a shell shows as 130; Python ends by the signal itself where it came while code was being made from text."""
 
 
+def stopped_within(process: subprocess.Popen[str], folder: Path) -> bool:
+    """Stop a process; let it go on, and return False, if it has made the folder and not locked it yet."""
+    process.send_signal(signal.SIGSTOP)
+    os.waitpid(process.pid, os.WUNTRACED)
+    try:
+        with locked_folder(folder):
+            pass
+    except BlockingIOError:
+        return True
+    process.send_signal(signal.SIGCONT)
+    return False
+
+
 @pytest.mark.process
 def test_ctrl_c_during_the_work_says_what_is_written_and_leaves_nothing_else(tmp_path: Path) -> None:
     first = start_command(tmp_path, "vertices", "--out", "there")
-    until((tmp_path / "there").exists, first)
-    first.send_signal(signal.SIGSTOP)
+    there = tmp_path / "there"
+    until(lambda: there.exists() and stopped_within(first, there), first)
     second = start_command(tmp_path, "vertices", "--out", "there")
     stderr = second.communicate(timeout=120)[1]
     assert second.returncode == 1
