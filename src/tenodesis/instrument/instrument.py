@@ -382,7 +382,8 @@ def _with_entry(entries: Sequence[Any], key: str, path: Sequence[str], value: An
     tables = [one if isinstance(one, dict) else one.model_dump(exclude_unset=True) for one in entries]
     names = [str(one.get("name", one.get("joint"))) for one in tables]
     if name not in names or not inner:
-        raise InstrumentError(key=key, value=value, allowed=f"of {', '.join(names)}, with a key")
+        allowed = f"{key.removesuffix('.'.join(path))}NAME.KEY, with NAME one of {', '.join(names)}"
+        raise InstrumentError(f"{key} is not a known key; it must be {allowed}.", key=key, value=value, allowed=allowed)
     at = names.index(name)
     if inner[1:]:
         tables[at] = tables[at] | {"route": _with_entry(tables[at].get("route", ()), key, inner, value)}
