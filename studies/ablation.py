@@ -33,7 +33,7 @@ MECHANISMS: dict[str, dict[str, float]] = {
     "tracking what is far off": {"far": NEVER},
     "continued strokes": {"patience": 0},
     "breakaway as the hand reverses": {"breakaway_angle": 0},
-    "authority by reversals": {"few_reversals": NEVER, "many_reversals": 2 * NEVER},
+    "gain by reversals": {"few_reversals": NEVER, "many_reversals": 2 * NEVER},
     "alternation": {"alternation_longest": 0},
     "alternation and the envelope's bounds": {"notable_angle": NEVER},
 }

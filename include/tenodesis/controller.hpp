@@ -250,7 +250,7 @@ struct Controller {
     return own_clock || first ? supervisor.period : tenodesis::elapsed<S>(before, input.time);
   }
 
-  // Where a fault has cast doubt on the spools' zeros, homing must come before compensation; a fault that only homing
+  // Where a fault leaves the spools' zeros unknown, homing must come before compensation; a fault that only homing
   // can end must not prevent clearing.
   Request allowed(Request request, State& state) const {
     if (request == Request::clear && needs_homing(state.supervisor.faults)) forget_home(state);

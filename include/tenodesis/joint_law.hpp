@@ -136,12 +136,12 @@ struct JointLaw {
     }
     leave_grip(target, memory, lost);
     for (int i = 0; i < N; ++i) {
-      const S doubt = deviations * sqrt(larger(variance(i, found, turn), S(0)));
-      const S room = S(2) * larger(abs(lost[i]) - doubt, S(0));
+      const S uncertainty = deviations * sqrt(larger(variance(i, found, turn), S(0)));
+      const S room = S(2) * larger(abs(lost[i]) - uncertainty, S(0));
       const S aim = clamp(lost[i], -room, room);
       // What is certainly off is brought nearer, also where friction keeps it there after strokes that went back.
       const S off = lost[i] - moved[i];
-      const S most = S(2) * larger(abs(off) - doubt, S(0));
+      const S most = S(2) * larger(abs(off) - uncertainty, S(0));
       const S nearer = clamp(off, -most, most);
       const S change = most == S(0) ? aim - moved[i]
                        : off > S(0) ? larger(aim - moved[i], nearer)
@@ -184,12 +184,12 @@ struct JointLaw {
   // All contacts slip both ways: stiffness follows from tensions by lengths, friction from how these differ.
   void wind_alike(const S& left, S* stroke) const {
     const S rise = homing_rise * (S(1) - abs(S(2) * left / homing_time - S(1)));
-    S wound[M], turned[N], drawn[M];
+    S wound[M], turned[N], excursion[M];
     for (int m = 0; m < M; ++m)
       wound[m] = chain.motor[m] && chain.stiffness[m] > S(0) ? rise * chain.pretension[m] / chain.stiffness[m] : S(0);
     settle(wound, turned);
-    chain.excursions(turned, drawn);
-    for (int m = 0; m < M; ++m) stroke[m] = stroke[m] + wound[m] - drawn[m];
+    chain.excursions(turned, excursion);
+    for (int m = 0; m < M; ++m) stroke[m] = stroke[m] + wound[m] - excursion[m];
   }
 
   // Coordinates that lengths wound (m) move unloaded joints to, against their springs.
@@ -248,10 +248,10 @@ struct JointLaw {
       any = any || found.taut[m];
     }
     if (!any) return;
-    S turned[N], drawn[M];
+    S turned[N], excursion[M];
     settle(wound, turned);
-    chain.excursions(turned, drawn);
-    for (int m = 0; m < M; ++m) memory.common[m] = memory.common[m] + wound[m] - drawn[m];
+    chain.excursions(turned, excursion);
+    for (int m = 0; m < M; ++m) memory.common[m] = memory.common[m] + wound[m] - excursion[m];
   }
 };
 
@@ -283,7 +283,7 @@ struct JointSupervisor {
   Watch<S> watch{};  ///< of any two tendons
   int tendons{};     ///< that there are
   S stroke_limit{};  ///< of a tendon, beyond what its target needs, m
-  S least_doubt{4};  ///< deviations within which a tension is explained
+  S most_deviations{4};  ///< deviations within which a tension is explained
   S unlike{};        ///< tension that friction unlike the observer's explains, too, before homing, N
 
   /// Faults of this tick by what is measured, before the law moves; dt: since the last tick, s.
@@ -299,11 +299,11 @@ struct JointSupervisor {
       faults |= watch.check(two, sent, dt, memory.watch[k]);
     }
     for (int m = 0; m < tendons && found.valid; ++m) {
-      const S doubt = least_doubt * found.unexplained_std[m];
-      const S least = larger(doubt, watch.of(Fault::load_cell_drift).threshold + (homed ? S(0) : unlike));
+      const S explained = most_deviations * found.unexplained_std[m];
+      const S least = larger(explained, watch.of(Fault::load_cell_drift).threshold + (homed ? S(0) : unlike));
       faults |= lasts(Fault::load_cell_drift, found.taut[m] && abs(found.unexplained[m]) > least, found.unexplained[m],
                       dt, memory.drifted[m]);
-      faults |= lasts(Fault::tendon_break, !found.taut[m] && found.unexplained[m] > doubt, found.unexplained[m], dt,
+      faults |= lasts(Fault::tendon_break, !found.taut[m] && found.unexplained[m] > explained, found.unexplained[m], dt,
                       memory.missing[m]);
     }
     memory.present = faults;

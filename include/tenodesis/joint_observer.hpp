@@ -114,7 +114,7 @@ template <class S, int M>
 struct JointLearning {
   S scale[2]{};    ///< of friction and stiffness, beyond 1
   S weight[3]{};   ///< inverse of their covariance: friction, both, stiffness
-  S tension[M]{};  ///< at the last evidence, N
+  S tension[M]{};  ///< when these were last learned, N
 };
 
 template <class S, int N, int M, int contacts>
@@ -128,10 +128,10 @@ struct JointMemory {
 
 /// Largest angles of joints that an estimate has, short of the mechanisms' limits, rad.
 inline constexpr double most_angle = 0.98 * pi, most_gear_angle = 2.7409;
-/// Change of a tension, as a share of the pretension, above noise: evidence on friction and stiffness.
+/// Change of a tension, as a fraction of the pretension, from which on friction and stiffness are learned anew.
 inline constexpr double least_change = 0.02;
-/// Pieces of evidence in a homing that raises tensions by 0.6 of the pretension and lowers them again.
-inline constexpr double evidence_of_homing = 2 * 0.6 / least_change;
+/// Measurements of both in a homing that raises tensions by 0.6 of the pretension and lowers them again.
+inline constexpr double measurements_of_homing = 2 * 0.6 / least_change;
 /// Deviations that homing leaves of them at least: contacts differ, and a rope's compliance is not all along it alike.
 inline constexpr double least_friction_std = 0.05, least_stiffness_std = 0.02;
 /// Deviation of an angle before any tendon has been read, rad.
@@ -167,8 +167,8 @@ struct JointObserver {
     Found& now = memory.estimate;
     now.valid = is_finite(measured);
     if (!now.valid) return now;
-    // Constant errors are the same in all evidence.
-    const S alike = learns ? S(evidence_of_homing) : S(1);
+    // Constant errors are the same in all measurements.
+    const S alike = learns ? S(measurements_of_homing) : S(1);
     Equations equations;
     equations.of_cells = alike * square(deviations.tension);
     equations.of_lengths = alike * square(deviations.length);
@@ -204,7 +204,7 @@ struct JointObserver {
     auto& learned = memory.learned;
     now.friction_scale = S(1) + learned.scale[0] + value[at_friction];
     now.friction_scale_std = sqrt(covariance(root.lower, at_friction, at_friction));
-    if (learns && is_evidence(measured, learned)) learn(root.lower, value, measured, learned);
+    if (learns && is_informative(measured, learned)) learn(root.lower, value, measured, learned);
     // A stiffness that the file does not admit explains nothing.
     const S softer = clamp(value[at_stiffness], S(-2) * deviations.stiffness, S(2) * deviations.stiffness);
     for (int m = 0; m < M; ++m) {
@@ -224,7 +224,7 @@ struct JointObserver {
     for (int m = 0; m < M && learns; ++m) {
       if (contacts[m] == 0) continue;
       const S own = square(now.unexplained_std[m]) -
-                    S(1 - 1 / evidence_of_homing) *
+                    S(1 - 1 / measurements_of_homing) *
                         (equations.of_cells + equations.of_lengths / square(equations.tendon[m].soft));
       now.unexplained_std[m] = sqrt(larger(own, S(0)));
     }
@@ -276,8 +276,8 @@ struct JointObserver {
     equations.right[at_stiffness] = equations.right[at_stiffness] + weight[2] * scale[1];
   }
 
-  // Whether tensions have changed since the last evidence: at the same ones errors are the same.
-  bool is_evidence(const Measured& measured, const JointLearning<S, M>& learned) const {
+  // Whether tensions have changed since the last measurement that counted: at the same ones errors are the same.
+  bool is_informative(const Measured& measured, const JointLearning<S, M>& learned) const {
     bool changed = false;
     for (int m = 0; m < M; ++m) {
       const S least = S(least_change) * chain.pretension[m];

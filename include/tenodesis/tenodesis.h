@@ -75,7 +75,7 @@ enum {
 enum { TENODESIS_OBSERVE_STROKES, TENODESIS_OBSERVE_DITHER, TENODESIS_OBSERVE_AUTO };
 enum { TENODESIS_ACTUATION_AGONIST, TENODESIS_ACTUATION_DIFFERENTIAL };
 /* After a fault the motors stand, or return home; stopped motors (disabled, paused, or their law off) return, or stand.
- * They begin after hold_time, and never by spools that a fault makes doubtful. */
+ * They begin after hold_time, and never by spools whose zero a fault makes unknown. */
 enum { TENODESIS_SAFE_HOLD, TENODESIS_SAFE_NEUTRAL };
 enum { TENODESIS_STOP_RETURN, TENODESIS_STOP_HOLD };
 enum {

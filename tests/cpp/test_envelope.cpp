@@ -1,4 +1,4 @@
-// Claims about the envelope: which strokes a load explains, and when a law loses its authority.
+// Claims about the envelope: which strokes a load explains, and when a law loses its gain.
 
 #include "tenodesis/envelope.hpp"
 
@@ -34,8 +34,8 @@ struct Fixture {
     for (int n = 0; n < 4000; ++n) envelope().update(S(0), S(0), least, own.friction, memory, S(dt), state);
   }
 
-  /// Lets the lag and the stroke, in reversals that stand out, and the handle (rad) swing for a while; returns the
-  /// authority.
+  /// Lets the tracking error and the stroke, in reversals that stand out, and the handle (rad) swing for a while; returns the
+  /// factor of the gain.
   double swing(double error, double handle, double frequency, double seconds, double stroke = 0) {
     for (int n = 0; n < int(seconds / dt); ++n) {
       const double at = std::sin(2 * pi * frequency * n * dt);
@@ -77,7 +77,7 @@ void beyond_its_bounds_a_stroke_is_taken_back_whatever_the_law_wants(const A& ax
 }
 
 template <class A>
-void a_lag_that_reverses_at_3_hz_takes_the_authority_and_gives_it_back(const A& axis) {
+void an_error_that_reverses_at_3_hz_takes_the_gain_and_gives_it_back(const A& axis) {
   Fixture<A> fixture(axis);
   CLAIM(fixture.swing(0.4, 0, 3, 3) == 1);  // too small to stand out
   CLAIM(fixture.swing(5, 0, 3, 3) == 0);
@@ -88,7 +88,7 @@ void a_lag_that_reverses_at_3_hz_takes_the_authority_and_gives_it_back(const A& 
 
 // A stroke that reverses leaves both tendons' contacts unknown for a while, each time.
 template <class A>
-void a_lag_that_is_only_unknown_for_a_while_takes_none(const A& axis) {
+void an_error_that_is_only_unknown_for_a_while_takes_none(const A& axis) {
   using S = A::Scalar;
   Fixture<A> fixture(axis);
   for (int n = 0; n < int(3 / dt); ++n) {
@@ -124,7 +124,7 @@ void reversals_count_by_what_strokes_leave_of_the_error(const A& axis) {
 }
 
 template <class A>
-void without_authority_a_stroke_returns_to_the_mean_of_what_is_lost(const A& axis) {
+void without_gain_a_stroke_returns_to_the_mean_of_what_is_lost(const A& axis) {
   using S = A::Scalar;
   Fixture<A> fixture(axis);
   const S lost = S(4) * fixture.least;
@@ -140,11 +140,11 @@ void in_one_precision() {
   const auto claim = [](const auto& axis) {
     a_load_explains_the_stroke_that_restores_its_loss_and_no_more(axis);
     beyond_its_bounds_a_stroke_is_taken_back_whatever_the_law_wants(axis);
-    a_lag_that_reverses_at_3_hz_takes_the_authority_and_gives_it_back(axis);
-    a_lag_that_is_only_unknown_for_a_while_takes_none(axis);
+    an_error_that_reverses_at_3_hz_takes_the_gain_and_gives_it_back(axis);
+    an_error_that_is_only_unknown_for_a_while_takes_none(axis);
     neither_the_hand_nor_rare_loads_nor_the_tips_own_oscillation_take_it(axis);
     reversals_count_by_what_strokes_leave_of_the_error(axis);
-    without_authority_a_stroke_returns_to_the_mean_of_what_is_lost(axis);
+    without_gain_a_stroke_returns_to_the_mean_of_what_is_lost(axis);
   };
   claim(instruments::real_size<S>());
   claim(instruments::scaled_up<S>());

@@ -177,7 +177,7 @@ void what_sticks_after_a_reversal_is_in_the_deviation() {
   for (int i = 0; i < 3; ++i) CLAIM(stuck.estimate.covariance.at[i][i] > 4 * firm.estimate.covariance.at[i][i]);
 }
 
-void errors_that_all_evidence_has_alike_are_in_the_deviation_of_the_stiffness() {
+void errors_that_all_measurements_have_alike_are_in_the_deviation_of_the_stiffness() {
   Observer observer = observer_of(0);
   observer.deviations.stiffness = 0.25;
   // Of the mean of all lengths, one deviation.
@@ -319,7 +319,7 @@ int main() {
   components_of_a_load_are_those_of_any_load();
   a_common_pull_shows_friction();
   what_sticks_after_a_reversal_is_in_the_deviation();
-  errors_that_all_evidence_has_alike_are_in_the_deviation_of_the_stiffness();
+  errors_that_all_measurements_have_alike_are_in_the_deviation_of_the_stiffness();
   joints_reach_their_targets_and_are_never_farther_than_without();
   whatever_is_true_within_the_deviation_a_joint_is_no_farther_than_without();
   jaws_that_were_closed_and_are_pressed_apart_keep_their_grip();

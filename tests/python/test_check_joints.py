@@ -120,12 +120,12 @@ def test_what_is_hardly_meant_is_said(changes: dict[str, str], sentence: str) ->
     text = DRIVER
     for old, new in changes.items():
         text = text.replace(old, new, 1)
-    said = [doubt.sentence for doubt in tn.control.implausible(tn.instrument.parse(text))]
+    said = [one.sentence for one in tn.control.implausible(tn.instrument.parse(text))]
     assert any(re.search(sentence, one) for one in said)
 
 
 def test_a_tendon_that_is_slack_at_rest_is_named() -> None:
-    said = [doubt.sentence for doubt in tn.control.implausible(tn.instrument.expanded("hybrid-real-size"))]
+    said = [one.sentence for one in tn.control.implausible(tn.instrument.expanded("hybrid-real-size"))]
     assert said == ["slack without a load: grip."]
 
 

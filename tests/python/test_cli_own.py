@@ -350,7 +350,7 @@ forces = ["0.5 N", "1 N"]
 tip_inertia = "6e-7 kg*m^2"
 """
 
-# A change of a sound file, the key that is doubted, and what is said of it.
+# A change of a sound file, the key that is implausible, and what is said of it.
 IMPLAUSIBLE = {
     "soft rope": (('"50 GPa"', '"120 MPa"'), "tendon_modulus", "tendon_modulus is 120 MPa; ropes have 1 to 250 GPa"),
     "hard rope": (('"50 GPa"', '"900 GPa"'), "tendon_modulus", "tendon_modulus is 900 GPa"),
@@ -414,7 +414,7 @@ def test_what_is_implausible_is_said_in_one_sentence(name: str) -> None:
     assert [one for one in found if one.key == key and sentence in one.sentence], found
 
 
-def test_sound_instruments_are_not_doubted(real: Instrument, scaled: Instrument) -> None:
+def test_sound_instruments_are_called_plausible(real: Instrument, scaled: Instrument) -> None:
     for inst in (tn.parse(SOUND), real, scaled):
         assert implausible(inst) == ()
 

@@ -358,7 +358,7 @@ def test_a_fault_is_not_cleared_before_its_cause_is_gone(place: str) -> None:
 
 
 @pytest.mark.parametrize("case", ["agonist breaks", "agonist's spool slips", "spool's encoder jumps"])
-def test_after_a_fault_that_casts_doubt_on_the_spools_homing_comes_before_compensation(case: str) -> None:
+def test_after_a_fault_that_leaves_the_spools_zero_unknown_homing_comes_before_compensation(case: str) -> None:
     inst = instrument("scaled-up")
     one, twin, fault = controller(inst), Twin(inst, seed=3), CASES[case]
     work(inst, 0, one, lengths=fault.let_out, fault_injection=fault.injected, twin=twin, force=np.zeros_like)

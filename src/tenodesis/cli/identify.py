@@ -170,7 +170,7 @@ def identify(  # noqa: PLR0917
             compared, problem, found = _arranged(
                 kind, measured, Fitted(problem, found), problem_of, fitted, law=chosen, inst=inst, train=range(count)
             )
-        found, ratio = _doubted(problem, found, range(count), explained, _unknown_joints(instrument_file, measured))
+        found, ratio = _judged(problem, found, range(count), explained, _unknown_joints(instrument_file, measured))
         extrapolated = {one.name: _extrapolated(one, measured[:count]) for one in measured[count:]}
         notes = {one.name: (*one.notes, *extrapolated.get(one.name, ())) for one in measured}
         rows = [] if compared is None else compared.to_json()
@@ -309,7 +309,7 @@ def _asks_for_arrangements(
     )
 
 
-def _doubted(
+def _judged(
     problem: Problem,
     found: Fit,
     train: Sequence[int],
@@ -318,7 +318,7 @@ def _doubted(
 ) -> tuple[Fit, float]:
     """Return a fit with what is said against it, and how many times the noise it leaves, 0 if explained."""
     ratio = mistakes.unexplained_excess(problem, found, train)
-    found = mistakes.doubted(found, ratio, explained) if ratio else found
+    found = mistakes.contradicted(found, ratio, explained) if ratio else found
     held_out = [one for one in found.files if one.split == "test"]
     said = (
         *unexplained(problem, found.vector, held_out),

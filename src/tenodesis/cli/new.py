@@ -247,13 +247,13 @@ def _ask_again(
     by_key = {one.key: one for one in asked}
     while by_key:
         try:
-            doubts = {one.key: one.sentence for one in implausible(drafted()[1])}
+            problems = {one.key: one.sentence for one in implausible(drafted()[1])}
         except InstrumentError as problem:
-            doubts = {problem.key: str(problem)}
-        key = next((key for key in by_key if key in doubts), None)
+            problems = {problem.key: str(problem)}
+        key = next((key for key in by_key if key in problems), None)
         if key is None:
             return
-        warn(doubts[key])
+        warn(problems[key])
         question = by_key.pop(key)
         try:
             again = _ask(joint_type, question._replace(default=answers[key].text))

@@ -151,7 +151,7 @@ _MEANING = {
 _RELEASED_BY = {
     RuntimeState.DISABLED: "Enable takes it back.",
     RuntimeState.PAUSED: "Resume takes it back.",
-    RuntimeState.FAULT: "Clear the fault, then enable, takes it back; where its zero is in doubt, home first.",
+    RuntimeState.FAULT: "Clear the fault, then enable, takes it back; where its zero is unknown, home first.",
 }
 """By which button a stroke is released, by the states in which the motors do not work."""
 _NOTICED = math.radians(0.5)

@@ -102,9 +102,9 @@ class JointController(LoopState):
     """Observer, law and supervisor of all joints of any instrument, with or without a handle.
 
     Targets are the angles that joints had if no tendon stretched: of an instrument with a handle those of its handle,
-    of a tool without one those that are commanded. The motors give back what the joints lose, as far as the estimate's
-    deviation leaves no doubt, but leave the grip as commanded where something presses the jaws apart; tendons about to
-    go slack are tightened without turning a joint. A fault is latched, and the motors stand from then on.
+    of a tool without one those that are commanded. The motors give back what the joints lose, as far as it exceeds the
+    estimate's deviation, but leave the grip as commanded where something presses the jaws apart; tendons about to go
+    slack are tightened without turning a joint. A fault is latched, and the motors stand from then on.
 
     Parameters
     ----------

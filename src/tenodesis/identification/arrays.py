@@ -107,7 +107,7 @@ def fit(
     model = mistakes.answered(lambda: build([run], None), explain)
     found = mistakes.answered(lambda: fit_problem(model, free, train=[0], progress=progress, **options), explain)
     if ratio := mistakes.unexplained_excess(model, found, [0]):
-        found = mistakes.doubted(found, ratio, explain())
+        found = mistakes.contradicted(found, ratio, explain())
     return replace(found, traces=model.traces(found.vector, 0), instrument=model.instrument(found.vector))
 
 

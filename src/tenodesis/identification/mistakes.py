@@ -160,7 +160,7 @@ def unexplained_excess(problem: Problem, found: Fit, train: Sequence[int]) -> fl
     return ratio if ratio > MOST_EXCESS else 0.0
 
 
-def doubted(found: Fit, ratio: float, explained: Explanation | None) -> Fit:
+def contradicted(found: Fit, ratio: float, explained: Explanation | None) -> Fit:
     """Return a fit that its residuals contradict: nothing identifiable, intervals as wide as the model's error.
 
     An error of the model of the size of the residuals can shift a parameter by no more than their norm times that of

@@ -295,7 +295,7 @@ class Control(FileTable):
 
     dead_band: AngleError = Field(default=math.radians(0.1), description="Angle error that is not corrected")
     gain: Gain | None = Field(
-        default=None, description="Gain on the tip's lag; without it 12/s, or less for a tip below 8 Hz"
+        default=None, description="Gain on the tip's tracking error; without it 12/s, or less for a tip below 8 Hz"
     )
     position_gain: Gain = Field(default=4.0, description="Gain on a spool's set point, for laws with a set point")
     tendon_speed: TendonSpeedLimit | None = Field(

@@ -151,8 +151,7 @@ def section(context: Context) -> Section:
         "cells, which they read of slack tendons, and the difference of their gains, since both tendons are stretched "
         "alike. Each cell is over the held states; the robust law also over friction assumed 30 % too low, right and "
         "30 % too high. The last column is the mean of the squared error of the estimated output angle over its own "
-        "variance in the last two seconds: about 1 if the observer doubts itself rightly, less if it doubts itself too "
-        "much.</p>"
+        "variance in the last two seconds: about 1 if that variance is right, less if it is too large.</p>"
     )
     return Section("unlike_model", TITLE, text, [_plot(inst, bars)], [table])
 

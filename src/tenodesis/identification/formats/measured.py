@@ -1,7 +1,7 @@
 """A measured run in SI units, and the checks on the way there from the rows of a file, which every format shares.
 
 A loader reads a file into `Raw`, declares what each column is and its possible units, and applies the checks.
-Whatever is dropped, converted or doubtful leaves a note; what cannot be used is refused with the reason.
+Whatever is dropped, converted or uncertain leaves a note; what cannot be used is refused with the reason.
 """
 
 import bisect
@@ -60,7 +60,7 @@ class MeasuredRun:
     columns: Mapping[str, Array]
     """Each of shape (n,), SI units."""
     notes: tuple[str, ...] = ()
-    """What was dropped, converted or is doubtful."""
+    """What was dropped, converted or is uncertain."""
     source: Source | None = None
     """Where the file was published; None for a file that was not."""
     checksum: str = ""
