@@ -9,8 +9,7 @@ import pytest
 import tenodesis as tn
 from tenodesis import _core
 from tenodesis.instrument import from_dvrk
-from tenodesis.plant import mass_matrix, natural_frequencies
-from tenodesis.routes import TwinRows, twin_rows
+from tenodesis.plant import TwinRows, mass_matrix, natural_frequencies, twin_rows
 from tenodesis.twin.rows import columns_by_name
 from tests.python import chain_samples
 

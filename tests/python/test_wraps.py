@@ -11,7 +11,7 @@ import tenodesis as tn
 from tenodesis import _core
 from tenodesis.instrument import FullForm
 from tenodesis.instrument.joints import MECHANISMS
-from tenodesis.routes import TwinRows, twin_rows
+from tenodesis.plant import TwinRows, twin_rows
 
 from .conftest import EXAMPLES
 

@@ -14,8 +14,7 @@ from tenodesis.control.pairs import names_of
 from tenodesis.control.parameters import FAULT_OVER_LIMIT, FAULTS, GAIN_PER_SWING, limits, tension_limit
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
-from tenodesis.plant import TIME_STEP, natural_frequencies
-from tenodesis.routes import twin_rows, twin_values
+from tenodesis.plant import TIME_STEP, natural_frequencies, twin_rows, twin_values
 from tenodesis.run import Array, Names
 
 _NAMES = [name for name, _, _ in _core.joint_control_parameters()]

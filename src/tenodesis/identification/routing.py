@@ -29,10 +29,10 @@ from tenodesis.identification.twin_model.steps import InputError, QuantisedSenso
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
 from tenodesis.kinematics import Port, tip_pose
 from tenodesis.kinematics.chain import rotated
+from tenodesis.plant import handle_share
 from tenodesis.recording import lab_map, lab_tables, signal_tables
 from tenodesis.recording.blocks import Progress
 from tenodesis.recording.signal_tables import POSE
-from tenodesis.routes import handle_share
 from tenodesis.run import ACROSS, COMPONENTS, Array, Run
 from tenodesis.threads import thread_pool
 from tenodesis.twin import Twin

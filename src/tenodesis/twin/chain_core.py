@@ -11,7 +11,7 @@ from tenodesis.control.joints import JointController
 from tenodesis.control.pairs import compensated, names_of, pairs
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import FullForm
-from tenodesis.routes import twin_rows
+from tenodesis.plant import twin_rows
 from tenodesis.run import ACROSS, COMPONENTS, Array
 from tenodesis.twin.commands import Frame
 from tenodesis.twin.core import Stepped, Surroundings, Ticks, TwinCore

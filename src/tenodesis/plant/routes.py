@@ -6,12 +6,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis import _core, plant
+from tenodesis import _core
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import FullForm, Joint, Tendon
 from tenodesis.instrument.hardware import Friction
 from tenodesis.instrument.instrument import arm_of
 from tenodesis.instrument.joints import MECHANISMS, Crossing
+from tenodesis.plant.axis import current_parameters, hand_parameters, hardware_parameters
+from tenodesis.plant.links import link_rows, natural_frequencies
+from tenodesis.plant.time_steps import LARGEST_PHASE_STEP, steps_per_period
 
 Array = NDArray[np.float64]
 
@@ -40,10 +43,10 @@ def twin_rows(inst: FullForm, time_step: float, quasi_static: bool) -> TwinRows:
     """Return the constants of a twin; raises ArgumentError for a time step that does not suit the instrument."""
     if not (np.isfinite(time_step) and time_step > 0):
         raise ArgumentError(key="time_step", value=time_step, allowed="a time above 0 s")
-    links = plant.link_rows(inst)
+    links = link_rows(inst)
     if not quasi_static:
-        fastest = plant.natural_frequencies(inst)[-1]
-        longest = plant.LARGEST_PHASE_STEP / fastest
+        fastest = natural_frequencies(inst)[-1]
+        longest = LARGEST_PHASE_STEP / fastest
         if time_step > longest:
             raise ArgumentError(
                 f"time_step is {time_step:g} s; it must be at most {longest:.3g} s, a twelfth of a period of the "
@@ -52,7 +55,7 @@ def twin_rows(inst: FullForm, time_step: float, quasi_static: bool) -> TwinRows:
                 value=time_step,
                 allowed=f"at most {longest:.3g} s",
             )
-    per_sample = plant.steps_per_period(inst.sensors.sampling_rate, time_step)
+    per_sample = steps_per_period(inst.sensors.sampling_rate, time_step)
     routes = [_Route(inst, tendon, float(k)) for tendon, k in zip(inst.tendons, inst.stiffnesses, strict=True)]
     width = max(len(route.passages) for route in routes)
     passages, segments = np.zeros((len(routes), width, 6)), np.ones((len(routes), width + 1))
@@ -77,9 +80,9 @@ def twin_values(inst: FullForm, time_step: float) -> dict[str, float]:
         "pretension_ratio": 1.0,
         "handle_encoder_offset": 0.0,
         "output_encoder_offset": 0.0,
-        **plant.current_parameters(inst.drives),
-        **plant.hand_parameters(inst.dynamics),
-        **plant.hardware_parameters(inst.own_drives, inst.sensors),
+        **current_parameters(inst.drives),
+        **hand_parameters(inst.dynamics),
+        **hardware_parameters(inst.own_drives, inst.sensors),
         "time_step": time_step,
     }
 
