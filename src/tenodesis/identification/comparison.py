@@ -14,6 +14,7 @@ from tenodesis.identification.results import Fit, Interval, by_unit
 from tenodesis.identification.uncertainty import LossName, autocorrelation, correlation_samples
 from tenodesis.report.page import json_number
 from tenodesis.run import Array
+from tenodesis.simulate.campaign import rms
 
 
 @dataclass(frozen=True)
@@ -262,5 +263,5 @@ def excess(problem: Problem, found: Fit, train: Sequence[int]) -> float:
         series = problem.residuals(found.vector, run).reshape(problem.channels(run), -1)
         for residuals, expected in zip(series, problem.sensor_noise(run), strict=True):
             if not next(noises).white:
-                largest = max(largest, float(np.sqrt(np.mean(residuals**2))) / expected)
+                largest = max(largest, rms(residuals) / expected)
     return largest

@@ -22,6 +22,7 @@ from tenodesis.identification.search import Search
 from tenodesis.identification.twin_model.problem import TwinProblem
 from tenodesis.instrument import ShortForm, as_short_form, load, shipped
 from tenodesis.run import TENDONS, Array
+from tenodesis.simulate.campaign import rms
 from tenodesis.units import STANDARD_GRAVITY
 
 EXPLAINS = 3.0
@@ -294,7 +295,7 @@ def _start(problem: Problem) -> Array:
 
 def _rms(problem: Problem, values: Array) -> float:
     plain = np.concatenate([problem.plain_residuals(values, run) for run in range(len(problem.runs))])
-    return float(np.sqrt(np.mean(plain**2)))
+    return rms(plain)
 
 
 def _indices(problem: Problem, free: Sequence[str]) -> list[int]:
@@ -310,7 +311,7 @@ def _searched(problem: Problem, free: Sequence[str]) -> tuple[float, Array]:
         return inf, search.start
     values = search.full(end.at)
     residuals = np.concatenate([problem.residuals(values, run) for run in search.train])
-    return float(np.sqrt(np.mean(residuals**2))), values
+    return rms(residuals), values
 
 
 def _predicted(problem: Problem, free: Sequence[str], at: Array) -> list[tuple[str, float]]:
@@ -327,7 +328,7 @@ def _predicted(problem: Problem, free: Sequence[str], at: Array) -> list[tuple[s
         if n not in indices:
             rows = jacobian[:, [*indices, n]]
             rest = residuals - rows @ np.linalg.lstsq(rows, residuals)[0]
-            found.append((one.name, float(np.sqrt(np.mean(rest**2)))))
+            found.append((one.name, rms(rest)))
     return sorted(found, key=lambda one: one[1])[:_MOST_HELD]
 
 

@@ -17,6 +17,7 @@ from tenodesis.identification.uncertainty import LossName, Uncertainty, Whitenes
 from tenodesis.instrument import Instrument
 from tenodesis.report.page import about, json_number
 from tenodesis.run import Array
+from tenodesis.simulate.campaign import rms
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -314,7 +315,7 @@ def run_errors(
         name=problem.runs[run],
         split=split,
         samples={key: one.size for key, one in errors.items()},
-        rmse={key: float(np.sqrt(np.mean(one**2))) for key, one in errors.items()},
+        rmse={key: rms(one) for key, one in errors.items()},
         mean={key: float(np.mean(one)) for key, one in errors.items()},
         largest={key: float(np.max(np.abs(one))) for key, one in errors.items()},
         sensors=sensors or {},

@@ -19,7 +19,7 @@ from tenodesis.recording import Recorder, Recording
 from tenodesis.recording.schemas import TRANSFERRED
 from tenodesis.run import SIGNALS, TENDONS, Array, Run, concatenate
 from tenodesis.similarity import Comparison, JointComparison, compare, compare_joints
-from tenodesis.simulate import Cycles, Protocol, execute
+from tenodesis.simulate import Cycles, Protocol, campaign, execute
 from tenodesis.statics import up_to_force
 from tenodesis.twin import TIME_STEP, Twin
 
@@ -525,7 +525,7 @@ class RoundTrip(NamedTuple):
     @property
     def rms(self) -> float:
         """Root mean square of the difference, deg."""
-        return float(np.degrees(np.sqrt(np.mean((self.predicted - self.direct) ** 2))))
+        return campaign.rms(np.degrees(self.predicted - self.direct))
 
     @property
     def largest(self) -> float:

@@ -14,6 +14,7 @@ from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.report import write_files
 from tenodesis.report import page, style
 from tenodesis.run import Array
+from tenodesis.simulate.campaign import rms
 
 _LEAST_PERIOD = 1.0
 """s."""
@@ -72,14 +73,14 @@ def assess(found: Traces) -> RunResult:
         angle = angle - angle[steady].mean()
     return RunResult(
         series.name,
-        _rms(torque[counted]),
-        _rms(angle[counted]),
+        rms(torque[counted]),
+        rms(angle[counted]),
         float(np.mean(np.abs(torque[counted]) <= WIDTH * estimate.torque_std[counted])),
         float(np.mean(np.abs(angle[counted]) <= WIDTH * estimate.angle_std[counted])),
         float(estimate.torque_std[counted].mean()),
         float(estimate.angle_std[counted].mean()),
-        _rms(torque[steady]),
-        _rms(angle[steady]),
+        rms(torque[steady]),
+        rms(angle[steady]),
         float((counted & ~steady).sum() * series.step),
     )
 
@@ -121,7 +122,7 @@ def bounds_of(series: Series) -> Bounds:
             return math.nan
         lag = round(period / step)
         both = used[lag:] & used[:-lag]
-        return _rms((values[lag:] - values[:-lag])[both]) / math.sqrt(2)
+        return rms((values[lag:] - values[:-lag])[both]) / math.sqrt(2)
 
     torque, far = series.torque, series.far_torque
     noise = _noise(torque[used], step), _noise(far[used], step)
@@ -148,10 +149,6 @@ def _noise(values: Array, step: float) -> float:
     slopes = rows @ place / (place @ place)
     left = rows - rows.mean(axis=1, keepdims=True) - slopes[:, None] * place
     return float(np.median(np.sqrt(np.sum(left**2, axis=1) / (size - 2))))
-
-
-def _rms(values: Array) -> float:
-    return math.sqrt(float(np.mean(values**2)))
 
 
 MODEL, FIGURE = "model.json", "force.svg"
