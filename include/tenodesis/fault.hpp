@@ -46,7 +46,8 @@ constexpr Distrust distrusted(std::uint32_t faults) {
               Fault::stroke_unexplained)};
 }
 
-/// Whether the spools' zeros are unknown after a fault, so that the instrument must be homed before the faults can clear.
+/// Whether the spools' zeros are unknown after a fault, so that the instrument must be homed before the faults can
+/// clear.
 constexpr bool needs_homing(std::uint32_t faults) {
   return has(faults, Fault::tendon_break, Fault::load_cell_drift, Fault::encoder_jump, Fault::spool_slip,
              Fault::homing_failed, Fault::stroke_unexplained, Fault::rope_length);

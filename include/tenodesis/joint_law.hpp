@@ -280,11 +280,11 @@ struct JointSupervisor {
   using Memory = JointSupervisorMemory<S, M>;
 
   Supervisor<S> states{};
-  Watch<S> watch{};  ///< of any two tendons
-  int tendons{};     ///< that there are
-  S stroke_limit{};  ///< of a tendon, beyond what its target needs, m
+  Watch<S> watch{};      ///< of any two tendons
+  int tendons{};         ///< that there are
+  S stroke_limit{};      ///< of a tendon, beyond what its target needs, m
   S most_deviations{4};  ///< deviations within which a tension is explained
-  S unlike{};        ///< tension that friction unlike the observer's explains, too, before homing, N
+  S unlike{};            ///< tension that friction unlike the observer's explains, too, before homing, N
 
   /// Faults of this tick by what is measured, before the law moves; dt: since the last tick, s.
   void inspect(const Measured& measured, const Estimate& found, int handles, bool homed, const S& dt,

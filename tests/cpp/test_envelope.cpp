@@ -34,8 +34,8 @@ struct Fixture {
     for (int n = 0; n < 4000; ++n) envelope().update(S(0), S(0), least, own.friction, memory, S(dt), state);
   }
 
-  /// Lets the tracking error and the stroke, in reversals that stand out, and the handle (rad) swing for a while; returns the
-  /// factor of the gain.
+  /// Lets the tracking error and the stroke, in reversals that stand out, and the handle (rad) swing for a while;
+  /// returns the factor of the gain.
   double swing(double error, double handle, double frequency, double seconds, double stroke = 0) {
     for (int n = 0; n < int(seconds / dt); ++n) {
       const double at = std::sin(2 * pi * frequency * n * dt);
