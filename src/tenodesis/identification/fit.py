@@ -133,7 +133,7 @@ def fit(
     identifiable = identifiability.examine(problem, indices, values, scale=scale, found=found, change=change)
     noises = [noise for run, one in zip(search.train, linearised, strict=True) for noise in _noises(problem, run, one)]
     effective = sum(noise.effective_samples for noise in noises)
-    degrees_of_freedom = max(1.0, effective - len(indices))
+    dof = max(1.0, effective - len(indices))
     # costs that differ by no more than chance are the same optimum
     same = sum(one <= reference * (1 + 1 / effective) + 1e-12 for one in costs)
     names = tuple(problem.parameters[index].name for index in indices)
@@ -145,7 +145,7 @@ def fit(
             linearised,
             bootstrap,
             seed=seed,
-            degrees_of_freedom=degrees_of_freedom,
+            dof=dof,
             done=lambda n: report(searches + n, total),
         )
         low, high = np.quantile(fits, [0.025, 0.975], axis=0)
@@ -167,7 +167,7 @@ def fit(
         values={one.name: float(value) for one, value in zip(problem.parameters, values, strict=True)},
         std=dict(zip(names, (found.std * scale).tolist(), strict=True)),
         std_white=dict(zip(names, (found.white_std * scale).tolist(), strict=True)),
-        interval_95=_intervals(problem, indices, at, found.std * scale, degrees_of_freedom),
+        interval_95=_intervals(problem, indices, at, found.std * scale, dof),
         bootstrap_interval_95=bootstrapped,
         correlation=found.correlation,
         cost=cost,
@@ -364,11 +364,9 @@ def _noises(problem: Problem, run: int, one: Linearised) -> list[Whiteness]:
     ]
 
 
-def _intervals(
-    problem: Problem, free: Sequence[int], at: Array, std: Array, degrees_of_freedom: float
-) -> dict[str, Interval]:
+def _intervals(problem: Problem, free: Sequence[int], at: Array, std: Array, dof: float) -> dict[str, Interval]:
     """Return 95 % intervals by Student's t with the effective samples left over, within the bounds."""
-    half = float(special.stdtrit(degrees_of_freedom, 0.975)) * std
+    half = float(special.stdtrit(dof, 0.975)) * std
     return {
         one.name: (max(one.lower, value - width), min(one.upper, value + width))
         for one, value, width in zip(

@@ -335,7 +335,7 @@ def replicates(
     count: int,
     *,
     seed: int,
-    degrees_of_freedom: float,
+    dof: float,
     done: Callable[[int], None],
 ) -> Array:
     """Return the optimum of each replicate, shape (count, free parameters).
@@ -348,9 +348,7 @@ def replicates(
         max(uncertainty.block_length(series) for series in one.residuals.reshape(one.channels, -1)) for one in runs
     ]
     centred = np.concatenate([one.residuals for one in runs])
-    swell = math.sqrt(1 + at.size / degrees_of_freedom) * float(
-        special.stdtrit(degrees_of_freedom, 0.975) / special.ndtri(0.975)
-    )
+    swell = math.sqrt(1 + at.size / dof) * float(special.stdtrit(dof, 0.975) / special.ndtri(0.975))
     out = np.empty((count, at.size))
     for replicate in range(count):
         fresh = np.concatenate(

@@ -174,8 +174,8 @@ def _least_risk(values: Array, penalised: Array, sample_time: float, deviation: 
         weight = _weight(blur)
         smooth = _solved(weight * penalised, values)
         # the smoother's trace, for a long signal
-        degrees_of_freedom = values.size * weight**-0.25 / (2 * sqrt(2)) + kinks
-        risk = float(np.sum((values - smooth) ** 2)) + 2 * deviation**2 * min(degrees_of_freedom, values.size)
+        dof = values.size * weight**-0.25 / (2 * sqrt(2)) + kinks
+        risk = float(np.sum((values - smooth) ** 2)) + 2 * deviation**2 * min(dof, values.size)
         if risk < least:
             best, chosen, least = smooth, blur, risk
     return best, chosen, least
