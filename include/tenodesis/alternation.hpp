@@ -34,7 +34,7 @@ struct AlternationState {
   S offset{};              ///< error, smoothed, m
   S stroke{};              ///< at the last jump, m
   S mean{};                ///< of the strokes at the last two, m
-  S on_target{};           ///< stroke when the error was last small, m
+  S lagged_stroke{};       ///< stroke, smoothed, m
   S leaned{};              ///< time for which friction has been left to hold the tip, s
   S halves{first_halves};  ///< half-periods without a jump after which it is not any more
   int jumps{};             ///< each opposed to the one before
@@ -53,18 +53,18 @@ template <class S>
 void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
   const S error = abs(tip.certain);
   const S sign = S(tip.certain > S(0) ? 1 : -1);
-  state.offset = state.offset + (tip.certain - state.offset) * (dt / (S(tuning::alternation_smoothing) + dt));
+  const S share = dt / (S(tuning::alternation_smoothing) + dt);
+  state.offset = state.offset + (tip.certain - state.offset) * share;
+  state.lagged_stroke = state.lagged_stroke + (tip.stroke - state.lagged_stroke) * share;
   state.since = smaller(state.since + dt, S(100));
   const bool forgotten = state.since > S(tuning::alternation_longest);
   if (forgotten || tip.moving) state.jumps = 0;
   if ((forgotten && !state.leans) || tip.moving) state.halves = state.first_halves;
-  if (error < S(0.5) * tip.jump) {
-    state.armed = true;
-    state.on_target = tip.stroke;
-  }
+  if (error < S(0.5) * tip.jump) state.armed = true;
   if (!state.leans) state.size = larger(state.size, error);
-  // The motors' own stroke makes no jump.
-  const bool by_load = abs(tip.stroke - state.on_target) < S(0.5) * error;
+  // A jump is sudden and takes the tip further off; what the motors' own stroke does is none.
+  const S jumped = sign * (tip.certain - state.offset);
+  const bool by_load = jumped > larger(tip.jump, S(2) * abs(tip.stroke - state.lagged_stroke));
   if (error > tip.jump && (state.armed || sign != state.sign) && by_load) {
     state.jumps = sign != state.sign ? smaller(state.jumps + 1, 100) : 1;
     state.half_before = state.half;
