@@ -2,11 +2,11 @@
 // Loads that alternate: friction is left to hold the tip where it can.
 //
 // Motors that follow such a load are late at each of its jumps, and their strokes free a tip that friction would have
-// held. So after three opposed jumps at like distances in time the motors give their stroke back while the tip is on
-// target, no further than friction holds it. The next jump shows what resting costs: a tip that stays within a share of
-// what it had jumped is left to friction, one that does not is tracked. What is left on average is taken away slowly.
-// After twice the load's half-period without a jump the motors track again, and next time wait twice as long. A load
-// that jumps faster than motors can follow is not tracked at all.
+// held. So after two large opposed jumps, or three at like distances in time, the motors give their stroke back while
+// the tip is on target, no further than friction holds it. The next jump shows what resting costs: a tip that stays
+// within a share of what it had jumped is left to friction, one that does not is tracked. What is left on average is
+// taken away slowly. Jumps that friction holds do not show, so that only time ends this. A load that jumps faster than
+// motors can follow is not tracked at all.
 
 #include "tenodesis/observer.hpp"
 
@@ -36,16 +36,16 @@ struct AlternationState {
   S mean{};                ///< of the strokes at the last two, m
   S lagged_stroke{};       ///< stroke, smoothed, m
   S leaned{};              ///< time for which friction has been left to hold the tip, s
-  S halves{first_halves};  ///< half-periods without a jump after which it is not any more
   int jumps{};             ///< each opposed to the one before
   bool armed{true};        ///< whether the error has been small since the last jump
+  bool large{};            ///< whether the last two are so large that they cannot be leaps of a tip that sticks
   bool leans{};            ///< whether friction is left to hold the tip
   bool fast{};             ///< whether the load jumps faster than motors can follow
 
-  static constexpr S first_halves = S(2);
-
   /// Whether the load alternates, as far as its jumps show.
-  constexpr bool alternates() const { return jumps >= 3 && half < S(2) * half_before && half_before < S(2) * half; }
+  constexpr bool alternates() const {
+    return jumps < 3 ? jumps == 2 && large : half < S(2) * half_before && half_before < S(2) * half;
+  }
 };
 
 /// Follows the load's jumps, and begins or ends leaving the tip to friction.
@@ -57,9 +57,7 @@ void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
   state.offset = state.offset + (tip.certain - state.offset) * share;
   state.lagged_stroke = state.lagged_stroke + (tip.stroke - state.lagged_stroke) * share;
   state.since = smaller(state.since + dt, S(100));
-  const bool forgotten = state.since > S(tuning::alternation_longest);
-  if (forgotten || tip.moving) state.jumps = 0;
-  if ((forgotten && !state.leans) || tip.moving) state.halves = state.first_halves;
+  if (state.since > S(tuning::alternation_longest) || tip.moving) state.jumps = 0;
   if (error < S(0.5) * tip.jump) state.armed = true;
   if (!state.leans) state.size = larger(state.size, error);
   // A jump is sudden and takes the tip further off; what the motors' own stroke does is none.
@@ -79,18 +77,13 @@ void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
       state.stroke = tip.stroke;
     }
   }
+  state.large = smaller(state.size, state.size_before) > S(tuning::large_jump) * tip.jump;
   state.fast = state.alternates() && larger(state.half, state.half_before) < S(tuning::alternation_fastest) &&
                state.since < S(2) * state.half;
-
-  const bool outlived = state.leans && !state.fast && state.since > state.halves * state.half;
-  if (outlived) {
-    state.halves = S(2) * state.halves;
-    state.jumps = 0;
-  }
   const S jump = larger(state.size, state.size_before);
   const bool too_far =
       error > larger(tip.waking, S(tuning::alternation_left) * jump) || state.leaned > S(tuning::alternation_longest);
-  if (tip.moving || outlived || (too_far && !state.fast)) {
+  if (tip.moving || (too_far && !state.fast)) {
     state.leans = false;
     state.leaned = S(0);
   } else if (state.fast || (state.alternates() && error < larger(tip.dead, S(tuning::alternation_on_target) * jump))) {
