@@ -5,16 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import tenodesis as tn
 from tenodesis.control import FAULTS, Controller, OperatingState, Request, homing_failure, parameters
 from tenodesis.instrument import Instrument
-from tenodesis.run import Run
+from tenodesis.run import Array, Run
 from tenodesis.simulate import FaultInjection
 from tenodesis.twin import TIME_STEP, Twin
-
-Array = NDArray[np.float64]
 
 REPEATABLE = 0.02  # share of the pretension, issue 4
 ASKED = 0.05  # s after which homing is asked for

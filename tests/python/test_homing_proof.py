@@ -5,18 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import tenodesis as tn
 from tenodesis.control import FAULTS, HOMING_REASONS, Controller, OperatingState, Request, homing_failure
 from tenodesis.instrument import Instrument
-from tenodesis.run import Run
+from tenodesis.run import Array, Run
 from tenodesis.simulate import FaultInjection
 from tenodesis.twin import TIME_STEP, Twin
 
 from .test_homing import INSTRUMENTS, LOADS, failure, home, instrument, known, unhomed, with_friction
-
-Array = NDArray[np.float64]
 
 ALLOWED = np.radians(3.0)
 SECONDS = 17.0

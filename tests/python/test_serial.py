@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import tenodesis as tn
 from tenodesis.control import Controller, OperatingState, Request
@@ -21,7 +20,7 @@ from tenodesis.control.export import INTERFACE_VERSION
 from tenodesis.devices.serial import SerialController
 from tenodesis.errors import ArgumentError, DeviceError, Error
 from tenodesis.instrument import Instrument
-from tenodesis.run import Run
+from tenodesis.run import Array, Run
 from tenodesis.twin import TIME_STEP, Twin
 
 from . import serial_board as sb
@@ -30,7 +29,6 @@ from .serial_board import Frame, Streamed
 
 pytestmark = pytest.mark.process
 
-Array = NDArray[np.float64]
 PATIENT: dict[str, Any] = {"timeout": 20.0, "silence": 600.0}
 """For a board that computes beside everything else that this machine does."""
 
