@@ -1,3 +1,4 @@
+import gc
 import importlib.util
 import signal
 import subprocess
@@ -235,3 +236,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         "test_consumers.py",
     )
     items.sort(key=lambda item: (item.path.name not in longest, -slow[item.path]))
+
+
+def pytest_collection() -> None:
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """Search for garbage from now on, and never in what lives as long as the tests."""
+    gc.freeze()
+    gc.enable()
