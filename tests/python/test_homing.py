@@ -8,6 +8,7 @@ import pytest
 
 import tenodesis as tn
 from tenodesis.control import FAULTS, Controller, OperatingState, Request, homing_failure, parameters
+from tenodesis.control.controller import fault_names
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array, Run
 from tenodesis.simulate import FaultInjection
@@ -78,8 +79,7 @@ def home(
 
 def first_faults(run: Run) -> set[str]:
     at = np.flatnonzero(run["operating_state"] == OperatingState.FAULT)
-    mask = int(run["faults"][at[0]]) if at.size else 0
-    return {name for n, name in enumerate(FAULTS) if mask >> n & 1}
+    return set(fault_names(int(run["faults"][at[0]]) if at.size else 0))
 
 
 def failure(run: Run) -> str:
