@@ -232,7 +232,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         "test_plants.py",
         "test_paper.py",
         "test_package.py",
-        "test_identification_twin.py",
+        "test_paper_sections.py",
+        "test_workshop.py",
         "test_consumers.py",
     )
     items.sort(key=lambda item: (item.path.name not in longest, -slow[item.path]))
