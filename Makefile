@@ -6,6 +6,8 @@ ifeq ($(origin CXX),default)
 CXX := c++
 endif
 export CXX
+# Hundreds of processes of Python start here: each would compile again whatever it imports.
+unexport PYTHONDONTWRITEBYTECODE
 BIN := .venv/bin
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 CORE := $(wildcard include/tenodesis/*)
@@ -54,6 +56,9 @@ src/tenodesis/instruments/instrument.schema.json: .venv/.built $(wildcard src/te
 	$(BIN)/tenodesis schema instrument > $@
 src/tenodesis/catalogue/catalogue.schema.json: .venv/.built $(wildcard src/tenodesis/scaling/*.py) src/tenodesis/units.py
 	$(BIN)/tenodesis schema catalogue > $@
+
+# Matrices are small: threads of linear algebra would mostly wait for each other, and take the cores from other tests.
+test test-all site: export OPENBLAS_NUM_THREADS ?= 1
 
 test: test-cpp build ## Run what is run after each change: minutes
 	$(PYTEST)

@@ -104,8 +104,9 @@ def _run_together(cases: Sequence[Case], seconds: float) -> list[Trace]:
     handle = np.stack([case.handle(at) for case in cases], 1)
     load = np.array([case.force for case in cases])
     plants = Plants([case.plant for case in cases], [case.seed for case in cases])
-    controllers = [(n, Controller(case.known, law=case.law)) for n, case in enumerate(cases) if case.known is not None]
-    steps = [(n, one.core.step, one.take_request()) for n, one in controllers]
+    controllers = {n: Controller(case.known, law=case.law) for n, case in enumerate(cases) if case.known is not None}
+    controlled, requests = [*controllers], {n: int(one.take_request()) for n, one in controllers.items()}
+    steps = {n: one.core.step for n, one in controllers.items()}
     wanted = [f"estimated_{what}{end}" for what in ("output_angle", "force") for end in ("", "_std")]
     wanted += ["friction_scale", *(f"commanded_spool_velocity.{side}" for side in ("agonist", "antagonist"))]
     columns = [_core.control_signals().index(name) for name in wanted]
@@ -115,10 +116,12 @@ def _run_together(cases: Sequence[Case], seconds: float) -> list[Trace]:
     for k in range(count):
         plants.step(handle[k], load if at[k] > LOADED else 0.0, command)
         readings = plants.read()
-        for n, step, request in steps:
-            rows, *_, mask, _, _ = step((k + 1) * 500_000, int(request) if k == 0 else 0, readings[n : n + 1])
-            *kept[2:7, k, n], command[0, n], command[1, n] = rows[0][columns]
-            faults[n] |= mask
+        if controlled:
+            asked = requests if k == 0 else {}
+            answers = [step((k + 1) * 500_000, asked.get(n, 0), readings[n : n + 1]) for n, step in steps.items()]
+            outputs = np.concatenate([rows for rows, *_ in answers])[:, columns].T
+            kept[2:7, k, controlled], command[:, controlled] = outputs[:5], outputs[5:]
+            faults[controlled] |= [mask for *_, mask, _, _ in answers]
         kept[0, k], kept[1, k] = plants.tip, plants.tip - plants.target
         kept[7, k], kept[8, k], kept[9:, k] = plants.touch, plants.tension[0].max(0), readings[:, 1:3].T
     names = [[name for bit, name in enumerate(FAULTS) if mask >> bit & 1] for mask in faults]

@@ -1,3 +1,4 @@
+import gc
 import importlib.util
 import signal
 import subprocess
@@ -46,6 +47,12 @@ def load_file(path: Path) -> ModuleType:
 
 
 EXAMPLES = ROOT / "examples"
+
+
+def tables(inst: Instrument, key: str) -> list[dict[str, Any]]:
+    """Return the tables of an instrument's joints or tendons, with the keys that its file has."""
+    return [one.model_dump(exclude_unset=True, exclude_none=True) for one in inst.as_given(key)]
+
 
 # No test depends on luck: the same examples every time, and no verdict by the clock.
 settings.register_profile("repeatable", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -108,6 +115,8 @@ def until(happens: Callable[[], Any], process: "subprocess.Popen[Any] | None" = 
 
 
 Ended: TypeAlias = tuple[int, str, str, BaseException | None]
+Command: TypeAlias = Callable[..., tuple[int, str, str]]
+"""Runs the command line; returns exit code, output and errors."""
 
 
 @pytest.fixture
@@ -133,8 +142,7 @@ def ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
 
 
 @pytest.fixture
-def tenodesis(ended: Callable[..., Ended]) -> Callable[..., tuple[int, str, str]]:
-    """Run the command line; returns exit code, output and errors."""
+def tenodesis(ended: Callable[..., Ended]) -> Command:
     return lambda *arguments: ended(*arguments)[:3]
 
 
@@ -224,7 +232,18 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         "test_plants.py",
         "test_paper.py",
         "test_package.py",
-        "test_identification_twin.py",
+        "test_paper_sections.py",
+        "test_workshop.py",
         "test_consumers.py",
     )
     items.sort(key=lambda item: (item.path.name not in longest, -slow[item.path]))
+
+
+def pytest_collection() -> None:
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """Search for garbage from now on, and never in what lives as long as the tests."""
+    gc.freeze()
+    gc.enable()

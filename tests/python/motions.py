@@ -3,14 +3,12 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tenodesis.instrument import Instrument
+from tenodesis.run import Array
 from tenodesis.twin import TIME_STEP
 
 from .twin_motions import slack_force, smooth
-
-Array = NDArray[np.float64]
 
 
 def with_friction(inst: Instrument, scale: float = 1.0, **more: Any) -> Instrument:

@@ -178,14 +178,29 @@ class FakeBoard:
     def good(self, frame: Frame) -> list[bytes]:
         match frame.type:
             case 1:
-                info = struct.pack(
-                    "<8I32s", INTERFACE_VERSION, 4, PARAMETERS_SIZE, 2, 0, self._last, 25_000_000, 0, b"fake"
-                )
-                return [Frame(BOARD, frame.session, frame.sequence, info).encoded()]
+                return [info(frame, last=self._last).encoded()]
             case 3:
                 return [output(frame).encoded()]
             case _:
                 return [Frame(DONE, frame.session, frame.sequence).encoded()]
+
+
+def info(
+    asked: Frame,
+    *,
+    interface: int = INTERFACE_VERSION,
+    real: int = 4,
+    parameters: int = PARAMETERS_SIZE,
+    last: int = 0,
+    streams: bool = False,
+) -> Frame:
+    """Return what a board says of itself: sizes in bytes, the last sequence it has answered, and if it has sensors."""
+    said = struct.pack("<8I32s", interface, real, parameters, 2, 0, last, 25_000_000, streams, b"fake")
+    return Frame(BOARD, asked.session, asked.sequence, said)
+
+
+def refusal(asked: Frame, why: int, more: int = 0) -> Frame:
+    return Frame(REFUSED, asked.session, asked.sequence, struct.pack("<2I", why, more))
 
 
 def output(

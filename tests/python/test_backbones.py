@@ -21,6 +21,8 @@ from tenodesis.statics import chain
 from tenodesis.statics.bends import Bends, straight_arms
 from tests.peers import elastica
 
+from .conftest import tables
+
 ROOT = Path(__file__).parents[2]
 CASE = elastica.Backbone(40e-3, 1e-3, 2e-3, 100e3, 20.0, 10e-3)
 
@@ -275,7 +277,7 @@ def test_numbers_of_arcs_that_no_backbone_has_are_refused(change: dict[str, Any]
 
 def test_a_file_of_which_every_joint_is_wrong_gets_one_sentence_for_each() -> None:
     two = tn.load("two-segment-continuum")
-    joints = [joint.model_dump(exclude_unset=True, exclude_none=True) | {"arcs": 3} for joint in two.as_given("joints")]
+    joints = [joint | {"arcs": 3} for joint in tables(two, "joints")]
     with pytest.raises(InstrumentError) as refused:
         two.replace(joints=joints)
     sentences = str(refused.value).splitlines()

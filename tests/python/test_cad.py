@@ -28,7 +28,7 @@ from tenodesis.errors import InstrumentError, MissingExtraError
 from tenodesis.instrument import Instrument, InstrumentLike
 from tenodesis.tolerance.defaults import general_tolerance
 
-from .conftest import refused
+from .conftest import Command, refused, tables
 
 _COMMON = """
 overall_length = "1000 mm"
@@ -152,44 +152,22 @@ def test_what_cannot_be_made_is_named_with_what_would_do(
         cad.build(inst, **{"process": "fdm"} | choices)
 
 
-def test_a_pulley_too_small_for_its_pin_is_refused() -> None:
-    with refused("distal_pulley_radius", 1.5, kind=InstrumentError):
-        cad.build(tn.parse(PULLEY.replace('"8 mm"', '"1.5 mm"').replace("45 deg", "5 deg")), process="fdm")
-
-
-def _with_joint(name: str, **changes: Any) -> Instrument:
-    """Return the hybrid instrument with keys of a joint changed."""
-    inst = tn.load("hybrid-scaled-up")
-    tables = [joint.model_dump(exclude_unset=True) for joint in inst.as_given("joints")]
-    return inst.replace(joints=[table | (changes if table["name"] == name else {}) for table in tables])
-
-
 @pytest.mark.parametrize(
-    ("changed", "key", "says"),
+    ("key", "value", "says"),
     [
-        (
-            ("trigger", {"offset": 0.0}),
-            "joints.trigger.offset",
-            r"the fork of trigger take .* at least \d+.* process fdm",
-        ),
-        (("jaw", {"offset": 15e-3}), "joints.jaw.offset", r"the fork of jaw take .* at least"),
-        (("jaw", {"offset": 78e-3}), "joints.jaw.offset", r"leaves .* for the jaw that moves; it must be at most"),
-        (("jaw", {"stiffness": 5.0}), "joints.jaw.stiffness", r"is 5 N m/rad: no wire of .* two springs of it"),
-        (("pitch", {"offset": 8e-3}), "joints.pitch.offset", r"leave .* between them .* at least 9"),
-        (("pitch", {"radius": 7.61e-3}), "joints.pitch.radius", r"no gear has that pitch radius"),
-        (("pitch", {"axis": [1.0, 1.0, 0.0]}), "joints.pitch.axis", "by quarter turns; it must be yaw or pitch"),
-        (
-            ("handle_pitch", {"end_effector_length": 80e-3}),
-            "joints.handle_pitch.end_effector_length",
-            "before the grip",
-        ),
+        ("joints.trigger.offset", 0.0, r"the fork of trigger take .* at least \d+.* process fdm"),
+        ("joints.jaw.offset", 15e-3, r"the fork of jaw take .* at least"),
+        ("joints.jaw.offset", 78e-3, r"leaves .* for the jaw that moves; it must be at most"),
+        ("joints.jaw.stiffness", 5.0, r"is 5 N m/rad: no wire of .* two springs of it"),
+        ("joints.pitch.offset", 8e-3, r"leave .* between them .* at least 9"),
+        ("joints.pitch.radius", 7.61e-3, r"no gear has that pitch radius"),
+        ("joints.pitch.axis", [1.0, 1.0, 0.0], "by quarter turns; it must be yaw or pitch"),
+        ("joints.handle_pitch.end_effector_length", 80e-3, "before the grip"),
     ],
 )
-def test_what_cannot_be_made_of_several_joints_is_named_by_its_key(
-    changed: tuple[str, dict[str, Any]], key: str, says: str
-) -> None:
+def test_what_cannot_be_made_of_several_joints_is_named_by_its_key(key: str, value: Any, says: str) -> None:
     with pytest.raises(InstrumentError, match=says) as found:
-        built(_with_joint(changed[0], **changed[1]), process="fdm")
+        cad.build(tn.load("hybrid-scaled-up").replace(**{key: value}), process="fdm")
     assert found.value.key == key
 
 
@@ -222,30 +200,48 @@ def test_backbones_of_which_no_parts_are_made_are_refused_by_the_keys_of_the_fil
 def _two_segments(**changes: Any) -> Instrument:
     """Return the two-segment continuum with keys of its far segment changed."""
     inst = tn.load("two-segment-continuum")
-    near, far = (joint.model_dump(exclude_unset=True) for joint in inst.as_given("joints"))
+    near, far = tables(inst, "joints")
     far = {name: value for name, value in (far | changes).items() if value is not None}
     return inst.replace(joints=[near, far])
 
 
-def test_a_tendon_that_skips_an_inner_segment_is_refused() -> None:
+def _past_the_inner_segment() -> Instrument:
     inst = tn.load("two-segment-continuum")
-    tendons = [tendon.model_dump(exclude_unset=True) for tendon in inst.as_given("tendons")]
+    tendons = tables(inst, "tendons")
     tendons[2]["route"] = tendons[2]["route"][1:]
-    with refused("tendons.far_agonist.route", "far", kind=InstrumentError):
-        cad.build(inst.replace(tendons=tendons), process="milled")
+    return inst.replace(tendons=tendons)
 
 
-def test_ferrules_that_have_no_room_between_discs_are_refused() -> None:
-    with refused("tendon_diameter", 0.3, kind=InstrumentError):
-        cad.build("two-segment-continuum", process="fdm")
-
-
-def test_a_snakes_joints_are_refused_as_tied() -> None:
+def _turning_both_jaws() -> Instrument:
     inst = tn.load("needle-driver")
-    joints = [joint.model_dump(exclude_unset=True) for joint in inst.as_given("joints")]
-    joints[2]["tied_to"] = "jaw_1"
-    with refused("joints.jaw_2.tied_to", "jaw_1", kind=InstrumentError):
-        cad.build(inst.replace(joints=joints), process="milled")
+    tendons = tables(inst, "tendons")
+    tendons[2]["route"] = [*tendons[2]["route"], {"joint": "jaw_2", "side": "antagonist", "radius": 1e-3}]
+    return inst.replace(tendons=tendons)
+
+
+@pytest.mark.parametrize(
+    ("made", "process", "key", "value"),
+    [
+        (
+            lambda: tn.parse(PULLEY).replace(distal_pulley_radius="1.5 mm", handle_range="5 deg"),
+            "fdm", "distal_pulley_radius", 1.5,
+        ),
+        (lambda: tn.parse(CONTINUUM).replace(backbone_length="12 mm"), "fdm", "backbone_length", 12.0),
+        (lambda: tn.load("two-segment-continuum"), "fdm", "tendon_diameter", 0.3),
+        (_past_the_inner_segment, "milled", "tendons.far_agonist.route", "far"),
+        (
+            lambda: tn.load("needle-driver").replace(**{"joints.jaw_2.tied_to": "jaw_1"}),
+            "milled", "joints.jaw_2.tied_to", "jaw_1",
+        ),
+        (_turning_both_jaws, "milled", "tendons.jaw_1_wound.route.radius", 1.0),
+    ],
+    ids=["no room for a pin", "discs touch", "no room for ferrules", "a segment skipped", "a snake", "both jaws"],
+)  # fmt: skip
+def test_what_has_no_room_or_no_part_is_refused_by_key_and_value(
+    made: Callable[[], Instrument], process: str, key: str, value: Any
+) -> None:
+    with refused(key, value, kind=InstrumentError):
+        cad.build(made(), process=process)
 
 
 @pytest.mark.parametrize("name", ["needle-driver", "maryland-dissector"])
@@ -263,9 +259,7 @@ def test_a_wrist_that_cannot_be_printed_at_its_size_is_refused_with_a_process_an
 def _longer(inst: Instrument, factor: float) -> Instrument:
     """Return an instrument of pulleys with all its lengths times a factor."""
     longer = {"radius", "offset", "end_effector_length"}
-    joints, tendons = (
-        [one.model_dump(exclude_unset=True) for one in inst.as_given(key)] for key in ("joints", "tendons")
-    )
+    joints, tendons = tables(inst, "joints"), tables(inst, "tendons")
     for one in [*joints, *(crossing for tendon in tendons for crossing in tendon["route"])]:
         one.update({key: factor * value for key, value in one.items() if key in longer})
     own = {key: factor * getattr(inst, key) for key in ("stem_diameter", "tendon_diameter")}
@@ -301,9 +295,7 @@ def test_small_wheels_have_guides_beside_the_pitch_pulley_and_tendons_get_to_wid
     wheel: float, jaw: float, offset: float
 ) -> None:
     inst = tn.load("needle-driver")
-    joints, tendons = (
-        [one.model_dump(exclude_unset=True) for one in inst.as_given(key)] for key in ("joints", "tendons")
-    )
+    joints, tendons = tables(inst, "joints"), tables(inst, "tendons")
     for one in joints[1:]:
         one.update(radius=jaw, offset=offset)
     for tendon in tendons[2:]:
@@ -336,25 +328,12 @@ def test_guide_wheels_give_tendons_the_wrap_of_the_file_and_leave_room_for_every
 
 def test_a_tendon_of_an_imported_tool_without_a_wrap_gets_one_that_its_joints_range_does_not_unwind() -> None:
     inst = tn.load("needle-driver")
-    tendons = [one.model_dump(exclude_unset=True) for one in inst.as_given("tendons")]
+    tendons = tables(inst, "tendons")
     for tendon in tendons:
         for crossing in tendon["route"]:
             crossing.pop("base_wrap", None)
     made = _sized(inst.replace(tendons=tendons, sources={}), "milled")[0]
     assert {round(math.degrees(lane.way.wrap), 9) for lane in made.lanes} == {90.0}
-
-
-def test_a_tendon_that_turns_both_jaws_is_refused() -> None:
-    inst = tn.load("needle-driver")
-    tendons = [one.model_dump(exclude_unset=True) for one in inst.as_given("tendons")]
-    tendons[2]["route"] = [*tendons[2]["route"], {"joint": "jaw_2", "side": "antagonist", "radius": 1e-3}]
-    with refused("tendons.jaw_1_wound.route.radius", 1.0, kind=InstrumentError):
-        cad.build(inst.replace(tendons=tendons), process="milled")
-
-
-def test_a_backbone_whose_discs_touch_is_refused() -> None:
-    with refused("backbone_length", 12.0, kind=InstrumentError):
-        cad.build(tn.parse(CONTINUUM.replace('backbone_length = "80 mm"', 'backbone_length = "12 mm"')), process="fdm")
 
 
 def test_without_the_kernel_one_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -555,7 +534,7 @@ def test_tendons_of_a_segment_across_pass_the_inner_one_beside_a_round_rod_and_c
     None
 ):
     inst = _two_segments(axis="pitch")
-    tendons = [tendon.model_dump(exclude_unset=True) for tendon in inst.as_given("tendons")]
+    tendons = tables(inst, "tendons")
     for tendon in tendons[2:]:
         tendon["route"] = [{"joint": "near", "side": "middle"}, *tendon["route"][1:]]
     made = built(inst.replace(tendons=tendons), process="milled", rig=False)
@@ -763,7 +742,7 @@ def test_drawings_say_radii_to_the_ropes_centre_and_to_the_grooves_bottom_with_t
 
 
 def test_the_command_says_what_to_install_before_it_writes_anything(
-    tenodesis: Callable[..., tuple[int, str, str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tenodesis: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "build123d", None)
     for words in (("cad", "scaled-up"), ("scale", "real-size", "--cad", "solids")):

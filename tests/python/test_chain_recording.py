@@ -1,9 +1,7 @@
 """Recordings and protocols of several joints: joints and tendons by name."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 import pytest
@@ -18,9 +16,7 @@ from tenodesis.simulate import Cycles, GrippedObject, Hold, Protocol, Ramp, Step
 from tenodesis.statics.bends import Bends
 
 from .chain_samples import LISTED
-from .conftest import EXAMPLES, refused
-
-Command: TypeAlias = Callable[..., tuple[int, str, str]]
+from .conftest import EXAMPLES, Command, refused
 
 
 def protocol(*phases: object) -> Protocol:

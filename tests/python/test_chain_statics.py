@@ -6,19 +6,17 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import tenodesis as tn
 from tenodesis import instrument, statics
 from tenodesis.errors import NoSolutionError
 from tenodesis.instrument import FullForm, Instrument
+from tenodesis.run import Array
 from tenodesis.statics import Status, chain
 
 from .chain_samples import Point, drawn, holds, two_axes
 from .conftest import refused
-
-Array = NDArray[np.float64]
 
 SIGNS = {"agonist": 1.0, "antagonist": -1.0, "middle": 0.0}
 

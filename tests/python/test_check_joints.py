@@ -15,9 +15,8 @@ from tenodesis.cli import common
 from tenodesis.errors import Error, InstrumentError
 
 from .chain_samples import LISTED
+from .conftest import Command
 from .test_cli_own import rows
-
-Run = Callable[..., tuple[int, str, str]]
 
 DRIVER = """
 name = "driver"
@@ -77,7 +76,7 @@ def driver(tmp_path: Path) -> tn.instrument.FullForm:
 
 @pytest.mark.usefixtures("driver")
 def test_check_prints_routes_arms_coupling_and_losses_in_80_columns(
-    tenodesis: Run, monkeypatch: pytest.MonkeyPatch
+    tenodesis: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(common.console, "width", 80)
     code, said, wrong = tenodesis("check", "driver.toml")
@@ -91,7 +90,7 @@ def test_check_prints_routes_arms_coupling_and_losses_in_80_columns(
     assert "turning pitch by the tendons that end at joint pitch also turns jaw_1 by -0.5, jaw_2 by -0.5" in said
 
 
-def test_check_as_json_is_what_python_computes(tenodesis: Run, driver: tn.instrument.FullForm) -> None:
+def test_check_as_json_is_what_python_computes(tenodesis: Command, driver: tn.instrument.FullForm) -> None:
     found = json.loads(tenodesis("check", "driver.toml", "--json")[1])
     np.testing.assert_array_equal(found["arms"], tn.statics.straight_arms(driver))
     np.testing.assert_array_equal(found["coupling"], tn.statics.coupling(driver))
@@ -133,7 +132,7 @@ def test_a_tendon_that_is_slack_at_rest_is_named() -> None:
 
 
 def test_a_tendon_is_slack_from_the_printed_load_on_and_the_strokes_restore(
-    tenodesis: Run, driver: tn.instrument.FullForm
+    tenodesis: Command, driver: tn.instrument.FullForm
 ) -> None:
     (row,) = rows(
         tenodesis, "driver.toml", "--load", "0.2 0.5 -1 N", "--moment", "0 0 5 N*mm", "--grip", "1 N", "--angle",
@@ -160,7 +159,7 @@ JOINTS = ["joints", "tendons", "arms", "handle_arms", "coupling", "stiffness", "
 
 
 @pytest.mark.parametrize("name", tn.shipped())
-def test_json_has_the_keys_of_the_form_that_the_file_has(tenodesis: Run, name: str) -> None:
+def test_json_has_the_keys_of_the_form_that_the_file_has(tenodesis: Command, name: str) -> None:
     listed = name in LISTED
     checked = json.loads(tenodesis("check", name, "--json")[1])
     assert list(checked) == ["name", "description", *(JOINTS if listed else VALUES), "warnings"]
@@ -171,7 +170,7 @@ def test_json_has_the_keys_of_the_form_that_the_file_has(tenodesis: Run, name: s
 
 
 @pytest.mark.parametrize("name", LISTED)
-def test_every_shipped_instrument_is_held_and_has_losses(tenodesis: Run, name: str) -> None:
+def test_every_shipped_instrument_is_held_and_has_losses(tenodesis: Command, name: str) -> None:
     found = rows(tenodesis, name)
     # at the end of its range a hybrid snaps through
     assert len(found) == 9
@@ -194,7 +193,7 @@ def test_what_takes_planar_instruments_says_which_commands_take_such_files() -> 
 
 
 @pytest.mark.usefixtures("driver")
-def test_the_picture_names_every_joint_tendon_and_radius(tenodesis: Run, tmp_path: Path) -> None:
+def test_the_picture_names_every_joint_tendon_and_radius(tenodesis: Command, tmp_path: Path) -> None:
     code, said, _ = tenodesis("check", "driver.toml", "--picture", "driver.svg")
     assert code == 0
     assert "driver.svg is written." in said
@@ -215,7 +214,9 @@ def test_no_label_of_a_picture_covers_another(name: str) -> None:
 
 
 @pytest.mark.parametrize("kind", WRONG)
-def test_a_wrong_route_ends_in_one_sentence_with_the_picture_of_it(tenodesis: Run, tmp_path: Path, kind: str) -> None:
+def test_a_wrong_route_ends_in_one_sentence_with_the_picture_of_it(
+    tenodesis: Command, tmp_path: Path, kind: str
+) -> None:
     old, new, sentence = WRONG[kind]
     assert old in DRIVER
     (tmp_path / "wrong.toml").write_text(DRIVER.replace(old, new), "utf-8")
@@ -230,7 +231,7 @@ def test_a_wrong_route_ends_in_one_sentence_with_the_picture_of_it(tenodesis: Ru
     assert ("not listed" in picture) is (kind == "unknown")
 
 
-def test_what_is_no_route_error_is_not_drawn(tenodesis: Run, tmp_path: Path) -> None:
+def test_what_is_no_route_error_is_not_drawn(tenodesis: Command, tmp_path: Path) -> None:
     (tmp_path / "wrong.toml").write_text(DRIVER.replace('"2.5 mm"', '"2.5 N"'), "utf-8")
     code, _, wrong = tenodesis("check", "wrong.toml", "--picture", "wrong.svg")
     assert code == 1

@@ -6,7 +6,6 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeAlias
 
 import pytest
 from typer.testing import CliRunner
@@ -21,9 +20,7 @@ from tenodesis.paper.context import Context
 from tenodesis.paper.run import CHAPTERS
 from tenodesis.report.content import Published
 
-from .conftest import EXAMPLES
-
-Run: TypeAlias = Callable[..., tuple[int, str, str]]
+from .conftest import EXAMPLES, Command
 
 HEAVY = ("typer", "matplotlib", "pint", "viser", "typst", "numpy", "scipy", "pydantic", "tenodesis.instrument")
 
@@ -68,7 +65,7 @@ def test_the_table_of_commands_says_what_their_docstrings_say(words: str) -> Non
     assert str(load(command.function).__doc__).splitlines()[0] == command.help
 
 
-def test_the_help_of_a_group_is_the_same_by_every_way(tenodesis: Run) -> None:
+def test_the_help_of_a_group_is_the_same_by_every_way(tenodesis: Command) -> None:
     fast = tenodesis("--help")[1]
     slow = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "140"}, prog_name="tenodesis").stdout
     assert fast.split() == slow.split()
@@ -82,13 +79,13 @@ def test_the_help_of_a_group_is_the_same_by_every_way(tenodesis: Run) -> None:
 
 
 @pytest.mark.parametrize("words", leaves())
-def test_every_command_has_a_help_page(tenodesis: Run, words: str) -> None:
+def test_every_command_has_a_help_page(tenodesis: Command, words: str) -> None:
     code, said, wrong = tenodesis(*words.split(), "--help")
     assert (code, wrong) == (0, "")
     assert f"Usage: tenodesis {words}" in said
 
 
-def test_a_command_that_is_not_there_is_answered_with_the_nearest(tenodesis: Run) -> None:
+def test_a_command_that_is_not_there_is_answered_with_the_nearest(tenodesis: Command) -> None:
     code, _, wrong = tenodesis("benc")
     assert code == 2
     assert "No such command 'benc'. Did you mean 'bench'?" in wrong
@@ -107,7 +104,7 @@ def test_a_command_that_is_not_there_is_answered_with_the_nearest(tenodesis: Run
     ],
 )
 def test_a_command_without_its_extra_says_what_to_install(
-    tenodesis: Run, scaled: Instrument, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    tenodesis: Command, scaled: Instrument, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     module: str, extra: str, words: tuple[str, ...],
 ) -> None:  # fmt: skip
     for name in [name for name in sys.modules if name.startswith(("tenodesis.console", f"{module}."))]:
@@ -125,7 +122,7 @@ def test_a_command_without_its_extra_says_what_to_install(
 
 
 def test_bench_takes_any_instrument_file_and_shows_its_results(
-    tenodesis: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tenodesis: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[tuple[Instrument, Instrument | None, Path]] = []
 
@@ -151,7 +148,7 @@ def test_bench_takes_any_instrument_file_and_shows_its_results(
 
 
 def test_bench_computes_the_chapters_that_are_named(
-    tenodesis: Run, declined: Callable[..., Error], tmp_path: Path
+    tenodesis: Command, declined: Callable[..., Error], tmp_path: Path
 ) -> None:
     code, said, _ = tenodesis("bench", EXAMPLES / "pulley.toml", "--only", "loss, slack", "--only", "transmissibility")
     assert code == 0
@@ -166,7 +163,7 @@ def test_bench_computes_the_chapters_that_are_named(
 
 
 def test_bench_computes_all_joints_of_ones_own_two_axes_unless_one_is_named(
-    tenodesis: Run, tmp_path: Path, declined: Callable[..., Error]
+    tenodesis: Command, tmp_path: Path, declined: Callable[..., Error]
 ) -> None:
     own = (EXAMPLES / "pulley.toml").read_text("utf-8")
     own = own.replace('joint_type = "tendon-pulley"', 'joint_type = "tendon-pulley"\naxes = ["yaw", "pitch"]')
@@ -191,14 +188,14 @@ def test_the_command_line_runs_from_a_shell(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-def test_version_and_short_help_are_there_by_every_way(tenodesis: Run) -> None:
+def test_version_and_short_help_are_there_by_every_way(tenodesis: Command) -> None:
     assert tenodesis("--version")[:2] == (0, f"tenodesis {tn.__version__}\n")
     assert CliRunner().invoke(app, ["--version"]).stdout == f"tenodesis {tn.__version__}\n"
     assert tenodesis("-h")[1] == tenodesis("--help")[1]
     assert "Usage: tenodesis check" in tenodesis("check", "-h")[1]
 
 
-def test_quiet_leaves_only_what_a_command_is_for(tenodesis: Run, tmp_path: Path) -> None:
+def test_quiet_leaves_only_what_a_command_is_for(tenodesis: Command, tmp_path: Path) -> None:
     (tmp_path / "short.toml").write_text('name = "short"\n[[phases]]\nkind = "hold"\nduration = "0.05 s"\n')
     words = ("record", "scaled-up", "short.toml", "--out", "x.mcap", "--overwrite")
     for quiet in ((*words, "--quiet"), (*words, "-q"), ("--quiet", *words)):

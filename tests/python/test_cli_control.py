@@ -1,9 +1,7 @@
 """Claims about exported parameters: a header says what the controller computes with, and a mistake is one sentence."""
 
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 import pytest
@@ -12,9 +10,7 @@ from tenodesis import _core, control
 from tenodesis.control.parameters import AXIS, COMMON
 from tenodesis.instrument import Instrument
 
-from .conftest import EXAMPLES
-
-Command: TypeAlias = Callable[..., tuple[int, str, str]]
+from .conftest import EXAMPLES, Command
 
 
 def numbers_of(text: str) -> dict[str, list[float]]:

@@ -7,7 +7,6 @@ import signal
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeAlias
 
 import pytest
 
@@ -15,9 +14,7 @@ import tenodesis as tn
 from tenodesis.files import locked_file, locked_folder
 from tenodesis.recording.simulation import write_run
 
-from .conftest import EXAMPLES, ROOT, start_command, until
-
-Command: TypeAlias = Callable[..., tuple[int, str, str]]
+from .conftest import EXAMPLES, ROOT, Command, start_command, until
 
 SHORT = 'name = "short"\n[[phases]]\nkind = "hold"\nduration = "0.05 s"\n'
 PROTOTYPE = ("scaled-up.toml", "plan.html", "plan.pdf", "parts.csv", "front.csv", "front.svg", "front.png")

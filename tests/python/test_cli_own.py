@@ -3,9 +3,8 @@
 import io
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,9 +18,7 @@ from tenodesis.instrument.template import ASSUMED, QUESTIONS, ROPES, sketch
 from tenodesis.instrument.template import text as text_of
 from tenodesis.instrument.text import to_toml
 
-from .conftest import EXAMPLES
-
-Run: TypeAlias = Callable[..., tuple[int, str, str]]
+from .conftest import EXAMPLES, Command
 
 GIVEN = {
     "distal-radius": "2.5 mm",
@@ -54,7 +51,7 @@ def answering(monkeypatch: pytest.MonkeyPatch, *lines: str) -> None:
 
 
 @pytest.mark.parametrize("joint_type", JOINT_TYPES)
-def test_a_new_file_is_the_instrument_that_was_described(tenodesis: Run, joint_type: str) -> None:
+def test_a_new_file_is_the_instrument_that_was_described(tenodesis: Command, joint_type: str) -> None:
     code, said, wrong = tenodesis("new", "mine", *options(joint_type))
     assert (code, wrong) == (0, "")
     assert "mine.toml" in said
@@ -69,7 +66,7 @@ def test_a_new_file_is_the_instrument_that_was_described(tenodesis: Run, joint_t
     assert tenodesis("check", "mine.toml")[0] == 0
 
 
-def test_a_stiff_continuum_that_bends_less_than_its_stop_is_written(tenodesis: Run) -> None:
+def test_a_stiff_continuum_that_bends_less_than_its_stop_is_written(tenodesis: Command) -> None:
     given = {
         "distal-radius": "2.1 mm",
         "proximal-radius": "5 mm",
@@ -89,7 +86,7 @@ def test_a_stiff_continuum_that_bends_less_than_its_stop_is_written(tenodesis: R
 
 
 @pytest.mark.parametrize("joint_type", JOINT_TYPES)
-def test_the_defaults_are_an_instrument_without_warnings_that_can_be_run(tenodesis: Run, joint_type: str) -> None:
+def test_the_defaults_are_an_instrument_without_warnings_that_can_be_run(tenodesis: Command, joint_type: str) -> None:
     assert tenodesis("new", "mine", "--mechanism", joint_type, "--defaults")[0] == 0
     inst = tn.load("mine.toml")
     assert implausible(inst) == ()
@@ -98,7 +95,9 @@ def test_the_defaults_are_an_instrument_without_warnings_that_can_be_run(tenodes
 
 
 @pytest.mark.parametrize("joint_type", JOINT_TYPES)
-def test_every_key_of_a_new_file_has_a_comment_and_a_source(tenodesis: Run, tmp_path: Path, joint_type: str) -> None:
+def test_every_key_of_a_new_file_has_a_comment_and_a_source(
+    tenodesis: Command, tmp_path: Path, joint_type: str
+) -> None:
     tenodesis("new", "mine", "--mechanism", joint_type, "--defaults")
     text = (tmp_path / "mine.toml").read_text("utf-8")
     body, _, _ = text.partition("\n[sources]")
@@ -117,14 +116,14 @@ def test_every_key_of_a_new_file_has_a_comment_and_a_source(tenodesis: Run, tmp_
 
 
 @pytest.mark.parametrize("rope", ROPES)
-def test_a_rope_is_known_by_name(tenodesis: Run, rope: str) -> None:
+def test_a_rope_is_known_by_name(tenodesis: Command, rope: str) -> None:
     assert tenodesis("new", "mine", "--defaults", "--rope", rope.upper())[0] == 0
     inst = tn.load("mine.toml")
     assert inst.tendon_modulus == inst.replace(tendon_modulus=ROPES[rope].modulus).tendon_modulus
     assert rope in inst.sources["tendon_modulus"]
 
 
-def test_a_backbone_is_known_by_its_rod(tenodesis: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_backbone_is_known_by_its_rod(tenodesis: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     answering(monkeypatch, "continuum", "", "", "", "0.6 mm gold", "0.6 mm Nitinol", "", "", "", "")
     code, said, _ = tenodesis("new", "asked")
     assert code == 0 and "of nitinol, steel, stainless" in said
@@ -136,7 +135,7 @@ def test_a_backbone_is_known_by_its_rod(tenodesis: Run, monkeypatch: pytest.Monk
         assert inst.sources["backbone_rigidity"].startswith("yours: a rod of 0.6 mm")
 
 
-def test_answers_are_asked_for_again_until_they_are_right(tenodesis: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_answers_are_asked_for_again_until_they_are_right(tenodesis: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     answering(monkeypatch, "gears", "pulley", "3", "-1", "7 mm", "0.8 in", "300", "1 kg", "0.45 mm", "")
     code, said, wrong = tenodesis("new", "mine")
     assert (code, wrong) == (0, "")
@@ -153,7 +152,7 @@ def test_answers_are_asked_for_again_until_they_are_right(tenodesis: Run, monkey
     assert inst.sources["overall_length"] == "yours"
 
 
-def test_an_implausible_answer_is_asked_for_once_more(tenodesis: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_implausible_answer_is_asked_for_once_more(tenodesis: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     for again, kept in (("0.4", 0.4e-3), ("", 3e-3)):
         answering(monkeypatch, *[""] * 5, "3", "", again)
         code, said, wrong = tenodesis("new", "mine", "--overwrite")
@@ -164,7 +163,7 @@ def test_an_implausible_answer_is_asked_for_once_more(tenodesis: Run, monkeypatc
         assert (inst.tendon_diameter, inst.sources["tendon_diameter"]) == (pytest.approx(kept), "yours")
 
 
-def test_loads_and_ranges_of_ones_own_are_taken(tenodesis: Run) -> None:
+def test_loads_and_ranges_of_ones_own_are_taken(tenodesis: Command) -> None:
     more = ("--load", "3 N", "--load", "0.2 N", "--handle-range", "60 deg", "--output-range", "70 deg")
     assert tenodesis("new", "mine", "--defaults", *more, "--stem-diameter", "8 mm", "--handle-length", "9 cm")[0] == 0
     inst = tn.load("mine.toml")
@@ -173,14 +172,14 @@ def test_loads_and_ranges_of_ones_own_are_taken(tenodesis: Run) -> None:
     assert (inst.stem_diameter, inst.handle_length) == (8e-3, 9e-2)
 
 
-def test_an_implausible_answer_is_taken_with_a_warning(tenodesis: Run) -> None:
+def test_an_implausible_answer_is_taken_with_a_warning(tenodesis: Command) -> None:
     code, said, _ = tenodesis("new", "mine", "--defaults", "--distal-radius", "3 mm", "--stem-diameter", "5 mm")
     assert code == 0
     assert "warning: distal_pulley_radius is 3 mm, so that the joint is 6 mm wide" in said
 
 
 def test_without_an_answer_it_says_which_option_gives_it(
-    tenodesis: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tenodesis: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answering(monkeypatch, "pulley", "2 mm")
     code, _, wrong = tenodesis("new", "mine")
@@ -189,7 +188,7 @@ def test_without_an_answer_it_says_which_option_gives_it(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_number_that_nobody_gave_is_refused_with_the_options_it_follows_from(tenodesis: Run) -> None:
+def test_a_number_that_nobody_gave_is_refused_with_the_options_it_follows_from(tenodesis: Command) -> None:
     code, _, said = tenodesis("new", "own", "--defaults", "--distal-radius", "50 m")
     assert code and "stem_diameter = '100001 mm'" in said.replace("\n", " ")
     assert "it follows from --distal-radius." in " ".join(said.split())
@@ -200,7 +199,7 @@ def test_a_number_that_nobody_gave_is_refused_with_the_options_it_follows_from(t
 # ---------------------------------------------------------------------- loss
 
 
-def rows(tenodesis: Run, *words: object) -> list[dict[str, Any]]:
+def rows(tenodesis: Command, *words: object) -> list[dict[str, Any]]:
     code, said, wrong = tenodesis("loss", *words, "--json")
     assert (code, wrong) == (0, "")
     found: list[dict[str, Any]] = json.loads(said)["rows"]
@@ -209,7 +208,7 @@ def rows(tenodesis: Run, *words: object) -> list[dict[str, Any]]:
 
 @pytest.mark.parametrize("name", ["real", "pulley", "continuum"])
 def test_what_a_load_takes_is_what_the_statics_say(
-    tenodesis: Run, tmp_path: Path, name: str, request: pytest.FixtureRequest
+    tenodesis: Command, tmp_path: Path, name: str, request: pytest.FixtureRequest
 ) -> None:
     inst: Instrument = request.getfixturevalue(name).planar[0]
     (tmp_path / "mine.toml").write_text(to_toml(inst))
@@ -226,14 +225,16 @@ def test_what_a_load_takes_is_what_the_statics_say(
     assert held == pytest.approx(output, abs=1e-9)
 
 
-def test_a_moment_turns_a_pulley_by_its_flexural_stiffness(tenodesis: Run, pulley: Instrument, tmp_path: Path) -> None:
+def test_a_moment_turns_a_pulley_by_its_flexural_stiffness(
+    tenodesis: Command, pulley: Instrument, tmp_path: Path
+) -> None:
     (tmp_path / "mine.toml").write_text(to_toml(pulley))
     (row, *_) = rows(tenodesis, "mine.toml", "--load", "0 0 0 N", "--moment", "0 -20 0 N*mm")
     assert row["lost"] == pytest.approx([0.02 / tn.statics.flexural_stiffness(pulley, 0.0)])
 
 
 @pytest.mark.parametrize("name", ["real-size", "scaled-up"])
-def test_a_tendon_is_slack_from_the_load_that_is_printed_on(tenodesis: Run, name: str) -> None:
+def test_a_tendon_is_slack_from_the_load_that_is_printed_on(tenodesis: Command, name: str) -> None:
     inst = tn.load(name).planar[0]
     for row in rows(tenodesis, name, "--axis", "yaw"):
         (output,), force = row["output_angles"], -row["slack_factor"] * row["wrench"][0]
@@ -244,7 +245,7 @@ def test_a_tendon_is_slack_from_the_load_that_is_printed_on(tenodesis: Run, name
         assert above.antagonist == 0
 
 
-def test_loads_and_angles_are_those_of_the_file_or_those_asked_for(tenodesis: Run) -> None:
+def test_loads_and_angles_are_those_of_the_file_or_those_asked_for(tenodesis: Command) -> None:
     found = rows(tenodesis, "scaled-up")
     assert sorted({-row["wrench"][0] for row in found}) == [0.5, 1.0, 1.5]
     np.testing.assert_allclose(np.degrees([row["output_angles"] for row in found[::3]]).T, [(0, 40, 80)], atol=1e-9)
@@ -252,7 +253,7 @@ def test_loads_and_angles_are_those_of_the_file_or_those_asked_for(tenodesis: Ru
     assert [-row["wrench"][0] for row in found] == [2.0, 0.03]
 
 
-def test_where_there_is_no_solution_json_has_null_and_the_table_a_dash(tenodesis: Run) -> None:
+def test_where_there_is_no_solution_json_has_null_and_the_table_a_dash(tenodesis: Command) -> None:
     (row,) = rows(tenodesis, "real-size", "--axis", "yaw", "--load", "50 N", "--angle", "80 deg")
     assert row["lost"] == [None]
     said = tenodesis("loss", "real-size", "--axis", "yaw", "--load", "50 N", "--angle", "80 deg")[1]
@@ -262,7 +263,7 @@ def test_where_there_is_no_solution_json_has_null_and_the_table_a_dash(tenodesis
     assert [row["lost"] for row in both] == [[None, None], [None, None]]
 
 
-def test_the_table_fits_a_terminal_of_80_columns(tenodesis: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_table_fits_a_terminal_of_80_columns(tenodesis: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(common.console, "width", 80)
     words = ("--load", "12.34 N", "--angle", "33.3 deg", "--load", "1.234 N")
     for axis in ((), ("--axis", "yaw")):
@@ -275,7 +276,7 @@ def test_the_table_fits_a_terminal_of_80_columns(tenodesis: Run, monkeypatch: py
 # ---------------------------------------------------------------------- check
 
 
-def checked(tenodesis: Run, text: str) -> dict[str, Any]:
+def checked(tenodesis: Command, text: str) -> dict[str, Any]:
     """Return what `check` says as JSON about a file with this text."""
     Path("mine.toml").write_text(text, "utf-8")
     code, said, wrong = tenodesis("check", "mine.toml", "--json")
@@ -284,7 +285,7 @@ def checked(tenodesis: Run, text: str) -> dict[str, Any]:
     return found
 
 
-def test_check_prints_values_as_the_file_has_them(tenodesis: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_check_prints_values_as_the_file_has_them(tenodesis: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(common.console, "width", 80)
     text = (EXAMPLES / "pulley.toml").read_text("utf-8")
     text = text.replace('"25 mm"', '"2.5 cm"').replace('"50 GPa"', '"50000 MPa"')
@@ -303,7 +304,7 @@ def test_check_prints_values_as_the_file_has_them(tenodesis: Run, monkeypatch: p
         assert re.search(derived, table)
 
 
-def test_check_as_json_has_the_values_in_si_and_what_follows(tenodesis: Run) -> None:
+def test_check_as_json_has_the_values_in_si_and_what_follows(tenodesis: Command) -> None:
     found = checked(tenodesis, (EXAMPLES / "pulley.toml").read_text("utf-8"))
     inst = tn.load("mine.toml")
     held = {key: one["value"] for key, one in found["values"].items()}
@@ -320,7 +321,7 @@ def test_check_as_json_has_the_values_in_si_and_what_follows(tenodesis: Run) -> 
     assert [one["key"] for one in found["warnings"]] == ["dynamics.tip_inertia"]
 
 
-def test_an_axis_with_values_of_its_own_is_listed(tenodesis: Run) -> None:
+def test_an_axis_with_values_of_its_own_is_listed(tenodesis: Command) -> None:
     text = (
         (EXAMPLES / "pulley.toml")
         .read_text("utf-8")
@@ -419,7 +420,7 @@ def test_sound_instruments_are_called_plausible(real: Instrument, scaled: Instru
         assert implausible(inst) == ()
 
 
-def test_implausible_files_are_listed_with_exit_code_0(tenodesis: Run) -> None:
+def test_implausible_files_are_listed_with_exit_code_0(tenodesis: Command) -> None:
     Path("mine.toml").write_text(SOUND.replace('"50 GPa"', '"120 MPa"').replace('"2 mm"', '"3 mm"'), "utf-8")
     code, said, _ = tenodesis("check", "mine.toml")
     assert code == 0
@@ -427,7 +428,7 @@ def test_implausible_files_are_listed_with_exit_code_0(tenodesis: Run) -> None:
     assert "warning: distal_pulley_radius is 3 mm" in said
 
 
-def test_info_as_json_has_what_info_prints(tenodesis: Run, scaled: Instrument, tmp_path: Path) -> None:
+def test_info_as_json_has_what_info_prints(tenodesis: Command, scaled: Instrument, tmp_path: Path) -> None:
     with tn.Recorder(tmp_path / "run.mcap", axes=("yaw",)) as recorder:
         recorder.write(tn.twin.Twin(scaled).run(np.linspace(0, 0.1, 100)))
     code, said, _ = tenodesis("info", "run.mcap", "--json")

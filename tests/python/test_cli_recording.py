@@ -6,7 +6,6 @@ import re
 import signal
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -20,10 +19,9 @@ from tenodesis.live import recorder as live
 from tenodesis.recording import Recorder, Recording
 from tenodesis.run import Run
 
-from .conftest import EXAMPLES, ROOT, start_command, until
+from .conftest import EXAMPLES, ROOT, Command, start_command, until
 from .live_loop import Played
 
-Command: TypeAlias = Callable[..., tuple[int, str, str]]
 """Takes the words of a command line; returns exit code, output and errors."""
 
 PROTOCOL = """

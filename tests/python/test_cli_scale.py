@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, TypeAlias
+from typing import Any
 
 import pytest
 
@@ -17,7 +17,7 @@ from tenodesis.errors import Error, InstrumentError
 from tenodesis.instrument import Instrument
 from tenodesis.simulate.execution import check_controllable
 
-Command: TypeAlias = Callable[..., tuple[int, str, str]]
+from .conftest import Command
 
 FILES = ["front.csv", "front.png", "front.svg", "parts.csv", "plan.html", "plan.pdf", "scaled-up.toml"]
 PARTS = [

@@ -4,18 +4,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import tenodesis as tn
 from tenodesis.control import Controller, OperatingState
 from tenodesis.instrument import Instrument
-from tenodesis.run import Run
+from tenodesis.run import Array, Run
 from tenodesis.twin import TIME_STEP, Twin
 
 from .motions import clock, eased, load_of, with_friction
 from .twin_motions import smooth
-
-Array = NDArray[np.float64]
 
 
 def row(time: float) -> int:

@@ -5,7 +5,6 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
 
@@ -15,7 +14,7 @@ import tenodesis as tn
 from tenodesis import control
 from tenodesis.instrument import Instrument
 
-from .conftest import EXAMPLES, ROOT
+from .conftest import EXAMPLES, ROOT, Command
 
 CONSUMERS = ROOT / "tests/consumers"
 REALS = {"float": 4, "double": 8}
@@ -200,16 +199,14 @@ def c_interface(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_the_example_controls_the_exported_instrument(
-    tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]], c_interface: Path
-) -> None:
+def test_the_example_controls_the_exported_instrument(tmp_path: Path, tenodesis: Command, c_interface: Path) -> None:
     assert tenodesis("export", "controller", EXAMPLES / "pulley.toml", "--homed", "--own-clock")[0] == 0
     said = run_example(tmp_path, c_interface, "-DINSTRUMENT=pulley_wrist")
     assert said.startswith("pulley_wrist: radii 4.5 and 2 mm, pretension 30 N")
 
 
 def test_the_exported_header_wins_over_the_one_beside_the_example(
-    tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]], c_interface: Path
+    tmp_path: Path, tenodesis: Command, c_interface: Path
 ) -> None:
     assert tenodesis("export", "controller", "real-size", "--homed", "--own-clock", "--name", "scaled_up")[0] == 0
     assert run_example(tmp_path, c_interface).startswith("scaled_up: radii 4.5 and 2 mm, pretension 30 N")

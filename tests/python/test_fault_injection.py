@@ -4,16 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import tenodesis as tn
 from tenodesis.control import Controller, Request
+from tenodesis.run import Array
 from tenodesis.simulate import FaultInjection
 from tenodesis.twin import TIME_STEP, Twin
 
 from .conftest import refused
 
-Array = NDArray[np.float64]
 TICKS = 400
 
 

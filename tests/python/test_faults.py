@@ -6,18 +6,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import tenodesis as tn
 from tenodesis.control import FAULTS, Controller, OperatingState, Request, parameters
 from tenodesis.instrument import Instrument
-from tenodesis.run import Run
+from tenodesis.run import Array, Run
 from tenodesis.simulate import FaultInjection
 from tenodesis.twin import TIME_STEP, Twin
 
 from .conftest import load_study
-
-Array = NDArray[np.float64]
 
 LOADED = 1.5  # s
 FAULT = 1.8  # s: the motors are at work

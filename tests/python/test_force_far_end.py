@@ -3,7 +3,7 @@
 import json
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -32,7 +32,7 @@ from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.run import Array
 from tenodesis.tendon import far_end
 
-from .conftest import refused
+from .conftest import Command, refused
 from .dataset_files import TORQUE, table, write
 
 RATE = 100
@@ -226,9 +226,7 @@ def test_currents_that_tell_nothing_are_refused_in_a_sentence() -> None:
 
 
 @pytest.mark.slow
-def test_the_command_writes_a_model_and_prints_errors(
-    tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]]
-) -> None:
+def test_the_command_writes_a_model_and_prints_errors(tmp_path: Path, tenodesis: Command) -> None:
     rows = table()
     rows[:, 3] = 1e-3 * rows[:, TORQUE] * 0.04
     path = write(tmp_path, rows)

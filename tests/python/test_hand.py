@@ -4,17 +4,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import tenodesis as tn
 from tenodesis.control import Controller
 from tenodesis.instrument import Instrument
-from tenodesis.run import Run
+from tenodesis.run import Array, Run
 from tenodesis.twin import Twin
 
 from .conftest import load_study
-
-Array = NDArray[np.float64]
 
 law, tremor = load_study("law"), load_study("tremor")
 LOADS = (0.0, 1.0)

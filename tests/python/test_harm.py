@@ -6,19 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import tenodesis as tn
 from tenodesis.control import Controller
 from tenodesis.instrument import Instrument
-from tenodesis.run import Run
+from tenodesis.run import Array, Run
 from tenodesis.simulate import FaultInjection
 from tenodesis.twin import TIME_STEP, Contact, Twin
 
 from .conftest import load_study
-
-Array = NDArray[np.float64]
-
 
 harm = load_study("harm")
 SIDES = ("agonist", "antagonist")

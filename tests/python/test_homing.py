@@ -5,16 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import tenodesis as tn
 from tenodesis.control import FAULTS, Controller, OperatingState, Request, homing_failure, parameters
+from tenodesis.control.controller import fault_names
 from tenodesis.instrument import Instrument
-from tenodesis.run import Run
+from tenodesis.run import Array, Run
 from tenodesis.simulate import FaultInjection
 from tenodesis.twin import TIME_STEP, Twin
-
-Array = NDArray[np.float64]
 
 REPEATABLE = 0.02  # share of the pretension, issue 4
 ASKED = 0.05  # s after which homing is asked for
@@ -81,8 +79,7 @@ def home(
 
 def first_faults(run: Run) -> set[str]:
     at = np.flatnonzero(run["operating_state"] == OperatingState.FAULT)
-    mask = int(run["faults"][at[0]]) if at.size else 0
-    return {name for n, name in enumerate(FAULTS) if mask >> n & 1}
+    return set(fault_names(int(run["faults"][at[0]]) if at.size else 0))
 
 
 def failure(run: Run) -> str:

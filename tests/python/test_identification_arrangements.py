@@ -48,7 +48,7 @@ def compared(run: InstrumentRun, only: Sequence[str] = ()) -> ArrangementCompari
 )
 def test_a_recording_asks_for_its_arrangement_and_has_its_coefficients(changes: dict[str, float], name: str) -> None:
     built = TRUE.replace(**{"mismatch.pretension_ratio": None, "mismatch.output_encoder_offset": None}, **changes)
-    comparison = compared(recorded(built, seconds=2.0), NAMES)
+    comparison = compared(recorded(built, seconds=1.0), NAMES)
     assert comparison.chosen == name
     assert comparison.fits
     for key in ASKED:
@@ -65,7 +65,7 @@ def test_a_recording_asks_for_its_arrangement_and_has_its_coefficients(changes: 
 @pytest.mark.slow
 def test_where_no_arrangement_fits_it_is_said_and_intervals_are_those_of_all() -> None:
     rubbing = {"friction.law": "stribeck", "friction.constant": 2.0, "friction.static_ratio": 2.0}
-    run = recorded(TRUE.replace(**{"friction.stribeck_speed": 1e-3}, **rubbing), seconds=2.0)
+    run = recorded(TRUE.replace(**{"friction.stribeck_speed": 1e-3}, **rubbing), seconds=1.0)
     comparison = compared(run, NAMES)
     assert not comparison.fits
     assert "No arrangement fits" in comparison.statements[1]

@@ -4,7 +4,6 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,7 @@ from tenodesis.identification.kinematic import of_run
 from tenodesis.identification.kinematic.recordings import load
 from tenodesis.run import Array, Run
 
-from .conftest import ROOT, refused
+from .conftest import ROOT, Command, refused
 
 sys.path.append(str(ROOT / "studies"))
 from coverage import JOINTS, simulated
@@ -183,9 +182,7 @@ def test_a_run_gives_its_handles_and_measured_angles() -> None:
 
 
 @pytest.mark.slow
-def test_identify_sees_that_tensions_are_missing(
-    tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]]
-) -> None:
+def test_identify_sees_that_tensions_are_missing(tmp_path: Path, tenodesis: Command) -> None:
     logs = [logged(tmp_path / f"{n}.csv", simulated(7, "play", samples=400, motion=n)[0]) for n in range(2)]
     truth = simulated(7, "play", samples=400)[1]
     arguments = (logs[0], "--test", logs[1], "--law", "play", "--out", tmp_path / "out", "--json")

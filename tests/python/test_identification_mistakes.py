@@ -54,7 +54,7 @@ MISTAKES: dict[str, Callable[[InstrumentRun], InstrumentRun]] = {
 @pytest.mark.slow
 @pytest.mark.parametrize("named", MISTAKES)
 def test_a_mistake_is_named_with_what_it_would_give(named: str) -> None:
-    found = explained(MISTAKES[named](recorded(TRUE, seconds=1.0)))
+    found = explained(MISTAKES[named](recorded(TRUE, seconds=0.5)))
     assert found is not None
     assert found.sentence == named
     assert found.values["pretension_ratio"] == pytest.approx(1.1, abs=0.01)
@@ -69,7 +69,7 @@ def test_a_recording_of_another_instrument_is_named() -> None:
         inst = other or others["real-size"]
         return problem([one for one in runs if isinstance(one, InstrumentRun)], inst.replace(mismatch=None))
 
-    found = mistakes.explain([recorded(TRUE, seconds=1.0)], build, lambda _: FREE, instruments=others)
+    found = mistakes.explain([recorded(TRUE, seconds=0.5)], build, lambda _: FREE, instruments=others)
     assert found is not None
     assert found.sentence == "the recording is of another instrument: scaled-up"
 
@@ -77,7 +77,7 @@ def test_a_recording_of_another_instrument_is_named() -> None:
 @pytest.mark.slow
 def test_a_parameter_held_at_a_wrong_value_is_named() -> None:
     held = [name for name in FREE if name != "stiffness_ratio"]
-    found = explained(recorded(TRUE, seconds=1.0), held)
+    found = explained(recorded(TRUE, seconds=0.5), held)
     assert found is not None
     assert found.sentence == "stiffness_ratio is held at a wrong value"
 

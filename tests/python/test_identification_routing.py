@@ -2,7 +2,6 @@
 
 import json
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from tenodesis.instrument.text import to_toml
 from tenodesis.recording import Recorder, lab_tables, signal_tables, tables
 from tenodesis.run import Run
 
-from .conftest import ROOT, refused
+from .conftest import ROOT, Command, refused
 
 sys.path.append(str(ROOT / "studies"))
 from coverage import excited, routed, sensed
@@ -249,7 +248,7 @@ def test_slopes_are_the_same_on_any_number_of_threads_and_take_no_twin_for_offse
 
 @pytest.mark.slow
 def test_a_table_is_mapped_and_fitted_and_what_was_held_out_predicted(
-    driven: tuple[FullForm, FullForm, Run], tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]]
+    driven: tuple[FullForm, FullForm, Run], tmp_path: Path, tenodesis: Command
 ) -> None:
     inst, true, run = driven
     columns = {"t [s]": run.time}
@@ -288,7 +287,7 @@ def test_a_table_is_mapped_and_fitted_and_what_was_held_out_predicted(
 
 @pytest.mark.slow
 def test_what_the_model_does_not_explain_is_not_identifiable(
-    driven: tuple[FullForm, FullForm, Run], tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]]
+    driven: tuple[FullForm, FullForm, Run], tmp_path: Path, tenodesis: Command
 ) -> None:
     inst, _, run = driven
     with Recorder("run.mcap", axes=run.names, metadata={"instrument": to_toml(inst)}) as recorder:
@@ -307,7 +306,7 @@ def test_what_the_jaws_hold_ends_a_recording(driven: tuple[FullForm, FullForm, R
 
 @pytest.mark.slow
 def test_the_command_fits_all_tendons_of_a_recording(
-    driven: tuple[FullForm, FullForm, Run], tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]]
+    driven: tuple[FullForm, FullForm, Run], tmp_path: Path, tenodesis: Command
 ) -> None:
     inst, true, run = driven
     with Recorder("run.mcap", axes=run.names, metadata={"instrument": to_toml(known(inst, true))}) as recorder:
@@ -325,7 +324,7 @@ def test_the_command_fits_all_tendons_of_a_recording(
 
 
 def test_forces_on_two_planar_axes_are_one_force_on_the_tip_and_the_command_reads_once_and_fits_both(
-    tenodesis: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
+    tenodesis: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     inst = tn.load("real-size")
     count = np.arange(600)
@@ -371,7 +370,7 @@ def test_forces_on_two_planar_axes_are_one_force_on_the_tip_and_the_command_read
 
 
 def test_of_axes_that_the_twin_moved_each_by_itself_the_first_is_fitted_alone(
-    tenodesis: Callable[..., tuple[int, str, str]],
+    tenodesis: Command,
 ) -> None:
     inst = tn.load("real-size")
     handle = 0.2 * np.sin(np.arange(1500)[:, np.newaxis] / (200, 150))

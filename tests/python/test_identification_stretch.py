@@ -1,6 +1,5 @@
 """Of a long recording the stretch that says the most about an instrument's parameters is fitted."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +12,8 @@ from tenodesis.identification.split import shortened
 from tenodesis.instrument import Instrument
 from tenodesis.simulate import execute
 from tenodesis.simulate.protocol import parse
+
+from .conftest import Command
 
 LONG = """
 name = "much rest, little motion"
@@ -62,7 +63,7 @@ def test_a_gap_as_long_as_a_stretch_is_left_out(long: InstrumentRun, scaled: Ins
 
 
 @pytest.mark.slow
-def test_the_command_fits_the_stretch_from_one_start(tenodesis: Callable[..., tuple[int, str, str]]) -> None:
+def test_the_command_fits_the_stretch_from_one_start(tenodesis: Command) -> None:
     Path("long.toml").write_text(LONG)
     tenodesis("record", "scaled-up", "long.toml", "--out", "long.mcap")
     choices = ("identify", "long.mcap", "--instrument", "scaled-up", "--arrangement", "file")

@@ -344,7 +344,7 @@ def test_an_encoder_with_an_offset_may_exceed_the_handles_range() -> None:
 @pytest.mark.slow
 def test_a_compliant_hand_is_taken_from_its_encoder() -> None:
     hand = {"dynamics.hand_stiffness": "20 N*m"}
-    found = found_again(recorded(TRUE.replace(**hand)), NOMINAL.replace(**hand))
+    found = found_again(recorded(TRUE.replace(**hand), seconds=1.5), NOMINAL.replace(**hand))
     for name, value in TRUTH.items():
         if name != "handle_length_share":
             assert found.values[name] == pytest.approx(value, rel=0.02)

@@ -4,9 +4,8 @@ import json
 import math
 import os
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,9 +16,7 @@ from tenodesis.instrument import FullForm, JawAngle, dvrk_text, from_dvrk, jaw_r
 from tenodesis.run import Array
 from tenodesis.statics import coupling
 
-from .conftest import refused
-
-Run: TypeAlias = Callable[..., tuple[int, str, str]]
+from .conftest import Command, refused
 
 # jhu-dvrk/sawIntuitiveResearchKit, share/tool/NAME.json: coupling.ActuatorToJointPosition.
 MATRICES = {
@@ -132,7 +129,7 @@ def test_a_jaw_angle_of_each_jaw_is_the_files_matrix_too_and_half_of_that_betwee
     ("jaw_angle", "here", "there"), [("between", 32, [1, 0]), ("each", 1, [32, 0]), ("pulleys", 0, [32, 1])]
 )
 def test_the_reading_of_the_jaw_angle_is_said_with_what_the_other_ones_mean(
-    tmp_path: Path, tenodesis: Run, jaw_angle: JawAngle, here: int, there: list[int]
+    tmp_path: Path, tenodesis: Command, jaw_angle: JawAngle, here: int, there: list[int]
 ) -> None:
     path = write(tmp_path, content(PROGRASP))
     said = jaw_reading(path, jaw_angle)
@@ -161,7 +158,7 @@ def test_limits_and_lengths_are_the_files(tmp_path: Path) -> None:
     assert inst.stem_length == pytest.approx(0.4162)
 
 
-def test_the_command_writes_what_the_function_reads(tmp_path: Path, tenodesis: Run) -> None:
+def test_the_command_writes_what_the_function_reads(tmp_path: Path, tenodesis: Command) -> None:
     path, out = write(tmp_path, content(MATRICES["LARGE_NEEDLE_DRIVER_400006"])), tmp_path / "driver.toml"
     code, said, _ = tenodesis("import", "dvrk", path, "--out", out, "--pulley-radius", "3 mm")
     assert code == 0 and "8 tendons, angles roll, pitch, jaw_1, jaw_2" in said

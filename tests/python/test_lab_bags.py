@@ -1,6 +1,5 @@
 """Bags of ROS 1 and 2 with topics and joints of other names: shown, mapped, and identified from as the export is."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.recording import Recording, lab_map
 from tenodesis.run import Array
 
+from .conftest import Command
 from .lab_writers import WRENCH, bag
 from .recording_files import read
 
@@ -27,7 +27,7 @@ def columns(recorded: InstrumentRun) -> dict[str, Array]:
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "storage"), [("run.bag", ""), ("run_db3", "SQLITE3"), ("run_mcap", "MCAP")])
 def test_a_bag_of_other_names_is_shown_mapped_and_read_as_the_recording(
-    tenodesis: Callable[..., tuple[int, str, str]],
+    tenodesis: Command,
     recorded: InstrumentRun,
     columns: dict[str, Array],
     tmp_path: Path,
@@ -73,9 +73,7 @@ def test_a_missing_library_is_named(columns: dict[str, Array], tmp_path: Path, m
     assert raised.value.extra == "formats"
 
 
-def test_a_text_without_rows_of_numbers_gets_no_map(
-    tenodesis: Callable[..., tuple[int, str, str]], tmp_path: Path
-) -> None:
+def test_a_text_without_rows_of_numbers_gets_no_map(tenodesis: Command, tmp_path: Path) -> None:
     (tmp_path / "README.md").write_text("# Bench, notes\nOne, two\nand three\n")
     code, _, errors = tenodesis("map", "README.md")
     assert code == 1

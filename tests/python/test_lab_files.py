@@ -1,7 +1,6 @@
 """Files that laboratories write, of one run: each is read, mapped, and identified from as the export is."""
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -16,7 +15,7 @@ from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.recording import Recording, lab_guess, lab_map, lab_tables
 
 from . import lab_writers
-from .conftest import refused
+from .conftest import Command, refused
 from .lab_writers import Columns, tdms
 from .recording_files import read, same, table
 
@@ -48,7 +47,7 @@ def columns(recorded: InstrumentRun) -> Columns:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_file_of_any_kind_is_shown_mapped_drawn_and_read_as_the_export_is(
-    tenodesis: Callable[..., tuple[int, str, str]], recorded: InstrumentRun, columns: Columns, tmp_path: Path, kind: str
+    tenodesis: Command, recorded: InstrumentRun, columns: Columns, tmp_path: Path, kind: str
 ) -> None:
     path = tmp_path / kind
     KINDS[kind](path, columns)
@@ -175,9 +174,7 @@ def test_what_expands_to_too_much_is_refused_before_it_is_read(
         lab_tables.read_table(path)
 
 
-def test_a_recording_of_this_package_is_drawn_and_gets_no_map(
-    tenodesis: Callable[..., tuple[int, str, str]], log: Path, tmp_path: Path
-) -> None:
+def test_a_recording_of_this_package_is_drawn_and_gets_no_map(tenodesis: Command, log: Path, tmp_path: Path) -> None:
     shutil.copy(log, tmp_path / "run.mcap")
     code, said, _ = tenodesis("map", "run.mcap")
     assert (code, "need no map" in said) == (0, True)

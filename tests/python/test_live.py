@@ -9,6 +9,7 @@ import pytest
 
 import tenodesis as tn
 from tenodesis.control import Controller, OperatingState
+from tenodesis.control.controller import fault_names
 from tenodesis.devices.device import Capabilities, Measurement
 from tenodesis.errors import DeviceError, LiveError
 from tenodesis.instrument.text import to_toml
@@ -16,6 +17,7 @@ from tenodesis.live import folder as folders
 from tenodesis.live.lease import SECONDS, Lease
 from tenodesis.live.loop import PROBLEMS, Choices, LiveLoop
 from tenodesis.live.ticks import Reader
+from tenodesis.run import fault_bits
 from tenodesis.twin import Twin
 
 from .conftest import refused, until
@@ -256,8 +258,7 @@ def test_a_signal_spoilt_on_purpose_is_the_fault_it_stands_for(live):
     run, _ = reader.read(1000)
     assert run.operating_state[-1] == OperatingState.FAULT
     assert Controller(INST).counts()["faults"].keys() == set(tn.control.FAULTS)
-    mask = int(run.faults[-1])
-    assert "not_a_number" in [name for n, name in enumerate(tn.control.FAULTS) if mask >> n & 1]
+    assert "not_a_number" in fault_names(int(run.faults[-1]))
     assert np.isfinite(run.commanded_spool_velocity).all()
 
 
@@ -402,9 +403,7 @@ def test_a_device_that_fails_moves_no_motor_and_is_named(tmp_path, mode):
     elif mode == "silent":
         assert loop.problem == PROBLEMS[3]
     else:
-        mask = int(np.nan_to_num(run.faults[-1]))
-        names = [name for n, name in enumerate(tn.control.FAULTS) if mask >> n & 1]
-        assert {"past": "tick_late", "nan": "not_a_number"}[mode] in names
+        assert {"past": "tick_late", "nan": "not_a_number"}[mode] in fault_names(int(np.nan_to_num(run.faults[-1])))
     assert run.output_angle is None
 
 
@@ -416,7 +415,7 @@ def test_a_motor_that_does_not_obey_loses_its_supply(tmp_path):
     loop.finish()
     assert bench.closed and "the supply of all motors was cut" in loop.problem
     run, _ = reader.read(10**5)
-    assert int(np.nan_to_num(run.faults[-1])) >> tn.control.FAULTS.index("motor_not_following") & 1
+    assert "motor_not_following" in fault_names(int(np.nan_to_num(run.faults[-1])))
 
 
 def test_a_device_is_closed_when_its_loop_cannot_be_made(tmp_path):
@@ -467,8 +466,7 @@ def hiccup(tmp_path, pause, **control):
     until(lambda: reader.written > before + 100)
     loop.finish()
     run, _ = reader.read(10**5)
-    mask = int(np.bitwise_or.reduce(np.nan_to_num(run.faults).astype(int)))
-    return [name for n, name in enumerate(tn.control.FAULTS) if mask >> n & 1]
+    return fault_names(int(np.bitwise_or.reduce(fault_bits(run.faults))))
 
 
 @pytest.mark.process

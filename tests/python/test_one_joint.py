@@ -9,12 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from tenodesis import _core
+from tenodesis.run import Array
 from tenodesis.twin import TIME_STEP
-
-Array = NDArray[np.float64]
 
 RECORDED = np.loadtxt(Path(__file__).parents[1] / "recordings/one_joint.csv", delimiter=",", skiprows=1)
 AXIS = {

@@ -34,8 +34,9 @@ class Installation(NamedTuple):
 
     @property
     def environment(self) -> dict[str, str]:
-        """No compiler is on its path, and nothing of this repository is in its way."""
-        return {"PATH": str(self.python.parent), "HOME": str(self.folder), "TERM": "dumb", "COLUMNS": "200"}
+        """No compiler is on its path, and nothing of this repository is in its way; other tests run beside it."""
+        of_terminal = {"TERM": "dumb", "COLUMNS": "200"}
+        return {"PATH": str(self.python.parent), "HOME": str(self.folder), "OPENBLAS_NUM_THREADS": "1"} | of_terminal
 
     def run(self, *words: str, code: int = 0) -> str:
         command = [self.python.parent / "tenodesis", *words]

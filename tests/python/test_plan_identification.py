@@ -1,7 +1,7 @@
 """Experiment design: what the planned protocol identifies, what none could, and the command around it."""
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ from tenodesis.identification.experiment.simulated import InfeasibleProtocolErro
 from tenodesis.recording.simulation import record
 from tenodesis.twin import Twin
 
-from .conftest import refused
+from .conftest import Command, refused
 
 DURATION = 8.0
 GAINS = ("mismatch.load_cell_gain.agonist", "mismatch.load_cell_gain.antagonist")
@@ -319,7 +319,7 @@ def test_command_never_overwrites_the_instrument(app: typer.Typer, tmp_path: Pat
 
 @pytest.mark.slow
 def test_motions_of_several_joints_are_planned(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]]
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, tenodesis: Command
 ) -> None:
     monkeypatch.setattr(joints, "BLOCK", 0.15)
     code, out, _ = tenodesis(
@@ -335,7 +335,7 @@ def test_motions_of_several_joints_are_planned(
 
 
 def test_friction_that_a_file_lacks_is_assumed_and_said_so(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]]
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, tenodesis: Command
 ) -> None:
     monkeypatch.setattr(joints, "BLOCK", 0.1)
     monkeypatch.setattr(joints, "_motions", lambda inst, force: every(inst, 0.0)[-1:])

@@ -5,15 +5,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from peers.plant import MOST_SWEEPS
 
 import tenodesis as tn
+from tenodesis.run import Array
 from tenodesis.twin import Twin
 
 from .conftest import load_study
-
-Array = NDArray[np.float64]
 
 plants = load_study("plants")
 NAMES = ("scaled-up", "real-size", "pulley wrist")

@@ -14,6 +14,8 @@ from tenodesis.errors import ArgumentError, IdentificationError
 from tenodesis.statics import chain
 from tests.peers import elastica
 
+from .conftest import tables
+
 ROOT = Path(__file__).parents[2]
 FILE, POSES = ROOT / "examples/backbone.toml", ROOT / "examples/backbone_poses.csv"
 INST = tn.instrument.expanded(FILE)
@@ -66,9 +68,8 @@ def test_strokes_are_met(tmp_path: Path) -> None:
 
 def test_two_planes_are_compared_in_space(tmp_path: Path) -> None:
     two = tn.instrument.expanded("two-segment-continuum")
-    joints = [joint.model_dump(exclude_unset=True) for joint in two.as_given("joints")]
-    joints[1]["axis"] = "pitch"
-    inst = two.replace(joints=joints)
+    near, far = tables(two, "joints")
+    inst = two.replace(joints=[near, far | {"axis": "pitch"}])
     strokes = np.array([4e-4, -4e-4, 7e-4, -7e-4])
     angles = np.asarray(chain.equilibrium(inst, 0.0, strokes=strokes).output_angle)
     where = tn.kinematics.tip_pose(inst, angles)

@@ -1,13 +1,11 @@
 """Claims about what the sensors resolve at the tip: as drawn readings do, and known to everybody."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import tenodesis as tn
 from tenodesis.console.session import as_plain
@@ -18,10 +16,9 @@ from tenodesis.errors import InstrumentError
 from tenodesis.instrument import Instrument
 from tenodesis.paper.context import Context
 from tenodesis.paper.report import render
+from tenodesis.run import Array
 
-from .conftest import EXAMPLES, refused
-
-Array = NDArray[np.float64]
+from .conftest import EXAMPLES, Command, refused
 
 SAMPLES, TICKS = 4000, 60
 FINE = {"sensors.encoder_bits": 24, "sensors.load_cell_bits": 24, "drives.encoder_counts": 2**24}
@@ -175,7 +172,7 @@ def test_a_default_force_limit_is_warned_of_and_not_refused(scaled: Instrument) 
     assert any(warning.startswith("control.force_limit is 2.5 N; it must be at least") for warning in warnings(coarse))
 
 
-def test_check_says_it_and_warns(tenodesis: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
+def test_check_says_it_and_warns(tenodesis: Command, tmp_path: Path) -> None:
     assert sentences(tn.load("real-size"))[0] in tenodesis("check", "real-size")[1]
     file = tmp_path / "low.toml"
     text = (EXAMPLES / "pulley.toml").read_text()

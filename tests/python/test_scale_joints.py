@@ -56,9 +56,9 @@ def test_one_axis_has_the_factors_and_errors_of_the_planar_comparison() -> None:
 
 
 def test_an_arm_that_is_not_similar_is_named_and_costs_degrees(driver: FullForm) -> None:
-    table = [joint.model_dump(exclude_unset=True) for joint in enlarged(driver, 4, 1).as_given("joints")]
-    table[0]["radius"] *= 1.05
-    pair = similarity.compare_joints(driver, enlarged(driver, 4, 1).replace(joints=table))
+    large = enlarged(driver, 4, 1)
+    jaw = large.joints[0]
+    pair = similarity.compare_joints(driver, large.replace(**{f"joints.{jaw.name}.radius": 1.05 * jaw.radius}))
     assert any(not group.matches and group.name.startswith("r(jaw_1)/r") for group in pair.groups)
     assert pair.error().largest[0] > 0.05
 

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import tenodesis as tn
 from tenodesis.control import Controller, OperatingState, Request
@@ -21,7 +20,7 @@ from tenodesis.control.export import INTERFACE_VERSION
 from tenodesis.devices.serial import SerialController
 from tenodesis.errors import ArgumentError, DeviceError, Error
 from tenodesis.instrument import Instrument
-from tenodesis.run import Run
+from tenodesis.run import Array, Run
 from tenodesis.twin import TIME_STEP, Twin
 
 from . import serial_board as sb
@@ -30,7 +29,6 @@ from .serial_board import Frame, Streamed
 
 pytestmark = pytest.mark.process
 
-Array = NDArray[np.float64]
 PATIENT: dict[str, Any] = {"timeout": 20.0, "silence": 600.0}
 """For a board that computes beside everything else that this machine does."""
 
@@ -281,14 +279,8 @@ def test_a_board_with_sensors_measures_steps_and_sends_by_itself(tmp_path: Path,
 
 LIES: dict[str, tuple[str, Callable[[Frame], list[bytes]]]] = {
     "another version": ("wrong_version", lambda f: [sb.output(f)._replace(version=sb.VERSION + 1).encoded()]),
-    "refuses the version": (
-        "wrong_version",
-        lambda f: [Frame(sb.REFUSED, f.session, f.sequence, struct.pack("<2I", 1, 9)).encoded()],
-    ),
-    "was restarted": (
-        "board_restarted",
-        lambda f: [Frame(sb.REFUSED, f.session, f.sequence, struct.pack("<2I", 4, 0)).encoded()],
-    ),
+    "refuses the version": ("wrong_version", lambda f: [sb.refusal(f, 1, 9).encoded()]),
+    "was restarted": ("board_restarted", lambda f: [sb.refusal(f, 4).encoded()]),
     "not a number": ("not_a_number", lambda f: [sb.output(f, float("nan")).encoded()]),
     "infinite": ("not_a_number", lambda f: [sb.output(f, float("-inf")).encoded()]),
     "too fast": ("beyond_limit", lambda f: [sb.output(f, 1e3).encoded()]),
@@ -330,30 +322,13 @@ def test_a_board_that_lies_moves_no_motor(lie: str, scaled: Instrument) -> None:
 @pytest.mark.parametrize(
     ("lie", "said"),
     [
+        (lambda f: [sb.info(f)._replace(version=7).encoded()], "version 7 of the protocol"),
         (
-            lambda f: [Frame(sb.BOARD, f.session, f.sequence, bytes(64), version=7).encoded()],
-            "version 7 of the protocol",
-        ),
-        (
-            lambda f: [
-                Frame(
-                    sb.BOARD,
-                    f.session,
-                    f.sequence,
-                    struct.pack("<8I32s", INTERFACE_VERSION + 1, 4, sb.PARAMETERS_SIZE, *[0] * 5, b""),
-                ).encoded()
-            ],
+            lambda f: [sb.info(f, interface=INTERFACE_VERSION + 1).encoded()],
             f"version {INTERFACE_VERSION + 1} of the C interface",
         ),
-        (
-            lambda f: [
-                Frame(
-                    sb.BOARD, f.session, f.sequence, struct.pack("<8I32s", INTERFACE_VERSION, 8, 1800, *[0] * 5, b"")
-                ).encoded()
-            ],
-            "8 bytes",
-        ),
-        (lambda f: [Frame(sb.BOARD, f.session, f.sequence, bytes(3)).encoded()], "3 bytes"),
+        (lambda f: [sb.info(f, real=8, parameters=1800).encoded()], "8 bytes"),
+        (lambda f: [sb.info(f)._replace(payload=bytes(3)).encoded()], "3 bytes"),
         (lambda _: [b"login: "], "did not answer a hello"),
     ],
 )

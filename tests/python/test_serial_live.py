@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 
 from tenodesis.control import Controller, OperatingState
-from tenodesis.control.export import INTERFACE_VERSION
 from tenodesis.devices import registry
 from tenodesis.devices.communication_test import measure
 from tenodesis.devices.serial import SerialDevice
@@ -279,8 +278,7 @@ class StreamingBoard:
 
     def _answer(self, frame: Frame) -> bytes:
         if frame.type == sb.HELLO:
-            info = struct.pack("<8I32s", INTERFACE_VERSION, 4, sb.PARAMETERS_SIZE, 2, 0, 0, 25_000_000, 1, b"fake")
-            return Frame(sb.BOARD, frame.session, frame.sequence, info).encoded()
+            return sb.info(frame, streams=True).encoded()
         return Frame(sb.DONE, frame.session, frame.sequence).encoded()
 
     @property
@@ -342,9 +340,7 @@ def test_a_board_that_lies_is_named_and_kept_going_no_longer(lie: str, tmp_path:
 
 def test_a_board_that_measures_nothing_is_refused(tmp_path: Path, scaled: Instrument) -> None:
     def reply(frame: Frame) -> list[bytes] | None:
-        if frame.type != sb.STREAM:
-            return None
-        return [Frame(sb.REFUSED, frame.session, frame.sequence, struct.pack("<2I", 7, 0)).encoded()]
+        return [sb.refusal(frame, 7).encoded()] if frame.type == sb.STREAM else None
 
     with sb.served(sb.FakeBoard(reply)) as address, refused("port", kind=DeviceError, allowed="sensors of its own"):
         LiveLoop(with_board(scaled, "board"), tmp_path, Choices(device="serial", address=address))

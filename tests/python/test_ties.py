@@ -12,6 +12,7 @@ from tenodesis.errors import InstrumentError
 from tenodesis.instrument import FullForm, from_dvrk
 from tenodesis.statics import chain
 
+from .conftest import tables
 from .test_import_dvrk import content, write
 
 SNAKE = [[-1.5, 0, 0, 0], [0, 0, -0.1929, -0.1929], [0, 0, -0.1929, 0.1929], [0, -1.258, 0, 0]]
@@ -105,7 +106,7 @@ def test_a_snake_of_the_research_kit_turns_as_its_matrix_says(tmp_path: Path) ->
 )
 def test_ties_to_itself_in_a_circle_or_to_nothing_are_refused(tie: dict[str, Any], problem: str) -> None:
     inst = snake()
-    joints = [joint.model_dump(exclude_unset=True, exclude_none=True) for joint in inst.joints]
+    joints = tables(inst, "joints")
     joints[3] = {key: value for key, value in joints[3].items() if not key.startswith("tie")} | tie
     with pytest.raises(InstrumentError, match=problem) as refused:
         inst.replace(joints=joints)
@@ -114,14 +115,13 @@ def test_ties_to_itself_in_a_circle_or_to_nothing_are_refused(tie: dict[str, Any
 
 def test_a_handle_joint_is_not_tied_and_arcs_take_no_name_that_is_there() -> None:
     inst = tn.instrument.expanded("hybrid-real-size")
-    joints = [joint.model_dump(exclude_unset=True, exclude_none=True) for joint in inst.joints]
+    joints = tables(inst, "joints")
     handle = next(joint for joint in joints if joint.get("place") == "handle")
     handle["tied_to"] = inst.tip_joints[0].name
     with pytest.raises(InstrumentError, match=r"tied_to = .*; it must be one before it: none is"):
         inst.replace(joints=joints)
     two = tn.instrument.expanded("two-segment-continuum")
-    given = two.as_given("joints")
-    near, far = (joint.model_dump(exclude_unset=True, exclude_none=True) for joint in given)
+    near, far = tables(two, "joints")
     tendons = [
         {"name": n, "route": [{"joint": j, "side": s} for j in ("near", "near_arc1")]}
         for n, j, s in (("a", "near", "agonist"), ("b", "near", "antagonist"))

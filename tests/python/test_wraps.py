@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.optimize import root
 
 import tenodesis as tn
@@ -12,10 +11,9 @@ from tenodesis import _core
 from tenodesis.instrument import FullForm
 from tenodesis.instrument.joints import MECHANISMS
 from tenodesis.plant import TwinRows, twin_rows
+from tenodesis.run import Array
 
-from .conftest import EXAMPLES
-
-Array = NDArray[np.float64]
+from .conftest import EXAMPLES, tables
 
 ANGLES = np.radians([-80.0, -30.0, 0.0, 30.0, 80.0])
 COEFFICIENT, BEND = 0.12, np.radians(20)
@@ -71,8 +69,7 @@ def test_a_route_says_by_its_side_where_its_tendon_wraps() -> None:
 
 def test_guides_bend_a_tendon_whatever_the_angle_and_two_vertices_share_all() -> None:
     route = [{"joint": "pitch", "side": "agonist", "base_wrap": "20 deg", "guide_wrap": "40 deg"}]
-    given = needle_driver().as_given("tendons")
-    tendons = [{"name": "pitch_wound", "route": route}, *(one.model_dump(exclude_unset=True) for one in given[1:])]
+    tendons = [{"name": "pitch_wound", "route": route}, *tables(needle_driver(), "tendons")[1:]]
     for vertices in (1, 2):
         inst = needle_driver(vertices_per_joint=vertices).replace(tendons=tendons)
         for angle, sum_of_all in ((-50, 110), (0, 60), (10, 50), (50, 70)):
@@ -84,11 +81,11 @@ def test_guides_bend_a_tendon_whatever_the_angle_and_two_vertices_share_all() ->
 def test_a_pulley_of_the_handle_winds_the_tendon_that_it_draws() -> None:
     planar = tn.load(EXAMPLES / "pulley.toml")
     inst = tn.instrument.expanded(planar)
-    tables = [one.model_dump(exclude_unset=True) for one in inst.tendons]
-    for table in tables:
-        for crossing in table["route"]:
+    tendons = tables(inst, "tendons")
+    for tendon in tendons:
+        for crossing in tendon["route"]:
             crossing |= {"guide_wrap": 0.0, "base_wrap": 1.0}
-    based = inst.replace(tendons=tables)
+    based = inst.replace(tendons=tendons)
     assert wraps(based, 0, 0.4) == pytest.approx([1.4, 0.6])
     assert wraps(based, 1, 0.4) == pytest.approx([0.6, 1.4])
     # The vertices of all joints of the short form unwind nothing.

@@ -3,14 +3,12 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import tenodesis as tn
 from tenodesis.instrument import Instrument
-from tenodesis.run import Run
+from tenodesis.run import Array, Run
 from tenodesis.twin import TIME_STEP, Twin
 
-Array = NDArray[np.float64]
 LAWS: dict[str, dict[str, Any]] = {
     "capstan": {"law": "capstan"},
     "constant": {"law": "capstan-constant", "constant": 0.2},

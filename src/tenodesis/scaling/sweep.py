@@ -246,25 +246,33 @@ def nondominated(costs: Array) -> NDArray[np.int64]:
     """Return the numbers of the rows that no other row dominates, ascending; of equal rows, the first."""
     # A row stands behind every row that dominates it, and behind its equals that come first.
     order, distinct = _distinct(costs)
-    left, columns = order[distinct], costs[order[distinct]].T
-    front = []
+    left, front = order[distinct], []
+    columns = np.ascontiguousarray(costs[left].T)
     while left.size:
         front.append(left[0])
-        better = (columns < columns[:, :1]).any(axis=0)
-        left, columns = left[better], columns[:, better]
+        better = _somewhere_better(columns, columns[:, 0])
+        left, columns = left[better], columns.take(better, axis=1)
     return np.sort(np.array(front, np.int64))
 
 
 def _beaten(costs: Array, by: Array) -> NDArray[np.bool_]:
     """Return which rows one of others dominates or equals."""
     order, distinct = _distinct(costs)
-    columns, left = costs[order[distinct]].T, np.arange(np.count_nonzero(distinct))
+    columns, left = np.ascontiguousarray(costs[order[distinct]].T), np.arange(np.count_nonzero(distinct))
     for row in by[_distinct(by)[0]]:
-        better = (columns < row[:, np.newaxis]).any(axis=0)
-        left, columns = left[better], columns[:, better]
+        better = _somewhere_better(columns, row)
+        left, columns = left[better], columns.take(better, axis=1)
     beaten = np.ones(len(costs), bool)
     beaten[order] = ~np.isin(np.cumsum(distinct) - 1, left)
     return beaten
+
+
+def _somewhere_better(columns: Array, row: Array) -> NDArray[np.int64]:
+    """Return the numbers of the designs, a column each, that a row neither dominates nor equals."""
+    better = columns[0] < row[0]
+    for costs, other in zip(columns[1:], row[1:], strict=True):
+        better |= costs < other
+    return np.flatnonzero(better)
 
 
 def _distinct(costs: Array) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
