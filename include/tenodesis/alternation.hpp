@@ -2,11 +2,11 @@
 // Loads that alternate: friction is left to hold the tip where it can.
 //
 // Motors that follow such a load are late at each of its jumps, and their strokes free a tip that friction would have
-// held. So after two large opposed jumps, or three at like distances in time, the motors give their stroke back while
-// the tip is on target, no further than friction holds it. The next jump shows what resting costs: a tip that stays
-// within a share of what it had jumped is left to friction, one that does not is tracked. What is left on average is
-// taken away slowly. Jumps that friction holds do not show, so that only time ends this. A load that jumps faster than
-// motors can follow is not tracked at all.
+// held. So after three opposed jumps at like distances in time the motors give their stroke back while the tip is on
+// target, no further than friction holds it. The next jump shows what resting costs: a tip that stays within a share of
+// what it had jumped is left to friction, one that does not is tracked. What is left on average is taken away slowly.
+// Jumps that friction holds do not show, so that only time ends this. A load that jumps faster than motors can follow is
+// not tracked at all.
 
 #include "tenodesis/observer.hpp"
 
@@ -38,14 +38,11 @@ struct AlternationState {
   S leaned{};              ///< time for which friction has been left to hold the tip, s
   int jumps{};             ///< each opposed to the one before
   bool armed{true};        ///< whether the error has been small since the last jump
-  bool large{};            ///< whether the last two are so large that they cannot be leaps of a tip that sticks
   bool leans{};            ///< whether friction is left to hold the tip
   bool fast{};             ///< whether the load jumps faster than motors can follow
 
   /// Whether the load alternates, as far as its jumps show.
-  constexpr bool alternates() const {
-    return jumps < 3 ? jumps == 2 && large : half < S(2) * half_before && half_before < S(2) * half;
-  }
+  constexpr bool alternates() const { return jumps >= 3 && half < S(2) * half_before && half_before < S(2) * half; }
 };
 
 /// Follows the load's jumps, and begins or ends leaving the tip to friction.
@@ -77,7 +74,6 @@ void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
       state.stroke = tip.stroke;
     }
   }
-  state.large = smaller(state.size, state.size_before) > S(tuning::large_jump) * tip.jump;
   state.fast = state.alternates() && larger(state.half, state.half_before) < S(tuning::alternation_fastest) &&
                state.since < S(2) * state.half;
   const S jump = larger(state.size, state.size_before);

@@ -107,8 +107,6 @@
   ROW(alternation_left, 0.3, "1", "studies/changes.py",                                                                \
       "of a jump, that is left to friction; the rest of the stroke that it holds is given back")                       \
   ROW(alternation_on_target, 0.1, "1", "studies/changes.py", "of a jump, below which the tip is on target")            \
-  ROW(large_jump, 4, "1", "studies/changes.py, studies/plants.py",                                                     \
-      "notable angles from which two opposed jumps show that a load alternates")                                       \
   ROW(alternation_longest, 10, "s", "studies/changes.py",                                                              \
       "after which jumps are forgotten, and strokes look for a hidden load")                                           \
   ROW(alternation_smoothing, 0.5, "s", "studies/changes.py", "of mean error and mean stroke")                          \
