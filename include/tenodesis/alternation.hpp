@@ -5,8 +5,8 @@
 // held. So after three opposed jumps at like distances in time the motors give their stroke back while the tip is on
 // target, no further than friction holds it. The next jump shows what resting costs: a tip that stays within a share of
 // what it had jumped is left to friction, one that does not is tracked. What is left on average is taken away slowly.
-// Jumps that friction holds do not show, so that only time ends this. A load that jumps faster than motors can follow is
-// not tracked at all.
+// Jumps that friction holds do not show, so that only time ends this. A load that jumps faster than motors can follow
+// is not tracked at all.
 
 #include "tenodesis/observer.hpp"
 
@@ -25,21 +25,21 @@ struct TrackedTip {
 
 template <class S>
 struct AlternationState {
-  S sign{};                ///< of the error's last jump
-  S since{};               ///< time since then, s
-  S half{};                ///< time between the last two, s
-  S half_before{};         ///< time between the two before, s
-  S size{};                ///< of the last jump, m
-  S size_before{};         ///< of the one before, m
-  S offset{};              ///< error, smoothed, m
-  S stroke{};              ///< at the last jump, m
-  S mean{};                ///< of the strokes at the last two, m
-  S lagged_stroke{};       ///< stroke, smoothed, m
-  S leaned{};              ///< time for which friction has been left to hold the tip, s
-  int jumps{};             ///< each opposed to the one before
-  bool armed{true};        ///< whether the error has been small since the last jump
-  bool leans{};            ///< whether friction is left to hold the tip
-  bool fast{};             ///< whether the load jumps faster than motors can follow
+  S sign{};           ///< of the error's last jump
+  S since{};          ///< time since then, s
+  S half{};           ///< time between the last two, s
+  S half_before{};    ///< time between the two before, s
+  S size{};           ///< of the last jump, m
+  S size_before{};    ///< of the one before, m
+  S offset{};         ///< error, smoothed, m
+  S stroke{};         ///< at the last jump, m
+  S mean{};           ///< of the strokes at the last two, m
+  S lagged_stroke{};  ///< stroke, smoothed, m
+  S leaned{};         ///< time for which friction has been left to hold the tip, s
+  int jumps{};        ///< each opposed to the one before
+  bool armed{true};   ///< whether the error has been small since the last jump
+  bool leans{};       ///< whether friction is left to hold the tip
+  bool fast{};        ///< whether the load jumps faster than motors can follow
 
   /// Whether the load alternates, as far as its jumps show.
   constexpr bool alternates() const { return jumps >= 3 && half < S(2) * half_before && half_before < S(2) * half; }
