@@ -5,8 +5,8 @@
 // held. So after three opposed jumps at like distances in time the motors give their stroke back while the tip is on
 // target, no further than friction holds it. The next jump shows what resting costs: a tip that stays within a share of
 // what it had jumped is left to friction, one that does not is tracked. What is left on average is taken away slowly.
-// Jumps that friction holds do not show, so that only time ends this. A load that jumps faster than motors can follow
-// is not tracked at all.
+// Jumps that friction holds do not show, so their absence is no sign that the load has ceased: after some time without
+// one the motors look for it again. A load that jumps faster than motors can follow is not tracked at all.
 
 #include "tenodesis/observer.hpp"
 
@@ -57,7 +57,7 @@ void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
   if (state.since > S(tuning::alternation_longest) || tip.moving) state.jumps = 0;
   if (error < S(0.5) * tip.jump) state.armed = true;
   if (!state.leans) state.size = larger(state.size, error);
-  // A jump is sudden and takes the tip further off; what the motors' own stroke does is none.
+  // A jump is sudden and takes the tip further off; a change that the motors' own stroke explains is none.
   const S jumped = sign * (tip.certain - state.offset);
   const bool by_load = jumped > larger(tip.jump, S(2) * abs(tip.stroke - state.lagged_stroke));
   if (error > tip.jump && (state.armed || sign != state.sign) && by_load) {

@@ -128,7 +128,7 @@ struct JointMemory {
 
 /// Largest angles of joints that an estimate has, short of the mechanisms' limits, rad.
 inline constexpr double most_angle = 0.98 * pi, most_gear_angle = 2.7409;
-/// Change of a tension, as a fraction of the pretension, from which on friction and stiffness are learned anew.
+/// Least change of a tension, as a fraction of the pretension, after which friction and stiffness are learned again.
 inline constexpr double least_change = 0.02;
 /// Measurements of both in a homing that raises tensions by 0.6 of the pretension and lowers them again.
 inline constexpr double measurements_of_homing = 2 * 0.6 / least_change;
