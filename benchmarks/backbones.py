@@ -138,7 +138,7 @@ def main() -> None:
         print(f"{name}: {figures.shown(rows[name])}")
     if given.figures is not None:
         command = "python benchmarks/backbones.py --figures docs/results.json"
-        figures.keep("backbones", figures.Table(command, "planes, tendons, arcs", COLUMNS, rows), given.figures)
+        figures.keep("backbones", figures.FigureTable(command, "planes, tendons, arcs", COLUMNS, rows), given.figures)
 
 
 if __name__ == "__main__":

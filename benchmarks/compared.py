@@ -420,7 +420,7 @@ def main() -> None:
         if given.figures is not None:
             before = figures.read(given.figures).get(name)
             kept = {} if before is None else {key: row for key, row in before.rows.items() if len(row) == len(columns)}
-            figures.keep(name, figures.Table(command, of, columns, kept | rows), given.figures)
+            figures.keep(name, figures.FigureTable(command, of, columns, kept | rows), given.figures)
 
 
 if __name__ == "__main__":

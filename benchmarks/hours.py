@@ -126,7 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                         path.unlink()
     if given.figures is not None:
         command = "python benchmarks/hours.py --figures docs/results.json"
-        figures.keep("hours", figures.Table(command, "command, recording", COLUMNS, rows), given.figures)
+        figures.keep("hours", figures.FigureTable(command, "command, recording", COLUMNS, rows), given.figures)
 
 
 if __name__ == "__main__":

@@ -31,14 +31,14 @@ def main(folder: Path = ROOT) -> None:
     space.write(folder / "docs/posture.svg", dissector, np.radians([25, 50, 10]))
 
 
-def report(context: Context) -> figures.Table:
+def report(context: Context) -> figures.FigureTable:
     """Return the results of a report as a table of figures."""
     headings = ("value", "value", "", ".4g"), ("unit", "unit"), ("what", "what it is"), ("published", "published")
     rows = {}
     for name, result in sorted(context.results.items()):
         printed = "" if result.published is None else f"{result.published.value:g} ({result.published.source})"
         rows[name] = [result.value, result.unit, result.description, printed]
-    return figures.Table("tenodesis bench", "name", [figures.Heading(*one) for one in headings], rows)
+    return figures.FigureTable("tenodesis bench", "name", [figures.Heading(*one) for one in headings], rows)
 
 
 if __name__ == "__main__":

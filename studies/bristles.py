@@ -37,7 +37,7 @@ JOINT_DRAG = 0.01  # N m s/rad
 STATES = [(state, direction) for state in range(len(cases.SHARES)) for direction in cases.DIRECTIONS]
 
 
-class Plant:
+class BristlePlant:
     """So many needle drivers at once, each with its friction, from rest.
 
     friction: coefficients, (n,); by_length: whether a tendon's compliance is that of one rope along the lengths of the
@@ -136,7 +136,7 @@ def trials(law_name: JointLawName, by_length: bool = True) -> dict[str, Array]:
     """Run all states and directions with all frictions at once; return by joint errors and more, deg, (n, joints)."""
     inst = cases.tool(NAME)
     given = STATES * len(law.ASSUMED)
-    plant = Plant(cases.COEFFICIENT * np.repeat(law.ASSUMED, len(STATES)), seed=1, by_length=by_length)
+    plant = BristlePlant(cases.COEFFICIENT * np.repeat(law.ASSUMED, len(STATES)), seed=1, by_length=by_length)
     aims = np.array([inst.bent(cases.bends_of(inst, state)) for state, _ in given])
     forces = cases.force_of(inst) * np.array([direction for _, direction in given])
     controllers = [JointController(inst, law_name) for _ in given]

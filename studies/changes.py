@@ -31,7 +31,7 @@ ANGLES = (0.0, 33.0, 67.0)  # deg
 SIDES = (-1.0, 1.0)
 
 
-class Scene(NamedTuple):
+class Scenario(NamedTuple):
     """What happens in a run, and from when on it is judged."""
 
     seconds: float
@@ -60,12 +60,12 @@ def steps(seconds: float, rated: float, of: Callable[[Array], Any]) -> tuple[Arr
     return time, np.asarray(rated * of(time), np.float64)
 
 
-def alternating(inst: Instrument, angle: float, share: float, period: float) -> Scene:
+def alternating(inst: Instrument, angle: float, share: float, period: float) -> Scenario:
     """Steps of a load to and fro; judged once three reversals have passed."""
     _, force = steps(
         16, RATED[inst.name], lambda t: share * np.sign(np.sin(2 * np.pi * (t - LOADED) / period)) * (t > LOADED)
     )
-    return Scene(16, force, max(2.5, LOADED + 1.5 * period + 1e-9), ideal=True)
+    return Scenario(16, force, max(2.5, LOADED + 1.5 * period + 1e-9), ideal=True)
 
 
 STOPS: dict[str, tuple[dict[float, Request], tuple[FaultInjection, ...]]] = {
@@ -79,11 +79,11 @@ STOPS: dict[str, tuple[dict[float, Request], tuple[FaultInjection, ...]]] = {
 }
 
 
-def stopped(inst: Instrument, angle: float, side: float, by: str) -> Scene:
+def stopped(inst: Instrument, angle: float, side: float, by: str) -> Scenario:
     """Motors that are stopped while they are wound; then the load goes."""
     _, force = steps(GONE + AFTER + MEAN, side * RATED[inst.name], lambda t: (t > LOADED) & (t < GONE))
     requests, faults = STOPS[by]
-    return Scene(
+    return Scenario(
         GONE + AFTER + MEAN,
         force,
         STOPPED,
@@ -93,59 +93,59 @@ def stopped(inst: Instrument, angle: float, side: float, by: str) -> Scene:
     )
 
 
-def rope(inst: Instrument, angle: float, side: float, longer: float, pretension: float) -> Scene:
+def rope(inst: Instrument, angle: float, side: float, longer: float, pretension: float) -> Scenario:
     """A rope that gets longer by so many mm in 4 s, or a pretension that is not the file's."""
     time, force = steps(12, side * RATED[inst.name], lambda t: t > LOADED)
     grown = np.outer(longer * 1e-3 * eased(time - LONGER, 4), [1, 0])
-    return Scene(12, force, 6.0, known={"pretension": inst.pretension * pretension}, let_out=grown)
+    return Scenario(12, force, 6.0, known={"pretension": inst.pretension * pretension}, let_out=grown)
 
 
-def snapping(inst: Instrument, angle: float, side: float) -> Scene:
+def snapping(inst: Instrument, angle: float, side: float) -> Scenario:
     """A thread that is pulled with more and more force, and snaps."""
     _, force = steps(8, side * RATED[inst.name], lambda t: np.clip((t - 1.8) / 2, 0, 1) * (t < GONE))
-    return Scene(8, force, 1.8, ideal=True)
+    return Scenario(8, force, 1.8, ideal=True)
 
 
-def tissue(inst: Instrument, angle: float, side: float, stiffness: float, period: float) -> Scene:
+def tissue(inst: Instrument, angle: float, side: float, stiffness: float, period: float) -> Scenario:
     """Tissue (N/mm) that moves in by 10 deg beyond the tip, and out again."""
     time, force = steps(10, 0, np.zeros_like)
     beat = (time - 1.8) / period % 1
     way = np.where(beat < 0.5, eased(beat, 0.1), 1 - eased(beat - 0.5, 0.1)) * (time > 1.8)
     place = np.radians(angle + side * (20 - 30 * way))
     wall = np.stack([place, np.full(time.size, side * 1e3 * stiffness), np.full(time.size, 5.0 * stiffness)], 1)
-    return Scene(10, force, 2.5, tissue=wall, ideal=True)
+    return Scenario(10, force, 2.5, tissue=wall, ideal=True)
 
 
-def refused(inst: Instrument, angle: float, side: float, at: float, share: float) -> Scene:
+def refused(inst: Instrument, angle: float, side: float, at: float, share: float) -> Scenario:
     """A load that comes while homing eases the tendons, so that it is refused, and that stays."""
     _, force = steps(GONE + AFTER + MEAN, side * share * RATED[inst.name], lambda t: t > at)
-    return Scene(GONE + AFTER + MEAN, force, at, homed=False, requests={TIME_STEP: Request.HOME})
+    return Scenario(GONE + AFTER + MEAN, force, at, homed=False, requests={TIME_STEP: Request.HOME})
 
 
-SCENES: dict[str, Callable[..., Scene]] = {
+SCENES: dict[str, Callable[..., Scenario]] = {
     one.__name__: one for one in (alternating, stopped, rope, snapping, tissue, refused)
 }
 
 
-def run(inst: Instrument, angle: float, scene: Scene, *, on: bool) -> Run:
-    """Run a scene with the law, or with motors that stand."""
-    time = law.clock(scene.seconds)
+def run(inst: Instrument, angle: float, scenario: Scenario, *, on: bool) -> Run:
+    """Run a scenario with the law, or with motors that stand."""
+    time = law.clock(scenario.seconds)
     handle = law.held(inst, angle, time, EASED)
     request = np.zeros(time.size, int)
-    for at, asked in scene.requests.items():
+    for at, asked in scenario.requests.items():
         request[round(at / TIME_STEP) - 1] = asked
-    known = inst.replace(**scene.known)
-    controller = Controller(known, homed=scene.homed, enabled=scene.homed) if on else None
+    known = inst.replace(**scenario.known)
+    controller = Controller(known, homed=scenario.homed, enabled=scenario.homed) if on else None
     given: dict[str, Any] = (
-        {"controller": controller, "request": request, "fault_injection": scene.faults} if on else {}
+        {"controller": controller, "request": request, "fault_injection": scenario.faults} if on else {}
     )
-    twin = law.MovingTissue(inst, scene.tissue, SEED) if scene.tissue is not None else Twin(inst, seed=SEED)
-    if controller is None or scene.law_off > scene.seconds:
-        return twin.run(handle, scene.force, let_out=scene.let_out, **given)
-    at = round(scene.law_off / TIME_STEP)
-    first = twin.run(handle[:at], scene.force[:at], controller=controller)
+    twin = law.MovingTissue(inst, scenario.tissue, SEED) if scenario.tissue is not None else Twin(inst, seed=SEED)
+    if controller is None or scenario.law_off > scenario.seconds:
+        return twin.run(handle, scenario.force, let_out=scenario.let_out, **given)
+    at = round(scenario.law_off / TIME_STEP)
+    first = twin.run(handle[:at], scenario.force[:at], controller=controller)
     controller.choose("off")
-    return concatenate([first, twin.run(handle[at:], scene.force[at:], controller=controller)])
+    return concatenate([first, twin.run(handle[at:], scenario.force[at:], controller=controller)])
 
 
 def trial(scene: str, instrument: str, angle: float, **how: Any) -> dict[str, Any]:

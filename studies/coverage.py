@@ -310,7 +310,7 @@ def of_routing(seed: int, name: str, *, by_encoders: bool = False) -> Iterable[A
         )
 
 
-class Work(NamedTuple):
+class CoverageCase(NamedTuple):
     """What is fitted of a seed, and over how many seeds."""
 
     words: str
@@ -319,28 +319,30 @@ class Work(NamedTuple):
 
 
 NOISY = f"{SECONDS:g} s with noise and 12-bit encoders"
-WORKS = {
-    "twin": Work(NOISY, functools.partial(of_twin, run=cycled, names=[*TRUTH]), 100),
-    "twin-open": Work(f"{NOISY}, all open", functools.partial(of_twin, run=cycled), 20),
-    "twin-encoder": Work(
+CASES = {
+    "twin": CoverageCase(NOISY, functools.partial(of_twin, run=cycled, names=[*TRUTH]), 100),
+    "twin-open": CoverageCase(f"{NOISY}, all open", functools.partial(of_twin, run=cycled), 20),
+    "twin-encoder": CoverageCase(
         f"{NOISY}, handle by its encoder alone, all open",
         functools.partial(of_twin, run=functools.partial(cycled, commanded=False)),
         20,
     ),
-    "twin-slack": Work("tendons slack at first", functools.partial(of_twin, run=tightened, names=[*TRUTH]), 20),
-    **{file: Work(f"{file} at rest", functools.partial(of_posture, file=file), 50) for file in UNKNOWNS},
-    **{one: Work(f"{one}, all tendons", functools.partial(of_routing, name=one), 50) for one in ROUTED},
+    "twin-slack": CoverageCase("tendons slack at first", functools.partial(of_twin, run=tightened, names=[*TRUTH]), 20),
+    **{file: CoverageCase(f"{file} at rest", functools.partial(of_posture, file=file), 50) for file in UNKNOWNS},
+    **{one: CoverageCase(f"{one}, all tendons", functools.partial(of_routing, name=one), 50) for one in ROUTED},
     **{
-        f"{one}-encoders": Work(
+        f"{one}-encoders": CoverageCase(
             f"{one}, all tendons, spools by their encoders",
             functools.partial(of_routing, name=one, by_encoders=True),
             20,
         )
         for one in ROUTED[:3]
     },
-    **{f"joints-{one}": Work(f"joints, {one}", functools.partial(of_joints, law=one), 50) for one in LAWS[1:]},
+    **{f"joints-{one}": CoverageCase(f"joints, {one}", functools.partial(of_joints, law=one), 50) for one in LAWS[1:]},
     **{
-        f"joints-{one}-{rate}": Work(f"joints, {one}, {rate} Hz", functools.partial(of_joints, law=one, rate=rate), 50)
+        f"joints-{one}-{rate}": CoverageCase(
+            f"joints, {one}, {rate} Hz", functools.partial(of_joints, law=one, rate=rate), 50
+        )
         for one in LAWS[1:]
         for rate in (10, 100)
     },
@@ -358,24 +360,24 @@ COVERAGE = [
 ]
 
 
-def trial(work: str, seed: int) -> dict[str, Any]:
+def trial(case: str, seed: int) -> dict[str, Any]:
     """Return the intervals of a seed."""
-    return {"intervals": [*WORKS[work].fitted(seed)]}
+    return {"intervals": [*CASES[case].fitted(seed)]}
 
 
 def main() -> None:
     parser = law.arguments(__doc__)
-    parser.add_argument("--of", nargs="+", choices=[*WORKS], default=[*WORKS], metavar="WORK")
+    parser.add_argument("--of", nargs="+", choices=[*CASES], default=[*CASES], metavar="CASE")
     parser.add_argument("--seeds", type=int, help="by default 20 to 100")
     options = parser.parse_args()
     for name in options.of:
-        work = WORKS[name]
-        cases = campaign.cases(work=[name], seed=range(options.seeds or work.seeds))
-        rows = campaign.run(trial, cases, work.words, results=options.results)
+        case = CASES[name]
+        cases = campaign.cases(case=[name], seed=range(options.seeds or case.seeds))
+        rows = campaign.run(trial, cases, case.words, results=options.results)
         every = Rows(one for row in rows for one in row["intervals"])
         intervals = every.where(identifiable=True)
         never = sorted({*every["name"]} - {*intervals["name"]})
-        print(f"{work.words}: {len(rows)} seeds; called identifiable in none: {', '.join(never) or 'no parameter'}")
+        print(f"{case.words}: {len(rows)} seeds; called identifiable in none: {', '.join(never) or 'no parameter'}")
         groups = intervals.by("name") | {"all": intervals}
         law.show(options, f"coverage_{name.replace('-', '_')}", groups, COVERAGE, "parameter", unit="")
 

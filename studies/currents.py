@@ -26,7 +26,7 @@ CURRENTS: dict[str, Any] = {"sensors.kind": "current", "sensors.current_range": 
 """A direct drive of 20 N/A at a spool of 5 mm."""
 
 
-class Row(NamedTuple):
+class DriveMismatch(NamedTuple):
     """A row of the table: the true instrument's values, and what the controller assumes instead."""
 
     words: str
@@ -44,16 +44,20 @@ def drive(efficiency: float, friction: float, **rest: float) -> dict[str, Any]:
 
 GEARED = drive(0.9, 5e-3)
 ROWS = {
-    "cells": Row("load cells", {}),
-    "ideal": Row("currents of a drive without friction or ripple", drive(1.0, 0.0, torque_ripple=0.0)),
-    "direct": Row("the same with ripple of 2 %", drive(1.0, 0.0)),
-    "geared": Row("gear of 0.9, friction of 1 N", GEARED),
-    "less": Row("the same, its friction assumed as 0.7", GEARED, {"gear_efficiency": 0.93, "friction_torque": 3.5e-3}),
-    "more": Row("the same, its friction assumed as 1.3", GEARED, {"gear_efficiency": 0.87, "friction_torque": 6.5e-3}),
-    "warm": Row("the same, motors warm by 3 %", drive(0.9, 5e-3, thermal_drift=0.03, thermal_time=0.1)),
-    "apart": Row("the same, torque constants 2 % apart", GEARED, lost=0.02),
-    "coarse": Row("gear of 0.8, friction of 2 N", drive(0.8, 10e-3)),
-    "worm": Row("gear of 0.6, friction of 4 N", drive(0.6, 20e-3)),
+    "cells": DriveMismatch("load cells", {}),
+    "ideal": DriveMismatch("currents of a drive without friction or ripple", drive(1.0, 0.0, torque_ripple=0.0)),
+    "direct": DriveMismatch("the same with ripple of 2 %", drive(1.0, 0.0)),
+    "geared": DriveMismatch("gear of 0.9, friction of 1 N", GEARED),
+    "less": DriveMismatch(
+        "the same, its friction assumed as 0.7", GEARED, {"gear_efficiency": 0.93, "friction_torque": 3.5e-3}
+    ),
+    "more": DriveMismatch(
+        "the same, its friction assumed as 1.3", GEARED, {"gear_efficiency": 0.87, "friction_torque": 6.5e-3}
+    ),
+    "warm": DriveMismatch("the same, motors warm by 3 %", drive(0.9, 5e-3, thermal_drift=0.03, thermal_time=0.1)),
+    "apart": DriveMismatch("the same, torque constants 2 % apart", GEARED, lost=0.02),
+    "coarse": DriveMismatch("gear of 0.8, friction of 2 N", drive(0.8, 10e-3)),
+    "worm": DriveMismatch("gear of 0.6, friction of 4 N", drive(0.6, 20e-3)),
 }
 
 

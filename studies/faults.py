@@ -33,7 +33,7 @@ TREMOR = (0.05, 1.0)  # deg, at the handle
 TISSUE = (100.0, 10000.0)  # N/m
 
 
-class Work(NamedTuple):
+class TwinInputs(NamedTuple):
     """Inputs of an instrument per step: rad, N, rad, each of shape (n,)."""
 
     handle_angle: Array
@@ -66,12 +66,12 @@ SETTINGS = (
 )
 
 
-def work(inst: Instrument, random: np.random.Generator, seconds: float) -> Work:
+def work(inst: Instrument, random: np.random.Generator, seconds: float) -> TwinInputs:
     """Return normal work: motions, holds, sudden stops and tremor under varying loads."""
     count = round(seconds / TIME_STEP)
     reach = float(tn.statics.handle_angle(inst, inst.output_range))
     most = LOAD * float(tn.statics.slack_force(inst, inst.output_range))
-    columns = [np.zeros(count) for _ in Work._fields]
+    columns = [np.zeros(count) for _ in TwinInputs._fields]
     for column, segment in zip(columns, (_hand, _load, _bend), strict=True):
         largest = (reach, most, MOST_BEND)[(_hand, _load, _bend).index(segment)]
         at = 0
@@ -82,7 +82,7 @@ def work(inst: Instrument, random: np.random.Generator, seconds: float) -> Work:
             column[at : at + span] = segment(random, t, before, largest)[: count - at]
             at += span
     columns[0] = np.clip(columns[0] + _tremor(random, count), -inst.handle_range, inst.handle_range)
-    return Work(*columns)
+    return TwinInputs(*columns)
 
 
 def _tremor(random: np.random.Generator, count: int) -> Array:
@@ -137,7 +137,7 @@ def _moved(t: Array, start: float, end: float, span: float) -> Array:
     return start + (end - start) * SMOOTH.way(np.clip(t / span, 0, 1))
 
 
-class Outcome(NamedTuple):
+class ChunkFaults(NamedTuple):
     """Faults in a chunk of work."""
 
     ticks: int
@@ -148,7 +148,7 @@ class Outcome(NamedTuple):
     """s"""
 
 
-def watched(inst: Instrument, setting: Setting, seed: int, seconds: float) -> Iterator[Outcome]:
+def watched(inst: Instrument, setting: Setting, seed: int, seconds: float) -> Iterator[ChunkFaults]:
     """Yield the outcome of each chunk of work; after a fault controller and twin start again."""
     known = law.differing(inst, setting.friction, setting.stiffness)
     choices: dict[str, Any] = {key: getattr(setting, key) for key in ("observer", "law", "actuation")}
@@ -176,7 +176,7 @@ def watched(inst: Instrument, setting: Setting, seed: int, seconds: float) -> It
             faults[all(confirmed(known, run, name, row) for name in found)].append("+".join(found))
             twin, controller = Twin(inst, seed=seed), Controller(known, **choices)
             start, tip = np.zeros(3), 0.0
-        yield Outcome(len(run), faults[True], faults[False], spent)
+        yield ChunkFaults(len(run), faults[True], faults[False], spent)
 
 
 def confirmed(inst: Instrument, run: Run, fault: str, row: int) -> bool:

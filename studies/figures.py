@@ -27,7 +27,7 @@ class Heading(NamedTuple):
     """As :func:`format` takes it, where a value is shown; empty for text"""
 
 
-class Table(NamedTuple):
+class FigureTable(NamedTuple):
     """A table of the file."""
 
     command: str
@@ -39,16 +39,16 @@ class Table(NamedTuple):
     """Values of the columns, by the name of a row"""
 
 
-def read(file: Path = FILE) -> dict[str, Table]:
+def read(file: Path = FILE) -> dict[str, FigureTable]:
     """Return the tables of a file by name; none if there is no file."""
     content = json.loads(file.read_text("utf-8")) if file.exists() else {}
     return {
-        name: Table(**{**table, "columns": [Heading(*column) for column in table["columns"]]})
+        name: FigureTable(**{**table, "columns": [Heading(*column) for column in table["columns"]]})
         for name, table in content.items()
     }
 
 
-def keep(name: str, table: Table, file: Path = FILE) -> None:
+def keep(name: str, table: FigureTable, file: Path = FILE) -> None:
     """Write a table into the file, in the place of one of the same name; rows stand on a line each."""
     parts = []
     for one, own in sorted({**read(file), name: table}.items()):
@@ -74,7 +74,7 @@ def headed(columns: Sequence[Heading]) -> str:
     return "; ".join(f"{one.heading}{f' [{one.unit}]' * bool(one.unit)}" for one in columns)
 
 
-def flat(tables: Mapping[str, Table]) -> dict[str, tuple[Any, Heading]]:
+def flat(tables: Mapping[str, FigureTable]) -> dict[str, tuple[Any, Heading]]:
     """Return each figure by its name: its value, and its column."""
     return {
         f"{name}.{slug(row) if ' ' in row else row}" + ("" if column.name == "value" else f".{column.name}"): (

@@ -11,7 +11,7 @@ from typing import Any
 
 import law
 import numpy as np
-from plants import LAST, LOADED, ROWS, Case, Trace, cases_of, run
+from plants import LAST, LOADED, ROWS, Case, CaseResponse, cases_of, run
 
 from tenodesis.paper.tip_force import by_tensions, drawing, judge
 from tenodesis.report import style
@@ -24,9 +24,9 @@ SWAY, RATE = np.radians(3), 0.5  # of the handle, Hz
 SETTLED = 0.3  # s after the load
 
 
-def plain(case: Case, trace: Trace) -> law.Array:
+def plain(case: Case, response: CaseResponse) -> law.Array:
     """Tip force by eq. 1 from the tensions as read, N."""
-    return by_tensions(case.known, trace.tip, trace.read.T)
+    return by_tensions(case.known, response.tip, response.read.T)
 
 
 WORKS: dict[str, dict[str, Any]] = {
@@ -39,21 +39,23 @@ WORKS: dict[str, dict[str, Any]] = {
 def trial(row: str, work: str) -> dict[str, float]:
     """Judge the estimates of a row of plants at work, N; covered is the share of time within its interval of 95 %."""
     cases = [case._replace(**WORKS[work]) for case in cases_of(ROWS[row]) if case.known is not None]
-    traces = run(cases, SECONDS)
+    responses = run(cases, SECONDS)
     begin = LOADED + SETTLED if work != "rest, after strokes" else SECONDS - LAST
-    within = (traces[0].time > begin) & (traces[0].time <= SECONDS)
-    off = [trace.force[within] - case.force for case, trace in zip(cases, traces, strict=True)]
-    missed = [plain(case, one)[within] - case.force for case, one in zip(cases, traces, strict=True)]
-    return judge(off, [trace.force_std[within] for trace in traces], missed)._asdict()
+    within = (responses[0].time > begin) & (responses[0].time <= SECONDS)
+    off = [response.force[within] - case.force for case, response in zip(cases, responses, strict=True)]
+    missed = [plain(case, one)[within] - case.force for case, one in zip(cases, responses, strict=True)]
+    return judge(off, [response.force_std[within] for response in responses], missed)._asdict()
 
 
 def draw(path: Path, case: Case) -> None:
     """Draw the force of a case over time: load, estimate with its interval, eq. 1."""
-    (trace,) = run([case], SECONDS)
+    (response,) = run([case], SECONDS)
     every = slice(2000, None, 20)
-    load = np.where(trace.time > LOADED, case.force, 0.0)
+    load = np.where(response.time > LOADED, case.force, 0.0)
     with style.applied():
-        chart = drawing(*(one[every] for one in (trace.time, load, trace.force, trace.force_std, plain(case, trace))))
+        chart = drawing(
+            *(one[every] for one in (response.time, load, response.force, response.force_std, plain(case, response)))
+        )
         chart.figure.savefig(path, metadata={"Date": None})
 
 

@@ -32,7 +32,7 @@ LONGEST, PART = 40.0, 0.5  # s
 ALLOWED, REPEATABLE = 3.0, 0.02  # deg, share of the pretension
 
 
-class Start(NamedTuple):
+class HomingCase(NamedTuple):
     """An instrument before homing, and what is wrong."""
 
     plant: Instrument
@@ -88,49 +88,49 @@ def wiring(side: str) -> dict[str, tuple[tuple[FaultInjection, ...], tuple[str, 
     }
 
 
-def healthy(inst: Instrument, random: Random) -> Start:
+def healthy(inst: Instrument, random: Random) -> HomingCase:
     slack = 0.0 if random.random() < 0.3 else float(np.exp(random.uniform(np.log(0.2e-3), np.log(10e-3))))
     plant = inst.replace(**law.friction(inst, float(np.exp(random.uniform(np.log(0.5), np.log(2))))))
     bend = float(random.uniform(0, np.pi / 2))
     known = law.differing(inst, stiffness=float(random.uniform(0.7, 1.3)))
-    return Start(plant, known, slack, bend, int(random.integers(1 << 30)))
+    return HomingCase(plant, known, slack, bend, int(random.integers(1 << 30)))
 
 
-def loaded(start: Start, random: Random) -> Start:
-    force = RATED[start.plant.name] * random.uniform(-1, 1)
-    return start._replace(force=force, label="load on the tip", right=("tip_loaded",))
+def loaded(case: HomingCase, random: Random) -> HomingCase:
+    force = RATED[case.plant.name] * random.uniform(-1, 1)
+    return case._replace(force=force, label="load on the tip", right=("tip_loaded",))
 
 
-def untared(start: Start, random: Random) -> Start:
+def untared(case: HomingCase, random: Random) -> HomingCase:
     side = random.choice(["agonist", "antagonist"])
     bias = random.uniform(-5, 5)
     right = (f"cell_offset.{side}", "load_cell_range")
-    return start._replace(faults=inject((f"tension.{side}", "add", bias)), label="cell not tared", right=right)
+    return case._replace(faults=inject((f"tension.{side}", "add", bias)), label="cell not tared", right=right)
 
 
-def broken(start: Start, random: Random) -> Start:
+def broken(case: HomingCase, random: Random) -> HomingCase:
     side = int(random.integers(2))
     # Whatever was taut before is slack then.
-    return start._replace(
+    return case._replace(
         broken=side, label="tendon broken", right=(f"tendon_broken.{('agonist', 'antagonist')[side]}",)
     )
 
 
-def jammed(start: Start, random: Random) -> Start:
+def jammed(case: HomingCase, random: Random) -> HomingCase:
     jam = {"friction.law": "capstan", "friction.sheath_coefficient": 3.0, "friction.sheath_bend": np.pi}
     names = ("tendon_jammed.agonist", "tendon_jammed.antagonist")
-    return start._replace(plant=start.plant.replace(**jam), bend=0.0, label="tendons jammed", right=names)
+    return case._replace(plant=case.plant.replace(**jam), bend=0.0, label="tendons jammed", right=names)
 
 
-def wrongly_wired(name: str) -> Callable[[Start, Random], Start]:
-    def wired(start: Start, random: Random) -> Start:
+def wrongly_wired(name: str) -> Callable[[HomingCase, Random], HomingCase]:
+    def wired(case: HomingCase, random: Random) -> HomingCase:
         faults, right = wiring(str(random.choice(["agonist", "antagonist"])))[name]
-        return start._replace(faults=faults, label=name, right=right)
+        return case._replace(faults=faults, label=name, right=right)
 
     return wired
 
 
-WRONG: tuple[Callable[[Start, Random], Start], ...] = (
+WRONG: tuple[Callable[[HomingCase, Random], HomingCase], ...] = (
     *(loaded,) * 6,
     *(untared,) * 4,
     broken,
@@ -139,47 +139,47 @@ WRONG: tuple[Callable[[Start, Random], Start], ...] = (
 )
 
 
-def draw(inst: Instrument, number: int, wrong: bool) -> Start:
-    """Return a start, one of a number of random ones, healthy or with one thing wrong."""
+def draw(inst: Instrument, number: int, wrong: bool) -> HomingCase:
+    """Return a case, one of a number of random ones, healthy or with one thing wrong."""
     random = np.random.default_rng([number, wrong, len(inst.name)])
-    start = healthy(inst, random)
+    case = healthy(inst, random)
     if wrong:
-        return WRONG[number % len(WRONG)](start, random)
-    return start._replace(handle=0.0 if number % 3 else float(random.uniform(-0.6, 0.6)))
+        return WRONG[number % len(WRONG)](case, random)
+    return case._replace(handle=0.0 if number % 3 else float(random.uniform(-0.6, 0.6)))
 
 
-def home(start: Start) -> dict[str, Any]:
-    """Home from a start, and do the same with the motors standing.
+def home(case: HomingCase) -> dict[str, Any]:
+    """Home in a case, and do the same with the motors standing.
 
     Metrics are the answer (reason, or else the faults; empty if it ended well); the largest distance of the tip from
     where it was and would have gone with standing motors (moved), and of where the handle wants it at the end (off),
     deg; the error of the mean tension and half the difference of the tensions (apart), as shares of the pretension.
     """
-    twin = Twin(start.plant, seed=start.seed)
-    if start.slack:
-        twin.loosen(start.slack)
+    twin = Twin(case.plant, seed=case.seed)
+    if case.slack:
+        twin.loosen(case.slack)
     ease = np.minimum(1, np.arange(1, 2001) / 1600)
     torn = np.zeros(2)
-    if start.broken is not None:
-        torn[start.broken] = 0.5
-    twin.run(start.handle * ease**2 * (3 - 2 * ease), start.force * ease, sheath_bend=start.bend * ease, let_out=torn)
+    if case.broken is not None:
+        torn[case.broken] = 0.5
+    twin.run(case.handle * ease**2 * (3 - 2 * ease), case.force * ease, sheath_bend=case.bend * ease, let_out=torn)
     # Until a tip that falls has come to rest.
-    twin.run(np.full(12000, start.handle), start.force, sheath_bend=start.bend, let_out=torn)
-    standing = Twin(start.plant, seed=start.seed)
+    twin.run(np.full(12000, case.handle), case.force, sheath_bend=case.bend, let_out=torn)
+    standing = Twin(case.plant, seed=case.seed)
     standing.state = twin.state
-    controller = Controller(start.known, homed=False, enabled=False)
-    injected = [replace(one, start=twin.time) for one in start.faults]
+    controller = Controller(case.known, homed=False, enabled=False)
+    injected = [replace(one, start=twin.time) for one in case.faults]
     count = round(PART / TIME_STEP)
     request = np.zeros(count, int)
     request[100] = Request.HOME
     runs: list[Run] = []
     begun = twin.time
-    arguments = {"sheath_bend": start.bend, "let_out": torn}
+    arguments = {"sheath_bend": case.bend, "let_out": torn}
     while twin.time - begun < LONGEST:
         runs.append(
             twin.run(
-                np.full(count, start.handle),
-                start.force,
+                np.full(count, case.handle),
+                case.force,
                 controller=controller,
                 request=request,
                 fault_injection=injected,
@@ -190,7 +190,7 @@ def home(start: Start) -> dict[str, Any]:
         if runs[-1]["operating_state"][0] != OperatingState.ENABLED and len(runs) > 1:
             break
     run = concatenate(runs)
-    peer = standing.run(np.full(run.time.size, start.handle), start.force, **arguments)
+    peer = standing.run(np.full(run.time.size, case.handle), case.force, **arguments)
     state = run["operating_state"]
     mask = int(np.bitwise_or.reduce(run["faults"].astype(int)[200:]))
     answer = homing_failure(int(run["homing_failure"][-1])) or ",".join(
@@ -200,14 +200,14 @@ def home(start: Start) -> dict[str, Any]:
         answer = "not ended"
     tip, off = run["output_angle"], peer["output_angle"]
     moved = np.degrees(max(off.min() - tip.min(), tip.max() - off.max()))
-    tension = run["tension"][-1] / start.plant.pretension
+    tension = run["tension"][-1] / case.plant.pretension
     error, apart = abs(tension.mean() - 1), abs(tension[0] - tension[1]) / 2
     ended = np.flatnonzero(state[200:] != OperatingState.ENABLED)
     seconds = float(ended[0] + 100) * TIME_STEP if ended.size else np.nan
-    target = tn.statics.output_angle(start.plant, start.handle, 0.0)
-    answered = any(answer.startswith(name) for name in start.right)
+    target = tn.statics.output_angle(case.plant, case.handle, 0.0)
+    answered = any(answer.startswith(name) for name in case.right)
     return {
-        "label": start.label,
+        "label": case.label,
         "answer": answer,
         "refused": bool(answer),
         "right": bool(answer) and answered,
@@ -218,8 +218,8 @@ def home(start: Start) -> dict[str, Any]:
         "either": error + apart,
         "off": np.degrees(abs(tip[-1] - target)),
         "seconds": seconds,
-        "straight": start.handle == 0,
-        "size": abs(start.force) or (abs(start.faults[0].value) if start.faults else 0.0),
+        "straight": case.handle == 0,
+        "size": abs(case.force) or (abs(case.faults[0].value) if case.faults else 0.0),
     }
 
 
@@ -269,14 +269,14 @@ def report_healthy(rows: Rows) -> None:
 
 def report_known(inst: Instrument) -> None:
     """Report the cases in which homing was once seen to do harm."""
-    start = Start(inst, inst, 0.0, 0.0, 1)
+    case = HomingCase(inst, inst, 0.0, 0.0, 1)
     forces = (0.3, 0.74) if inst.name == "scaled-up" else (0.1, 0.26)
-    cases = [(f"{force:g} N on the tip, from the pretension", start._replace(force=force)) for force in forces]
+    cases = [(f"{force:g} N on the tip, from the pretension", case._replace(force=force)) for force in forces]
     for bias in (2.0, 5.0):
         faults = inject(("tension.agonist", "add", bias))
-        cases.append((f"agonist's cell {bias:+g} N, from slack", start._replace(slack=2e-3, faults=faults)))
+        cases.append((f"agonist's cell {bias:+g} N, from slack", case._replace(slack=2e-3, faults=faults)))
     for name in ("load cells swapped", "motors with encoders swapped"):
-        cases.append((f"{name}, from slack", start._replace(slack=2e-3, faults=wiring("agonist")[name][0])))
+        cases.append((f"{name}, from slack", case._replace(slack=2e-3, faults=wiring("agonist")[name][0])))
     for label, case in cases:
         end = home(case)
         answer = end["answer"] or "homed"

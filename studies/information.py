@@ -45,7 +45,7 @@ MODEL_ERROR, MODEL_TIME = 0.2, 0.5
 """Error of the equations, N, and for how long it lasts, s"""
 
 
-class Row(NamedTuple):
+class ModelMismatch(NamedTuple):
     """What differs from the file, and what an estimator does not know."""
 
     words: str
@@ -58,18 +58,18 @@ TWO = {"friction.vertices_per_joint": 2}
 FRONT = {"friction.handle_compliance_share": 0.55}
 BASE = {"friction.base_wrap": 0.3}
 ROWS = (
-    Row("friction alone", {}, COEFFICIENTS),
-    Row("load cell gains", {}, COEFFICIENTS | GAINS),
-    Row("load cell offsets", {}, COEFFICIENTS | OFFSETS),
-    Row("handle encoder's zero", {}, COEFFICIENTS | ENCODER),
-    Row("gains, two vertices", TWO, COEFFICIENTS | GAINS),
-    Row("gains, coefficient 0.25", STRONG, COEFFICIENTS | GAINS),
-    Row("where the compliance is, stiffness", FRONT, COEFFICIENTS | ARRANGEMENT | STIFFNESS),
-    Row("all at once", STRONG | TWO | FRONT | BASE, EVERYTHING),
+    ModelMismatch("friction alone", {}, COEFFICIENTS),
+    ModelMismatch("load cell gains", {}, COEFFICIENTS | GAINS),
+    ModelMismatch("load cell offsets", {}, COEFFICIENTS | OFFSETS),
+    ModelMismatch("handle encoder's zero", {}, COEFFICIENTS | ENCODER),
+    ModelMismatch("gains, two vertices", TWO, COEFFICIENTS | GAINS),
+    ModelMismatch("gains, coefficient 0.25", STRONG, COEFFICIENTS | GAINS),
+    ModelMismatch("where the compliance is, stiffness", FRONT, COEFFICIENTS | ARRANGEMENT | STIFFNESS),
+    ModelMismatch("all at once", STRONG | TWO | FRONT | BASE, EVERYTHING),
 )
 
 
-class Work(NamedTuple):
+class Playback(NamedTuple):
     """A run of the law, and what is played back of it."""
 
     handle: Array
@@ -86,9 +86,9 @@ def load(size: float, count: int) -> Array:
     return np.where(np.arange(1, count + 1) * TIME_STEP > LOADED, size, 0.0)
 
 
-def play(inst: Instrument, work: Work, key: str = "", change: float = 0.0) -> tuple[Array, Array]:
+def play(inst: Instrument, playback: Playback, key: str = "", change: float = 0.0) -> tuple[Array, Array]:
     """Return tensions as read but for the noise, (n, 2), and the tip's error, (n,), with one unknown changed."""
-    handle, force, rest = work.handle, FORCE, 0.0
+    handle, force, rest = playback.handle, FORCE, 0.0
     if key == "load":
         force += change
     elif key == "rest":
@@ -97,7 +97,7 @@ def play(inst: Instrument, work: Work, key: str = "", change: float = 0.0) -> tu
         handle = handle + change
     elif "." not in key or key.startswith("friction"):
         inst = inst.replace(**{key: change}) if key else inst
-    run = Twin(inst).run(handle, rest + load(force, handle.size), spool_velocity=work.velocity)
+    run = Twin(inst).run(handle, rest + load(force, handle.size), spool_velocity=playback.velocity)
     read = np.array(run["tension"])
     kind, _, side = key.partition(".")
     if kind in ("gain", "offset"):
@@ -106,7 +106,7 @@ def play(inst: Instrument, work: Work, key: str = "", change: float = 0.0) -> tu
     return read, run["output_angle"] - tn.statics.output_angle(inst, handle, 0.0)
 
 
-def sensitivity(inst: Instrument, work: Work, key: str, deviation: float) -> tuple[Array, Array]:
+def sensitivity(inst: Instrument, playback: Playback, key: str, deviation: float) -> tuple[Array, Array]:
     """Return the derivatives of readings and error by an unknown in its standard deviations."""
     at, size, lowest = 0.0, deviation, -np.inf
     if key.startswith("friction") or key == "tendon_stiffness":
@@ -114,7 +114,7 @@ def sensitivity(inst: Instrument, work: Work, key: str, deviation: float) -> tup
         at, lowest = getattr(inst.friction if group else inst, name), 0.0
         size = deviation if key in ARRANGEMENT else deviation * at
     ends = at + STEP * size, max(at - STEP * size, lowest)
-    high, low = (play(inst, work, key, end) for end in ends)
+    high, low = (play(inst, playback, key, end) for end in ends)
     span = (ends[0] - ends[1]) / size
     return (high[0] - low[0]) / span, (high[1] - low[1]) / span
 
@@ -128,10 +128,10 @@ def bounds(number: int, state: float) -> dict[str, float]:
     inst = law.instrument("scaled-up").replace(mismatch=None, **row.changes)
     handle = motion(inst, state)
     run = Twin(inst).run(handle, load(FORCE, handle.size), controller=Controller(inst))
-    work = Work(handle, run["commanded_spool_velocity"])
+    playback = Playback(handle, run["commanded_spool_velocity"])
     # Nothing tells that the tip is free before the load comes.
     unknown = dict(row.unknown) | {"load": 2 * FORCE, "rest": 2 * FORCE}
-    found = [sensitivity(inst, work, key, deviation) for key, deviation in unknown.items()]
+    found = [sensitivity(inst, playback, key, deviation) for key, deviation in unknown.items()]
     readings, errors = np.stack([one[0] for one in found], -1), np.stack([one[1] for one in found], -1)
     sensors = inst.sensors
     step = 2 * sensors.load_cell_range / 2**sensors.load_cell_bits

@@ -182,7 +182,7 @@ def show(
     }
     command = " ".join(["python", f"studies/{Path(sys.argv[0]).name}", *_without_files(sys.argv[1:])])
     of = heading if isinstance(heading, str) else " ".join(filter(None, heading))
-    figures.keep(name, figures.Table(command, of, headings, rows), options.figures)
+    figures.keep(name, figures.FigureTable(command, of, headings, rows), options.figures)
 
 
 def _without_files(words: Sequence[str]) -> list[str]:

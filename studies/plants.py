@@ -66,7 +66,7 @@ class Case(NamedTuple):
         return self.plant.gears, self.plant.contacts, self.plant.substeps
 
 
-class Trace(NamedTuple):
+class CaseResponse(NamedTuple):
     """What a case did, by tick; single precision, since only the memory counts."""
 
     time: Array
@@ -88,9 +88,9 @@ class Trace(NamedTuple):
     faults: list[str]
 
 
-def run(cases: Sequence[Case], seconds: float = SECONDS) -> list[Trace]:
+def run(cases: Sequence[Case], seconds: float = SECONDS) -> list[CaseResponse]:
     """Run cases for a time, those that can together, each with its own controller stepped by the tick."""
-    found: dict[int, Trace] = {}
+    found: dict[int, CaseResponse] = {}
     kinds = dict.fromkeys(case.kind for case in cases)
     for kind in kinds:
         places = [n for n, case in enumerate(cases) if case.kind == kind]
@@ -98,7 +98,7 @@ def run(cases: Sequence[Case], seconds: float = SECONDS) -> list[Trace]:
     return [found[n] for n in range(len(cases))]
 
 
-def _run_together(cases: Sequence[Case], seconds: float) -> list[Trace]:
+def _run_together(cases: Sequence[Case], seconds: float) -> list[CaseResponse]:
     count = round(seconds / PERIOD)
     at = np.arange(1, count + 1) * PERIOD
     handle = np.stack([case.handle(at) for case in cases], 1)
@@ -125,10 +125,10 @@ def _run_together(cases: Sequence[Case], seconds: float) -> list[Trace]:
         kept[0, k], kept[1, k] = plants.tip, plants.tip - plants.target
         kept[7, k], kept[8, k], kept[9:, k] = plants.touch, plants.tension[0].max(0), readings[:, 1:3].T
     names = [[name for bit, name in enumerate(FAULTS) if mask >> bit & 1] for mask in faults]
-    return [Trace(at, *kept[:9, :, n], kept[9:, :, n], names[n]) for n in range(len(cases))]
+    return [CaseResponse(at, *kept[:9, :, n], kept[9:, :, n], names[n]) for n in range(len(cases))]
 
 
-class Row(NamedTuple):
+class PlantMismatch(NamedTuple):
     """A row of the table: what differs, and at which work."""
 
     words: str
@@ -147,10 +147,10 @@ class Row(NamedTuple):
     """Of the target in the tissue, deg; 0: there is none"""
 
 
-def row(words: str, stated: Mapping[str, float] | None = None, **rest: Any) -> Row:
+def row(words: str, stated: Mapping[str, float] | None = None, **rest: Any) -> PlantMismatch:
     """Return a row; keys that are not a row's own are changes of the plant."""
-    own = {key: value for key, value in rest.items() if key in Row._fields}
-    return Row(words, {key: value for key, value in rest.items() if key not in own}, stated or {}, **own)
+    own = {key: value for key, value in rest.items() if key in PlantMismatch._fields}
+    return PlantMismatch(words, {key: value for key, value in rest.items() if key not in own}, stated or {}, **own)
 
 
 def coefficient(value: float) -> dict[str, float]:
@@ -231,7 +231,7 @@ def instrument(name: str) -> Instrument:
     return inst.replace(tendon_stiffness=inst.tendon_stiffness * inst.mismatch.stiffness_ratio, mismatch=None)
 
 
-def cases_of(row: Row, seeds: int = 1, drawn: bool = False, observe: str = "strokes") -> list[Case]:
+def cases_of(row: PlantMismatch, seeds: int = 1, drawn: bool = False, observe: str = "strokes") -> list[Case]:
     """Return a row's cases, those with motors first, and then the same with motors that stand.
 
     drawn: whether each plant's sensors have errors of calibration, drawn as the instrument's file states them;
@@ -269,7 +269,7 @@ def with_calibration(plant: Plant, inst: Instrument, seed: int) -> Plant:
     )
 
 
-def summary(cases: Sequence[Case], traces: Sequence[Trace]) -> dict[str, Any]:
+def summary(cases: Sequence[Case], responses: Sequence[CaseResponse]) -> dict[str, Any]:
     """Summarise cases, the second half of which are with motors that stand (off).
 
     Final errors, deg, are means over the last second, the estimate's (estimate_rms) RMS over it, later_worst is the
@@ -281,12 +281,12 @@ def summary(cases: Sequence[Case], traces: Sequence[Trace]) -> dict[str, Any]:
     scales are the friction's at the end, over the truth.
     """
     half = len(cases) // 2
-    on, off = traces[:half], traces[half:]
+    on, off = responses[:half], responses[half:]
     at = on[0].time
     last, judged = at > at[-1] - LAST, at > JUDGED
     later = np.abs(at - LOADED - LATER) < AVERAGED / 2
 
-    def over(of: Iterable[Trace], value: Callable[[Trace], Any]) -> Array:
+    def over(of: Iterable[CaseResponse], value: Callable[[CaseResponse], Any]) -> Array:
         return np.array([value(one) for one in of], float)
 
     def settled(within: float) -> Array:

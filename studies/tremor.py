@@ -39,7 +39,7 @@ INTENT, INTENT_RATE, SMALL, TREMOR = 3.0, 2.0, 0.2, 8.0  # deg, Hz, deg, Hz
 SEED = 1
 
 
-class Hand(NamedTuple):
+class HandMotion(NamedTuple):
     """What a hand does at the handle, and the load on the tip."""
 
     frequency: float | None = TREMOR
@@ -96,7 +96,7 @@ def unpredictable(inst: Instrument, amplitude: float) -> float:
     return float(np.ptp(judged(fast(left))) / np.ptp(judged(fast(shaken))))
 
 
-def motion(inst: Instrument, hand: Hand) -> tuple[Array, Array, Array]:
+def motion(inst: Instrument, hand: HandMotion) -> tuple[Array, Array, Array]:
     """Return the handle angle without and with tremor, rad, and the force, N."""
     time = clock()
     aim = float(tn.statics.handle_angle(inst, np.radians(hand.angle)))
@@ -133,7 +133,7 @@ def run_off(inst: Instrument, handle: Array, force: Array, seed: int = SEED) -> 
     return Twin(inst, seed=seed).run(handle, force)
 
 
-def shake(inst: Instrument, hand: Hand) -> dict[str, Any]:
+def shake(inst: Instrument, hand: HandMotion) -> dict[str, Any]:
     """Run a trembling hand with the law and with its peers: swings and mean errors, deg, the handle's torque, N m."""
     intent, handle, force = motion(inst, hand)
     on, off = run_law(inst, handle, force), run_off(inst, handle, force)
@@ -152,7 +152,7 @@ def shake(inst: Instrument, hand: Hand) -> dict[str, Any]:
     }
 
 
-def follow(inst: Instrument, hand: Hand, seed: int = SEED) -> dict[str, float]:
+def follow(inst: Instrument, hand: HandMotion, seed: int = SEED) -> dict[str, float]:
     """Run a hand that sways on purpose, with tremor and without (still): RMS distance from what it means, deg."""
     found = {}
     for name, run in (("on", run_law), ("off", run_off)):
@@ -163,11 +163,11 @@ def follow(inst: Instrument, hand: Hand, seed: int = SEED) -> dict[str, float]:
 
 
 def trembling(instrument: str, **hand: Any) -> dict[str, Any]:
-    return shake(law.instrument(instrument), Hand(**hand))
+    return shake(law.instrument(instrument), HandMotion(**hand))
 
 
 def swaying(instrument: str, **hand: Any) -> dict[str, Any]:
-    return follow(law.instrument(instrument), Hand(TREMOR, SMALL, sway=INTENT, **hand))
+    return follow(law.instrument(instrument), HandMotion(TREMOR, SMALL, sway=INTENT, **hand))
 
 
 def of_frequency(frequency: float | None) -> Column:

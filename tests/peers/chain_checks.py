@@ -7,7 +7,7 @@ from peers.chain_peer import ChainPeer
 
 from tenodesis.errors import MissingExtraError
 from tenodesis.paper.context import Context
-from tenodesis.report.content import Column, Section
+from tenodesis.report.content import ResultColumn, Section
 from tenodesis.statics import chain
 
 _TITLE = "Independent verification"
@@ -25,7 +25,7 @@ def section(context: Context) -> Section:
         "Largest difference of a joint's angle from the same instrument in MuJoCo; a dash: it does not come to rest",
         "state",
         "load",
-        Column("difference [°]", "verification.mujoco.{state}.{load}", "deg", about, digits=4, optional=True),
+        ResultColumn("difference [°]", "verification.mujoco.{state}.{load}", "deg", about, digits=4, optional=True),
     )
     for state in context.subject.states:
         for load in context.subject.loads:

@@ -13,7 +13,7 @@ from tenodesis.instrument import ShortForm, TendonGear
 from tenodesis.kinematics import Posture
 from tenodesis.paper.context import Context
 from tenodesis.report import style
-from tenodesis.report.content import CarePoint, Chart, Column, Plot, Section, fixed, named, number
+from tenodesis.report.content import CarePoint, Chart, Plot, ResultColumn, Section, fixed, named, number
 from tenodesis.statics import chain
 
 SCIPY_POINTS = 10_000
@@ -41,21 +41,21 @@ def section(context: Context) -> Section:
         "Largest difference of the output angle [°]; MuJoCo's load cases with an equilibrium, those with a slack "
         "tendon, and points on which this package and the other code disagree whether there is an equilibrium",
         "instrument",
-        Column(
+        ResultColumn(
             f"SciPy, {SCIPY_POINTS} random points",
             "verification.scipy.{role}",
             "deg",
             "Largest difference from SciPy's root finder, {role}",
             form=number,
         ),
-        Column(
+        ResultColumn(
             "disputed",
             "verification.scipy.{role}.disputed",
             "1",
             "Points on whose solvability SciPy disagrees, {role}",
             digits=0,
         ),
-        Column(
+        ResultColumn(
             "MuJoCo, settled",
             "verification.mujoco.{role}",
             "deg",
@@ -64,7 +64,7 @@ def section(context: Context) -> Section:
             optional=True,
         ),
         *(
-            Column(name, f"verification.mujoco.{{role}}.{name}", "1", about, digits=0, optional=True)
+            ResultColumn(name, f"verification.mujoco.{{role}}.{name}", "1", about, digits=0, optional=True)
             for name, about in (
                 ("cases", "Load cases with an equilibrium settled in MuJoCo, {role}"),
                 ("slack", "Load cases settled in MuJoCo with a slack tendon, {role}"),

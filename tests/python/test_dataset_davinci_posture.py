@@ -12,7 +12,7 @@ import pytest
 from tenodesis.cli.identify import recordings_of
 from tenodesis.errors import CommandError, IdentificationError
 from tenodesis.identification import FORMATS, Fit, fit, jacobian_error
-from tenodesis.identification.datasets.davinci_posture import LAWS, Wrist, load
+from tenodesis.identification.datasets.davinci_posture import LAWS, WristedTool, load
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.run import Array
 
@@ -45,14 +45,14 @@ def posture(pitch: float, level: float = 0.08) -> MeasuredRun:
     return MeasuredRun(f"pitch {pitch:g}", run.time, columns)
 
 
-def values(wrist: Wrist, **changes: float) -> Array:
+def values(wrist: WristedTool, **changes: float) -> Array:
     return np.array([(TRUTH | changes)[one.name] for one in wrist.parameters])
 
 
 def simulated(law: str = "capstan-constant") -> list[MeasuredRun]:
     """Return a run for each posture whose jaw angle the model itself gives."""
     runs = [posture(pitch) for pitch in PITCHES]
-    wrist = Wrist(runs, law=law)
+    wrist = WristedTool(runs, law=law)
     return [with_jaw(run, wrist.predict(values(wrist), n)) for n, run in enumerate(runs)]
 
 
@@ -74,7 +74,7 @@ def test_a_name_without_one_pitch_is_refused(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.parametrize("law", LAWS)
 def test_derivatives_agree_with_differences(law: str) -> None:
-    wrist = Wrist(simulated(law), law=law)
+    wrist = WristedTool(simulated(law), law=law)
     for run in range(3):
         assert jacobian_error(wrist, values(wrist) * 1.03, run, quantile=0.98) < 2e-4
 
@@ -82,16 +82,16 @@ def test_derivatives_agree_with_differences(law: str) -> None:
 def test_a_recordings_own_offset_is_no_error_but_tells_of_the_coupling() -> None:
     runs = simulated()
     moved = [with_jaw(run, run["jaw_angle"] + shift) for run, shift in zip(runs, (0.03, -0.02, 0.05), strict=True)]
-    wrist = Wrist(moved)
+    wrist = WristedTool(moved)
     for run in range(3):
         assert np.abs(wrist.errors(values(wrist), run)["output_angle_deg"]).max() < 1e-9
         assert np.ptp(wrist.residuals(values(wrist), run)) < 1e-6 < abs(wrist.residuals(values(wrist), run)[0])
 
 
 def test_pitch_moves_the_jaw_by_the_coupling_and_less_where_the_wrist_rubs() -> None:
-    wrist = Wrist(simulated())
+    wrist = WristedTool(simulated())
 
-    def loops(model: Wrist, **changes: float) -> list[Array]:
+    def loops(model: WristedTool, **changes: float) -> list[Array]:
         angles = [math.radians(pitch) for pitch in PITCHES]
         given = values(model, **changes)
         return [model.predict(given, n) - TRUTH["coupling"] * pitch for n, pitch in enumerate(angles)]
@@ -102,7 +102,7 @@ def test_pitch_moves_the_jaw_by_the_coupling_and_less_where_the_wrist_rubs() -> 
     assert held_back[0] > 1.1 * held_back[1] > 1.21 * held_back[2] > 1e-3
     assert [wrist.wrap(math.radians(pitch)) for pitch in (90, 0, -90)] == pytest.approx([math.pi, math.pi / 2, 0])
     # the other way round where the load is on the other tendon: both the spindle's signs are turned
-    mirrored = Wrist(
+    mirrored = WristedTool(
         [
             MeasuredRun(run.name, run.time, {**run.columns, "spindle_torque": -run["spindle_torque"]})
             for run in simulated()
@@ -113,16 +113,16 @@ def test_pitch_moves_the_jaw_by_the_coupling_and_less_where_the_wrist_rubs() -> 
 
 
 def test_recordings_at_one_pitch_have_neither_coupling_nor_wrist() -> None:
-    names = [one.name for one in Wrist([posture(60), posture(60, 0.12)]).parameters]
+    names = [one.name for one in WristedTool([posture(60), posture(60, 0.12)]).parameters]
     assert not {"coupling", "wrist_friction"} & set(names)
 
 
 @pytest.mark.slow
 def test_simulated_postures_give_back_the_wrists_parameters() -> None:
     runs = [posture(pitch, level) for pitch in PITCHES for level in (0.04, 0.12)]
-    wrist = Wrist(runs)
+    wrist = WristedTool(runs)
     exact = [with_jaw(run, wrist.predict(values(wrist), n)) for n, run in enumerate(runs)]
-    found = fit(Wrist(exact), train=range(6), starts=4)
+    found = fit(WristedTool(exact), train=range(6), starts=4)
     for name in ("coupling", "wrist_friction", "compliance", "friction_exponent"):
         assert found.values[name] == pytest.approx(TRUTH[name], rel=0.02), name
 
@@ -157,7 +157,7 @@ def recording(name: str) -> MeasuredRun:
 @cache
 def fitted(train: tuple[str, ...]) -> Fit:
     test = [name for name in ALL if name not in train]
-    wrist = Wrist([recording(n) for n in train], [recording(n) for n in test])
+    wrist = WristedTool([recording(n) for n in train], [recording(n) for n in test])
     return fit(wrist, train=range(len(train)), test=range(len(train), len(ALL)), starts=1)
 
 

@@ -145,8 +145,8 @@ def test_every_figure_that_a_page_quotes_is_in_the_file(site: Callable[[str], An
 def test_a_table_that_is_kept_is_read_as_it_was(site: Callable[[str], Any], tmp_path: Path) -> None:
     figures, file = site("figures"), tmp_path / "results.json"
     headings = figures.Heading("final_rms", "final RMS", "deg", ".2f"), figures.Heading("faults", "faults")
-    table = figures.Table("python studies/own.py", "what differs", [*headings], {"0.25 known": [0.1 + 0.2, ""]})
-    figures.keep("own", figures.Table("before", "", [], {}), file)
+    table = figures.FigureTable("python studies/own.py", "what differs", [*headings], {"0.25 known": [0.1 + 0.2, ""]})
+    figures.keep("own", figures.FigureTable("before", "", [], {}), file)
     figures.keep("other", table, file)
     figures.keep("own", table._replace(rows={"none": [np.nan, "slack"], "é": [np.float64(1), "–"]}), file)
     kept = figures.read(file)

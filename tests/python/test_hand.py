@@ -43,7 +43,7 @@ def test_tremor_swings_the_tip_little_more_than_with_motors_off(
 ) -> None:
     for angle in tremor.ANGLES:
         for load in LOADS:
-            done = tremor.shake(inst, tremor.Hand(frequency, amplitude, angle, load))
+            done = tremor.shake(inst, tremor.HandMotion(frequency, amplitude, angle, load))
             assert done["more"] < 0.5
             assert not done["faults"]
 
@@ -51,19 +51,19 @@ def test_tremor_swings_the_tip_little_more_than_with_motors_off(
 @pytest.mark.parametrize("frequency", [7.0, 10.0])
 @pytest.mark.parametrize("amplitude", [0.3, 1.0])
 def test_tremor_of_a_straight_free_tip_is_halved(inst: Instrument, frequency: float, amplitude: float) -> None:
-    done = tremor.shake(inst, tremor.Hand(frequency, amplitude))
+    done = tremor.shake(inst, tremor.HandMotion(frequency, amplitude))
     assert done["swing"] < 0.5 * done["swing_off"]
 
 
 @pytest.mark.parametrize("amplitude", [0.1, 0.3, 1.0])
 def test_irregular_tremor_of_a_straight_free_tip_is_lessened(inst: Instrument, amplitude: float) -> None:
-    done = tremor.shake(inst, tremor.Hand(None, amplitude))
+    done = tremor.shake(inst, tremor.HandMotion(None, amplitude))
     assert done["swing"] < 0.85 * done["swing_off"]
 
 
 def test_a_load_is_compensated_in_tremor(inst: Instrument) -> None:
     for angle in tremor.ANGLES:
-        done = tremor.shake(inst, tremor.Hand(8.0, 0.3, angle, 1.0))
+        done = tremor.shake(inst, tremor.HandMotion(8.0, 0.3, angle, 1.0))
         assert abs(done["error"]) < 0.2 * abs(done["error_off"])
 
 
@@ -93,7 +93,7 @@ def test_tremor_of_both_axes_is_halved() -> None:
 @pytest.mark.parametrize("angle", [33.0, 67.0])
 def test_one_motor_leaves_a_loaded_tip_nearer_in_tremor_than_none(inst: Instrument, angle: float) -> None:
     for frequency in (7.0, 10.0):
-        intent, handle, force = tremor.motion(inst, tremor.Hand(frequency, 0.3, angle, 1.0))
+        intent, handle, force = tremor.motion(inst, tremor.HandMotion(frequency, 0.3, angle, 1.0))
         on = Twin(inst, seed=1).run(handle, force, controller=Controller(inst, actuation="agonist"))
         off = tremor.run_off(inst, handle, force)
         errors = [np.square(tremor.judged(tremor.deviation(inst, run, intent))).mean() for run in (on, off)]
@@ -106,7 +106,7 @@ def test_one_motor_leaves_a_loaded_tip_nearer_in_tremor_than_none(inst: Instrume
 @pytest.mark.parametrize("load", LOADS)
 def test_what_the_hand_means_is_followed_as_without_tremor(inst: Instrument, load: float) -> None:
     for angle in tremor.ANGLES:
-        hand = tremor.Hand(8.0, 0.2, angle, load, sway=3.0)
+        hand = tremor.HandMotion(8.0, 0.2, angle, load, sway=3.0)
         done = [tremor.follow(inst, hand, seed) for seed in range(1, 5)]
         assert np.mean([one["on"] - one["on_still"] for one in done]) < 0.4
         assert max(one["on"] - one["off"] for one in done) < 0.21
@@ -137,7 +137,7 @@ def test_stiffness_is_learned_under_a_hand_that_sways(inst: Instrument, stiffnes
 @pytest.mark.parametrize("load", LOADS)
 @pytest.mark.parametrize("angle", [0.0, 67.0])
 def test_motors_come_to_rest_under_a_still_hand_and_stay_there(inst: Instrument, angle: float, load: float) -> None:
-    intent, handle, force = tremor.motion(inst, tremor.Hand(angle=angle, load=load))
+    intent, handle, force = tremor.motion(inst, tremor.HandMotion(angle=angle, load=load))
     run = tremor.run_law(inst, handle, force).between(tremor.SECONDS - 3)
     assert (run["phase"] == 0).all()
     assert np.abs(run["spool_velocity"]).max() < 1e-6
@@ -151,7 +151,7 @@ def test_motors_come_to_rest_under_a_still_hand_and_stay_there(inst: Instrument,
 def with_assistance(inst: Instrument, share: float, angle: float) -> tuple[Run, float, float]:
     """Return the run under the rated load, and the angles lost with the law and with motors off, deg."""
     one = inst.replace(**{"control.assistance": share})
-    intent, handle, force = tremor.motion(one, tremor.Hand(angle=angle, load=1.0))
+    intent, handle, force = tremor.motion(one, tremor.HandMotion(angle=angle, load=1.0))
     on, off = tremor.run_law(one, handle, force), tremor.run_off(one, handle, force)
     return on, error(one, on, intent), error(one, off, intent)
 
@@ -174,7 +174,7 @@ def test_half_the_assistance_gives_half_the_angle_back(inst: Instrument) -> None
 def test_beyond_the_force_limit_the_motors_yield(inst: Instrument) -> None:
     limited: dict[str, Any] = {"control.force_limit": 0.5 * tremor.law.RATED[inst.name]}
     one = inst.replace(**limited)
-    intent, handle, force = tremor.motion(one, tremor.Hand(load=1.0))
+    intent, handle, force = tremor.motion(one, tremor.HandMotion(load=1.0))
     on, off, free = (
         tremor.run_law(one, handle, force),
         tremor.run_off(one, handle, force),

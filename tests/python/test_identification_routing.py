@@ -346,7 +346,7 @@ def test_forces_on_two_planar_axes_are_one_force_on_the_tip_and_the_command_read
     guesses = signal_tables.guess(read_table, inst.expanded)
     assert guesses["wrench.fx"].factor == -1
     lost = [name.startswith("measured_tension") for name in read_table.headings]
-    kept = lab_tables.Table(
+    kept = lab_tables.LabTable(
         "", *([one for one, gone in zip(of, lost, strict=True) if not gone] for of in read_table[1:])
     )
     assert not [name for name in signal_tables.guess(kept, inst.expanded) if name.startswith("measured_tension")]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tenodesis.report import page, style
-from tenodesis.report.content import Chart, Column, Published, Result, ResultTable, fixed, number
+from tenodesis.report.content import Chart, Published, Result, ResultColumn, ResultTable, fixed, number
 
 
 def test_numbers_are_written_for_reading() -> None:
@@ -26,9 +26,9 @@ def test_a_row_of_a_table_is_also_its_results() -> None:
 
     columns = (
         "force",
-        Column("error [°]", "error.at_{force:g}N", "deg", "Error under {force:g} N", digits=1),
-        Column("time [s]", "time.at_{force:g}N", "s", "Time under {force:g} N", optional=True),
-        Column("met", form=lambda value: "yes" if value else "no"),
+        ResultColumn("error [°]", "error.at_{force:g}N", "deg", "Error under {force:g} N", digits=1),
+        ResultColumn("time [s]", "time.at_{force:g}N", "s", "Time under {force:g} N", optional=True),
+        ResultColumn("met", form=lambda value: "yes" if value else "no"),
     )
     table = ResultTable("Errors", columns, record)
     printed = Published(2.0, "Fig. 1")

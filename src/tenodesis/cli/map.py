@@ -76,7 +76,7 @@ def write_map(
         _draw(run, drawn, figure)
 
 
-def _of_instrument(table: lab_tables.Table, inst: FullForm, file: Path, path: Path) -> None:
+def _of_instrument(table: lab_tables.LabTable, inst: FullForm, file: Path, path: Path) -> None:
     """Write the map of an instrument's joints and tendons."""
     guesses = signal_tables.guess(table, inst)
     missing = signal_tables.lacking(inst, guesses)

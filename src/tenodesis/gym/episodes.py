@@ -160,7 +160,7 @@ def randomised(
     return [nominal.replace(**_drawn(parameters, random)) for _ in range(count)]
 
 
-def _drawn(parameters: Sequence[tolerance.Parameter], random: np.random.Generator) -> dict[str, Any]:
+def _drawn(parameters: Sequence[tolerance.UncertainParameter], random: np.random.Generator) -> dict[str, Any]:
     changes = {}
     for one in parameters:
         if one.distribution == "normal":

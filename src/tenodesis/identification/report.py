@@ -274,7 +274,7 @@ def cards(found: Fit) -> list[tuple[str, str]]:
     ]
 
 
-class Shown(NamedTuple):
+class ReadableParameter(NamedTuple):
     """A parameter as people read it, all in its unit."""
 
     value: str
@@ -286,7 +286,7 @@ class Shown(NamedTuple):
     """yes, no or held, and the bound that the value is on."""
 
 
-def shown(found: Fit, one: Parameter) -> Shown:
+def shown(found: Fit, one: Parameter) -> ReadableParameter:
     """Return a parameter as people read it."""
     factor, unit = readable(one.unit)
     std = found.std.get(one.name, math.nan) * factor
@@ -301,7 +301,7 @@ def shown(found: Fit, one: Parameter) -> Shown:
     spread = "" if one.name not in found.free else f"{std:.2g}" if math.isfinite(std) else "open"
     side = found.identifiability.at_bound.get(one.name)
     identifiable = {None: "held", True: "yes", False: "no"}[found.identifiability.identifiable.get(one.name)]
-    return Shown(
+    return ReadableParameter(
         number(found.values[one.name]),
         unit,
         spread,

@@ -24,7 +24,7 @@ from tenodesis.identification.formats.measured import MeasuredRun, Raw
 from tenodesis.identification.problem import Parameter, SensorError, differenced, scales
 from tenodesis.identification.registry import Format
 from tenodesis.identification.twin_model.marginalise import Marginalisation, marginalise
-from tenodesis.identification.twin_model.stepped import Shown, SteppedProblem
+from tenodesis.identification.twin_model.stepped import ChannelLabel, SteppedProblem
 from tenodesis.identification.twin_model.steps import InputError, QuantisedSensor, SteppedRun, encoder, unrounded
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
 from tenodesis.kinematics import Port, tip_pose
@@ -610,11 +610,11 @@ class Routing(SteppedProblem):
                 found[f"{channel}.{key}"] = SensorError(value, std, unit)
         return found
 
-    def _shown(self, channel: str) -> Shown:
+    def _shown(self, channel: str) -> ChannelLabel:
         kind, scale = ("tension_N", 1.0) if channel.startswith("tension") else ("output_angle_deg", degrees(1))
         if channel in _POSE:
             kind, scale = ("position_mm", 1e3) if channel.startswith("position") else ("direction_1", 1.0)
-        return Shown(f"{channel}_{kind.rpartition('_')[2]}", kind, scale)
+        return ChannelLabel(f"{channel}_{kind.rpartition('_')[2]}", kind, scale)
 
     def _likeliest(self, values: Array, run: int) -> dict[str, Array]:
         """Return the model's readings by channel, with the errors of load cells that are likeliest where it has them.

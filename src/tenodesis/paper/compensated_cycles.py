@@ -21,7 +21,7 @@ from tenodesis.paper.cycles import RESTING as RESTED
 from tenodesis.paper.cycles import SEED, protocol
 from tenodesis.paper.subject import FarMotion, Load, Subject
 from tenodesis.report import style
-from tenodesis.report.content import Array, Chart, Column, Plot, Section, Table, fixed, named
+from tenodesis.report.content import Array, Chart, Plot, ResultColumn, Section, Table, fixed, named
 from tenodesis.report.curves import forces
 from tenodesis.simulate import campaign
 from tenodesis.statics import Actuation
@@ -203,8 +203,8 @@ def _cycles(context: Context, cases: Sequence[Case], found: Found, used: Sequenc
     }
     rivals = {rival: words for rival, words in rivals.items() if rival in used}
 
-    def column(heading: str, name: str, about: str, unit: str = "deg", **look: Any) -> Column:
-        return Column(heading, f"compensated_cycles.{name}.{{case}}", unit, f"{about}, {{words}}", **look)
+    def column(heading: str, name: str, about: str, unit: str = "deg", **look: Any) -> ResultColumn:
+        return ResultColumn(heading, f"compensated_cycles.{name}.{{case}}", unit, f"{about}, {{words}}", **look)
 
     which = (
         f"cycles 2 to {_CYCLES} of 0–{np.degrees(amplitude(context.tested)):.3g}° at {_FREQUENCY:g} Hz"
@@ -284,9 +284,9 @@ def _fast_wrist(context: Context, loads: Sequence[float]) -> tuple[Table, str]:
     motion = wrist(context.tested)
     speed = float(np.degrees(np.abs(np.diff(motion)).max() / TIME_STEP))
 
-    def column(heading: str, name: str, unit: str, description: str) -> Column:
+    def column(heading: str, name: str, unit: str, description: str) -> ResultColumn:
         key = f"compensated_cycles.wrist.{name}.{{by.key}}.at_{{at}}"
-        return Column(heading, key, unit, f"{description}, fast wrist motion, {{by.name}}, {{load}}")
+        return ResultColumn(heading, key, unit, f"{description}, fast wrist motion, {{by.name}}, {{load}}")
 
     table = context.table(
         f"Fast wrist motion: sines of 0.5 to 2 Hz, up to {speed:.0f}°/s, {_WRIST_PERIODS} periods of "

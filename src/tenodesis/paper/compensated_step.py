@@ -19,7 +19,7 @@ from tenodesis.paper.step_load import AFTER, BEFORE, respond, step_force
 from tenodesis.paper.step_response import NEAR, HeldMotion, StepResponse
 from tenodesis.paper.subject import Load, Subject
 from tenodesis.report import style
-from tenodesis.report.content import Array, Chart, Column, Plot, Section, Table, fixed, named
+from tenodesis.report.content import Array, Chart, Plot, ResultColumn, Section, Table, fixed, named
 from tenodesis.run import Run
 from tenodesis.simulate import campaign
 from tenodesis.statics import Actuation
@@ -335,7 +335,7 @@ def readings(context: Context, inst: ShortForm, states: Sequence[float], force: 
         f"behind the motor [s]; stroke wound by then [mm]. Slow: tendons wound at {1e3 * _SLOW:g} mm/s at most",
         "reading",
         *(f"{np.degrees(state):.4g}°" for state in states),
-        Column(
+        ResultColumn(
             "agrees with the paper",
             "compensated.readings.{reading.key}.agreement",
             "1",

@@ -7,7 +7,7 @@ from tenodesis import statics
 from tenodesis.instrument import ShortForm
 from tenodesis.paper.context import Context, shown_force
 from tenodesis.report import style
-from tenodesis.report.content import Array, CarePoint, Chart, Column, Section, fixed, named
+from tenodesis.report.content import Array, CarePoint, Chart, ResultColumn, Section, fixed, named
 from tenodesis.statics.stroke import settled_stroke, wound
 
 _LAWS: tuple[tuple[str, statics.Actuation, statics.Law, str], ...] = (
@@ -30,7 +30,7 @@ def section(context: Context) -> Section:
         f"Loss that remains under {force:g} N [°], by unloaded output angle",
         "law and actuation",
         *(
-            Column(
+            ResultColumn(
                 f"{angle}°",
                 f"compensation.{{key}}.remaining_at_{angle}deg",
                 "deg",

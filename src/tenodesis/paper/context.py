@@ -13,7 +13,7 @@ from tenodesis.control.pairs import compensated
 from tenodesis.errors import ArgumentError, InstrumentError, NoSolutionError, ProtocolError
 from tenodesis.instrument import FullForm, Instrument, ShortForm, as_short_form, expanded
 from tenodesis.paper.subject import Subject
-from tenodesis.report.content import Column, Published, Result, ResultTable
+from tenodesis.report.content import Published, Result, ResultColumn, ResultTable
 from tenodesis.report.curves import forces
 from tenodesis.run import Run
 from tenodesis.simulate import Protocol, execute
@@ -160,7 +160,7 @@ class Context:
         self.results[key] = Result(key, float(value), unit, description, published if self.is_paper else None)
         return float(value)
 
-    def table(self, caption: str, *columns: str | Column) -> ResultTable:
+    def table(self, caption: str, *columns: str | ResultColumn) -> ResultTable:
         """Return an empty table whose numbers become results of this report."""
         return ResultTable(caption, columns, self.add)
 

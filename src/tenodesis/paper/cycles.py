@@ -13,7 +13,18 @@ from tenodesis.paper import published
 from tenodesis.paper.context import DRAWN, WAYS, Context, RecordedRun, has_friction
 from tenodesis.paper.subject import HANDLE_SPEED, SPEED, FarMotion, Load, Subject, panels
 from tenodesis.report import style
-from tenodesis.report.content import Array, Column, Plot, ResultTable, Section, Table, fixed, named, number, unit_text
+from tenodesis.report.content import (
+    Array,
+    Plot,
+    ResultColumn,
+    ResultTable,
+    Section,
+    Table,
+    fixed,
+    named,
+    number,
+    unit_text,
+)
 from tenodesis.report.curves import Loop, estimated_output_angle, hysteresis, loop_panels
 from tenodesis.run import Run
 from tenodesis.units import unit_of
@@ -143,9 +154,9 @@ def _table(context: Context, subject: Subject, found: list[CycleRun]) -> ResultT
     planar, several, papers = subject.plane is not None, subject.plane is None, int(context.is_paper)
     who, where = ("tip", "{words}") if planar else ("joint", "{motion}, {words}")
 
-    def column(heading: str, name: str, about: str, unit: str = "deg") -> Column:
+    def column(heading: str, name: str, about: str, unit: str = "deg") -> ResultColumn:
         key = f"hysteresis.{'{motion}.' * several}{name}.{{load}}"
-        return Column(heading, key, unit, f"{about}, {where}")
+        return ResultColumn(heading, key, unit, f"{about}, {where}")
 
     agonist, antagonist = "Agonist tension, flexion minus extension", "Antagonist tension, extension minus flexion"
     of_tensions = [

@@ -7,7 +7,7 @@ from tenodesis.instrument import ShortForm
 from tenodesis.paper.context import Context
 from tenodesis.paper.subject import Subject, panels
 from tenodesis.report import curves, style
-from tenodesis.report.content import Column, Plot, ResultTable, Section, fixed, named, number
+from tenodesis.report.content import Plot, ResultColumn, ResultTable, Section, fixed, named, number
 from tenodesis.report.curves import forces, load_name
 
 _TITLE = "Input and output"
@@ -45,7 +45,7 @@ def _coupling(context: Context, subject: Subject) -> ResultTable:
         "motion",
         "far end",
         *(
-            Column(
+            ResultColumn(
                 f"{joint} [°]",
                 f"coupling.{{motion}}.{joint}",
                 "deg",
@@ -100,13 +100,13 @@ def _over_loads(context: Context, inst: ShortForm) -> Section:
     table = context.table(
         f"Output angle and loss, handle at {fixed(np.degrees(end), 1)}°",
         "force at the tip",
-        Column(
+        ResultColumn(
             "output at handle 0° [°]",
             "input_output.straight_handle.at_{force:g}N",
             "deg",
             "Output angle at a straight handle under {force:g} N",
         ),
-        Column(
+        ResultColumn(
             "output [°]",
             "input_output.output_angle.at_{force:g}N",
             "deg",

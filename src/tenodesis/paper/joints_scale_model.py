@@ -2,7 +2,7 @@
 
 from tenodesis.paper.context import Context, has_friction
 from tenodesis.paper.tables_1_2_scale_model import groups
-from tenodesis.report.content import Column, Section, Table, fixed, named
+from tenodesis.report.content import ResultColumn, Section, Table, fixed, named
 from tenodesis.scaling.plan import FACTORS, draw_losses
 from tenodesis.similarity.joints import JointComparison, JointError, compare_joints
 
@@ -36,7 +36,7 @@ def section(context: Context) -> Section:
 def _factors(context: Context, pair: JointComparison) -> Table:
     about = "Scale factor: {about}"
     table = context.table(
-        "Scale factors; of angles it is 1", "", Column("factor", "factors.{key}", "1", about, digits=4)
+        "Scale factors; of angles it is 1", "", ResultColumn("factor", "factors.{key}", "1", about, digits=4)
     )
     for key, name in FACTORS.items():
         table.row(name, pair.factors[key], key=key, about=name)
@@ -64,8 +64,8 @@ def _error(context: Context, caption: str, key: str, about: str, error: JointErr
     table = context.table(
         f"{caption}; no equilibrium at {fixed(100 * error.unsolved, 1)} % of the points",
         "",
-        Column("rms", f"{key}.{{of}}.rms", "{unit}", f"Root mean square similarity error of {{of}}, {about}"),
-        Column("largest", f"{key}.{{of}}.largest", "{unit}", f"Largest similarity error of {{of}}, {about}"),
+        ResultColumn("rms", f"{key}.{{of}}.rms", "{unit}", f"Root mean square similarity error of {{of}}, {about}"),
+        ResultColumn("largest", f"{key}.{{of}}.largest", "{unit}", f"Largest similarity error of {{of}}, {about}"),
     )
     for joint, rms, largest in zip(error.joints, error.rms, error.largest, strict=True):
         table.row(f"{joint} [°]", rms, largest, of=joint, unit="deg")

@@ -10,7 +10,7 @@ from tenodesis.instrument import ShortForm
 from tenodesis.paper.context import Context, shown_force
 from tenodesis.paper.subject import HeldState, Load, Subject, panels
 from tenodesis.report import style
-from tenodesis.report.content import Array, Cell, Chart, Column, Plot, Section, fixed, named
+from tenodesis.report.content import Array, Cell, Chart, Plot, ResultColumn, Section, fixed, named
 from tenodesis.report.curves import draw_losses, forces
 from tenodesis.statics import chain
 
@@ -112,9 +112,9 @@ def section(context: Context) -> Section:
     return Section("loss", _TITLE, text, [_plot(subject, subject.states, subject.loads)], [table])
 
 
-def _column(heading: str, name: str, label: str, about: str, unit: str = "deg") -> Column:
+def _column(heading: str, name: str, label: str, about: str, unit: str = "deg") -> ResultColumn:
     key = f"{name}{'.' * bool(label)}{label}.{{state}}{{load}}.{{size}}N"
-    return Column(heading, key, unit, about, optional=unit == "mm")
+    return ResultColumn(heading, key, unit, about, optional=unit == "mm")
 
 
 def _plot(subject: Subject, held: list[HeldState], applied: list[Load]) -> Plot:

@@ -7,7 +7,7 @@ from tenodesis.instrument import TendonGear
 from tenodesis.paper.context import Context
 from tenodesis.paper.published import TIP_FORCE
 from tenodesis.report import style
-from tenodesis.report.content import Chart, Column, Plot, Section, Table, fixed, named, number
+from tenodesis.report.content import Chart, Plot, ResultColumn, Section, Table, fixed, named, number
 from tenodesis.scaling import Design, Front, Objectives, figures
 from tenodesis.scaling.transfer import RoundTrip, round_trip
 
@@ -124,8 +124,8 @@ def _round_trips(context: Context, names: dict[str, str], trips: dict[str, dict[
         f"real-size twin's own over a hysteresis cycle to ±{np.degrees(ROUND_TRIP_AMPLITUDE):.0f}° [°]",
         "design",
         "force on the real-size instrument",
-        Column("rms", f"{key}.rms", "deg", f"Root mean square difference, {about}", digits=3),
-        Column("largest", f"{key}.largest", "deg", f"Largest difference, {about}"),
+        ResultColumn("rms", f"{key}.rms", "deg", f"Root mean square difference, {about}", digits=3),
+        ResultColumn("largest", f"{key}.largest", "deg", f"Largest difference, {about}"),
     )
     for design, by_force in trips.items():
         for force, trip in by_force.items():

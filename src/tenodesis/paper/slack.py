@@ -8,7 +8,7 @@ from tenodesis.paper.context import Context
 from tenodesis.paper.input_output import slack_range
 from tenodesis.paper.subject import HeldState, Load, Subject, panels
 from tenodesis.report import curves, style
-from tenodesis.report.content import CarePoint, Column, Plot, Section, fixed, named
+from tenodesis.report.content import CarePoint, Plot, ResultColumn, Section, fixed, named
 from tenodesis.report.curves import forces, load_name
 from tenodesis.report.routing import tendon_colours
 from tenodesis.statics import chain
@@ -29,7 +29,7 @@ def section(context: Context) -> Section:
         "Load at which the first tendon goes slack, handle and motors held",
         "state",
         "direction",
-        Column(
+        ResultColumn(
             "slack from [N]",
             "slack.{state}.{load}",
             "N",
@@ -96,7 +96,7 @@ def _over_motion(context: Context, inst: ShortForm) -> Section:
         "force at the tip",
         "slack",
         "at handle angle",
-        Column(
+        ResultColumn(
             "largest agonist rise [N]",
             "tension.agonist_rise.at_{force:g}N",
             "N",

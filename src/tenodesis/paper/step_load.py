@@ -12,7 +12,7 @@ from tenodesis.paper import published
 from tenodesis.paper.context import DRAWN, Context, RecordedRun, has_friction, held_angles, shown_force
 from tenodesis.paper.subject import HeldState, Load, Subject, panels
 from tenodesis.report import style
-from tenodesis.report.content import Array, Column, Plot, ResultTable, Section, fixed, named
+from tenodesis.report.content import Array, Plot, ResultColumn, ResultTable, Section, fixed, named
 from tenodesis.report.curves import SteppedCurve, step_response
 from tenodesis.run import Run
 from tenodesis.simulate.command import SMOOTH
@@ -190,7 +190,9 @@ def _table(context: Context, subject: Subject, found: list[LoadResponse], *, rou
                 each
                 for name in subject.joints
                 for each in (
-                    Column(f"{name} [°]", f"step_load.lost.{name}.{{load}}", "deg", f"{about} {name} on the twin"),
+                    ResultColumn(
+                        f"{name} [°]", f"step_load.lost.{name}.{{load}}", "deg", f"{about} {name} on the twin"
+                    ),
                     f"{name}, statics [°]",
                 )
             ),
@@ -204,16 +206,16 @@ def _table(context: Context, subject: Subject, found: list[LoadResponse], *, rou
     table = context.table(
         f"The held states under {_rig(inst, load)}",
         "state",
-        Column(
+        ResultColumn(
             "handle [°]", "step_load.handle_at_{state}", "deg", "Handle angle that brings the twin's tip to {words}", 1
         ),
         *["published handle [°]"] * papers,
         "output before [°]",
         "after [°]",
-        Column("lost [°]", "step_load.lost_at_{state}", "deg", about),
+        ResultColumn("lost [°]", "step_load.lost_at_{state}", "deg", about),
         *["above theory [°]"] * rough,
-        Column("agonist before [N]", digits=1),
-        Column("after [N]", digits=1),
+        ResultColumn("agonist before [N]", digits=1),
+        ResultColumn("after [N]", digits=1),
     )
     printed = {output.value: handle for handle, output in published.STATES} if context.is_paper else {}
     for done in found:

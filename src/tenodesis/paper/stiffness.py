@@ -7,7 +7,7 @@ import numpy as np
 from tenodesis.paper.context import Context
 from tenodesis.paper.subject import Subject
 from tenodesis.report import style
-from tenodesis.report.content import Array, Chart, Column, Plot, Section, Table, named, number
+from tenodesis.report.content import Array, Chart, Plot, ResultColumn, Section, Table, named, number
 
 _FORCES = ("x", "y", "z")
 _NOTHING = 1e-9
@@ -30,7 +30,7 @@ def matrix(  # noqa: PLR0917
     """
     nothing = _NOTHING * float(np.nanmax(np.abs(values), initial=0.0))
     columns = [
-        Column(
+        ResultColumn(
             column,
             f"{key}.{{of}}.{column}",
             unit,

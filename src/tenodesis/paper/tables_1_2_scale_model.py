@@ -8,7 +8,18 @@ from tenodesis import statics
 from tenodesis.instrument import ShortForm, TendonGear
 from tenodesis.paper.context import Context
 from tenodesis.paper.published import CAPTION_FORCE, EQUIVALENT_FORCE, SCALE_FACTORS, STATES, STIFFNESS, TIP_FORCE
-from tenodesis.report.content import CarePoint, Chart, Column, Plot, Section, Table, fixed, named, number, unit_text
+from tenodesis.report.content import (
+    CarePoint,
+    Chart,
+    Plot,
+    ResultColumn,
+    Section,
+    Table,
+    fixed,
+    named,
+    number,
+    unit_text,
+)
 from tenodesis.similarity import Comparison, JointComparison, compare
 from tenodesis.units import in_unit
 
@@ -136,9 +147,9 @@ def _groups(context: Context, comparison: Comparison) -> Table:
 def groups(context: Context, pair: Comparison | JointComparison, caption: str) -> Table:
     """Return the dimensionless groups of both instruments."""
 
-    def column(heading: str, name: str, about: str, **look: Any) -> Column:
+    def column(heading: str, name: str, about: str, **look: Any) -> ResultColumn:
         about = f"Dimensionless group {{group}}, {about}"
-        return Column(heading, f"groups.{{group}}.{name}", "1", about, **look)
+        return ResultColumn(heading, f"groups.{{group}}.{name}", "1", about, **look)
 
     table = context.table(
         caption,
@@ -163,8 +174,10 @@ def _five_digits(value: float) -> str:
 def _errors(context: Context, comparison: Comparison) -> Table:
     reach = np.degrees(context.inst.output_range)
 
-    def column(heading: str, name: str, about: str, **look: Any) -> Column:
-        return Column(heading, f"similarity.{{name}}.to_{{limit:g}}N.{name}", "deg", f"{about}, {{about}}", **look)
+    def column(heading: str, name: str, about: str, **look: Any) -> ResultColumn:
+        return ResultColumn(
+            heading, f"similarity.{{name}}.to_{{limit:g}}N.{name}", "deg", f"{about}, {{about}}", **look
+        )
 
     table = context.table(
         f"Similarity error: output of {named(comparison.scaled_up)} minus {named(comparison.real_size)} [°] over "
@@ -207,8 +220,8 @@ def _errors(context: Context, comparison: Comparison) -> Table:
 def _errors_with_friction(context: Context, comparison: Comparison) -> Table:
     """Errors at rest and in time, over loops of the handle through the working range."""
 
-    def column(heading: str, name: str, about: str) -> Column:
-        return Column(heading, f"similarity_with_friction.{{key}}.{name}", "deg", f"{about} {{about}}", digits=3)
+    def column(heading: str, name: str, about: str) -> ResultColumn:
+        return ResultColumn(heading, f"similarity_with_friction.{{key}}.{name}", "deg", f"{about} {{about}}", digits=3)
 
     table = context.table(
         "Similarity error with friction [°], over loops of the handle through the working range under constant forces: "
@@ -258,10 +271,12 @@ def _causes(context: Context, comparison: Comparison) -> Table:
         f"Causes of the error: the groups with the largest effect, each varied alone{to} [°]",
         "pretension",
         "group",
-        Column(named(comparison.real_size), form=number),
-        Column(named(comparison.scaled_up), form=number),
-        Column("where largest", f"{key}.at_worst", "deg", f"Similarity error where it is largest {about}", digits=3),
-        Column("rms", f"{key}.rms", "deg", f"Root mean square similarity error {about}", digits=3),
+        ResultColumn(named(comparison.real_size), form=number),
+        ResultColumn(named(comparison.scaled_up), form=number),
+        ResultColumn(
+            "where largest", f"{key}.at_worst", "deg", f"Similarity error where it is largest {about}", digits=3
+        ),
+        ResultColumn("rms", f"{key}.rms", "deg", f"Root mean square similarity error {about}", digits=3),
         "of",
     )
     forces = None if limit is None else [limit * share for share in (0.0, 0.5, 1.0)]

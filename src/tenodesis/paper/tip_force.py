@@ -16,7 +16,7 @@ from tenodesis.paper.step_load import step_force
 from tenodesis.paper.step_response import HeldMotion
 from tenodesis.paper.unlike_model import PlantDifference, differences, held
 from tenodesis.report import style
-from tenodesis.report.content import Array, Chart, Column, Plot, Section, named
+from tenodesis.report.content import Array, Chart, Plot, ResultColumn, Section, named
 from tenodesis.run import Run
 from tenodesis.simulate.campaign import Rows, farthest, rms
 from tenodesis.twin import TIME_STEP
@@ -119,9 +119,9 @@ def section(context: Context) -> Section:
     return Section("tip_force", TITLE, text, plots, [table])
 
 
-def _column(what: str, description: str, heading: str, unit: str = "N") -> Column:
+def _column(what: str, description: str, heading: str, unit: str = "N") -> ResultColumn:
     key = f"tip_force.{{difference.key}}.{{work}}.{what}"
-    return Column(heading, key, unit, f"{description}, {{words}}; differs from the model: {{difference.name}}")
+    return ResultColumn(heading, key, unit, f"{description}, {{words}}; differs from the model: {{difference.name}}")
 
 
 def _runs(inst: ShortForm, difference: PlantDifference, law: LawName) -> Rows:

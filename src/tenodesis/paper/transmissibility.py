@@ -7,7 +7,7 @@ from tenodesis.instrument import ShortForm
 from tenodesis.paper.context import Context
 from tenodesis.paper.stiffness import matrix
 from tenodesis.report import curves
-from tenodesis.report.content import Array, Column, Section, Table, fixed, named
+from tenodesis.report.content import Array, ResultColumn, Section, Table, fixed, named
 from tenodesis.report.curves import forces, load_name
 from tenodesis.statics.bends import straight_arms
 
@@ -65,7 +65,7 @@ def _over_loads(context: Context, inst: ShortForm) -> Section:
         "Torque transmissibility ξ",
         "force at the tip",
         *(
-            Column(
+            ResultColumn(
                 f"ξ at {angle}°",
                 f"transmissibility.at_{angle}deg.{{force:g}}N",
                 "1",

@@ -15,7 +15,7 @@ from tenodesis.kinematics import Workspace
 from tenodesis.paper.context import Context
 from tenodesis.paper.subject import Load, Subject
 from tenodesis.report import style
-from tenodesis.report.content import Array, Chart, Column, Plot, Section, named
+from tenodesis.report.content import Array, Chart, Plot, ResultColumn, Section, named
 from tenodesis.statics import chain
 
 WIDE = np.radians(90.0)
@@ -54,9 +54,9 @@ def section(context: Context) -> Section:
     table = context.table(
         "How far a load moves the tip, over all postures",
         "load",
-        Column("mean [mm]", "workspace.moved.{load}.mean", "mm", "Mean way of the tip under {words}"),
-        Column("largest [mm]", "workspace.moved.{load}.largest", "mm", "Largest way of the tip under {words}"),
-        Column("held [%]", "workspace.moved.{load}.held", "%", "Share of postures that hold {words}", digits=0),
+        ResultColumn("mean [mm]", "workspace.moved.{load}.mean", "mm", "Mean way of the tip under {words}"),
+        ResultColumn("largest [mm]", "workspace.moved.{load}.largest", "mm", "Largest way of the tip under {words}"),
+        ResultColumn("held [%]", "workspace.moved.{load}.held", "%", "Share of postures that hold {words}", digits=0),
     )
     applied = [load for load in subject.loads if load.wrench.any()]
     moved = [np.linalg.norm(_loaded(inst, places, load) - places.free, axis=1) for load in applied]
@@ -144,14 +144,16 @@ def _through_port(context: Context, inst: ShortForm) -> Section:
     free, loaded = kinematics.workspace(inst), kinematics.workspace(inst, force)
     wide = f"{np.degrees(WIDE):g}"
 
-    def column(heading: str, name: str, unit: str, about: str, digits: int) -> Column:
-        return Column(heading, f"workspace.{{name}}.{name}", unit, f"{about}, {{load}}", digits)
+    def column(heading: str, name: str, unit: str, about: str, digits: int) -> ResultColumn:
+        return ResultColumn(heading, f"workspace.{{name}}.{name}", unit, f"{about}, {{load}}", digits)
 
     points = f"Area where the end-effector can point over at least {wide} deg"
     table = context.table(
         "Workspace in the plane of the pan.",
         "load",
-        Column("largest output angle [°]", "workspace.{name}.bend", "deg", "Largest output angle {load}", digits=1),
+        ResultColumn(
+            "largest output angle [°]", "workspace.{name}.bend", "deg", "Largest output angle {load}", digits=1
+        ),
         column("area [cm²]", "area", "cm^2", "Area that the tip reaches in the plane of the pan", 0),
         column(f"area with ≥ {wide}° [cm²]", "wide_area", "cm^2", points, 0),
         column("mean span [°]", "span", "deg", "Mean angle over which the end-effector can point", 1),

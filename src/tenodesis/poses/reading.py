@@ -17,7 +17,7 @@ from tenodesis.errors import IdentificationError, RecordingError
 from tenodesis.identification.formats import csv
 from tenodesis.instrument import FullForm
 from tenodesis.recording import lab_map, lab_tables
-from tenodesis.recording.lab_tables import Table
+from tenodesis.recording.lab_tables import LabTable
 from tenodesis.run import COMPONENTS, Array
 from tenodesis.toml import read_text
 
@@ -179,7 +179,7 @@ def _lacking(
 
 
 def _numbers(
-    path: Path, table: Table, columns: Mapping[str, str], places: Mapping[str, list[lab_map.SourceColumn]]
+    path: Path, table: LabTable, columns: Mapping[str, str], places: Mapping[str, list[lab_map.SourceColumn]]
 ) -> Array:
     """Return columns in SI, (n, columns); raises IdentificationError for a cell that is no finite number."""
     found = np.stack([sum(part.scale * table.column(part.at) for part in places[name]) for name in columns], axis=1)

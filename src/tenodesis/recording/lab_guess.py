@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tenodesis.recording.lab_map import COLUMNS, TIME, Heading, heading, recognised
-from tenodesis.recording.lab_tables import Table
+from tenodesis.recording.lab_map import COLUMNS, TIME, ColumnHeading, heading, recognised
+from tenodesis.recording.lab_tables import LabTable
 from tenodesis.run import Array
 
 _TENDON, _SPOOL = r"(tension|cable|tendon|seil|zug|kraft|loadcell|lc)", r"(spool|motor|winch|spule)"
@@ -43,7 +43,7 @@ class Guess(NamedTuple):
     factor: int = 1
 
 
-def guess(table: Table) -> dict[str, Guess]:
+def guess(table: LabTable) -> dict[str, Guess]:
     """Return what each of :data:`tenodesis.recording.lab_map.COLUMNS` and the time most likely is; less may be found.
 
     A heading counts first, by its words, then its unit. Without a unit an angle that moves further than any handle in
@@ -77,7 +77,7 @@ def guess(table: Table) -> dict[str, Guess]:
 
 
 def as_toml(
-    table: Table,
+    table: LabTable,
     guesses: dict[str, Guess],
     units: Mapping[str, str] = COLUMNS,
     needed: Sequence[str] | None = None,
@@ -133,11 +133,11 @@ def _is(column: str, name: str, si: str) -> bool:
     return bool(re.fullmatch(_WORDS[column], word)) and (unit is None or _kind(unit) in (si, ""))
 
 
-def clean(text: str) -> Heading:
+def clean(text: str) -> ColumnHeading:
     """Return a heading's parts, with a unit also as in ``Kraft/N``, ``Zeit in ms`` and ``tip (deg)``."""
     found = heading(text)
     other = re.fullmatch(r"(?P<name>.+?)\s*(?:/|\sin\s|\()\s*(?P<unit>m?N|k?gf|lbf|°|deg|m?rad|[mun]?s)\)?", found.name)
-    return found if other is None or found.unit is not None else Heading(other["name"], other["unit"])
+    return found if other is None or found.unit is not None else ColumnHeading(other["name"], other["unit"])
 
 
 def _word(name: str) -> str:
@@ -187,7 +187,7 @@ def _clock(values: dict[str, Array]) -> Guess | None:
     return None
 
 
-def _range(table: Table, one: Guess) -> str:
+def _range(table: LabTable, one: Guess) -> str:
     parts = []
     for name, unit in zip(one.columns, one.units, strict=True):
         values = table.columns[table.headings.index(name)]

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tenodesis.errors import RecordingError
-from tenodesis.recording.lab_tables import MAP_SUFFIX, Table, read_table
+from tenodesis.recording.lab_tables import MAP_SUFFIX, LabTable, read_table
 from tenodesis.run import TENDONS, Array, Names, Run
 from tenodesis.toml import parse_toml, read_text
 from tenodesis.units import in_unit
@@ -52,7 +52,7 @@ _SIGNALS = {
 _HEADING = re.compile(r"\s*(?P<name>[^\[\]]*?)\s*(?:\[\s*(?P<unit>[^\]]*?)\s*\])?\s*")
 
 
-class Heading(NamedTuple):
+class ColumnHeading(NamedTuple):
     """A heading such as ``force [mN]``: the name before the brackets, and the unit within them if present."""
 
     name: str
@@ -70,7 +70,7 @@ class SourceColumn(NamedTuple):
 class Mapped(NamedTuple):
     """A table with what its columns are: of each of :data:`COLUMNS` the parts whose sum it is."""
 
-    table: Table
+    table: LabTable
     places: dict[str, list[SourceColumn]]
     notes: tuple[str, ...]
     axis: str
@@ -98,7 +98,7 @@ def read(path: Path) -> Mapped:
     return Mapped(table, places, tuple(notes), axes[0] if axes else "yaw")
 
 
-def numbers_in(path: Path) -> Table:
+def numbers_in(path: Path) -> LabTable:
     """Return the table in a file; raises RecordingError if that cannot be read, or holds no rows of numbers."""
     table = read_table(path)
     known = np.logical_or.reduce([np.isfinite(column) for column in table.columns])
@@ -114,7 +114,7 @@ def numbers_in(path: Path) -> Table:
     return table
 
 
-def by_map(table: Table, text: str, source: str) -> Mapped:
+def by_map(table: LabTable, text: str, source: str) -> Mapped:
     """Return a table with its columns by the text of a map, named `source`; raises RecordingError if it is wrong."""
     return Mapped(table, mapped(text, source, table.headings, UNITS), (f"columns by {Path(source).name}",), "yaw")
 
@@ -154,10 +154,10 @@ def run_of(mapped: Mapped) -> Run:
     return Run(time, *names, **signals)
 
 
-def heading(text: str) -> Heading:
+def heading(text: str) -> ColumnHeading:
     """Return a heading's parts."""
     found = _HEADING.fullmatch(text)
-    return Heading(found["name"], found["unit"]) if found else Heading(text, None)
+    return ColumnHeading(found["name"], found["unit"]) if found else ColumnHeading(text, None)
 
 
 def scale_of(unit: str, si_unit: str, what: str) -> float:

@@ -33,7 +33,7 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 MAP_SUFFIX = ".columns.toml"
 
 
-class Table(NamedTuple):
+class LabTable(NamedTuple):
     """Columns of numbers (n,) under headings, NaN where there is none."""
 
     kind: str
@@ -45,7 +45,7 @@ class Table(NamedTuple):
         return self.columns[at]
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path) -> LabTable:
     """Return the table in a file of a laboratory.
 
     It is text, LabVIEW (.lvm, .tdms), MATLAB (.mat), HDF5, Parquet, NumPy (.npz), Excel (.xlsx), or a bag of ROS.
@@ -135,7 +135,7 @@ def _start(path: Path) -> bytes:
         return file.read(4096)
 
 
-def _text(path: Path) -> Table:
+def _text(path: Path) -> LabTable:
     lines = lines_of(path)
     if not lines:
         raise RecordingError(
@@ -165,7 +165,7 @@ def _separator(lines: Sequence[str]) -> str:
     return max(",;\t", key=fits)
 
 
-def _lvm(path: Path, lines: Sequence[str]) -> Table:
+def _lvm(path: Path, lines: Sequence[str]) -> LabTable:
     """Return the channels of a LabVIEW measurement, of which a header says how numbers are written."""
     ends = [at for at, line in enumerate(lines) if line.startswith(_LVM_HEADER)][:2]
     if not ends:
@@ -185,7 +185,7 @@ def _lvm(path: Path, lines: Sequence[str]) -> Table:
     return table._replace(columns=[(begin + step * rows).astype(np.float64), *table.columns[1:]])
 
 
-def _rows(path: Path, kind: str, lines: Sequence[str], separator: str, decimal: str) -> Table:
+def _rows(path: Path, kind: str, lines: Sequence[str], separator: str, decimal: str) -> LabTable:
     """Return lines of text, of which the first has the headings."""
     try:
         headings = [one.strip() for one in next(csv.reader(lines[:1], delimiter=separator, skipinitialspace=True))]
@@ -214,7 +214,7 @@ def _rows(path: Path, kind: str, lines: Sequence[str], separator: str, decimal: 
         for at, values in zip(used, numbers.T, strict=True):
             columns[at] = values.copy()
         if len(used) == len(headings):
-            return Table(kind, headings, columns)
+            return LabTable(kind, headings, columns)
     else:
         used = []
     try:
@@ -224,7 +224,7 @@ def _rows(path: Path, kind: str, lines: Sequence[str], separator: str, decimal: 
                     columns[at][row] = number
     except (csv.Error, IndexError) as problem:
         raise RecordingError(f"{path} is no table of text: {problem}.", key="path", value=path) from None
-    return Table(kind, headings, columns)
+    return LabTable(kind, headings, columns)
 
 
 def _number(cell: str) -> float | None:
@@ -234,7 +234,7 @@ def _number(cell: str) -> float | None:
         return None
 
 
-def _tdms(path: Path) -> Table:
+def _tdms(path: Path) -> LabTable:
     found: dict[str, Any] = {}
     clock: Array | None = None
     library = require("nptdms", "formats").TdmsFile
@@ -252,7 +252,7 @@ def _tdms(path: Path) -> Table:
     return _table("LabVIEW TDMS", found if clock is None else {TIME: clock, **found})
 
 
-def _mat(path: Path) -> Table:
+def _mat(path: Path) -> LabTable:
     from scipy.io import loadmat  # noqa: PLC0415 - slow to load
 
     _check_expanded(path, _mat_sizes(path))
@@ -285,7 +285,7 @@ def _check_expanded(path: Path, sizes: Iterable[int]) -> None:
             raise RecordingError(f"{path} holds more than {_LARGEST / 1e6:g} MB of numbers.", key="path", value=path)
 
 
-def _hdf5(path: Path) -> Table:
+def _hdf5(path: Path) -> LabTable:
     h5py = require("h5py", "formats")
     found: dict[str, Array] = {}
     taken: list[int] = []
@@ -303,7 +303,7 @@ def _hdf5(path: Path) -> Table:
     return _table("MATLAB 7.3, HDF5", found)
 
 
-def _xlsx(path: Path) -> Table:
+def _xlsx(path: Path) -> LabTable:
     openpyxl = require("openpyxl", "formats")
     with zipfile.ZipFile(path) as packed:
         _check_expanded(path, (one.file_size for one in packed.infolist()))
@@ -315,10 +315,10 @@ def _xlsx(path: Path) -> Table:
     finally:
         book.close()
     numbers = np.array(values, np.float64).reshape(len(values), -1)
-    return Table("Excel", headings, [column.copy() for column in numbers.T[: len(headings)]])
+    return LabTable("Excel", headings, [column.copy() for column in numbers.T[: len(headings)]])
 
 
-def _parquet(path: Path) -> Table:
+def _parquet(path: Path) -> LabTable:
     file = require("pyarrow.parquet", "tables").ParquetFile(path)
     groups = (file.metadata.row_group(at) for at in range(file.num_row_groups))
     _check_expanded(path, (max(one.total_byte_size, 8 * one.num_rows * one.num_columns) for one in groups))
@@ -327,31 +327,31 @@ def _parquet(path: Path) -> Table:
     return _table("Parquet", {name: read[name].to_numpy() for name in kept})
 
 
-def _npz(path: Path) -> Table:
+def _npz(path: Path) -> LabTable:
     with zipfile.ZipFile(path) as packed:
         _check_expanded(path, (one.file_size for one in packed.infolist()))
     with np.load(path, allow_pickle=False) as read:
         return _table("NumPy", dict(read))
 
 
-def _zip(path: Path) -> Table:
+def _zip(path: Path) -> LabTable:
     """Return a sheet of Excel or the arrays of NumPy, which both are archives."""
     with zipfile.ZipFile(path) as packed:
         return (_npz if any(name.endswith(".npy") for name in packed.namelist()) else _xlsx)(path)
 
 
-def _bag(path: Path) -> Table:
+def _bag(path: Path) -> LabTable:
     time, found = lab_bags.columns(path)
-    return Table("bag of ROS", [TIME, *found], [time, *found.values()])
+    return LabTable("bag of ROS", [TIME, *found], [time, *found.values()])
 
 
-def _table(kind: str, found: Mapping[str, Any]) -> Table:
+def _table(kind: str, found: Mapping[str, Any]) -> LabTable:
     """Return arrays as columns: of those with the length that most values have."""
     named = list(_named(found))
     lengths = [values.size for _, values in named]
     rows = max(set(lengths), key=lambda length: (lengths.count(length) * (length > 1), length), default=0)
     kept = [(name, values) for name, values in named if values.size == rows > 1]
-    return Table(kind, [name for name, _ in kept], [values for _, values in kept])
+    return LabTable(kind, [name for name, _ in kept], [values for _, values in kept])
 
 
 def _named(found: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Array]]:
@@ -370,7 +370,7 @@ def _named(found: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Ar
                 yield f"{before}{name}[{at}]", column
 
 
-def _whole(path: Path, table: Table) -> Table:
+def _whole(path: Path, table: LabTable) -> LabTable:
     if not table.headings or not prod(column.size for column in table.columns):
         raise RecordingError(
             f"{path} ({table.kind}) holds no columns of numbers under headings.", key="path", value=path
@@ -378,7 +378,7 @@ def _whole(path: Path, table: Table) -> Table:
     return table
 
 
-_READERS: list[tuple[Callable[[bytes], bool], Callable[[Path], Table]]] = [
+_READERS: list[tuple[Callable[[bytes], bool], Callable[[Path], LabTable]]] = [
     (lambda start: start.startswith(b"TDSm"), _tdms),
     (lambda start: start.startswith(b"MATLAB 5.0 MAT"), _mat),
     (lambda start: start.startswith((b"MATLAB 7.3 MAT", _HDF5)), _hdf5),

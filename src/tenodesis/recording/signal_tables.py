@@ -14,7 +14,7 @@ from tenodesis.errors import RecordingError
 from tenodesis.instrument import FullForm
 from tenodesis.recording import lab_map
 from tenodesis.recording.lab_guess import Guess, clean
-from tenodesis.recording.lab_tables import Table
+from tenodesis.recording.lab_tables import LabTable
 from tenodesis.run import ACROSS, SIGNALS, TENDONS, Array, Names
 from tenodesis.toml import parse_toml, read_text
 
@@ -68,7 +68,7 @@ def gripped(columns: Mapping[str, Array]) -> dict[str, Array]:
     return {**columns, GRIP[1]: np.sum(parts, axis=0)} if parts else {**columns}
 
 
-def guess(table: Table, inst: FullForm) -> dict[str, Guess]:
+def guess(table: LabTable, inst: FullForm) -> dict[str, Guess]:
     """Return what each column of an instrument most likely is: by units, then by tendons, joints or numbers named."""
     found: dict[str, Guess] = {}
     tendons, joints, handle = (
@@ -121,7 +121,7 @@ def units(guesses: Mapping[str, Guess]) -> dict[str, str]:
     return {name: unit_of(name) or lab_map.UNITS[lab_map.TIME] for name in guesses}
 
 
-def _of_planar(table: Table) -> dict[str, tuple[str, int]]:
+def _of_planar(table: LabTable) -> dict[str, tuple[str, int]]:
     """Return column and factor by name of an export of planar axes, whose forces oppose flexion."""
     parts = [lab_map.heading(text).name.split(".") for text in table.headings]
     names = Names.paired([*dict.fromkeys(one[1] for one in parts if one[2:] and one[2] in TENDONS)])

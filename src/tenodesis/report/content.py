@@ -117,7 +117,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Column:
+class ResultColumn:
     """A column of numbers in a table, which may also be results of the report.
 
     Key, unit and description are patterns for `str.format`, filled in from the labels of each row.
@@ -147,8 +147,8 @@ class ResultTable(Table):
     value, unit, description and published number of each result.
     """
 
-    def __init__(self, caption: str, layout: Sequence[str | Column], record: Callable[..., float]) -> None:
-        self._layout = [Column(column) if isinstance(column, str) else column for column in layout]
+    def __init__(self, caption: str, layout: Sequence[str | ResultColumn], record: Callable[..., float]) -> None:
+        self._layout = [ResultColumn(column) if isinstance(column, str) else column for column in layout]
         self._record = record
         super().__init__(caption, [column.heading for column in self._layout], [])
 

@@ -201,7 +201,7 @@ class Weight(CataloguePart):
 _Part = TypeVar("_Part", bound=CataloguePart)
 
 
-class _Series(FileTable):
+class _PartSeries(FileTable):
     """Parts that differ in size only, written as a single table."""
 
     source: Source = Field(default="", description="Source of the values")
@@ -213,7 +213,7 @@ class _Series(FileTable):
         return tuple(kind(**row, **same, source=self.source, known=self.known) for row in rows)
 
 
-class RopeSeries(_Series):
+class RopeSeries(_PartSeries):
     """Ropes of equal construction and grade in several diameters (EN 12385-4).
 
     Their minimum breaking force is K d² R: the construction's factor, the square of the diameter, the rope grade.
@@ -232,7 +232,7 @@ class RopeSeries(_Series):
         return self._parts(Rope, {"modulus": self.modulus}, name=names, diameter=self.diameters, breaking_load=loads)
 
 
-class RodSeries(_Series):
+class RodSeries(_PartSeries):
     """Rods of equal material in several diameters."""
 
     name: Name = Field(description="Material; a rod's name is this and its diameter")
@@ -245,7 +245,7 @@ class RodSeries(_Series):
         return self._parts(Rod, {"modulus": self.modulus}, name=names, diameter=self.diameters)
 
 
-class _RoundSeries(_Series):
+class _RoundSeries(_PartSeries):
     """Round parts of several radii."""
 
     radii: tuple[Length, ...] = Field(min_length=1, description="Radii of the tendon")
@@ -269,7 +269,7 @@ class SpoolSeries(_RoundSeries):
         return self._parts(Spool, radius=self.radii)
 
 
-class WeightSeries(_Series):
+class WeightSeries(_PartSeries):
     """A set of weights: its masses, with their counts and tolerances."""
 
     masses: tuple[PositiveMass, ...] = Field(min_length=1, description="Nominal masses")

@@ -9,7 +9,7 @@ from tenodesis.similarity.comparison import Comparison, compare
 from tenodesis.similarity.frictionless import GRID, SimilarityError
 from tenodesis.similarity.groups import Group, Kind
 from tenodesis.similarity.joints import JointComparison, JointError, compare_joints
-from tenodesis.similarity.loops import LoopError, Place
+from tenodesis.similarity.loops import LoopError, LoopPoint
 
 __all__ = [
     "GRID",
@@ -21,7 +21,7 @@ __all__ = [
     "JointError",
     "Kind",
     "LoopError",
-    "Place",
+    "LoopPoint",
     "SimilarityError",
     "compare",
     "compare_joints",

@@ -14,7 +14,7 @@ from tenodesis.run import Array
 from tenodesis.similarity import loops
 from tenodesis.similarity.frictionless import SimilarityError, rms
 from tenodesis.similarity.groups import SAME, groups_of
-from tenodesis.similarity.loops import Place
+from tenodesis.similarity.loops import LoopPoint
 from tenodesis.similarity.pair import SimilarPair
 from tenodesis.similarity.parameters import field_of, tension_scale, value_of
 from tenodesis.similarity.realisation import COUPLED, SEGMENTS, Realisation, friction_of, law_of_both
@@ -52,7 +52,7 @@ class Causes:
     and groups that an instrument of the real-size mechanism cannot have.
     """
 
-    place: Place
+    place: LoopPoint
     """Point of the largest error, among those where every contribution is known."""
     error: float
     error_rms: float
@@ -114,7 +114,7 @@ def frictionless_causes(path: GroupPath, error: SimilarityError) -> Causes:
         expected = statics.output_angle(end, error.handle_angle[:, None], forces)
         parts[MECHANISM] = np.degrees(error.scaled_up_angle - expected)
     pairs = {name: (path.real_size[name], path.scaled_up[name]) for name in path.real_size}
-    places = [[Place(float(h), float(f), True) for f in error.force] for h in error.handle_angle]
+    places = [[LoopPoint(float(h), float(f), True) for f in error.force] for h in error.handle_angle]
     return _causes(error.error, parts, pairs | _load(path, error.force), lambda at: places[at[0]][at[1]])
 
 
@@ -141,8 +141,8 @@ def causes_at_rest(path: GroupPath, error: loops.LoopError, progress: OnProgress
         _report(progress, total, total)
     pairs = {name: (start[name], end[name]) for name in start}
 
-    def place(at: tuple[int, ...]) -> Place:
-        return Place(float(error.handle_angle[at[1]]), float(error.force[at[0]]), bool(error.flexing[at[1]]))
+    def place(at: tuple[int, ...]) -> LoopPoint:
+        return LoopPoint(float(error.handle_angle[at[1]]), float(error.force[at[0]]), bool(error.flexing[at[1]]))
 
     return _causes(error.error, parts, pairs | _load(path, error.force), place)
 
@@ -205,7 +205,7 @@ def _causes(
     error: Array,
     parts: Mapping[str, Array],
     pairs: Mapping[str, tuple[float, float]],
-    place: Callable[[tuple[int, ...]], Place],
+    place: Callable[[tuple[int, ...]], LoopPoint],
 ) -> Causes:
     known = np.where(np.isfinite(sum(parts.values())), error, np.nan)
     if np.isnan(known).all():

@@ -28,7 +28,7 @@ _LOADING = 1.0  # s of real-size time, handle straight
 _PHASE = 0.4  # rad of the tip's oscillation per step, where that is finer than the twin's own step
 
 
-class Place(NamedTuple):
+class LoopPoint(NamedTuple):
     """A point of a loop: real-size handle angle (rad) and force (N), and whether the handle flexes or extends."""
 
     handle_angle: float
@@ -80,10 +80,10 @@ class LoopError(ErrorStatistics):
         return f"<LoopError: largest {self.largest:.4g} deg, rms {self.rms:.4g} deg, {shape}>"
 
     @property
-    def worst(self) -> Place:
+    def worst(self) -> LoopPoint:
         """Point of the largest error."""
         at = np.unravel_index(np.nanargmax(np.abs(self.error)), self.error.shape)
-        return Place(float(self.handle_angle[at[1]]), float(self.force[at[0]]), bool(self.flexing[at[1]]))
+        return LoopPoint(float(self.handle_angle[at[1]]), float(self.force[at[0]]), bool(self.flexing[at[1]]))
 
     @property
     def largest_force(self) -> float:

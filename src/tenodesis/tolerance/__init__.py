@@ -3,17 +3,17 @@
 from tenodesis.tolerance.conduct import drawn, study
 from tenodesis.tolerance.defaults import default
 from tenodesis.tolerance.files import Tolerance, Tolerances, json_schema, load, parse
-from tenodesis.tolerance.parameters import Parameter
+from tenodesis.tolerance.parameters import UncertainParameter
 from tenodesis.tolerance.results import Response, Study
 from tenodesis.tolerance.sampling import Indices
 
 __all__ = [
     "Indices",
-    "Parameter",
     "Response",
     "Study",
     "Tolerance",
     "Tolerances",
+    "UncertainParameter",
     "default",
     "drawn",
     "json_schema",

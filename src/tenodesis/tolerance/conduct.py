@@ -21,7 +21,7 @@ from tenodesis.tolerance.defaults import default
 from tenodesis.tolerance.evaluation import Evaluation, angles_of, cycles, evaluate
 from tenodesis.tolerance.files import Tolerances
 from tenodesis.tolerance.joints import JointEvaluation, joint_evaluation
-from tenodesis.tolerance.parameters import Parameter, resolve
+from tenodesis.tolerance.parameters import UncertainParameter, resolve
 from tenodesis.tolerance.results import Study, base_rows, respond
 
 ENGINES = ("threads", "ray")
@@ -187,7 +187,7 @@ def _compared(real_size: ShortForm, scaled_up: ShortForm) -> similarity.Comparis
 
 
 def _task(
-    comparison: similarity.Comparison, parameters: tuple[Parameter, ...], force: float, factor: float
+    comparison: similarity.Comparison, parameters: tuple[UncertainParameter, ...], force: float, factor: float
 ) -> Evaluation:
     """Return the data common to all samples, once the nominal instruments have held the force."""
     real_size, scaled_up = comparison.real_size, comparison.scaled_up
@@ -210,7 +210,7 @@ def _task(
     return task
 
 
-def _tornado(parameters: tuple[Parameter, ...]) -> Array:
+def _tornado(parameters: tuple[UncertainParameter, ...]) -> Array:
     """Return the nominal row, then each parameter at its lower quantile, then each at its upper."""
     nominal = np.array([one.nominal for one in parameters])
     low, high = sampling.levels(parameters, TORNADO)

@@ -13,7 +13,7 @@ from tenodesis.similarity.joints import JointComparison, JointMotions, compare_j
 from tenodesis.statics import up_to_force
 from tenodesis.statics.bends import Bends
 from tenodesis.tolerance.files import InstrumentName
-from tenodesis.tolerance.parameters import Parameter
+from tenodesis.tolerance.parameters import UncertainParameter
 
 INVALID = -1
 """Status of a sample that is not a valid instrument."""
@@ -112,7 +112,7 @@ class JointEvaluation(NamedTuple):
 
 
 def joint_evaluation(
-    real_size: Instrument, scaled_up: Instrument, parameters: tuple[Parameter, ...], force: float | None
+    real_size: Instrument, scaled_up: Instrument, parameters: tuple[UncertainParameter, ...], force: float | None
 ) -> JointEvaluation:
     """Return the data common to all samples, once the nominal instruments have held the loads.
 

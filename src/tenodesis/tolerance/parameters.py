@@ -27,7 +27,7 @@ _PERCENT = re.compile(r"\s*(?P<number>[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-
 _SHOWN = {"m": "mm", "Pa": "GPa", "rad": "deg"}
 
 
-class Parameter(NamedTuple):
+class UncertainParameter(NamedTuple):
     """A value that varies, in SI units."""
 
     key: str
@@ -70,7 +70,7 @@ class _Number(NamedTuple):
     upper: float
 
 
-def resolve(tolerances: Tolerances, real_size: Instrument, scaled_up: Instrument) -> tuple[Parameter, ...]:
+def resolve(tolerances: Tolerances, real_size: Instrument, scaled_up: Instrument) -> tuple[UncertainParameter, ...]:
     """Return the parameters of a study, from tolerances and the two instruments.
 
     Raises StudyError if a key is unknown or not a number, a width is not understood, zero or negative, or a
@@ -81,10 +81,10 @@ def resolve(tolerances: Tolerances, real_size: Instrument, scaled_up: Instrument
     )
 
 
-def _parameter(tolerance: Tolerance, inst: Instrument) -> Parameter:
+def _parameter(tolerance: Tolerance, inst: Instrument) -> UncertainParameter:
     number = _number(tolerance.key, inst)
     width = _width(tolerance, inst, number)
-    parameter = Parameter(
+    parameter = UncertainParameter(
         tolerance.key,
         tolerance.instrument,
         number.value,
@@ -178,7 +178,7 @@ def _width(tolerance: Tolerance, inst: Instrument, number: _Number) -> float:
     return width
 
 
-def _refuse_outside(parameter: Parameter, inst: Instrument, width_key: str) -> None:
+def _refuse_outside(parameter: UncertainParameter, inst: Instrument, width_key: str) -> None:
     outside = probability_outside(parameter)
     if outside <= MOST_OUTSIDE:
         return
@@ -197,7 +197,7 @@ def _refuse_outside(parameter: Parameter, inst: Instrument, width_key: str) -> N
     )
 
 
-def probability_outside(parameter: Parameter) -> float:
+def probability_outside(parameter: UncertainParameter) -> float:
     """Return the probability that a parameter's distribution exceeds the bounds of an instrument file."""
     centre, width = parameter.nominal, parameter.width
     from scipy import stats  # noqa: PLC0415 - takes half a second

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.tolerance.files import Tolerances
-from tenodesis.tolerance.parameters import Parameter
+from tenodesis.tolerance.parameters import UncertainParameter
 from tenodesis.tolerance.sampling import CLOSE, Indices, estimate
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
@@ -97,7 +97,7 @@ class Study:
     real_size: Instrument
     scaled_up: Instrument
     tolerances: Tolerances
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[UncertainParameter, ...]
     samples: int
     """Base samples N: the Monte-Carlo samples are 2 N, the runs N (parameters + 2) and the tornado's."""
     seed: int

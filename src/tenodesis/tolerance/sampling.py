@@ -8,7 +8,7 @@ import numpy as np
 
 from tenodesis.extras import require
 from tenodesis.run import Array
-from tenodesis.tolerance.parameters import Parameter
+from tenodesis.tolerance.parameters import UncertainParameter
 
 CONFIDENCE = 0.95
 """Level of the intervals of the indices."""
@@ -38,7 +38,7 @@ class Indices:
         return bool(self.total_half_width.max() <= CLOSE)
 
 
-def _problem(parameters: Sequence[Parameter]) -> dict[str, Any]:
+def _problem(parameters: Sequence[UncertainParameter]) -> dict[str, Any]:
     """Return SALib's description of deviations from the nominal values; its triangles must not be negative."""
     described = [_described(one) for one in parameters]
     return {
@@ -49,7 +49,7 @@ def _problem(parameters: Sequence[Parameter]) -> dict[str, Any]:
     }
 
 
-def _described(parameter: Parameter) -> tuple[str, list[float]]:
+def _described(parameter: UncertainParameter) -> tuple[str, list[float]]:
     width = parameter.width
     if parameter.distribution == "uniform":
         return "unif", [-width, width]
@@ -58,7 +58,7 @@ def _described(parameter: Parameter) -> tuple[str, list[float]]:
     return "truncnorm", [parameter.lower - parameter.nominal, parameter.upper - parameter.nominal, 0.0, width]
 
 
-def scheme(parameters: Sequence[Parameter], samples: int, seed: int) -> Array:
+def scheme(parameters: Sequence[UncertainParameter], samples: int, seed: int) -> Array:
     """Return Saltelli's scheme: per base sample a row of A, a row of A per parameter with that from B, and a row of B.
 
     Values are in SI units, shape (samples * (parameters + 2), parameters).
@@ -69,7 +69,7 @@ def scheme(parameters: Sequence[Parameter], samples: int, seed: int) -> Array:
     return _nominal(parameters) + np.asarray(deviations, np.float64)
 
 
-def levels(parameters: Sequence[Parameter], probabilities: Sequence[float]) -> Array:
+def levels(parameters: Sequence[UncertainParameter], probabilities: Sequence[float]) -> Array:
     """Return the parameters' quantiles, SI units, shape (probabilities, parameters)."""
     scale_samples = require("SALib.util", "design").scale_samples
 
@@ -77,7 +77,7 @@ def levels(parameters: Sequence[Parameter], probabilities: Sequence[float]) -> A
     return _nominal(parameters) + np.asarray(scale_samples(shares, _problem(parameters)), np.float64)
 
 
-def estimate(parameters: Sequence[Parameter], values: Array, seed: int) -> Indices:
+def estimate(parameters: Sequence[UncertainParameter], values: Array, seed: int) -> Indices:
     """Return the Sobol indices of a response, given for every row of the scheme."""
     sobol = require("SALib.analyze.sobol", "design")
 
@@ -93,5 +93,5 @@ def estimate(parameters: Sequence[Parameter], values: Array, seed: int) -> Indic
     return Indices(*(np.asarray(found[key], np.float64) for key in ("S1", "S1_conf", "ST", "ST_conf")))
 
 
-def _nominal(parameters: Sequence[Parameter]) -> Array:
+def _nominal(parameters: Sequence[UncertainParameter]) -> Array:
     return np.array([one.nominal for one in parameters])

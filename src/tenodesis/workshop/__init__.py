@@ -1,6 +1,6 @@
 """From a scale model's plan to its parts: tolerances, order list, assembly and first run."""
 
-from tenodesis.workshop.budget import TARGET, Budget, Dimension, Spread, tolerate
+from tenodesis.workshop.budget import TARGET, Budget, Spread, TolerancedDimension, tolerate
 from tenodesis.workshop.first_run import Demand, FirstRun, Reading, rehearse
 from tenodesis.workshop.grades import Grade
 from tenodesis.workshop.order import Item, RopeLength, Step, checklist, order_list, rope_lengths
@@ -11,7 +11,6 @@ __all__ = [
     "TARGET",
     "Budget",
     "Demand",
-    "Dimension",
     "FirstRun",
     "Grade",
     "Item",
@@ -20,6 +19,7 @@ __all__ = [
     "RopeLength",
     "Spread",
     "Step",
+    "TolerancedDimension",
     "checklist",
     "order_list",
     "prepare",

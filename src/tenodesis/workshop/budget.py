@@ -48,7 +48,7 @@ _FRICTION = 0.2  # standard deviation of the coefficients, as tenodesis.toleranc
 _FEWER = 4  # times fewer instruments for what is only reported
 
 
-class Dimension(NamedTuple):
+class TolerancedDimension(NamedTuple):
     """A dimension of the drawings, or a setting of the assembly, with its tolerance."""
 
     key: str
@@ -105,7 +105,7 @@ class Budget:
     target: float
     """Similarity error to keep, deg."""
     share: float
-    dimensions: Mapping[str, Dimension]
+    dimensions: Mapping[str, TolerancedDimension]
     """By key of the instrument file, the largest share of the error first."""
     forces: tuple[float, ...]
     """Test forces up to which the target is kept, N real-size; empty if it is kept at none."""
@@ -508,7 +508,7 @@ def _budget(choosing: _Choosing, taken: tuple[Grade, ...], errors: Array, count:
     slopes = np.abs(np.concatenate(choosing.slopes[:count], axis=1)).max(axis=1)
     effect = [float(slopes[choosing.of == n].max()) for n in range(len(choosing.keys))]
     dimensions = [
-        Dimension(
+        TolerancedDimension(
             key, pair.members(key), next(iter(choosing.columns[key].values())), grade, pair.pieces(key),
             float(shares[n]), effect[n] * grade.width, pair.is_drawn(key),
         )
@@ -623,7 +623,7 @@ _UNITS = {
 }
 
 
-def _unit(one: Dimension) -> tuple[str, str]:
+def _unit(one: TolerancedDimension) -> tuple[str, str]:
     """Return the unit that a value is shown in, and its SI unit."""
     listed, key = one.keys[0].partition(".")[0], one.keys[0].rpartition(".")[2]
     if key == "stiffness":
@@ -631,13 +631,13 @@ def _unit(one: Dimension) -> tuple[str, str]:
     return _UNITS.get(key, ("mm", "m"))
 
 
-def nominal(one: Dimension) -> str:
+def nominal(one: TolerancedDimension) -> str:
     """Return the nominal value with its unit."""
     unit, si = _unit(one)
     return quantity(one.nominal, unit, 6, si)
 
 
-def tolerance(one: Dimension) -> str:
+def tolerance(one: TolerancedDimension) -> str:
     """Return the tolerance with its unit: plus or minus, or the standard deviation of a setting in percent."""
     if one.grade.is_normal:
         return f"s = {plain(100 * one.tolerance / one.nominal, 2)} %"

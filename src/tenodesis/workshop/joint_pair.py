@@ -13,7 +13,7 @@ from tenodesis.errors import ArgumentError, InstrumentError, StudyError
 from tenodesis.instrument import FullForm
 from tenodesis.run import Array
 from tenodesis.similarity.joints import JointComparison, compare_joints
-from tenodesis.tolerance.parameters import Parameter, resolve
+from tenodesis.tolerance.parameters import UncertainParameter, resolve
 from tenodesis.workshop.grades import Grade, of_backbone, of_length, of_pretension, of_radius, of_spring, of_stiffness
 
 _LENGTHS = ("end_effector_length", "backbone_length")
@@ -66,13 +66,13 @@ class JointPair:
         return (max((one.size for one in self.comparison.loads), default=0.0),)
 
     @cached_property
-    def alike(self) -> dict[str, list[Parameter]]:
+    def alike(self) -> dict[str, list[UncertainParameter]]:
         """Values that the workshop makes or sets, by what is alike: key and value, of joints also place and mechanism.
 
         What is alike has one grade.
         """
         kinds = {joint.name: (joint.place, joint.mechanism) for joint in self.scaled_up.as_given("joints")}
-        found: dict[tuple[str, ...], list[Parameter]] = {}
+        found: dict[tuple[str, ...], list[UncertainParameter]] = {}
         for one in resolve(tolerance.default(self.scaled_up), self.real_size, self.scaled_up):
             listed, *inner, key = one.key.split(".")
             if listed != "friction":
@@ -159,11 +159,11 @@ class JointPair:
             return None
 
 
-def _of_rope(one: Parameter) -> bool:
+def _of_rope(one: UncertainParameter) -> bool:
     return one.key.startswith("tendons.") and one.key.endswith(".stiffness")
 
 
-def _name(alike: Sequence[Parameter]) -> str:
+def _name(alike: Sequence[UncertainParameter]) -> str:
     """Return the name of values that are alike: whose they are, and what."""
     of = [one.key.split(".")[1].replace("_", " ") for one in alike]
     last = alike[0].key.rpartition(".")[2]

@@ -102,7 +102,7 @@ def load(path: Path) -> MeasuredRun:
     return replace(run, columns={**run.columns, "wrist_pitch": pitch}, notes=notes)
 
 
-class Wrist(Tool):
+class WristedTool(Tool):
     """The tool's model with its wrist, for recordings that have a constant wrist_pitch as well; raises as `Tool`.
 
     Errors are those beyond each recording's own offset.
@@ -200,5 +200,5 @@ def _without_mean(values: Array, share: float) -> Array:
     return np.asarray(values - (1 - share) * values.mean(axis=0), dtype=np.float64)
 
 
-problem = without_instrument(Wrist, "a davinci-posture recording is of a tool without instrument file")
+problem = without_instrument(WristedTool, "a davinci-posture recording is of a tool without instrument file")
 FORMAT = Format(load, problem, laws=LAWS, law=DEFAULT_LAW)

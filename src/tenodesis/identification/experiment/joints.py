@@ -30,7 +30,7 @@ _SLOW, _FAST, _APART = 1 / 3, 1.0, 0.21
 _UNKNOWN_COEFFICIENT, _ROUNDING = 0.1, 1e-9
 
 
-class Motion(NamedTuple):
+class LoadedMotion(NamedTuple):
     """A motion with its load, from rest to rest."""
 
     angles: Array
@@ -68,7 +68,7 @@ class JointExperiment(Experiment):
         """The motions."""
         return [Candidate(name, "motion", (one,)) for name, one in _motions(self.inst, max(self.forces, default=0.0))]
 
-    def baselines(self, duration: float) -> dict[str, tuple[Motion, ...]]:
+    def baselines(self, duration: float) -> dict[str, tuple[LoadedMotion, ...]]:
         """Return motions of all joints together without load, repeated as long."""
         alone = next(one.phases for one in self.candidates if one.name.startswith("all"))
         return {"all joints together": alone * int(duration / BLOCK + _ROUNDING)}
@@ -94,7 +94,7 @@ class JointExperiment(Experiment):
         starts = zip((one.name for one in self.parameters), self.values.tolist(), strict=True)
         return {name: start for name, start in starts if start != routing.Routing.value(self._given, name)}
 
-    def run(self, phases: Sequence[Motion]) -> Run:
+    def run(self, phases: Sequence[LoadedMotion]) -> Run:
         """Return the twin's run through motions, one after another.
 
         Raises InfeasibleProtocolError if the instrument does not follow them.
@@ -149,7 +149,7 @@ def commands(run: Run) -> str:
     return text.getvalue()
 
 
-def _motions(inst: FullForm, force: float) -> list[tuple[str, Motion]]:
+def _motions(inst: FullForm, force: float) -> list[tuple[str, LoadedMotion]]:
     """Return the candidates: joints of the handle where there is one, else of the tip, jaws of one axis together."""
     joints = inst.handle_joints or inst.tip_joints
     groups: dict[str, list[int]] = (
@@ -191,7 +191,7 @@ def _motions(inst: FullForm, force: float) -> list[tuple[str, Motion]]:
         loads[f", {force:g} N that turns"] = turning
     resting = {"at rest": np.zeros((time.size, len(joints)))} if force > 0 else {}
     return [
-        (name + load, Motion(angles, wrench))
+        (name + load, LoadedMotion(angles, wrench))
         for (name, angles), (load, wrench) in product((moved | resting).items(), loads.items())
         if name != "at rest" or load
     ]

@@ -36,7 +36,7 @@ def as_identification() -> Iterator[None]:
         raise IdentificationError(str(problem), key=problem.key, value=problem.value, allowed=problem.allowed) from None
 
 
-def read_table(path: Path) -> lab_tables.Table:
+def read_table(path: Path) -> lab_tables.LabTable:
     """Return the table in a file; raises IdentificationError if it cannot be read, or holds none."""
     with as_identification():
         return lab_tables.read_table(path)

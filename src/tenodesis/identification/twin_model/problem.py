@@ -14,7 +14,7 @@ from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.problem import Parameter, Problem
 from tenodesis.identification.twin_model import tuning
 from tenodesis.identification.twin_model.marginalise import Marginalisation, marginalise
-from tenodesis.identification.twin_model.stepped import Shown, SteppedProblem
+from tenodesis.identification.twin_model.stepped import ChannelLabel, SteppedProblem
 from tenodesis.identification.twin_model.steps import READINGS, SteppedRun, in_steps
 from tenodesis.instrument import ShortForm
 from tenodesis.instrument.compliance import compliance_shares
@@ -134,8 +134,8 @@ _LAWS_OF = {
 
 _ROW = _core.twin_parameters()
 _ANGLES = {
-    "measured_handle_angle": Shown("handle_angle_deg", "", 180 / pi),
-    "measured_output_angle": Shown("output_angle_deg", "output_angle_deg", 180 / pi),
+    "measured_handle_angle": ChannelLabel("handle_angle_deg", "", 180 / pi),
+    "measured_output_angle": ChannelLabel("output_angle_deg", "output_angle_deg", 180 / pi),
 }
 
 
@@ -411,8 +411,8 @@ class TwinProblem(SteppedProblem):
     def _readings(self, values: Array, run: int) -> dict[str, Array]:
         return _by_name(self._model(values, run, [])[:, 0])
 
-    def _shown(self, channel: str) -> Shown:
-        return _ANGLES.get(channel) or Shown(f"{channel}_N", "tension_N")
+    def _shown(self, channel: str) -> ChannelLabel:
+        return _ANGLES.get(channel) or ChannelLabel(f"{channel}_N", "tension_N")
 
     def _numbers(self, values: Array) -> list[float]:
         given = {UNKNOWNS[name].number: float(value) for name, value in zip(self._names, values, strict=True)}

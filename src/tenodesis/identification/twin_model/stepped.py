@@ -12,7 +12,7 @@ from tenodesis.identification.twin_model.steps import SteppedRun
 from tenodesis.run import Array
 
 
-class Shown(NamedTuple):
+class ChannelLabel(NamedTuple):
     """How a channel is shown: name of its trace, and of the errors that it counts among, if any; both end in a unit."""
 
     trace: str
@@ -31,7 +31,7 @@ class SteppedProblem(Problem):
         """Return the model's readings by channel in the steps with readings, NaN where its tip is lost."""
 
     @abstractmethod
-    def _shown(self, channel: str) -> Shown:
+    def _shown(self, channel: str) -> ChannelLabel:
         """Return how a channel is shown."""
 
     def _likeliest(self, values: Array, run: int) -> Mapping[str, Array]:
