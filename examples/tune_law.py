@@ -108,8 +108,8 @@ def score(given: Sequence[Case], found: Array, off: Array) -> Score:
     still = np.array([case.still for case in given])
     last, loaded = round(1 / TIME_STEP) // EVERY, round(BEFORE / TIME_STEP) // EVERY
     final = found[still, -last:].mean(1)
-    rms, rms_off = (np.sqrt(np.mean(one[:, loaded:] ** 2, axis=1)) for one in (found, off))
-    values = [np.sqrt(np.mean(final**2)), np.abs(final).max(), np.sqrt(np.mean(rms[~still] ** 2))]
+    rms, rms_off = (campaign.rms(one[:, loaded:], axis=1) for one in (found, off))
+    values = [campaign.rms(final), np.abs(final).max(), campaign.rms(rms[~still])]
     values.append(np.maximum(rms - rms_off, 0).mean())
     return Score(*np.nan_to_num(values, nan=99.0))  # of a tip without equilibrium
 

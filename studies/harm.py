@@ -147,7 +147,7 @@ def errors(tip: Array, off: Run, target: Array) -> Metrics:
     """Return the error of a tip (rad) and that of the run with standing motors, RMS and peak, deg."""
     judged = off.time > JUDGED
     both = np.degrees([tip, off["output_angle"]])[:, judged] - target[judged]
-    (rms, rms_off), (peak, peak_off) = np.sqrt((both**2).mean(1)).tolist(), np.abs(both).max(1).tolist()
+    (rms, rms_off), (peak, peak_off) = campaign.rms(both, axis=1).tolist(), np.abs(both).max(1).tolist()
     more = {"more_rms": rms - rms_off, "more_peak": peak - peak_off}
     worse = more["more_rms"] > MORE_RMS or more["more_peak"] > MORE_PEAK
     return {"rms": rms, "rms_off": rms_off, "peak": peak, "peak_off": peak_off, **more, "worse": worse}

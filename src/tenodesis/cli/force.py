@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 from rich.markup import escape
 
@@ -24,6 +23,7 @@ from tenodesis.identification.formats import load_all
 from tenodesis.identification.registry import FORMATS
 from tenodesis.identification.report import grouped
 from tenodesis.instrument import expanded
+from tenodesis.magnitude import rms, rms_of_finite
 from tenodesis.recording.lab_tables import has_headings
 from tenodesis.units import in_unit
 
@@ -112,7 +112,7 @@ def _print_observed(found: observed.Observed) -> None:
     shown = table(title, "", ">least", ">most", ">± 95 %", "unit", ">rmse", ">covered")
     for one in found.channels:
         scale = in_unit(observed.SHOWN[one.unit], one.unit)
-        spread = WIDTH * math.sqrt(float(np.mean(one.std**2)))
+        spread = WIDTH * rms(one.std)
         numbers = [f"{scale * number:.3g}" for number in (one.value.min(), one.value.max(), spread, one.rmse)]
         compared = ["", ""] if math.isnan(one.rmse) else [numbers[3], f"{100 * one.covered:.0f} %"]
         shown.add_row(escape(one.name), *numbers[:3], observed.SHOWN[one.unit], *compared)
@@ -163,8 +163,8 @@ def _print_bounds(found: Sequence[Traces]) -> None:
     bounds = [bounds_of(one.series) for one in found]
 
     def mean(name: str, scale: float) -> str:
-        values = [getattr(one, name) for one in bounds if not math.isnan(getattr(one, name))]
-        return f"{scale * math.sqrt(sum(value**2 for value in values) / len(values)):.2g}" if values else "unknown"
+        found = rms_of_finite([getattr(one, name) for one in bounds])
+        return "unknown" if math.isnan(found) else f"{scale * found:.2g}"
 
     say(
         f"What bounds it: noise of the torque sensors {mean('near_torque_noise', 1e3)} (spindle) and "

@@ -4,7 +4,7 @@ import stat
 import time
 from collections.abc import Mapping
 from contextlib import suppress
-from math import ceil, degrees, sqrt
+from math import ceil, degrees
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +16,7 @@ from tenodesis.console.session import PageState, Session, as_plain, enable, set_
 from tenodesis.control.pairs import names_of
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument
+from tenodesis.magnitude import rms
 from tenodesis.recording import Recording
 from tenodesis.run import Array
 from tenodesis.simulate import Motion, Protocol
@@ -311,6 +312,4 @@ def compare(first: tuple[Array, Array], second: tuple[Array, Array], rows: int =
     if not finite.any():
         raise RecordingError(key="tip_angle", allowed="in both recordings")
     difference = (first_angle - second_angle)[finite]
-    return AngleComparison(
-        common, first_angle, second_angle, sqrt(float(np.mean(difference**2))), float(np.abs(difference).max())
-    )
+    return AngleComparison(common, first_angle, second_angle, rms(difference), float(np.abs(difference).max()))

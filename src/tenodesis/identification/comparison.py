@@ -12,9 +12,9 @@ from tenodesis.identification.fit import fit
 from tenodesis.identification.problem import Problem
 from tenodesis.identification.results import Fit, Interval, by_unit
 from tenodesis.identification.uncertainty import LossName, autocorrelation, correlation_samples
+from tenodesis.magnitude import rms
 from tenodesis.report.page import json_number
 from tenodesis.run import Array
-from tenodesis.simulate.campaign import rms
 
 
 @dataclass(frozen=True)

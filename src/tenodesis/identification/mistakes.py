@@ -21,8 +21,8 @@ from tenodesis.identification.routing import Routing
 from tenodesis.identification.search import Search
 from tenodesis.identification.twin_model.problem import TwinProblem
 from tenodesis.instrument import ShortForm, as_short_form, load, shipped
+from tenodesis.magnitude import rms
 from tenodesis.run import TENDONS, Array
-from tenodesis.simulate.campaign import rms
 from tenodesis.units import STANDARD_GRAVITY
 
 EXPLAINS = 3.0

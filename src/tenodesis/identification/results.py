@@ -15,9 +15,9 @@ from tenodesis.identification.problem import Parameter, Problem, SensorError, Tr
 from tenodesis.identification.search import LEAST_PER_PARAMETER, MOST_STEPS, SearchEnd
 from tenodesis.identification.uncertainty import LossName, Uncertainty, Whiteness
 from tenodesis.instrument import Instrument
+from tenodesis.magnitude import rms
 from tenodesis.report.page import about, json_number
 from tenodesis.run import Array
-from tenodesis.simulate.campaign import rms
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -29,6 +29,7 @@ from tenodesis.identification.twin_model.steps import InputError, QuantisedSenso
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
 from tenodesis.kinematics import Port, tip_pose
 from tenodesis.kinematics.chain import rotated
+from tenodesis.magnitude import rms
 from tenodesis.plant import handle_share
 from tenodesis.recording import lab_map, lab_tables, signal_tables
 from tenodesis.recording.blocks import Progress
@@ -651,7 +652,7 @@ def steps_within(inst: FullForm, sample_time: float, least: int = 1) -> tuple[fl
 def _of_differences(rows: Sequence[Array]) -> float:
     """Return the standard deviation of white noise by second differences of signals, 0 of none."""
     differences = [np.diff(row, 2) for row in rows]
-    return float(np.sqrt(np.mean(np.concatenate(differences) ** 2) / 6)) if differences else 0.0
+    return rms(np.concatenate(differences)) / sqrt(6) if differences else 0.0
 
 
 def _compared(channels: Mapping[str, Array]) -> slice:

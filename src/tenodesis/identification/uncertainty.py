@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from scipy import linalg, special
 
+from tenodesis.magnitude import rms
 from tenodesis.run import Array
 
 _WINDOW = 5.0
@@ -258,7 +259,7 @@ def long_run(scores: Sequence[Array]) -> Array:
     count = sum(len(one) for one in scores)
     middle = np.sum([one.sum(axis=0) for one in scores], axis=0) / count
     centred = [one - middle for one in scores]
-    size = np.sqrt(np.mean(np.concatenate(centred) ** 2, axis=0))
+    size = rms(np.concatenate(centred), axis=0)
     size[size == 0] = 1
     centred = [one / size for one in centred]
     steps, innovations = _whitened(centred)

@@ -9,6 +9,7 @@ import numpy as np
 
 from tenodesis import simulate, statics
 from tenodesis.instrument import Instrument, ShortForm
+from tenodesis.magnitude import rms_of_finite
 from tenodesis.paper import published
 from tenodesis.paper.context import DRAWN, WAYS, Context, RecordedRun, has_friction
 from tenodesis.paper.subject import HANDLE_SPEED, SPEED, FarMotion, Load, Subject, panels
@@ -105,7 +106,7 @@ def cycle(subject: Subject, motion: FarMotion, load: Load | None) -> CycleRun | 
     estimate, error, width = np.empty(0), np.nan, np.nan
     if subject.plane is not None:
         estimate = estimated_output_angle(subject.plane, run)
-        error = np.sqrt(_mean((estimate - run["measured_output_angle"]) ** 2))
+        error = rms_of_finite(estimate - run["measured_output_angle"])
         width = -_mean(np.subtract(*compared(estimate[:, np.newaxis])))
     return CycleRun(
         motion,

@@ -11,6 +11,7 @@ from tenodesis.errors import IdentificationError
 from tenodesis.instrument import FullForm, InstrumentLike, expanded, in_arcs
 from tenodesis.kinematics import Port, tip_pose
 from tenodesis.kinematics.chain import rotated
+from tenodesis.magnitude import rms_of_finite
 from tenodesis.poses.reading import ReferencePoses, load
 from tenodesis.run import Array
 from tenodesis.statics import Axes, chain
@@ -70,7 +71,7 @@ class PoseComparison:
         if self.angle_error is not None:
             scales["deg"] = (self.angle_error, float(np.degrees(1)))
         for unit, (values, scale) in scales.items():
-            found[f"rms [{unit}]"] = scale * float(np.sqrt(np.nanmean(values**2)))
+            found[f"rms [{unit}]"] = scale * rms_of_finite(values)
             found[f"largest [{unit}]"] = scale * float(np.nanmax(np.abs(values)))
         return found
 

@@ -15,11 +15,12 @@ from tenodesis import plant
 from tenodesis.errors import ArgumentError, InstrumentError, RecordingError
 from tenodesis.instrument import FullForm, Instrument, ShortForm, expanded
 from tenodesis.instrument.text import to_toml
+from tenodesis.magnitude import rms
 from tenodesis.recording import Recorder, Recording
 from tenodesis.recording.schemas import TRANSFERRED
 from tenodesis.run import SIGNALS, TENDONS, Array, Run, concatenate
 from tenodesis.similarity import Comparison, JointComparison, compare, compare_joints
-from tenodesis.simulate import Cycles, Protocol, campaign, execute
+from tenodesis.simulate import Cycles, Protocol, execute
 from tenodesis.statics import up_to_force
 from tenodesis.twin import TIME_STEP, Twin
 
@@ -525,7 +526,7 @@ class RoundTrip(NamedTuple):
     @property
     def rms(self) -> float:
         """Root mean square of the difference, deg."""
-        return campaign.rms(np.degrees(self.predicted - self.direct))
+        return rms(np.degrees(self.predicted - self.direct))
 
     @property
     def largest(self) -> float:

@@ -10,9 +10,10 @@ import numpy as np
 from tenodesis import statics
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import ShortForm
+from tenodesis.magnitude import rms_of_finite
 from tenodesis.run import Array
 from tenodesis.similarity import loops
-from tenodesis.similarity.frictionless import SimilarityError, rms
+from tenodesis.similarity.frictionless import SimilarityError
 from tenodesis.similarity.groups import SAME, groups_of
 from tenodesis.similarity.loops import LoopPoint
 from tenodesis.similarity.pair import SimilarPair
@@ -214,9 +215,13 @@ def _causes(
         )
     at = tuple(int(i) for i in np.unravel_index(np.nanargmax(np.abs(known)), known.shape))
     remainder = known - sum(parts.values())
-    causes = [Cause(name, *pairs.get(name, (nan, nan)), float(part[at]), rms(part)) for name, part in parts.items()]
+    causes = [
+        Cause(name, *pairs.get(name, (nan, nan)), float(part[at]), rms_of_finite(part)) for name, part in parts.items()
+    ]
     causes.sort(key=lambda cause: (-abs(cause.at_worst), -cause.rms))
-    return Causes(place(at), float(error[at]), rms(known), tuple(causes), float(remainder[at]), rms(remainder))
+    return Causes(
+        place(at), float(error[at]), rms_of_finite(known), tuple(causes), float(remainder[at]), rms_of_finite(remainder)
+    )
 
 
 def _report(progress: OnProgress, done: float, total: float) -> None:

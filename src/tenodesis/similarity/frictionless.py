@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tenodesis.magnitude import rms_of_finite
+
 GRID = (161, 61)
 """Handle angles and forces of the grid on which similarity is judged."""
 
@@ -24,7 +26,7 @@ class ErrorStatistics:
     @property
     def rms(self) -> float:
         """Root mean square of the error, deg; NaN if there is none."""
-        return rms(self.error)
+        return rms_of_finite(self.error)
 
     @property
     def quantile_95(self) -> float:
@@ -46,12 +48,6 @@ class ErrorStatistics:
 def largest(values: NDArray[np.float64]) -> float:
     """Return the largest magnitude of the finite values; NaN if there is none."""
     return float(np.fmax.reduce(np.abs(values), axis=None))
-
-
-def rms(values: NDArray[np.float64]) -> float:
-    """Return the root mean square of the finite values; NaN if there is none."""
-    finite = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(finite**2))) if finite.size else float("nan")
 
 
 @dataclass(frozen=True)
@@ -101,4 +97,4 @@ class SimilarityError(ErrorStatistics):
     @property
     def rms_snapped(self) -> float:
         """Root mean square of :attr:`snapped`, deg."""
-        return rms(self.snapped)
+        return rms_of_finite(self.snapped)

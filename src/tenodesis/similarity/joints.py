@@ -12,6 +12,7 @@ from tenodesis import kinematics, plant, statics, twin
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import FullForm, InstrumentLike, Joint, expanded
 from tenodesis.instrument.instrument import arm_of
+from tenodesis.magnitude import rms_of_finite
 from tenodesis.run import Array
 from tenodesis.similarity.groups import DEFINITIONS, Group, Kind
 from tenodesis.statics import UsualLoad, chain
@@ -74,7 +75,7 @@ class JointError:
     @property
     def rms(self) -> Array:
         """Root mean square by joint, deg."""
-        return np.asarray(np.sqrt(np.nanmean(self.angle**2, axis=(0, 1))))
+        return np.array([rms_of_finite(self.angle[..., joint]) for joint in range(len(self.joints))])
 
     @property
     def largest_at_tip(self) -> float:
@@ -84,7 +85,7 @@ class JointError:
     @property
     def rms_at_tip(self) -> float:
         """Root mean square of the distance at the real-size tip, m."""
-        return float(np.sqrt(np.nanmean(self.tip**2)))
+        return rms_of_finite(self.tip)
 
     @property
     def unsolved(self) -> float:

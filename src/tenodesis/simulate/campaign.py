@@ -32,6 +32,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from tenodesis.errors import FaultWarning, NoSolutionError, StudyError
 from tenodesis.files import atomic_file, locked_file, read_regular, write_errors
+from tenodesis.magnitude import rms
 from tenodesis.run import Array
 from tenodesis.threads import set_threads, threads
 from tenodesis.version import __version__
@@ -275,11 +276,6 @@ def _bar(title: str) -> Iterator[Callable[[int, int], None]]:
     ) as bar:
         task = bar.add_task(title)
         yield lambda done, total: bar.update(task, completed=done, total=total)
-
-
-def rms(values: ArrayLike) -> float:
-    """Return the root of the mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def farthest(values: ArrayLike) -> float:

@@ -14,6 +14,7 @@ from tenodesis import statics, twin
 from tenodesis._core import Status
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import ShortForm
+from tenodesis.magnitude import rms
 from tenodesis.run import Array
 from tenodesis.similarity import Comparison
 from tenodesis.tolerance.files import InstrumentName
@@ -129,7 +130,7 @@ def evaluate(task: Evaluation, rows: Array) -> Array:
     error = np.concatenate(
         [(angles - reference)[:, task.cycle.extension], (angles - reference)[:, task.cycle.flexion]], axis=1
     )
-    responses += [np.sqrt(np.mean(error**2, axis=1)), np.abs(error).max(axis=1), *of_real_size]
+    responses += [rms(error, axis=1), np.abs(error).max(axis=1), *of_real_size]
     table = np.degrees(np.column_stack(responses))
     unreachable = np.isnan(table).any(axis=1) & (status == Status.OK)
     status = np.where(unreachable, int(Status.UNREACHABLE), status)

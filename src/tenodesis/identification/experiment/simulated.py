@@ -22,6 +22,7 @@ from tenodesis.identification.twin_model.problem import TwinProblem
 from tenodesis.identification.twin_model.tuning import LONGEST_STEP
 from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.instrument.text import readable, with_units
+from tenodesis.magnitude import rms
 from tenodesis.run import TENDONS, Array, Run
 from tenodesis.simulate import Protocol
 from tenodesis.units import READABLE
@@ -273,7 +274,7 @@ class SimulatedExperiment(Experiment):
     def _too_coarse(self, problem: TwinProblem, run: Run) -> bool:
         sensors = [self._sensors[name.rpartition("_")[2]] for name in problem.traces(self.values, 0)]
         pairs = zip(self._stepping_errors(problem, run), sensors, strict=True)
-        return not all(np.sqrt(np.mean(off**2)) < _COARSE * sensor.deviation_of_mean(1) for off, sensor in pairs)
+        return not all(rms(off) < _COARSE * sensor.deviation_of_mean(1) for off, sensor in pairs)
 
     @cached_property
     def _model(self) -> TwinProblem:

@@ -28,6 +28,7 @@ from tenodesis.identification.force.model import (
 )
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.uncertainty import autocorrelation, correlation_samples
+from tenodesis.magnitude import rms
 from tenodesis.run import Array
 
 OFFSET_SHARE = 0.03
@@ -213,10 +214,7 @@ def _residuals(series: Series, bench: ForceBench, signal: Signal, values: Mappin
 def _left(data: _Data, values: Mapping[str, float], before: _Noise, least: _Noise | None) -> _Noise:
     """Return the noise of the channels by the residuals."""
     parts = [_residuals(one, data.bench, data.signal, values) for one in data.series]
-    std = {
-        channel: max(math.sqrt(float(np.mean(np.concatenate([one[channel] for one in parts]) ** 2))), 1e-6)
-        for channel in parts[0]
-    }
+    std = {channel: max(rms(np.concatenate([one[channel] for one in parts])), 1e-6) for channel in parts[0]}
     correlated = {
         channel: float(np.median([correlation_samples(autocorrelation(one[channel])) for one in parts]))
         for channel in parts[0]
@@ -335,7 +333,7 @@ def band_of(errors: Array, hidden: Array, moved: Array) -> Band:
         left = variance(logs)
         return float(np.mean(np.log(left) + errors**2 / left))
 
-    typical = math.sqrt(float(np.mean(errors**2))) + 1e-12
+    typical = rms(errors) + 1e-12
     bounds = [(math.log(typical) - 4, math.log(typical) + 2), (-6.0, 1.0)]
     found = minimize(misfit, np.array([math.log(typical), -1.5]), method="Nelder-Mead", bounds=bounds).x
     wider = float(np.quantile(np.abs(errors) / np.sqrt(variance(found)), 0.95)) / WIDTH

@@ -16,6 +16,7 @@ from tenodesis.identification.formats.mcap import first_rows
 from tenodesis.identification.report import write_files
 from tenodesis.identification.routing import by_name
 from tenodesis.instrument import FullForm, expanded
+from tenodesis.magnitude import rms
 from tenodesis.recording import lab_map, lab_tables, signal_tables
 from tenodesis.report import page, style
 from tenodesis.run import COMPONENTS, Array
@@ -44,7 +45,7 @@ class Channel(NamedTuple):
     @property
     def rmse(self) -> float:
         """Root mean square of recorded minus estimated."""
-        return math.sqrt(float(np.mean((self.recorded - self.value) ** 2)))
+        return rms(self.recorded - self.value)
 
     @property
     def covered(self) -> float:

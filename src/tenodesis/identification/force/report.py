@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from tenodesis.identification.force.model import WIDTH, FarEndEstimate, ForceModel, Series, checked, series_of, to_json
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.report import write_files
+from tenodesis.magnitude import rms
 from tenodesis.report import page, style
 from tenodesis.run import Array
-from tenodesis.simulate.campaign import rms
 
 _LEAST_PERIOD = 1.0
 """s."""
@@ -91,7 +91,7 @@ def pooled(results: list[RunResult]) -> RunResult:
 
     def mean(key: str) -> float:
         values = np.array([float(row[key]) for row in rows])
-        return float(np.sqrt(np.mean(values**2)) if "rmse" in key else values.mean())
+        return rms(values) if "rmse" in key else float(values.mean())
 
     return RunResult("all", **{key: mean(key) for key in rows[0] if key != "name"})
 

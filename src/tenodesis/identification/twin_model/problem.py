@@ -18,6 +18,7 @@ from tenodesis.identification.twin_model.stepped import ChannelLabel, SteppedPro
 from tenodesis.identification.twin_model.steps import READINGS, SteppedRun, in_steps
 from tenodesis.instrument import ShortForm
 from tenodesis.instrument.compliance import compliance_shares
+from tenodesis.magnitude import rms_of_finite
 from tenodesis.run import TENDONS, Array
 
 
@@ -227,7 +228,7 @@ class TwinProblem(SteppedProblem):
             there = self._run(coarse, numbers, [])[:, 0, coarse.lead :]
             off = ((there - means)[rows] * scale[:, None]).ravel()
             known = np.isfinite(off)
-            if known.any() and np.sqrt(np.mean(off[known] ** 2)) < tuning.COARSE_STEP:
+            if rms_of_finite(off) < tuning.COARSE_STEP:
                 slopes = self._run(coarse, numbers, self._variables)[rows, 1:, coarse.lead :] * scale[:, None, None]
                 slopes = slopes.transpose(0, 2, 1).reshape(off.size, -1)[known]
                 directions, sizes, _ = np.linalg.svd(slopes, full_matrices=False)
