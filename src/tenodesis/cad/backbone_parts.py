@@ -197,7 +197,7 @@ def backbone_parts(arcs: Sequence[tuple[Backbone, End]], sizes: Sizes) -> list[P
                 dimensions=(
                     *_offsets(size, own[0][1]),
                     Dimension("outer diameter", (-outer, 0, 0), (outer, 0, 0), "top", 1, "Ø"),
-                    Dimension("thickness", (0, 0, -size.disc / 2), (0, 0, size.disc / 2), "front", -1, along="y"),
+                    Dimension.height("thickness", -size.disc / 2, size.disc / 2, -1),
                     *_bore(size, sizes),
                 ),
                 notes=(note,),

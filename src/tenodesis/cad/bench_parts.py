@@ -96,7 +96,7 @@ def base_part(end: End, sizes: Sizes) -> Part:
         (place,),
         dimensions=(
             Dimension("diameter", (-wide, 0, low), (wide, 0, low), "top", 1, "Ø"),
-            Dimension("length", (0, 0, low - 2 * deep), (0, 0, high), "front", 1, along="y"),
+            Dimension.height("length", low - 2 * deep, high, 1),
             Dimension("sheaths' circle", (-radius, 0, low), (radius, 0, low), "top", -1, "Ø"),
         ),
         notes=(f"Tunnels Ø{sizes.tunnel:.3g} for a rope of {sizes.rope:.3g} mm, in order about the axis.",),
@@ -121,16 +121,8 @@ def end_effector_part(end: End, sizes: Sizes, length: float, start: float, turn:
         end.far,
         (k.at(turn=(0, 0, turn)),),
         dimensions=(
-            Dimension(
-                "joint's far axis to the force",
-                (0, 0, 0),
-                (0, 0, length),
-                "front",
-                -1,
-                key="end_effector_length",
-                along="y",
-            ),
-            Dimension("axis to foot", (0, 0, 0), (0, 0, start), "front", 1, along="y"),
+            Dimension.height("joint's far axis to the force", 0, length, -1, key="end_effector_length"),
+            Dimension.height("axis to foot", 0, start, 1),
             Dimension("rod", (-end.rod / 2, 0, start), (end.rod / 2, 0, start), "front", -1, "Ø"),
             Dimension("eye", (-TIP_PIN / 2, 0, length), (TIP_PIN / 2, 0, length), "front", 1, "Ø"),
         ),
@@ -161,12 +153,10 @@ def grip_part(end: End, sizes: Sizes, length: float, start: float) -> Part:
         end.far,
         (k.at(),),
         dimensions=(
-            Dimension(
-                "joint's far axis to the hand", (0, 0, 0), (0, 0, -length), "front", -1, key="handle_length", along="y"
-            ),
+            Dimension.height("joint's far axis to the hand", 0, -length, -1, key="handle_length"),
             Dimension("grip", (-radius, 0, -bottom), (radius, 0, -bottom), "front", -1, "Ø"),
             Dimension("shaft", (-end.rod / 2, 0, -start), (end.rod / 2, 0, -start), "front", 1, "Ø"),
-            Dimension("length", (0, 0, -start), (0, 0, -bottom), "front", 1, along="y"),
+            Dimension.height("length", -start, -bottom, 1),
         ),
         away=(0, 0, -4 * start - 40),
     )
@@ -194,9 +184,9 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float, co
     columns = [apart * ((count - 1) / 2 - number) for number in range(count)]
     lead = start - plate / 2 - 60
     mount = _motor_mount(plate, height, boss + 2 * sizes.bore, bolts)
-    cell, cell_height = 1e3 * hardware.load_cell, level + height
+    cell_seat, cell_height = (1e3 * hardware.load_cell + sizes.bore) / 2, level + height
     passage = rope + 1.0
-    cell_mount = _cell_mount(cell + sizes.bore, cell_height, passage)
+    cell_mount = _cell_mount(2 * cell_seat, cell_height, passage)
     return [
         Part(
             "spool",
@@ -237,14 +227,7 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float, co
             "bench",
             tuple(k.at(x + spool, 0, lead + plate / 2 + 30) for x in columns),
             dimensions=(
-                Dimension(
-                    "seat of the cell",
-                    (-cell / 2 - sizes.bore / 2, 0, 0),
-                    (cell / 2 + sizes.bore / 2, 0, 0),
-                    "top",
-                    1,
-                    "Ø",
-                ),
+                Dimension("seat of the cell", (-cell_seat, 0, 0), (cell_seat, 0, 0), "top", 1, "Ø"),
                 Dimension("rope above the base", (0, -cell_height, 0), (0, 0, 0), "side", 1),
                 Dimension("rope's passage", (-passage / 2, 0, 0), (passage / 2, 0, 0), "top", 1, "Ø"),
             ),
@@ -368,8 +351,8 @@ def rig_parts(rig: Rig, sizes: Sizes, hardware: Hardware, stem: float) -> list[P
             "bench",
             (k.at(),),
             dimensions=(
-                Dimension("length", (0, 0, back), (0, 0, rig.pivot + 25), "front", -1, along="y"),
-                Dimension("axis to back", (0, 0, back), (0, 0, rig.pivot), "front", 1, along="y"),
+                Dimension.height("length", back, rig.pivot + 25, -1),
+                Dimension.height("axis to back", back, rig.pivot, 1),
                 Dimension("width", (-_width(rig), 0, back), (_width(rig), 0, back), "front", -1),
             ),
             away=(0, -70, 0),
@@ -407,8 +390,8 @@ def _bar(rig: Rig, sizes: Sizes, screws: float, seat: float) -> Part:
         "rig_bar",
         (k.at(0, -rig.level - _BAR),),
         dimensions=(
-            Dimension("axis to end of slot", (0, 0, 0), (0, 0, high), "front", -1, along="y"),
-            Dimension("axis to begin of slot", (0, 0, 0), (0, 0, low), "front", 1, along="y"),
+            Dimension.height("axis to end of slot", 0, high, -1),
+            Dimension.height("axis to begin of slot", 0, low, 1),
             Dimension("slot", (-slot, 0, high), (slot, 0, high), "front", 1),
             Dimension("screws", (-screws, 0, 0), (screws, 0, 0), "front", -1),
             Dimension("thickness", (0, 0, 0), (0, _BAR, 0), "side", 1),

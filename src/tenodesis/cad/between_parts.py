@@ -3,7 +3,6 @@
 from tenodesis.cad import kernel as k
 from tenodesis.cad.gears import (
     GearJoint,
-    axis_dimension,
     bores,
     end_dimension,
     far_half,
@@ -57,7 +56,7 @@ def between_part(inner: GearJoint, inner_end: End, outer: GearJoint, outer_end: 
         (inner_end.place(far=True),),
         dimensions=(
             *half_dimensions(inner, inner_end),
-            axis_dimension("axis to axis", outer_end, apart, -1),
+            Dimension.height("axis to axis", 0, -apart, -1, key=outer_end.key_of("offset")),
             Dimension(
                 "other tunnels apart", (0, -radius, -apart), (0, radius, -apart), "side", -1, "", outer_end.key, 2
             ),

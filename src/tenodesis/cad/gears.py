@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -485,11 +485,6 @@ def half_dimensions(joint: GearJoint, end: End) -> tuple[Dimension, ...]:
 def _far_half_dimensions(joint: GearJoint, end: End, sizes: Sizes) -> tuple[Dimension, ...]:
     bottom = -joint.depth - end.far_collar
     return (*half_dimensions(joint, end), *far_dimensions(end, sizes, bottom), end_dimension(joint, end, sizes, bottom))
-
-
-def axis_dimension(name: str, end: End, apart: float, side: Literal[1, -1]) -> Dimension:
-    """Return the dimension from the axis of the joint before to a joint's own."""
-    return Dimension(name, (0, 0, 0), (0, 0, -apart), "front", side, key=end.key_of("offset"), along="y")
 
 
 def end_dimension(joint: GearJoint, end: End, sizes: Sizes, bottom: float) -> Dimension:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from tenodesis.cad import kernel as k
 from tenodesis.cad.bench_parts import TIP_PIN
 from tenodesis.cad.between_parts import outer_place
-from tenodesis.cad.gears import GearJoint, axis_dimension, far_half, gear_notes, half_dimensions
+from tenodesis.cad.gears import GearJoint, far_half, gear_notes, half_dimensions
 from tenodesis.cad.kernel import Solid
 from tenodesis.cad.parts import Dimension, End, Part, Sizes, bought, ferrule, groove_dimensions, pin, refuse
 from tenodesis.cad.pulley_parts import PulleyJoint, tendon_end
@@ -159,7 +159,7 @@ def lever_parts(  # noqa: PLR0917
     `place` is where its tendon passes the gear's middle plane; the eye's axis is turned by `across`, deg, from its own.
     """
     of = end.prefix.replace("_", " ")
-    p = lever.pulley
+    p, bore = lever.pulley, (lever.pulley.pin + sizes.bore) / 2
     half = lever.outer + 0.4 * p.pin
     dowel = k.rod((0, -half, 0), (0, half, 0), p.pin / 2)
     shift = 2.5 * gear.gear.pitch_radius * (2 * gear_end.order + 1)
@@ -176,14 +176,7 @@ def lever_parts(  # noqa: PLR0917
                 *groove_dimensions("rope", p.radius, p.bottom_radius, -p.outside, end.key),
                 Dimension("rim", (-p.rim, -p.outside, 0), (p.rim, -p.outside, 0), "front", 1, "Ø"),
                 Dimension("width", (0, -p.outside, 0), (0, p.outside, 0), "side", 1),
-                Dimension(
-                    "pin's bore",
-                    (-(p.pin + sizes.bore) / 2, -p.outside, 0),
-                    ((p.pin + sizes.bore) / 2, -p.outside, 0),
-                    "front",
-                    -1,
-                    "Ø",
-                ),
+                Dimension("pin's bore", (-bore, -p.outside, 0), (bore, -p.outside, 0), "front", -1, "Ø"),
             ),
             notes=(
                 f"For a rope of {sizes.rope:.3g} mm; groove's bottom rounded with {p.groove:.3g} mm.",
@@ -255,7 +248,13 @@ def _carrier(  # noqa: PLR0917
             tunnel += k.kernel().Pos(x, y, z) * k.kernel().Sphere(sizes.tunnel / 2)
         body -= place * tunnel
     of = f"{gear_end.prefix} and the fork of {end.prefix}".replace("_", " ")
-    eye_or_socket = lever.offset + lever.reach if gear_end.tip else lever.foot(sizes, gear_end.seat)
+    eye_or_socket = (
+        Dimension.height(
+            "axis to the force", 0, -lever.offset - lever.reach, -1, key=gear_end.key_of("end_effector_length")
+        )
+        if gear_end.tip
+        else Dimension.height("axis to the socket's bottom", 0, -lever.foot(sizes, gear_end.seat), -1)
+    )
     return Part(
         f"{gear_end.prefix}_{end.prefix}",
         f"Gear of {of}",
@@ -264,16 +263,8 @@ def _carrier(  # noqa: PLR0917
         (gear_end.place(far=True),),
         dimensions=(
             *half_dimensions(gear, gear_end),
-            axis_dimension("axis to the fork's axis", end, lever.offset, 1),
-            Dimension(
-                "axis to the force" if gear_end.tip else "axis to the socket's bottom",
-                (0, 0, 0),
-                (0, 0, -eye_or_socket),
-                "front",
-                -1,
-                key=gear_end.key_of("end_effector_length") if gear_end.tip else "",
-                along="y",
-            ),
+            Dimension.height("axis to the fork's axis", 0, -lever.offset, 1, key=end.key_of("offset")),
+            eye_or_socket,
         ),
         notes=(
             *gear_notes(gear),

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple, NoReturn
+from typing import Any, Literal, NamedTuple, NoReturn, Self
 
 from tenodesis.cad import kernel as k
 from tenodesis.cad.kernel import FLIP, Location, Point, Solid
@@ -124,6 +124,11 @@ class Dimension:
     """By which the key's value, and its tolerance, is in the dimension."""
     along: Literal["x", "y"] = "x"
     """Direction on the page that it measures."""
+
+    @classmethod
+    def height(cls, name: str, low: float, high: float, side: Literal[1, -1], *, key: str = "") -> Self:
+        """Return the dimension between two heights, seen from the front."""
+        return cls(name, (0, 0, low), (0, 0, high), "front", side, key=key, along="y")
 
     @property
     def value(self) -> float:
@@ -267,8 +272,8 @@ def tube_dimensions(end: End, sizes: Sizes) -> tuple[Dimension, ...]:
     top, length, radius = -end.near_length, _spigot_length(end), end.stem_bore - sizes.play / 2
     flat = end.tendon_radius - sizes.tunnel / 2
     return (
-        Dimension("axis to tube", (0, 0, 0), (0, 0, top), "front", 1, along="y"),
-        Dimension("spigot's length", (0, 0, top), (0, 0, top - length), "front", 1, along="y"),
+        Dimension.height("axis to tube", 0, top, 1),
+        Dimension.height("spigot's length", top, top - length, 1),
         Dimension("spigot", (0, -radius, top), (0, radius, top), "side", -1, "Ø"),
         Dimension("over the spigot's flats", (-flat, 0, top), (flat, 0, top), "front", -1),
         Dimension("collar", (-end.stem_radius, 0, top), (end.stem_radius, 0, top), "top", -1, "Ø", "stem_diameter"),
@@ -279,11 +284,9 @@ def far_dimensions(end: End, sizes: Sizes, bottom: float) -> tuple[Dimension, ..
     """Return the dimensions of the collar of a far body."""
     socket_radius = (end.rod + sizes.bore) / 2
     return (
-        Dimension("axis to back", (0, 0, 0), (0, 0, bottom), "front", -1, along="y"),
+        Dimension.height("axis to back", 0, bottom, -1),
         Dimension("socket", (-socket_radius, 0, bottom), (socket_radius, 0, bottom), "front", -1, "Ø"),
-        Dimension(
-            "socket's depth", (0, 0, bottom), (0, 0, bottom + end.far_collar - sizes.wall), "front", 1, along="y"
-        ),
+        Dimension.height("socket's depth", bottom, bottom + end.far_collar - sizes.wall, 1),
     )
 
 

@@ -454,15 +454,7 @@ def _body_part(joint: Wrist, end: End, jaw_end: End, sizes: Sizes) -> Part:
         (end.place(far=True),),
         dimensions=(
             *groove_dimensions("rope", p.radius, p.bottom_radius, -p.outside, end.key),
-            Dimension(
-                "axis to the fork's axis",
-                (0, 0, 0),
-                (0, 0, -joint.jaws[0].offset),
-                "front",
-                1,
-                key=jaw_end.key_of("offset"),
-                along="y",
-            ),
+            Dimension.height("axis to the fork's axis", 0, -joint.jaws[0].offset, 1, key=jaw_end.key_of("offset")),
             Dimension("over the cheeks", (0, -p.outside, 0), (0, p.outside, 0), "side", 1),
             Dimension("width of the block", (-broad, 0, -top), (broad, 0, -top), "front", -1),
         ),
@@ -555,15 +547,7 @@ def _jaw_part(jaw: Jaw, end: End, sizes: Sizes, out: float) -> Part:
         (end.place(far=True),),
         dimensions=(
             *groove_dimensions("rope", p.radius, p.bottom_radius, -p.outside, end.key),
-            Dimension(
-                "axis to the force",
-                (0, 0, 0),
-                (0, 0, -jaw.length),
-                "front",
-                -1,
-                key=end.key_of("end_effector_length"),
-                along="y",
-            ),
+            Dimension.height("axis to the force", 0, -jaw.length, -1, key=end.key_of("end_effector_length")),
             Dimension("eye", (0, -jaw.eye / 2, -jaw.length), (0, jaw.eye / 2, -jaw.length), "side", 1, "Ø"),
             Dimension("width", (0, -jaw.width, -jaw.length), (0, jaw.width, -jaw.length), "side", -1),
         ),

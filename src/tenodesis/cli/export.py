@@ -1,6 +1,7 @@
 """The commands that write an instrument for other programs: a controller's C header, URDF and MuJoCo."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -46,37 +47,26 @@ def export_controller(  # noqa: PLR0917
 ) -> None:
     """Write a controller's parameters as a C header, for tenodesis_init or tenodesis_joints_init."""
     given = load_instrument(instrument_file)
+    write: Callable[..., None]
     if law == "joints" or (law in (None, "off") and not control.pairs(given)):
         choices = {"--axis": axis, "--observer": observer, "--actuation": actuation}
         refuse_choices("the law of all joints has one of its own", choices)
-        name = control.identifier(given.name) if name is None else name
-        path = Path(f"{name}.h") if out is None else out
-        with outputs.files(out=path), write_errors(path, CommandError):
-            control.export_joints_header(
-                given, path, name, law="off" if law == "off" else "joints", own_clock=own_clock, source=instrument_file
-            )
-        joints = ", ".join(joint.name for joint in expanded(given).tip_joints)
-        typer.echo(f"{path}: {name}, the controller of {given.name} ({joints}), for tenodesis_joints_init.")
-        return
-    inst = control.compensated(given)
-    if axis is not None:
-        inst = inst.axis(axis)
+        inst, call = given, "tenodesis_joints_init"
+        served = ", ".join(joint.name for joint in expanded(given).tip_joints)
+        write = partial(control.export_joints_header, law="off" if law == "off" else "joints")
+    else:
+        inst = control.compensated(given)
+        inst = inst if axis is None else inst.axis(axis)
+        call, served = "tenodesis_init", " and ".join(inst.axes)
+        acting = actuation or "differential"
+        write = partial(
+            control.export_header, observer=observer or "friction", law=law or "robust", actuation=acting, homed=homed
+        )
     name = control.identifier(inst.name) if name is None else name
     path = Path(f"{name}.h") if out is None else out
     with outputs.files(out=path), write_errors(path, CommandError):
-        control.export_header(
-            inst,
-            path,
-            name,
-            observer=observer or "friction",
-            law=law or "robust",
-            actuation=actuation or "differential",
-            homed=homed,
-            own_clock=own_clock,
-            source=instrument_file,
-        )
-    axes = " and ".join(inst.axes)
-    typer.echo(f"{path}: {name}, the controller of {inst.name} ({axes}), for tenodesis_init.")
+        write(inst, path, name, own_clock=own_clock, source=instrument_file)
+    typer.echo(f"{path}: {name}, the controller of {inst.name} ({served}), for {call}.")
 
 
 @command("instrument_file")

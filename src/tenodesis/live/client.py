@@ -103,8 +103,7 @@ class Client(Connection):
 
     def latest(self) -> dict[str, Any]:
         """Return the newest tick's signals by name, scalars or arrays by joint and tendon; empty before the first."""
-        row = self._reader.newest()
-        return {} if row is None else self._reader.layout.signals_of(row)
+        return self._reader.signals()
 
     def history(self, seconds: float, rows: int = 500) -> dict[str, Array]:
         """Return the signals of the last seconds by name, with ``time`` (s), thinned to at most `rows` rows."""

@@ -55,7 +55,7 @@ class Runtime:
             self.journal = Journal(loop.folder, self._time)
         self.recorder = RecordingProcess(loop.folder, recordings)
         self.lease = Lease(loop.core.lease)
-        self.protocols = ProtocolRunner(loop, self.lease, self.recorder, self.journal, self._tick)
+        self.protocols = ProtocolRunner(loop, self.lease, self.recorder, self.journal, self._reader.signals)
         self._ending = threading.Event()
         self._upkeep = threading.Thread(target=self._look_after, name="upkeep", daemon=True)
         self._state: tuple[RuntimeState, tuple[str, ...]] | None = None
@@ -91,12 +91,12 @@ class Runtime:
 
     def hold(self, held: Held | None) -> None:
         """Put something between the jaws as they are now, or take it away."""
-        self.loop.hold(held, self._tick().get("output_angle", np.zeros(len(self.loop.inst.tip_joints))))
+        self.loop.hold(held, self._reader.signals().get("output_angle", np.zeros(len(self.loop.inst.tip_joints))))
 
     def status(self) -> Status:
         """Return the state of the runtime."""
         loop, core = self.loop, self.loop.core
-        tick = self._tick()
+        tick = self._reader.signals()
         recorder = self.recorder
         lost = int(recorder.status().get("lost", 0)) if recorder.path is not None else 0
         compute, control, lateness = core.compute, core.control, core.lateness
@@ -134,10 +134,6 @@ class Runtime:
             wound={axis: wound for n, axis in enumerate(loop.axes) if math.isfinite(wound := core.wound(n))},
         )
 
-    def _tick(self) -> dict[str, Any]:
-        row = self._reader.newest()
-        return {} if row is None else self._reader.layout.signals_of(row)
-
     def _time(self) -> float:
         row = self._reader.newest()
         return 0.0 if row is None else float(row[TICK.index("time")])
@@ -155,7 +151,7 @@ class Runtime:
                     _log.exception("looking after the loop failed")
 
     def _write_changes(self) -> None:
-        tick = self._tick()
+        tick = self._reader.signals()
         if not tick:
             return
         state, faults = _state(tick), _faults(tick)

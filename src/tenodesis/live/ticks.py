@@ -2,7 +2,7 @@
 
 import time
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -132,6 +132,11 @@ class Reader:
                 newest: Array = row[0]
                 return newest
         return None
+
+    def signals(self) -> dict[str, Any]:
+        """Return the newest tick's signals by name, scalars or arrays by joint and tendon; empty before the first."""
+        row = self.newest()
+        return {} if row is None else self.layout.signals_of(row)
 
 
 def start_time(run: Run) -> int:

@@ -115,8 +115,11 @@ def frictionless_causes(path: GroupPath, error: SimilarityError) -> Causes:
         expected = statics.output_angle(end, error.handle_angle[:, None], forces)
         parts[MECHANISM] = np.degrees(error.scaled_up_angle - expected)
     pairs = {name: (path.real_size[name], path.scaled_up[name]) for name in path.real_size}
-    places = [[LoopPoint(float(h), float(f), True) for f in error.force] for h in error.handle_angle]
-    return _causes(error.error, parts, pairs | _load(path, error.force), lambda at: places[at[0]][at[1]])
+
+    def point(row: np.intp, force: np.intp) -> LoopPoint:
+        return LoopPoint(float(error.handle_angle[row]), float(error.force[force]), True)
+
+    return _causes(error.error, parts, pairs | _load(path, error.force), point)
 
 
 def causes_at_rest(path: GroupPath, error: loops.LoopError, progress: OnProgress) -> Causes:
@@ -141,11 +144,7 @@ def causes_at_rest(path: GroupPath, error: loops.LoopError, progress: OnProgress
         parts[MECHANISM] = np.degrees(error.scaled_up_angle - _at_rest(path, end, path.load_ratio, error))
         _report(progress, total, total)
     pairs = {name: (start[name], end[name]) for name in start}
-
-    def place(at: tuple[int, ...]) -> LoopPoint:
-        return LoopPoint(float(error.handle_angle[at[1]]), float(error.force[at[0]]), bool(error.flexing[at[1]]))
-
-    return _causes(error.error, parts, pairs | _load(path, error.force), place)
+    return _causes(error.error, parts, pairs | _load(path, error.force), error.point)
 
 
 def _derivatives(path: GroupPath, node: float, handle: Array, force: Array) -> dict[str, Array]:
@@ -206,22 +205,21 @@ def _causes(
     error: Array,
     parts: Mapping[str, Array],
     pairs: Mapping[str, tuple[float, float]],
-    place: Callable[[tuple[int, ...]], LoopPoint],
+    point: Callable[[np.intp, np.intp], LoopPoint],
 ) -> Causes:
     known = np.where(np.isfinite(sum(parts.values())), error, np.nan)
     if np.isnan(known).all():
         raise ArgumentError(
             "no load is held by both instruments and by those between them; use smaller forces.", key="forces"
         )
-    at = tuple(int(i) for i in np.unravel_index(np.nanargmax(np.abs(known)), known.shape))
+    at = np.unravel_index(np.nanargmax(np.abs(known)), known.shape)
     remainder = known - sum(parts.values())
     causes = [
         Cause(name, *pairs.get(name, (nan, nan)), float(part[at]), rms_of_finite(part)) for name, part in parts.items()
     ]
     causes.sort(key=lambda cause: (-abs(cause.at_worst), -cause.rms))
-    return Causes(
-        place(at), float(error[at]), rms_of_finite(known), tuple(causes), float(remainder[at]), rms_of_finite(remainder)
-    )
+    whole, rest = rms_of_finite(known), rms_of_finite(remainder)
+    return Causes(point(*at), float(error[at]), whole, tuple(causes), float(remainder[at]), rest)
 
 
 def _report(progress: OnProgress, done: float, total: float) -> None:

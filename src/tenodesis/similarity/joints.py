@@ -322,6 +322,8 @@ class JointMotions(NamedTuple):
 
     names: list[str]
     """Of the joint that is bent, by loop"""
+    joints: int
+    """Of the tip"""
     handle: Array
     """(loops, n, handle joints), rad"""
     strokes: Array
@@ -355,7 +357,8 @@ class JointMotions(NamedTuple):
                         *(laid[:, np.newaxis] * float(one) for one in (grip, gripped)),
                     )
                 )
-        return cls(names, *(np.array(part) for part in zip(*commands, strict=True)))
+        joints = len(pair.real_size.tip_joints)
+        return cls(names, joints, *(np.array(part) for part in zip(*commands, strict=True)))
 
     @property
     def steps(self) -> int:
@@ -367,24 +370,27 @@ class JointMotions(NamedTuple):
         """Steps, after loading, from straight to the end the second time, and from there back."""
         return slice(-2 * _STEPS - 1, -_STEPS), slice(-_STEPS - 1, None)
 
-    def angles(self, insts: Sequence[FullForm], *, scaled: bool = False) -> Array:
+    def angles(self, insts: Sequence[FullForm | None], *, scaled: bool = False) -> Array:
         """Return the angles of the tip's joints in the loops after loading, (instruments, n, loops, joints), rad.
 
-        NaN from where a run is lost.
+        NaN from where a run is lost, and where there is no instrument.
         """
-        loops = len(self.names)
+        loops, valid = len(self.names), [inst for inst in insts if inst is not None]
+        every = [inst for inst in valid for _ in range(loops)]
+        angles = np.full((len(insts), self.steps, loops, self.joints), np.nan)
+        if not every:
+            return angles
         strokes, wrench, grip = (
             (self.scaled_strokes, self.scaled_wrench, self.scaled_grip)
             if scaled
             else (self.strokes, self.wrench, self.grip)
         )
-        radius = insts[0].own_drives.spool_radius
+        radius = every[0].own_drives.spool_radius
         wound = np.diff(strokes, axis=1, prepend=strokes[:, :1]) / radius
         step = max(_LEAST_STEP, float(np.abs(wound).max()) / _SLOW)
-        every = [inst for inst in insts for _ in range(loops)]
 
         def repeated(rows: Array) -> Array:
-            return np.tile(np.repeat(rows, 2, axis=1), (len(insts), 1, 1))
+            return np.tile(np.repeat(rows, 2, axis=1), (len(valid), 1, 1))
 
         # Spools move by the mean of two velocities: at rest in every second step they are where they are meant to be.
         velocity = repeated(wound / step)
@@ -400,8 +406,9 @@ class JointMotions(NamedTuple):
             time_step=step,
             quasi_static=True,
         )
-        found = batch["output_angle"][:, _LOADING:].reshape(len(insts), loops, -1, len(insts[0].tip_joints))
-        return np.swapaxes(found, 1, 2)
+        found = batch["output_angle"][:, _LOADING:].reshape(len(valid), loops, self.steps, self.joints)
+        angles[[inst is not None for inst in insts]] = np.swapaxes(found, 1, 2)
+        return angles
 
 
 def compare_joints(

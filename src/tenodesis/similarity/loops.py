@@ -82,8 +82,11 @@ class LoopError(ErrorStatistics):
     @property
     def worst(self) -> LoopPoint:
         """Point of the largest error."""
-        at = np.unravel_index(np.nanargmax(np.abs(self.error)), self.error.shape)
-        return LoopPoint(float(self.handle_angle[at[1]]), float(self.force[at[0]]), bool(self.flexing[at[1]]))
+        return self.point(*np.unravel_index(np.nanargmax(np.abs(self.error)), self.error.shape))
+
+    def point(self, force: np.intp, row: np.intp) -> LoopPoint:
+        """Return the point of a force and a row, by their numbers."""
+        return LoopPoint(float(self.handle_angle[row]), float(self.force[force]), bool(self.flexing[row]))
 
     @property
     def largest_force(self) -> float:

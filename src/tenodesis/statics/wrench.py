@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import FullForm, InstrumentLike, expanded
+from tenodesis.statics import chain
 from tenodesis.statics.query import numbers
 
 Array = NDArray[np.float64]
@@ -94,12 +95,7 @@ def tip_wrench(
 
 
 def _angles(inst: FullForm, angles: ArrayLike) -> Array:
-    at, joints = numbers("angles", angles), len(inst.tip_joints)
-    if at.ndim == 0 and not at.any():
-        return np.zeros(joints)
-    if at.ndim == 0 or at.shape[-1] != joints:
-        allowed = f"of {joints} numbers in its last axis"
-        raise ArgumentError(f"angles has the shape {at.shape}; it must be {allowed}.", key="angles", value=at.shape)
+    at = chain.rows_of("angles", angles, len(inst.tip_joints))
     wrong = ~(np.abs(at) < pi)
     if wrong.any():
         raise ArgumentError(key="angles", value=float(at[wrong][0]), allowed="less than half a turn")

@@ -3,9 +3,9 @@
 The handle flexes, goes a little beyond the working range, comes back, and flexes again.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from tenodesis import statics, twin
 from tenodesis._core import Status
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument import ShortForm
+from tenodesis.instrument import Instrument, ShortForm
 from tenodesis.magnitude import rms
 from tenodesis.run import Array
 from tenodesis.similarity import Comparison
 from tenodesis.tolerance.files import InstrumentName
 from tenodesis.tolerance.results import DESCRIPTIONS
+
+AnyInstrument = TypeVar("AnyInstrument", bound=Instrument)
 
 INVALID = -1
 """Status of a sample that is not a valid instrument."""
@@ -146,9 +148,13 @@ def angles_of(inst: ShortForm, cycle: Cycle, force: float) -> tuple[Array, int]:
 
 def _built(task: Evaluation, which: InstrumentName, row: Array) -> ShortForm | None:
     inst = task.real_size if which == "real-size" else task.scaled_up
-    changes = {key: float(value) for (of, key), value in zip(task.keys, row, strict=True) if of == which}
+    return replaced(inst, {key: float(value) for (of, key), value in zip(task.keys, row, strict=True) if of == which})
+
+
+def replaced(inst: AnyInstrument, values: Mapping[str, float]) -> AnyInstrument | None:
+    """Return an instrument with other values, by key; None where they make none."""
     try:
-        return inst.replace(**changes) if changes else inst
+        return inst.replace(**values) if values else inst
     except InstrumentError:
         return None
 

@@ -92,14 +92,9 @@ class JointEvaluation(NamedTuple):
 
     def _angles(self, insts: Sequence[FullForm | None], *, scaled_up: bool) -> tuple[Array, Array]:
         """Return the angles in the loops, (instruments, n, loops, joints), rad, and the status of each instrument."""
-        valid = [n for n, inst in enumerate(insts) if inst is not None]
-        shape = (self.motions.steps, len(self.motions.names), len(self.comparison.real_size.tip_joints))
-        angles = np.full((len(insts), *shape), np.nan)
-        status = np.full(len(insts), INVALID)
-        if valid:
-            angles[valid] = self.motions.angles([inst for inst in insts if inst is not None], scaled=scaled_up)
-            lost = np.isnan(angles[valid]).any(axis=(1, 2, 3))
-            status[valid] = np.where(lost, int(Status.NO_EQUILIBRIUM), int(Status.OK))
+        angles = self.motions.angles(insts, scaled=scaled_up)
+        status = np.where(np.isnan(angles).any(axis=(1, 2, 3)), int(Status.NO_EQUILIBRIUM), int(Status.OK))
+        status[[inst is None for inst in insts]] = INVALID
         return angles, status
 
     def _built(self, which: InstrumentName, row: Array) -> FullForm | None:

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis import statics
-from tenodesis.errors import ArgumentError, InstrumentError, StudyError
+from tenodesis.errors import ArgumentError, StudyError
 from tenodesis.instrument import Instrument, InstrumentLike, ShortForm, as_instrument, as_short_form, expanded
 from tenodesis.run import Array
 from tenodesis.scaling.plan import plain, quantity
 from tenodesis.similarity import Comparison, compare
 from tenodesis.similarity.parameters import field_of
-from tenodesis.tolerance.evaluation import Cycle, angles_of_many, cycles
+from tenodesis.tolerance.evaluation import Cycle, angles_of_many, cycles, replaced
 from tenodesis.workshop.grades import Grade, of_backbone, of_backlash, of_length, of_pretension, of_radius, of_stiffness
 from tenodesis.workshop.joint_pair import JointPair
 
@@ -312,7 +312,7 @@ class _Pair:
             if key in keys:
                 misread[place] = rows[:, keys.index(key)] / _value(self.scaled_up, field_of(self.scaled_up, radius))
         own = [n for n, key in enumerate(keys) if key != PULLEY and key not in BACKLASHES]
-        return _Built([self._one({keys[n]: float(row[n]) for n in own}) for row in rows], load, misread)
+        return _Built([replaced(self.scaled_up, {keys[n]: float(row[n]) for n in own}) for row in rows], load, misread)
 
     @property
     def columns(self) -> dict[str, dict[str, float]]:
@@ -348,12 +348,6 @@ class _Pair:
     def nominal(self) -> _Built:
         """Return the instrument as designed."""
         return _Built([self.scaled_up], np.ones(1), np.zeros((2, 1)))
-
-    def _one(self, values: Mapping[str, float]) -> ShortForm | None:
-        try:
-            return self.scaled_up.replace(**values)
-        except InstrumentError:
-            return None
 
 
 class _Choosing:

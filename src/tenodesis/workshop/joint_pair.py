@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tenodesis import tolerance
-from tenodesis.errors import ArgumentError, InstrumentError, StudyError
+from tenodesis.errors import ArgumentError, StudyError
 from tenodesis.instrument import FullForm
 from tenodesis.run import Array
 from tenodesis.similarity.joints import JointComparison, compare_joints
+from tenodesis.tolerance.evaluation import replaced
 from tenodesis.tolerance.parameters import UncertainParameter, resolve
 from tenodesis.workshop.grades import Grade, of_backbone, of_length, of_pretension, of_radius, of_spring, of_stiffness
 
@@ -123,40 +124,19 @@ class JointPair:
 
     def errors(self, built: BuiltJoints, forces: Sequence[int] | None = None) -> Array:
         """Return errors, deg, (1, instruments, values): of every joint in all loops and under all loads."""
-        valid = [n for n, inst in enumerate(built.insts) if inst is not None]
-        found = np.full((1, len(built.insts), self.reference.size), np.nan)
-        if valid:
-            angles = self.comparison.motions.angles([inst for inst in built.insts if inst is not None], scaled=True)
-            off = [self.comparison.between(one, self.reference).angle.ravel() for one in angles]
-            found = np.full((1, len(built.insts), off[0].size), np.nan)
-            found[0, valid] = off
-        return found
+        angles = self.comparison.motions.angles(built.insts, scaled=True)
+        return np.array([[one.angle.ravel() for one in self.comparison.between_many(angles, self.reference)]])
 
     def built(self, keys: Sequence[str], rows: Array) -> BuiltJoints:
         """Return the instruments that values by key (SI units) make."""
         ropes = {own[0].key: [one.key for one in own] for own in self.alike.values() if _of_rope(own[0])}
-        return BuiltJoints(
-            [
-                self._one(
-                    {
-                        member: float(value)
-                        for key, value in zip(keys, row, strict=True)
-                        for member in ropes.get(key, [key])
-                    }
-                )
-                for row in rows
-            ]
-        )
+        of = {key: ropes.get(key, [key]) for key in keys}
+        values = [{one: float(value) for key, value in zip(keys, row, strict=True) for one in of[key]} for row in rows]
+        return BuiltJoints([replaced(self.scaled_up, own) for own in values])
 
     def nominal(self) -> BuiltJoints:
         """Return the instrument as designed."""
         return BuiltJoints([self.scaled_up])
-
-    def _one(self, values: dict[str, float]) -> FullForm | None:
-        try:
-            return self.scaled_up.replace(**values)
-        except InstrumentError:
-            return None
 
 
 def _of_rope(one: UncertainParameter) -> bool:
