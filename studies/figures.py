@@ -6,13 +6,12 @@ as TABLE.ROW.COLUMN, or TABLE.ROW where the column is ``value``.
 
 import argparse
 import json
-import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
+from tenodesis.json_values import json_values
 
 FILE = Path(__file__).parents[1] / "docs/results.json"
 
@@ -93,8 +92,4 @@ def slug(text: str) -> str:
 
 
 def _json(value: Any) -> str:
-    """Return JSON, which has no numbers that are not finite."""
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return f"[{', '.join(map(_json, value))}]"
-    value = np.asarray(value).tolist()
-    return json.dumps(None if isinstance(value, float) and not math.isfinite(value) else value, ensure_ascii=False)
+    return json.dumps(json_values(value), ensure_ascii=False)

@@ -12,6 +12,7 @@ import typer
 from tenodesis.cli.common import Settings
 from tenodesis.cli.outputs import Outputs
 from tenodesis.errors import CommandError, Error
+from tenodesis.json_values import json_values
 
 Quiet: TypeAlias = Annotated[bool, typer.Option("--quiet", "-q", help="Print results, warnings and errors only.")]
 _Overwrite: TypeAlias = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
@@ -84,7 +85,7 @@ def command(*reads: str, json: str = "") -> Callable[[Callable[..., Answer | Non
 
 
 def _print_json(content: Any) -> None:
-    typer.echo(json.dumps(content, indent=1, ensure_ascii=False))
+    typer.echo(json.dumps(json_values(content), indent=1, ensure_ascii=False))
 
 
 def _paths(given: Any) -> list[Path | str]:

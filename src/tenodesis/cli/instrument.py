@@ -3,7 +3,6 @@
 import json
 from collections.abc import Sequence
 from functools import partial
-from math import isfinite
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
@@ -117,10 +116,7 @@ def _values(instrument_file: str, inst: Instrument) -> Answer:
         "joint_type": short.joint_type,
         "axes": short.axes,
         "values": {one.key: {name: item for name, item in one._asdict().items() if name != "key"} for one in values},
-        "derived": {
-            one.key: {"value": one.value if isfinite(one.value) else None, "unit": one.unit, "meaning": one.meaning}
-            for one in derived
-        },
+        "derived": {one.key: {"value": one.value, "unit": one.unit, "meaning": one.meaning} for one in derived},
         "resolution": resolution,
     }
     return Answer(lambda: content, show)

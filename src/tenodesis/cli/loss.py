@@ -127,7 +127,7 @@ def losses_as_json(inst: FullForm, found: Sequence[Loss]) -> dict[str, Any]:
         "joints": [joint.name for joint in inst.tip_joints],
         "tendons": [tendon.name for tendon in inst.tendons],
         "units": _UNITS,
-        "rows": [_plain(one) for one in found],
+        "rows": [one._asdict() for one in found],
     }
 
 
@@ -202,17 +202,6 @@ def _numbers(option: str, text: str, kind: Any, count: int, example: str) -> Arr
             f"{option} = {text!r}: it must be {allowed}, like '{example}'.", key=option, value=text, allowed=allowed
         )
     return np.array([quantity(option, f"{number} {unit}", kind) for number in numbers])
-
-
-def _plain(row: Loss) -> dict[str, Any]:
-    """Return a row as JSON has it: arrays as lists, None where there is no number."""
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, np.ndarray):
-            return [plain(item) for item in value.tolist()]
-        return None if isinstance(value, float) and not isfinite(value) else value
-
-    return {key: plain(value) for key, value in row._asdict().items()}
 
 
 def _fixed(value: float, decimals: int = 2) -> str:

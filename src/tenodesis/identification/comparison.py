@@ -12,8 +12,8 @@ from tenodesis.identification.fit import fit
 from tenodesis.identification.problem import Problem
 from tenodesis.identification.results import Fit, Interval, by_unit
 from tenodesis.identification.uncertainty import LossName, autocorrelation, correlation_samples
+from tenodesis.json_values import json_values
 from tenodesis.magnitude import rms
-from tenodesis.report.page import json_number
 from tenodesis.run import Array
 
 
@@ -188,19 +188,20 @@ class ArrangementComparison:
 
     def to_json(self) -> list[dict[str, Any]]:
         """Return the arrangements as plain values for JSON, the best first."""
-        return [
+        rows = [
             {
                 "arrangement": row.name,
                 "own": row.name == self.own,
                 "chosen": row.name == self.chosen,
                 "parameters": row.parameters,
-                "bic": json_number(row.bic),
-                "excess": json_number(row.excess),
-                **{f"train_rmse_{unit}": json_number(value) for unit, value in by_unit(row.fit.train_rmse).items()},
-                **{f"test_rmse_{unit}": json_number(value) for unit, value in by_unit(row.fit.test_rmse).items()},
+                "bic": row.bic,
+                "excess": row.excess,
+                **{f"train_rmse_{unit}": value for unit, value in by_unit(row.fit.train_rmse).items()},
+                **{f"test_rmse_{unit}": value for unit, value in by_unit(row.fit.test_rmse).items()},
             }
             for row in self.rows
         ]
+        return list(json_values(rows))
 
 
 def compare_arrangements(

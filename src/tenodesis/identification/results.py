@@ -15,8 +15,9 @@ from tenodesis.identification.problem import Parameter, Problem, SensorError, Tr
 from tenodesis.identification.search import LEAST_PER_PARAMETER, MOST_STEPS, SearchEnd
 from tenodesis.identification.uncertainty import LossName, Uncertainty, Whiteness
 from tenodesis.instrument import Instrument
+from tenodesis.json_values import json_values
 from tenodesis.magnitude import rms
-from tenodesis.report.page import about, json_number
+from tenodesis.report.page import about
 from tenodesis.run import Array
 
 if TYPE_CHECKING:
@@ -206,7 +207,7 @@ def to_json(
     `arrangements` are those that were compared, the best first.
     """
     runs = distinct([one.name for one in found.files])
-    return {
+    content: dict[str, Any] = {
         "schema": RESULTS_SCHEMA,
         "about": about(*LIBRARIES),
         "format": format,
@@ -214,17 +215,17 @@ def to_json(
         "train": [name for name, one in zip(runs, found.files, strict=True) if one.split == "train"],
         "test": [name for name, one in zip(runs, found.files, strict=True) if one.split == "test"],
         "parameters": {one.name: _parameter(found, one) for one in found.parameters},
-        **{f"train_rmse_{unit}": json_number(value) for unit, value in by_unit(found.train_rmse).items()},
-        **{f"test_rmse_{unit}": json_number(value) for unit, value in by_unit(found.test_rmse).items()},
-        "train_rmse": _numbers(found.train_rmse),
-        "test_rmse": _numbers(found.test_rmse),
+        **{f"train_rmse_{unit}": value for unit, value in by_unit(found.train_rmse).items()},
+        **{f"test_rmse_{unit}": value for unit, value in by_unit(found.test_rmse).items()},
+        "train_rmse": found.train_rmse,
+        "test_rmse": found.test_rmse,
         "files": {name: _file(one) for name, one in zip(runs, found.files, strict=True)},
         "correlation": {
-            name: dict(zip(found.free, map(json_number, row), strict=True))
-            for name, row in zip(found.free, found.correlation.tolist(), strict=True)
+            name: dict(zip(found.free, row, strict=True))
+            for name, row in zip(found.free, found.correlation, strict=True)
         },
         "identifiability": {
-            "singular_values": [json_number(value) for value in found.identifiability.singular_values.tolist()],
+            "singular_values": found.identifiability.singular_values,
             "combinations": [
                 {"parameters": list(one.names), "known": one.known} for one in found.identifiability.combinations
             ],
@@ -232,15 +233,16 @@ def to_json(
             "statements": list(found.identifiability.statements),
         },
         "whiteness": [_whiteness(one) for one in found.whiteness],
-        "cost": json_number(found.cost),
-        "aic": json_number(found.aic),
-        "bic": json_number(found.bic),
-        "costs": [json_number(value) for value in found.costs],
+        "cost": found.cost,
+        "aic": found.aic,
+        "bic": found.bic,
+        "costs": found.costs,
         **{name: getattr(found, name) for name in _AS_THEY_ARE},
         "arrangements": list(arrangements),
         "warnings": list(found.warnings),
         "notes": {name: list(sentences) for name, sentences in (notes or {}).items()},
     }
+    return dict(json_values(content))
 
 
 def _parameter(found: Fit, one: Parameter) -> dict[str, Any]:
@@ -252,8 +254,8 @@ def _parameter(found: Fit, one: Parameter) -> dict[str, Any]:
         "unit": one.unit,
         "meaning": one.meaning,
         "fitted": fitted,
-        "std": json_number(found.std[name]) if fitted else None,
-        "std_white": json_number(found.std_white[name]) if fitted else None,
+        "std": found.std[name] if fitted else None,
+        "std_white": found.std_white[name] if fitted else None,
         "interval_95": None if interval is None else list(interval),
         "bootstrap_interval_95": None if drawn is None else list(drawn),
         "identifiable": found.identifiability.identifiable[name] if fitted else None,
@@ -268,10 +270,10 @@ def _file(one: RunErrors) -> dict[str, Any]:
     return {
         "split": one.split,
         "samples": max(one.samples.values(), default=0),
-        **{f"rmse_{unit}": json_number(value) for unit, value in by_unit(one.rmse).items()},
-        "rmse": _numbers(one.rmse),
-        "mean": _numbers(one.mean),
-        "largest": _numbers(one.largest),
+        **{f"rmse_{unit}": value for unit, value in by_unit(one.rmse).items()},
+        "rmse": one.rmse,
+        "mean": one.mean,
+        "largest": one.largest,
         "sensors": {name: error._asdict() for name, error in one.sensors.items()},
     }
 
@@ -282,17 +284,13 @@ def _whiteness(one: Whiteness) -> dict[str, Any]:
         "channel": one.channel,
         "sensor": one.sensor,
         "white": one.white,
-        "p_value": json_number(one.p_value),
-        "ljung_box": json_number(one.statistic),
+        "p_value": one.p_value,
+        "ljung_box": one.statistic,
         "lags": one.lags,
         "correlation_time": one.correlation_time,
         "samples": one.samples,
         "effective_samples": one.effective_samples,
     }
-
-
-def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
-    return {key: json_number(value) for key, value in values.items()}
 
 
 _MOST_UNEXPLAINED = 0.5

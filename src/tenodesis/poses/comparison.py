@@ -9,6 +9,7 @@ import numpy as np
 from tenodesis import statics
 from tenodesis.errors import IdentificationError
 from tenodesis.instrument import FullForm, InstrumentLike, expanded, in_arcs
+from tenodesis.json_values import json_values
 from tenodesis.kinematics import Port, tip_pose
 from tenodesis.kinematics.chain import rotated
 from tenodesis.magnitude import rms_of_finite
@@ -100,8 +101,7 @@ class PoseComparison:
             "tensions": self.tensions,
             "strokes": self.strokes,
         } | ({} if self.angle_error is None else {"angle_error": self.angle_error})
-        plain = {key: _plain(np.asarray(values).tolist()) for key, values in columns.items()}
-        return {
+        content: dict[str, Any] = {
             "instrument": self.inst.name,
             "poses": self.given.name,
             "driven_by": self.given.driven,
@@ -114,8 +114,9 @@ class PoseComparison:
             "summary": self.summary,
             "notes": self.notes,
             "units": _UNITS,
-            "rows": [dict(zip(plain, row, strict=True)) for row in zip(*plain.values(), strict=True)],
+            "rows": [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)],
         }
+        return dict(json_values(content))
 
 
 def compare(
@@ -212,9 +213,3 @@ def _angle_error(inst: FullForm, given: ReferencePoses, turns: Array) -> Array |
     own = np.arctan2(np.hypot(x, y), z) if across is None else np.arctan2(across, z)
     off = own - given.angle
     return np.asarray((off + np.pi) % (2 * np.pi) - np.pi)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, list):
-        return [_plain(one) for one in value]
-    return value if np.isfinite(value) else None

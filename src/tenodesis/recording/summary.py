@@ -13,6 +13,7 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from tenodesis.errors import InstrumentError, RecordingError
+from tenodesis.json_values import json_values
 from tenodesis.recording import kept
 from tenodesis.recording.blocks import Progress
 from tenodesis.recording.metadata import CONTROLLER, controller_choices, controller_instrument, in_words
@@ -92,13 +93,13 @@ def contents(about: Recording | Summary) -> dict[str, Any]:
     topics = {
         name: {
             "messages": topic.messages,
-            "rate": None if isnan(topic.rate) else topic.rate,
+            "rate": topic.rate,
             "type": topic.type,
             "left_out": str(recording.left_out[name]) if name in recording.left_out else None,
         }
         for name, topic in recording.topics.items()
     }
-    return {
+    content: dict[str, Any] = {
         "origin": facts(summary),
         "duration": summary.seen.last - summary.seen.first,
         "rows": summary.seen.rows,
@@ -107,6 +108,7 @@ def contents(about: Recording | Summary) -> dict[str, Any]:
         "signals": signals,
         "events": len(recording.events),
     }
+    return dict(json_values(content))
 
 
 def facts(about: Recording | Summary) -> dict[str, str]:

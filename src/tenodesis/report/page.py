@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from tenodesis.errors import Error
 from tenodesis.files import atomic_files, write_errors
+from tenodesis.json_values import json_values
 from tenodesis.report import style
 from tenodesis.report.content import Plot, fixed
 from tenodesis.version import __version__
@@ -86,20 +87,5 @@ def written(out: Path, error: type[Error], *, last: str = "") -> Iterator[Path]:
 
 
 def json_text(values: Mapping[str, Any]) -> str:
-    """Return values as the text of a JSON file: arrays as lists, and null for numbers that are not finite."""
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, Mapping):
-            return {key: plain(one) for key, one in value.items()}
-        if isinstance(value, list | tuple):
-            return [plain(one) for one in value]
-        if isinstance(value, np.ndarray | np.generic):
-            return plain(value.tolist())
-        return json_number(value) if isinstance(value, float) else value
-
-    return json.dumps(plain(values), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def json_number(value: float) -> float | None:
-    """Return a number for JSON: None if it is not finite."""
-    return float(value) if math.isfinite(value) else None
+    """Return values as the text of a JSON file, as :func:`json_values`."""
+    return json.dumps(json_values(values), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
