@@ -14,7 +14,8 @@ import law
 import numpy as np
 
 import tenodesis as tn
-from tenodesis.control import FAULTS, Controller, OperatingState, parameters
+from tenodesis.control import Controller, OperatingState, parameters
+from tenodesis.control.controller import fault_names
 from tenodesis.instrument import Instrument
 from tenodesis.run import Run
 from tenodesis.simulate import campaign
@@ -171,8 +172,7 @@ def watched(inst: Instrument, setting: Setting, seed: int, seconds: float) -> It
         faults: dict[bool, list[str]] = {True: [], False: []}
         if failed.size:
             row = int(failed[0])
-            mask = int(run["faults"][row])
-            found = [name for n, name in enumerate(FAULTS) if mask >> n & 1]
+            found = fault_names(int(run["faults"][row]))
             faults[all(confirmed(known, run, name, row) for name in found)].append("+".join(found))
             twin, controller = Twin(inst, seed=seed), Controller(known, **choices)
             start, tip = np.zeros(3), 0.0

@@ -18,7 +18,8 @@ import numpy as np
 from currents import GEARED
 
 import tenodesis as tn
-from tenodesis.control import FAULTS, Controller, OperatingState, Request, homing_failure
+from tenodesis.control import Controller, OperatingState, Request
+from tenodesis.control.controller import fault_names, homing_failure
 from tenodesis.instrument import Instrument
 from tenodesis.run import Run, concatenate
 from tenodesis.simulate import FaultInjection, campaign
@@ -193,9 +194,7 @@ def home(case: HomingCase) -> dict[str, Any]:
     peer = standing.run(np.full(run.time.size, case.handle), case.force, **arguments)
     state = run["operating_state"]
     mask = int(np.bitwise_or.reduce(run["faults"].astype(int)[200:]))
-    answer = homing_failure(int(run["homing_failure"][-1])) or ",".join(
-        n for k, n in enumerate(FAULTS) if mask >> k & 1
-    )
+    answer = homing_failure(int(run["homing_failure"][-1])) or ",".join(fault_names(mask))
     if not answer and state[-1] != OperatingState.PAUSED:
         answer = "not ended"
     tip, off = run["output_angle"], peer["output_angle"]

@@ -20,8 +20,8 @@ from peers.plant import PERIOD, Plant, Plants, plant_of
 
 import tenodesis as tn
 from tenodesis import _core
-from tenodesis.control import FAULTS, Controller
-from tenodesis.control.controller import LawName
+from tenodesis.control import Controller
+from tenodesis.control.controller import LawName, fault_names
 from tenodesis.instrument import Instrument
 from tenodesis.simulate import campaign
 from tenodesis.simulate.campaign import Column, rms
@@ -124,7 +124,7 @@ def _run_together(cases: Sequence[Case], seconds: float) -> list[CaseResponse]:
             faults[controlled] |= [mask for *_, mask, _, _ in answers]
         kept[0, k], kept[1, k] = plants.tip, plants.tip - plants.target
         kept[7, k], kept[8, k], kept[9:, k] = plants.touch, plants.tension[0].max(0), readings[:, 1:3].T
-    names = [[name for bit, name in enumerate(FAULTS) if mask >> bit & 1] for mask in faults]
+    names = [list(fault_names(mask)) for mask in faults]
     return [CaseResponse(at, *kept[:9, :, n], kept[9:, :, n], names[n]) for n in range(len(cases))]
 
 

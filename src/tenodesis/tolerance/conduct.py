@@ -51,10 +51,8 @@ def study(
     The force on the scaled-up instrument is that on the real-size one times the force factor of the nominal pair,
     since the laboratory uses nominal weights. Instruments of several joints are run through the loops of
     :class:`tenodesis.similarity.JointComparison`, those of one plane through a cycle of the handle, and of the same
-    joint type compared at equal handle angles,
-    others at handle angles of equal unloaded output of the nominal
-    pair. Results do not depend on engine, threads or
-    chunks.
+    joint type compared at equal handle angles, others at handle angles of equal unloaded output of the nominal pair.
+    Results do not depend on engine, threads or chunks.
 
     Parameters
     ----------

@@ -55,13 +55,6 @@ class UncertainParameter(NamedTuple):
         number = f"{value * in_unit(unit, self.unit) if unit != '1' else value:.{digits}g}"
         return f"{number} {unit_text(unit)}".removesuffix(" 1").replace(" deg", "°")
 
-    @property
-    def width_text(self) -> str:
-        """Width of the distribution, for tables."""
-        if self.distribution == "normal":
-            return f"s = {self.shown(self.width, 3)}"
-        return f"± {self.shown(self.width, 3)}" + " triangular" * (self.distribution == "triangular")
-
 
 class _Number(NamedTuple):
     value: float

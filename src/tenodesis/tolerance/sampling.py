@@ -13,8 +13,6 @@ from tenodesis.tolerance.parameters import UncertainParameter
 CONFIDENCE = 0.95
 """Level of the intervals of the indices."""
 _RESAMPLES = 200
-
-
 CLOSE = 0.1
 """Half width of the confidence intervals up to which indices count as converged."""
 
