@@ -26,7 +26,7 @@ from tenodesis.simulate.campaign import Column, Rows
 
 FACTORS = (0.5, 1.5)
 SEED = 101
-OF_FAULTS = {"watch_window", "watch_moment", "long_run", "drive_gain_error", "time_to_obey", "press_time", "hanging"}
+OF_FAULTS = {"watch_window", "watch_moment", "long_run", "drive_gain_error", "transient_time", "hanging"}
 ALTERNATING = campaign.cases(
     instrument=["scaled-up", "real-size"], angle=[33.0, 80.0], share=[0.25, 0.5], period=[0.4, 1.5]
 )

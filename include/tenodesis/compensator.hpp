@@ -294,7 +294,7 @@ struct Compensator {
     AlternationState<S>& load = state.load;
     if (state.second) {
       const S jump = model.stroke_for(S(tuning::notable_angle) * memory.arm) + S(0.5) * tremor;
-      follow<S>({certain, stroke, dead, waking, jump, moving}, S(2) * dt, load);
+      follow<S>({certain, stroke, waking, jump, moving, state.envelope.bounded}, S(2) * dt, load);
     }
     if (state.phase == Phase::rest && !load.leans) return {};
     // They show the tip itself, not only what is certain of it.
@@ -303,8 +303,8 @@ struct Compensator {
     const S gain_factor = load.alternates() ? S(1) : state.envelope.gain_factor;
     S differential = settings.gain * gain_factor * (strokes ? missing : certain);
     if (!strokes && !state.correcting && load.leans)
-      differential =
-          leaning_speed(load, stroke, observer.breakaway(memory, S(load.mean > stroke ? 1 : -1)), settings.gain);
+      differential = leaning_speed(load, certain, stroke, observer.breakaway(memory, S(load.mean > stroke ? 1 : -1)),
+                                   settings.gain);
     else if (!strokes && !state.correcting && gain_factor < S(1))
       differential =
           differential + (S(1) - gain_factor) * envelope.returning(stroke, settings.assistance, state.envelope);
@@ -334,7 +334,7 @@ struct Compensator {
       // While gain is withheld or the tip is left to friction there are no strokes that let out again what is wound
       // beyond that.
       const S needed = wanted - common;
-      const S slowly = gain_factor < S(1) ? smaller(needed, S(0)) * S(1 / tuning::common_memory) : S(0);
+      const S slowly = gain_factor < S(1) ? smaller(needed, S(0)) * S(tuning::return_rate) : S(0);
       const S least = load.leans ? S(-tuning::slow_stroke) * settings.common_speed : slowly;
       const S most = wanted > S(0) || load.leans ? settings.common_speed : S(0);
       const S tightening = clamp(settings.gain * needed, least, most);
@@ -441,7 +441,6 @@ struct Compensator {
     const bool sure =
         near && ((share * share * memory.position_variance < square(S(tuning::outlier) * dead) && learned()) ||
                  S(state.turns) > S(tuning::most_turns));
-    const bool far = abs(error) > S(tuning::far) * dead;
     const auto& load = state.load;
     const bool steady = Envelope<A>::steady(state.envelope) && !load.alternates() && !load.leans;
     const auto dithers = [&] {
@@ -450,9 +449,7 @@ struct Compensator {
              !loose;
     };
     state.since = smaller(state.since + dt, S(10));
-    // A new load takes a tip away that rests, or that dither has brought to its target.
-    const auto taken = [&] { return (dithered() || state.phase == Phase::rest) && abs(error) > waking; };
-    if (moving || load.fast || load.leans || (far && taken())) return turn(Phase::track, state);
+    if (moving || load.fast || load.leans) return turn(Phase::track, state);
     switch (state.phase) {
       case Phase::track:
         if (state.correcting) {
@@ -464,8 +461,7 @@ struct Compensator {
         if (near && (trembles || (sure && unseen < S(tuning::unseen) * dead))) return turn(Phase::rest, state);
         if (dithers()) return turn(Phase::dither, state);
         if (loose && tight) return;
-        if (steady && (!far || state.since > S(tuning::patience)))
-          turn(above > S(0) && !loose ? Phase::release : Phase::pull, state);
+        if (steady) turn(above > S(0) && !loose ? Phase::release : Phase::pull, state);
         return;
       case Phase::rest:
         if (steady && (abs(error) > waking || (!trembles && unseen > S(tuning::unseen) * dead)))
@@ -499,9 +495,9 @@ struct Compensator {
   }
 
   // An error soon after a stroke is its remainder: continuing the same way spares the tip a reversal of its friction.
-  Phase next_stroke(const S& above, const S& stroke, bool loose, const State& state) const {
+  static Phase next_stroke(const S& above, const S& stroke, bool loose, const State& state) {
     if (loose) return Phase::pull;
-    const bool soon = state.since < S(tuning::patience);
+    const bool soon = state.since < S(tuning::transient_time);
     if (soon && abs(above) < stroke) return state.stroke;
     return above > S(0) ? Phase::release : Phase::pull;
   }
@@ -547,7 +543,7 @@ struct Compensator {
   static void turn(Phase phase, State& state) {
     state.correcting = false;
     // A new load has woken the motors, rather than their own last stroke: the full accuracy applies again.
-    if (phase == Phase::track || (state.phase == Phase::rest && state.since > S(tuning::long_rest))) {
+    if (phase == Phase::track || (state.phase == Phase::rest && state.since > S(tuning::correction_time))) {
       state.tolerance = S(1);
       state.turns = 0;
     }

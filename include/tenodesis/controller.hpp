@@ -137,7 +137,7 @@ struct AxisController {
     if (!home) judge(dt, memory);
     // The tip presses on something if it has yielded for a while: a load that comes makes it yield for a moment.
     // A fault may end that before it is named.
-    const S enough = S(tuning::press_time), most = S(4.0 / 3) * S(tuning::press_time);
+    const S enough = S(tuning::transient_time), most = S(4.0 / 3) * S(tuning::transient_time);
     S& yielded = memory.yielded;
     yielded = clamp(yielded + (memory.compensator.yielding ? dt : -dt), S(0), most);
     memory.command.pressing =

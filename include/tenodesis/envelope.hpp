@@ -114,7 +114,7 @@ struct Envelope {
         const S left = state.squared < state.unmoved ? state.squared / state.unmoved : S(1);
         // A tip that friction holds stays behind by what the hand has drawn, and by no more.
         const S excursion = abs(model.excursion(handle_angle) - model.excursion(state.handle_angle));
-        const bool by_hand = abs(handle_angle - state.handle_angle) >= S(tuning::swing_hand_travel) &&
+        const bool by_hand = abs(handle_angle - state.handle_angle) >= S(tuning::notable_angle) &&
                              abs(state.extreme - state.reversed) <= S(tuning::tremor_spare) * excursion;
         state.reversals = state.reversals + (by_hand ? larger(S(2) * left - S(1), S(0))
                                                      : smaller(left * S(1 / tuning::useless_share), S(1)));

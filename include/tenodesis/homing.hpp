@@ -100,7 +100,7 @@ struct Homing {
  private:
   // Times, s: in which jogs listen, turn, and wait in addition to the drive's own time; in which a tip comes to rest.
   static constexpr S listen = S(0.02), turn = S(0.025), wait = S(0.015), pause = S(0.15);
-  S flat() const { return S(tuning::homing_answer) * settings.notice; }
+  S flat() const { return S(tuning::homing_proof) * settings.notice; }
   // Speeds: of tight tendons, by their stretch, and of one that may pull the tip or is almost slack.
   S brisk() const { return S(2) * model.axis.pretension / model.axis.stiffness; }
   S creep() const { return smaller(settings.travel * S(5), settings.speed * S(0.5)); }

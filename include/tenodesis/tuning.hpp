@@ -53,8 +53,8 @@
   ROW(tremor_pulsation, 0.2, "1", "studies/tremor.py", "share by which a swing changes the pulsation")                 \
   /* law */                                                                                                            \
   ROW(breakaway_time, 0.025, "s", "studies/changes.py", "in which friction is overcome after the hand reverses")       \
-  ROW(far, 15, "1", "studies/harm.py", "error that is corrected first without a stroke, in dead bands")                \
-  ROW(patience, 0.3, "s", "studies/tremor.py", "for which that is tried")                                              \
+  ROW(transient_time, 0.3, "s", "studies/tremor.py",                                                                   \
+      "after which an error is no remainder of the last stroke, and a tip that yields presses on something")           \
   ROW(settle_time, 0.03, "s", "studies/harm.py", "within the dead band before the motors rest")                        \
   ROW(rising_friction, 1.1, "1", "studies/plants.py",                                                                  \
       "friction scale over that of a stroke ago, above which a tip is not yet where it is estimated")                  \
@@ -65,8 +65,8 @@
   ROW(still_time, 0.1, "s", "studies/homing.py", "for which a hand, or a mean tension while homing, must be still")    \
   ROW(waking, 2, "1", "chosen", "error that moves motors at rest, in dead bands")                                      \
   ROW(unseen, 4, "1", "studies/changes.py", "what strokes would show, in dead bands, that keeps the motors awake")     \
-  ROW(long_rest, 1, "s", "studies/changes.py", "after which a disturbance is a new load")                              \
-  ROW(correction_time, 1, "s", "studies/changes.py", "longest time of a correction between two strokes")               \
+  ROW(correction_time, 1, "s", "studies/changes.py",                                                                   \
+      "longest of a correction between two strokes; after a longer rest a disturbance is a new load")                  \
   ROW(correction_over_breakaway, 1.3, "1", "chosen", "stroke of a correction over that which frees the tip")           \
   ROW(approach_rate, 30, "1/s", "chosen", "at which a stroke may approach its bounds")                                 \
   ROW(few_turns, 2, "1", "studies/tremor.py",                                                                          \
@@ -74,7 +74,6 @@
   ROW(most_turns, 4, "1", "studies/harm.py", "the same where it had not")                                              \
   ROW(tolerance_growth, 1.5, "1", "chosen", "of the dead band by a stroke")                                            \
   ROW(most_tolerance, 3, "1", "studies/tremor.py", "dead bands up to which it grows")                                  \
-  ROW(common_memory, 1, "s", "studies/harm.py", "time constant with which tendons are let out without strokes")        \
   ROW(differential_share, 0.8, "1", "chosen", "of a common stroke's speed: no tendon is to reverse")                   \
   ROW(slow_stroke, 0.25, "1", "studies/tremor.py", "of the speed of a stroke on target")                               \
   ROW(near_limit, 0.94, "1", "bound: beside the noise of a cell",                                                      \
@@ -95,30 +94,26 @@
   ROW(mean_memory, 3, "s", "studies/harm.py", "time constant of the mean loss")                                        \
   ROW(useless_share, 0.4, "1", "studies/harm.py",                                                                      \
       "of the mean square that an error had without strokes, from which its reversal counts whole")                    \
-  ROW(swing_hand_travel, 0.03490658503988659, "rad", "studies/harm.py",                                                \
-      "handle travel between reversals that the hand made (2 deg)")                                                    \
   ROW(few_reversals, 2, "1", "studies/harm.py", "recent reversals from which the law's gain falls")                    \
   ROW(many_reversals, 4, "1", "studies/harm.py", "from which it is zero")                                              \
   ROW(return_rate, 5, "1/s", "studies/harm.py", "at which a stroke or a mean error that is not wanted is taken back")  \
   /* loads that alternate */                                                                                           \
   ROW(notable_angle, 0.017453292519943295, "rad", "studies/harm.py: what it counts as harm",                           \
-      "of the tip: a jump of the load, or by how much a stroke may exceed what one explains (1 deg)")                  \
+      "of the tip: a jump of the load, or by how much a stroke may exceed what one explains; of the handle between "   \
+      "reversals that the hand made (1 deg)")                                                                          \
   ROW(alternation_fastest, 0.3, "s", "studies/changes.py", "time between jumps that motors can follow")                \
-  ROW(alternation_left, 0.3, "1", "studies/changes.py",                                                                \
+  ROW(alternation_left, 0.25, "1", "studies/changes.py",                                                               \
       "of a jump, that is left to friction; the rest of the stroke that it holds is given back")                       \
-  ROW(alternation_on_target, 0.1, "1", "studies/changes.py", "of a jump, below which the tip is on target")            \
-  ROW(alternation_longest, 10, "s", "studies/changes.py",                                                              \
+  ROW(alternation_longest, 60, "s", "studies/changes.py",                                                              \
       "after which jumps are forgotten, and strokes look for a hidden load")                                           \
-  ROW(alternation_smoothing, 0.5, "s", "studies/changes.py", "of mean error and mean stroke")                          \
+  ROW(alternation_smoothing, 0.6, "s", "studies/changes.py", "of mean error and mean stroke")                          \
   /* supervisor */                                                                                                     \
-  ROW(time_to_obey, 0.05, "s", "studies/faults.py",                                                                    \
-      "in a fault, after which a motor that does not follow is not only slow to stop")                                 \
   ROW(hanging, 0.05, "1", "bound", "of the pretension, below which a tendon hangs")                                    \
   ROW(below_home, 1.36, "1", "studies/changes.py, studies/harm.py",                                                    \
       "stroke below home of a return, over that which makes the tendons half as tight")                                \
-  ROW(press_time, 0.3, "s", "chosen", "after which a tip that yields presses on something")                            \
   /* watch */                                                                                                          \
-  ROW(watch_window, 0.1, "s", "studies/faults.py", "in which slip and a motor's lag are judged")                       \
+  ROW(watch_window, 0.1, "s", "studies/faults.py",                                                                     \
+      "in which slip and a motor's lag are judged, and after which a motor in a fault must have obeyed")               \
   ROW(watch_moment, 1e-3, "s", "studies/faults.py",                                                                    \
       "in which inertia keeps hand and tip from lowering the mean tension as a slip does")                             \
   ROW(long_run, 40, "1", "studies/faults.py", "windows after which motor and encoder agree in the long run")           \
@@ -126,10 +121,10 @@
   /* homing */                                                                                                         \
   ROW(homing_gain, 8, "1/s", "studies/homing.py", "of a tight tendon's missing stretch")                               \
   ROW(homing_time, 10, "s", "studies/homing.py", "longest time of a stage, beside that of its largest stroke")         \
-  ROW(homing_proof, 0.25, "1", "studies/homing.py", "of the pretension, at which the wiring is proven")                \
+  ROW(homing_proof, 0.25, "1", "studies/homing.py",                                                                    \
+      "of the pretension, or of the least tension that is noticed, that proves the wiring")                            \
   ROW(homing_judged, 0.8, "1", "studies/homing.py", "of the pretension, at which the stretch is judged")               \
   ROW(homing_sudden, 0.07, "1", "studies/homing.py", "of the pretension: fall at once by which a tendon has broken")   \
-  ROW(homing_answer, 0.25, "1", "studies/homing.py", "of the noticed tension, that an answer to a jog must exceed")    \
   ROW(homing_least_slope, 0.45, "1", "bound", "of tension by stroke, over the nominal one, or its inverse")            \
   ROW(most_gain_difference, 0.12, "1", "bound", "of the load cells")
 
