@@ -94,7 +94,7 @@ void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
   const bool leans = state.fast || (held && (state.leans ? state.jumps > 0 : state.alternates()));
   if (leans && !state.leans) state.offset = tip.certain;
   state.leans = leans;
-  if (leans && !tip.bounded) state.mean = state.mean + state.offset * (dt / S(tuning::mean_memory));
+  if (leans && !state.fast && !tip.bounded) state.mean = state.mean + state.offset * (dt / S(tuning::mean_memory));
 }
 
 /// Differential speed while the tip is left to friction, m/s; holds: how much less stroke still holds it, m; gain:
