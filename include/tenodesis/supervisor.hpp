@@ -93,7 +93,7 @@ struct Supervisor {
     state.since = smaller(state.since + usable(dt), S(100));
     if (state.operating == OperatingState::fault) {
       state.faults |= faults;
-      if (has(faults, Fault::motor_not_following) && state.since > S(tuning::watch_window)) state.cut_power = true;
+      if (has(faults, Fault::motor_not_following) && state.since > S(0.5 * tuning::watch_window)) state.cut_power = true;
       if (request == Request::clear && faults == 0) {
         state.first = state.faults = 0;
         state.cut_power = false;
@@ -177,7 +177,7 @@ struct Supervisor {
     const S stopping = S(0.02) + S(0.02) * abs(axis.leaving[i]);  // rad; s of its loop's lag
     const auto& before = axis.held_tension;
     const S room = speed > S(0) ? tension_limit - larger(before[0], before[1]) : smaller(before[0], before[1]);
-    return abs(moved) > stopping && abs(speed) * S(tuning::watch_window) > larger(room, S(0)) * stretch;
+    return abs(moved) > stopping && abs(speed) * S(0.5 * tuning::watch_window) > larger(room, S(0)) * stretch;
   }
 
   // A clock that has stopped must not keep the motors running.

@@ -113,7 +113,7 @@
       "stroke below home of a return, over that which makes the tendons half as tight")                                \
   /* watch */                                                                                                          \
   ROW(watch_window, 0.1, "s", "studies/faults.py",                                                                     \
-      "in which slip and a motor's lag are judged, and after which a motor in a fault must have obeyed")               \
+      "in which slip and a motor's lag are judged; in a fault a motor must obey in half of it")                        \
   ROW(watch_moment, 1e-3, "s", "studies/faults.py",                                                                    \
       "in which inertia keeps hand and tip from lowering the mean tension as a slip does")                             \
   ROW(long_run, 40, "1", "studies/faults.py", "windows after which motor and encoder agree in the long run")           \

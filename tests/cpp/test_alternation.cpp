@@ -1,5 +1,7 @@
 // Claims about loads that alternate: when they are known, and when the tip is left to friction.
 
+#include <initializer_list>
+
 #include "tenodesis/alternation.hpp"
 
 #include "claim.hpp"
@@ -8,7 +10,7 @@ using namespace tenodesis;
 
 constexpr double dt = 1e-3;      // s
 constexpr double jump = 1e-4;    // m
-constexpr double dead = 1e-5;    // m
+constexpr double waking = 2e-5;  // m
 constexpr double tracked = 0.1;  // s, in which motors bring the tip back
 
 template <class S>
@@ -18,7 +20,7 @@ struct Fixture {
   double time{}, leaned{};  // s
 
   void tick(double certain, bool moving = false) {
-    follow<S>({S(certain), stroke, S(dead), S(2 * dead), S(jump), moving}, S(dt), state);
+    follow<S>({S(certain), stroke, S(waking), S(jump), moving, false}, S(dt), state);
     time += dt;
     if (state.leans) leaned += dt;
   }
@@ -43,6 +45,27 @@ void three_opposed_jumps_show_a_load_that_alternates_and_then_friction_holds_the
   fixture.alternate(1, 2, 4 * jump, 0.1);
   CLAIM(fixture.state.alternates() && fixture.state.leans);
   CLAIM(fixture.leaned > 1.5);
+}
+
+// The stroke that has been wound for one load makes the jump to the next one larger, which is known after two. When a
+// load is put on, nothing is wound.
+template <class S>
+void two_opposed_jumps_suffice_where_wound_strokes_made_both_larger() {
+  const auto jumps = [](double before_first) {
+    Fixture<S> fixture;
+    fixture.stroke = S(before_first);
+    for (double at = 0; at < 5; at += dt) fixture.tick(0);
+    for (const double side : {1.0, -1.0}) {
+      for (double at = 0; at < 3; at += dt) {
+        fixture.tick(at < tracked ? side * 4 * jump : 0);
+        if (at > tracked && !fixture.state.leans) fixture.stroke = S(side * 4 * jump);
+      }
+    }
+    return fixture;
+  };
+  CLAIM(jumps(-4 * jump).state.leans);
+  const auto put_on_and_taken_off = jumps(0);
+  CLAIM(put_on_and_taken_off.state.jumps == 2 && put_on_and_taken_off.leaned == 0);
 }
 
 // As those of a load that is put on for long and is gone for a short time.
@@ -105,21 +128,23 @@ void what_friction_leaves_is_taken_away_and_a_stroke_given_back_only_as_far_as_f
   AlternationState<S> state{};
   state.mean = S(-1e-4);
   const S held = S(2e-5);
-  const S speed = leaning_speed(state, S(0), held, S(12));
+  const S speed = leaning_speed(state, S(0), S(0), held, S(12));
   CLAIM(speed < S(0));
   CLAIM_NEAR(double(speed), -12.0 * (1 - tuning::alternation_left) * double(held), 1e-9);
-  CLAIM(leaning_speed(state, S(0), S(0), S(12)) == S(0));
+  CLAIM(leaning_speed(state, S(0), S(0), S(0), S(12)) == S(0));
   state.offset = S(1e-5);
-  CLAIM(leaning_speed(state, S(0), S(0), S(12)) > S(0));
-  // Where motors are too slow for the load, the stroke goes all the way.
-  state.fast = true;
+  CLAIM(leaning_speed(state, S(0), S(0), S(0), S(12)) > S(0));
+  // Where that takes the tip to its target, or motors are too slow for the load, the stroke goes all the way.
   state.offset = S(0);
-  CLAIM_NEAR(double(leaning_speed(state, S(0), held, S(12))), 12.0 * double(state.mean), 1e-9);
+  CLAIM_NEAR(double(leaning_speed(state, S(-jump), S(0), held, S(12))), 12.0 * double(state.mean), 1e-9);
+  state.fast = true;
+  CLAIM_NEAR(double(leaning_speed(state, S(0), S(0), held, S(12))), 12.0 * double(state.mean), 1e-9);
 }
 
 template <class S>
 void in_one_precision() {
   three_opposed_jumps_show_a_load_that_alternates_and_then_friction_holds_the_tip<S>();
+  two_opposed_jumps_suffice_where_wound_strokes_made_both_larger<S>();
   jumps_at_unlike_distances_are_no_such_load<S>();
   a_tip_that_friction_does_not_hold_is_tracked<S>();
   small_errors_and_jumps_to_one_side_are_no_such_load<S>();
