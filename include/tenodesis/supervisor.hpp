@@ -93,7 +93,8 @@ struct Supervisor {
     state.since = smaller(state.since + usable(dt), S(100));
     if (state.operating == OperatingState::fault) {
       state.faults |= faults;
-      if (has(faults, Fault::motor_not_following) && state.since > S(0.5 * tuning::watch_window)) state.cut_power = true;
+      if (has(faults, Fault::motor_not_following) && state.since > S(0.5 * tuning::watch_window))
+        state.cut_power = true;
       if (request == Request::clear && faults == 0) {
         state.first = state.faults = 0;
         state.cut_power = false;
