@@ -334,7 +334,7 @@ struct Compensator {
       // While gain is withheld or the tip is left to friction there are no strokes that let out again what is wound
       // beyond that.
       const S needed = wanted - common;
-      const S slowly = gain_factor < S(1) ? smaller(needed, S(0)) * S(tuning::return_rate) : S(0);
+      const S slowly = gain_factor < S(1) ? smaller(needed, S(0)) * S(1 / tuning::mean_memory) : S(0);
       const S least = load.leans ? S(-tuning::slow_stroke) * settings.common_speed : slowly;
       const S most = wanted > S(0) || load.leans ? settings.common_speed : S(0);
       const S tightening = clamp(settings.gain * needed, least, most);
