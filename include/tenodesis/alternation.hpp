@@ -22,6 +22,7 @@ struct TrackedTip {
   S stroke{};      ///< differential
   S waking{};      ///< error that is worth a stroke
   S jump{};        ///< error that counts as a jump of the load
+  S holds{};       ///< how much less stroke friction still holds, m
   bool moving{};   ///< whether the hand moves
   bool bounded{};  ///< whether the envelope holds the stroke back
 };
@@ -91,7 +92,10 @@ void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
   // The tip is held if it is near its target, or would be if it went along with a stroke that is given back.
   const S left = smaller(error, abs(tip.certain + tip.stroke - state.mean));
   const bool held = left < larger(tip.waking, S(tuning::alternation_left) * jump);
-  const bool leans = state.fast || (held && (state.leans ? state.jumps > 0 : state.alternates()));
+  // It begins where friction holds at least half of the stroke that is to be given back, after jumps of like size.
+  const bool begins = state.alternates() && abs(tip.stroke - state.mean) < S(2) * tip.holds &&
+                      state.size > S(tuning::alternation_left) * state.size_before;
+  const bool leans = state.fast || (held && (state.leans ? state.jumps > 0 : begins));
   if (leans && !state.leans) state.offset = tip.certain;
   state.leans = leans;
   if (leans && !state.fast && !tip.bounded) state.mean = state.mean + state.offset * (dt / S(tuning::mean_memory));

@@ -292,9 +292,10 @@ struct Compensator {
     choose({error, dead, waking, moving, trembles, stroke, wanted, common - wanted}, observer, memory, dt, state);
     const S certain = observer.certain(missing, memory);
     AlternationState<S>& load = state.load;
+    const S holds = observer.breakaway(memory, S(load.mean > stroke ? 1 : -1));
     if (state.second) {
       const S jump = model.stroke_for(S(tuning::notable_angle) * memory.arm) + S(0.5) * tremor;
-      follow<S>({certain, stroke, waking, jump, moving, state.envelope.bounded}, S(2) * dt, load);
+      follow<S>({certain, stroke, waking, jump, holds, moving, state.envelope.bounded}, S(2) * dt, load);
     }
     if (state.phase == Phase::rest && !load.leans) return {};
     // They show the tip itself, not only what is certain of it.
@@ -303,8 +304,7 @@ struct Compensator {
     const S gain_factor = load.alternates() ? S(1) : state.envelope.gain_factor;
     S differential = settings.gain * gain_factor * (strokes ? missing : certain);
     if (!strokes && !state.correcting && load.leans)
-      differential = leaning_speed(load, certain, stroke, observer.breakaway(memory, S(load.mean > stroke ? 1 : -1)),
-                                   settings.gain);
+      differential = leaning_speed(load, certain, stroke, holds, settings.gain);
     else if (!strokes && !state.correcting && gain_factor < S(1))
       differential =
           differential + (S(1) - gain_factor) * envelope.returning(stroke, settings.assistance, state.envelope);
@@ -464,6 +464,8 @@ struct Compensator {
         if (steady) turn(above > S(0) && !loose ? Phase::release : Phase::pull, state);
         return;
       case Phase::rest:
+        // A load that alternates is tracked without strokes.
+        if (load.alternates() && abs(error) > waking) return turn(Phase::track, state);
         if (steady && (abs(error) > waking || (!trembles && unseen > S(tuning::unseen) * dead)))
           turn(dithers() ? Phase::dither : next_stroke(above, stroke, loose, state), state);
         return;
