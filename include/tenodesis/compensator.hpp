@@ -292,7 +292,7 @@ struct Compensator {
     choose({error, dead, waking, moving, trembles, stroke, wanted, common - wanted}, observer, memory, dt, state);
     const S certain = observer.certain(missing, memory);
     AlternationState<S>& load = state.load;
-    const S holds = observer.breakaway(memory, S(load.mean > stroke ? 1 : -1));
+    const S holds = load.leans || load.jumps > 1 ? observer.breakaway(memory, S(load.mean > stroke ? 1 : -1)) : S(0);
     if (state.second) {
       const S jump = model.stroke_for(S(tuning::notable_angle) * memory.arm) + S(0.5) * tremor;
       follow<S>({certain, stroke, waking, jump, holds, moving, state.envelope.bounded}, S(2) * dt, load);
