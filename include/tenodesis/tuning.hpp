@@ -11,7 +11,7 @@
 /// is plausible, the study whose figures it was chosen by, or chosen, where no study has shown yet that it matters.
 #define TENODESIS_TUNING(ROW)                                                                                          \
   /* slip and friction at the contacts */                                                                              \
-  ROW(friction_range, 20, "1", "bound: a sheath bent ten times as far, twice as rough",                                \
+  ROW(friction_range, 4, "1", "bound: a sheath bent twice as far, twice as rough; studies/faults.py",                  \
       "largest friction over that of the parameters, or its inverse")                                                  \
   ROW(firm_run, 4, "1", "studies/plants.py", "plays after which a contact surely slips")                               \
   ROW(reversing_share, 0.75, "1", "studies/plants.py",                                                                 \

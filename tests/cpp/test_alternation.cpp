@@ -16,11 +16,11 @@ constexpr double tracked = 0.1;  // s, in which motors bring the tip back
 template <class S>
 struct Fixture {
   AlternationState<S> state{};
-  S stroke{};
+  S stroke{}, holds{S(8 * jump)};
   double time{}, leaned{};  // s
 
   void tick(double certain, bool moving = false) {
-    follow<S>({S(certain), stroke, S(waking), S(jump), moving, false}, S(dt), state);
+    follow<S>({S(certain), stroke, S(waking), S(jump), holds, moving, false}, S(dt), state);
     time += dt;
     if (state.leans) leaned += dt;
   }
@@ -87,6 +87,41 @@ void a_tip_that_friction_does_not_hold_is_tracked() {
   CLAIM(!fixture.state.leans || fixture.leaned < 0.5 * fixture.time);
 }
 
+// Where friction holds less than half of the stroke, giving that back would free the tip anyway.
+template <class S>
+void friction_that_does_not_hold_half_of_the_stroke_begins_nothing() {
+  const auto leaned = [](double held) {
+    Fixture<S> fixture;
+    fixture.holds = S(held);
+    for (int n = 0; n < 6; ++n) {
+      const double side = n % 2 == 0 ? 1 : -1;
+      for (double at = 0; at < 1; at += dt) {
+        fixture.tick(at < tracked ? side * 4 * jump : 0);
+        if (at > tracked) fixture.stroke = S(side * 2 * jump);
+      }
+    }
+    CLAIM(fixture.state.alternates());
+    return fixture.leaned;
+  };
+  CLAIM(leaned(0.9 * jump) == 0);
+  CLAIM(leaned(1.1 * jump) > 0);
+}
+
+// As the law's own overshoot after a load that has been taken off.
+template <class S>
+void a_jump_that_is_small_beside_the_one_before_begins_nothing() {
+  const auto leaned = [](double last) {
+    Fixture<S> fixture;
+    const double sizes[] = {4, -8, last};
+    for (const double size : sizes)
+      for (double at = 0; at < 1; at += dt) fixture.tick(at < tracked ? size * jump : 0);
+    CLAIM(fixture.state.alternates());
+    return fixture.leaned;
+  };
+  CLAIM(leaned(1.5) == 0);
+  CLAIM(leaned(4) > 0);
+}
+
 template <class S>
 void small_errors_and_jumps_to_one_side_are_no_such_load() {
   Fixture<S> small;
@@ -147,6 +182,8 @@ void in_one_precision() {
   two_opposed_jumps_suffice_where_wound_strokes_made_both_larger<S>();
   jumps_at_unlike_distances_are_no_such_load<S>();
   a_tip_that_friction_does_not_hold_is_tracked<S>();
+  friction_that_does_not_hold_half_of_the_stroke_begins_nothing<S>();
+  a_jump_that_is_small_beside_the_one_before_begins_nothing<S>();
   small_errors_and_jumps_to_one_side_are_no_such_load<S>();
   neither_the_hand_nor_the_motors_make_a_load<S>();
   a_load_that_has_ceased_is_forgotten<S>();
