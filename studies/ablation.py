@@ -17,7 +17,7 @@ from tenodesis.simulate.campaign import Column, Rows
 NEVER = 1e9
 MECHANISMS: dict[str, dict[str, float]] = {
     "nothing": {},
-    "friction's scale": {"friction_range": 1},
+    "friction's scale": {"least_friction": 1, "most_friction": 1},
     "compliance": {"most_compliance": 1},
     "gains of the cells": {"most_gain_difference": 0},
     "shares of the compliance": {"share_std": 0},

@@ -147,7 +147,7 @@ struct FrictionObserver {
     }
     const S both = left[agonist] + left[antagonist];
     // Near its least value, the scale says that there is no friction.
-    const bool rubs = memory.scale * S(tuning::friction_range) > S(2);
+    const bool rubs = memory.scale > S(2) * S(tuning::least_friction);
     return rubs && both > settings.slack_below ? (left[agonist] - left[antagonist]) / both : S(0);
   }
 
@@ -491,7 +491,7 @@ struct FrictionObserver {
       return true;
     }
     memory.since_together = S(0);
-    memory.scale = clamp(memory.scale - gain[0] * step, S(1) / S(tuning::friction_range), S(tuning::friction_range));
+    memory.scale = clamp(memory.scale - gain[0] * step, S(tuning::least_friction), S(tuning::most_friction));
     memory.reference = memory.reference - gain[1] * step;
     set_compliance(memory.compliance_scale - gain[2] * step, memory);
     memory.gain_error = clamp(memory.gain_error - gain[3] * step, S(-0.5) * S(tuning::most_gain_difference),

@@ -11,8 +11,9 @@
 /// is plausible, the study whose figures it was chosen by, or chosen, where no study has shown yet that it matters.
 #define TENODESIS_TUNING(ROW)                                                                                          \
   /* slip and friction at the contacts */                                                                              \
-  ROW(friction_range, 4, "1", "bound: a sheath bent twice as far, twice as rough; studies/faults.py",                  \
-      "largest friction over that of the parameters, or its inverse")                                                  \
+  ROW(most_friction, 4, "1", "bound: a sheath bent twice as far, twice as rough; studies/faults.py",                   \
+      "friction over that of the parameters, at most")                                                                 \
+  ROW(least_friction, 0.05, "1", "studies/plants.py", "the same, at least")                                            \
   ROW(firm_run, 4, "1", "studies/plants.py", "plays after which a contact surely slips")                               \
   ROW(reversing_share, 0.75, "1", "studies/plants.py",                                                                 \
       "of the change of tension that makes all contacts slip after a reversal")                                        \
