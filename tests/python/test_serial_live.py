@@ -71,10 +71,14 @@ def comes_to(loop: LiveLoop, reader: Reader, request: str, state: OperatingState
 
 
 def begins_to_home(loop: LiveLoop, reader: Reader) -> None:
-    """Ask for homing, and wait until it winds; no machine answers, so that it ends by itself after some seconds."""
+    """Ask for homing, and wait until it winds; no machine answers, so that it fails by itself after some seconds."""
 
     def winds() -> bool:
         run = new_rows(reader)
+        # On a busy machine the homing before has failed, or a tick was late, before anyone asked for another.
+        if len(run) and run.operating_state[-1] == FAULT:
+            loop.request("clear")
+            loop.request("home")
         return bool(np.any((run.operating_state == ENABLED) & run.commanded_spool_velocity.any(axis=1)))
 
     loop.request("home")
