@@ -22,7 +22,7 @@ struct TrackedTip {
   S stroke{};      ///< differential
   S waking{};      ///< error that is worth a stroke
   S jump{};        ///< error that counts as a jump of the load
-  S holds{};       ///< how much less stroke friction still holds, m
+  S holds{};       ///< how much less stroke friction would still hold
   bool moving{};   ///< whether the hand moves
   bool bounded{};  ///< whether the envelope holds the stroke back
 };
@@ -92,7 +92,8 @@ void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
   // The tip is held if it is near its target, or would be if it went along with a stroke that is given back.
   const S left = smaller(error, abs(tip.certain + tip.stroke - state.mean));
   const bool held = left < larger(tip.waking, S(tuning::alternation_left) * jump);
-  // It begins where friction holds at least half of the stroke that is to be given back, after jumps of like size.
+  // Where friction holds less than half of the stroke, giving it back would free the tip. A jump that is small beside
+  // the one before is the law's own overshoot.
   const bool begins = state.alternates() && abs(tip.stroke - state.mean) < S(2) * tip.holds &&
                       state.size > S(tuning::alternation_left) * state.size_before;
   const bool leans = state.fast || (held && (state.leans ? state.jumps > 0 : begins));

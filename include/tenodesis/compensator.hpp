@@ -292,6 +292,7 @@ struct Compensator {
     choose({error, dead, waking, moving, trembles, stroke, wanted, common - wanted}, observer, memory, dt, state);
     const S certain = observer.certain(missing, memory);
     AlternationState<S>& load = state.load;
+    // Not worked out while no load alternates.
     const S holds = load.leans || load.jumps > 1 ? observer.breakaway(memory, S(load.mean > stroke ? 1 : -1)) : S(0);
     if (state.second) {
       const S jump = model.stroke_for(S(tuning::notable_angle) * memory.arm) + S(0.5) * tremor;
@@ -464,7 +465,7 @@ struct Compensator {
         if (steady) turn(above > S(0) && !loose ? Phase::release : Phase::pull, state);
         return;
       case Phase::rest:
-        // A load that alternates is tracked without strokes.
+        // A load that alternates is tracked without strokes of both tendons.
         if (load.alternates() && abs(error) > waking) return turn(Phase::track, state);
         if (steady && (abs(error) > waking || (!trembles && unseen > S(tuning::unseen) * dead)))
           turn(dithers() ? Phase::dither : next_stroke(above, stroke, loose, state), state);
