@@ -38,6 +38,8 @@ SECONDS, NAMED_WITHIN = 8.0, 3.0  # s
 MORE_RMS, MORE_PEAK, MORE_IN_FAULT, MORE_THAN_BOUND = 0.1, 1.0, 2.0, 1.2  # deg, deg, deg, ratio
 RELAY = 0.01  # s, that one takes to open
 CHANGES = ("steps", "snaps", "tissue", "ends", "stops")
+HOMED = 0.05
+"""Deviation of a stiffness that homing has measured, as a share"""
 RUN_ON = 1.0  # s, for which a motor that runs away is judged
 
 
@@ -340,6 +342,7 @@ def trial(  # noqa: PLR0917
     seed: int,
     number: int,
     exact: bool,
+    homed: bool,
     assistance: float | None,
     kind: str | None = None,
     relay: bool | None = None,
@@ -348,6 +351,8 @@ def trial(  # noqa: PLR0917
     """Compare random work, or with changes; try a kind of fault, or with or without a relay a motor that runs away."""
     work = make_work(law.instrument(instrument), seed, number, trial=kind is not None or relay is not None)
     known = work.plant if exact else work.known
+    if homed:
+        known = work.plant.replace(**law.friction(known, 1.0), **{"control.stiffness_uncertainty": HOMED})
     if assistance is not None:
         known = known.replace(**{"control.assistance": assistance})
     work = work._replace(known=known)
@@ -437,10 +442,11 @@ def main() -> None:
     parser.add_argument("--faults", type=int, default=120, help="runs with one each")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--exact", action="store_true", help="the law knows friction and stiffness as they are")
+    parser.add_argument("--homed", action="store_true", help="the law knows the stiffness, as after homing")
     parser.add_argument("--assistance", type=float, help="share of the lost angle that the law gives back")
     options = parser.parse_args()
     names = options.instrument or [*RATED]
-    fixed = {"seed": options.seed, "exact": options.exact, "assistance": options.assistance}
+    fixed = {"seed": options.seed, "exact": options.exact, "homed": options.homed, "assistance": options.assistance}
 
     def cases(count: int, **also: Any) -> list[Metrics]:
         return [{"instrument": names[n % len(names)], "number": n, **fixed, **also} for n in range(count)]

@@ -256,7 +256,8 @@ struct Supervisor {
   }
 
   // A return first goes below home by a common stroke, so that at last both tendons are wound alike: friction, which
-  // would hold the tip where the motors had brought it, then acts on both alike, and is weak where they turn back.
+  // would hold the tip where the motors had brought it, then acts on both alike, and is weak where they turn back. Not
+  // without trusted tensions: under a load a tendon would hang, unseen, and the tip would go with the load.
   S dip() const { return S(tuning::below_home) * relief; }
   S hangs() const { return stretch > S(0) ? S(2) * S(tuning::hanging) * relief / stretch : S(0); }
 
@@ -270,7 +271,7 @@ struct Supervisor {
     const bool stands = abs(axis.sent[0]) + abs(axis.sent[1]) <= S(0);
     const bool there = at(S(0)) && (axis.rising || stands);
     if (there || distrust.spool) axis.returning = false;
-    if (there || at(-dip()) || (loose && !distrust.tension)) axis.rising = true;
+    if (there || at(-dip()) || loose || distrust.tension) axis.rising = true;
   }
 
   // No spool faster than neutral_speed, and what moves the tip first: a load that goes meanwhile finds as little of the
