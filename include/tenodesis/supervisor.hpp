@@ -57,6 +57,9 @@ struct CommandState {
   S speed[2]{};              ///< of the spools, smoothed, rad/s
   std::uint32_t withheld{};  ///< ticks in which a wanted velocity was not finite
   S home[2]{};               ///< spool angles without any stroke of the motors, rad
+  S checked{};               ///< how far below home a return was when it was last seen that no tendon hangs, rad
+  S checked_tension[2]{};    ///< tensions then, N
+  S lost[2]{};               ///< what they had lost since the check before, N
   bool knows_home{true};
   bool returning{};  ///< motors that were stopped, or whose law is off, are to go there
   bool rising{};     ///< they have let out enough, and wind to it
@@ -119,14 +122,19 @@ struct Supervisor {
     const bool stopped = state.operating == disabled || state.operating == paused;
     if (before == enabled || !stopped) axis.returning = stopped && stop == StopMode::back;
     if (before == fault) axis.returning = stopped && safe_state == SafeState::neutral;
-    axis.rising = false;
+    forget_way(axis);
     if (before == fault || state.operating == enabled) axis.kept = false;
   }
 
   /// The same where a law has been changed while it works.
   void part_from_law(bool off, CommandState<S>& axis) const {
     axis.returning = off && stop == StopMode::back;
+    forget_way(axis);
+  }
+
+  void forget_way(CommandState<S>& axis) const {
     axis.rising = false;
+    axis.checked = axis.lost[0] = axis.lost[1] = S(0);
   }
 
   /// How far a spool is from home, rad; zero where that is not known.
@@ -256,22 +264,43 @@ struct Supervisor {
   }
 
   // A return first goes below home by a common stroke, so that at last both tendons are wound alike: friction, which
-  // would hold the tip where the motors had brought it, then acts on both alike, and is weak where they turn back. Not
-  // without trusted tensions: under a load a tendon would hang, unseen, and the tip would go with the load.
+  // would hold the tip where the motors had brought it, then acts on both alike, and is weak where they turn back.
   S dip() const { return S(tuning::below_home) * relief; }
   S hangs() const { return stretch > S(0) ? S(2) * S(tuning::hanging) * relief / stretch : S(0); }
+  bool loose(const Measurement<S>& measured) const {
+    return smaller(measured.tension[0], measured.tension[1]) < hangs();
+  }
+  // Where one cell is not trusted, and nobody knows which, its tendon may hang unseen. The tip then goes with its load,
+  // and the other tendon, which had lost tension all the way, loses no more.
+  bool hangs_unseen(const Measurement<S>& measured, const S& below, CommandState<S>& axis) const {
+    if (below < axis.checked + stretch * hangs()) return false;
+    bool found = false;
+    for (int i = 0; i < 2; ++i) {
+      const S lost = axis.checked_tension[i] - measured.tension[i];
+      if (abs(lost) < S(0.5) * axis.lost[i]) found = true;
+      axis.lost[i] = lost > S(0.5) * hangs() ? lost : S(0);
+      axis.checked_tension[i] = measured.tension[i];
+    }
+    axis.checked = below;
+    return found;
+  }
 
   void follow_return(const Measurement<S>& measured, const State& state, CommandState<S>& axis) const {
     const S away0 = away(0, measured, axis), away1 = away(1, measured, axis);
     const auto at = [&](const S& place) { return abs(away0 - place) < at_home && abs(away1 - place) < at_home; };
     const bool fault = state.operating == OperatingState::fault;
     const Distrust distrust = distrusted(fault ? state.faults : state.present);
-    const bool loose = smaller(measured.tension[0], measured.tension[1]) < hangs();
     // On the way down they pass it.
     const bool stands = abs(axis.sent[0]) + abs(axis.sent[1]) <= S(0);
     const bool there = at(S(0)) && (axis.rising || stands);
     if (there || distrust.spool) axis.returning = false;
-    if (there || at(-dip()) || loose || distrust.tension) axis.rising = true;
+    const S below = -S(0.5) * (away0 + away1);
+    if (below < S(0) || abs(away0 - away1) > S(10) * at_home) {
+      axis.checked = below;
+      for (int i = 0; i < 2; ++i) axis.checked_tension[i] = measured.tension[i];
+    }
+    const bool unseen = hangs_unseen(measured, below, axis) && distrust.tension;
+    if (there || at(-dip()) || loose(measured) || unseen) axis.rising = true;
   }
 
   // No spool faster than neutral_speed, and what moves the tip first: a load that goes meanwhile finds as little of the
@@ -285,8 +314,7 @@ struct Supervisor {
     const S room = neutral_speed - abs(apart);
     const S common = clamp(crept((left[0] + left[1]) * S(0.5)), -room, room);
     if (!by_tension) return common + apart;
-    const bool loose = smaller(measured.tension[0], measured.tension[1]) < hangs();
-    const S kept = loose && common < S(0) ? apart : common + apart;
+    const S kept = loose(measured) && common < S(0) ? apart : common + apart;
     if (kept > S(0)) return tension_limit > S(0) && !(measured.tension[i] < relaxed()) ? S(0) : kept;
     return measured.tension[i] < hangs() ? S(0) : kept;
   }

@@ -56,7 +56,12 @@ def test_the_examples_have_the_headers_that_are_exported_today(
     file = f"{options.split(maxsplit=1)[0].replace('-', '_')}.h"
     assert tenodesis("export", "controller", *options.split(), "--out", file)[0] == 0
     command = f"tenodesis export controller {options} --overwrite --out examples/{file}"
-    assert (tmp_path / file).read_text() == (EXAMPLES / file).read_text(), f"run: {command}"
+    exported, kept = ((folder / file).read_text() for folder in (tmp_path, EXAMPLES))
+    number = re.compile(r"-?\d+\.\d+(?:e-?\d+)?")
+    assert number.sub("#", exported) == number.sub("#", kept), f"run: {command}"
+    # Linear algebra rounds the last digit otherwise on another processor.
+    values, kept_values = (np.array(number.findall(text), float) for text in (exported, kept))
+    np.testing.assert_allclose(values, kept_values, rtol=1e-12, err_msg=f"run: {command}")
 
 
 def test_joints_whose_tendons_turn_several_have_a_controller_of_all(tenodesis: Command, tmp_path: Path) -> None:
