@@ -342,11 +342,11 @@ def trial(  # noqa: PLR0917
     seed: int,
     number: int,
     exact: bool,
-    homed: bool,
     assistance: float | None,
     kind: str | None = None,
     relay: bool | None = None,
     changing: bool = False,
+    homed: bool = False,
 ) -> Metrics:
     """Compare random work, or with changes; try a kind of fault, or with or without a relay a motor that runs away."""
     work = make_work(law.instrument(instrument), seed, number, trial=kind is not None or relay is not None)
