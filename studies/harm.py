@@ -408,7 +408,9 @@ def report_work(options: Namespace, rows: Rows, name: str = "harm") -> None:
     print("no faults, error of the tip in deg")
     in_order = Rows(sorted(rows, key=lambda row: (row["hand"], row["load"])))
     print(campaign.table(in_order.by("hand", "load"), WORKED, ("hand", "load")))
-    law.show(options, name, rows.by("instrument") | {"all": rows}, WORKED, "instrument")
+    known = "_exact" * options.exact + "_homed" * options.homed
+    seeds = {f"seed {seed}": own for seed, own in rows.by("seed").items() if len(options.seed) > 1}
+    law.show(options, name + known, rows.by("instrument") | seeds | {"all": rows}, WORKED, "of")
     print(campaign.verdict(f"RMS beyond off and ideal by more than {MORE_RMS:g}°", rows, "beyond_rms", MORE_RMS))
     print(campaign.verdict(f"peak beyond off and ideal by more than {MORE_PEAK:g}°", rows, "beyond_peak", MORE_PEAK))
     print(campaign.verdict(f"RMS beyond off by more than {MORE_RMS:g}°", rows, "more_rms", MORE_RMS))
@@ -438,18 +440,19 @@ def report_run_aways(options: Namespace, rows: Rows) -> None:
 
 def main() -> None:
     parser = law.arguments(__doc__, RATED)
-    parser.add_argument("--runs", type=int, default=200, help="without faults")
-    parser.add_argument("--faults", type=int, default=120, help="runs with one each")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--runs", type=int, default=200, help="without faults, of each seed")
+    parser.add_argument("--faults", type=int, default=120, help="runs with one each, of each seed")
+    parser.add_argument("--seed", type=int, nargs="+", default=[1])
     parser.add_argument("--exact", action="store_true", help="the law knows friction and stiffness as they are")
     parser.add_argument("--homed", action="store_true", help="the law knows the stiffness, as after homing")
     parser.add_argument("--assistance", type=float, help="share of the lost angle that the law gives back")
     options = parser.parse_args()
     names = options.instrument or [*RATED]
-    fixed = {"seed": options.seed, "exact": options.exact, "homed": options.homed, "assistance": options.assistance}
+    fixed = {"exact": options.exact, "homed": options.homed, "assistance": options.assistance}
 
     def cases(count: int, **also: Any) -> list[Metrics]:
-        return [{"instrument": names[n % len(names)], "number": n, **fixed, **also} for n in range(count)]
+        each = campaign.cases(seed=options.seed, number=range(count))
+        return [{"instrument": names[case["number"] % len(names)], **case, **fixed, **also} for case in each]
 
     def rows(title: str, given: Iterable[Metrics]) -> Rows:
         return campaign.run(trial, given, title, results=options.results)
@@ -461,7 +464,7 @@ def main() -> None:
         return
     # In pairs, so that each kind comes to each instrument.
     kinds = list(KINDS)
-    faults = [case | {"kind": kinds[n // len(names) % len(kinds)]} for n, case in enumerate(cases(options.faults))]
+    faults = [case | {"kind": kinds[case["number"] // len(names) % len(kinds)]} for case in cases(options.faults)]
     report_faults(options, rows("faults", sorted(faults, key=lambda case: kinds.index(case["kind"]))))
     away = [case for relay in (False, True) for case in cases(options.faults // 2, relay=relay)]
     report_run_aways(options, rows("run-aways", away))

@@ -92,10 +92,10 @@ void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
   // The tip is held if it is near its target, or would be if it went along with a stroke that is given back.
   const S left = smaller(error, abs(tip.certain + tip.stroke - state.mean));
   const bool held = left < larger(tip.waking, S(tuning::alternation_left) * jump);
-  // Where friction holds less than half of the stroke, giving it back would free the tip. A jump that is small beside
-  // the one before is the law's own overshoot.
-  const bool begins = state.alternates() && abs(tip.stroke - state.mean) < S(2) * tip.holds &&
-                      state.size > S(tuning::alternation_left) * state.size_before;
+  // Where friction holds less than half of the stroke, giving it back would free the tip. Of two jumps whose sizes are
+  // unlike the small one is the law's own overshoot, the large one a new load.
+  const bool alike = smaller(state.size, state.size_before) > S(tuning::alternation_left) * jump;
+  const bool begins = state.alternates() && alike && abs(tip.stroke - state.mean) < S(2) * tip.holds;
   const bool leans = state.fast || (held && (state.leans ? state.jumps > 0 : begins));
   if (leans && !state.leans) state.offset = tip.certain;
   state.leans = leans;

@@ -107,19 +107,20 @@ void friction_that_does_not_hold_half_of_the_stroke_begins_nothing() {
   CLAIM(leaned(1.1 * jump) > 0);
 }
 
-// As the law's own overshoot after a load that has been taken off.
+// The law's own overshoot after a load that has been taken off, or a load after strokes that have moved the tip.
 template <class S>
-void a_jump_that_is_small_beside_the_one_before_begins_nothing() {
-  const auto leaned = [](double last) {
+void two_jumps_of_unlike_sizes_begin_nothing() {
+  const auto leaned = [](double first, double second, double last) {
     Fixture<S> fixture;
-    const double sizes[] = {4, -8, last};
-    for (const double size : sizes)
+    for (const double size : {first, second, last})
       for (double at = 0; at < 1; at += dt) fixture.tick(at < tracked ? size * jump : 0);
     CLAIM(fixture.state.alternates());
     return fixture.leaned;
   };
-  CLAIM(leaned(1.5) == 0);
-  CLAIM(leaned(4) > 0);
+  CLAIM(leaned(4, -8, 1.5) == 0);
+  CLAIM(leaned(4, -8, 4) > 0);
+  CLAIM(leaned(1.5, -1.5, 8) == 0);
+  CLAIM(leaned(1.5, -1.5, 4) > 0);
 }
 
 template <class S>
@@ -183,7 +184,7 @@ void in_one_precision() {
   jumps_at_unlike_distances_are_no_such_load<S>();
   a_tip_that_friction_does_not_hold_is_tracked<S>();
   friction_that_does_not_hold_half_of_the_stroke_begins_nothing<S>();
-  a_jump_that_is_small_beside_the_one_before_begins_nothing<S>();
+  two_jumps_of_unlike_sizes_begin_nothing<S>();
   small_errors_and_jumps_to_one_side_are_no_such_load<S>();
   neither_the_hand_nor_the_motors_make_a_load<S>();
   a_load_that_has_ceased_is_forgotten<S>();
