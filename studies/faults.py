@@ -212,8 +212,8 @@ def counted(rows: Rows, which: str) -> Counter[str]:
 WATCHED = [
     Column("simulated, h", "simulated", lambda seconds: sum(seconds) / 3600, ".3f"),
     Column("false", lambda rows: counted(rows, "false").total(), form="d"),
-    Column("which", lambda rows: str(dict(counted(rows, "false")) or ""), form=""),
-    Column("a tendon slack or beyond its limit", lambda rows: str(dict(counted(rows, "true")) or ""), form=""),
+    Column("which", lambda rows: law.counts(counted(rows, "false")), form=""),
+    Column("a tendon slack or beyond its limit", lambda rows: law.counts(counted(rows, "true")), form=""),
 ]
 
 

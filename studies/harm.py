@@ -388,7 +388,7 @@ FAULTY = [
         for of, form in (("off", "+.2f"), ("hull", ".2f"))
     ),
 ]
-NAMES = Column("names", lambda rows: ", ".join(f"{name} {n}" for name, n in named_in(rows).items()), form="")
+NAMES = Column("names", lambda rows: law.counts(named_in(rows)), form="")
 BOUNDED = [
     Column("hull over bound: median, ", "over_bound", np.median),
     Column("hull over bound: worst, ", "over_bound", np.max),
@@ -409,8 +409,8 @@ def report_work(options: Namespace, rows: Rows, name: str = "harm") -> None:
     in_order = Rows(sorted(rows, key=lambda row: (row["hand"], row["load"])))
     print(campaign.table(in_order.by("hand", "load"), WORKED, ("hand", "load")))
     known = "_exact" * options.exact + "_homed" * options.homed
-    seeds = {f"seed {seed}": own for seed, own in rows.by("seed").items() if len(options.seed) > 1}
-    law.show(options, name + known, rows.by("instrument") | seeds | {"all": rows}, WORKED, "of")
+    seeds = {f"seed {seed}": own for seed, own in rows.by("seed").items()} if len(options.seed) > 1 else {}
+    law.show(options, name + known, rows.by("instrument") | seeds | {"all": rows}, WORKED, "instrument or seed")
     print(campaign.verdict(f"RMS beyond off and ideal by more than {MORE_RMS:g}°", rows, "beyond_rms", MORE_RMS))
     print(campaign.verdict(f"peak beyond off and ideal by more than {MORE_PEAK:g}°", rows, "beyond_peak", MORE_PEAK))
     print(campaign.verdict(f"RMS beyond off by more than {MORE_RMS:g}°", rows, "more_rms", MORE_RMS))

@@ -4,6 +4,7 @@ import argparse
 import functools
 import sys
 import warnings
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -150,6 +151,11 @@ def arguments(doc: str | None, instruments: Iterable[str] = ()) -> argparse.Argu
     if instruments:
         parser.add_argument("--instrument", choices=[*instruments], action="append", help="by default all")
     return parser
+
+
+def counts(names: Counter[str]) -> str:
+    """Return names with how often each occurs, as a cell of a table."""
+    return ", ".join(f"{name} {count}" for name, count in names.items())
 
 
 def show(

@@ -92,8 +92,8 @@ void follow(const TrackedTip<S>& tip, const S& dt, AlternationState<S>& state) {
   // The tip is held if it is near its target, or would be if it went along with a stroke that is given back.
   const S left = smaller(error, abs(tip.certain + tip.stroke - state.mean));
   const bool held = left < larger(tip.waking, S(tuning::alternation_left) * jump);
-  // Where friction holds less than half of the stroke, giving it back would free the tip. Of two jumps whose sizes are
-  // unlike the small one is the law's own overshoot, the large one a new load.
+  // Where friction holds less than half of the stroke, giving it back would free the tip. If one of two jumps is much
+  // smaller, the law's own strokes made it, and the larger one is a new load.
   const bool alike = smaller(state.size, state.size_before) > S(tuning::alternation_left) * jump;
   const bool begins = state.alternates() && alike && abs(tip.stroke - state.mean) < S(2) * tip.holds;
   const bool leans = state.fast || (held && (state.leans ? state.jumps > 0 : begins));
