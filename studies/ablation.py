@@ -27,7 +27,6 @@ MECHANISMS: dict[str, dict[str, float]] = {
     "play before slip is firm": {"firm_run": 0},
     "intent behind a tremor": {"tremor_limit": 0},
     "slow strokes on target": {"slow_stroke": 1},
-    "strokes to look": {"unseen": NEVER},
     "corrections between strokes": {"correction_time": 2e-3},
     "a growing dead band": {"most_tolerance": 1},
     "continued strokes": {"transient_time": 0},

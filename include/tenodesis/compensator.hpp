@@ -423,7 +423,8 @@ struct Compensator {
     const auto& [error, dead, waking, moving, trembles, differential, wanted, above] = now;
     // What the law would give back of the tracking error, as a stroke.
     const S share = model.stroke_for(settings.assistance);
-    const S unseen = share * larger(memory.unobservable[0], memory.unobservable[1]);
+    // Whether the tip may have moved so far unseen that it is worth strokes: by twice the error that wakes the motors.
+    const bool unseen = share * larger(memory.unobservable[0], memory.unobservable[1]) > S(2) * waking;
     const S stroke = settings.common_stroke + settings.stroke_share * wanted;
     const bool loose = settings.least_tension > looser_tension(memory);
     const bool tight = larger(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]) >
@@ -459,7 +460,7 @@ struct Compensator {
           if (state.since > (there ? S(0.002) : S(tuning::correction_time))) turn(Phase::pull, state);
           return;
         }
-        if (near && (trembles || (sure && unseen < S(tuning::unseen) * dead))) return turn(Phase::rest, state);
+        if (near && (trembles || (sure && !unseen))) return turn(Phase::rest, state);
         if (dithers()) return turn(Phase::dither, state);
         if (loose && tight) return;
         if (steady) turn(above > S(0) && !loose ? Phase::release : Phase::pull, state);
@@ -467,7 +468,7 @@ struct Compensator {
       case Phase::rest:
         // A load that alternates is tracked without strokes of both tendons.
         if (load.alternates() && abs(error) > waking) return turn(Phase::track, state);
-        if (steady && (abs(error) > waking || (!trembles && unseen > S(tuning::unseen) * dead)))
+        if (steady && (abs(error) > waking || (!trembles && unseen)))
           turn(dithers() ? Phase::dither : next_stroke(above, stroke, loose, state), state);
         return;
       case Phase::dither:

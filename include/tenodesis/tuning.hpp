@@ -65,7 +65,6 @@
   ROW(hand_travel, 5, "1", "chosen", "travel of the handle, in plays, above which the hand counts as moving")          \
   ROW(still_time, 0.1, "s", "studies/homing.py", "for which a hand, or a mean tension while homing, must be still")    \
   ROW(waking, 2, "1", "chosen", "error that moves motors at rest, in dead bands")                                      \
-  ROW(unseen, 4, "1", "studies/changes.py", "what strokes would show, in dead bands, that keeps the motors awake")     \
   ROW(correction_time, 1, "s", "studies/changes.py",                                                                   \
       "longest of a correction between two strokes; after a longer rest a disturbance is a new load")                  \
   ROW(correction_over_breakaway, 1.3, "1", "chosen", "stroke of a correction over that which frees the tip")           \
