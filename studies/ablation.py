@@ -36,6 +36,10 @@ MECHANISMS: dict[str, dict[str, float]] = {
     "alternation and the envelope's bounds": {"notable_angle": NEVER},
 }
 """What is taken out, and the constants by which it never acts."""
+SEVERAL = ["four", "bent-two", "bent-front", "bent-rough", "two-front", "two-gains", "rough-soft", "rough-gains", "all"]
+"""Rows of studies/plants.py in which several differences meet"""
+CASES = {"plants": campaign.cases(row=SEVERAL)}
+"""Cases of a part in the place of the reference work's own"""
 PARTS = ("plants", "random", "changing", "alternating", "stopped", "tremor")
 
 
@@ -45,7 +49,7 @@ def trial(mechanism: str, parts: list[str]) -> dict[str, Any]:
     for name, value in changed.items():
         _core.tune(name, value)
     try:
-        return {name: value for part in parts for name, value in tuning.figures_of(part).items()}
+        return {name: value for part in parts for name, value in tuning.figures_of(part, CASES.get(part)).items()}
     finally:
         for name in changed:
             _core.tune(name, TUNING[name].value)

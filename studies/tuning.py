@@ -103,10 +103,10 @@ def order(constant: str) -> list[str]:
     return ["faults", *parts] if constant in OF_FAULTS else parts
 
 
-def figures_of(part: str) -> dict[str, float]:
-    """Return the figures of a part with the constants as they are now."""
-    run, cases = parts()[part]
-    rows = Rows(case | metrics for case in cases if (metrics := run(**case)) is not None)
+def figures_of(part: str, cases: list[dict[str, Any]] | None = None) -> dict[str, float]:
+    """Return the figures of a part with the constants as they are now, or those of other cases of the same kind."""
+    run, own = parts()[part]
+    rows = Rows(case | metrics for case in cases or own if (metrics := run(**case)) is not None)
     return {name: one.sums(rows) for name, one in FIGURES.items() if one.part == part}
 
 
