@@ -39,7 +39,7 @@ MECHANISMS: dict[str, dict[str, float]] = {
 SEVERAL = ["four", "bent-two", "bent-front", "bent-rough", "two-front", "two-gains", "rough-soft", "rough-gains", "all"]
 """Rows of studies/plants.py in which several differences meet"""
 CASES = {"plants": campaign.cases(row=SEVERAL)}
-"""Cases of a part in the place of the reference work's own"""
+"""Cases in the place of the reference work's own, whose one plant has to be quick: it is run for every constant"""
 PARTS = ("plants", "random", "changing", "alternating", "stopped", "tremor")
 
 
